@@ -31,6 +31,10 @@ class Study:
         self.seeds = (1,) if args.quick else (1, 2, 3)
         self.tables, self.data = {}, {}
 
+    @staticmethod
+    def options(parser):
+        """A page's own options."""
+
     def run(self, *words):
         result = lib.run([self.path, *map(str, words), "--json"])
         if result is None:
@@ -101,6 +105,7 @@ def main(study, doc):
     parser.add_argument("--out", help="folder of %s.md" % study.page)
     parser.add_argument("--cache", help="folder of data and models (a temporary one)")
     parser.add_argument("--only", help="parts, separated by commas")
+    study.options(parser)
     args = parser.parse_args()
     reports = os.path.join(lib.ROOT, "docs", "reports")
     out = args.out or (tempfile.mkdtemp(prefix="liegrad-report-") if args.quick else reports)

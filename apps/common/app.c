@@ -339,8 +339,10 @@ static void install_signals(void) {
 static void on_log(void *user, lg_log_level level, const char *message) {
     static const char *const names[] = {"debug", "info", "warning", "error"};
     const app *self = user;
-    if (level == LG_LOG_DEBUG) return;
-    (void)fprintf(stderr, "%s: %s: %s\n", self->title, names[level], message);
+    if (level == LG_LOG_WARNING)
+        app_warn(self, "%s", message);
+    else if (level != LG_LOG_DEBUG)
+        (void)fprintf(stderr, "%s: %s: %s\n", self->title, names[level], message);
 }
 
 static char *join(int argc, char **argv) {
@@ -370,6 +372,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     const long processors = sysconf(_SC_NPROCESSORS_ONLN);
     app self = {.program = program, .seed = 1, .threads = processors > 0 ? (uint64_t)processors : 1};
     if (self.threads > 256) self.threads = 256;
+    self.warnings = app_warnings_create();
     running = &self;
     argp_err_exit_status = APP_EXIT_USAGE;
     argp_program_version_hook = print_version;
@@ -386,6 +389,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     lg_runtime_setup();
     const int code = run_command(&self);
     free(self.command_line);
+    app_warnings_destroy(self.warnings);
     running = NULL;
     return code;
 }

@@ -7,6 +7,7 @@
 #ifndef LG_APPS_APP_H
 #define LG_APPS_APP_H
 
+#include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -83,6 +84,8 @@ typedef struct app_option {
     { NULL, NULL, NULL, APP_FLAG, 0, 0, 0, false, NULL, NULL }
 
 typedef struct app app;
+/* The first 64 sentences of app_warn. */
+typedef struct app_warnings app_warnings;
 
 /* Hyperparameters as options: a table of rows that ends with a NULL name, and the structure that they are
  * about. Before the command line is read the structure gets the rows' defaults. */
@@ -129,8 +132,11 @@ struct app {
     app_slot slots[APP_SLOTS];
     size_t slot_count;
     lg_context *context;
+    app_warnings *warnings;
 };
 
+app_warnings *app_warnings_create(void);
+void app_warnings_destroy(app_warnings *warnings);
 /* Parses, runs, flushes stdout; what main returns. */
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands);
 /* Whether the option was on the command line. */
@@ -159,6 +165,7 @@ int app_fail_file(const app *app, lg_status status, const lg_error *error, const
 /* Fills `error` (may be NULL) and returns `status`: what a function gives back to the one that will tell. */
 lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+/* A sentence on stderr, kept for app_json_warnings. From any thread; the library's come here too. */
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 struct lg_scene;
 /* The start of a scene without `initial` is drawn with --seed, and a warning says so. An exit code. */
@@ -173,6 +180,7 @@ void *app_alloc(size_t count, size_t size);
 void *app_try_alloc(size_t count, size_t size);
 /* printf into memory, with the same law. */
 char *app_format(const char *format, ...) __attribute__((format(printf, 1, 2)));
+char *app_format_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
 
 /* ---- numbers ---- */
 
@@ -201,6 +209,8 @@ void app_json_size(app_json *json, const char *key, uint64_t value);
 void app_json_bool(app_json *json, const char *key, bool value);
 void app_json_text(app_json *json, const char *key, const char *value); /* NULL: null */
 void app_json_reals(app_json *json, const char *key, const double *values, size_t count);
+/* "warnings": the sentences so far, none: an empty array. Before a parallel part or after it. */
+void app_json_warnings(app_json *json, const app *app);
 void app_json_open(app_json *json, const char *key, char bracket); /* '{' or '[' ; key NULL inside an array */
 void app_json_close(app_json *json, char bracket);                 /* '}' or ']' */
 /* Closes the object and prints it on stdout. */

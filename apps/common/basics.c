@@ -77,15 +77,6 @@ int app_usage(const app *self, const char *format, ...) {
     return APP_EXIT_USAGE;
 }
 
-void app_warn(const app *self, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    (void)fprintf(stderr, "%s: warning: ", self->title);
-    (void)vfprintf(stderr, format, arguments);
-    (void)fputc('\n', stderr);
-    va_end(arguments);
-}
-
 void *app_try_alloc(size_t count, size_t size) {
     void *memory = NULL;
     if (count == 0 || size == 0) count = size = 1;
@@ -100,15 +91,21 @@ void *app_alloc(size_t count, size_t size) {
     return memory;
 }
 
-char *app_format(const char *format, ...) {
-    va_list arguments, again;
-    va_start(arguments, format);
+char *app_format_list(const char *format, va_list arguments) {
+    va_list again;
     va_copy(again, arguments);
-    const int length = vsnprintf(NULL, 0, format, arguments);
-    va_end(arguments);
-    char *text = app_alloc((size_t)(length < 0 ? 0 : length) + 1, 1);
-    (void)vsnprintf(text, (size_t)(length < 0 ? 0 : length) + 1, format, again);
+    const int length = vsnprintf(NULL, 0, format, again);
     va_end(again);
+    char *text = app_alloc((size_t)(length < 0 ? 0 : length) + 1, 1);
+    (void)vsnprintf(text, (size_t)(length < 0 ? 0 : length) + 1, format, arguments);
+    return text;
+}
+
+char *app_format(const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    char *text = app_format_list(format, arguments);
+    va_end(arguments);
     return text;
 }
 

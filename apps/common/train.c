@@ -17,6 +17,14 @@ const app_option train_file_options[] = {
                  "Number of epochs between checkpoints (default 10 with --checkpoint)"),
     APP_ROW_SIZE(train_files, stop_after, "stop-after", "n", 1, 1e9,
                  "Save the state and stop after n epochs of this run"),
+    APP_ROW_SIZE(train_files, evaluations, "evaluations", "n", 1, 1e9, "Another name of --epochs"),
+    APP_ROW_REAL(
+        train_files, seconds, "seconds", "S", 0, 1e9,
+        "Stop after so many seconds of training; with a method other than adam and no --epochs this is "
+        "the only limit"),
+    APP_ROW_TEXT(
+        train_files, size, "size", "auto|W,...",
+        "auto: choose --hidden by a short race of a few widths on a validation part; else as --hidden"),
     APP_ROW_TEXT(train_files, resume, "resume", "FILE",
                  "Continue from a checkpoint; the result has the same bits as one run. Options not given "
                  "are the checkpoint's"),
@@ -77,6 +85,10 @@ static int check_options(const app *self, const train_task *task) {
         if (refuses != NULL)
             return app_usage(self, "--%s: %s has no such option", self->slots[i].name, refuses);
     }
+    if (files->evaluations > 0 && app_given(self, "epochs"))
+        return app_usage(self, "--evaluations: is another name of --epochs; give one of them");
+    if (files->resume != NULL && files->size != NULL)
+        return app_usage(self, "--size: a resumed run has its size already");
     if (files->resume != NULL && app_given(self, "preset"))
         return app_usage(self, "--preset: a resumed run has its settings already");
     return APP_EXIT_OK;
@@ -156,6 +168,7 @@ static lg_fit_options session_options(train_session *self) {
     options.checkpoint_every = files->checkpoint_every > 0 ? files->checkpoint_every
                                : files->checkpoint != NULL ? CHECKPOINT_EVERY
                                                            : 0;
+    options.seconds = files->seconds;
     options.on_epoch = on_epoch;
     options.user = self;
     return options;
@@ -215,7 +228,11 @@ static int conclude(train_session *self, lg_status status, const lg_error *fit_e
         const int more = stopped(self, status);
         return more == APP_EXIT_OK ? code : more;
     }
-    return status == LG_OK ? code : broken(self, status, fit_error);
+    if (status != LG_OK) return broken(self, status, fit_error);
+    if (lg_fit_why_finished(self->fit) != LG_FIT_END_EPOCHS)
+        (void)fprintf(stderr, "%s: training ended after %llu epochs: %s\n", self->app->title,
+                      (unsigned long long)lg_fit_epochs_done(self->fit), lg_fit_end_sentence(self->fit));
+    return code;
 }
 
 static int run_fit(train_session *self) {
@@ -238,6 +255,46 @@ static int train(train_session *self, lg_file_reader *stored) {
     if (code == APP_EXIT_OK && stored != NULL) code = load_fit(self, stored);
     if (code == APP_EXIT_OK) code = run_fit(self);
     return code == APP_EXIT_OK ? task->finish(task->user, self) : code;
+}
+
+/* ---- what has come of it ---- */
+
+/* A result that learned something is below `learned` of a simple guess; one that is above `enormous` of it
+ * after more than one epoch has diverged. A run shorter than LOOK epochs, or FULL_LOOK
+ * evaluations of a full-batch method, may still be on its way. */
+static const double learned = 0.99, enormous = 1000.0;
+enum { LOOK = 10, FULL_LOOK = 100 };
+
+static bool ends_with_adam(const lg_training *training) {
+    const lg_fit_plan *plan = &training->plan;
+    return plan->phases == 0 || plan->phase[plan->phases - 1].method == LG_FIT_ADAM;
+}
+
+/* The epoch whose parameters are the model: the best one on a validation part, or else the last one. */
+static uint64_t model_epoch(const train_session *self) {
+    const uint64_t done = lg_fit_epochs_done(self->fit);
+    return done > 0 && isfinite(lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1])
+               ? lg_fit_best_epoch(self->fit)
+               : done;
+}
+
+int train_judge(const train_session *self, const char *what, double error, const char *guess,
+                double guessed) {
+    const uint64_t done = lg_fit_epochs_done(self->fit), epoch = model_epoch(self);
+    const double *loss = lg_fit_history(self->fit, LG_FIT_LOSS);
+    const bool adam = ends_with_adam(self->task->training), looked = done >= (adam ? LOOK : FULL_LOOK);
+    const bool useless = guessed > 0 && !(error < learned * guessed);
+    const bool risen = epoch > 1 && !(loss[epoch - 1] < loss[0]);
+    if (useless)
+        app_warn(self->app,
+                 "the model has learned nothing: its %s %.3g is not below %.3g, that of %s; %strain longer",
+                 what, error, guessed, guess, adam ? "decrease --lr, or " : "");
+    if (risen)
+        app_warn(self->app, "the loss has not fallen: %.3g in epoch %llu, %.3g in the first one%s",
+                 loss[epoch - 1], (unsigned long long)epoch, loss[0], adam ? "; decrease --lr" : "");
+    const bool diverged = useless && done > 1 && error > enormous * guessed;
+    const bool failed = (useless && risen) || diverged || ((useless || risen) && looked);
+    return failed && lg_fit_finished(self->fit) ? APP_EXIT_NUMERIC : APP_EXIT_OK;
 }
 
 /* ---- the run ---- */
@@ -269,14 +326,60 @@ static int compare(const app *self, const train_task *task, const stored_run *st
     return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
 }
 
+/* Adam takes part in the plan. */
+static bool has_adam(const lg_fit_plan *plan) {
+    bool adam = plan->phases == 0;
+    for (uint32_t i = 0; i < plan->phases; i++) adam = adam || plan->phase[i].method == LG_FIT_ADAM;
+    return adam;
+}
+
+static bool is_plan(const app_slot *slot) {
+    return slot->row != NULL && slot->row->type == LG_HYPER_PHRASE;
+}
+
+bool train_asks_adam(const app *self, const lg_training *training) {
+    bool adam = training->dtype == LG_F32;
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const app_slot *slot = &self->slots[i];
+        if (slot->given && is_plan(slot)) return has_adam(&training->plan);
+        adam = adam || (slot->given && slot->row != NULL && slot->row->adam);
+    }
+    return adam;
+}
+
+/* Options of Adam that the plan has no use for. */
+static int check_method(const app *self, const train_task *task) {
+    char plan[LG_FIT_PLAN_TEXT];
+    if (has_adam(&task->training->plan)) return APP_EXIT_OK;
+    lg_fit_plan_show(&task->training->plan, plan);
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const app_slot *slot = &self->slots[i];
+        if (slot->given && slot->row != NULL && slot->row->adam)
+            return app_usage(self, "--%s: is for adam; training by %s has no such option", slot->name, plan);
+    }
+    return APP_EXIT_OK;
+}
+
+/* Room for 10^6 epochs takes 40 MB. */
+uint64_t train_epochs(const app *self, const lg_training *training) {
+    enum { NO_LIMIT = 1000000 };
+    const lg_fit_plan *plan = &training->plan;
+    const bool adam = plan->phases == 0 || plan->phase[plan->phases - 1].method == LG_FIT_ADAM;
+    if (files->evaluations > 0) return files->evaluations;
+    const bool limited = files->resume != NULL || app_given(self, "epochs") || !(files->seconds > 0);
+    return adam || limited ? training->epochs : NO_LIMIT;
+}
+
 /* The data are compared before they are split, too: others need not be split in the same way. */
-static int run_with(app *self, const train_task *task, stored_run *stored) {
+static int run_with(app *self, const train_task *task, stored_run *stored, const train_race *race) {
     lg_error error = {LG_OK, ""};
-    train_session session = {.app = self, .task = task};
+    train_session session = {.app = self, .task = task, .race = *race, .floor = (double)NAN};
     task->training->seed = self->seed;
     const lg_status status =
         task->describe(task->user, self, stored->reader != NULL ? stored->run : NULL, &error);
     int code = status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
+    task->training->epochs = train_epochs(self, task->training);
+    if (code == APP_EXIT_OK && stored->reader == NULL) code = check_method(self, task);
     if (code == APP_EXIT_OK) code = compare(self, task, stored);
     if (code == APP_EXIT_OK && task->prepare != NULL) {
         code = task->prepare(task->user, self);
@@ -295,10 +398,12 @@ int train_check(app *self, const train_task *task) {
 int train_main(app *self, const train_task *task) {
     char sha256[LG_SHA256_TEXT];
     stored_run stored = {NULL, NULL};
+    train_race race;
     int code = train_check(self, task);
     if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[0], sha256);
+    if (code == APP_EXIT_OK) code = train_size(self, task, files->size, &race);
     if (code == APP_EXIT_OK) code = open_stored(self, task, &stored);
-    if (code == APP_EXIT_OK) code = run_with(self, task, &stored);
+    if (code == APP_EXIT_OK) code = run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
     free(stored.run);
     return code;
@@ -348,11 +453,14 @@ void train_json(const train_session *self, app_json *json) {
     const uint64_t done = lg_fit_epochs_done(fit);
     (void)lg_cpu_describe(cpu, sizeof cpu);
     app_json_size(json, "epochs", done);
+    app_json_size(json, "evaluations", done);
+    app_json_real(json, "floor", self->floor);
     app_json_real(json, "running_loss", lg_fit_loss(fit));
     app_json_real(json, "validation_loss",
                   done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN);
     app_json_size(json, "best_epoch", lg_fit_best_epoch(fit));
     app_json_bool(json, "finished", lg_fit_finished(fit));
+    app_json_text(json, "stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL);
     app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
     app_json_real(json, "seconds", self->seconds);
     app_json_size(json, "threads", self->app->threads);
@@ -361,6 +469,8 @@ void train_json(const train_session *self, app_json *json) {
     app_json_text(json, "cpu", cpu);
     app_json_text(json, "out", files->out);
     json_run(json, &self->task->settings[0]);
+    train_size_json(&self->race, json);
+    app_json_warnings(json, self->app);
 }
 
 static void csv_number(FILE *stream, double value) {

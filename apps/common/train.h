@@ -15,8 +15,9 @@
 #include "liegrad/nn.h"
 
 typedef struct train_files {
-    const char *out, *checkpoint, *resume, *history, *plot;
-    uint64_t checkpoint_every, stop_after;
+    const char *out, *checkpoint, *resume, *history, *plot, *size;
+    uint64_t checkpoint_every, stop_after, evaluations;
+    double seconds;
 } train_files;
 
 /* What the command line gave, and its options: `shared` of a command. */
@@ -56,13 +57,39 @@ typedef struct train_task {
     /* In a search: what is to be lowered, asked where a rung is passed, and at the end; how many weights. */
     double (*objective)(void *user, app *app);
     size_t (*parameters)(void *user);
+    /* Values of the row "hidden" that --size auto compares, from small to large, ended by NULL; NULL: it
+     * has no such row. Needs `parameters`. */
+    const char *const *sizes;
 } train_task;
+
+/* The race of --size auto (size.c). */
+#define TRAIN_LANES 8
+typedef struct train_lane {
+    const char *size;
+    size_t parameters;
+    double validation, seconds; /* lowest loss of the validation part */
+} train_lane;
+
+typedef struct train_race {
+    train_lane lane[TRAIN_LANES];
+    size_t count, winner;
+} train_race;
+
+/* Sets the row "hidden" to `size` (NULL: nothing to do), or for "auto" to the winner of a race: each size is
+ * trained for a sixth of the epochs on four fifths of the data; the smallest one wins whose validation loss
+ * is within twice the lowest. Prints the table on stderr. */
+int train_size(app *app, const train_task *task, const char *size, train_race *race);
+void train_size_json(const train_race *race, app_json *json); /* "sizes", unless there was no race */
+/* The planned epochs: --evaluations, or 10^6 where --seconds alone limits a method other than Adam. */
+uint64_t train_epochs(const app *app, const lg_training *training);
 
 struct train_session {
     app *app;
     const train_task *task;
     lg_fit *fit;
     double seconds; /* wall time of the training */
+    train_race race;
+    double floor; /* the integrator's truncation error in units of the loss; NaN: there is none */
     /* The driver's own. */
     app_progress progress;
     lg_status checkpoint_status;
@@ -72,16 +99,28 @@ struct train_session {
 int train_main(app *app, const train_task *task);
 /* The first part of train_main alone: options that do not go together, files that cannot be written. */
 int train_check(app *app, const train_task *task);
+/* Whether the command line asks for Adam: by its method, or by an option that is Adam's alone (a rate, a
+ * batch, single precision) without a method. */
+bool train_asks_adam(const app *app, const lg_training *training);
 /* Hyperparameters of a run, threads. */
 lg_fit_options train_fit_options(const app *app, const lg_training *training);
 /* The task's method, as in "--network angle", when it does not have the option; otherwise NULL. Static
  * storage. */
 const char *train_refuses(const train_task *task, const app_slot *slot);
 
+/* Says in a warning what is wrong with a training whose result is no better than a simple guess, or whose
+ * loss has not fallen since the first epoch. `error` is that of the result and `guessed` that of `guess`
+ * ("the mean curve"), both the `what` ("mean squared error") on the same data; guessed <= 0 or NaN: unknown.
+ * APP_EXIT_NUMERIC, with the sentence told, when both hold, or one of them after 10 epochs (100 evaluations
+ * of a full-batch method), or with an error 1000 times the guessed one; the model may still be written. A
+ * training that --stop-after ended is only warned of. */
+int train_judge(const train_session *session, const char *what, double error, const char *guess,
+                double guessed);
 /* --plot, if given: the loss. */
 int train_draw(const train_session *session);
-/* epochs, running_loss, validation_loss, best_epoch, finished, seconds_per_epoch, seconds, threads, steps,
- * tape_bytes, cpu, out, and the hyperparameters of the run by their names. */
+/* epochs, evaluations (gradients of all data), floor, running_loss, validation_loss, best_epoch, finished,
+ * stopped (why, null while it goes on), seconds_per_epoch, seconds, threads, steps, tape_bytes, cpu, out, the
+ * hyperparameters of the run by their names, and the warnings so far. */
 void train_json(const train_session *session, app_json *json);
 
 /* ---- parts, for other commands ---- */

@@ -5,8 +5,6 @@
 
 #include "lg-anomaly/train.h"
 
-enum { STREAM_WEIGHTS = 1 };
-
 /* ---- the run ---- */
 
 static bool any_given(const app *self, const char *const *options, size_t count) {
@@ -154,9 +152,8 @@ static lg_status create_fit(const lg_context *context, const lg_fit_options *opt
     if (theta == NULL)
         return app_error(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters",
                          net->fit_problem.parameters);
-    lg_rng rng;
-    lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
-    lg_cnn_initialise(&run->model.net, LG_INIT_FAN_IN, &rng, theta);
+    wanted.restarts = run->restarts;
+    lg_detector_initialise(&run->model, run->training.seed, 0, theta);
     const lg_status status = lg_fit_create(context, &net->fit_problem, &wanted, theta, &net->fit, error);
     free(theta);
     return status;
@@ -179,7 +176,7 @@ lg_status network_create(const lg_context *context, const lg_series *series, con
                                          run->training.dtype, &out->data, error);
     free(chosen);
     if (status == LG_OK) {
-        out->problem = (lg_detector_problem){&run->model, &out->data, train->count};
+        out->problem = (lg_detector_problem){&run->model, &out->data, train->count, run->training.seed};
         lg_detector_fit_problem(&out->problem, &out->fit_problem);
         status = create_fit(context, options, out, error);
     }

@@ -89,6 +89,7 @@ typedef struct trained {
     double train_seconds;
     /* Networks. */
     const lg_detector_preset *preset; /* NULL when resumed */
+    lg_detector_units units;          /* of the result */
     network net;
 } trained;
 

@@ -343,6 +343,8 @@ static void report_json(const classical *self) {
     app_json_size(&json, "seed", base->app->seed);
     app_json_size(&json, "threads", base->app->threads);
     app_json_text(&json, "out", train_given_files.out);
+    app_json_real(&json, "floor", (double)NAN);
+    app_json_warnings(&json, base->app);
     app_json_end(&json);
 }
 

@@ -26,6 +26,12 @@ static void json_network(app_json *json, const lg_detector *model) {
     app_json_close(json, ']');
 }
 
+static uint64_t dead_units(const lg_detector_units *units) {
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < units->layers; i++) sum += units->layer[i].constant;
+    return sum;
+}
+
 static void report_json(const trained *self, const train_session *session, const well_model *model) {
     app_json json;
     app_json_begin(&json);
@@ -34,6 +40,8 @@ static void report_json(const trained *self, const train_session *session, const
     app_json_real(&json, "train_mse", self->train_judged.mse);
     train_json(session, &json);
     json_network(&json, &train_run.model);
+    app_json_size(&json, "restarts", lg_fit_restarts(self->net.fit));
+    app_json_size(&json, "dead_units", dead_units(&self->units));
     app_json_text(&json, "preset", self->preset != NULL ? self->preset->name : NULL);
     app_json_text(&json, "source", self->preset != NULL ? self->preset->source : NULL);
     app_json_end(&json);
@@ -86,6 +94,42 @@ static lg_status judge(trained *self, const well_model *model, lg_error *error) 
                                            &self->test, &self->judged, error);
 }
 
+/* The share of windows of other classes than the most frequent one, in the part that was trained on. */
+static double rare_share(const trained *self) {
+    const uint32_t classes = self->all.data.series.classes;
+    uint64_t most = 0;
+    for (uint32_t i = 0; i < classes; i++) {
+        uint64_t row = 0;
+        for (uint32_t j = 0; j < classes; j++) row += self->train_judged.confusion[i * classes + j];
+        if (row > most) most = row;
+    }
+    return 1.0 - (double)most / (double)self->train.count;
+}
+
+/* Dead units of the result; an exit code. */
+static int judge_units(trained *self, const double *theta) {
+    const uint64_t restarts = lg_fit_restarts(self->net.fit);
+    const lg_status status = lg_detector_count_units(&self->net.problem, theta, &self->units);
+    if (status != LG_OK) return app_fail(self->app, status, "dead units: %s", lg_status_sentence(status));
+    if (restarts > 0)
+        app_warn(self->app,
+                 "the network died; it started again with other weights, restart %llu of at most %u",
+                 (unsigned long long)restarts, train_run.restarts);
+    for (uint32_t i = 0; i < self->units.layers; i++) {
+        lg_slice_info info;
+        if (self->units.layer[i].constant == 0) continue;
+        (void)lg_cnn_slice(&train_run.model.net, 2 * i, &info);
+        app_warn(self->app, "dead units of layer %.*s: %u of %u have the same value for all training windows",
+                 (int)strcspn(info.name, "/"), info.name, self->units.layer[i].constant,
+                 self->units.layer[i].units);
+    }
+    if (!self->units.died) return APP_EXIT_OK;
+    app_warn(self->app,
+             "the network has died and gives all windows one class: decrease --lr, or take --activation "
+             "swish, another --seed or a wider --plane");
+    return APP_EXIT_NUMERIC;
+}
+
 /* Writes the model and the picture after training. */
 static int finish(void *user, train_session *session) {
     trained *self = user;
@@ -98,6 +142,12 @@ static int finish(void *user, train_session *session) {
     if (status == LG_OK) status = judge(self, &model, &error);
     int code = status == LG_OK ? APP_EXIT_OK
                                : app_fail(self->app, status, "after the last epoch: %s", error.message);
+    const int judged = code == APP_EXIT_OK ? train_judge(session, "share of wrong windows",
+                                                         1.0 - self->train_judged.metrics.accuracy,
+                                                         "the most frequent class", rare_share(self))
+                                           : APP_EXIT_OK;
+    const int alive = code == APP_EXIT_OK ? judge_units(self, file.theta) : APP_EXIT_OK;
+    if (alive != APP_EXIT_OK && alive != APP_EXIT_NUMERIC) code = alive;
     if (code == APP_EXIT_OK) {
         file.accuracy = self->judged.metrics.accuracy;
         file.f1 = self->judged.metrics.f1;
@@ -110,7 +160,7 @@ static int finish(void *user, train_session *session) {
     if (code == APP_EXIT_OK) report(self, session, &model);
     lg_detector_plan_destroy(model.plan);
     free(file.theta);
-    return code;
+    return code != APP_EXIT_OK ? code : judged != APP_EXIT_OK ? judged : alive;
 }
 
 /* ---- the task ---- */

@@ -131,7 +131,7 @@ void bench_cnn(bench *b) {
     for (size_t i = 0; i < LG_COUNT(activations); i++) {
         if (!bench_wanted(b, lg_activation_name(activations[i]))) continue;
         l.model = detector_of(b, activations[i]);
-        l.problem = (lg_detector_problem){&l.model, &l.data, WINDOWS};
+        l.problem = (lg_detector_problem){&l.model, &l.data, WINDOWS, 1};
         lg_detector_fit_problem(&l.problem, &l.fit);
         l.theta = weights_of(b, &l.model.net);
         train(b, &l);

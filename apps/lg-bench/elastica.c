@@ -99,7 +99,7 @@ static void open_model(const bench *b, learning *l, lg_net_kind architecture) {
     options.activation = LG_TANH;
     bench_check(b, lg_surrogate_init(&l->model, &options, l->curves.intervals, l->curves.length, 1.5, &error),
                 error.message);
-    l->problem = (lg_surrogate_problem){&l->model, &l->curves, l->training, TRAINING};
+    l->problem = (lg_surrogate_problem){&l->model, &l->curves, l->training, TRAINING, NULL};
     lg_surrogate_fit_problem(&l->problem, &l->inner);
     l->theta = app_alloc(l->inner.parameters, sizeof *l->theta);
     lg_rng_seed(&rng, b->app->seed, STREAM_WEIGHTS);

@@ -22,7 +22,7 @@ static const lg_hyperparameter preset_rows[] = {
      .type = LG_HYPER_NAME,
      .size = sizeof preset_given,
      .value_name = preset_name,
-     .value = "best",
+     .otherwise = "best; thesis where Adam is asked for",
      .meaning = "Source of options that are not given: the published settings or ours"},
     LG_HYPERPARAMETER_END};
 
@@ -32,8 +32,10 @@ static const app_settings settings[] = {{lg_surrogate_hyperparameters, &run, siz
 
 typedef struct training {
     lg_elastica_data data;
-    const lg_surrogate_preset *preset; /* NULL when resumed */
-    part_indices train, test;          /* in a search `test` is held out of the training part */
+    const lg_surrogate_preset *preset;        /* NULL when resumed */
+    part_indices train, test;                 /* in a search `test` is held out of the training part */
+    part_indices learned;                     /* of the training part, at most run.most_curves */
+    double *modes, *coefficients, truncation; /* of a network with modes; NULL, NULL, NaN */
     lg_surrogate_problem problem;
     lg_fit_problem fit_problem;
     lg_fit *fit;
@@ -48,21 +50,32 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
     return code;
 }
 
+/* A preset's modes, at most one less than there are curves to learn from, and as many as their numbers. */
+static uint32_t fewer_modes(uint32_t modes, const lg_elastica_curves *curves) {
+    double learned = floor(run.train_fraction * (double)curves->count + 0.5);
+    if (run.most_curves > 0) learned = fmin(learned, (double)run.most_curves);
+    return (uint32_t)fmax(0, fmin(modes, fmin(learned - 1, 4.0 * (curves->intervals - 1))));
+}
+
 static lg_status adopt_preset(training *state, app *self, lg_error *error) {
     const lg_elastica_curves *curves = &state->data.curves;
     const lg_surrogate_options *options = &run.model.options;
     const families found = families_of(curves->boundary, curves->count);
     const bool merged = found.both_ends && found.right_end;
-    const char *name = preset_name(preset_given);
-    state->preset =
-        lg_surrogate_preset_find(name, options->kind, options->boundary, merged, run.train_fraction);
+    const char *name = app_given(self, "preset")              ? preset_name(preset_given)
+                       : train_asks_adam(self, &run.training) ? "thesis"
+                                                              : "best";
+    state->preset = lg_surrogate_preset_find(name, options->kind, options->boundary, options->loss, merged,
+                                             run.train_fraction);
     if (state->preset == NULL)
-        return app_error(error, LG_UNSUPPORTED, "--preset: %s has no settings for the %s network%s%s", name,
+        return app_error(error, LG_UNSUPPORTED, "--preset: %s has no settings for the %s network%s%s%s", name,
                          lg_surrogate_kind_name(options->kind),
+                         options->loss == LG_SURROGATE_ENERGY ? " with --loss energy" : "",
                          options->boundary ? " with --boundary true" : "",
                          merged ? " on data of both families" : "");
-    const lg_surrogate_run from = {.model.options = state->preset->model,
-                                   .training = state->preset->training};
+    lg_surrogate_run from = {.model.options = state->preset->model, .training = state->preset->training};
+    from.most_curves = state->preset->most_curves;
+    from.model.options.modes = fewer_modes(from.model.options.modes, curves);
     app_adopt(self, settings, &from, true);
     return LG_OK;
 }
@@ -156,11 +169,39 @@ static lg_status no_room(lg_error *error) {
                      lg_surrogate_parameters(&run.model));
 }
 
+/* `most` curves of a part at even distances in it, or all for 0. */
+static part_indices thin(const part_indices *part, uint64_t most) {
+    const size_t count = most > 0 && most < part->count ? (size_t)most : part->count;
+    part_indices out = {app_alloc(count, sizeof *out.list), count};
+    for (size_t i = 0; i < count; i++)
+        out.list[i] = part->list[count > 1 ? i * (part->count - 1) / (count - 1) : 0];
+    return out;
+}
+
+/* The fixed last layer, from the curves that are learned. */
+static lg_status find_modes(training *state, const app *self, lg_error *error) {
+    const lg_elastica_curves *curves = &state->data.curves;
+    state->truncation = (double)NAN;
+    if (run.model.options.modes == 0) return LG_OK;
+    state->modes = app_try_alloc(lg_surrogate_modes_size(&run.model), sizeof *state->modes);
+    state->coefficients = app_try_alloc(state->learned.count * run.model.options.modes, sizeof(double));
+    if (state->modes == NULL || state->coefficients == NULL) return no_room(error);
+    const lg_status status = lg_surrogate_find_modes(self->context, &run.model, curves, state->learned.list,
+                                                     state->learned.count, state->modes, error);
+    run.model.modes = state->modes;
+    if (status != LG_OK) return status;
+    return lg_surrogate_coefficients(self->context, &run.model, curves, state->learned.list,
+                                     state->learned.count, state->coefficients, &state->truncation, error);
+}
+
 static lg_status create(void *user, app *self, const lg_fit_options *options, lg_fit **fit, lg_error *error) {
     training *state = user;
-    state->problem =
-        (lg_surrogate_problem){&run.model, &state->data.curves, state->train.list, state->train.count};
-    lg_status status = lg_surrogate_problem_check(&state->problem, error);
+    state->learned = thin(&state->train, run.most_curves);
+    lg_status status = find_modes(state, self, error);
+    if (status != LG_OK) return status;
+    state->problem = (lg_surrogate_problem){&run.model, &state->data.curves, state->learned.list,
+                                            state->learned.count, state->coefficients};
+    status = lg_surrogate_problem_check(&state->problem, error);
     if (status != LG_OK) return status;
     lg_surrogate_fit_problem(&state->problem, &state->fit_problem);
     double *theta = app_try_alloc(lg_surrogate_parameters(&run.model), sizeof *theta);
@@ -179,8 +220,12 @@ static void release(void *user) {
     lg_fit_destroy(state->fit);
     free(state->train.list);
     free(state->test.list);
+    free(state->learned.list);
+    free(state->modes);
+    free(state->coefficients);
+    run.model.modes = state->modes = state->coefficients = NULL;
     state->fit = NULL;
-    state->train = state->test = (part_indices){NULL, 0};
+    state->train = state->test = state->learned = (part_indices){NULL, 0};
 }
 
 /* Errors of the fit's parameters over a part; all NaN for a part without curves. */
@@ -218,11 +263,13 @@ static void report_json(const training *state, const train_session *session, con
     app_json_real(&json, "train_mse", train->mse);
     app_json_real(&json, "test_mse", test->mse);
     app_json_real(&json, "loss", lg_fit_loss(state->fit));
+    app_json_real(&json, "truncation", state->truncation);
     app_json_size(&json, "parameters", lg_surrogate_parameters(&run.model));
     train_json(session, &json);
     app_json_text(&json, "preset", state->preset != NULL ? state->preset->name : NULL);
     app_json_text(&json, "source", state->preset != NULL ? state->preset->source : NULL);
     app_json_size(&json, "train_curves", state->train.count);
+    app_json_size(&json, "learned_curves", state->learned.count);
     app_json_size(&json, "test_curves", state->test.count);
     app_json_real(&json, "test_max_error", test->max_error);
     app_json_text(&json, "values", run.continuous ? "continuous" : "discrete");
@@ -258,10 +305,10 @@ static lg_status save_model(const training *state, const app *self, double train
     file.parameters = lg_surrogate_parameters(&run.model);
     file.theta = app_alloc(file.parameters, sizeof *file.theta);
     lg_fit_parameters(state->fit, file.theta);
-    file.trained_count = state->train.count;
+    file.trained_count = state->learned.count;
     file.trained = app_alloc(8 * file.trained_count, sizeof *file.trained);
     for (size_t i = 0; i < file.trained_count; i++)
-        memcpy(file.trained + 8 * i, state->data.curves.boundary + 8 * (size_t)state->train.list[i],
+        memcpy(file.trained + 8 * i, state->data.curves.boundary + 8 * (size_t)state->learned.list[i],
                8 * sizeof *file.trained);
     file.has_errors = true;
     file.train_mse = train_mse;
@@ -274,6 +321,24 @@ static lg_status save_model(const training *state, const app *self, double train
     return status;
 }
 
+/* The mean squared error of the mean curve on the part that was trained on, over the nodes that the network
+ * gives. */
+static double mean_curve_error(const training *state) {
+    const lg_elastica_curves *curves = &state->data.curves;
+    const part_indices *part = &state->train;
+    const size_t row = 2 * ((size_t)curves->intervals + 1);
+    const size_t edge = run.model.options.kind == LG_SURROGATE_DISCRETE ? 2 : 0;
+    const double *const values[2] = {curves->q, curves->v}, n = (double)part->count;
+    double sum = 0;
+    for (size_t k = 0; k < 2; k++)
+        for (size_t j = edge; j < row - edge; j++) {
+            double mean = 0;
+            for (size_t i = 0; i < part->count; i++) mean += values[k][part->list[i] * row + j] / n;
+            for (size_t i = 0; i < part->count; i++) sum += pow(values[k][part->list[i] * row + j] - mean, 2);
+        }
+    return sum / (n * 2.0 * (double)(row - 2 * edge));
+}
+
 static int finish(void *user, train_session *session) {
     const training *state = user;
     const app *self = session->app;
@@ -283,14 +348,18 @@ static int finish(void *user, train_session *session) {
     if (status == LG_OK) status = errors_of(state, self, &state->test, &test, &error);
     if (status != LG_OK)
         return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
+    const int judged =
+        train_judge(session, "mean squared error", train.mse, "the mean curve", mean_curve_error(state));
     status = save_model(state, self, train.mse, test.mse, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, train_given_files.out);
     const int code = train_draw(session);
     if (code == APP_EXIT_OK) report(state, session, &train, &test);
-    return code;
+    return code == APP_EXIT_OK ? judged : code;
 }
 
 /* ---- the command ---- */
+
+static const char *const sizes[] = {"8", "12", "16", "24", "32", "64", NULL};
 
 int with_task(app *self, int (*main_)(app *self, const train_task *task)) {
     training state = {.fit = NULL};
@@ -307,7 +376,8 @@ int with_task(app *self, int (*main_)(app *self, const train_task *task)) {
                              .release = release,
                              .finish = finish,
                              .objective = objective,
-                             .parameters = parameters};
+                             .parameters = parameters,
+                             .sizes = sizes};
     const int code = main_(self, &task);
     lg_elastica_data_destroy(&state.data);
     return code;
@@ -321,10 +391,13 @@ const app_command train_command = {
     .name = "train",
     .arguments = "DATA.h5",
     .summary = "Fit a network to curves",
-    .details = "train_mse and test_mse are mean squared errors over the curves of each part, nodes and "
-               "components, in double precision (discrete: the 4(N - 1) inner ones); `loss` is the last "
-               "epoch's mean over its batches, with its penalty.\n\nCtrl-C saves a checkpoint and ends with "
-               "exit code 130; --resume continues to the same bits.",
+    .details =
+        "train_mse and test_mse are mean squared errors over the curves of each part, nodes and "
+        "components, in double precision (discrete: the 4(N - 1) inner ones); `loss` is the last "
+        "epoch's mean over its batches, with its penalty. `truncation` is what --modes leaves out: the "
+        "mean squared error of the trained curves' best approximation by so many modes.\n\nCtrl-C saves a "
+        "checkpoint and ends with "
+        "exit code 130; --resume continues to the same bits.",
     TRAIN_SHARED,
     .settings = settings,
     .arguments_min = 1,

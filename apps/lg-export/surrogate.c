@@ -88,9 +88,11 @@ static int add_code(const app *self, export_source *source, const lg_surrogate *
 }
 
 /* Dense layers one after another, and what is done to the last one's numbers. */
-static size_t depth_of(const lg_net *net) {
+static size_t depth_of(const lg_surrogate *model) {
+    const lg_net *net = &model->net;
     const size_t steps = net->kind == LG_NET_RESNET || net->kind == LG_NET_MULT_AFFINE ? 2 : 1;
-    return (net->embedding > 0) + 1 + steps * net->layers + 1 + 1;
+    return (net->embedding > 0) + 1 + steps * net->layers + 1 + 1 + (model->options.modes > 0) +
+           (model->options.angles ? 8 : 0);
 }
 
 /* ---- words ---- */
@@ -122,7 +124,7 @@ static void add_inputs(text *to, const lg_surrogate *model) {
             to,
             "outputs y (%u): q_1x q_1y ... q_%ux q_%uy, unit of length, then v_1x v_1y ... v_%ux v_%uy,\n"
             "  unit tangents: node k at arc length k L/N. Gradient: d y/d x, one row an output.\n\n",
-            model->net.outputs, model->intervals - 1, model->intervals - 1, model->intervals - 1,
+            4 * (model->intervals - 1), model->intervals - 1, model->intervals - 1, model->intervals - 1,
             model->intervals - 1);
     else if (model->options.kind == LG_SURROGATE_CONTINUOUS)
         lg_text_add(to,
@@ -159,11 +161,15 @@ static void add_options(text *to, const lg_surrogate *model) {
     } rows[] = {
         {model->options.normalise, "x-coordinates of the ends enter scaled"},
         {model->options.mirror, "curves of mirrored boundary conditions are exact mirror images"},
+        {model->options.angles, "unit tangents from the inner angles, nodes from the tangents"},
         {model->options.boundary, "the angles at both ends equal the given ones by construction"},
     };
     lg_text_add(to, "network       %s, %u layers of %u after the first, embedding %u, %s\n",
                 lg_net_kind_name(model->net.kind), model->net.layers, model->net.hidden, model->net.embedding,
                 lg_activation_name(model->net.activation));
+    if (model->options.modes > 0)
+        lg_text_add(to, "              fixed last layer: mean and %u modes of the training curves\n",
+                    model->options.modes);
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         if (rows[i].on) lg_text_add(to, "              %s\n", rows[i].sentence);
 }
@@ -305,7 +311,7 @@ int export_surrogate(const app *self, const lg_model_file *file, export_source *
     source->parameters = lg_model_parameters(file->model);
     const int code = add_code(self, source, &file->surrogate.run.model, file->surrogate.theta);
     if (code != APP_EXIT_OK) return code;
-    source->depth = depth_of(&file->surrogate.run.model.net);
+    source->depth = depth_of(&file->surrogate.run.model);
     source->condition = 1;
     add_words(source, &file->surrogate);
     return add_golden(self, source, file);

@@ -18,6 +18,8 @@ typedef struct settings {
     const lg_scheme *scheme; /* LOSS */
     double penalty;
     lg_penalty_form form;
+    const lg_first_integral *integral;
+    lg_hamiltonian_distance distance;
     char name[96];
     lg_gradcheck_argument arguments[3];
 } settings;
@@ -44,6 +46,8 @@ static lg_hamiltonian_problem problem_of(const settings *s, const double *data) 
                                     .substeps = 2,
                                     .penalty = s->penalty,
                                     .penalty_form = s->form,
+                                    .penalty_integral = s->integral,
+                                    .distance = s->distance,
                                     .trajectories = TRAJECTORIES,
                                     .points = POINTS,
                                     .dt = 0.1,
@@ -123,19 +127,46 @@ static const double off_kink[] = {0.41, 0.63, 0.25, 0.77, 0.52, 0.34, 0.68, 0.29
                                   0.57, 0.22, 0.61, 0.38, 0.79, 0.43, 0.66, 0.31, 0.27, 0.54};
 
 static void add_loss(const lg_hamiltonian *model, const lg_scheme *scheme, double penalty,
-                     lg_penalty_form form) {
+                     lg_penalty_form form, const lg_first_integral *integral) {
     static const double nothing[TRAJECTORIES * POINTS * MOST_NUMBERS];
-    const settings asked = {.model = *model, .scheme = scheme, .penalty = penalty, .form = form};
+    const settings asked = {
+        .model = *model, .scheme = scheme, .penalty = penalty, .form = form, .integral = integral};
     const lg_hamiltonian_problem problem = problem_of(&asked, nothing);
     if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) return;
     settings *s = add(model, LOSS, scheme->name);
-    s->scheme = scheme, s->penalty = penalty, s->form = form;
+    s->scheme = scheme, s->penalty = penalty, s->form = form, s->integral = integral;
     if (scheme->kind == LG_SCHEME_IMPLICIT) cases[rows - 1].no_program = "implicit stage";
     if (penalty == 0) return;
-    (void)strcat(s->name, form == LG_PENALTY_MEAN_SQUARE ? ", penalty" : ", penalty as published");
+    (void)strcat(s->name, form == LG_PENALTY_MEAN_SQUARE ? ", penalty on " : ", published penalty on ");
+    (void)strcat(s->name, integral->name);
     if (form == LG_PENALTY_SUM_ABSOLUTE && s->arguments[0].shape.dims[0] == LG_COUNT(off_kink))
         s->arguments[0] =
             (lg_gradcheck_argument){.shape = s->arguments[0].shape, .values = off_kink, .scale = 0.25};
+}
+
+static void add_geodesic_loss(const lg_hamiltonian *model, const lg_scheme *scheme) {
+    static const double nothing[TRAJECTORIES * POINTS * MOST_NUMBERS];
+    const settings asked = {.model = *model, .scheme = scheme, .distance = LG_DISTANCE_GEODESIC};
+    const lg_hamiltonian_problem problem = problem_of(&asked, nothing);
+    if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) return;
+    add_loss(model, scheme, 0, LG_PENALTY_MEAN_SQUARE, NULL);
+    settings *s = &all[rows - 1];
+    s->distance = LG_DISTANCE_GEODESIC;
+    (void)strcat(s->name, ", geodesic");
+}
+
+/* Fields of the other potentials of one copy. */
+static void add_potentials(const lg_hamiltonian_family *family) {
+    static const uint32_t hidden[1] = {4};
+    lg_hamiltonian model;
+    if (lg_hamiltonian_init(&model, family, 1, LG_POTENTIAL_DICTIONARY, NULL, 0, LG_TANH) != LG_OK) return;
+    (void)add(&model, VALUE, "dictionary");
+    (void)add(&model, FIELD, "field with a dictionary");
+    if (lg_hamiltonian_init(&model, family, 1, LG_POTENTIAL_MLP, hidden, 1, LG_TANH) != LG_OK) return;
+    model.symmetry = LG_SYMMETRY_EVEN;
+    (void)add(&model, FIELD, "field of an even potential");
+    model.symmetry = LG_SYMMETRY_ODD;
+    (void)add(&model, FIELD, "field of an odd potential");
 }
 
 static void add_family(const lg_hamiltonian_family *family) {
@@ -147,11 +178,14 @@ static void add_family(const lg_hamiltonian_family *family) {
         (void)add(&model, GRADIENT, "gradient");
         (void)add(&model, FIELD, "field");
     }
+    add_potentials(family);
     for (size_t i = 0; i < lg_scheme_count(); i++)
-        add_loss(&model, lg_scheme_at(i), 0, LG_PENALTY_MEAN_SQUARE);
-    const lg_scheme *splitting = lg_scheme_find("stormer-verlet");
-    add_loss(&model, splitting, 0.5, LG_PENALTY_MEAN_SQUARE);
-    add_loss(&model, splitting, 0.5, LG_PENALTY_SUM_ABSOLUTE);
+        add_loss(&model, lg_scheme_at(i), 0, LG_PENALTY_MEAN_SQUARE, NULL);
+    const lg_scheme *scheme = lg_scheme_find(family->scheme);
+    add_geodesic_loss(&model, scheme);
+    for (size_t i = 0; i < lg_first_integral_count(); i++)
+        add_loss(&model, scheme, 0.5, LG_PENALTY_MEAN_SQUARE, lg_first_integral_at(i));
+    add_loss(&model, lg_scheme_find("stormer-verlet"), 0.5, LG_PENALTY_SUM_ABSOLUTE, lg_first_integral_at(0));
 }
 
 const lg_gradcheck_case *hamiltonian_rows(size_t *count) {

@@ -15,6 +15,13 @@ static double tangents[CURVES * NODES * 2] = {0.6, 0.8,  0.8, 0.6,  1.0, 0.0,  0
 static double boundary[CURVES * 8] = {0.0, 0.0,  0.6, 0.8,  0.9,  0.0,  0.6, -0.8,
                                       0.0, -0.1, 0.8, -0.6, 0.95, 0.05, 0.0, 1.0};
 
+/* Of networks of modes: mean and two vectors, and the targets of both curves. */
+enum { MODES = 2 };
+static const double modes[(MODES + 1) * 4 * (INTERVALS - 1)] = {0.3, 0.1, 0.6,  0.2, 0.7, 0.1, 0.9,  -0.1,
+                                                                0.5, 0.2, -0.1, 0.4, 0.2, 0.3, -0.3, 0.1,
+                                                                0.1, 0.2, -0.1, 0.3, 0.2, 0.1, 0.3,  -0.2};
+static const double coefficients[CURVES * MODES] = {0.7, -0.4, -1.1, 0.3};
+
 static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     static const uint32_t training[CURVES] = {0, 1};
     const lg_elastica_curves curves = {.count = CURVES,
@@ -29,7 +36,8 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     lg_fit_problem fit;
     lg_var loss = LG_NONE;
     lg_status status = lg_surrogate_init(&model, user, INTERVALS, curves.length, 0.5, NULL);
-    const lg_surrogate_problem problem = {&model, &curves, training, CURVES};
+    const lg_surrogate_problem problem = {&model, &curves, training, CURVES, coefficients};
+    model.modes = modes;
     if (status == LG_OK) status = lg_surrogate_problem_check(&problem, NULL);
     if (status != LG_OK) return lg_tape_fail(tape, status, "surrogate", "not a learning problem");
     lg_surrogate_fit_problem(&problem, &fit);
@@ -58,6 +66,14 @@ static const lg_gradcheck_case rows[] = {
     ROW("discrete", 27 + 12 + 4 * 8, .kind = LG_SURROGATE_DISCRETE, .architecture = LG_NET_MLP),
     ROW("discrete, differences", 27 + 12 + 9 + 4 * 8, .kind = LG_SURROGATE_DISCRETE,
         .architecture = LG_NET_RESNET, .normalise = true, .mirror = true, .gamma = 0.7),
+    ROW("discrete, modes", 27 + 12 + 4 * MODES, .kind = LG_SURROGATE_DISCRETE, .architecture = LG_NET_MLP,
+        .mirror = true, .modes = MODES),
+    ROW("discrete, modes and differences", 27 + 12 + 4 * MODES, .kind = LG_SURROGATE_DISCRETE,
+        .architecture = LG_NET_MLP, .mirror = true, .modes = MODES, .gamma = 0.7),
+    ROW("discrete, angles", 27 + 12 + 4 * 2, .kind = LG_SURROGATE_DISCRETE, .architecture = LG_NET_MLP,
+        .normalise = true, .mirror = true, .angles = true),
+    ROW("discrete, energy", 27 + 12 + 4 * 2, .kind = LG_SURROGATE_DISCRETE, .architecture = LG_NET_MLP,
+        .mirror = true, .angles = true, .loss = LG_SURROGATE_ENERGY),
     ROW("continuous", 3 * 30 + 12 + 8, .kind = LG_SURROGATE_CONTINUOUS, .architecture = LG_NET_MULT),
     ROW("continuous, unit tangents", 20 + 3 * 9 + 24 + 8, .kind = LG_SURROGATE_CONTINUOUS,
         .architecture = LG_NET_MULT_AFFINE, .embedding = 2, .normalise = true, .mirror = true, .gamma = 0.7),

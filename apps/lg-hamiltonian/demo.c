@@ -13,11 +13,11 @@ typedef struct demo_values {
 static const app_option demo_options[] = {
     APP_ROW_TEXT(demo_values, out, "out", "DIR",
                  "Folder for data, model and pictures (default liegrad-demo)"),
-    APP_ROW_SIZE(demo_values, epochs, "epochs", "E", 1, 1e6, "Default 100"),
+    APP_ROW_SIZE(demo_values, epochs, "epochs", "E", 1, 1e6, "Evaluations of the loss (default 2000)"),
     APP_ROW_POSITIVE(demo_values, t_end, "t-end", "T", "Length of the long prediction (default 100)"),
     APP_ROW_END};
 
-static demo_values values = {.out = "liegrad-demo", .epochs = 100, .t_end = 100};
+static demo_values values = {.out = "liegrad-demo", .t_end = 100};
 
 /* Published for CF4, N = 500, M = 5 without noise (thesis, study of section 4.4.3). */
 static const double published_e1 = 1.7e-7, published_e2 = 3.4e-4;
@@ -63,8 +63,8 @@ static lg_status make_scene(demo *self) {
 }
 
 static lg_status sample_all(demo *self) {
-    const sampling training = {500, 5, 0.1, 0, LG_NOISE_NORMAL, self->app->seed};
-    const sampling test = {100, 15, 1, 0, LG_NOISE_NORMAL, self->app->seed + UINT64_C(0x9e3779b9)};
+    const sampling training = {500, 5, 0.1, 0, LG_NOISE_NORMAL, false, self->app->seed};
+    const sampling test = {100, 15, 1, 0, LG_NOISE_NORMAL, false, self->app->seed + UINT64_C(0x9e3779b9)};
     const double begin = app_seconds();
     lg_status status = make_scene(self);
     if (status == LG_OK)
@@ -87,7 +87,8 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 static lg_status train_model(demo *self) {
     lg_hamiltonian_run run = {.scheme = lg_scheme_find("cf4")};
     lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &run);
-    run.training.epochs = values.epochs;
+    (void)learner_preset(NULL, "best", self->data.family, self->data.n, &run);
+    if (values.epochs > 0) run.training.epochs = values.epochs;
     run.training.seed = self->app->seed;
     lg_fit_options options;
     lg_fit_options_init(&options);
@@ -107,8 +108,8 @@ static lg_status train_model(demo *self) {
     if (status != LG_OK) return status;
     self->theta = app_alloc(lg_hamiltonian_parameters(&run.model), sizeof *self->theta);
     lg_fit_parameters(self->learner.fit, self->theta);
-    status = mean_squared_error(self->app->context, &self->learner.problem, self->theta, &self->loss,
-                                &self->error);
+    status = lg_hamiltonian_mean_squared_error(self->app->context, &self->learner.problem, self->theta,
+                                               &self->loss, &self->error);
     char *path = inside("model.h5");
     if (status == LG_OK) status = save_model(self->app, path, &self->learner, self->theta, &self->error);
     free(path);
@@ -166,8 +167,9 @@ static lg_status draw_all(demo *self) {
         status = draw_trajectories(
             self->app, sphere,
             "Spherical pendulum, m = L = g = 1: direction q on the unit sphere, t in [0, 1]",
-            &self->learner.run.model, self->test.t, self->test.data, self->predicted, self->test.count,
-            self->test.points, &self->error);
+            &self->learner.run.model, self->test.t, self->test.data, self->predicted,
+            self->test.count < SHOWN_TRAJECTORIES ? self->test.count : SHOWN_TRAJECTORIES, self->test.points,
+            &self->error);
     if (status == LG_OK)
         status = train_draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
                                  (size_t)lg_fit_epochs_done(fit), &self->error);

@@ -9,9 +9,15 @@
 
 typedef struct evaluate_values {
     const char *plot;
+    size_t drawn;
     double tolerance;
     bool record;
+    int metric;
 } evaluate_values;
+
+enum { METRIC_SQUARES, METRIC_RELATIVE };
+static const char *const metric_names[] = {
+    [METRIC_SQUARES] = "squares", [METRIC_RELATIVE] = "relative", NULL};
 
 static const app_option evaluate_options[] = {
     APP_ROW_REAL(evaluate_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
@@ -19,6 +25,12 @@ static const app_option evaluate_options[] = {
                  "potentials)"),
     APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
                  "Draw the test trajectories, true and predicted"),
+    APP_ROW_SIZE(evaluate_values, drawn, "drawn", "n", 1, 10000, "plot: so many of them (default 10)"),
+    APP_ROW_CHOICE(
+        evaluate_values, metric, "metric", metric_names,
+        "relative: also the geometric mean of |z - z'|/|z + z'| + 1e-8 over trajectories and points, "
+        "where z are the positions and velocities of a chain's masses, else the state; needs "
+        "/parameters in TEST.h5"),
     APP_ROW_FLAG(evaluate_values, record, "record",
                  "Write E1, E2 and the test set's description into MODEL.h5, where lg-export finds them"),
     APP_ROW_END};
@@ -32,6 +44,10 @@ static void report(const app *self, const lg_trajectories *test, const verdict *
         app_json_begin(&json);
         app_json_real(&json, "E1", result->e1);
         app_json_real(&json, "E2", result->e2);
+        if (values.metric == METRIC_RELATIVE) {
+            app_json_real(&json, "relative", result->relative);
+            app_json_real(&json, "relative_worst", result->relative_worst);
+        }
         app_json_size(&json, "trajectories", test->count);
         app_json_size(&json, "points", test->points);
         app_json_real(&json, "t_end", test->t[test->points - 1] - test->t[0]);
@@ -51,6 +67,10 @@ static void report(const app *self, const lg_trajectories *test, const verdict *
         (void)printf("E2 unknown: %s has no /hamiltonian\n", self->arguments[1]);
     else
         (void)printf("E2 is not finite\n");
+    if (values.metric == METRIC_RELATIVE)
+        (void)printf(
+            "relative = %.4e  geometric mean of |z - z'|/|z + z'| + 1e-8; %.4e for the worst trajectory\n",
+            result->relative, result->relative_worst);
     if (recorded) (void)printf("Recorded in %s\n", self->arguments[0]);
 }
 
@@ -99,15 +119,25 @@ static int evaluate(app *self, lg_hamiltonian_file *file, const lg_trajectories 
                         model->family != test->family ? " of another layout" : "");
     const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
     double *predicted = NULL;
-    if (values.plot != NULL)
+    if (values.metric == METRIC_RELATIVE && test->truth == NULL)
+        return app_fail(self, LG_FORMAT,
+                        "%s: --metric relative needs the parameters of the system, /parameters",
+                        self->arguments[1]);
+    const size_t drawn = values.drawn > 0 ? values.drawn : SHOWN_TRAJECTORIES;
+    if (values.plot != NULL || values.metric == METRIC_RELATIVE)
         predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
     const double begin = app_seconds();
     lg_status status =
         judge(self->context, self->threads, model, file->theta, test, tolerance, predicted, &result, &error);
     int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
-    if (code == APP_EXIT_OK && predicted != NULL) {
+    if (code == APP_EXIT_OK && values.metric == METRIC_RELATIVE) {
+        status = judge_relative(test, predicted, &result, &error);
+        if (status != LG_OK) code = app_fail(self, status, "%s", error.message);
+    }
+    if (code == APP_EXIT_OK && values.plot != NULL) {
         status = draw_trajectories(self, values.plot, "Trajectories of the test set, true and predicted",
-                                   model, test->t, test->data, predicted, test->count, test->points, &error);
+                                   model, test->t, test->data, predicted,
+                                   test->count < drawn ? test->count : drawn, test->points, &error);
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
     }
     if (code == APP_EXIT_OK) {

@@ -5,10 +5,11 @@ typedef struct generate_values {
     const char *out;
     uint64_t trajectories, points, segments;
     double t_end, noise;
-    int noise_kind;
+    int noise_kind, noise_on;
 } generate_values;
 
 static const char *const noise_names[] = {"normal", "uniform", NULL};
+static const char *const noise_on_names[] = {"later", "all", NULL};
 
 static const app_option generate_options[] = {
     APP_ROW_SIZE(generate_values, trajectories, "trajectories", "N", 1, 1e9,
@@ -19,10 +20,12 @@ static const app_option generate_options[] = {
                  "Consecutive trajectories from one start (default: the scene's, or 1)"),
     APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T",
                      "Time of the last point (default: the scene's t_end, or 0.1)"),
-    APP_ROW_REAL(generate_values, noise, "noise", "EPS", 0, 1e300,
-                 "Size of the noise on all points except the first (default 0)"),
+    APP_ROW_REAL(generate_values, noise, "noise", "EPS", 0, 1e300, "Size of the noise (default 0)"),
     APP_ROW_CHOICE(generate_values, noise_kind, "noise-kind", noise_names,
                    "normal: EPS N(0,1); uniform: EPS U(-1,1)"),
+    APP_ROW_CHOICE(
+        generate_values, noise_on, "noise-on", noise_on_names,
+        "later: all points but the first; all: the first, too, which then goes back to its manifold"),
     APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
     APP_ROW_END};
 
@@ -40,6 +43,7 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
         app_json_real(&json, "dt", data->dt);
         app_json_real(&json, "noise", values.noise);
         app_json_text(&json, "noise_kind", noise_names[values.noise_kind]);
+        app_json_text(&json, "noise_on", noise_on_names[values.noise_on]);
         app_json_size(&json, "seed", self->seed);
         app_json_text(&json, "sha256", data->sha256);
         app_json_text(&json, "out", values.out);
@@ -61,6 +65,7 @@ static int generate(app *self, const lg_scene *scene) {
                           .points = (size_t)values.points,
                           .t_end = t_end,
                           .noise = values.noise,
+                          .noise_first = values.noise_on == 1,
                           .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
                           .seed = self->seed};
     lg_status status = sample_scene(self->context, scene, &how, &data, &error);

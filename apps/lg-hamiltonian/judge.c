@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+static const double RELATIVE_LEAST = 1e-8; /* added to a relative error */
+
 double default_tolerance(const lg_hamiltonian *model) {
     return model->potential == LG_POTENTIAL_LINEAR ? 1e-13 : 1e-10;
 }
@@ -144,5 +146,48 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
     free(work.squares);
     free(work.status);
     lg_model_destroy(learned);
+    return status;
+}
+
+/* ---- relative errors ---- */
+
+/* Geometric mean over the points of one trajectory, as a logarithm; z holds two times what is seen. */
+static lg_status mean_logarithm(const lg_trajectories *test, const double *given, const double *predicted,
+                                double *z, double *work, double *out) {
+    const size_t size = lg_system_observed(test->truth), d = test->state_dim;
+    double sum = 0;
+    for (size_t j = 0; j < test->points; j++) {
+        double difference = 0, total = 0;
+        lg_status status = lg_system_observe(test->truth, given + j * d, z, work);
+        if (status == LG_OK) status = lg_system_observe(test->truth, predicted + j * d, z + size, work);
+        if (status != LG_OK) return status;
+        for (size_t i = 0; i < size; i++) {
+            difference += (z[i] - z[size + i]) * (z[i] - z[size + i]);
+            total += (z[i] + z[size + i]) * (z[i] + z[size + i]);
+        }
+        sum += log(sqrt(difference / total) + RELATIVE_LEAST);
+    }
+    *out = sum / (double)test->points;
+    return LG_OK;
+}
+
+lg_status judge_relative(const lg_trajectories *test, const double *predicted, verdict *out,
+                         lg_error *error) {
+    const size_t block = test->points * test->state_dim;
+    double *z = app_alloc(2 * lg_system_observed(test->truth), sizeof *z), sum = 0, largest = -INFINITY;
+    double *work = app_alloc(lg_system_work_size(test->truth), 1);
+    lg_status status = LG_OK;
+    for (size_t i = 0; status == LG_OK && i < test->count; i++) {
+        double mean = 0;
+        status = mean_logarithm(test, test->data + i * block, predicted + i * block, z, work, &mean);
+        if (status != LG_OK)
+            (void)app_error(error, status, "test trajectory %zu: %s", i, lg_status_sentence(status));
+        sum += mean;
+        largest = fmax(largest, mean);
+    }
+    out->relative = exp(sum / (double)test->count);
+    out->relative_worst = exp(largest);
+    free(z);
+    free(work);
     return status;
 }

@@ -1,16 +1,53 @@
 /* Training a learned Hamiltonian: what `train`, `study` and `demo` have in common. */
 #include "lg-hamiltonian/learning.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { STREAM_WEIGHTS = 1, ERROR_CHUNK = 128 };
+enum { STREAM_WEIGHTS = 1 };
+
+/* Preset, option, value; family (NULL: any) and its least n. Later rows replace earlier ones; what stands
+ * in no row has its own default. */
+static const struct {
+    const char *preset, *option, *value, *family;
+    uint32_t least;
+} preset_rows[] = {
+    {"thesis", "method", "adam", NULL, 0},       {"thesis", "hidden", "100,100,100", NULL, 0},
+    {"thesis", "epochs", "100", NULL, 0},        {"thesis", "prior", "0", NULL, 0},
+    {"thesis", "scaled", "no", NULL, 0},         {"best", "method", "ssbroyden", NULL, 0},
+    {"best", "hidden", "20,20", NULL, 0},        {"best", "epochs", "2000", NULL, 0},
+    {"best", "prior", "0.3", NULL, 0},           {"best", "integrator", "blanes-moan", "separable", 0},
+    {"best", "scaled", "yes", "chain", 0},       {"best", "hidden", "20", "chain", 3},
+    {"best", "integrator", "rkmk5", "chain", 3},
+};
+
+lg_status learner_preset(const app *self, const char *preset, const lg_hamiltonian_family *family, uint32_t n,
+                         lg_hamiltonian_run *run) {
+    lg_status found = LG_NOT_FOUND;
+    for (size_t i = 0; i < LG_COUNT(preset_rows); i++) {
+        const char *option = preset_rows[i].option, *of = preset_rows[i].family;
+        if (strcmp(preset_rows[i].preset, preset) != 0) continue;
+        found = LG_OK;
+        const bool fits = (of == NULL || strcmp(of, family->name) == 0) && n >= preset_rows[i].least;
+        if (!fits || (self != NULL && app_given(self, option))) continue;
+        (void)lg_hyperparameter_set(lg_hyperparameter_find(lg_hamiltonian_hyperparameters, option),
+                                    preset_rows[i].value, run, NULL);
+    }
+    /* The starts are too many for a dense matrix. */
+    const bool dense = strcmp(preset, "best") == 0 && run->starts == LG_START_ESTIMATED;
+    if (dense && (self == NULL || !app_given(self, "method")))
+        (void)lg_fit_plan_parse("lbfgs", &run->training.plan, NULL);
+    return found;
+}
 
 lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error) {
     const lg_mlp net = run->model.net;
+    const lg_symmetry symmetry = run->model.symmetry;
     const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->n, run->model.potential,
                                                  net.width + 1, net.layers - 1, net.activation);
     if (status != LG_OK) return app_error(error, status, "a network of this size cannot be made");
+    run->model.symmetry = symmetry;
     memcpy(run->system, data->system, sizeof run->system);
     memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
     run->trajectories = data->count;
@@ -26,6 +63,11 @@ static lg_hamiltonian_problem problem_of(const learner *self, const lg_trajector
                                     .substeps = run->substeps,
                                     .penalty = run->penalty,
                                     .penalty_form = run->penalty_form,
+                                    .penalty_integral = lg_first_integral_at(run->penalty_integral),
+                                    .penalty_copy = run->penalty_copy,
+                                    .penalty_points = run->penalty_points,
+                                    .distance = run->distance,
+                                    .starts = run->starts,
                                     .trajectories = data->count,
                                     .points = data->points,
                                     .dt = data->dt,
@@ -40,13 +82,17 @@ lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *ru
     lg_status status = lg_hamiltonian_problem_check(&out->problem, error);
     if (status != LG_OK) return status;
     lg_hamiltonian_fit_problem(&out->problem, &out->fit_problem);
-    double *theta = app_alloc(lg_hamiltonian_parameters(&out->run.model), sizeof *theta);
+    double *theta = app_alloc(out->fit_problem.parameters, sizeof *theta);
     lg_rng rng;
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     lg_hamiltonian_initialise(&out->run.model, &rng, theta);
+    if (run->scaled) status = lg_hamiltonian_scale(context, &out->problem, theta, NULL);
     lg_fit_options chosen = *options;
     lg_training_apply(&out->run.training, &chosen);
-    status = lg_fit_create(context, &out->fit_problem, &chosen, theta, &out->fit, error);
+    if (status == LG_OK)
+        status = lg_fit_create(context, &out->fit_problem, &chosen, theta, &out->fit, error);
+    else
+        (void)app_error(error, status, "%s", lg_status_sentence(status));
     free(theta);
     return status;
 }
@@ -56,41 +102,56 @@ void learner_destroy(learner *self) {
     self->fit = NULL;
 }
 
-/* The sum of squares over all samples, chunk by chunk on one tape, as parts of one batch: their sum is the
- * mean. */
-static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
-    uint32_t samples[ERROR_CHUNK];
-    *sum = 0;
-    for (size_t first = 0; first < fit->samples; first += ERROR_CHUNK) {
-        const size_t left = fit->samples - first, count = left < ERROR_CHUNK ? left : ERROR_CHUNK;
-        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
-        lg_tape_reset(tape);
-        lg_var loss, parameters = lg_parameter(tape, lg_shape1((uint32_t)fit->parameters), theta);
-        lg_status status = fit->loss(fit->user, tape, parameters, samples, count, fit->samples, &loss);
-        double part = 0;
-        if (status == LG_OK) status = lg_read(tape, loss, 1, &part);
-        if (status != LG_OK) return status;
-        *sum += part;
+double unchanged_error(const lg_hamiltonian_problem *problem) {
+    const size_t d = lg_hamiltonian_state_dim(problem->model), m = problem->points;
+    double sum = 0;
+    for (size_t i = 0; i < problem->trajectories; i++) {
+        const double *start = problem->data + i * m * d;
+        for (size_t j = d; j < m * d; j++) sum += (start[j] - start[j % d]) * (start[j] - start[j % d]);
     }
-    return LG_OK;
+    return sum / ((double)problem->trajectories * (double)(m - 1) * (double)d);
 }
 
-lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
-                             const double *theta, double *out, lg_error *error) {
-    lg_hamiltonian_problem plain = *problem;
-    plain.penalty = 0;
-    lg_fit_problem fit;
-    lg_hamiltonian_fit_problem(&plain, &fit);
-    lg_tape *tape = NULL;
-    lg_status status = lg_tape_create(context, NULL, &tape);
-    if (status == LG_OK) {
-        status = add_chunks(tape, &fit, theta, out);
-        if (status != LG_OK) (void)app_error(error, status, "%s", lg_tape_message(tape));
-    } else {
-        (void)app_error(error, status, "%s", lg_status_sentence(status));
+/* ---- the truncation floor ---- */
+
+/* A floor below this is rounding. */
+static const double rounding_floor = 1e-30, near_floor = 3.0;
+
+/* Explicit, without error estimate, on the same space; a splitting in place of a splitting. */
+static bool replaces(const lg_scheme *old, const lg_scheme *scheme) {
+    const lg_scheme_kind kind = scheme->kind;
+    const bool splits = old->kind == LG_SCHEME_SPLITTING;
+    const bool explicit_kind = kind == LG_SCHEME_RKMK || kind == LG_SCHEME_COMMUTATOR_FREE;
+    return scheme->order > old->order && scheme->embedded_order == 0 && scheme->ambient == old->ambient &&
+           (splits ? kind == LG_SCHEME_SPLITTING : explicit_kind);
+}
+
+/* The one of the highest order that replaces the problem's scheme, of several the one with most stages, which
+ * has the least error; NULL: none. */
+static const lg_scheme *better_scheme(const lg_hamiltonian_problem *problem) {
+    const lg_scheme *best = NULL;
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        lg_hamiltonian_problem other = *problem;
+        other.scheme = lg_scheme_at(i);
+        if (!replaces(problem->scheme, other.scheme) || lg_hamiltonian_problem_check(&other, NULL) != LG_OK)
+            continue;
+        if (best == NULL || other.scheme->order > best->order ||
+            (other.scheme->order == best->order && other.scheme->stages > best->stages))
+            best = other.scheme;
     }
-    lg_tape_destroy(tape);
-    return status;
+    return best;
+}
+
+void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, double loss, double floor) {
+    const lg_scheme *scheme = problem->scheme, *better = better_scheme(problem);
+    if (!(loss <= near_floor * floor) || floor < rounding_floor) return;
+    app_warn(self,
+             "the loss %.3g is near the floor %.3g, the error of %s with %u step%s between two points: more "
+             "training fits this error; use --substeps %u (floor about %.1g)%s%s",
+             loss, floor, scheme->name, problem->substeps, problem->substeps == 1 ? "" : "s",
+             2 * problem->substeps, ldexp(floor, -2 * scheme->order),
+             better != NULL ? " or a scheme of higher order, --integrator " : "",
+             better != NULL ? better->name : "");
 }
 
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data) {

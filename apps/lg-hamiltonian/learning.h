@@ -24,6 +24,7 @@ typedef struct sampling {
     size_t trajectories, points; /* N, M */
     double t_end, noise;
     lg_noise noise_kind;
+    bool noise_first;
     uint64_t seed;
 } sampling;
 /* Trajectories of the scene's system from random starts as the scene's `starts` say; energies of the starts
@@ -39,6 +40,12 @@ typedef struct learner {
     lg_fit *fit;
 } learner;
 
+/* Settings under a name: "thesis", published, or "best", ours by measurement (docs/reports/training.md and
+ * chains.md). Sets what is not given on the command line; `app` NULL: everything. LG_NOT_FOUND: no such
+ * name. */
+#define LEARNER_PRESETS "thesis", "best"
+lg_status learner_preset(const app *app, const char *preset, const lg_hamiltonian_family *family, uint32_t n,
+                         lg_hamiltonian_run *run);
 /* Completes a run whose hyperparameters are set: what the data determine, and the model. */
 lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error);
 /* `run` is copied, `data` borrowed. `options` holds what is free to differ between runs (threads, callbacks,
@@ -47,10 +54,10 @@ lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *ru
                          const lg_trajectories *data, const lg_fit_options *options, learner *out,
                          lg_error *error);
 void learner_destroy(learner *self);
-/* Mean over all trajectories, coordinates and points but the first of (predicted - given)^2, in double
- * precision. */
-lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
-                             const double *theta, double *out, lg_error *error);
+/* The mean squared error of the prediction that nothing changes: each point is the first one. */
+double unchanged_error(const lg_hamiltonian_problem *problem);
+/* When the loss is within 3 times the floor: says which loss, which floor, and what to change. */
+void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, double loss, double floor);
 /* Learned systems are autonomous: says so when the data come with inputs. */
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data);
 
@@ -71,6 +78,7 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
 
 typedef struct verdict {
     double e1, e2; /* e2 is NaN when the energies of the starts are unknown */
+    double relative, relative_worst;
 } verdict;
 /* E1: mean over trajectories, coordinates and points, the first included, of the squared difference; both
  * flows integrated accurately. E2: mean |d - mean d|, d = H - H_Theta at the starts. `predicted` (N, M, d)
@@ -78,6 +86,10 @@ typedef struct verdict {
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error);
+/* Relative errors r = |z - z'|/|z + z'| + 1e-8 of what is seen (lg_system_observe) of given and predicted
+ * states: the geometric mean over all points, the first included, into `relative`; the largest geometric mean
+ * of a trajectory into `relative_worst`. test->truth must be known. Errors: those of lg_system_observe. */
+lg_status judge_relative(const lg_trajectories *test, const double *predicted, verdict *out, lg_error *error);
 /* Writes a finite verdict and what the test set was into the model file at `path`, which holds this run and
  * theta; all else in it stays. */
 lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
@@ -88,6 +100,7 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
 /* Each reports where the picture went; a missing gnuplot is only a warning. */
 /* True (may be NULL) and predicted (n, points, d) at times t (points): links on the sphere in space; of one
  * degree of freedom the phase portrait, q and p against t; else q_1 against q_2. `title` holds no quotes. */
+enum { SHOWN_TRAJECTORIES = 10 }; /* unless more are asked for */
 lg_status draw_trajectories(const app *app, const char *picture, const char *title,
                             const lg_hamiltonian *model, const double *t, const double *truth,
                             const double *predicted, size_t n, size_t points, lg_error *error);

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-enum { SHOWN_TRAJECTORIES = 10, PANELS_IN_ROW = 3, TITLE_HEIGHT = 30 };
+enum { PANELS_IN_ROW = 3, TITLE_HEIGHT = 30 };
 
 static lg_status begin(app_plot *plot, const char *picture, int width, int height, lg_error *error) {
     const lg_status status = app_plot_begin(plot, picture, width, height);
@@ -125,7 +125,6 @@ lg_status draw_trajectories(const app *self, const char *picture, const char *ti
     const size_t count = space ? links : phase ? LG_COUNT(phase_panels) : LG_COUNT(plane_panels);
     const lg_status status = begin_panels(&plot, picture, count, count > 1 ? 520 : 700, title, error);
     if (status != LG_OK) return status;
-    if (n > SHOWN_TRAJECTORIES) n = SHOWN_TRAJECTORIES;
     curves of = {.parts = space ? links : 1};
     if (truth != NULL) of.true_blocks = put_blocks(&plot, model, t, truth, n, points);
     of.predicted_blocks = put_blocks(&plot, model, t, predicted, n, points);

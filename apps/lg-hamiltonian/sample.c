@@ -34,13 +34,16 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
     options.t_end = how->t_end;
     options.noise = how->noise;
     options.noise_kind = how->noise_kind;
+    options.noise_first = how->noise_first;
     options.starts = scene->starts;
     options.low = scene->low;
     options.high = scene->high;
+    options.ahead = scene->ahead;
     options.segments = scene->segments > 0 ? scene->segments : 1;
     options.seed = how->seed;
     status = lg_generate_trajectories(context, scene->system, &options, data.t, data.data, data.hamiltonian,
                                       error);
+    if (status == LG_OK) status = lg_trajectories_set_truth(&data, scene->system);
     if (status == LG_OK)
         *out = data;
     else

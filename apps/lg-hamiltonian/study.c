@@ -55,9 +55,18 @@ static void set_protocol(const lg_grid *grid, study_plan *plan) {
     (void)fprintf(text, "; %d %d %d %d %d %u %u %u %llu", (int)run->model.net.activation,
                   (int)run->model.potential, (int)how->dtype, (int)grid->noise_kind, (int)run->penalty_form,
                   how->shards, grid->test_trajectories, grid->test_points, (unsigned long long)grid->seed);
-    /* Grids of earlier versions had neither key. */
+    /* Grids of earlier versions had none of these keys. */
     if (how->schedule != LG_SCHEDULE_STEP || how->validation > 0)
         (void)fprintf(text, "; %d %.17g", (int)how->schedule, how->validation);
+    if (run->scaled || scene->ahead > 0) (void)fprintf(text, "; %d %.17g", run->scaled, scene->ahead);
+    if (run->penalty_integral > 0 || run->penalty_copy > 0 || run->penalty_points.count > 0) {
+        const lg_penalty_points *points = &run->penalty_points;
+        (void)fprintf(text, "; %u %u", run->penalty_integral, run->penalty_copy);
+        for (uint32_t i = 0; i < points->count; i++) (void)fprintf(text, " %u", points->at[i]);
+    }
+    if (run->model.symmetry != LG_SYMMETRY_NONE)
+        (void)fprintf(text, "; symmetry %d", (int)run->model.symmetry);
+    if (run->distance != LG_DISTANCE_AMBIENT) (void)fprintf(text, "; distance %d", (int)run->distance);
     (void)fclose(text);
     study_set_protocol(plan, memory.text);
     free(memory.text);
@@ -122,7 +131,7 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
                                  lg_error *error) {
     const lg_context *context = self->context;
     learner learned;
-    verdict result = {0, 0};
+    verdict result = {.e1 = 0};
     lg_status status = describe_run(data, &run, error);
     if (status != LG_OK) return status;
     lg_fit_options options = train_fit_options(self, &run.training);
@@ -136,7 +145,8 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
     double *theta = app_alloc(lg_hamiltonian_parameters(&run.model), sizeof *theta);
     lg_fit_parameters(learned.fit, theta);
     if (status == LG_OK)
-        status = mean_squared_error(context, &learned.problem, theta, &row->result[STUDY_LOSS], error);
+        status = lg_hamiltonian_mean_squared_error(context, &learned.problem, theta, &row->result[STUDY_LOSS],
+                                                   error);
     if (status == LG_OK)
         status = judge(context, threads, &run.model, theta, test, default_tolerance(&run.model), NULL,
                        &result, error);
@@ -155,12 +165,14 @@ static lg_status do_run(void *user, const app *self, const study_plan *plan, uin
                                grid->t_end,
                                number_at(plan, row, AXIS_EPS),
                                grid->noise_kind,
+                               false,
                                row->seed};
     const sampling testing = {grid->test_trajectories,
                               grid->test_points,
                               1,
                               0,
                               LG_NOISE_NORMAL,
+                              false,
                               study_seed(plan->seed, row->repeat, SEED_TEST)};
     lg_scene test_scene = grid->scene;
     test_scene.segments = 1;

@@ -17,7 +17,25 @@ static const app_option options[] = {
     APP_ROW_END};
 
 static lg_hamiltonian_run run; /* all that determines the result */
-static const app_settings settings[] = {{lg_hamiltonian_hyperparameters, &run, sizeof run}, {.rows = NULL}};
+static uint32_t preset_given;
+
+static const char *preset_name(uint32_t value) {
+    static const char *const names[] = {LEARNER_PRESETS};
+    return value < LG_COUNT(names) ? names[value] : NULL;
+}
+
+static const lg_hyperparameter preset_rows[] = {
+    {.name = "preset",
+     .type = LG_HYPER_NAME,
+     .size = sizeof preset_given,
+     .value_name = preset_name,
+     .otherwise = "best; thesis where Adam is asked for",
+     .meaning = "Source of options that are not given: the published settings or ours"},
+    LG_HYPERPARAMETER_END};
+
+static const app_settings settings[] = {{lg_hamiltonian_hyperparameters, &run, sizeof run},
+                                        {preset_rows, &preset_given, sizeof preset_given},
+                                        {.rows = NULL}};
 
 typedef struct training {
     lg_trajectories data;
@@ -30,8 +48,17 @@ typedef struct training {
 static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
     training *state = user;
     lg_error error = {LG_OK, ""};
-    const lg_status status = lg_trajectories_read(self->context, path, NULL, &state->data, &error);
+    lg_read_options reading;
+    lg_read_options_init(&reading);
+    reading.project_starts = app_given(self, "starts") || train_given_files.resume != NULL;
+    const lg_status status = lg_trajectories_read(self->context, path, &reading, &state->data, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    if (state->data.starts_off > 1e-6 && run.starts == LG_START_MEASURED)
+        app_warn(
+            self,
+            "%s: first points were off the manifold by up to %.2g and are brought back; --starts estimated "
+            "takes them as unknown",
+            path, state->data.starts_off);
     warn_of_inputs(self, path, &state->data);
     memcpy(sha256, state->data.sha256, LG_SHA256_TEXT);
     return APP_EXIT_OK;
@@ -39,13 +66,20 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
 
 static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
     const training *state = user;
-    if (stored == NULL && !app_given(self, "integrator"))
-        run.scheme = lg_scheme_find(state->data.family->scheme);
+    if (stored == NULL) {
+        const char *preset = app_given(self, "preset")              ? preset_name(preset_given)
+                             : train_asks_adam(self, &run.training) ? "thesis"
+                                                                    : "best";
+        if (!app_given(self, "integrator")) run.scheme = lg_scheme_find(state->data.family->scheme);
+        (void)learner_preset(self, preset, state->data.family, state->data.n, &run);
+    }
     return describe_run(&state->data, &run, error);
 }
 
 static int prepare(void *user, app *self) {
     const training *state = user;
+    if (given.newton && run.starts == LG_START_ESTIMATED)
+        return app_usage(self, "--newton: is not for --starts estimated");
     if (given.newton && lg_hamiltonian_parameters(&run.model) > LG_NEWTON_MAX_PARAMETERS)
         return app_usage(self, "--newton: the model has %zu parameters, at most %d are possible",
                          lg_hamiltonian_parameters(&run.model), LG_NEWTON_MAX_PARAMETERS);
@@ -89,10 +123,20 @@ static void report(const training *state, const train_session *session, double l
         return;
     }
     (void)printf(
-        "%s: %zu parameters, %llu epochs with %s, mean squared error %.3e (%.4f s an epoch, %.1f s in all)\n",
+        "%s: %zu parameters, %llu epochs with %s, mean squared error %.3e, floor %.1e (%.4f s an epoch, "
+        "%.1f s in all)\n",
         train_given_files.out, lg_hamiltonian_parameters(&run.model),
-        (unsigned long long)lg_fit_epochs_done(session->fit), run.scheme->name, loss,
+        (unsigned long long)lg_fit_epochs_done(session->fit), run.scheme->name, loss, session->floor,
         lg_fit_seconds_per_epoch(session->fit), session->seconds);
+}
+
+static lg_status find_floor(const training *state, train_session *session, const double *theta, double loss,
+                            lg_error *error) {
+    const lg_hamiltonian_problem *problem = &state->learner.problem;
+    const lg_status status =
+        lg_hamiltonian_floor(session->app->context, problem, theta, &session->floor, error);
+    if (status == LG_OK) warn_of_floor(session->app, problem, loss, session->floor);
+    return status;
 }
 
 static int finish(void *user, train_session *session) {
@@ -100,13 +144,19 @@ static int finish(void *user, train_session *session) {
     const app *self = session->app;
     const learner *learned = &state->learner;
     lg_error error = {LG_OK, ""};
-    double loss = 0, *theta = app_alloc(lg_hamiltonian_parameters(&run.model), sizeof *theta);
+    double loss = 0, *theta = app_alloc(learned->fit_problem.parameters, sizeof *theta);
     lg_fit_parameters(learned->fit, theta);
     lg_status status = LG_OK;
     if (given.newton && lg_fit_finished(learned->fit))
         status = lg_newton_fit(self->context, &learned->fit_problem, NULL, theta, &state->newton);
-    if (status == LG_OK) status = mean_squared_error(self->context, &learned->problem, theta, &loss, &error);
+    if (status == LG_OK)
+        status = lg_hamiltonian_mean_squared_error(self->context, &learned->problem, theta, &loss, &error);
     if (status == LG_OK && !isfinite(loss)) status = LG_NOT_FINITE;
+    if (status == LG_OK) status = find_floor(state, session, theta, loss, &error);
+    const int judged = status == LG_OK
+                           ? train_judge(session, "mean squared error", loss, "a state that does not change",
+                                         unchanged_error(&learned->problem))
+                           : APP_EXIT_OK;
     int code = status == LG_OK
                    ? APP_EXIT_OK
                    : app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
@@ -117,24 +167,33 @@ static int finish(void *user, train_session *session) {
     free(theta);
     if (code == APP_EXIT_OK) code = train_draw(session);
     if (code == APP_EXIT_OK) report(state, session, loss);
-    return code;
+    return code == APP_EXIT_OK ? judged : code;
 }
 
 /* ---- the command ---- */
 
+static const char *const sizes[] = {"8,8", "12,12", "16,16", "20,20", "32,32", "48,48", NULL};
+
+static size_t parameters(void *user) {
+    (void)user;
+    return lg_hamiltonian_parameters(&run.model);
+}
+
+static training state;
+static const train_task task = {.kind = &lg_run_hamiltonian,
+                                .settings = settings,
+                                .training = &run.training,
+                                .user = &state,
+                                .read = read_data,
+                                .describe = describe,
+                                .prepare = prepare,
+                                .create = create,
+                                .release = release,
+                                .finish = finish,
+                                .parameters = parameters,
+                                .sizes = sizes};
+
 static int run_train(app *self) {
-    training state;
-    memset(&state, 0, sizeof state);
-    const train_task task = {.kind = &lg_run_hamiltonian,
-                             .settings = settings,
-                             .training = &run.training,
-                             .user = &state,
-                             .read = read_data,
-                             .describe = describe,
-                             .prepare = prepare,
-                             .create = create,
-                             .release = release,
-                             .finish = finish};
     const int code = train_main(self, &task);
     lg_trajectories_destroy(&state.data);
     return code;
@@ -144,12 +203,14 @@ const app_command train_command = {
     .name = "train",
     .arguments = "DATA.h5",
     .summary = "Fit a Hamiltonian to trajectories",
-    .details = "Loss: the mean squared difference over trajectories, coordinates and points (the first "
-               "excluded) between the data and the integrator's prediction with the learned Hamiltonian; "
-               "with --penalty, plus the penalty. The `loss` reported is this mean squared error (no "
-               "penalty) over all trajectories of the file, in double precision, at the parameters that are "
-               "written; `running_loss` is the last epoch's mean over its batches.\n\nCtrl-C saves a "
-               "checkpoint and ends with exit code 130; --resume continues to the same bits.",
+    .details =
+        "Loss: the mean squared difference over trajectories, coordinates and points (the first "
+        "excluded) between the data and the integrator's prediction with the learned Hamiltonian; "
+        "with --penalty, plus the penalty. The `loss` reported is this mean squared error (no "
+        "penalty) over all trajectories of the file, in double precision, at the parameters that are "
+        "written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
+        "error that the integrator's steps make, estimated with half the steps.\n\nCtrl-C saves a "
+        "checkpoint and ends with exit code 130; --resume continues to the same bits.",
     .options = options,
     .values = &given,
     TRAIN_SHARED,

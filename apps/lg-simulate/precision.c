@@ -16,8 +16,15 @@ enum { REPEATS = 200, CURVES = 32 };
 /* Those of the default that apply are taken. */
 static const char *const on_manifolds[] = {"rk4", "dp54", "rk4-projected", "lie-euler", "rkmk4",
                                            "cf4", "cf43", "slgi",          "rkmk54"};
-static const char *const on_rn[] = {
-    "euler", "implicit-euler", "symplectic-euler", "midpoint", "stormer-verlet", "rk4", "dp54"};
+static const char *const on_rn[] = {"euler",
+                                    "implicit-euler",
+                                    "symplectic-euler",
+                                    "midpoint",
+                                    "stormer-verlet",
+                                    "forest-ruth",
+                                    "blanes-moan",
+                                    "rk4",
+                                    "dp54"};
 
 typedef struct point {
     size_t steps, rejected, evaluations;

@@ -61,8 +61,34 @@ typedef struct lg_detector_problem {
     const lg_detector *model;
     const lg_detector_data *data;
     size_t training;
+    uint64_t seed; /* of the weights with which a network that died starts again */
 } lg_detector_problem;
+/* With lg_fit_options.restarts, a network that died (below) starts again with the weights of
+ * lg_detector_initialise. */
 LG_API void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out);
+/* Weights by LG_INIT_FAN_IN: draw number `restart` (0: the first) of one generator with this seed. */
+LG_API void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint64_t restart, double *theta);
+
+/* ---- dead units ---- */
+
+/* A unit is a number of the plane, or an output channel of a convolution at all its times, after activation
+ * and pooling. It is constant when its least and largest value over all training windows differ by at most
+ * 1e-6 max(1, |value|): what is behind it learns nothing of the window from it. Zero: constant, and all
+ * values are 0, as those of a ReLU whose argument is never positive; then its own weights have no gradient
+ * either. Where all units of a layer are constant, the output is, too, and the network has died: it gives
+ * every window the same class, and training cannot change that. */
+#define LG_DETECTOR_MAX_LAYERS (LG_CNN_MAX_BLOCKS + 1)
+typedef struct lg_detector_units {
+    uint32_t layers; /* the convolutions, then the plane where there is one; the output is none of them */
+    struct {
+        uint32_t units, constant, zero;
+    } layer[LG_DETECTOR_MAX_LAYERS];
+    bool died; /* false for a single training window */
+} lg_detector_units;
+/* Counts the units for theta (lg_cnn_parameters), in the type of the data. Errors: LG_OUT_OF_MEMORY, the
+ * tape's. */
+LG_API lg_status lg_detector_count_units(const lg_detector_problem *problem, const double *theta,
+                                         lg_detector_units *out);
 
 /* Settings for levels of the sensors' noise: those published for the subsea well ("thesis"), and our own
  * ("best"). Our own include one for data of unknown noise. */

@@ -2,8 +2,8 @@
  * loss and evaluation on a tape. liegrad/model.h evaluates a trained Hamiltonian in a control loop.
  *
  * Every Hamiltonian has a function V and terms of its family. V is an MLP whose last layer has no bias, or
- * linear with one weight a coordinate. A family is a row, lg_hamiltonian_family; lg_hamiltonian_family_at
- * lists them, and docs/adding.md adds one. Two of them:
+ * linear with one weight a coordinate, or linear in a dictionary of functions. A family is a row,
+ * lg_hamiltonian_family; lg_hamiltonian_family_at lists them, and docs/adding.md adds one. Two of them:
  *
  * - "chain", n links on (T*S^2)^n, state q_1, p_1, ..., q_n, p_n (6n numbers):
  *   H = 1/2 p^T M(q)^{-1} p + V(q), M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I, P_i = I - q_i q_i^T,
@@ -36,8 +36,17 @@
 
 LG_BEGIN_DECLS
 
-typedef enum lg_potential_kind { LG_POTENTIAL_MLP, LG_POTENTIAL_LINEAR } lg_potential_kind;
-#define LG_POTENTIAL_KIND_COUNT 2
+/* V of the coordinates x (d): an MLP; linear; or a dictionary, linear in functions of x, whose order is
+ *   x_i, x_i^2, x_i^3, x_i^4, sin x_i, cos x_i, each for i = 1..d, then x_i x_j for i < j. */
+typedef enum lg_potential_kind {
+    LG_POTENTIAL_MLP,
+    LG_POTENTIAL_LINEAR,
+    LG_POTENTIAL_DICTIONARY
+} lg_potential_kind;
+#define LG_POTENTIAL_KIND_COUNT 3
+
+/* With a network or dictionary N: V(x) = N(x), (N(x) + N(-x))/2 or (N(x) - N(-x))/2. */
+typedef enum lg_symmetry { LG_SYMMETRY_NONE, LG_SYMMETRY_EVEN, LG_SYMMETRY_ODD } lg_symmetry;
 
 #define LG_HAMILTONIAN_MAX_COPIES 32  /* n */
 #define LG_HAMILTONIAN_MAX_POINTS 512 /* points of a training trajectory */
@@ -51,7 +60,10 @@ typedef struct lg_hamiltonian {
     const lg_hamiltonian_family *family;
     uint32_t n; /* copies of the family's factors: links of a chain, degrees of freedom */
     lg_potential_kind potential;
-    lg_mlp net; /* V: family->inputs n -> hidden -> 1; without hidden layers for the linear potential */
+    lg_symmetry symmetry; /* of V: none after lg_hamiltonian_init, may be set then */
+    lg_mlp
+        net; /* of family->inputs n coordinates or the dictionary's functions -> hidden -> 1; only an MLP has
+                 * hidden layers */
 } lg_hamiltonian;
 
 /* Variables that depend on theta alone and serve all rows of a batch. lg_hamiltonian_bind makes them once.
@@ -138,7 +150,7 @@ LG_API lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part
 /* ---- description ---- */
 
 /* Errors: LG_INVALID_ARGUMENT (n outside 1..LG_HAMILTONIAN_MAX_COPIES, a hidden width of 0, too many layers,
- * no family). `hidden` is ignored for the linear potential. */
+ * no family). `hidden` is for an MLP alone. */
 LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                                      lg_potential_kind potential, const uint32_t *hidden,
                                      uint32_t hidden_layers, lg_activation activation);
@@ -159,10 +171,53 @@ LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *
 
 /* ---- training ---- */
 
-/* First-integral penalty: G = (q_1^2 + p_1^2)/2 of the coupled oscillators. MEAN_SQUARE: mu times the mean
- * over the batch of sum_j (G(y_j) - G(x))^2 over the predicted points. SUM_ABSOLUTE: mu times the sum over
- * the batch of sum_j |2 G(y_j) - 2 G(x)|, where 2 G = q_1^2 + p_1^2. */
+/* A function G of the state that the true system is known to conserve, beside its energy. */
+typedef struct lg_first_integral {
+    const char *name;                    /* "vertical-angular-momentum" */
+    const char *formula;                 /* in words */
+    const lg_hamiltonian_family *family; /* whose states it takes; NULL: any */
+    uint32_t n;                          /* it is for so many copies only; 0: for any number */
+    bool numbered;                       /* it is that of one copy, j */
+    /* Records G (B, 1) of the parts y; j counts from 0. Failures stick to the tape. */
+    lg_var (*record)(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j, const lg_var *y);
+    void *user; /* first argument of record */
+} lg_first_integral;
+
+/* The table (src/models/hamiltonian_integrals.c):
+ *   oscillator                  (q_j^2 + p_j^2)/2, both of separable systems in which (q_j, p_j) is not
+ *   anharmonic                  (q_j^2 + p_j^2)/2 + q_j^4/4, coupled to the rest
+ *   angular-momentum            q_1 p_2 - q_2 p_1 of two degrees of freedom, for K and V that do not change
+ *                               when the plane turns
+ *   vertical-angular-momentum   sum_i e3.(q_i x p_i) of chains under gravity along e3 */
+LG_API size_t lg_first_integral_count(void);
+LG_API const lg_first_integral *lg_first_integral_at(size_t index);       /* NULL beyond */
+LG_API const lg_first_integral *lg_first_integral_find(const char *name); /* NULL: none */
+/* Whether it takes the states of the model. */
+LG_API bool lg_first_integral_fits(const lg_first_integral *integral, const lg_hamiltonian *model);
+
+/* First-integral penalty. MEAN_SQUARE: mu times the mean over the batch of sum_j (G(y_j) - G(x))^2 over
+ * predicted points. SUM_ABSOLUTE: mu times the sum over the batch of sum_j |2 G(y_j) - 2 G(x)|. */
 typedef enum lg_penalty_form { LG_PENALTY_MEAN_SQUARE, LG_PENALTY_SUM_ABSOLUTE } lg_penalty_form;
+
+/* The points j of these sums, 2..M where x is point 1; none listed: all. Increasing. */
+#define LG_PENALTY_POINTS 16
+typedef struct lg_penalty_points {
+    uint32_t count, at[LG_PENALTY_POINTS];
+} lg_penalty_points;
+
+/* The distance d of predicted and given points in the loss, the mean of d^2 over (batch, d, M - 1).
+ * AMBIENT: |y - z| in R^d.
+ * GEODESIC, on each T*S^2, between (q, p) and (q', p'): d^2 = theta^2 + |P p - p'|^2, theta the angle between
+ * q and q', P the parallel transport along the geodesic from q to q', P p = p - (q'.p)/(1 + q.q') (q + q').
+ * This is the length of the path that goes from q to q' with p carried along and then from P p to p', in the
+ * metric that T*S^2 has from S^2 (Sasaki's). d^2 is analytic at 0 and as |y - z|^2 there to first order; it
+ * has a kink where q' = -q. Given points are projected to the manifold first. On R^n it is AMBIENT. */
+typedef enum lg_hamiltonian_distance { LG_DISTANCE_AMBIENT, LG_DISTANCE_GEODESIC } lg_hamiltonian_distance;
+
+/* Where predictions start. MEASURED: at the first points, which are not part of the loss. ESTIMATED, for
+ * first points with noise like the others: at exp(a_i) . y_i1 (liegrad/integrators.h), with an unknown
+ * algebra element a_i a trajectory, and the first points are part of the loss. */
+typedef enum lg_hamiltonian_starts { LG_START_MEASURED, LG_START_ESTIMATED } lg_hamiltonian_starts;
 
 /* A training problem: trajectories (N, M, d) with equidistant points dt apart, and settings. Borrowed
  * data. */
@@ -172,21 +227,56 @@ typedef struct lg_hamiltonian_problem {
     uint32_t substeps;       /* integrator steps between two points, >= 1 */
     double penalty;          /* mu; 0: none */
     lg_penalty_form penalty_form;
+    const lg_first_integral *penalty_integral; /* G, of the table or your own; NULL: the first of the table */
+    uint32_t penalty_copy;                     /* of a numbered G: j, counted from 1; 0 is 1 */
+    lg_penalty_points penalty_points;
+    lg_hamiltonian_distance distance;
+    lg_hamiltonian_starts starts;
     size_t trajectories, points;
     double dt;
     const double *data; /* (N, M, d) in the state's layout */
 } lg_hamiltonian_problem;
 
 /* Errors: LG_INVALID_ARGUMENT (nothing to learn from, points outside 2..LG_HAMILTONIAN_MAX_POINTS, N M above
- * 2^32 - 1, substeps 0, dt or penalty out of range or not finite, no scheme, an unknown penalty_form),
+ * 2^32 - 1, substeps 0, dt or penalty out of range or not finite, no scheme, an unknown penalty_form,
+ * with a penalty: penalty_copy above n, points of it outside 2..M or not increasing),
  * LG_UNSUPPORTED (a scheme that cannot be recorded, a splitting scheme for a family without force and drift,
- * a penalty outside R^d). */
+ * a first integral that does not fit the model, geodesic distances of other spaces than R^n and T*S^2 or with
+ * a scheme that leaves the manifold), an unknown kind of starts or distance. */
 LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error);
 
 /* Fills a training problem for lg_fit: loss = mean squared difference over (batch, d, M - 1) of predicted and
- * given points, the initial point excluded, plus the penalty. `problem` is borrowed and must outlive the fit.
- */
+ * given points, the initial point excluded, or that of another distance, plus the penalty.
+ * `problem` is borrowed and must outlive the fit. With estimated starts the mean is over M points, and the
+ * a_i, zero at first, follow the parameters of the model: N algebra_dim more numbers. */
 LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out);
+
+/* That mean squared difference over all trajectories, ambient and without the penalty, in double
+ * precision; not finite where a prediction is not. Errors, with *out untouched: those of
+ * lg_hamiltonian_problem_check and of the integrator. */
+LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
+                                                   const lg_hamiltonian_problem *problem, const double *theta,
+                                                   double *out, lg_error *error);
+/* The truncation floor: what the integrator's own error adds to that mean squared difference when the model
+ * is exact. With y_s the predictions from the given starts with s substeps, and p the order of the scheme,
+ *   floor = (2^p/(2^p - 1))^2 mean (y_s - y_2s)^2
+ * over the same trajectories, components and points: by Richardson's extrapolation the error of y_s is
+ * 2^p/(2^p - 1) (y_s - y_2s) to leading order. Twice the substeps divide the floor by about 2^(2p). A loss
+ * near the floor is about the steps, not about the model. Errors: as above; LG_INVALID_ARGUMENT (2^31
+ * substeps or more). */
+LG_API lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                      const double *theta, double *out, lg_error *error);
+
+/* Multiplies the last layer of V in theta, as drawn by lg_hamiltonian_initialise, by max(1, s^(1/3)). s is
+ * the root mean square of the forces in the data over that of the network: with y' = f + g, g the part of V,
+ *   s^2 = sum (D - f)^2 / sum g^2 over the numbers where g is not 0, at up to 256 starts,
+ * D the difference of the last point and the first over the time. A potential that is far too flat at first
+ * keeps full-batch methods busy with the mass matrix, and they may end in a minimum where V hardly varies;
+ * one that is too steep in the last layer alone takes longer. The power 1/3 is by measurement
+ * (docs/reports/chains.md). `factor` (may be NULL): that number. Errors: those of
+ * lg_hamiltonian_problem_check, LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                      double *theta, double *factor);
 
 /* Settings of Adam for Hamiltonians. The gradient's norm is clipped for this reason: early in a run a nearly
  * singular mass matrix gives gradients a million times larger than those at the end. Adam's second moment

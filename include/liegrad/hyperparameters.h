@@ -28,6 +28,7 @@ typedef enum lg_hyper_type {
     LG_HYPER_NAME,   /* an enumeration, or a bool with two names; a name everywhere */
     LG_HYPER_WHOLES, /* a list of whole numbers through `get` and `put`; commas separate them in a text */
     LG_HYPER_REALS,  /* a list of numbers, likewise */
+    LG_HYPER_PHRASE, /* a value with a text form of its own, through `parse` and `phrase` */
     LG_HYPER_TEXT,   /* char array; a fact about the data, which cannot be set */
     LG_HYPER_SHOWN   /* a text that `show` makes from several members; also a fact */
 } lg_hyper_type;
@@ -47,6 +48,7 @@ typedef struct lg_hyperparameter {
     size_t offset, size; /* of the member in the run */
     double low, high;    /* of each number */
     bool above;          /* low itself is refused */
+    bool adam;           /* it is for Adam alone */
     bool optional;       /* files of earlier versions lack it; the run then has the default for files */
     const char *(*value_name)(uint32_t value); /* FLAG, NAME: NULL beyond the last */
     const void *(*value_at)(uint32_t value);   /* NAME of a pointer into a table: the entry */
@@ -55,6 +57,10 @@ typedef struct lg_hyperparameter {
     void (*put)(void *member, const double *values, uint32_t count);
     uint32_t most;
     void (*show)(const void *run, char *text, size_t size); /* SHOWN */
+    /* PHRASE: from text into the member, untouched on failure; and back, for `form` (what is possible). */
+    lg_status (*parse)(const char *text, void *member, lg_error *error);
+    void (*phrase)(const void *member, char *text, size_t size);
+    const char *form;
     const char *value;     /* the default as text; NULL: `otherwise` says where the default comes from */
     const char *otherwise; /* "the preset's" */
     const char *unit;      /* what --help calls a value; NULL: NAME */

@@ -232,6 +232,8 @@ typedef struct lg_scheme {
  * - dp54: Dormand-Prince 5(4), adaptive
  * Splitting:
  * - symplectic-euler (p first), stormer-verlet
+ * - forest-ruth: Forest and Ruth (1990), order 4, 3 forces a step
+ * - blanes-moan: SRKN_6^b of Blanes and Moan (2002), order 4 with a small error, 6 forces a step
  * Variational:
  * - variational: the integrator of the system
  * Lie group methods. dexpinv is exact, except in lie-heun and rkmk4-2c, which have none (truncation 0):

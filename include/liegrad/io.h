@@ -56,6 +56,7 @@ typedef struct lg_read_options {
     bool probe;
     uint32_t probe_seconds; /* CPU time of the child, default 20 and more for large files */
     uint64_t max_size;      /* largest array in memory, default 8 GiB: beyond it LG_FORMAT */
+    bool project_starts;    /* trajectories: first points off the manifold are brought back to it; false */
 } lg_read_options;
 
 /* Every `const lg_read_options *` may be NULL for these defaults. */
@@ -149,6 +150,8 @@ typedef struct lg_trajectories {
     double *data;                        /* (N, M, d) */
     double *hamiltonian;                 /* (N), energies of the starts, or NULL */
     double *inputs;                      /* (N, M-1, m), or NULL */
+    double starts_off; /* how far first points were off the manifold before they were brought back */
+    lg_system *truth;  /* the system that made them, or NULL: unknown; owned */
     char sha256[LG_SHA256_TEXT]; /* of t, data and inputs as little-endian doubles, one after the other; set
                                      by reader and writer */
     lg_provenance provenance;
@@ -162,11 +165,16 @@ LG_API lg_status lg_trajectories_create(const lg_context *context, const char *s
                                         const lg_hamiltonian_family *family, uint32_t n, size_t count,
                                         size_t points, double t_end, bool with_hamiltonian,
                                         uint32_t input_dim, lg_trajectories *out);
-/* Datasets /t (M), /trajectories (N, M, d), optional /hamiltonian (N) and /inputs (N, M-1, m), any integer or
- * float type. Attributes of the root (or of /trajectories), all optional where they can be derived: `system`,
- * `links` (chains), `layout`. Checked: /t increasing and equidistant (each point within 1e-6 dt and the
- * rounding of its stored type), everything finite, d fits system and links, first points of a chain on T*S^2
- * within 1e-6 (later ones may carry noise). */
+/* A copy of the system that made the data becomes data->truth, in the place of an earlier one. Errors:
+ * LG_INVALID_ARGUMENT (a system of another name, family or size), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_system *system);
+/* Datasets /t (M), /trajectories (N, M, d), optional /hamiltonian (N), /inputs (N, M-1, m) and the
+ * parameters of the system, /parameters/KEY (numbers), any integer or float type. `truth` is made when the
+ * system is known and all its parameters are there. Attributes of the root (or of /trajectories), all
+ * optional where they can be derived: `system`, `links` (chains), `layout`. Checked: /t increasing and
+ * equidistant (each point within 1e-6 dt and the rounding of its stored type), everything finite, d fits
+ * system and links, first points of a chain on T*S^2 within 1e-6 (later ones may carry noise; with
+ * options->project_starts they too). */
 LG_API lg_status lg_trajectories_read(const lg_context *context, const char *path,
                                       const lg_read_options *options, lg_trajectories *out, lg_error *error);
 /* Fills data->sha256. Non-finite data is refused with LG_NOT_FINITE: a file that could not be read back is
@@ -186,6 +194,12 @@ typedef struct lg_hamiltonian_run {
     uint32_t substeps;
     double penalty; /* mu */
     lg_penalty_form penalty_form;
+    uint32_t penalty_integral; /* lg_first_integral_at */
+    uint32_t penalty_copy;     /* from 1; 0 is 1 */
+    lg_penalty_points penalty_points;
+    lg_hamiltonian_distance distance;
+    bool scaled; /* lg_hamiltonian_scale before training */
+    lg_hamiltonian_starts starts;
     lg_training training;
     uint64_t trajectories, points; /* N, M */
     double dt;
@@ -284,8 +298,9 @@ typedef struct lg_surrogate_run {
     lg_surrogate model;
     lg_training training;
     double train_fraction, test_fraction;
-    uint64_t curves; /* n of the data, before the split */
-    bool continuous; /* of the data's values */
+    uint64_t most_curves; /* of the training part that are learned from; 0: all */
+    uint64_t curves;      /* n of the data, before the split */
+    bool continuous;      /* of the data's values */
     char data_sha256[LG_SHA256_TEXT];
 } lg_surrogate_run;
 
@@ -295,6 +310,7 @@ typedef struct lg_surrogate_file {
     double *theta; /* (parameters); stored as training.dtype */
     size_t trained_count;
     double *trained; /* (trained_count, 8): boundary conditions of the training part */
+    double *modes;   /* loaded: the numbers behind run.model.modes; not read by lg_model_save_surrogate */
     bool has_errors;
     double train_mse, test_mse; /* test_mse NaN without a test part */
     size_t epochs_done;
@@ -307,8 +323,9 @@ typedef struct lg_surrogate_file {
  * missing when written by hand: then NULL), attributes `train_mse` and `test_mse` of the root; otherwise like
  * the model files of learned Hamiltonians, with the same laws. A model written by hand needs `kind` and the
  * attributes of /model: `network`, `architecture`, `activation`, `embedding`, `hidden`, `layers`,
- * `normalise`, `mirror`, `boundary`, `intervals`, `length`, `centre`. With a `fit` (may be NULL) its whole
- * state is written in place of the history. */
+ * `normalise`, `mirror`, `boundary`, `intervals`, `length`, `centre`, and for `modes` above 0 the arrays
+ * /model/mean (4(N - 1)) and /model/modes (K, 4(N - 1)): s_k u_k of liegrad/surrogate.h. With a `fit`
+ * (may be NULL) its whole state is written in place of the history. */
 LG_API lg_status lg_model_save_surrogate(const lg_context *context, const char *path,
                                          const lg_surrogate_file *file, const lg_fit *fit, lg_error *error);
 LG_API lg_status lg_model_load_surrogate(const lg_context *context, const char *path,
@@ -386,6 +403,7 @@ typedef struct lg_detector_run {
     lg_training training;
     lg_split split;
     double test_fraction, validation_fraction; /* of the windows; training.validation is 0 */
+    uint32_t restarts;                         /* at most: lg_fit_options.restarts */
     uint64_t windows, window, hop;             /* windows cut from the data; samples */
     char data_sha256[LG_SHA256_TEXT];
 } lg_detector_run;
@@ -535,6 +553,7 @@ typedef struct lg_scene {
     bool has_starts; /* otherwise thesis, 1 segment */
     lg_starts starts;
     double low, high;  /* box: chains p = q x u, u ~ U[low,high]^3; others U[low,high]^d; -1, 1 */
+    double ahead;      /* trajectories begin where their start is after a time of U[0, ahead]; 0 */
     uint32_t segments; /* consecutive trajectories from one start, >= 1 */
     uint32_t line_system, line_form, line_initial,
         line_starts;           /* for the caller's own messages; 0 when absent */
@@ -542,17 +561,17 @@ typedef struct lg_scene {
 } lg_scene;
 
 /* A YAML (or JSON) file. Keys: `system`; `form`; the parameters of the system; `links` where lists have one
- * entry a link (else the lists determine it); `initial` with the parts of the state; `t_end`; `starts` {kind,
- * low, high, segments}; quadrotors: `reference` (parabola). Chains take `omega` or `p` in either form and
- * convert them: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. If the system has the
- * form `form_wanted`, the scene has this form, whatever `form` says. If form_wanted is NULL, the form is
- * `form`, else the first form whose state `initial` gives, else the system's first. A projection is logged as
- * a warning with its line. `out` is overwritten. */
+ * entry a link (else the lists determine it); `initial` with the parts of the state; `t_end`; `starts`
+ * {kind, low, high, segments, ahead}; quadrotors: `reference` (parabola). Chains take `omega` or `p` in
+ * either form and convert them: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. If the
+ * system has the form `form_wanted`, the scene has this form, whatever `form` says. If form_wanted is NULL,
+ * the form is `form`, else the first form whose state `initial` gives, else the system's first. A
+ * projection is logged as a warning with its line. `out` is overwritten. */
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
                                lg_scene *out, lg_error *error);
-/* Draws the start of a scene without `initial` according to `starts`. It is the first start of
- * lg_generate_trajectories with this seed. Errors: LG_INVALID_ARGUMENT (the scene has a start),
- * LG_OUT_OF_MEMORY, those of lg_system_start. */
+/* Draws the start of a scene without `initial` according to `starts`, `ahead` left out. It is the first
+ * start of lg_generate_trajectories with this seed and ahead 0. Errors: LG_INVALID_ARGUMENT (the scene has
+ * a start), LG_OUT_OF_MEMORY, those of lg_system_start. */
 LG_API lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed);
 /* With the context it was read with. Leaves it zeroed; NULL and a zeroed scene are fine. */
 LG_API void lg_scene_destroy(lg_scene *scene);

@@ -111,6 +111,13 @@ LG_API size_t lg_system_work_size(const lg_system *system);
  * where the energy is not defined. */
 LG_API double lg_system_hamiltonian(const lg_system *system, const double *y, double *work);
 
+/* What is seen of a state when it is compared with another one: of a chain the positions x_1, ..., x_k of its
+ * masses, x_i = L_1 q_1 + ... + L_i q_i, then their velocities (6k numbers); of other systems the reported
+ * part of the state. lg_system_observed numbers into `out`, which does not overlap y. Errors: LG_NOT_FINITE
+ * (momenta without a velocity). */
+LG_API size_t lg_system_observed(const lg_system *system);
+LG_API lg_status lg_system_observe(const lg_system *system, const double *y, double *out, double *work);
+
 /* First integrals of the exact flow: "energy" first if the system has one, then those of docs/systems.md. */
 LG_API size_t lg_system_invariants(const lg_system *system);
 LG_API const char *lg_system_invariant_name(const lg_system *system, size_t index); /* NULL beyond */
@@ -209,8 +216,16 @@ LG_API lg_status lg_chain_gradient_extended(const lg_system *system, const doubl
  * so(3)* and se(3)* the state is uniform in a box. */
 typedef enum lg_starts {
     LG_STARTS_THESIS, /* the box is [0, 1]^3 on T*S^2, [-1, 1]^n elsewhere */
-    LG_STARTS_BOX     /* the box is [low, high] in every coordinate */
+    LG_STARTS_BOX,    /* the box is [low, high] in every coordinate */
+    /* Chains of at most LG_PLANE_LINKS links in the plane of e1 and e3, hanging along -e3 on average.
+     * Angles a_i and rates w_i are N(0, 1); nodes x_i = sum_{j <= i} L_j (sin a_j, -cos a_j) and their
+     * velocities v_i, then x_i + .2 N and 3 (.5 v_i + .4 N), brought back to the constraints |x_i -
+     * x_{i-1}| = L_i by Newton's method with steps of least norm in (x, v). After Finzi, Wang, Wilson,
+     * NeurIPS 2020. */
+    LG_STARTS_PLANE
 } lg_starts;
+#define LG_STARTS_COUNT 3
+#define LG_PLANE_LINKS  32
 
 typedef enum lg_noise { LG_NOISE_NORMAL /* eps N(0, 1) */, LG_NOISE_UNIFORM /* eps U(-1, 1) */ } lg_noise;
 
@@ -221,8 +236,10 @@ typedef struct lg_trajectory_options {
     double t_end;        /* T > 0; t_j = j T/(M - 1); 0.1 */
     double noise;        /* eps >= 0; 0 */
     lg_noise noise_kind; /* normal */
+    bool noise_first;    /* false; true: on the first points, too, which then go back to their manifold */
     lg_starts starts;    /* thesis */
     double low, high;    /* of a box, low < high; -1, 1 */
+    double ahead;        /* >= 0: a trajectory begins where its start is after a time of U[0, ahead]; 0 */
     /* s >= 1: each start is followed for s consecutive trajectories of length T; 1. With 3, 900 trajectories
      * come from 300 starts. */
     size_t segments;
@@ -233,15 +250,18 @@ typedef struct lg_trajectory_options {
 LG_API void lg_trajectory_options_init(lg_trajectory_options *options);
 
 /* One random start, space->dim numbers, as `starts`, `low` and `high` of the options say (NULL: the
- * defaults), factor by factor. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (a factor SO(3) or SE(3)). */
+ * defaults), factor by factor. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (a factor SO(3) or SE(3), kind
+ * PLANE). */
 LG_API lg_status lg_space_start(const lg_space *space, const lg_trajectory_options *options, lg_rng *rng,
                                 double *y);
-/* The same on the system's space. lg_generate_trajectories draws its first one from stream 0 of the seed. */
+/* The same on the system's space, PLANE for chains; `ahead` is not used. lg_generate_trajectories draws its
+ * first one from stream 0 of the seed. Errors also: LG_NO_CONVERGENCE. */
 LG_API lg_status lg_system_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
                                  double *y);
 
 /* Samples trajectories with RKMK(5,4) on manifolds and Dormand-Prince 5(4) on R^n. Outputs: t (M),
- * trajectories (N, M, d), hamiltonian (N) = H at each start. Noise is added to all points but the first, in
+ * trajectories (N, M, d), hamiltonian (N) = H at each start. Noise is added to all points but the first (see
+ * noise_first), in
  * ambient coordinates, after the integration. Start and noise of number i depend on (seed, i) only, so the
  * starts are the same for every noise, N, M and T (with segments = 1). `options` NULL: the
  * defaults. Errors, explained in `error` (may be NULL): LG_INVALID_ARGUMENT, LG_UNSUPPORTED (starts),

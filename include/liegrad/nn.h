@@ -1,4 +1,5 @@
-/* Networks over a flat parameter vector, Adam, learning rate schedules, and the training loop.
+/* Networks over a flat parameter vector, Adam, learning rate schedules, and the training loop with its
+ * methods.
  *
  * A network is a small immutable description without pointers. Its parameters are a slice of one flat vector
  * theta, so that an optimiser, a file and a gradient see one array.
@@ -150,7 +151,17 @@ typedef struct lg_fit_problem {
     void *user;
     size_t validation; /* this many samples at the end are the validation part; 0: no such part. Otherwise
                         * lg_fit_options.validation, which draws one at random, must be 0 */
+    /* NULL, or the loss as a sum of squares: records r of the samples, of any shape, so that the sum of r_i^2
+     * is what `loss` gives. For LG_FIT_LM. */
+    lg_status (*residuals)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                           size_t batch, lg_var *r);
+    size_t observations; /* numbers of the training part that the loss is the mean square error of, for the
+                          * prior; 0: unknown, and there is no prior */
     size_t chunk; /* samples on a tape at once, so that their values stay in the cache; 0: LG_FIT_CHUNK */
+    /* May be NULL. *dead: a model with these parameters can learn no more. Then theta gets others to start
+     * from, those of restart `number` >= 1; a pure function of its arguments. May allocate memory. A status
+     * other than LG_OK stops the fit. */
+    lg_status (*revive)(void *user, uint64_t number, double *theta, bool *dead);
 } lg_fit_problem;
 
 /* What a sample is for. */
@@ -159,8 +170,43 @@ typedef enum lg_part { LG_PART_NONE, LG_PART_TRAIN, LG_PART_TEST, LG_PART_VALIDA
 
 typedef struct lg_fit lg_fit;
 
+/* How steps are taken. */
+typedef enum lg_fit_method {
+    LG_FIT_ADAM,      /* batches in a new order in each epoch */
+    LG_FIT_SSBROYDEN, /* liegrad/minimise.h on the loss of all training samples: an epoch is one evaluation */
+    LG_FIT_LBFGS,
+    LG_FIT_LM /* of the problem's residuals; the Jacobian takes a forward sweep a parameter */
+} lg_fit_method;
+#define LG_FIT_METHOD_COUNT 4
+LG_API const char *
+lg_fit_method_name(lg_fit_method method); /* "adam", "ssbroyden", "lbfgs", "lm"; else NULL */
+
+/* Methods one after the other. */
+#define LG_FIT_MAX_PHASES 4
+#define LG_FIT_PLAN_TEXT  128
+typedef struct lg_fit_plan {
+    uint32_t phases; /* 1..LG_FIT_MAX_PHASES; 0: Adam */
+    struct {
+        uint32_t method; /* lg_fit_method */
+        uint32_t epochs; /* >= 1; of the last phase 0: the rest */
+    } phase[LG_FIT_MAX_PHASES];
+} lg_fit_plan;
+/* "ssbroyden", "adam:100,ssbroyden". LG_INVALID_ARGUMENT with a sentence; *out untouched then. */
+LG_API lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error);
+LG_API void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]);
+
+/* Why training is finished. */
+typedef enum lg_fit_end {
+    LG_FIT_RUNNING,
+    LG_FIT_END_EPOCHS,   /* the planned epochs are done */
+    LG_FIT_END_SECONDS,  /* lg_fit_options.seconds are used up */
+    LG_FIT_END_PATIENCE, /* no lower criterion for `patience` epochs */
+    LG_FIT_END_MINIMISER /* the last phase's minimiser came to an end of its own */
+} lg_fit_end;
+
 /* The hyperparameters of lg_fit_options as command lines and files name them. */
 typedef struct lg_training {
+    lg_fit_plan plan;
     lg_dtype dtype;
     uint64_t epochs; /* planned total */
     uint64_t batch;
@@ -169,9 +215,11 @@ typedef struct lg_training {
     uint64_t lr_step; /* step: epochs between two reductions */
     double lr_gamma;  /* step: factor of a reduction; cosine: last factor, in [0, 1] */
     double weight_decay;
+    double prior; /* standard deviation of the weights before any data, 0: not stated */
     double adam_eps;
     double clip;       /* bound on the gradient's norm, 0 none */
     double validation; /* fraction; above 0 the parameters of the best epoch are the result */
+    uint64_t patience; /* epochs without a lower loss of the validation part, 0: no limit */
     uint32_t shards;
     uint64_t seed;
 } lg_training;
@@ -179,35 +227,50 @@ typedef struct lg_training {
 /* After an epoch. */
 typedef struct lg_fit_epoch {
     uint64_t epoch, epochs; /* finished, counted from 1; planned */
-    double loss; /* mean over the batches, weighted by samples, each at the parameters before its step */
+    double loss; /* Adam: mean over the batches, weighted by samples, each at the parameters before its step.
+                  * Other methods: that of all training samples at the lowest point so far, without decay
+                  * and prior */
     double validation; /* loss of the validation part after the epoch; NaN without one */
     double seconds;    /* wall time of the epoch */
-    double rate;       /* learning rate used: lr times the schedule's factor */
+    double rate;       /* learning rate used: lr times the schedule's factor; 0 without Adam */
     bool best;         /* the lowest criterion so far */
 } lg_fit_epoch;
 
 typedef struct lg_fit_options {
     size_t size; /* sizeof(lg_fit_options) */
     /* Hyperparameters: saved, and must be equal on load. */
-    lg_dtype dtype;  /* LG_F64; of tapes, theta and moments */
-    uint64_t epochs; /* 100: planned total, >= 1 */
-    size_t batch;    /* 0: all samples; the last batch of an epoch may be smaller */
-    uint32_t shards; /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them. Each
+    lg_fit_plan plan; /* Adam; the other methods need LG_F64 */
+    lg_dtype dtype;   /* LG_F64; of tapes, theta and moments */
+    uint64_t epochs;  /* 100: planned total, >= 1 */
+    size_t batch;     /* 0: all samples; the last batch of an epoch may be smaller */
+    uint32_t shards;  /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them. Each
                       * has its own gradient, so take 1 for a model that is large compared with the batch;
                       * threads beyond the shards split the large products instead */
     lg_adam_options adam; /* those of lg_adam_options_init */
     lg_schedule schedule; /* constant */
-    double clip_norm;     /* 0: off; else the bound on the gradient's Euclidean norm */
-    uint64_t seed;        /* 1 */
-    double validation;    /* 0, in [0, 1): part of the samples kept for validation, drawn by the seed */
-    bool shuffle;         /* true: a new order of the training samples in each epoch */
+    /* 0: off. s > 0: noise in the data is not learned by the methods other than Adam. Where 50 iterations
+     * lower the loss L by less than a tenth, L is taken as the variance of the noise, and the most probable
+     * weights are sought: with normal noise and weights from N(0, s^2), L + W/2 |theta|^2 is minimised,
+     * W = 2 L/(n s^2), n the problem's observations. Where L falls to half of that after all, W is 0 again.
+     * */
+    double prior;
+    double clip_norm;  /* 0: off; else the bound on the gradient's Euclidean norm */
+    uint64_t seed;     /* 1 */
+    double validation; /* 0, in [0, 1): part of the samples kept for validation, drawn by the seed */
+    bool shuffle;      /* true: a new order of the training samples in each epoch */
     bool keep_best; /* false; true: lg_fit_parameters gives those after the epoch with the lowest criterion */
     uint64_t patience; /* 0: off; else stop after so many epochs without a new lowest criterion */
     /* The criterion is the validation loss, or without a validation part the epoch's loss. */
+    /* 0: off; else lg_fit_problem.revive is asked after each epoch. A dead model starts from its other
+     * parameters, at epoch 0 with an empty history, at most so many times; not when the seconds are used up,
+     * nor with keep_best when the best epoch's criterion is below 0.9 times that of the dead model. */
+    uint32_t restarts;
 
     /* Free to differ between runs. */
-    int threads;               /* 1, 1..1024; the result does not depend on it */
-    uint64_t stop_after;       /* 0: off; else epochs in one call of lg_fit_run */
+    int threads;         /* 1, 1..1024; the result does not depend on it */
+    uint64_t stop_after; /* 0: off; else epochs in one call of lg_fit_run */
+    double
+        seconds; /* 0: off; else finished when the epochs have taken so long, those before a load included */
     size_t max_tape_size;      /* 0: no limit; else for each shard's tape */
     uint64_t checkpoint_every; /* 0: off; else calls `checkpoint` after each so many epochs */
     /* Called on the thread of lg_fit_run with a state that can be saved: as said above, and whenever
@@ -243,12 +306,18 @@ LG_API void lg_fit_destroy(lg_fit *fit); /* NULL is fine */
  * - LG_OUT_OF_MEMORY, and those of the loss callback, the tape and the checkpoint callback */
 LG_API lg_status lg_fit_run(lg_fit *fit, lg_error *error);
 
-/* True when the planned epochs are done or patience ran out. */
+/* Whether and why training is finished; a fit may be finished in one run and go on in another one that has
+ * more seconds. The sentence has no full stop, "" while running. */
 LG_API bool lg_fit_finished(const lg_fit *fit);
+LG_API lg_fit_end lg_fit_why_finished(const lg_fit *fit);
+LG_API const char *lg_fit_end_sentence(const lg_fit *fit);
+/* The method of the next epoch, or of the last one when finished. */
+LG_API lg_fit_method lg_fit_method_now(const lg_fit *fit);
 
 /* Saves the whole state under these names:
- *   optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng
+ *   optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng, minimise/... (liegrad/minimise.h)
  *   train/{permutation,epoch,...}, train/history/{loss,validation,seconds,rate}, train/options/...
+ *   with options.restarts: train/restarts, train/restart_seconds
  * Errors: the writer's. */
 LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error);
 /* Replaces the state; on failure it is as before. Errors: LG_INVALID_ARGUMENT when a hyperparameter, the
@@ -262,10 +331,13 @@ LG_API lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_er
 LG_API void lg_fit_parameters(const lg_fit *fit, double *theta);
 LG_API void lg_fit_current_parameters(const lg_fit *fit, double *theta);
 LG_API uint64_t lg_fit_epochs_done(const lg_fit *fit);
-LG_API uint64_t lg_fit_steps_done(const lg_fit *fit); /* Adam steps */
+LG_API uint64_t lg_fit_steps_done(const lg_fit *fit); /* Adam's steps and evaluations of other methods */
 LG_API uint64_t lg_fit_best_epoch(const lg_fit *fit); /* counted from 1; 0: none finished */
+LG_API uint64_t lg_fit_restarts(const lg_fit *fit);   /* done so far */
 /* Training samples already used in the unfinished epoch; 0 between two epochs. */
 LG_API size_t lg_fit_position(const lg_fit *fit);
+/* Variance of the noise in the data, as the prior estimates it; 0 where the loss falls on. */
+LG_API double lg_fit_noise(const lg_fit *fit);
 /* Loss of the last finished epoch; NaN before. */
 LG_API double lg_fit_loss(const lg_fit *fit);
 

@@ -22,8 +22,32 @@
  *
  * `between` (continuous network): a network trained at the nodes alone may turn freely between them. With
  * this option sample k of a curve is a point within half an interval of node k, another one in each curve.
- * For continuous data q and v there come from cubics through nodes and tangents. For discrete data, whose
- * tangents are not quite the derivative of the curve, q and v each come from polynomials through six nodes.
+ * For continuous data q and v there come from polynomials of degree 11 through six nodes and their tangents.
+ * For discrete data, whose tangents are not quite the derivative of the curve, q and v each come from
+ * polynomials through six nodes.
+ *
+ * `modes` (discrete network): K > 0 fixes the last layer. The network gives K coefficients c(x), and
+ *     y = mean + sum_k c_k(x) s_k u_k
+ *   are the 4(N-1) numbers (reflected by `mirror`, relative to q0). Of the training curves, mean is the mean,
+ *   u_k are the leading singular vectors of the differences from it (orthonormal), s_k the root mean squares
+ *   of the coefficients along them: every target of c_k has mean 0 and deviation 1. With gamma = 0 the loss
+ *   is the mean over curves of sum_k s_k^2 (c_k - c_k*)^2/(4(N-1)), c* the targets. The rest of a curve is
+ *   orthogonal to the u_k, so for any set of curves
+ *     mean square error of the curves = loss + truncation,
+ *   where truncation is the mean square of that rest, which no network lowers. With gamma > 0 the loss is
+ *   that of LG_SURROGATE_DISCRETE. mean and s_k u_k are constants of the model, no parameters.
+ *
+ * `angles` (discrete network): the network gives N - 1 numbers f(x), and
+ *     theta_k = theta_0 + (theta_N - theta_0) k/N + f_k(x),  v_k = (cos theta_k, sin theta_k)
+ *   are the inner angles and tangents; the nodes follow from them as in liegrad/elastica.h. Tangents are
+ *   units, and both ends are exact. theta_0, theta_N in (-pi, pi] come from v0, vN.
+ *
+ * `loss` LG_SURROGATE_ENERGY (needs `angles`): no curve is learned from. The loss is
+ *     mean of (E(theta) - E_curve) L/EI
+ *   over the boundary conditions, E the discrete energy of liegrad/elastica.h. Its minimum is the beams',
+ *   since the constraints hold for all theta. E_curve, the energy of the data's curve, does not depend
+ *   on the network: it makes the loss 0 where the network is as good as the data, and has no part in the
+ *   gradient. `gamma` is not used.
  *
  * `mirror`: the problem is symmetric under reflection at the chord. Boundary conditions with v0y < vNy are
  * reflected (all y -> -y) together with their curve. So the network learns one half and is exactly
@@ -52,6 +76,10 @@ typedef enum lg_surrogate_kind {
 LG_API const char *lg_surrogate_kind_name(lg_surrogate_kind kind); /* "discrete", "continuous", "angle" */
 LG_API lg_status lg_surrogate_kind_parse(const char *name, lg_surrogate_kind *out); /* LG_NOT_FOUND */
 
+typedef enum lg_surrogate_loss { LG_SURROGATE_MSE, LG_SURROGATE_ENERGY } lg_surrogate_loss;
+#define LG_SURROGATE_LOSS_COUNT 2
+LG_API const char *lg_surrogate_loss_name(lg_surrogate_loss loss); /* "mse", "energy" */
+
 /* Settings of a network; the data give its sizes. */
 typedef struct lg_surrogate_options {
     lg_surrogate_kind kind;
@@ -59,6 +87,9 @@ typedef struct lg_surrogate_options {
     uint32_t embedding, hidden, layers;
     lg_activation activation;
     bool normalise, mirror, boundary, between;
+    uint32_t modes; /* K, 0: all layers are learned */
+    bool angles;
+    lg_surrogate_loss loss;
     double gamma; /* of the loss, >= 0 */
 } lg_surrogate_options;
 
@@ -69,13 +100,35 @@ typedef struct lg_surrogate {
     uint32_t intervals; /* N of the training data */
     double length;      /* L */
     double centre;      /* for `normalise` */
+    /* (K + 1, 4(N - 1)): mean, then s_k u_k. Set by the user (lg_surrogate_find_modes, or from a file) before
+     * the model with `modes` is trained, recorded or saved. Borrowed: lives as long as the model is used. */
+    const double *modes;
 } lg_surrogate;
 
-/* Errors: LG_INVALID_ARGUMENT (boundary without the angle network, intervals < 2, a length or centre not
- * positive and finite, gamma < 0, what lg_net_init refuses). */
+/* modes = NULL. Errors: LG_INVALID_ARGUMENT (boundary without the angle network, modes without the discrete
+ * one or more than 4(N - 1), intervals < 2, a length or centre not positive and finite, gamma < 0, angles
+ * without the discrete network or with modes, the energy without angles, what lg_net_init refuses). */
 LG_API lg_status lg_surrogate_init(lg_surrogate *model, const lg_surrogate_options *options,
                                    uint32_t intervals, double length, double centre, lg_error *error);
 LG_API size_t lg_surrogate_parameters(const lg_surrogate *model); /* those of its network */
+
+/* ---- modes ---- */
+
+/* K + 1 times 4(N - 1); 0 without modes. */
+LG_API size_t lg_surrogate_modes_size(const lg_surrogate *model);
+/* Modes of `count` curves, whose numbers `training` gives, into modes (lg_surrogate_modes_size). Errors,
+ * modes untouched: LG_INVALID_ARGUMENT (a model without modes, fewer than K + 1 curves, an index out of
+ * range), LG_SHAPE (curves that do not fit the model), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
+LG_API lg_status lg_surrogate_find_modes(const lg_context *context, const lg_surrogate *model,
+                                         const lg_elastica_curves *curves, const uint32_t *training,
+                                         size_t count, double *modes, lg_error *error);
+/* Targets c* (count, K) of these curves by the model's modes, and the truncation (may be NULL):
+ *   c*_k = u_k . (y - mean)/s_k, 0 for s_k = 0;  truncation = mean |y - mean - sum_k c*_k s_k u_k|^2/(4(N-1))
+ * Errors: those of lg_surrogate_find_modes. */
+LG_API lg_status lg_surrogate_coefficients(const lg_context *context, const lg_surrogate *model,
+                                           const lg_elastica_curves *curves, const uint32_t *training,
+                                           size_t count, double *coefficients, double *truncation,
+                                           lg_error *error);
 
 /* Published settings and our own. */
 typedef struct lg_surrogate_preset {
@@ -87,10 +140,13 @@ typedef struct lg_surrogate_preset {
     const char *source; /* "table 5.3", ... */
     lg_surrogate_options model;
     lg_training training;
+    uint64_t most_curves; /* to learn from; 0: all of the training part */
 } lg_surrogate_preset;
-/* NULL for an unknown name or a combination without a preset. Static storage. */
+/* The preset of this kind, `boundary`, `loss` (a member of its model) and kind of data. NULL for an unknown
+ * name or a combination without a preset. Static storage. */
 LG_API const lg_surrogate_preset *lg_surrogate_preset_find(const char *name, lg_surrogate_kind kind,
-                                                           bool boundary, bool merged, double fraction);
+                                                           bool boundary, lg_surrogate_loss loss, bool merged,
+                                                           double fraction);
 
 /* ---- training ---- */
 
@@ -107,9 +163,11 @@ typedef struct lg_surrogate_problem {
     const lg_elastica_curves *curves;
     const uint32_t *training; /* (training_count) indices of curves */
     size_t training_count;
+    /* (training_count, K), from lg_surrogate_coefficients; only for a model with modes and gamma = 0. */
+    const double *coefficients;
 } lg_surrogate_problem;
 /* LG_SHAPE: curves with another N (discrete) or length than the model's. LG_INVALID_ARGUMENT: nothing to
- * learn from, an index out of range, 2^32 samples or more. */
+ * learn from, an index out of range, 2^32 samples or more, a model with modes without their numbers. */
 LG_API lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_error *error);
 /* Fills a problem for lg_fit. `problem` is borrowed and must outlive the fit. */
 LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit_problem *out);

@@ -11,7 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "classify/lapack.h"
+#include "kernels/lapack.h"
 
 #define MAX_ITERATIONS 200
 #define MAX_HALVINGS   60

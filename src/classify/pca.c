@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "classify/lapack.h"
+#include "kernels/lapack.h"
 
 /* ---- eigenvectors ---- */
 

@@ -47,9 +47,9 @@ static const lg_key own_keys[OWN_KEYS] = {
 /* The key of a hyperparameter that all runs share. */
 static lg_key key_of(const lg_hyperparameter *row) {
     static const lg_key_type types[] = {
-        [LG_HYPER_REAL] = LG_KEY_REAL,  [LG_HYPER_U64] = LG_KEY_COUNT, [LG_HYPER_U32] = LG_KEY_COUNT,
-        [LG_HYPER_FLAG] = LG_KEY_NAME,  [LG_HYPER_NAME] = LG_KEY_NAME, [LG_HYPER_WHOLES] = LG_KEY_COUNTS,
-        [LG_HYPER_REALS] = LG_KEY_REALS};
+        [LG_HYPER_REAL] = LG_KEY_REAL,   [LG_HYPER_U64] = LG_KEY_COUNT,  [LG_HYPER_U32] = LG_KEY_COUNT,
+        [LG_HYPER_FLAG] = LG_KEY_NAME,   [LG_HYPER_NAME] = LG_KEY_NAME,  [LG_HYPER_WHOLES] = LG_KEY_COUNTS,
+        [LG_HYPER_REALS] = LG_KEY_REALS, [LG_HYPER_PHRASE] = LG_KEY_TEXT};
     return (lg_key){row->name,
                     types[row->type],
                     false,
@@ -122,7 +122,23 @@ static void set_reals(const lg_key_value *value, uint32_t *count, double *out) {
     memcpy(out, value->real, value->count * sizeof *out);
 }
 
-static void fill(const grid_keys *keys, const lg_key_value *v, lg_grid *out) {
+/* The hyperparameters that stand in the file. */
+static lg_status fill_run(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *v,
+                          lg_hamiltonian_run *run, lg_error *error) {
+    for (size_t i = OWN_KEYS; i < keys->count; i++) {
+        const lg_hyperparameter *row = keys->rows[i];
+        lg_error reason = {LG_OK, ""};
+        if (v[i].line == 0) continue;
+        if (row->type != LG_HYPER_PHRASE)
+            lg_hyperparameter_fill(row, v[i].real, v[i].count, run);
+        else if (lg_hyperparameter_set(row, v[i].text, run, &reason) != LG_OK)
+            return lg_yaml_fail(yaml, v[i].line, LG_FORMAT, error, "%s: %.300s", row->name, reason.message);
+    }
+    return LG_OK;
+}
+
+static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *v, lg_grid *out,
+                      lg_error *error) {
     *out = (lg_grid){.scene = out->scene,
                      .eps_count = 1,
                      .penalty_count = 1,
@@ -146,8 +162,7 @@ static void fill(const grid_keys *keys, const lg_key_value *v, lg_grid *out) {
     set_u32(&v[KEY_TEST_POINTS], &out->test_points);
     if (v[KEY_NOISE_KIND].line != 0) out->noise_kind = (lg_noise)(int)v[KEY_NOISE_KIND].real[0];
     if (v[KEY_SEED].line != 0) out->seed = v[KEY_SEED].whole;
-    for (size_t i = OWN_KEYS; i < keys->count; i++)
-        if (v[i].line != 0) lg_hyperparameter_fill(keys->rows[i], v[i].real, v[i].count, &out->run);
+    return fill_run(yaml, keys, v, &out->run, error);
 }
 
 /* `scene: FILE`, relative to the folder of the grid. */
@@ -181,7 +196,7 @@ static lg_status read_grid(const lg_context *context, lg_yaml *yaml, const grid_
     } else {
         LG_TRY(lg_scene_from(context, yaml, FORM, sets, &out->scene, error));
     }
-    fill(keys, values, out);
+    LG_TRY(fill(yaml, keys, values, out, error));
     out->t_end = out->scene.t_end;
     if (own_file) set_real(&in_file[KEY_T_END], &out->t_end);
     if (out->t_end > 0) return LG_OK;

@@ -166,12 +166,28 @@ lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
     return read_extent(h5, name, bytes, d, error);
 }
 
+/* Whether the bits that the type names lie within its bytes. HDF5 does not look, and its conversions run over
+ * the stack in damaged files. */
+static bool is_sound(hid_t type) {
+    const size_t bits = 8 * H5Tget_size(type), precision = H5Tget_precision(type);
+    const int offset = H5Tget_offset(type);
+    if (bits == 0 || bits > 256 || precision == 0 || offset < 0 || (size_t)offset + precision > bits)
+        return false;
+    if (H5Tget_class(type) == H5T_INTEGER) return true;
+    size_t sign, exponent, exponents, mantissa, mantissas;
+    return H5Tget_fields(type, &sign, &exponent, &exponents, &mantissa, &mantissas) >= 0 && sign < bits &&
+           exponents > 0 && exponents <= 32 && exponent + exponents <= bits && mantissas > 0 &&
+           mantissa + mantissas <= bits;
+}
+
+static bool is_number(hid_t type) {
+    const H5T_class_t kind = H5Tget_class(type);
+    return (kind == H5T_FLOAT || kind == H5T_INTEGER) && is_sound(type);
+}
+
 static lg_status open_numbers(lg_h5 *h5, const char *name, lg_dataset *d, lg_error *error) {
     LG_TRY(lg_dataset_open(h5, name, sizeof(double), d, error));
-    const H5T_class_t kind = H5Tget_class(d->type);
-    return kind == H5T_FLOAT || kind == H5T_INTEGER
-               ? LG_OK
-               : lg_dataset_error(h5, name, "does not hold numbers", error);
+    return is_number(d->type) ? LG_OK : lg_dataset_error(h5, name, "does not hold numbers", error);
 }
 
 static double spacing(hid_t type) {
@@ -332,10 +348,11 @@ lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t
 static lg_h5_class class_of(hid_t type) {
     switch (H5Tget_class(type)) {
     case H5T_INTEGER:
+        return is_sound(type) ? LG_H5_WHOLE : LG_H5_OTHER;
     case H5T_ENUM:
         return LG_H5_WHOLE;
     case H5T_FLOAT:
-        return LG_H5_REAL;
+        return is_sound(type) ? LG_H5_REAL : LG_H5_OTHER;
     case H5T_STRING:
         return LG_H5_WORDS;
     default:
@@ -548,7 +565,7 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
     if (status == LG_OK) {
         H5T_class_t kind = H5Tget_class(a.type);
         bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
-        if (!a.single || (kind != H5T_INTEGER && kind != H5T_FLOAT))
+        if (!a.single || !is_number(a.type))
             status = attribute_error(h5, object, name, LG_FORMAT,
                                      to_float ? "is not a number" : "is not an integer", error);
         else if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||

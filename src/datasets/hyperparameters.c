@@ -19,34 +19,59 @@ _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == 
 /* What every kind has: how it is trained. VALUE(text) says the default. */
 #define TRAINING(run_, member, type, ...)                                                                    \
     LG_HYPERPARAMETER(run_, "run", #member, type, training.member, __VA_ARGS__)
-#define TRAINING_ROWS(run_, samples, methods_, VALUE)                                                        \
-    TRAINING(run_, dtype, NAME, .value_name = lg_name_dtype, .methods = methods_, VALUE("f64"),              \
-             .meaning = "Type of the weights in training"),                                                  \
+#define TRAINING_ROWS(run_, method_, samples, methods_, VALUE)                                               \
+    LG_HYPERPARAMETER(run_, "run", method_, PHRASE, training.plan, .parse = parse_plan, .phrase = show_plan, \
+                      .form = "adam, ssbroyden, lbfgs or lm, or phases as in "                               \
+                              "adam:100,ssbroyden",                                                          \
+                      .optional = true, .methods = methods_, VALUE("adam"), .unit = "M",                     \
+                      .meaning = "Method of training; an epoch of the others is one "                        \
+                                 "evaluation of the loss of all data"),                                      \
+        TRAINING(run_, dtype, NAME, .value_name = lg_name_dtype, .methods = methods_, VALUE("f64"),          \
+                 .meaning = "Type of the weights in training"),                                              \
         TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("100"), .unit = "E",   \
                  .meaning = "Planned total number of epochs, those before a resume included"),               \
-        TRAINING(run_, batch, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("80"), .unit = "B",     \
-                 .meaning = samples " in a batch"),                                                          \
-        TRAINING(run_, lr, REAL, .high = 1e3, .above = true, .methods = methods_, VALUE("1e-2"),             \
-                 .unit = "R", .meaning = "Learning rate of Adam"),                                           \
-        TRAINING(run_, schedule, NAME, .value_name = lg_name_schedule, .optional = true,                     \
+        TRAINING(run_, batch, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("80"),    \
+                 .unit = "B", .meaning = samples " in a batch"),                                             \
+        TRAINING(run_, lr, REAL, .adam = true, .high = 1e3, .above = true, .methods = methods_,              \
+                 VALUE("1e-2"), .unit = "R", .meaning = "Learning rate of Adam"),                            \
+        TRAINING(run_, schedule, NAME, .adam = true, .value_name = lg_name_schedule, .optional = true,       \
                  .methods = methods_, VALUE("step"), .meaning = "Schedule of the learning rate"),            \
-        TRAINING(run_, lr_step, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("50"), .unit = "E",   \
+        TRAINING(run_, lr_step, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("50"),  \
+                 .unit = "E",                                                                                \
                  .meaning = "step: number of epochs after which the rate is multiplied by --lr-gamma"),      \
-        TRAINING(run_, lr_gamma, REAL, .high = 1, .methods = methods_, VALUE("0.1"), .unit = "G",            \
-                 .meaning = "step: that factor, above 0; cosine: the last factor"),                          \
+        TRAINING(run_, lr_gamma, REAL, .adam = true, .high = 1, .methods = methods_, VALUE("0.1"),           \
+                 .unit = "G", .meaning = "step: that factor, above 0; cosine: the last factor"),             \
         TRAINING(run_, weight_decay, REAL, .high = 1e3, .methods = methods_, VALUE("0"), .unit = "W",        \
                  .meaning = "L2 penalty in the gradient"),                                                   \
-        TRAINING(run_, adam_eps, REAL, .high = 1, .above = true, .methods = methods_, VALUE("1e-12"),        \
-                 .unit = "EPS", .meaning = "Adam's eps"),                                                    \
-        TRAINING(run_, clip, REAL, .high = 1e300, .methods = methods_, VALUE("1e-3"), .unit = "NORM",        \
-                 .meaning = "Bound on the gradient's norm, 0 for none"),                                     \
+        TRAINING(run_, prior, REAL, .high = 1e6, .optional = true, .methods = methods_, VALUE("0"),          \
+                 .unit = "S",                                                                                \
+                 .meaning = "Standard deviation of the weights before any data: with it "                    \
+                            "ssbroyden and lbfgs do not learn the noise of the data; 0 for none"),           \
+        TRAINING(run_, adam_eps, REAL, .adam = true, .high = 1, .above = true, .methods = methods_,          \
+                 VALUE("1e-12"), .unit = "EPS", .meaning = "Adam's eps"),                                    \
+        TRAINING(run_, clip, REAL, .adam = true, .high = 1e300, .methods = methods_, VALUE("1e-3"),          \
+                 .unit = "NORM", .meaning = "Bound on the gradient's norm, 0 for none"),                     \
         TRAINING(run_, shards, U32, .low = 1, .high = 1024, .methods = methods_, VALUE("4"), .unit = "n",    \
                  .meaning = "Pieces of a batch that threads work on; the bits of the result depend on it"),  \
+        TRAINING(run_, patience, U64, .high = 1e9, .optional = true, .methods = methods_, VALUE("0"),        \
+                 .unit = "E",                                                                                \
+                 .meaning = "Stop after so many epochs without a lower loss of the validation "              \
+                            "part, 0 for never"),                                                            \
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
 #define VALIDATION                                                                                           \
     .high = 0.9, .unit = "F",                                                                                \
     .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
+
+static lg_status parse_plan(const char *text, void *member, lg_error *error) {
+    return lg_fit_plan_parse(text, member, error);
+}
+
+static void show_plan(const void *member, char *text, size_t size) {
+    char plan[LG_FIT_PLAN_TEXT];
+    lg_fit_plan_show(member, plan);
+    (void)snprintf(text, size, "%s", plan);
+}
 
 #define CONSTANT(text) .value = text
 #define PRESET(text)   .otherwise = "the preset's"
@@ -64,11 +89,27 @@ static void put_hidden(void *member, const double *values, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) net->width[i + 1] = (uint32_t)values[i];
 }
 
+/* No points stand for all of them: 0 as text. */
+static uint32_t get_points(const void *member, double *values) {
+    const lg_penalty_points *points = member;
+    values[0] = 0;
+    for (uint32_t i = 0; i < points->count && i < LG_PENALTY_POINTS; i++) values[i] = points->at[i];
+    return points->count > 0 ? points->count : 1;
+}
+
+static void put_points(void *member, const double *values, uint32_t count) {
+    lg_penalty_points *points = member;
+    *points = (lg_penalty_points){.count = count == 1 && values[0] == 0 ? 0 : count};
+    for (uint32_t i = 0; i < points->count; i++) points->at[i] = (uint32_t)values[i];
+}
+
 #define HAMILTONIAN(group, name, type, member, ...)                                                          \
     LG_HYPERPARAMETER(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
 const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
     HAMILTONIAN("model", "potential", NAME, model.potential, .value_name = lg_name_potential, .value = "mlp",
                 .meaning = "The potential energy"),
+    HAMILTONIAN("model", "symmetry", NAME, model.symmetry, .value_name = lg_name_symmetry, .optional = true,
+                .value = "none", .meaning = "V(-q) = V(q) or -V(q)"),
     HAMILTONIAN("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation,
                 .value = "tanh", .meaning = "Activation of the hidden layers"),
     HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
@@ -80,12 +121,32 @@ const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
     HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
                 .meaning = "Integrator steps between two points"),
     HAMILTONIAN("run", "penalty", REAL, penalty, .high = 1e12, .value = "0", .unit = "MU",
-                .meaning = "First-integral penalty for (q_1^2 + p_1^2)/2, 0 for none"),
+                .meaning = "Penalty on the change of a first integral, 0 for none"),
+    HAMILTONIAN("run", "penalty_integral", NAME, penalty_integral, .value_name = lg_name_integral,
+                .optional = true, .value = "oscillator", .meaning = "The first integral of the penalty"),
+    HAMILTONIAN("run", "penalty_copy", U32, penalty_copy, .optional = true, .high = LG_HAMILTONIAN_MAX_COPIES,
+                .value = "0", .unit = "j",
+                .meaning = "oscillator and anharmonic: number of the degree of freedom, from 1; 0 is 1"),
+    HAMILTONIAN("run", "penalty_points", WHOLES, penalty_points, .get = get_points, .put = put_points,
+                .high = LG_HAMILTONIAN_MAX_POINTS, .most = LG_PENALTY_POINTS, .optional = true, .value = "0",
+                .unit = "j,j,...",
+                .meaning =
+                    "Points that have the penalty, from 2 on because a trajectory starts at 1; 0 for all"),
     HAMILTONIAN("run", "penalty_form", NAME, penalty_form, .value_name = lg_name_penalty_form,
                 .value = "text",
                 .meaning = "text: mean over the batch of squares; published: sum over the batch of absolute "
                            "values"),
-    TRAINING_ROWS(lg_hamiltonian_run, "Trajectories", 0, CONSTANT),
+    HAMILTONIAN("run", "distance", NAME, distance, .value_name = lg_name_distance, .optional = true,
+                .value = "ambient",
+                .meaning = "Distance of points in the loss: that of R^d, or along geodesics of the manifold"),
+    HAMILTONIAN("run", "scaled", FLAG, scaled, .value_name = lg_name_yes, .optional = true, .value = "no",
+                .meaning =
+                    "Scale the potential's last layer before training, towards the forces of the data"),
+    HAMILTONIAN("run", "starts", NAME, starts, .value_name = lg_name_start, .optional = true,
+                .value = "measured",
+                .meaning = "Where predictions start: at the first points, or at estimated points near them, "
+                           "for first points with noise"),
+    TRAINING_ROWS(lg_hamiltonian_run, "method", "Trajectories", 0, CONSTANT),
     TRAINING(lg_hamiltonian_run, validation, REAL, .value = "0", VALIDATION),
     LG_HYPERPARAMETER_END};
 
@@ -117,6 +178,16 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
            .meaning = "Learn one half of the boundary conditions; the other is its mirror image"),
     OPTION("model", boundary, FLAG, .value_name = lg_name_truth, .value = "false", .methods = ANGLE,
            .meaning = "Angle network that holds the end angles by construction"),
+    OPTION("model", modes, U32, .high = 1 << 20, .optional = true, PRESET(), .unit = "K", .methods = DISCRETE,
+           .meaning =
+               "Fixed last layer: leading singular vectors of the training curves, 0 for a learned one"),
+    OPTION("model", angles, FLAG, .value_name = lg_name_truth, .optional = true, PRESET(),
+           .methods = DISCRETE,
+           .meaning = "Discrete network of the inner angles: tangents are units, nodes follow from them"),
+    OPTION("run", loss, NAME, .value_name = lg_name_surrogate_loss, .optional = true, .value = "mse",
+           .methods = DISCRETE,
+           .meaning = "mse of the curves, or the energy of the predicted ones, which needs --angles true and "
+                      "no curves"),
     OPTION("run", gamma, REAL, .high = 1e12, PRESET(), .unit = "G", .methods = DISCRETE | CONTINUOUS,
            .meaning = "discrete: weight of node-to-node differences; continuous: of |v|^2 = 1"),
     OPTION("run", between, FLAG, .value_name = lg_name_truth, PRESET(),
@@ -125,7 +196,10 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
               .meaning = "Part of the curves for training"),
     SURROGATE("run", "test_fraction", REAL, test_fraction, .high = 1, .value = "0.1", .unit = "F",
               .meaning = "Part of the curves for testing, the same for every --train-fraction"),
-    TRAINING_ROWS(lg_surrogate_run, "Curves (continuous: points)", 0, PRESET),
+    SURROGATE("run", "most_curves", U64, most_curves, .high = 1e9, .optional = true, PRESET(), .unit = "n",
+              .meaning =
+                  "Learn from at most so many curves of the training part, evenly chosen; 0: from all"),
+    TRAINING_ROWS(lg_surrogate_run, "method", "Curves (continuous: points)", 0, PRESET),
     TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
     LG_HYPERPARAMETER_END};
 
@@ -156,7 +230,12 @@ const lg_hyperparameter lg_detector_hyperparameters[] = {
              .meaning = "Part of the windows for testing"),
     DETECTOR("run", "validation_fraction", REAL, validation_fraction, .option = "validation", .value = "0.1",
              .methods = NETWORK, VALIDATION),
-    TRAINING_ROWS(lg_detector_run, "cnn: windows", NETWORK, PRESET),
+    DETECTOR("run", "max_restarts", U32, restarts, .high = 1000, .optional = true, .value = "10", .unit = "n",
+             .methods = NETWORK,
+             .meaning =
+                 "cnn: at most so many times a network that died (a layer is constant over all training "
+                 "windows) starts again with other weights of the same seed"),
+    TRAINING_ROWS(lg_detector_run, "optimizer", "cnn: windows", NETWORK, PRESET),
     TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
     LG_HYPERPARAMETER_END};
 
@@ -290,6 +369,9 @@ void lg_hyperparameter_show(const lg_hyperparameter *row, const void *run, char 
     case LG_HYPER_SHOWN:
         row->show(run, text, size);
         break;
+    case LG_HYPER_PHRASE:
+        row->phrase(member_of(row, run), text, size);
+        break;
     }
 }
 
@@ -382,7 +464,10 @@ int lg_hyperparameter_describe(const lg_hyperparameter *row, char *text, size_t 
                *is = value != NULL ? "default " : "";
     if (value == NULL) value = "";
     if (!is_named(row)) {
-        span_text(row, range, sizeof range);
+        if (row->form != NULL)
+            (void)snprintf(range, sizeof range, "%s", row->form);
+        else
+            span_text(row, range, sizeof range);
         return snprintf(text, size, "%s (%s%s%s%s)", row->meaning, range, value[0] != '\0' ? "; " : "", is,
                         value);
     }
@@ -462,6 +547,7 @@ lg_status lg_hyperparameter_set(const lg_hyperparameter *row, const char *text, 
         memcpy((char *)run + row->offset, &real, sizeof real);
         return LG_OK;
     }
+    if (row->type == LG_HYPER_PHRASE) return row->parse(text, (char *)run + row->offset, error);
     if (!is_whole(row)) return lg_fail(error, LG_INVALID_ARGUMENT, "%s cannot be set", row->name);
     if (!take_whole(row, text, &whole)) return refuse_number(row, text, error);
     set_whole(row, run, whole);

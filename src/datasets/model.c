@@ -69,12 +69,15 @@ static lg_status put_slice(lg_h5 *h5, const slice *s, lg_dtype dtype, const doub
 /* The archive for lg_fit_save: the root of the file. */
 typedef struct fit_target {
     lg_h5 *h5;
+    bool history; /* nothing but the history is kept */
     lg_error error;
 } fit_target;
 
 static lg_status fit_array(void *user, const char *path, lg_element type, uint32_t rank, const uint64_t *dims,
                            const void *data) {
+    static const char kept[] = "train/history/";
     fit_target *target = user;
+    if (target->history && strncmp(path, kept, sizeof kept - 1) != 0) return LG_OK;
     return lg_h5_put(target->h5, path, type, rank, dims, data, &target->error);
 }
 
@@ -83,8 +86,9 @@ static lg_status fit_text(void *user, const char *path, const char *value) {
     return lg_h5_put_text(target->h5, "train", path, value, &target->error);
 }
 
+/* The state of methods other than Adam is far larger than the model: it is kept in checkpoints alone. */
 static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
-    fit_target target = {.h5 = h5};
+    fit_target target = {.h5 = h5, .history = lg_fit_method_now(fit) != LG_FIT_ADAM};
     const lg_archive_writer writer = {.user = &target, .array = fit_array, .text = fit_text};
     return lg_fit_save(fit, &writer, error);
 }

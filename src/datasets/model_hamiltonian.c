@@ -31,12 +31,14 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     lg_hamiltonian_run *run = user;
     lg_hamiltonian *model = &run->model;
     const lg_mlp read = model->net;
+    const lg_symmetry symmetry = model->symmetry;
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
     const lg_status status = lg_hamiltonian_init(model, model->family, model->n, model->potential,
                                                  read.width + 1, hidden_layers(model), read.activation);
     if (status != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: /model: attributes links and hidden are out of range",
                        lg_shown_path(h5->path));
+    model->symmetry = symmetry;
     return LG_OK;
 }
 

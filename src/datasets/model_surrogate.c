@@ -1,5 +1,6 @@
 /* Surrogates of the elastica as a kind of model. */
 #include <math.h>
+#include <string.h>
 
 #include "datasets/names.h"
 #include "datasets/run.h"
@@ -69,10 +70,51 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
 
 /* ---- the rest of the file ---- */
 
+static lg_status missing_modes(const lg_h5 *h5, lg_status status, lg_error *error) {
+    return lg_fail(error, status, "%s: a model with modes without their numbers", lg_shown_path(h5->path));
+}
+
+/* /model/mean (n) and /model/modes (K, n), n = 4(N - 1) */
+static lg_status put_modes(lg_h5 *h5, const lg_surrogate *model, lg_error *error) {
+    const uint64_t n = 4 * ((uint64_t)model->intervals - 1), dims[2] = {model->options.modes, n};
+    if (model->options.modes == 0) return LG_OK;
+    if (model->modes == NULL) return missing_modes(h5, LG_INVALID_ARGUMENT, error);
+    LG_TRY(lg_check_finite(h5->path, "model/mean", 1, &n, model->modes, error));
+    LG_TRY(lg_check_finite(h5->path, "model/modes", 2, dims, model->modes + n, error));
+    LG_TRY(lg_h5_put(h5, "model/mean", LG_ELEMENT_F64, 1, &n, model->modes, error));
+    return lg_h5_put(h5, "model/modes", LG_ELEMENT_F64, 2, dims, model->modes + n, error);
+}
+
+/* An array of the shape that the attributes ask for, as finite numbers. */
+static lg_status get_fixed(lg_h5 *h5, const char *name, uint32_t rank, const uint64_t *wanted, double *out,
+                           lg_error *error) {
+    uint64_t dims[4];
+    uint32_t found;
+    LG_TRY(lg_as_format(lg_h5_shape(h5, name, &found, dims, NULL, error), error));
+    if (found != rank || memcmp(dims, wanted, rank * sizeof *dims) != 0)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has the wrong shape for the attributes of /model",
+                       lg_shown_path(h5->path), name);
+    LG_TRY(lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, rank, wanted, out, error), error));
+    return lg_check_finite(h5->path, name, rank, wanted, out, error);
+}
+
+static lg_status get_modes(lg_h5 *h5, lg_surrogate_file *file, lg_error *error) {
+    lg_surrogate *model = &file->run.model;
+    const uint64_t n = 4 * ((uint64_t)model->intervals - 1), dims[2] = {model->options.modes, n};
+    if (model->options.modes == 0) return LG_OK;
+    file->modes = lg_alloc(h5->context, lg_surrogate_modes_size(model), sizeof *file->modes);
+    if (file->modes == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+    model->modes = file->modes;
+    LG_TRY(get_fixed(h5, "model/mean", 1, &n, file->modes, error));
+    return get_fixed(h5, "model/modes", 2, dims, file->modes + n, error);
+}
+
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
     const lg_surrogate_file *file = user;
     const uint64_t dims[2] = {file->trained_count, BOUNDARY};
     (void)fitted;
+    LG_TRY(put_modes(h5, &file->run.model, error));
     if (file->trained != NULL) {
         LG_TRY(lg_check_finite(h5->path, "trained", 2, dims, file->trained, error));
         LG_TRY(lg_h5_put(h5, "trained", LG_ELEMENT_F64, 2, dims, file->trained, error));
@@ -90,6 +132,7 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_surrogate_file *file = user;
     bool tested;
     uint64_t dims[4];
+    LG_TRY(get_modes(h5, file, error));
     if (lg_h5_has(h5, "trained")) {
         LG_TRY(lg_as_format(lg_h5_get_doubles(h5, "trained", 2, dims, &file->trained, error), error));
         if (dims[0] < 1 || dims[1] != BOUNDARY)
@@ -107,6 +150,7 @@ void lg_surrogate_file_destroy(lg_surrogate_file *file) {
     if (file == NULL) return;
     lg_free(file->context, file->theta);
     lg_free(file->context, file->trained);
+    lg_free(file->context, file->modes);
     lg_history_destroy(file->context, file->history);
     *file = (lg_surrogate_file){0};
 }

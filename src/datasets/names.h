@@ -8,11 +8,16 @@
 const char *lg_name_activation(uint32_t value);
 const char *lg_name_scheme(uint32_t value);
 const char *lg_name_family(uint32_t value);
+const char *lg_name_integral(uint32_t value); /* first integrals */
 const char *lg_name_potential(uint32_t value);
+const char *lg_name_symmetry(uint32_t value);
 const char *lg_name_dtype(uint32_t value);
 const char *lg_name_penalty_form(uint32_t value);
+const char *lg_name_distance(uint32_t value);
+const char *lg_name_start(uint32_t value);
 const char *lg_name_noise(uint32_t value);
 const char *lg_name_schedule(uint32_t value);
+const char *lg_name_surrogate_loss(uint32_t value);
 const char *lg_name_surrogate(uint32_t value);
 const char *lg_name_net(uint32_t value);
 const char *lg_name_split(uint32_t value);
@@ -29,6 +34,11 @@ const void *lg_family_number(uint32_t value);
 /* The family that learns the system of this name, and its n, 0 for any; NULL: the system is unknown, is not
  * learned or has no default parameters. */
 const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n);
+/* The form of a learned system: "hamiltonian", or NULL where there is one form only. */
+const char *lg_learned_form(const char *system);
+
+/* At least the parameters of any system. */
+enum { LG_MOST_PARAMETERS = 16 };
 
 #define LG_LAYOUT_TEXT (12 * LG_HAMILTONIAN_MAX_COPIES)
 /* Layout of the family's states: "q1 p1 q2 p2 ..." or "q p". */

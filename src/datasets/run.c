@@ -97,14 +97,14 @@ static lg_status get_flag(lg_h5 *h5, const lg_hyperparameter *r, bool *flag, lg_
     return LG_OK;
 }
 
-/* The empty text is the empty list. */
+/* A list or a phrase. The empty text is the empty list. */
 static lg_status get_list(lg_h5 *h5, const lg_hyperparameter *r, void *run, lg_error *error) {
     char text[LG_H5_TEXT];
     lg_error reason = {LG_OK, ""};
     const lg_status status = lg_h5_text(h5, r->group, r->name, text, sizeof text, error);
     if (status != LG_OK && status != LG_SHAPE) return status;
     if (status == LG_SHAPE) return attribute_format(h5, r, "is too long", error);
-    if (text[0] == '\0') {
+    if (text[0] == '\0' && r->put != NULL) {
         r->put((char *)run + r->offset, NULL, 0);
         return LG_OK;
     }
@@ -132,6 +132,7 @@ static lg_status get_row(lg_h5 *h5, const lg_hyperparameter *r, void *run, lg_er
         return get_name(h5, r, run, error);
     case LG_HYPER_WHOLES:
     case LG_HYPER_REALS:
+    case LG_HYPER_PHRASE:
         return get_list(h5, r, run, error);
     case LG_HYPER_TEXT:
         return get_text(h5, r, at, error);

@@ -83,7 +83,8 @@ static bool known_elsewhere(const char *name) {
 /* ---- the keys of one system ---- */
 
 static const char *starts_name(uint32_t value) {
-    static const char *const names[] = {[LG_STARTS_THESIS] = "thesis", [LG_STARTS_BOX] = "box"};
+    static const char *const names[LG_STARTS_COUNT] = {
+        [LG_STARTS_THESIS] = "thesis", [LG_STARTS_BOX] = "box", [LG_STARTS_PLANE] = "plane"};
     return value < LG_COUNT(names) ? names[value] : NULL;
 }
 
@@ -101,6 +102,7 @@ enum {
     KEY_LOW,
     KEY_HIGH,
     KEY_SEGMENTS,
+    KEY_AHEAD,
     COMMON_KEYS
 };
 
@@ -115,6 +117,7 @@ static const lg_key common_keys[COMMON_KEYS] = {
     [KEY_LOW] = {"starts.low", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL},
     [KEY_HIGH] = {"starts.high", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL},
     [KEY_SEGMENTS] = {"starts.segments", LG_KEY_COUNT, false, false, 1, 1000, 1, NULL},
+    [KEY_AHEAD] = {"starts.ahead", LG_KEY_REAL, false, false, 0, LARGEST, 1, NULL},
 };
 static const lg_key links_key = {"links", LG_KEY_COUNT, false, false, 1, MAX_LINKS, 1, NULL};
 static const lg_key reference_key = {"reference", LG_KEY_NAME, false, false, 0, 0, 1, reference_name};
@@ -339,6 +342,7 @@ static lg_status read_starts(reading *r) {
     if (v[KEY_LOW].line != 0) out->low = v[KEY_LOW].real[0];
     if (v[KEY_HIGH].line != 0) out->high = v[KEY_HIGH].real[0];
     if (v[KEY_SEGMENTS].line != 0) out->segments = (uint32_t)v[KEY_SEGMENTS].real[0];
+    if (v[KEY_AHEAD].line != 0) out->ahead = v[KEY_AHEAD].real[0];
     uint32_t bounds = v[KEY_HIGH].line != 0 ? v[KEY_HIGH].line : v[KEY_LOW].line;
     if (bounds != 0 && out->starts != LG_STARTS_BOX)
         return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error, "starts: low and high belong to kind: box");
@@ -494,9 +498,10 @@ int lg_scene_describe(const char *system, const char *form, char *text, size_t s
         add_line(&w, "initial.", row->key, shape, row->fallback == NULL ? "required in `initial`" : "");
     }
     add_line(&w, "", "t_end", "a number > 0", "");
-    add_line(&w, "starts.", "kind", "thesis or box", "required in `starts`");
+    add_line(&w, "starts.", "kind", "thesis, box or plane", "required in `starts`");
     add_line(&w, "starts.", "low", "a number", "of box");
     add_line(&w, "starts.", "high", "a number", "of box");
     add_line(&w, "starts.", "segments", "a whole number", "consecutive trajectories from one start");
+    add_line(&w, "starts.", "ahead", "a number", "trajectories begin after a time of U[0, ahead]");
     return (int)w.used;
 }

@@ -25,6 +25,7 @@ void lg_trajectories_destroy(lg_trajectories *data) {
     lg_free(data->context, data->data);
     lg_free(data->context, data->hamiltonian);
     lg_free(data->context, data->inputs);
+    lg_system_destroy(data->truth);
     *data = (lg_trajectories){0};
 }
 
@@ -69,6 +70,44 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
     return LG_OK;
 }
 
+/* ---- the system that made them ---- */
+
+/* A system of the row's form from the given parameters; LG_INVALID_ARGUMENT when one is missing. */
+static lg_status make_truth(lg_trajectories *data, const char *form, const lg_named_values *given,
+                            size_t count, lg_error *error) {
+    lg_system *made = NULL;
+    lg_system_options options;
+    size_t n;
+    lg_system_options_init(&options);
+    options.form = form;
+    options.links = data->n;
+    options.parameters = given;
+    options.parameter_count = count;
+    LG_TRY(lg_system_create(data->context, data->system, &options, &made, error));
+    if (lg_hamiltonian_family_for(made, &n) != data->family || n != data->n) {
+        lg_system_destroy(made);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the system is another one than the data's");
+    }
+    lg_system_destroy(data->truth);
+    data->truth = made;
+    return LG_OK;
+}
+
+lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_system *system) {
+    lg_named_values given[LG_MOST_PARAMETERS];
+    size_t count = 0;
+    if (data == NULL || system == NULL || strcmp(lg_system_name(system), data->system) != 0)
+        return LG_INVALID_ARGUMENT;
+    const double *values = lg_system_parameter_values(system);
+    const lg_parameter_entry *row = lg_system_parameters(data->system, lg_system_form(system));
+    for (; row->key != NULL && count < LG_MOST_PARAMETERS; row++) {
+        const size_t size = row->count > 0 ? row->count : lg_system_links(system);
+        given[count++] = (lg_named_values){row->key, values, size};
+        values += size;
+    }
+    return make_truth(data, lg_system_form(system), given, count, NULL);
+}
+
 /* ---- the hash ---- */
 
 static void hash(lg_trajectories *data) {
@@ -90,6 +129,7 @@ typedef struct read_call {
     lg_trajectories *out;
     bool has_hamiltonian;
     double epsilon; /* relative spacing of the stored /t */
+    bool project;
 } read_call;
 
 static lg_status read_arrays(read_call *call, lg_error *error) {
@@ -213,15 +253,20 @@ static double off_manifold(const lg_hamiltonian_family *family, const double *st
 }
 
 static lg_status check_starts(read_call *call, lg_error *error) {
-    const lg_trajectories *out = call->out;
+    lg_trajectories *out = call->out;
+    lg_space space;
+    LG_TRY(lg_hamiltonian_space(out->family, out->n, &space));
     for (size_t k = 0; k < out->count; k++) {
         uint32_t copy = 0;
-        const double *start = out->data + k * out->points * out->state_dim;
+        double *start = out->data + k * out->points * out->state_dim;
         const double off = off_manifold(out->family, start, out->n, &copy);
-        if (off > MANIFOLD_TOLERANCE)
+        out->starts_off = off > out->starts_off ? off : out->starts_off;
+        if (off > MANIFOLD_TOLERANCE && call->project)
+            lg_space_project(&space, start);
+        else if (off > MANIFOLD_TOLERANCE)
             return lg_fail(error, LG_FORMAT,
                            "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g "
-                           "(%s %u: %s are wanted)",
+                           "(%s %u: %s are wanted; where this is noise, --starts brings it back)",
                            lg_shown_path(call->path), k, off, out->family->copy, copy + 1,
                            out->family->manifold);
     }
@@ -310,6 +355,50 @@ static lg_status check_links(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
+static void parameter_path(const lg_parameter_entry *row, char path[64]) {
+    (void)snprintf(path, 64, "parameters/%s", row->key);
+}
+
+/* Whether the system is known and all its parameters are in the file. */
+static bool has_parameters(read_call *call, const lg_parameter_entry *row) {
+    char path[64];
+    for (const lg_parameter_entry *entry = row; entry != NULL && entry->key != NULL; entry++) {
+        parameter_path(entry, path);
+        if (!lg_h5_has(call->h5, path)) return false;
+    }
+    return row != NULL;
+}
+
+/* Of the form whose trajectories a family learns. */
+static lg_status read_truth(read_call *call, lg_error *error) {
+    lg_trajectories *out = call->out;
+    lg_named_values given[LG_MOST_PARAMETERS];
+    double *values[LG_MOST_PARAMETERS] = {NULL};
+    size_t count = 0;
+    char path[64];
+    const char *form = lg_learned_form(out->system);
+    const lg_parameter_entry *row = lg_system_parameters(out->system, form);
+    if (!has_parameters(call, row)) return LG_OK;
+    lg_status status = LG_OK;
+    for (; status == LG_OK && row->key != NULL && count < LG_MOST_PARAMETERS; row++) {
+        uint64_t size[4] = {0};
+        parameter_path(row, path);
+        status = lg_h5_get_doubles(call->h5, path, 1, size, &values[count], error);
+        given[count] = (lg_named_values){row->key, values[count], (size_t)size[0]};
+        count++;
+    }
+    if (status == LG_OK) {
+        lg_error why = {LG_OK, ""};
+        status = make_truth(out, form, given, count, &why);
+        if (status == LG_INVALID_ARGUMENT)
+            status = lg_fail(error, LG_FORMAT, "%s: /parameters: %s", lg_shown_path(call->path), why.message);
+        else if (status != LG_OK)
+            (void)lg_fail(error, status, "%s: /parameters: %s", lg_shown_path(call->path), why.message);
+    }
+    for (size_t i = 0; i < count; i++) lg_free(call->context, values[i]);
+    return status;
+}
+
 static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
     read_call *call = user;
     call->h5 = h5;
@@ -319,6 +408,7 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
     LG_TRY(check_system(call, error));
     LG_TRY(check_links(call, error));
     LG_TRY(check_starts(call, error));
+    LG_TRY(read_truth(call, error));
     lg_h5_provenance(call->h5, &call->out->provenance);
     return LG_OK;
 }
@@ -327,7 +417,8 @@ lg_status lg_trajectories_read(const lg_context *context, const char *path, cons
                                lg_trajectories *out, lg_error *error) {
     if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     lg_trajectories made = {.context = context};
-    read_call call = {.context = context, .path = path, .out = &made};
+    const bool project = options != NULL && options->project_starts;
+    read_call call = {.context = context, .path = path, .project = project, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
         lg_trajectories_destroy(&made);
@@ -351,6 +442,20 @@ static lg_status check_written(const char *path, const lg_trajectories *data, lg
     return LG_OK;
 }
 
+static lg_status put_truth(lg_h5 *h5, const lg_system *truth, lg_error *error) {
+    if (truth == NULL) return LG_OK;
+    const double *values = lg_system_parameter_values(truth);
+    const lg_parameter_entry *row = lg_system_parameters(lg_system_name(truth), lg_system_form(truth));
+    for (; row->key != NULL; row++) {
+        const uint64_t size = row->count > 0 ? row->count : lg_system_links(truth);
+        char path[64];
+        parameter_path(row, path);
+        LG_TRY(lg_h5_put(h5, path, LG_ELEMENT_F64, 1, &size, values, error));
+        values += size;
+    }
+    return LG_OK;
+}
+
 static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error) {
     uint64_t shape[3] = {data->count, data->points, data->state_dim};
     uint64_t inputs[3] = {data->count, data->points - 1, data->input_dim};
@@ -366,7 +471,7 @@ static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error
     if (data->hamiltonian != NULL)
         LG_TRY(lg_h5_put(h5, "hamiltonian", LG_ELEMENT_F64, 1, shape, data->hamiltonian, error));
     if (data->inputs != NULL) LG_TRY(lg_h5_put(h5, "inputs", LG_ELEMENT_F64, 3, inputs, data->inputs, error));
-    return LG_OK;
+    return put_truth(h5, data->truth, error);
 }
 
 lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_trajectories *data,

@@ -96,10 +96,23 @@ static const lg_cf_row cf32b_rows[] = {
     {LG_CF_START, 1, {{1.0 / 4.0, 0.0, 3.0 / 4.0}}},
 };
 
+/* Forest and Ruth (1990): three steps of Stormer and Verlet, of w, 1 - 2 w and w = 1/(2 - 2^(1/3)). */
+#define FR_W 1.351207191959657634
+
+/* Blanes and Moan (2002), table 3, SRKN_6^b: symmetric, the numbers in the middle make the sums 1. */
+#define BM_KICK1  0.0829844064174052
+#define BM_KICK2  0.396309801498368
+#define BM_KICK3  (-0.0390563049223486)
+#define BM_KICK4  (1.0 - 2.0 * (BM_KICK1 + BM_KICK2 + BM_KICK3))
+#define BM_DRIFT1 0.245298957184271
+#define BM_DRIFT2 0.604872665711080
+#define BM_DRIFT3 (0.5 - (BM_DRIFT1 + BM_DRIFT2))
+
 #define CLASSICAL           .kind = LG_SCHEME_RKMK, .ambient = true
 #define IMPLICIT            .kind = LG_SCHEME_IMPLICIT, .ambient = true, .stages = 1
 #define RKMK(bracket_depth) .kind = LG_SCHEME_RKMK, .dexpinv = (bracket_depth)
 #define CF                  .kind = LG_SCHEME_COMMUTATOR_FREE
+#define SPLITTING           .kind = LG_SCHEME_SPLITTING
 
 static const lg_scheme schemes[] = {
     {.name = "euler", CLASSICAL, .stages = 1, .order = 1, .b = {1.0}},
@@ -108,18 +121,20 @@ static const lg_scheme schemes[] = {
     {.name = "rk4", CLASSICAL, TABLEAU_RK4},
     {.name = "rk4-projected", CLASSICAL, TABLEAU_RK4, .project = true},
     {.name = "dp54", CLASSICAL, TABLEAU_DP54, DENSE_DP54},
-    {.name = "symplectic-euler",
-     .kind = LG_SCHEME_SPLITTING,
-     .stages = 1,
-     .order = 1,
-     .kick = {1.0},
-     .drift = {1.0}},
-    {.name = "stormer-verlet",
-     .kind = LG_SCHEME_SPLITTING,
-     .stages = 2,
-     .order = 2,
-     .kick = {0.5, 0.5},
-     .drift = {1.0, 0.0}},
+    {.name = "symplectic-euler", SPLITTING, .stages = 1, .order = 1, .kick = {1.0}, .drift = {1.0}},
+    {.name = "stormer-verlet", SPLITTING, .stages = 2, .order = 2, .kick = {0.5, 0.5}, .drift = {1.0, 0.0}},
+    {.name = "forest-ruth",
+     SPLITTING,
+     .stages = 4,
+     .order = 4,
+     .kick = {0.5 * FR_W, 0.5 - 0.5 * FR_W, 0.5 - 0.5 * FR_W, 0.5 * FR_W},
+     .drift = {FR_W, 1.0 - 2.0 * FR_W, FR_W, 0.0}},
+    {.name = "blanes-moan",
+     SPLITTING,
+     .stages = 7,
+     .order = 4,
+     .kick = {BM_KICK1, BM_KICK2, BM_KICK3, BM_KICK4, BM_KICK3, BM_KICK2, BM_KICK1},
+     .drift = {BM_DRIFT1, BM_DRIFT2, BM_DRIFT3, BM_DRIFT3, BM_DRIFT2, BM_DRIFT1, 0.0}},
     {.name = "variational", .kind = LG_SCHEME_VARIATIONAL, .stages = 1, .order = 2},
     {.name = "lie-euler", RKMK(LG_DEXPINV_EXACT), .stages = 1, .order = 1, .b = {1.0}},
     {.name = "lie-heun",

@@ -147,8 +147,10 @@ typedef struct lg_kernels {
 
     void (*fill)(size_t n, double value, void *y);
     void (*axpy)(size_t n, double c, const void *x, void *y); /* y += c x */
-    void (*convert_in)(size_t n, const double *x, void *y);   /* from double */
-    void (*convert_out)(size_t n, const void *x, double *y);  /* to double */
+    /* y = a u + b v + c y */
+    void (*combine)(size_t n, double a, const void *u, double b, const void *v, double c, void *y);
+    void (*convert_in)(size_t n, const double *x, void *y);  /* from double */
+    void (*convert_out)(size_t n, const void *x, double *y); /* to double */
     bool (*all_finite)(size_t n, const void *x);
 
     /* y[i] = op(a[i], b[i]) */

@@ -133,6 +133,20 @@ double lg_chain_energy(const lg_chain *chain, const double *y, const double *v) 
     return kinetic + potential;
 }
 
+size_t lg_chain_observed(size_t links) {
+    return 6 * links;
+}
+
+void lg_chain_nodes(const lg_chain *chain, const double *y, const double *v, double *out) {
+    const size_t k = chain->links;
+    for (size_t i = 0; i < k; i++)
+        for (size_t c = 0; c < 3; c++) {
+            double *x = out + 3 * i + c, *dx = x + 3 * k;
+            *x = chain->length[i] * y[6 * i + c] + (i > 0 ? x[-3] : 0.0);
+            *dx = chain->length[i] * v[3 * i + c] + (i > 0 ? dx[-3] : 0.0);
+        }
+}
+
 /* ---- public parts ---- */
 
 static bool is_chain(const lg_system *system) {

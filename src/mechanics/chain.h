@@ -85,6 +85,12 @@ double lg_chain_vertical_momentum(const lg_chain *chain, const double *y, const 
 /* 1/2 sum_l m_l |x_l'|^2 + V */
 double lg_chain_energy(const lg_chain *chain, const double *y, const double *v);
 
+/* lg_system_observe: x_i and x_i' (k, 3) each from q_i at y + 6 i and v */
+size_t lg_chain_observed(size_t links);
+void lg_chain_nodes(const lg_chain *chain, const double *y, const double *v, double *out);
+/* Starts of kind LG_STARTS_PLANE: q and v. LG_UNSUPPORTED above LG_PLANE_LINKS, LG_NO_CONVERGENCE. */
+lg_status lg_chain_plane_start(const lg_chain *chain, lg_rng *rng, double *y, double *v);
+
 /* One step of SHAKE and RATTLE; y holds q_i at y + 6 i, v the velocities; in place, untouched on failure.
  * work: CHAIN_STEP_WORK k doubles. */
 lg_status lg_chain_rattle(const lg_chain *chain, double h, double *y, double *v, double *work);

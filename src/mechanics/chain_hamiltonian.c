@@ -172,6 +172,23 @@ static lg_status step(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
+/* ---- what is seen, starts in a plane ---- */
+
+static lg_status observe(const lg_system *system, const double *y, double *out, double *work) {
+    const lg_chain chain = lg_chain_of(system);
+    LG_TRY(lg_chain_velocity_of_momentum(&chain, y, work, work + 3 * chain.links));
+    lg_chain_nodes(&chain, y, work, out);
+    return LG_OK;
+}
+
+static lg_status plane(const lg_system *system, lg_rng *rng, double *y) {
+    const lg_chain chain = lg_chain_of(system);
+    double v[3 * LG_PLANE_LINKS], work[3 * LG_PLANE_LINKS];
+    LG_TRY(lg_chain_plane_start(&chain, rng, y, v));
+    lg_chain_momentum_of_velocity(&chain, v, y, work);
+    return LG_OK;
+}
+
 static size_t work_of(size_t links) {
     return (6 + 12) * links; /* v and g, then the parts of chain_work */
 }
@@ -192,6 +209,9 @@ const lg_system_row lg_system_row_chain_hamiltonian = {
     .work = work_of,
     .invariants = lg_chain_invariants,
     .invariant = invariant,
+    .observed = lg_chain_observed,
+    .observe = observe,
+    .plane = plane,
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .extended = true,

@@ -139,6 +139,21 @@ static double invariant(const lg_system *system, size_t index, const double *y, 
     return index == 0 ? lg_chain_energy(&chain, y, work) : lg_chain_vertical_momentum(&chain, y, work);
 }
 
+static lg_status observe(const lg_system *system, const double *y, double *out, double *work) {
+    const lg_chain chain = lg_chain_of(system);
+    lg_chain_velocity_of_omega(chain.links, y, work);
+    lg_chain_nodes(&chain, y, work, out);
+    return LG_OK;
+}
+
+static lg_status plane(const lg_system *system, lg_rng *rng, double *y) {
+    const lg_chain chain = lg_chain_of(system);
+    double v[3 * LG_PLANE_LINKS];
+    LG_TRY(lg_chain_plane_start(&chain, rng, y, v));
+    lg_chain_omega_of_velocity(chain.links, v, y);
+    return LG_OK;
+}
+
 /* lg_chain_velocities needs the most. */
 static size_t work_of(size_t links) {
     return (3 + CHAIN_MOMENTUM_WORK) * links;
@@ -160,6 +175,9 @@ const lg_system_row lg_system_row_chain_lagrangian = {
     .work = work_of,
     .invariants = lg_chain_invariants,
     .invariant = invariant,
+    .observed = lg_chain_observed,
+    .observe = observe,
+    .plane = plane,
     .structure = LG_STRUCTURE_LAGRANGIAN,
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .step = step,

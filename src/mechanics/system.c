@@ -357,6 +357,20 @@ size_t lg_system_work_size(const lg_system *system) {
     return (work > 0 ? work : 1) * sizeof(double);
 }
 
+/* ---- what is seen ---- */
+
+size_t lg_system_observed(const lg_system *system) {
+    const lg_system_row *row = system->row;
+    return row->observed != NULL ? row->observed(system->links) : lg_system_reported(system);
+}
+
+lg_status lg_system_observe(const lg_system *system, const double *y, double *out, double *work) {
+    if (!system || !y || !out || !work) return LG_INVALID_ARGUMENT;
+    if (system->row->observe != NULL) return system->row->observe(system, y, out, work);
+    memcpy(out, y, lg_system_reported(system) * sizeof(*out));
+    return LG_OK;
+}
+
 /* ---- invariants ---- */
 
 size_t lg_system_invariants(const lg_system *system) {

@@ -39,6 +39,11 @@ typedef struct lg_system_row {
     size_t (*work)(size_t links);  /* doubles of workspace; NULL: none */
     const char *const *invariants; /* names, ended by NULL; "energy" first where there is one */
     double (*invariant)(const lg_system *system, size_t index, const double *y, double *work);
+    /* lg_system_observe: how many numbers, and the numbers. Both NULL: the reported part of the state. */
+    size_t (*observed)(size_t links);
+    lg_status (*observe)(const lg_system *system, const double *y, double *out, double *work);
+    /* A start of kind PLANE; NULL: none. */
+    lg_status (*plane)(const lg_system *system, lg_rng *rng, double *y);
     lg_structure structure;
     /* The function that takes the place of H in the structure; NULL: the energy. */
     double (*generating)(const lg_system *system, const double *y, double *work);

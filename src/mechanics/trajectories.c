@@ -35,7 +35,7 @@ static const struct {
 
 static const char *starts_fault(const lg_trajectory_options *o) {
     if (o->size != sizeof(*o)) return "options of unknown size";
-    if ((unsigned)o->starts > LG_STARTS_BOX) return "unknown kind of starts";
+    if ((unsigned)o->starts >= LG_STARTS_COUNT) return "unknown kind of starts";
     if (o->starts == LG_STARTS_BOX && !(o->low < o->high && isfinite(o->low) && isfinite(o->high)))
         return "low must be below high";
     return NULL;
@@ -48,6 +48,7 @@ lg_status lg_space_start(const lg_space *space, const lg_trajectory_options *opt
     const lg_trajectory_options *o = options ? options : &defaults;
     if (!space || !rng || !y || starts_fault(o)) return LG_INVALID_ARGUMENT;
     const bool box = o->starts == LG_STARTS_BOX;
+    if (o->starts == LG_STARTS_PLANE) return LG_UNSUPPORTED;
     for (size_t f = 0; f < space->factors; f++)
         if (samplers[space->factor[f].kind].draw == NULL) return LG_UNSUPPORTED;
     for (size_t f = 0; f < space->factors; f++) {
@@ -61,7 +62,10 @@ lg_status lg_space_start(const lg_space *space, const lg_trajectory_options *opt
 
 lg_status lg_system_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
                           double *y) {
-    return system ? lg_space_start(&system->space, options, rng, y) : LG_INVALID_ARGUMENT;
+    const bool plane = options && options->size == sizeof(*options) && options->starts == LG_STARTS_PLANE;
+    if (!system) return LG_INVALID_ARGUMENT;
+    if (!plane || !system->row->plane) return lg_space_start(&system->space, options, rng, y);
+    return rng && y ? system->row->plane(system, rng, y) : LG_INVALID_ARGUMENT;
 }
 
 /* ---- the reference integrator ---- */
@@ -123,6 +127,7 @@ static const char *options_fault(const lg_trajectory_options *o) {
     if (!(o->t_end > 0.0) || !isfinite(o->t_end)) return "t_end must be positive";
     if (!(o->noise >= 0.0) || !isfinite(o->noise)) return "noise must not be negative";
     if ((unsigned)o->noise_kind > LG_NOISE_UNIFORM) return "unknown kind of noise";
+    if (!(o->ahead >= 0.0) || !isfinite(o->ahead)) return "ahead must not be negative";
     if (o->segments < 1) return "segments must be at least 1";
     if (!is_tolerance(o->rtol) || !is_tolerance(o->atol) || !(o->rtol + o->atol > 0.0))
         return "tolerances must not be negative, nor both zero";
@@ -140,12 +145,25 @@ typedef struct sampling {
     double *hamiltonian;  /* N */
 } sampling;
 
-static void add_noise(const lg_trajectory_options *o, size_t number, size_t d, double *trajectory) {
+static void add_noise(const lg_trajectory_options *o, const lg_space *space, size_t number,
+                      double *trajectory) {
+    const size_t d = space->dim;
     lg_rng rng;
     lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number + 1);
-    for (size_t i = d; i < o->points * d; i++)
-        trajectory[i] += o->noise * (o->noise_kind == LG_NOISE_NORMAL ? lg_rng_normal(&rng)
-                                                                      : lg_rng_uniform_in(&rng, -1.0, 1.0));
+    /* Those of the first point are drawn last: the others do not depend on it. */
+    for (size_t j = d; j < (o->points + (o->noise_first ? 1 : 0)) * d; j++)
+        trajectory[j % (o->points * d)] +=
+            o->noise *
+            (o->noise_kind == LG_NOISE_NORMAL ? lg_rng_normal(&rng) : lg_rng_uniform_in(&rng, -1.0, 1.0));
+    if (o->noise_first) lg_space_project(space, trajectory);
+}
+
+/* Follows the start for a random time; draws nothing for `ahead` 0. */
+static lg_status go_ahead(sampling *s, lg_rng *rng, double *y) {
+    const double time = s->options->ahead > 0.0 ? s->options->ahead * lg_rng_uniform(rng) : 0.0;
+    double end[1] = {time};
+    if (!(time > 0.0)) return LG_OK;
+    return lg_integrate_adaptive(s->reference.stepper, &s->reference.control, 0.0, y, end, 1, y, NULL);
 }
 
 /* Segments of start `number`: each begins where the one before ended; noise comes last. */
@@ -156,6 +174,7 @@ static lg_status sample_start(sampling *s, size_t number) {
     lg_rng rng;
     lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number);
     LG_TRY(lg_system_start(s->system, o, &rng, s->trajectories + first * block));
+    LG_TRY(go_ahead(s, &rng, s->trajectories + first * block));
     for (size_t i = first; i < last; i++) {
         double *y = s->trajectories + i * block;
         if (lg_cancelled(s->context)) return LG_CANCELLED;
@@ -164,7 +183,8 @@ static lg_status sample_start(sampling *s, size_t number) {
                                      o->points - 1, y + d, NULL));
         s->hamiltonian[i] = lg_system_hamiltonian(s->system, y, s->reference.work);
     }
-    for (size_t i = first; o->noise > 0.0 && i < last; i++) add_noise(o, i, d, s->trajectories + i * block);
+    for (size_t i = first; o->noise > 0.0 && i < last; i++)
+        add_noise(o, &s->system->space, i, s->trajectories + i * block);
     return LG_OK;
 }
 

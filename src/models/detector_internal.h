@@ -8,4 +8,12 @@
 void lg_detector_scale(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype, const float *x,
                        void *out);
 
+/* Windows `samples` (count) on a tape: (count, length, channels) of its type. */
+lg_var lg_detector_put_windows(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
+                               uint32_t count);
+/* Windows on a tape at once, for speed. */
+size_t lg_detector_chunk(const lg_detector_problem *problem);
+/* lg_fit_problem.revive: user is the lg_detector_problem. */
+lg_status lg_detector_revive(void *user, uint64_t number, double *theta, bool *dead);
+
 #endif

@@ -93,8 +93,8 @@ static void copy_numbers(lg_dtype from, lg_dtype to, size_t n, const char *x, vo
         lg_kernels_for(to)->convert_in(n, (const void *)x, out);
 }
 
-static lg_var put_windows(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
-                          uint32_t count) {
+lg_var lg_detector_put_windows(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
+                               uint32_t count) {
     const lg_cnn *net = &problem->model->net;
     const lg_detector_data *data = problem->data;
     const lg_dtype to = lg_tape_dtype(tape);
@@ -130,7 +130,7 @@ static lg_var put_targets(const lg_detector_problem *problem, lg_tape *tape, con
 static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                             size_t batch, lg_var *loss) {
     const lg_detector_problem *problem = user;
-    const lg_var x = put_windows(problem, tape, samples, (uint32_t)count);
+    const lg_var x = lg_detector_put_windows(problem, tape, samples, (uint32_t)count);
     const lg_var target = put_targets(problem, tape, samples, (uint32_t)count);
     const lg_var y = lg_cnn_record(tape, &problem->model->net, theta, 0, x, NULL);
     lg_var mean;
@@ -154,7 +154,7 @@ static size_t numbers_a_window(const lg_cnn *net) {
 
 /* Windows on a tape at once: their values fill about one megabyte of L2 cache. From 8 to 15 windows of 6 x
  * 300 the speed is the same; with fewer or more it is lower. */
-static size_t chunk_of(const lg_detector_problem *problem) {
+size_t lg_detector_chunk(const lg_detector_problem *problem) {
     const size_t limit = ((size_t)3 << 19) / lg_kernels_for(problem->data->dtype)->size;
     const size_t chunk = limit / numbers_a_window(&problem->model->net);
     return chunk < 1 ? 1 : chunk < LG_FIT_CHUNK ? chunk : LG_FIT_CHUNK;
@@ -171,7 +171,8 @@ void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem 
                             .loss = shard_loss,
                             .user = pointer.user,
                             .validation = problem->data->count - problem->training,
-                            .chunk = chunk_of(problem)};
+                            .chunk = lg_detector_chunk(problem),
+                            .revive = lg_detector_revive};
 }
 
 /* ---- settings ---- */

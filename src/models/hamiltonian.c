@@ -1,16 +1,16 @@
 /* Learned Hamiltonians: description and initialisation. */
-#include "liegrad/hamiltonian.h"
-
 #include "core/core.h"
+#include "models/hamiltonian_internal.h"
 
 lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                               lg_potential_kind potential, const uint32_t *hidden, uint32_t hidden_layers,
                               lg_activation activation) {
     if (family == NULL || n < 1 || n > LG_HAMILTONIAN_MAX_COPIES) return LG_INVALID_ARGUMENT;
-    if (potential != LG_POTENTIAL_MLP && potential != LG_POTENTIAL_LINEAR) return LG_INVALID_ARGUMENT;
+    const lg_potential_row *row = lg_potential_row_of(potential);
+    if (row == NULL) return LG_INVALID_ARGUMENT;
     lg_hamiltonian made = {.family = family, .n = n, .potential = potential};
-    const uint32_t layers = potential == LG_POTENTIAL_LINEAR ? 0 : hidden_layers;
-    LG_TRY(lg_mlp_init(&made.net, family->inputs * n, hidden, layers, 1, activation, false));
+    const uint32_t layers = row->layered ? hidden_layers : 0, functions = row->count(family->inputs * n);
+    LG_TRY(lg_mlp_init(&made.net, functions, hidden, layers, 1, activation, false));
     *model = made;
     return LG_OK;
 }

@@ -27,4 +27,19 @@ lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, 
 lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                 lg_program **out, lg_error *error);
 
+/* Whether every factor of the space has a row of geodesics. */
+bool lg_hamiltonian_has_geodesics(const lg_space *space);
+/* Sum of squared distances of the points a and b, given as parts. */
+lg_var lg_hamiltonian_squared_distance(lg_tape *tape, lg_hamiltonian_distance kind, const lg_space *space,
+                                       const lg_var *a, const lg_var *b);
+
+/* A kind of potential: a network with or without hidden layers, on `count` functions of d coordinates. */
+#define LG_DICTIONARY_COORDINATES (3 * LG_HAMILTONIAN_MAX_COPIES)
+typedef struct lg_potential_row {
+    bool layered;
+    uint32_t (*count)(uint32_t d);
+    lg_var (*record)(lg_tape *tape, lg_var x); /* (B, d) -> (B, count); NULL: x itself */
+} lg_potential_row;
+const lg_potential_row *lg_potential_row_of(lg_potential_kind kind); /* NULL: none */
+
 #endif

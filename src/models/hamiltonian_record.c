@@ -32,17 +32,48 @@ lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var
 /* ---- for rows ---- */
 
 static lg_var flat_inputs(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
-    return lg_reshape(tape, x, lg_shape2(lg_var_shape(tape, x).dims[0], vars->model->net.width[0]));
+    const lg_hamiltonian *model = vars->model;
+    return lg_reshape(tape, x, lg_shape2(lg_var_shape(tape, x).dims[0], model->family->inputs * model->n));
+}
+
+/* N (B, 1) of x (B, d), and dN/dx. */
+static lg_var network(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
+    const lg_potential_row *row = lg_potential_row_of(vars->model->potential);
+    lg_var inputs = row->record == NULL ? x : row->record(tape, x);
+    return lg_mlp_record_bound(tape, &vars->model->net, &vars->net, inputs);
+}
+
+static lg_var network_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
+    lg_var out = LG_NONE;
+    if (lg_potential_row_of(vars->model->potential)->record == NULL)
+        return lg_mlp_record_gradient(tape, &vars->model->net, &vars->net, x);
+    (void)lg_grad(tape, lg_sum(tape, network(tape, vars, x)), &x, 1, &out);
+    return out;
+}
+
+/* N(-x) has this sign in V. */
+static const double mirrored[] = {
+    [LG_SYMMETRY_NONE] = 0.0, [LG_SYMMETRY_EVEN] = 1.0, [LG_SYMMETRY_ODD] = -1.0};
+
+typedef lg_var (*of_inputs)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
+
+/* (f(x) + sign f(-x))/2, or f(x) where V has no symmetry. */
+static lg_var symmetric(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x, of_inputs f, double sign) {
+    lg_var at = f(tape, vars, x);
+    if (sign == 0.0) return at;
+    const lg_var both[2] = {at, f(tape, vars, lg_neg(tape, x))};
+    const double weights[2] = {0.5, 0.5 * sign};
+    return lg_linear_combination(tape, both, weights, 2);
 }
 
 lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
-    return lg_mlp_record_bound(tape, &vars->model->net, &vars->net, flat_inputs(tape, vars, x));
+    return symmetric(tape, vars, flat_inputs(tape, vars, x), network, mirrored[vars->model->symmetry]);
 }
 
 lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
-    lg_var flat = flat_inputs(tape, vars, x);
-    return lg_reshape(tape, lg_mlp_record_gradient(tape, &vars->model->net, &vars->net, flat),
-                      lg_var_shape(tape, x));
+    const double sign = -mirrored[vars->model->symmetry];
+    lg_var gradient = symmetric(tape, vars, flat_inputs(tape, vars, x), network_gradient, sign);
+    return lg_reshape(tape, gradient, lg_var_shape(tape, x));
 }
 
 /* Checks the shape of the input here, because a wrong width could broadcast. */

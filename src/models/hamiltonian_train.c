@@ -1,13 +1,18 @@
 /* Learned Hamiltonians: the training loss, and fields that only training uses. */
 #include <float.h>
+#include <math.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "integrators/stepper.h"
+#include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
 #include "models/hamiltonian_internal.h"
 
 /* ---- data ---- */
+
+/* Numbers of a state. */
+enum { LARGEST = 6 * LG_HAMILTONIAN_MAX_COPIES };
 
 static void store(lg_dtype dtype, void *values, size_t i, double value) {
     if (dtype == LG_F64)
@@ -17,14 +22,16 @@ static void store(lg_dtype dtype, void *values, size_t i, double value) {
 }
 
 /* Points first..last of the samples as states ((last - first + 1) count, d). All samples of one point follow
- * each other, the order of the concatenated predictions. */
-static void fill_states(const lg_hamiltonian_problem *problem, lg_dtype dtype, const uint32_t *samples,
-                        size_t count, size_t first, size_t last, void *values) {
-    const size_t d = lg_hamiltonian_state_dim(problem->model);
+ * each other, the order of the concatenated predictions. For geodesic distances they are projected. */
+static void fill_states(const lg_hamiltonian_problem *problem, const lg_space *space, lg_dtype dtype,
+                        const uint32_t *samples, size_t count, size_t first, size_t last, void *values) {
+    const size_t d = space->dim;
+    double state[LARGEST];
     size_t at = 0;
     for (size_t j = first; j <= last; j++)
         for (size_t s = 0; s < count; s++) {
-            const double *state = problem->data + (samples[s] * problem->points + j) * d;
+            memcpy(state, problem->data + (samples[s] * problem->points + j) * d, d * sizeof *state);
+            if (problem->distance == LG_DISTANCE_GEODESIC) lg_space_project(space, state);
             for (size_t c = 0; c < d; c++) store(dtype, values, at++, state[c]);
         }
 }
@@ -37,25 +44,33 @@ static lg_status given_points(lg_tape *tape, const lg_hamiltonian_problem *probl
     const lg_shape shape = lg_shape2((uint32_t)((last - first + 1) * count), (uint32_t)space->dim);
     lg_var states = lg_input_buffer(tape, shape, &values);
     if (lg_is_none(states)) return lg_tape_status(tape);
-    fill_states(problem, lg_tape_dtype(tape), samples, count, first, last, values);
+    fill_states(problem, space, lg_tape_dtype(tape), samples, count, first, last, values);
     return lg_taped_split(tape, space, states, parts);
 }
 
 /* ---- loss ---- */
 
-/* G = (q_1^2 + p_1^2)/2 for every row of (B, n), as (B, 1) */
-static lg_var first_oscillator(lg_tape *tape, lg_var q, lg_var p) {
-    lg_var q1 = lg_slice(tape, q, 1, 0, 1), p1 = lg_slice(tape, p, 1, 0, 1);
-    return lg_scale(tape, lg_add(tape, lg_square(tape, q1), lg_square(tape, p1)), 0.5);
+static const lg_first_integral *integral_of(const lg_hamiltonian_problem *problem) {
+    return problem->penalty_integral != NULL ? problem->penalty_integral : lg_first_integral_at(0);
 }
 
-/* Sum over samples and points of (G(y_j) - G(x))^2, or of 2 |G(y_j) - G(x)|; `predicted` is (M - 1) x (q, p).
- */
-static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *start,
-                          const lg_var *predicted) {
-    lg_var at_start = first_oscillator(tape, start[0], start[1]), total = LG_NONE;
-    for (size_t j = 0; j + 1 < problem->points; j++) {
-        lg_var gap = lg_sub(tape, first_oscillator(tape, predicted[2 * j], predicted[2 * j + 1]), at_start);
+/* G (B, 1) of a point's parts. */
+static lg_var conserved(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_hamiltonian_vars *vars,
+                        const lg_var *y) {
+    const lg_first_integral *integral = integral_of(problem);
+    const uint32_t copy = problem->penalty_copy > 0 ? problem->penalty_copy - 1 : 0;
+    return integral->record(integral->user, tape, vars, copy, y);
+}
+
+/* Sum over samples and points of (G(y_j) - G(x))^2, or of 2 |G(y_j) - G(x)|; `y` is M x parts, from x on. */
+static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
+                          const lg_hamiltonian_vars *vars, size_t parts, const lg_var *y) {
+    const lg_penalty_points *listed = &problem->penalty_points;
+    const size_t count = listed->count > 0 ? listed->count : problem->points - 1;
+    lg_var at_start = conserved(tape, problem, vars, y), total = LG_NONE;
+    for (size_t i = 0; i < count; i++) {
+        const size_t j = listed->count > 0 ? listed->at[i] - 1 : i + 1;
+        lg_var gap = lg_sub(tape, conserved(tape, problem, vars, y + parts * j), at_start);
         lg_var each = problem->penalty_form == LG_PENALTY_MEAN_SQUARE
                           ? lg_square(tape, gap)
                           : lg_scale(tape, lg_abs(tape, gap), 2.0);
@@ -65,48 +80,197 @@ static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem, 
     return total;
 }
 
-/* Sum of squares of predicted minus given points over all parts; predicted is (M - 1) x parts. */
-static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_space *space,
-                            const uint32_t *samples, size_t count, const lg_var *predicted) {
-    const size_t last = problem->points - 1, parts = lg_taped_parts(space);
-    lg_var total = LG_NONE, given[LG_HAMILTONIAN_MAX_PARTS];
-    if (given_points(tape, problem, space, samples, count, 1, last, given) != LG_OK) return LG_NONE;
-    for (size_t part = 0; part < parts; part++) {
-        lg_var points[LG_HAMILTONIAN_MAX_POINTS];
-        for (size_t j = 0; j < last; j++) points[j] = predicted[parts * j + part];
-        lg_var difference = lg_sub(tape, lg_concat(tape, points, last, 0), given[part]);
-        lg_var sum = lg_sum(tape, lg_square(tape, difference));
-        total = lg_is_none(total) ? sum : lg_add(tape, total, sum);
-    }
-    return total;
+enum { PREDICTED = LG_HAMILTONIAN_MAX_PARTS * LG_HAMILTONIAN_MAX_POINTS };
+
+/* Points 1..M-1 from `start` with so many steps between two of them, as (M - 1) x parts. */
+static lg_status predict(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_hamiltonian_vars *vars,
+                         uint32_t substeps, const lg_var *start, lg_var *predicted) {
+    lg_taped_ode ode;
+    LG_TRY(lg_hamiltonian_training_ode(tape, vars, problem->scheme, start, &ode));
+    const size_t steps = substeps * (problem->points - 1);
+    return lg_taped_integrate(tape, problem->scheme, &ode, 0.0, problem->dt / substeps, steps, substeps,
+                              start, predicted);
+}
+
+/* One part of `predicted` at all points, one after the other. */
+static lg_var all_points(lg_tape *tape, const lg_var *predicted, size_t points, size_t parts, size_t part) {
+    lg_var out[LG_HAMILTONIAN_MAX_POINTS];
+    for (size_t j = 0; j < points; j++) out[j] = predicted[parts * j + part];
+    return lg_concat(tape, out, points, 0);
+}
+
+/* Sum of squared distances of predicted and other points. */
+static lg_var squared_error(lg_tape *tape, lg_hamiltonian_distance distance, const lg_space *space,
+                            size_t points, const lg_var *predicted, const lg_var *other) {
+    const size_t parts = lg_taped_parts(space);
+    lg_var all[LG_HAMILTONIAN_MAX_PARTS];
+    for (size_t part = 0; part < parts; part++) all[part] = all_points(tape, predicted, points, parts, part);
+    return lg_hamiltonian_squared_distance(tape, distance, space, all, other);
+}
+
+static bool is_estimated(const lg_hamiltonian_problem *problem) {
+    return problem->starts == LG_START_ESTIMATED;
+}
+
+/* The first point of the loss. */
+static size_t first_point(const lg_hamiltonian_problem *problem) {
+    return is_estimated(problem) ? 0 : 1;
+}
+
+/* exp(a_i) . start of the samples; theta ends with the a_i (N, algebra_dim). */
+static lg_status estimated_starts(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_space *space,
+                                  lg_var theta, const uint32_t *samples, size_t count, lg_var *start) {
+    const uint32_t n = (uint32_t)problem->trajectories, dim = (uint32_t)space->algebra_dim;
+    const uint32_t from = (uint32_t)lg_hamiltonian_parameters(problem->model);
+    lg_var a[LG_HAMILTONIAN_MAX_PARTS];
+    lg_var all = lg_reshape(tape, lg_slice(tape, theta, 0, from, n * dim), lg_shape2(n, dim));
+    LG_TRY(lg_taped_split_algebra(tape, space, lg_gather(tape, all, samples, (uint32_t)count), a));
+    return lg_taped_act(tape, space, a, start, start);
+}
+
+/* The parameters of the model, the space and the starts of the samples. */
+static lg_status begin(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_var theta,
+                       const uint32_t *samples, size_t count, lg_hamiltonian_vars *vars, lg_space *space,
+                       lg_var *start) {
+    const uint32_t n = (uint32_t)lg_hamiltonian_parameters(problem->model);
+    const lg_var weights = is_estimated(problem) ? lg_slice(tape, theta, 0, 0, n) : theta;
+    LG_TRY(lg_hamiltonian_bind(tape, problem->model, weights, vars));
+    LG_TRY(lg_hamiltonian_space(problem->model->family, problem->model->n, space));
+    LG_TRY(given_points(tape, problem, space, samples, count, 0, 0, start));
+    if (!is_estimated(problem)) return LG_OK;
+    return estimated_starts(tape, problem, space, theta, samples, count, start);
+}
+
+/* How many squares a mean over `batch` samples has. */
+static double terms_of(const lg_hamiltonian_problem *problem, const lg_space *space, size_t batch) {
+    return (double)batch * (double)space->dim * (double)(problem->points - first_point(problem));
 }
 
 static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                             size_t batch, lg_var *loss) {
     const lg_hamiltonian_problem *problem = user;
-    const lg_hamiltonian *model = problem->model;
     lg_hamiltonian_vars vars;
     lg_space space;
-    lg_taped_ode ode;
-    lg_var start[LG_HAMILTONIAN_MAX_PARTS], predicted[LG_HAMILTONIAN_MAX_PARTS * LG_HAMILTONIAN_MAX_POINTS];
-    LG_TRY(lg_hamiltonian_bind(tape, model, theta, &vars));
-    LG_TRY(lg_hamiltonian_space(model->family, model->n, &space));
-    LG_TRY(given_points(tape, problem, &space, samples, count, 0, 0, start));
-    LG_TRY(lg_hamiltonian_training_ode(tape, &vars, problem->scheme, start, &ode));
-    const size_t steps = problem->substeps * (problem->points - 1);
-    LG_TRY(lg_taped_integrate(tape, problem->scheme, &ode, 0.0, problem->dt / problem->substeps, steps,
-                              problem->substeps, start, predicted));
-    const double terms = (double)batch * (double)space.dim * (double)(problem->points - 1);
-    lg_var squares = squared_error(tape, problem, &space, samples, count, predicted);
-    lg_var total = lg_scale(tape, squares, 1.0 / terms);
+    /* Of points 0..M - 1, x parts. */
+    lg_var start[PREDICTED], given[LG_HAMILTONIAN_MAX_PARTS];
+    LG_TRY(begin(tape, problem, theta, samples, count, &vars, &space, start));
+    const size_t parts = lg_taped_parts(&space), first = first_point(problem);
+    lg_var *predicted = start + parts;
+    LG_TRY(predict(tape, problem, &vars, problem->substeps, start, predicted));
+    LG_TRY(given_points(tape, problem, &space, samples, count, first, problem->points - 1, given));
+    lg_var squares =
+        squared_error(tape, problem->distance, &space, problem->points - first, start + first * parts, given);
+    lg_var total = lg_scale(tape, squares, 1.0 / terms_of(problem, &space, batch));
     if (problem->penalty != 0.0) {
         const bool mean = problem->penalty_form == LG_PENALTY_MEAN_SQUARE;
         const double weight = mean ? problem->penalty / (double)batch : problem->penalty;
-        total = lg_add(tape, total, lg_scale(tape, penalty_sum(tape, problem, start, predicted), weight));
+        total = lg_add(tape, total, lg_scale(tape, penalty_sum(tape, problem, &vars, parts, start), weight));
     }
     *loss = total;
     return lg_tape_status(tape);
 }
+
+/* As shard_loss, without the penalty: what is squared there, in one column. */
+static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
+                                 size_t count, size_t batch, lg_var *r) {
+    const lg_hamiltonian_problem *problem = user;
+    lg_hamiltonian_vars vars;
+    lg_space space;
+    lg_var start[PREDICTED], given[LG_HAMILTONIAN_MAX_PARTS], columns[LG_HAMILTONIAN_MAX_PARTS];
+    LG_TRY(begin(tape, problem, theta, samples, count, &vars, &space, start));
+    const size_t parts = lg_taped_parts(&space), first = first_point(problem), used = problem->points - first;
+    LG_TRY(predict(tape, problem, &vars, problem->substeps, start, start + parts));
+    LG_TRY(given_points(tape, problem, &space, samples, count, first, problem->points - 1, given));
+    for (size_t part = 0; part < parts; part++) {
+        const lg_var all = all_points(tape, start + first * parts, used, parts, part);
+        const lg_var difference = lg_sub(tape, all, given[part]);
+        const uint64_t length = lg_shape_count(lg_var_shape(tape, difference));
+        columns[part] = lg_reshape(tape, difference, lg_shape1((uint32_t)length));
+    }
+    const double scale = 1.0 / sqrt(terms_of(problem, &space, batch));
+    *r = lg_scale(tape, lg_concat(tape, columns, parts, 0), scale);
+    return lg_tape_status(tape);
+}
+
+/* ---- means over all data ---- */
+
+/* As shard_loss, of the differences that twice the substeps make. */
+static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                             size_t batch, lg_var *floor) {
+    const lg_hamiltonian_problem *problem = user;
+    const size_t points = problem->points - 1;
+    const double power = ldexp(1.0, problem->scheme->order), factor = power / (power - 1.0);
+    lg_hamiltonian_vars vars;
+    lg_space space;
+    lg_var start[LG_HAMILTONIAN_MAX_PARTS], finer[LG_HAMILTONIAN_MAX_PARTS], once[PREDICTED],
+        twice[PREDICTED];
+    LG_TRY(begin(tape, problem, theta, samples, count, &vars, &space, start));
+    LG_TRY(predict(tape, problem, &vars, problem->substeps, start, once));
+    LG_TRY(predict(tape, problem, &vars, 2 * problem->substeps, start, twice));
+    const size_t parts = lg_taped_parts(&space);
+    for (size_t part = 0; part < parts; part++) finer[part] = all_points(tape, twice, points, parts, part);
+    *floor = lg_scale(tape, squared_error(tape, LG_DISTANCE_AMBIENT, &space, points, once, finer),
+                      factor * factor / terms_of(problem, &space, batch));
+    return lg_tape_status(tape);
+}
+
+enum { CHUNK = 128 };
+
+/* The mean over all samples, chunk by chunk, as parts of one batch. */
+static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
+    uint32_t samples[CHUNK];
+    *sum = 0.0;
+    for (size_t first = 0; first < fit->samples; first += CHUNK) {
+        const size_t left = fit->samples - first, count = left < CHUNK ? left : CHUNK;
+        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
+        lg_tape_reset(tape);
+        lg_var part, parameters = lg_parameter(tape, lg_shape1((uint32_t)fit->parameters), theta);
+        double value = 0.0;
+        LG_TRY(fit->loss(fit->user, tape, parameters, samples, count, fit->samples, &part));
+        LG_TRY(lg_read(tape, part, 1, &value));
+        *sum += value;
+    }
+    return LG_OK;
+}
+
+static lg_status mean_of(const lg_context *context, lg_fit_problem *fit, const double *theta, double *out,
+                         lg_error *error) {
+    lg_tape *tape = NULL;
+    double sum = 0.0;
+    lg_status status = lg_tape_create(context, NULL, &tape);
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
+    status = add_chunks(tape, fit, theta, &sum);
+    if (status == LG_OK)
+        *out = sum;
+    else
+        (void)lg_fail(error, status, "%s", lg_tape_message(tape));
+    lg_tape_destroy(tape);
+    return status;
+}
+
+lg_status lg_hamiltonian_mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                            const double *theta, double *out, lg_error *error) {
+    lg_hamiltonian_problem plain = *problem;
+    lg_fit_problem fit;
+    plain.penalty = 0.0;
+    plain.distance = LG_DISTANCE_AMBIENT;
+    LG_TRY(lg_hamiltonian_problem_check(&plain, error));
+    lg_hamiltonian_fit_problem(&plain, &fit);
+    return mean_of(context, &fit, theta, out, error);
+}
+
+lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
+                               const double *theta, double *out, lg_error *error) {
+    lg_fit_problem fit;
+    LG_TRY(lg_hamiltonian_problem_check(problem, error));
+    if (problem->substeps > UINT32_MAX / 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "twice %u substeps are too many", problem->substeps);
+    lg_hamiltonian_fit_problem(problem, &fit);
+    fit.loss = shard_floor;
+    return mean_of(context, &fit, theta, out, error);
+}
+
+/* ---- the problem ---- */
 
 /* Whether training can differentiate the scheme on the model's space. */
 static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *scheme, lg_error *error) {
@@ -123,6 +287,46 @@ static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *sche
         return lg_fail(error, LG_UNSUPPORTED, "%s is for SE(3), not for family %s", scheme->name,
                        family->name);
     if (scheme->project) return lg_fail(error, LG_UNSUPPORTED, "%s: training does not project", scheme->name);
+    return LG_OK;
+}
+
+static bool increases(const lg_penalty_points *points, size_t most) {
+    if (points->count > LG_PENALTY_POINTS) return false;
+    for (uint32_t i = 0, least = 2; i < points->count; least = points->at[i++] + 1)
+        if (points->at[i] < least || points->at[i] > most) return false;
+    return true;
+}
+
+static lg_status check_penalty(const lg_hamiltonian_problem *problem, lg_error *error) {
+    const lg_first_integral *integral = integral_of(problem);
+    const lg_hamiltonian *model = problem->model;
+    if (!lg_first_integral_fits(integral, model))
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "first integral %s = %s of the penalty does not fit family %s with n = %u",
+                       integral->name, integral->formula, model->family->name, model->n);
+    if (integral->numbered && problem->penalty_copy > model->n)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "penalty on %s number %u of %u", model->family->copy,
+                       problem->penalty_copy, model->n);
+    if (!increases(&problem->penalty_points, problem->points))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "points of the penalty must increase, from 2 to at most %zu", problem->points);
+    return LG_OK;
+}
+
+static lg_status check_distance(const lg_hamiltonian_problem *problem, lg_error *error) {
+    const lg_hamiltonian_family *family = problem->model->family;
+    lg_space space;
+    LG_TRY(lg_hamiltonian_space(family, problem->model->n, &space));
+    if ((unsigned)problem->distance > LG_DISTANCE_GEODESIC)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of distance");
+    if (problem->distance == LG_DISTANCE_AMBIENT || lg_space_is_abelian(&space)) return LG_OK;
+    if (!lg_hamiltonian_has_geodesics(&space))
+        return lg_fail(error, LG_UNSUPPORTED, "geodesic distances are for R^n and T*S^2, not for family %s",
+                       family->name);
+    if (problem->scheme->ambient)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "geodesic distances need a Lie group scheme: %s leaves the manifold",
+                       problem->scheme->name);
     return LG_OK;
 }
 
@@ -144,11 +348,12 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
                        "dt must be positive and the penalty not negative, both finite");
     if ((unsigned)problem->penalty_form > LG_PENALTY_SUM_ABSOLUTE)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown form of the penalty");
+    if ((unsigned)problem->starts > LG_START_ESTIMATED)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of starts");
     if (problem->scheme == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "no integrator");
     LG_TRY(check_scheme(problem->model, problem->scheme, error));
-    if (problem->penalty != 0.0 && problem->model->family->force == NULL)
-        return lg_fail(error, LG_UNSUPPORTED, "the first-integral penalty is for separable systems only");
-    return LG_OK;
+    LG_TRY(check_distance(problem, error));
+    return problem->penalty != 0.0 ? check_penalty(problem, error) : LG_OK;
 }
 
 void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out) {
@@ -157,8 +362,15 @@ void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_pr
         const lg_hamiltonian_problem *borrowed;
         void *user;
     } pointer = {.borrowed = problem};
-    *out = (lg_fit_problem){.parameters = lg_hamiltonian_parameters(problem->model),
+    lg_space space = {0};
+    (void)lg_hamiltonian_space(problem->model->family, problem->model->n, &space);
+    const size_t starts = is_estimated(problem) ? problem->trajectories * space.algebra_dim : 0;
+    const bool squares = problem->penalty == 0.0 && problem->distance == LG_DISTANCE_AMBIENT;
+    *out = (lg_fit_problem){.parameters = lg_hamiltonian_parameters(problem->model) + starts,
                             .samples = problem->trajectories,
+                            .observations =
+                                problem->trajectories * (problem->points - first_point(problem)) * space.dim,
                             .loss = shard_loss,
+                            .residuals = squares ? shard_residuals : NULL,
                             .user = pointer.user};
 }

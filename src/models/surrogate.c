@@ -13,6 +13,11 @@ const char *lg_surrogate_kind_name(lg_surrogate_kind kind) {
     return (unsigned)kind < LG_SURROGATE_KIND_COUNT ? kind_names[kind] : "unknown";
 }
 
+const char *lg_surrogate_loss_name(lg_surrogate_loss loss) {
+    static const char *const names[LG_SURROGATE_LOSS_COUNT] = {"mse", "energy"};
+    return (unsigned)loss < LG_SURROGATE_LOSS_COUNT ? names[loss] : "unknown";
+}
+
 lg_status lg_surrogate_kind_parse(const char *name, lg_surrogate_kind *out) {
     for (int i = 0; i < LG_SURROGATE_KIND_COUNT; i++)
         if (strcmp(name, kind_names[i]) == 0) {
@@ -26,6 +31,22 @@ lg_status lg_surrogate_kind_parse(const char *name, lg_surrogate_kind *out) {
 
 static bool positive(double x) {
     return x > 0.0 && x <= DBL_MAX;
+}
+
+static lg_status check_discrete(const lg_surrogate_options *o, uint32_t intervals, lg_error *error) {
+    const uint32_t numbers = 4 * (intervals - 1);
+    if ((o->modes > 0 || o->angles) && o->kind != LG_SURROGATE_DISCRETE)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s belong to the discrete network, not to the %s one",
+                       o->angles ? "inner angles" : "modes", kind_names[o->kind]);
+    if (o->modes > 0 && o->angles)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a network gives modes or angles, not both");
+    if (o->modes > numbers)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u modes of curves that have %u numbers", o->modes,
+                       numbers);
+    if ((unsigned)o->loss >= LG_SURROGATE_LOSS_COUNT || (o->loss == LG_SURROGATE_ENERGY && !o->angles))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the energy is learned by the discrete network of angles alone");
+    return LG_OK;
 }
 
 static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double length, double centre,
@@ -42,6 +63,7 @@ static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double
     if (!positive(length) || !positive(centre))
         return lg_fail(error, LG_INVALID_ARGUMENT, "length %g and centre %g must both be positive and finite",
                        length, centre);
+    LG_TRY(check_discrete(o, intervals, error));
     if (!(o->gamma >= 0.0 && o->gamma <= DBL_MAX))
         return lg_fail(error, LG_INVALID_ARGUMENT, "gamma %g must be finite and not negative", o->gamma);
     return LG_OK;
@@ -53,7 +75,8 @@ lg_status lg_surrogate_init(lg_surrogate *model, const lg_surrogate_options *opt
         return lg_fail(error, LG_INVALID_ARGUMENT, "no model or no options");
     LG_TRY(check(options, intervals, length, centre, error));
     static const uint32_t inputs[] = {8, 9, 3};
-    const uint32_t outputs[] = {4 * (intervals - 1), 2, 1};
+    const uint32_t nodes = options->angles ? intervals - 1 : 4 * (intervals - 1);
+    const uint32_t outputs[] = {options->modes > 0 ? options->modes : nodes, 2, 1};
     lg_surrogate made = {.options = *options, .intervals = intervals, .length = length, .centre = centre};
     const lg_status status =
         lg_net_init(&made.net, options->architecture, inputs[options->kind], options->embedding,

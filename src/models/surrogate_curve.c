@@ -33,7 +33,7 @@ struct lg_surrogate_curves {
 /* Outputs of the function of boundary conditions: those of the discrete network, or the numbers of a
  * curve. */
 static size_t made_numbers(const lg_surrogate *model) {
-    return model->options.kind == LG_SURROGATE_DISCRETE ? model->net.outputs : LG_SURROGATE_ENDS;
+    return model->options.kind == LG_SURROGATE_DISCRETE ? lg_surrogate_outputs(model) : LG_SURROGATE_ENDS;
 }
 
 /* ---- memory ---- */

@@ -34,6 +34,22 @@ void lg_surrogate_hermite(const double *q, const double *v, double h, double t, 
 void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, double s, double *row);
 /* Weights at s of the corrections of the two end angles: (1, 0) at s = 0, (0, 1) at s = L. */
 void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights);
+/* Numbers that the functions of a curve hand over: 4(N - 1) for the discrete network, else those of the
+ * network. */
+uint32_t lg_surrogate_outputs(const lg_surrogate *model);
+/* LG_INVALID_ARGUMENT for a model with modes whose numbers are missing. */
+lg_status lg_surrogate_check_modes(const lg_surrogate *model, lg_error *error);
+/* mean + c (modes) for coefficients c (B, K). */
+lg_var lg_surrogate_sum_modes(lg_tape *tape, const lg_surrogate *model, lg_var c);
+/* Angle in (-pi, pi] of the tangents v (B, 2): (B, 1). */
+lg_var lg_surrogate_angle(lg_tape *tape, lg_var v);
+/* Angles of the nodes (B, N + 1), ends included, of a network of angles at x (B, 8), the network's input. */
+lg_var lg_surrogate_node_angles(lg_tape *tape, const lg_surrogate *model, lg_var theta, lg_var x);
+/* qN - q0 from the network's input x (B, 8): (B, 2). */
+lg_var lg_surrogate_chord(lg_tape *tape, const lg_surrogate *model, lg_var x);
+/* The curve's numbers from the network's input x (B, inputs), with modes and angles: (B,
+ * lg_surrogate_outputs). */
+lg_var lg_surrogate_net(lg_tape *tape, const lg_surrogate *model, lg_var theta, lg_var x);
 /* LG_SHAPE if these curves do not fit the model. */
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
                                     lg_error *error);

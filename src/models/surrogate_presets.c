@@ -8,11 +8,12 @@
 
 /* Network, then training, in the order of the columns below. */
 #define MODEL(kind_, architecture_, embedding_, layers_, hidden_, activation_, normalise_, mirror_,          \
-              boundary_, between_, gamma_)                                                                   \
+              boundary_, between_, modes_, loss_, gamma_)                                                    \
     {                                                                                                        \
         .kind = kind_, .architecture = architecture_, .embedding = embedding_, .hidden = hidden_,            \
         .layers = layers_, .activation = activation_, .normalise = normalise_, .mirror = mirror_,            \
-        .boundary = boundary_, .between = between_, .gamma = gamma_                                          \
+        .boundary = boundary_, .between = between_, .modes = modes_, .loss = loss_,                          \
+        .angles = (loss_) == LG_SURROGATE_ENERGY, .gamma = gamma_                                            \
     }
 #define TRAINING(epochs_, batch_, lr_, schedule_, every_, factor_, decay_, clip_, shards_)                   \
     {                                                                                                        \
@@ -20,14 +21,38 @@
         .lr_step = every_, .lr_gamma = factor_, .weight_decay = decay_, .adam_eps = 1e-8, .clip = clip_,     \
         .validation = 0.0, .shards = shards_, .seed = 1                                                      \
     }
+/* A minimiser of the loss of all samples; batches and rates are those of --method adam. */
+#define SECOND_ORDER(epochs_, batch_, shards_)                                                               \
+    {                                                                                                        \
+        .plan = {1, {{LG_FIT_SSBROYDEN, 0}}}, .dtype = LG_F64, .epochs = epochs_, .batch = batch_,           \
+        .lr = 3e-3, .schedule = LG_SCHEDULE_COSINE, .lr_step = 1, .lr_gamma = 1e-3, .weight_decay = 0.0,     \
+        .adam_eps = 1e-8, .clip = 1e-2, .validation = 0.0, .shards = shards_, .seed = 1                      \
+    }
+/* Perceptrons to modes, with the mean square error, and to angles, with the energy. */
+#define SMALL(merged, layers, hidden, modes, loss, epochs)                                                   \
+    {                                                                                                        \
+        "best", LG_SURROGATE_DISCRETE, false, merged, 0.9, "ours",                                           \
+            MODEL(LG_SURROGATE_DISCRETE, LG_NET_MLP, 0, layers, hidden, LG_TANH, true, true, false, false,   \
+                  modes, loss, 0.0),                                                                         \
+            SECOND_ORDER(epochs, 16, 4), 0                                                                   \
+    }
+/* Perceptrons of s. An evaluation of the loss takes all points of all curves, hence few curves. */
+#define SMALL_OF_S(kind, boundary, merged, layers, hidden, between, gamma, epochs, batch, curves)            \
+    {                                                                                                        \
+        "best", LG_SURROGATE_##kind, boundary, merged, 0.9, "ours",                                          \
+            MODEL(LG_SURROGATE_##kind, LG_NET_MLP, 0, layers, hidden, LG_TANH,                               \
+                  LG_SURROGATE_##kind == LG_SURROGATE_CONTINUOUS, true, boundary, between, 0,                \
+                  LG_SURROGATE_MSE, gamma),                                                                  \
+            SECOND_ORDER(epochs, batch, 4), curves                                                           \
+    }
 /* Multilayer perceptron from the boundary conditions to all inner nodes. It has more parameters than a batch
  * has numbers, hence one shard. */
 #define DISCRETE(name, merged, fraction, source, layers, hidden, act, normalise, mirror, gamma, ...)         \
     {                                                                                                        \
         name, LG_SURROGATE_DISCRETE, false, merged, fraction, source,                                        \
             MODEL(LG_SURROGATE_DISCRETE, LG_NET_MLP, 0, layers, hidden, act, normalise, mirror, false,       \
-                  false, gamma),                                                                             \
-            TRAINING(__VA_ARGS__)                                                                            \
+                  false, 0, LG_SURROGATE_MSE, gamma),                                                        \
+            TRAINING(__VA_ARGS__), 0                                                                         \
     }
 /* Multiplicative network of s and the boundary conditions, after an embedding of the same width. */
 #define CONTINUOUS(name, merged, fraction, source, kind, layers, hidden, act, normalise, mirror, between,    \
@@ -35,16 +60,16 @@
     {                                                                                                        \
         name, LG_SURROGATE_CONTINUOUS, false, merged, fraction, source,                                      \
             MODEL(LG_SURROGATE_CONTINUOUS, LG_NET_##kind, hidden, layers, hidden, act, normalise, mirror,    \
-                  false, between, gamma),                                                                    \
-            TRAINING(__VA_ARGS__)                                                                            \
+                  false, between, 0, LG_SURROGATE_MSE, gamma),                                               \
+            TRAINING(__VA_ARGS__), 0                                                                         \
     }
 /* The same network of the end angles and s; a batch of 20 curves has about 1000 points. */
 #define ANGLE(name, boundary, merged, fraction, source, kind, layers, hidden, act, mirror, ...)              \
     {                                                                                                        \
         name, LG_SURROGATE_ANGLE, boundary, merged, fraction, source,                                        \
             MODEL(LG_SURROGATE_ANGLE, LG_NET_##kind, hidden, layers, hidden, act, false, mirror, boundary,   \
-                  false, 0.0),                                                                               \
-            TRAINING(__VA_ARGS__)                                                                            \
+                  false, 0, LG_SURROGATE_MSE, 0.0),                                                          \
+            TRAINING(__VA_ARGS__), 0                                                                         \
     }
 
 /* clang-format off */
@@ -55,34 +80,39 @@ static const lg_surrogate_preset presets[] = {
     DISCRETE("thesis", false, 0.4, "table 5.12", 3,  904, LG_TANH,        false, false, 9.338e-3,  300,  32, 1.429e-3,  STEP, 100, 0.1, 1.317e-7, 0.0,  1),
     DISCRETE("thesis", false, 0.9, "table 5.3",  4,  879, LG_TANH,        true,  false, 4.242e-3,  300,  32, 1.378e-3,  STEP, 100, 0.1, 1.535e-7, 0.0,  1),
     DISCRETE("thesis", true,  0.9, "table 5.5",  2, 1006, LG_LEAKY_RELU,  true,  false, 6.388e-3,  300,  32, 3.611e-3,  STEP, 100, 0.1, 1.515e-7, 0.0,  1),
-    DISCRETE("best",   false, 0.9, "ours",       4,  128, LG_TANH,        true,  true,  4.242e-3,  300,  16, 3.0e-3,  COSINE, 1, 1e-4, 0.0, 1e-2, 1),
-    DISCRETE("best",   true,  0.9, "ours",       4,  128, LG_TANH,        true,  true,  4.242e-3,  300,  16, 3.0e-3,  COSINE, 1, 1e-4, 0.0, 1e-2, 1),
+    /*    merged l  hidden modes loss       epochs */
+    SMALL(false, 1, 16, 12, LG_SURROGATE_MSE,    5000),
+    SMALL(true,  1, 16, 12, LG_SURROGATE_MSE,    5000),
+    SMALL(false, 1, 16, 0,  LG_SURROGATE_ENERGY, 3000),
+    SMALL(true,  1, 16, 0,  LG_SURROGATE_ENERGY, 3000),
 
     CONTINUOUS("thesis", false, 0.1, "table 5.13", MULT_AFFINE, 5, 193, LG_TANH, true, false, false, 2e-2,  100, 1024, 4.548e-3,  STEP, 45, 0.1, 0.0, 0.0,  4),
     CONTINUOUS("thesis", false, 0.2, "table 5.13", MULT_AFFINE, 6, 121, LG_TANH, true, false, false, 2e-2,  100, 1024, 4.913e-3,  STEP, 45, 0.1, 0.0, 0.0,  4),
     CONTINUOUS("thesis", false, 0.4, "table 5.13", MULT_AFFINE, 6, 169, LG_SINE, true, false, false, 2e-2,  100, 1024, 4.2e-3,    STEP, 45, 0.1, 0.0, 0.0,  4),
     CONTINUOUS("thesis", false, 0.9, "table 5.7",  MULT_AFFINE, 5, 190, LG_TANH, true, false, false, 2e-2,  100, 1024, 3.025e-3,  STEP, 45, 0.1, 0.0, 0.0,  4),
-    CONTINUOUS("best",   false, 0.9, "ours",       MULT,        4,  64, LG_TANH, true, true,  true,  2e-2,  100,  256, 3.0e-3,    COSINE, 1, 1e-3, 0.0, 1e-2, 4),
-    CONTINUOUS("best",   true,  0.9, "ours",       MULT,        4,  64, LG_TANH, true, true,  true,  2e-2,  100,  256, 3.0e-3,    COSINE, 1, 1e-3, 0.0, 1e-2, 4),
 
     /*     name   boundary merged  part   source       l  hidden  act.   mirror epochs batch lr     schedule every factor decay clip shards */
     ANGLE("thesis", false, false, 0.9, "table 5.10", MULT_AFFINE, 7, 143, LG_TANH, false,  100, 20, 3.007e-3,  STEP, 45, 0.1, 0.0, 0.0,  4),
     ANGLE("thesis", true,  false, 0.9, "table 5.11", MULT_AFFINE, 4, 175, LG_TANH, false,  100, 20, 1.846e-3,  STEP, 45, 0.1, 0.0, 0.0,  4),
-    ANGLE("best",   false, false, 0.9, "ours",       MULT,        4,  64, LG_TANH, true,   100,  5, 3.0e-3,  COSINE, 1, 1e-3, 0.0, 1e-2, 4),
-    ANGLE("best",   true,  false, 0.9, "ours",       MULT,        4,  64, LG_TANH, true,   100,  5, 3.0e-3,  COSINE, 1, 1e-3, 0.0, 1e-2, 4),
-    ANGLE("best",   false, true,  0.9, "ours",       MULT,        4,  64, LG_TANH, true,   100,  5, 3.0e-3,  COSINE, 1, 1e-3, 0.0, 1e-2, 4),
-    ANGLE("best",   true,  true,  0.9, "ours",       MULT,        4,  64, LG_TANH, true,   100,  5, 3.0e-3,  COSINE, 1, 1e-3, 0.0, 1e-2, 4),
+
+    /*         kind       boundary merged l  hidden between gamma epochs batch curves */
+    SMALL_OF_S(CONTINUOUS, false, false,  3, 24, true,  2e-2, 2000, 256, 200),
+    SMALL_OF_S(CONTINUOUS, false, true,   3, 24, true,  2e-2, 2000, 256, 400),
+    SMALL_OF_S(ANGLE,      false, false,  2, 20, false, 0.0,  2000, 5,   200),
+    SMALL_OF_S(ANGLE,      true,  false,  2, 20, false, 0.0,  2000, 5,   200),
+    SMALL_OF_S(ANGLE,      false, true,   2, 20, false, 0.0,  2000, 5,   400),
+    SMALL_OF_S(ANGLE,      true,  true,   2, 20, false, 0.0,  2000, 5,   400),
 };
 /* clang-format on */
 
 const lg_surrogate_preset *lg_surrogate_preset_find(const char *name, lg_surrogate_kind kind, bool boundary,
-                                                    bool merged, double fraction) {
+                                                    lg_surrogate_loss loss, bool merged, double fraction) {
     const lg_surrogate_preset *best = NULL;
     if (name == NULL || isnan(fraction)) return NULL;
     for (size_t i = 0; i < LG_COUNT(presets); i++) {
         const lg_surrogate_preset *row = &presets[i];
         if (strcmp(row->name, name) != 0 || row->kind != kind || row->boundary != boundary ||
-            row->merged != merged)
+            row->model.loss != loss || row->merged != merged)
             continue;
         if (best == NULL || fabs(row->fraction - fraction) < fabs(best->fraction - fraction)) best = row;
     }

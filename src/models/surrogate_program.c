@@ -47,7 +47,7 @@ static lg_var row(const drawing *d, const double *values, uint32_t count) {
 }
 
 static lg_var net(const drawing *d, lg_var input) {
-    return lg_net_record(d->tape, &d->model->net, d->theta, 0, input);
+    return lg_surrogate_net(d->tape, d->model, d->theta, input);
 }
 
 /* How many inputs stand before the boundary conditions: 1, arc length, or 0 for the discrete network. */
@@ -108,13 +108,14 @@ static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
 
 /* Number of outputs that are points relative to q0; they stand before the tangents. */
 static uint32_t points_in(const lg_surrogate *model) {
-    return model->options.kind == LG_SURROGATE_DISCRETE ? model->net.outputs / 2 : model->net.outputs;
+    const uint32_t outputs = lg_surrogate_outputs(model);
+    return model->options.kind == LG_SURROGATE_DISCRETE ? outputs / 2 : outputs;
 }
 
 /* The curve's numbers (B, outputs) from the network's output f (B, outputs). */
 static lg_var hand_over(const drawing *d, lg_var f, lg_var x, lg_var sign) {
     lg_tape *t = d->tape;
-    const uint32_t n = points_in(d->model), outputs = d->model->net.outputs, rows = rows_of(d, f);
+    const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, f);
     const lg_var y = reflected(d, f, sign);
     const lg_var pairs = lg_reshape(t, columns(d, y, 0, n), lg_shape3(rows, n / 2, 2));
     const lg_var q0 = lg_reshape(t, columns(d, x, LG_AT_Q0, 2), lg_shape3(rows_of(d, x), 1, 2));
@@ -163,7 +164,7 @@ static lg_var moves(const drawing *d, lg_var sign, uint32_t rows) {
 /* dq/dq0 with all else fixed (1, outputs, 2). */
 static lg_var identity(const drawing *d) {
     static const double pair[4] = {1.0, 0.0, 0.0, 1.0};
-    const uint32_t n = points_in(d->model), outputs = d->model->net.outputs;
+    const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model);
     const lg_var one = lg_input_f64(d->tape, lg_shape3(1, 2, 2), pair);
     const lg_var all = lg_broadcast_to(d->tape, one, lg_shape3(n / 2, 2, 2));
     return lg_pad(d->tape, lg_reshape(d->tape, all, lg_shape3(1, n, 2)), 1, 0, outputs - n);
@@ -192,7 +193,8 @@ static lg_var moved_columns(const drawing *d, lg_var by) {
 static lg_var net_jacobian(const drawing *d, lg_var input, uint32_t directions) {
     static const uint32_t column[MOST_DIRECTIONS] = {0, 3, 4, 5, 6, 7, 8};
     lg_tape *t = d->tape;
-    const uint32_t rows = rows_of(d, input), outputs = d->model->net.outputs, inputs = d->model->net.inputs;
+    const uint32_t rows = rows_of(d, input), outputs = lg_surrogate_outputs(d->model),
+                   inputs = d->model->net.inputs;
     const bool forward = directions < outputs;
     const uint32_t count = forward ? directions : outputs, first = places(d->model);
     uint32_t at[MOST_DIRECTIONS];
@@ -233,12 +235,10 @@ static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, con
 
 /* ---- angle ---- */
 
-/* theta of a tangent v (B, 2), of its mirror image for R = -1. A component -0 would turn pi into -pi; |-0| =
- * 0. */
+/* theta of a tangent v (B, 2), of its mirror image for R = -1. */
 static lg_var angle_of(const drawing *d, lg_var v, lg_var sign) {
-    lg_tape *t = d->tape;
-    const lg_var zero = lg_full(t, lg_var_shape(t, sign), 0.0), y = lg_mul(t, sign, columns(d, v, 1, 1));
-    return lg_atan2(t, lg_select(t, lg_ge(t, y, zero), lg_abs(t, y), y), columns(d, v, 0, 1));
+    const lg_var y = lg_mul(d->tape, sign, columns(d, v, 1, 1));
+    return lg_surrogate_angle(d->tape, beside(d, columns(d, v, 0, 1), y));
 }
 
 /* pi f at s (B, 1) for end angles (B or 1, 2). */
@@ -416,6 +416,7 @@ lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *mo
     lg_function_spec functions[MOST_FUNCTIONS];
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_surrogate_parameters(model)), theta};
     lg_program_spec spec;
+    LG_TRY(lg_surrogate_check_modes(model, error));
     lg_program_spec_init(&spec);
     for (; spec.function_count < MOST_FUNCTIONS && bundle->function[spec.function_count].name != NULL;
          spec.function_count++) {

@@ -64,23 +64,108 @@ static lg_var rough(lg_tape *tape, lg_var d, uint32_t count, uint32_t intervals)
                   lg_slice(tape, nodes, 2, 0, 2 * intervals));
 }
 
-static lg_var discrete_loss(const part *b, lg_var theta) {
-    const lg_surrogate *model = b->problem->model;
-    const uint32_t count = (uint32_t)b->count, inner = model->intervals - 1;
-    void *rows, *values;
-    lg_var x = lg_input_buffer(b->tape, lg_shape2(count, model->net.inputs), &rows);
-    lg_var target = lg_input_buffer(b->tape, lg_shape2(count, 4 * inner), &values);
-    if (lg_is_none(target)) return LG_NONE;
+static lg_var inputs_of(const part *b) {
+    void *rows;
+    const lg_shape shape = lg_shape2((uint32_t)b->count, b->problem->model->net.inputs);
+    const lg_var x = lg_input_buffer(b->tape, shape, &rows);
+    if (lg_is_none(x)) return LG_NONE;
     for (size_t i = 0; i < b->count; i++) {
         const curve c = curve_at(b, b->samples[i]);
         put_row(b, rows, i, &c, 0.0);
+    }
+    return x;
+}
+
+/* Errors of the curves' numbers (B, 4(N - 1)). */
+static lg_var curve_errors(const part *b, lg_var theta) {
+    const lg_surrogate *model = b->problem->model;
+    const uint32_t count = (uint32_t)b->count, inner = model->intervals - 1;
+    void *values;
+    const lg_var x = inputs_of(b);
+    const lg_var target = lg_input_buffer(b->tape, lg_shape2(count, 4 * inner), &values);
+    if (lg_is_none(target)) return LG_NONE;
+    for (size_t i = 0; i < b->count; i++) {
+        const curve c = curve_at(b, b->samples[i]);
         put_points(b, values, 4 * inner * i, c.q + 2, inner, c.x + LG_AT_Q0, c.sign);
         put_points(b, values, 4 * inner * i + 2 * inner, c.v + 2, inner, origin, c.sign);
     }
-    lg_var d = lg_sub(b->tape, lg_net_record(b->tape, &model->net, theta, 0, x), target);
-    lg_var loss = lg_mean(b->tape, lg_square(b->tape, d));
+    return lg_sub(b->tape, lg_surrogate_net(b->tape, model, theta, x), target);
+}
+
+/* sum_k s_k^2 (c_k - c_k*)^2 as a mean over 4(N - 1) numbers. */
+static lg_var modes_loss(const part *b, lg_var theta) {
+    const lg_surrogate *model = b->problem->model;
+    const uint32_t modes = model->options.modes, n = lg_surrogate_outputs(model);
+    void *values, *weights;
+    const lg_var x = inputs_of(b);
+    const lg_var target = lg_input_buffer(b->tape, lg_shape2((uint32_t)b->count, modes), &values);
+    const lg_var weight = lg_input_buffer(b->tape, lg_shape2(1, modes), &weights);
+    if (lg_is_none(weight)) return LG_NONE;
+    for (size_t i = 0; i < b->count; i++)
+        lg_surrogate_put(lg_tape_dtype(b->tape), values, modes * i,
+                         b->problem->coefficients + modes * (size_t)b->samples[i], modes);
+    for (size_t k = 0; k < modes; k++) {
+        const double *vector = model->modes + n * (k + 1);
+        double square = 0.0;
+        for (size_t i = 0; i < n; i++) square += vector[i] * vector[i];
+        const double scale = sqrt(square * modes / n);
+        lg_surrogate_put(lg_tape_dtype(b->tape), weights, k, &scale, 1);
+    }
+    const lg_var d = lg_sub(b->tape, lg_net_record(b->tape, &model->net, theta, 0, x), target);
+    return lg_mean(b->tape, lg_square(b->tape, lg_mul(b->tape, d, weight)));
+}
+
+/* L/EI times the energy of the data's curves, summed: E of liegrad/elastica.h from their tangents, with
+ * 1 - cos(theta_{k+1} - theta_k) = |v_{k+1} - v_k|^2/2. */
+static double given_energy(const part *b) {
+    const double length = b->problem->model->length;
+    const uint32_t n = b->problem->model->intervals;
+    double sum = 0.0;
+    for (size_t i = 0; i < b->count; i++) {
+        const curve c = curve_at(b, b->samples[i]);
+        double bend = 0.0, r[2] = {c.x[LG_AT_QN] - c.x[LG_AT_Q0], c.x[LG_AT_QN + 1] - c.x[LG_AT_Q0 + 1]};
+        for (size_t k = 0; k < 2 * (size_t)n; k++) {
+            const double step = c.v[k + 2] - c.v[k];
+            bend += 0.5 * step * step;
+            r[k % 2] -= 0.5 * length / n * (c.v[k] + c.v[k + 2]);
+        }
+        sum += n * bend + 18.0 * n * n / (length * length) * (r[0] * r[0] + r[1] * r[1]);
+    }
+    return sum;
+}
+
+/* Mean of (E - E_curve) L/EI, with 1 - cos = 2 sin^2(./2). */
+static lg_var energy_loss(const part *b, lg_var theta) {
+    const lg_surrogate *model = b->problem->model;
+    const uint32_t n = model->intervals, rows = (uint32_t)b->count;
+    lg_tape *t = b->tape;
+    const lg_var x = inputs_of(b), angles = lg_surrogate_node_angles(t, model, theta, x);
+    const lg_var turns = lg_sub(t, lg_slice(t, angles, 1, 1, n), lg_slice(t, angles, 1, 0, n));
+    const lg_var bend = lg_sum(t, lg_square(t, lg_sin(t, lg_scale(t, turns, 0.5))));
+    void *values;
+    const lg_var trapezoid = lg_input_buffer(t, lg_shape2(n + 1, 1), &values);
+    if (lg_is_none(trapezoid)) return LG_NONE;
+    for (uint32_t k = 0; k <= n; k++) {
+        const double weight = (k == 0 || k == n ? 0.5 : 1.0) * model->length / n;
+        lg_surrogate_put(lg_tape_dtype(t), values, k, &weight, 1);
+    }
+    const lg_var reached[2] = {lg_matmul(t, lg_cos(t, angles), trapezoid),
+                               lg_matmul(t, lg_sin(t, angles), trapezoid)};
+    const lg_var r = lg_sub(t, lg_surrogate_chord(t, model, x), lg_concat(t, reached, 2, 1));
+    const double weights[2] = {2.0 * n, 18.0 * n * n / (model->length * model->length)};
+    const lg_var terms[2] = {bend, lg_sum(t, lg_square(t, r))};
+    const lg_var sum = lg_linear_combination(t, terms, weights, 2);
+    return lg_scale(t, lg_add_scalar(t, sum, -given_energy(b)), 1.0 / rows);
+}
+
+static lg_var discrete_loss(const part *b, lg_var theta) {
+    const lg_surrogate *model = b->problem->model;
+    if (model->options.loss == LG_SURROGATE_ENERGY) return energy_loss(b, theta);
+    if (model->options.modes > 0 && model->options.gamma == 0.0) return modes_loss(b, theta);
+    const lg_var d = curve_errors(b, theta);
+    const lg_var loss = lg_mean(b->tape, lg_square(b->tape, d));
     if (model->options.gamma == 0.0) return loss;
-    lg_var differences = rough(b->tape, d, count, model->intervals);
+    const lg_var differences = rough(b->tape, d, (uint32_t)b->count, model->intervals);
     return lg_add(b->tape, loss, lg_scale(b->tape, differences, model->options.gamma));
 }
 
@@ -100,19 +185,48 @@ double lg_surrogate_shift(uint64_t sample) {
     return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53 - 0.5;
 }
 
-/* Lagrange's polynomial through the values (n + 1, 2) at up to INTERPOLATED of the nodes 0..n nearest to
- * `at`. */
+/* Interpolation uses up to INTERPOLATED of the nodes 0..n, those nearest to `at`. The first of them. */
 enum { INTERPOLATED = 6 };
-static void interpolate(const double *values, uint32_t n, double at, double *out) {
-    const uint32_t points = n + 1 < INTERPOLATED ? n + 1 : INTERPOLATED, last = n + 1 - points;
+static uint32_t first_of(uint32_t n, uint32_t points, double at) {
+    const uint32_t last = n + 1 - points;
     const double wanted = floor(at) + 1.0 - 0.5 * points;
-    const uint32_t first = wanted <= 0.0 ? 0 : wanted >= last ? last : (uint32_t)wanted;
+    return wanted <= 0.0 ? 0 : wanted >= last ? last : (uint32_t)wanted;
+}
+
+/* Lagrange's polynomial through the values (n + 1, 2). */
+static void interpolate(const double *values, uint32_t n, double at, double *out) {
+    const uint32_t points = n + 1 < INTERPOLATED ? n + 1 : INTERPOLATED, first = first_of(n, points, at);
     out[0] = out[1] = 0.0;
     for (uint32_t i = 0; i < points; i++) {
         double weight = 1.0;
         for (uint32_t j = 0; j < points; j++)
             if (j != i) weight *= (at - (first + j)) / ((double)i - (double)j);
         for (size_t c = 0; c < 2; c++) out[c] += weight * values[2 * (size_t)(first + i) + c];
+    }
+}
+
+/* Hermite's polynomial through as many nodes with their tangents, of degree 11, and its derivative by arc
+ * length. With Lagrange's L_i, q = sum_i (1 - 2 (t - i) L_i'(i)) L_i^2 q_i + (t - i) L_i^2 h v_i.
+ * `at` is no node. */
+static void osculate(const curve *c, uint32_t n, double h, double at, double *q, double *v) {
+    const uint32_t points = n + 1 < INTERPOLATED ? n + 1 : INTERPOLATED, first = first_of(n, points, at);
+    q[0] = q[1] = v[0] = v[1] = 0.0;
+    for (uint32_t i = 0; i < points; i++) {
+        const double from = at - (first + i), *node = c->q + 2 * (size_t)(first + i);
+        const double *tangent = c->v + 2 * (size_t)(first + i);
+        double value = 1.0, slope = 0.0, own = 0.0; /* L_i and L_i'/L_i at t, L_i' at i */
+        for (uint32_t j = 0; j < points; j++) {
+            if (j == i) continue;
+            value *= (at - (first + j)) / ((double)i - (double)j);
+            slope += 1.0 / (at - (first + j));
+            own += 1.0 / ((double)i - (double)j);
+        }
+        const double square = value * value, place = 1.0 - 2.0 * from * own;
+        for (size_t k = 0; k < 2; k++) {
+            q[k] += square * (place * node[k] + from * h * tangent[k]);
+            v[k] += square *
+                    (2.0 * (place * slope - own) * node[k] / h + (1.0 + 2.0 * from * slope) * tangent[k]);
+        }
     }
 }
 
@@ -125,8 +239,7 @@ static void between_nodes(const part *b, const curve *c, double at, double *q, d
         interpolate(c->v, n, at, v);
         return;
     }
-    const size_t k = at < n ? (size_t)at : n - 1;
-    lg_surrogate_hermite(c->q + 2 * k, c->v + 2 * k, b->problem->model->length / n, at - (double)k, q, v);
+    osculate(c, n, b->problem->model->length / n, at, q, v);
 }
 
 /* The sample: a point of a curve with s, q and v. */
@@ -310,6 +423,11 @@ lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_err
         return lg_fail(error, LG_INVALID_ARGUMENT, "curves of %u intervals; %d to %d are possible",
                        curves->intervals, LG_ELASTICA_MIN_INTERVALS, LG_ELASTICA_MAX_INTERVALS);
     LG_TRY(lg_surrogate_check_curves(problem->model, curves, error));
+    LG_TRY(lg_surrogate_check_modes(problem->model, error));
+    if (problem->model->options.modes > 0 && problem->model->options.gamma == 0.0 &&
+        problem->coefficients == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a network of modes learns coefficients: lg_surrogate_coefficients");
     for (size_t i = 0; i < problem->training_count; i++)
         if (problem->training[i] >= curves->count)
             return lg_fail(error, LG_INVALID_ARGUMENT, "curve %u is to be learned; there are %zu",

@@ -28,6 +28,11 @@ void lg_cnn_layout(const lg_cnn *net, cnn_layout *layout);
  * recorded derivatives computes each convolution once. */
 lg_var lg_cnn_record_apart(lg_tape *tape, const lg_cnn *net, lg_var theta, lg_var x);
 
+/* lg_cnn_record that also gives the output of each layer of the layout: (B, L'', O) of a block, else
+ * (B, out). */
+lg_var lg_cnn_record_layers(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x,
+                            lg_var layers[CNN_MAX_LAYERS]);
+
 /* Channels and samples of the input of block i; for i = blocks, of the layers behind the last block. */
 static inline uint32_t cnn_channels(const lg_cnn *net, uint32_t i) {
     return i == 0 ? net->channels : net->block[i - 1].channels;

@@ -47,33 +47,41 @@ static lg_var block(lg_tape *tape, const lg_cnn *net, uint32_t i, bool apart, lg
 }
 
 static lg_var record(lg_tape *tape, const lg_cnn *net, bool apart, lg_var theta, size_t offset, lg_var x,
-                     lg_var *plane) {
+                     lg_var layers[CNN_MAX_LAYERS]) {
     cnn_layout layout;
     lg_cnn_layout(net, &layout);
-    if (plane != NULL) *plane = LG_NONE;
+    for (uint32_t i = 0; i < CNN_MAX_LAYERS; i++) layers[i] = LG_NONE;
     if (!fits(tape, net, layout.parameters, offset, x)) return LG_NONE;
     const uint32_t count = lg_var_shape(tape, x).dims[0];
-    lg_var h = x, wide = LG_NONE;
+    lg_var h = x;
     for (uint32_t i = 0; i < layout.count; i++) {
         const cnn_layer *l = &layout.layer[i];
         const lg_var w = weight(tape, theta, offset, l), b = bias(tape, theta, offset, l);
         if (i < net->blocks) {
             h = block(tape, net, i, apart, w, b, h);
-            continue;
+        } else {
+            const bool last = i + 1 == layout.count;
+            h = lg_reshape(tape, h, lg_shape2(count, (uint32_t)l->in));
+            h = lg_dense(tape, h, w, b, last ? LG_IDENTITY : net->activation);
         }
-        const bool last = i + 1 == layout.count;
-        h = lg_reshape(tape, h, lg_shape2(count, (uint32_t)l->in));
-        h = lg_dense(tape, h, w, b, last ? LG_IDENTITY : net->activation);
-        if (!last) wide = h;
+        layers[i] = h;
     }
-    if (plane != NULL && !lg_is_none(h)) *plane = wide;
     return h;
 }
 
+lg_var lg_cnn_record_layers(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x,
+                            lg_var layers[CNN_MAX_LAYERS]) {
+    return record(tape, net, false, theta, offset, x, layers);
+}
+
 lg_var lg_cnn_record(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x, lg_var *plane) {
-    return record(tape, net, false, theta, offset, x, plane);
+    lg_var layers[CNN_MAX_LAYERS];
+    const lg_var y = record(tape, net, false, theta, offset, x, layers);
+    if (plane != NULL) *plane = net->plane > 0 && !lg_is_none(y) ? layers[net->blocks] : LG_NONE;
+    return y;
 }
 
 lg_var lg_cnn_record_apart(lg_tape *tape, const lg_cnn *net, lg_var theta, lg_var x) {
-    return record(tape, net, true, theta, 0, x, NULL);
+    lg_var layers[CNN_MAX_LAYERS];
+    return record(tape, net, true, theta, 0, x, layers);
 }

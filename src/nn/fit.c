@@ -33,6 +33,7 @@ void lg_fit_options_init(lg_fit_options *options) {
 }
 
 void lg_training_apply(const lg_training *training, lg_fit_options *options) {
+    options->plan = training->plan;
     options->dtype = training->dtype;
     options->epochs = training->epochs;
     options->batch = (size_t)training->batch;
@@ -40,6 +41,7 @@ void lg_training_apply(const lg_training *training, lg_fit_options *options) {
     options->adam.lr = training->lr;
     options->adam.weight_decay = training->weight_decay;
     options->adam.eps = training->adam_eps;
+    options->prior = training->prior;
     options->clip_norm = training->clip;
     options->schedule.kind = training->schedule;
     options->schedule.every = training->lr_step;
@@ -48,6 +50,7 @@ void lg_training_apply(const lg_training *training, lg_fit_options *options) {
     options->seed = training->seed;
     options->validation = training->validation;
     options->keep_best = training->validation > 0;
+    options->patience = training->validation > 0 ? training->patience : 0;
 }
 
 static bool positive(double x) {
@@ -99,7 +102,9 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
          "the schedule's gamma must be positive and finite"},
         {s->kind != LG_SCHEDULE_COSINE || (s->floor >= 0.0 && s->floor <= 1.0),
          "the schedule's floor must be in [0, 1]"},
+        {not_negative(o->prior), "prior must be finite and not negative"},
         {not_negative(o->clip_norm), "clip_norm must be finite and not negative"},
+        {not_negative(o->seconds), "seconds must be finite and not negative"},
         {fraction(o->validation), "validation must be in [0, 1)"},
         {!(o->validation > 0.0) || problem->samples >= 2, "a validation part needs at least 2 samples"},
         {!(o->validation > 0.0) || problem->validation == 0,
@@ -107,7 +112,7 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
         if (!rules[i].good) return lg_fail(error, LG_INVALID_ARGUMENT, "training options: %s", rules[i].rule);
-    return LG_OK;
+    return lg_fit_check_plan(problem, o, error);
 }
 
 /* The validation part of the problem, or the nearest number of samples with at least one on either side. */
@@ -145,6 +150,7 @@ lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out) {
 
 void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state) {
     lg_free(fit->context, state->memory);
+    lg_minimiser_destroy(state->minimiser);
     *state = (lg_fit_state){0};
 }
 
@@ -157,7 +163,7 @@ static lg_status create_shards(lg_fit *fit) {
     if (tape.threads < 1) tape.threads = 1;
     fit->shards = lg_alloc(fit->context, fit->options.shards, sizeof *fit->shards);
     if (fit->shards == NULL) return LG_OUT_OF_MEMORY;
-    const size_t most = fit->batch < fit->options.shards ? fit->batch : fit->options.shards;
+    const size_t most = fit->training < fit->options.shards ? fit->training : fit->options.shards;
     for (size_t i = 0; i < most; i++) {
         LG_TRY(lg_tape_create(fit->context, &tape, &fit->shards[i].tape));
         fit->shards[i].gradient = lg_alloc(fit->context, fit->problem.parameters, fit->k->size);
@@ -175,6 +181,9 @@ static lg_status create_machinery(lg_fit *fit) {
     fit->overflowed = lg_alloc(fit->context, fit->blocks, sizeof *fit->overflowed);
     fit->backup = lg_alloc(fit->context, 3 * n, fit->k->size);
     fit->scratch = lg_alloc(fit->context, (size_t)fit->options.epochs, sizeof *fit->scratch);
+    const bool restarts = fit->options.restarts > 0 && fit->problem.revive != NULL;
+    if (restarts) fit->revived = lg_alloc(fit->context, n, sizeof *fit->revived);
+    if (restarts && fit->revived == NULL) return LG_OUT_OF_MEMORY;
     if (fit->partial == NULL || fit->overflowed == NULL || fit->backup == NULL || fit->scratch == NULL)
         return LG_OUT_OF_MEMORY;
     return lg_thread_pool_create(fit->context, fit->options.threads, &fit->pool);
@@ -232,12 +241,15 @@ void lg_fit_destroy(lg_fit *fit) {
     for (size_t i = 0; fit->shards != NULL && i < fit->options.shards; i++) {
         lg_tape_destroy(fit->shards[i].tape);
         lg_free(fit->context, fit->shards[i].gradient);
+        lg_free(fit->context, fit->shards[i].matrix);
+        lg_free(fit->context, fit->shards[i].jacobian);
     }
     lg_free(fit->context, fit->shards);
     lg_free(fit->context, fit->partial);
     lg_free(fit->context, fit->overflowed);
     lg_free(fit->context, fit->backup);
     lg_free(fit->context, fit->scratch);
+    lg_free(fit->context, fit->revived);
     lg_fit_state_destroy(fit, &fit->state);
     lg_free(fit->context, fit);
 }
@@ -259,14 +271,17 @@ static void open_epoch(lg_fit *fit) {
     s->open = true;
 }
 
-static lg_status train_epoch(lg_fit *fit, double rate, lg_error *error) {
+static lg_status cancelled(const lg_fit *fit, lg_error *error) {
+    return lg_fail(error, LG_CANCELLED, "stopped in epoch %" PRIu64 " after %" PRIu64 " of %zu samples",
+                   fit->state.epoch + 1, fit->state.position, fit->training);
+}
+
+/* All batches, by Adam. */
+static lg_status train_batches(lg_fit *fit, double rate, lg_error *error) {
     lg_fit_state *s = &fit->state;
     measure_parameters(fit);
     while (s->position < fit->training) {
-        if (lg_cancelled(fit->context))
-            return lg_fail(error, LG_CANCELLED,
-                           "stopped in epoch %" PRIu64 " after %" PRIu64 " of %zu samples", s->epoch + 1,
-                           s->position, fit->training);
+        if (lg_cancelled(fit->context)) return cancelled(fit, error);
         open_epoch(fit);
         const size_t rest = fit->training - (size_t)s->position;
         const size_t count = rest < fit->batch ? rest : fit->batch;
@@ -276,6 +291,7 @@ static lg_status train_epoch(lg_fit *fit, double rate, lg_error *error) {
         s->position += count;
         s->step++;
     }
+    s->adam_epochs++;
     return LG_OK;
 }
 
@@ -286,6 +302,7 @@ static lg_status validate(lg_fit *fit, double *loss, lg_error *error) {
     char what[64];
     (void)snprintf(what, sizeof what, "epoch %" PRIu64 ", validation", fit->state.epoch + 1);
     double sum = 0.0;
+    fit->point = fit->state.theta;
     for (size_t done = 0; done < total;) {
         const size_t count = total - done < fit->batch ? total - done : fit->batch;
         double part = 0.0;
@@ -312,6 +329,7 @@ static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
     s->position = 0;
     s->open = false;
     s->running_loss = s->running_seconds = 0.0;
+    fit->spent += report->seconds;
     report->best =
         s->best_epoch == 0 || lg_fit_criterion(fit, s->epoch) < lg_fit_criterion(fit, s->best_epoch);
     if (!report->best) return;
@@ -319,17 +337,81 @@ static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
     memcpy(s->best, s->theta, fit->problem.parameters * fit->k->size);
 }
 
-static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
-    const double begin = now();
+/* One evaluation; the loss of the validation part changes only with the point. */
+static lg_status evaluate_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
+    const lg_fit_state *s = &fit->state;
+    bool moved = false;
+    if (lg_cancelled(fit->context)) return cancelled(fit, error);
+    LG_TRY(lg_fit_evaluate(fit, &moved, error));
+    if (moved || s->epoch == 0) return validate(fit, &report->validation, error);
+    report->validation = s->history[LG_FIT_VALIDATION][s->epoch - 1];
+    return LG_OK;
+}
+
+static lg_status batch_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
     const double factor = lg_schedule_rate(&fit->options.schedule, fit->state.epoch, fit->options.epochs);
     report->rate = fit->options.adam.lr * factor;
-    report->validation = NAN;
-    lg_status status = train_epoch(fit, factor, error);
-    if (status == LG_OK) status = validate(fit, &report->validation, error);
-    fit->state.running_seconds += now() - begin;
-    if (status == LG_OK) close_epoch(fit, report);
-    return status;
+    LG_TRY(train_batches(fit, factor, error));
+    return validate(fit, &report->validation, error);
 }
+
+static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
+    const double begin = now();
+    report->validation = NAN;
+    const bool adam = lg_fit_method_now(fit) == LG_FIT_ADAM;
+    const lg_status status = adam ? batch_epoch(fit, report, error) : evaluate_epoch(fit, report, error);
+    fit->state.running_seconds += now() - begin;
+    if (status != LG_OK) return status;
+    close_epoch(fit, report);
+    lg_fit_next_phase(fit);
+    return LG_OK;
+}
+
+/* ---- dead models ---- */
+
+/* The state before the first epoch, at other parameters. */
+static void begin_again(lg_fit *fit, const double *theta) {
+    const lg_fit_state old = fit->state;
+    const size_t bytes = fit->problem.parameters * fit->k->size;
+    lg_minimiser_destroy(old.minimiser);
+    fit->state = (lg_fit_state){.memory = old.memory,
+                                .theta = old.theta,
+                                .m = old.m,
+                                .v = old.v,
+                                .best = old.best,
+                                .order = old.order,
+                                .restarts = old.restarts + 1,
+                                .lost_seconds = fit->spent};
+    memcpy(fit->state.history, old.history, sizeof old.history);
+    memset(old.m, 0, bytes);
+    memset(old.v, 0, bytes);
+    start(fit, theta);
+}
+
+/* The best epoch is better than what a dead model can do. */
+static bool has_learned(const lg_fit *fit) {
+    static const double BETTER = 0.9;
+    const lg_fit_state *s = &fit->state;
+    return fit->options.keep_best &&
+           lg_fit_criterion(fit, s->best_epoch) < BETTER * lg_fit_criterion(fit, s->epoch);
+}
+
+static lg_status revive(lg_fit *fit, lg_error *error) {
+    bool dead = false;
+    if (fit->revived == NULL || fit->state.restarts >= fit->options.restarts || has_learned(fit) ||
+        lg_fit_why_finished(fit) == LG_FIT_END_SECONDS)
+        return LG_OK;
+    lg_fit_current_parameters(fit, fit->revived);
+    const lg_status status =
+        fit->problem.revive(fit->problem.user, fit->state.restarts + 1, fit->revived, &dead);
+    if (status != LG_OK)
+        return lg_fail(error, status, "epoch %" PRIu64 ": whether the model is dead: %s", fit->state.epoch,
+                       lg_status_sentence(status));
+    if (dead) begin_again(fit, fit->revived);
+    return LG_OK;
+}
+
+/* ---- the run ---- */
 
 static lg_status checkpoint(lg_fit *fit, lg_error *error) {
     if (fit->options.checkpoint == NULL) return LG_OK;
@@ -356,6 +438,7 @@ lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
         if (status == LG_CANCELLED) return leave(fit, status, saved, error);
         if (status != LG_OK) return status;
         const bool stop = o->on_epoch != NULL && o->on_epoch(o->user, &report) != 0;
+        LG_TRY(revive(fit, error));
         saved = o->checkpoint_every > 0 && fit->state.epoch % o->checkpoint_every == 0;
         if (saved) LG_TRY(checkpoint(fit, error));
         if (!stop || lg_fit_finished(fit)) continue;
@@ -366,12 +449,6 @@ lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
 }
 
 /* ---- accessors ---- */
-
-bool lg_fit_finished(const lg_fit *fit) {
-    const lg_fit_state *s = &fit->state;
-    const uint64_t patience = fit->options.patience;
-    return s->epoch >= fit->options.epochs || (patience > 0 && s->epoch - s->best_epoch >= patience);
-}
 
 void lg_fit_current_parameters(const lg_fit *fit, double *theta) {
     fit->k->convert_out(fit->problem.parameters, fit->state.theta, theta);
@@ -387,15 +464,23 @@ uint64_t lg_fit_epochs_done(const lg_fit *fit) {
 }
 
 uint64_t lg_fit_steps_done(const lg_fit *fit) {
-    return fit->state.step;
+    return fit->state.step + fit->state.epoch - fit->state.adam_epochs;
 }
 
 uint64_t lg_fit_best_epoch(const lg_fit *fit) {
     return fit->state.best_epoch;
 }
 
+uint64_t lg_fit_restarts(const lg_fit *fit) {
+    return fit->state.restarts;
+}
+
 size_t lg_fit_position(const lg_fit *fit) {
     return (size_t)fit->state.position;
+}
+
+double lg_fit_noise(const lg_fit *fit) {
+    return fit->state.noise;
 }
 
 double lg_fit_loss(const lg_fit *fit) {

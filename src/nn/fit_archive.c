@@ -21,7 +21,12 @@ typedef struct hyperparameter {
     { "train/options/" name, true, false, 0, (x) }
 #define ADDED(name, x)                                                                                       \
     { "train/options/" name, false, true, (uint64_t)(x), 0.0 }
-#define HYPERPARAMETERS 23
+#define ADDED_REAL(name, x)                                                                                  \
+    { "train/options/" name, true, true, 0, (x) }
+#define PHASE(i)                                                                                             \
+    ADDED("phase_" #i "/method", o->plan.phase[i].method),                                                   \
+        ADDED("phase_" #i "/epochs", o->plan.phase[i].epochs)
+#define HYPERPARAMETERS (26 + 2 * LG_FIT_MAX_PHASES)
 
 static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARAMETERS]) {
     const lg_fit_options *o = &fit->options;
@@ -49,6 +54,13 @@ static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARA
         REAL("clip_norm", o->clip_norm),
         REAL("validation", o->validation),
         ADDED("validation_samples", fit->problem.validation),
+        ADDED_REAL("prior", o->prior),
+        ADDED("restarts", o->restarts),
+        ADDED("phases", o->plan.phases),
+        PHASE(0),
+        PHASE(1),
+        PHASE(2),
+        PHASE(3),
     };
     memcpy(out, list, sizeof list);
 }
@@ -64,6 +76,7 @@ static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reade
                                : reader->array(reader->user, h->path, LG_ELEMENT_U64, 0, NULL, &stored.whole);
         if (status == LG_NOT_FOUND && h->added) {
             stored.whole = 0;
+            stored.value = 0.0;
             status = LG_OK;
         }
         if (status != LG_OK) return lg_fail(error, status, "%s: %s", h->path, lg_status_sentence(status));
@@ -89,11 +102,15 @@ typedef struct item {
     void *data;
 } item;
 
-#define SCALARS 7
-#define ITEMS   (SCALARS + 10)
+#define ALWAYS   7 /* scalars of every state */
+#define PHASES   6 /* those after them, which a plan of Adam alone does not have */
+#define RESTARTS 2 /* the last ones, with options.restarts */
+#define SCALARS  (ALWAYS + PHASES + RESTARTS)
+#define ITEMS    (SCALARS + 10)
 
-/* Numbers that say how long the arrays are come first. `open` is a flag of the caller, as a number. */
-static void list_scalars(lg_fit_state *s, uint64_t *open, item out[SCALARS]) {
+/* Numbers that say how long the arrays are come first. `open` is a flag of the caller, as a number.
+ * Returns how many there are. */
+static size_t list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, item out[SCALARS]) {
     const item list[SCALARS] = {
         {"train/epoch", LG_ELEMENT_U64, 0, 1, &s->epoch},
         {"train/position", LG_ELEMENT_U64, 0, 1, &s->position},
@@ -102,8 +119,25 @@ static void list_scalars(lg_fit_state *s, uint64_t *open, item out[SCALARS]) {
         {"train/running_loss", LG_ELEMENT_F64, 0, 1, &s->running_loss},
         {"train/running_seconds", LG_ELEMENT_F64, 0, 1, &s->running_seconds},
         {"optimizer/adam/step", LG_ELEMENT_U64, 0, 1, &s->step},
+        {"train/adam_epochs", LG_ELEMENT_U64, 0, 1, &s->adam_epochs},
+        {"train/phase", LG_ELEMENT_U64, 0, 1, &s->phase},
+        {"train/phase_start", LG_ELEMENT_U64, 0, 1, &s->phase_start},
+        {"train/noise", LG_ELEMENT_F64, 0, 1, &s->noise},
+        {"train/plateau", LG_ELEMENT_F64, 0, 1, &s->plateau},
+        {"train/plateau_start", LG_ELEMENT_U64, 0, 1, &s->plateau_start},
+        {"train/restarts", LG_ELEMENT_U64, 0, 1, &s->restarts},
+        {"train/restart_seconds", LG_ELEMENT_F64, 0, 1, &s->lost_seconds},
     };
-    memcpy(out, list, sizeof list);
+    const size_t used = fit->options.plan.phases == 0 ? ALWAYS : ALWAYS + PHASES;
+    memcpy(out, list, used * sizeof *list);
+    if (fit->options.restarts == 0) return used;
+    memcpy(out + used, list + ALWAYS + PHASES, RESTARTS * sizeof *list);
+    return used + RESTARTS;
+}
+
+/* Whether the present phase has a minimiser, with evaluations. */
+static bool has_minimiser(const lg_fit *fit, const lg_fit_state *s) {
+    return lg_fit_method_of(fit, s->phase) != LG_FIT_ADAM && s->epoch > s->phase_start;
 }
 
 /* Returns how many of `out` are used. */
@@ -140,19 +174,19 @@ lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_err
     lg_fit_state copy = fit->state; /* pointers and numbers; only read */
     uint64_t open = copy.open;
     item items[ITEMS];
-    list_scalars(&copy, &open, items);
-    const size_t count = SCALARS + list_arrays(fit, &copy, items + SCALARS);
+    size_t count = list_scalars(fit, &copy, &open, items);
+    count += list_arrays(fit, &copy, items + count);
     hyperparameter list[HYPERPARAMETERS];
     list_hyperparameters(fit, list);
     for (size_t i = 0; i < HYPERPARAMETERS; i++) {
         hyperparameter *h = &list[i];
-        if (h->added && h->whole == 0) continue;
+        if (h->added && h->whole == 0 && h->value == 0.0) continue;
         const item it = {h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64, 0, 1,
                          h->real ? (void *)&h->value : (void *)&h->whole};
         LG_TRY(write_item(writer, &it, error));
     }
     for (size_t i = 0; i < count; i++) LG_TRY(write_item(writer, &items[i], error));
-    return LG_OK;
+    return has_minimiser(fit, &copy) ? lg_minimiser_save(copy.minimiser, writer, error) : LG_OK;
 }
 
 static lg_status read_items(const lg_archive_reader *reader, const item *items, size_t count,
@@ -170,6 +204,10 @@ static lg_status read_items(const lg_archive_reader *reader, const item *items, 
 
 static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_t open, lg_error *error) {
     const uint64_t batches = lg_fit_batches(fit, fit->training);
+    const uint32_t phases = fit->options.plan.phases;
+    if (!(s->phase < (phases > 0 ? phases : 1) && s->phase_start <= s->epoch && s->adam_epochs <= s->epoch))
+        return lg_fail(error, LG_FORMAT, "train/phase does not fit the plan of methods");
+    const bool adam = lg_fit_method_of(fit, s->phase) == LG_FIT_ADAM;
     const struct {
         bool good;
         const char *rule;
@@ -182,12 +220,17 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
         {s->epoch < fit->options.epochs || open == 0, "train/open is set after the last epoch"},
         {s->best_epoch <= s->epoch && (s->best_epoch > 0) == (s->epoch > 0),
          "train/best_epoch does not fit train/epoch"},
+        {adam || (s->position == 0 && open == 0), "train/position is set in a phase without batches"},
+        {isfinite(s->noise) && s->noise >= 0.0, "train/noise is negative or not finite"},
         {isfinite(s->running_loss), "train/running_loss is not finite"},
         {isfinite(s->running_seconds), "train/running_seconds is not finite"},
+        {s->restarts <= fit->options.restarts, "train/restarts is larger than allowed"},
+        {isfinite(s->lost_seconds) && s->lost_seconds >= 0.0,
+         "train/restart_seconds is negative or not finite"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
         if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);
-    if (s->step != s->epoch * batches + lg_fit_batches(fit, s->position))
+    if (s->step != s->adam_epochs * batches + lg_fit_batches(fit, s->position))
         return lg_fail(error, LG_FORMAT,
                        "optimizer/adam/step is %" PRIu64 ", which does not fit train/epoch and "
                        "train/position",
@@ -248,17 +291,26 @@ static lg_status check_arrays(const lg_fit *fit, const lg_fit_state *s, lg_error
     return check_permutation(fit, s->order, error);
 }
 
+static lg_status load_minimiser(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s,
+                                lg_error *error) {
+    const lg_minimise_options options = lg_fit_minimise_options(fit, s->phase);
+    LG_TRY(
+        lg_minimiser_create(fit->context, fit->problem.parameters, &options, s->theta, &s->minimiser, error));
+    return lg_minimiser_load(s->minimiser, reader, error);
+}
+
 static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s,
                             lg_error *error) {
     uint64_t open = 0;
     item items[ITEMS];
-    list_scalars(s, &open, items);
-    LG_TRY(read_items(reader, items, SCALARS, error));
+    LG_TRY(read_items(reader, items, list_scalars(fit, s, &open, items), error));
+    if (fit->options.plan.phases == 0) s->adam_epochs = s->epoch;
     LG_TRY(check_scalars(fit, s, open, error));
     s->open = open == 1;
     const size_t count = list_arrays(fit, s, items);
     LG_TRY(read_items(reader, items, count, error));
-    return check_arrays(fit, s, error);
+    LG_TRY(check_arrays(fit, s, error));
+    return has_minimiser(fit, s) ? load_minimiser(fit, reader, s, error) : LG_OK;
 }
 
 lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
@@ -274,5 +326,7 @@ lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *er
     }
     lg_fit_state_destroy(fit, &fit->state);
     fit->state = loaded;
+    fit->spent = loaded.lost_seconds;
+    for (uint64_t i = 0; i < loaded.epoch; i++) fit->spent += loaded.history[LG_FIT_SECONDS][i];
     return LG_OK;
 }

@@ -4,6 +4,7 @@
 
 #include "kernels/kernels.h"
 #include "core/core.h"
+#include "liegrad/minimise.h"
 #include "liegrad/nn.h"
 
 /* Everything that the next step depends on, except the hyperparameters. One allocation each. */
@@ -13,11 +14,19 @@ typedef struct lg_fit_state {
     uint32_t *order;            /* permutation of all samples: training part, then validation part */
     double *history[LG_FIT_SERIES_COUNT];
     lg_rng rng;
-    uint64_t step;       /* Adam steps done */
-    uint64_t epoch;      /* epochs finished */
-    uint64_t position;   /* training samples used in the unfinished epoch; on a batch boundary */
-    uint64_t best_epoch; /* counted from 1; 0 before the first */
+    lg_minimiser *minimiser;     /* of the present phase, NULL before its first evaluation and for Adam */
+    uint64_t step;               /* Adam steps done */
+    uint64_t adam_epochs;        /* finished */
+    uint64_t phase, phase_start; /* the present one, and the epochs finished before it */
+    uint64_t epoch;              /* epochs finished */
+    uint64_t position;           /* training samples used in the unfinished epoch; on a batch boundary */
+    uint64_t best_epoch;         /* counted from 1; 0 before the first */
+    double noise;                /* variance taken for that of the data; 0: none */
+    double plateau;              /* loss at iteration plateau_start of the minimiser */
+    uint64_t plateau_start;
     bool open;           /* the unfinished epoch has drawn its order */
+    uint64_t restarts;   /* from other parameters, because the model was dead */
+    double lost_seconds; /* of the epochs before the last restart */
     double running_loss; /* sum of batch loss times samples in the unfinished epoch */
     double running_seconds;
 } lg_fit_state;
@@ -30,6 +39,9 @@ typedef struct lg_shard {
     double loss;
     double bound; /* of the gradient's norm; infinite where none is known */
     lg_status status;
+    /* Of sums of squares alone: the Gauss-Newton matrix (parameters, parameters); room for a Jacobian. */
+    double *matrix, *jacobian;
+    size_t rows;
 } lg_shard;
 
 struct lg_fit {
@@ -39,6 +51,8 @@ struct lg_fit {
     const lg_kernels *k;
     size_t training, batch; /* samples of the training part; of a full batch */
     lg_fit_state state;
+    double spent;      /* seconds of all finished epochs, those before a restart included */
+    const void *point; /* where loss and gradients are taken */
     lg_thread_pool *pool;
     lg_shard *shards;
     /* The present batch: pieces in use, its samples, whether gradients are wanted; then the data of the
@@ -53,6 +67,7 @@ struct lg_fit {
     bool careful;     /* this step might overflow: keep a backup and look at the result */
     char *backup;     /* theta, m, v before a careful step */
     double *scratch;  /* (epochs) */
+    double *revived;  /* (parameters); NULL without restarts */
 };
 
 #define LG_FIT_BLOCK 4096
@@ -64,6 +79,29 @@ void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
  * wanted. The sentence of an error uses `what`. */
 lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
                             const char *what, double *loss, lg_error *error);
+/* Cuts the samples into pieces, one a shard. */
+void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count);
+/* The sum of the shards' losses; the failure of a shard, or a sum that is not finite. */
+lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error);
+/* Loss, gradient and matrix of all training samples by residuals; the latter in the first shard. */
+lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error);
+/* Adds the gradients of all shards into that of the first one and returns its norm. */
+double lg_fit_reduce(lg_fit *fit);
+/* What a gradient is not finite in. */
+lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error *error);
+
+/* ---- methods (fit_methods.c) ---- */
+
+/* The present phase. */
+lg_fit_method lg_fit_method_of(const lg_fit *fit, uint64_t phase);
+/* Options for a minimiser of a phase that is not Adam's. */
+lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase);
+/* One evaluation of the loss of all training samples; *moved: theta is another point than before. */
+lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error);
+/* After an epoch: goes to the next phase where the present one is over. */
+void lg_fit_next_phase(lg_fit *fit);
+lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options *options, lg_error *error);
+
 /* One Adam step on a batch; on failure theta, m, v are as before. */
 lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,
                       lg_error *error);

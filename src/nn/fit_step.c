@@ -22,7 +22,7 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
     lg_tape *tape = shard->tape;
     lg_tape_reset(tape);
     const lg_shape flat = lg_shape1((uint32_t)fit->problem.parameters);
-    const lg_var theta = lg_parameter(tape, flat, fit->state.theta);
+    const lg_var theta = lg_parameter(tape, flat, fit->point);
     lg_var loss = LG_NONE;
     const lg_status given =
         fit->problem.loss(fit->problem.user, tape, theta, samples, count, fit->batch_samples, &loss);
@@ -44,7 +44,7 @@ static lg_status shard_loss(const lg_fit *fit, lg_shard *shard) {
     const size_t chunk = fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
     shard->loss = 0.0;
     shard->bound = INFINITY;
-    lg_tape_constant(shard->tape, fit->state.theta, fit->problem.parameters * fit->k->size);
+    lg_tape_constant(shard->tape, fit->point, fit->problem.parameters * fit->k->size);
     for (size_t at = 0; at < shard->count; at += chunk) {
         const size_t rest = shard->count - at;
         LG_TRY(chunk_loss(fit, shard, shard->samples + at, rest < chunk ? rest : chunk));
@@ -58,7 +58,7 @@ static void shard_task(void *user, size_t index) {
 }
 
 /* Piece i of n of `count` samples: [i count/n, (i + 1) count/n), never empty since n <= count. */
-static void cut(lg_fit *fit, const uint32_t *samples, size_t count) {
+void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count) {
     const size_t n = count < fit->options.shards ? count : fit->options.shards;
     for (size_t i = 0; i < n; i++) {
         const size_t start = i * count / n;
@@ -74,11 +74,7 @@ static const char *shown(double x) {
     return isnan(x) ? "NaN" : x > 0 ? "inf" : "-inf";
 }
 
-lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
-                            const char *what, double *loss, lg_error *error) {
-    cut(fit, samples, count);
-    fit->with_gradient = with_gradient;
-    lg_thread_pool_run(fit->pool, fit->active, shard_task, fit);
+lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error) {
     double sum = 0.0;
     for (size_t i = 0; i < fit->active; i++) {
         const lg_shard *shard = &fit->shards[i];
@@ -92,6 +88,14 @@ lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, 
     if (!isfinite(sum)) return lg_fail(error, LG_NOT_FINITE, "%s: the loss is %s", what, shown(sum));
     *loss = sum;
     return LG_OK;
+}
+
+lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
+                            const char *what, double *loss, lg_error *error) {
+    lg_fit_cut(fit, samples, count);
+    fit->with_gradient = with_gradient;
+    lg_thread_pool_run(fit->pool, fit->active, shard_task, fit);
+    return lg_fit_sum_losses(fit, what, loss, error);
 }
 
 static size_t block_length(const lg_fit *fit, size_t block) {
@@ -118,8 +122,7 @@ static void reduce_block(void *user, size_t block) {
     fit->partial[block] = fit->k->dot(n, gradient, gradient);
 }
 
-/* Adds the gradients of all shards into that of the first one and returns its norm. */
-static double reduced_norm(lg_fit *fit) {
+double lg_fit_reduce(lg_fit *fit) {
     double squared = 0.0;
     for_blocks(fit, reduce_block);
     for (size_t i = 0; i < fit->blocks; i++) squared += fit->partial[i];
@@ -161,7 +164,7 @@ static size_t first_bad(const lg_fit *fit, const void *x, double *value) {
     return n;
 }
 
-static lg_status gradient_failure(const lg_fit *fit, const char *what, lg_error *error) {
+lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error *error) {
     double value = 0.0;
     const size_t index = first_bad(fit, fit->shards[0].gradient, &value);
     if (index < fit->problem.parameters)
@@ -195,12 +198,13 @@ lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double
     const uint64_t batch = lg_fit_batches(fit, fit->state.position) + 1;
     (void)snprintf(what, sizeof what, "epoch %" PRIu64 ", batch %" PRIu64, fit->state.epoch + 1, batch);
     double value = 0.0;
+    fit->point = fit->state.theta;
     LG_TRY(lg_fit_batch_loss(fit, samples, count, true, what, &value, error));
 
     double norm = fit->shards[0].bound;
     if (may_overflow(fit, norm, rate)) {
-        norm = reduced_norm(fit);
-        if (!isfinite(norm)) return gradient_failure(fit, what, error);
+        norm = lg_fit_reduce(fit);
+        if (!isfinite(norm)) return lg_fit_gradient_failure(fit, what, error);
     }
     fit->clip = lg_clip_factor(norm, fit->options.clip_norm);
     fit->rate = rate;

@@ -54,6 +54,7 @@ static const sample samples[] = {
     {"flat4", SEPARABLE, 4, MLP, LG_SWISH, "splitting.yaml", 2, "gcc", "-O3"},
     {"pair2", SEPARABLE, 2, MLP, LG_SIGMOID, "dp54", 6, "g++", "-O3"},
     {"free2", SEPARABLE, 2, MLP, LG_SINE, "cf4", 4, "clang", "-O3"},
+    {"moan2", SEPARABLE, 2, MLP, LG_TANH, "blanes-moan", 7, "gcc", "-O2"},
     {"euler4", SEPARABLE, 4, LINEAR, LG_TANH, "symplectic-euler", 1, "gcc", "-O0"},
 };
 enum { SAMPLES = LG_COUNT(samples) };

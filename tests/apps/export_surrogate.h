@@ -6,6 +6,7 @@
 
 #include "liegrad/io.h"
 #include "liegrad/model.h"
+#include "support/modes.h"
 
 enum { TRAINED = 20, POINTS = 21 };
 
@@ -60,6 +61,7 @@ static inline beam *beam_make(const char *name, const lg_surrogate_options *opti
                                       .shards = 1,
                                       .seed = 7};
     assert_ok(lg_surrogate_init(&file.run.model, options, intervals, length, 0.4 * length, NULL));
+    give_modes(&file.run.model);
     (void)snprintf(file.run.data_sha256, sizeof file.run.data_sha256, "%064d", 42);
     (void)snprintf(file.provenance.command, sizeof file.provenance.command, "lg-elastica train beams.h5");
     file.parameters = lg_surrogate_parameters(&file.run.model);

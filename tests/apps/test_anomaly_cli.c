@@ -392,6 +392,9 @@ TEST("a split by group keeps sea states whole") {
     assert_close(number("evaluate parts.h5 data.h5 --part train", "windows"), train, 0, 0);
     run("train data.h5 --method logistic --window 30 --hop 15 --out o.h5");
     assert_says(result.err, "windows overlap and are split at random");
+    static const char *const overlap = "warnings [\"windows overlap and are split at random";
+    json("train data.h5 --method logistic --window 30 --hop 15 --out o.h5", overlap);
+    json("train data.h5 --epochs 1 --window 30 --hop 15 --out o.h5", overlap);
 }
 
 /* Six recordings of eight windows of 5 s at 4 Hz, the second half of each damaged: with 2 of 3 votes the
@@ -411,6 +414,29 @@ TEST("votes give the alarm and its delay") {
 }
 
 /* With a large learning rate that is not the last epoch. */
+TEST("a network no better than the most frequent class ends with exit code 4") {
+    cli_expect(lg, "train data.h5 --lr 1000 --epochs 10 --out wild.h5 --json", 4, "the most frequent class",
+               &result);
+    json_expect(result.out, "epochs 10, warnings [\"the model has learned nothing");
+    run("train data.h5 --lr 1e-9 --epochs 3 --out wild.h5");
+    assert_says(result.err, "the model has learned nothing");
+}
+
+TEST("a network that died starts again, and is told of if it stays dead") {
+    static const char *const line = "train data.h5 --activation relu --lr 1000 --clip 0 --epochs 3 --json "
+                                    "--out dead.h5";
+    char text[256];
+    json("train data.h5 --activation swish --epochs 2 --out living.h5",
+         "restarts 0, dead_units 0, max_restarts 10, warnings [");
+    (void)snprintf(text, sizeof text, "%s --max-restarts 2", line);
+    cli_expect(lg, text, 4, "the network has died", &result);
+    json_expect(result.out, "restarts 2, max_restarts 2, epochs 3");
+    assert_true(json_number(result.out, "dead_units") >= 2);
+    (void)snprintf(text, sizeof text, "%s --max-restarts 0", line);
+    cli_expect(lg, text, 4, "dead units of layer plane: 2 of 2", &result);
+    json_expect(result.out, "restarts 0");
+}
+
 TEST("with a validation part the best epoch is the model") {
     static const char *const rates[] = {"0.03", "0.1", "0.3", "0.01"};
     char line[256];

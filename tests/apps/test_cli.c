@@ -29,7 +29,7 @@ static int setup(void **state) {
              "trajectories 40", &result);
     cli_expect(lg, "generate scene.yaml --trajectories 6 --points 8 --t-end 1 --out test.h5 --seed 6", 0,
                "test.h5", &result);
-    cli_json(lg, TRAIN "--epochs 3 --out model.h5", "epochs 3", &result);
+    cli_json(lg, TRAIN "--epochs 3 --out model.h5", "epochs 3, floor >0, warnings []", &result);
     cli_link("model.h5", "twin.h5");
     return 0;
 }
@@ -85,8 +85,67 @@ TEST("Newton reaches the floor of a linear potential's loss, below what Adam alo
     cli_json(lg, "train train.h5 --potential linear --epochs 3 --out l.h5", "loss *", &result);
     const double adam = json_number(result.out, "loss");
     cli_json(lg, "train train.h5 --potential linear --epochs 3 --newton --out l.h5",
-             "newton_iterations *, loss <1e-14", &result);
+             "newton_iterations *, loss <1e-14, floor >1e-20, floor <1e-14, warnings [\"the loss", &result);
     assert_true(json_number(result.out, "loss") < 1e-6 * adam);
+    assert_true(json_number(result.out, "loss") < 3 * json_number(result.out, "floor"));
+    assert_non_null(strstr(result.err, "warning: the loss "));
+    assert_non_null(strstr(result.err, "use --substeps 2 (floor about "));
+    assert_non_null(strstr(result.err, "higher order, --integrator rkmk5"));
+    cli_json(lg, "train train.h5 --potential linear --epochs 3 --newton --substeps 2 --out l.h5",
+             "floor >1e-22", &result);
+    assert_non_null(strstr(result.err, "use --substeps 4"));
+    cli_expect(lg, "train train.h5 --potential linear --epochs 3 --newton --integrator lie-euler --out l.h5",
+               0, "l.h5", &result);
+    assert_non_null(strstr(result.err, "--integrator rkmk5"));
+}
+
+TEST("the default is the preset best, an option of Adam asks for the published settings") {
+    cli_json(lg, "train train.h5 --evaluations 150 --out b.h5",
+             "method \"ssbroyden\", hidden [20, evaluations 150, epochs 150, prior 0.3, loss <1e-8", &result);
+    cli_json(lg, "train train.h5 --epochs 1 --batch 20 --out b.h5", "method \"adam\", hidden [100", &result);
+    cli_json(lg, "train train.h5 --preset thesis --epochs 1 --out b.h5", "method \"adam\", prior 0", &result);
+    cli_expect(lg, "train train.h5 --method lbfgs --lr 1e-2 --out b.h5", 2, "--lr: is for adam", &result);
+    cli_expect(lg, "train train.h5 --method adam:5,lbfgs --lr 1e-2 --epochs 9 --out b.h5", 0, "9 epochs",
+               &result);
+    cli_expect(lg, "train train.h5 --evaluations 5 --epochs 5 --out b.h5", 2, "another name", &result);
+}
+
+TEST("a training that ends before its epochs says why, and one of some seconds records its evaluations") {
+    cli_json(lg, "train train.h5 --seconds 0.05 --out b.h5", "stopped \"the time is used up\"", &result);
+    assert_true(json_number(result.out, "evaluations") < 1000000);
+    assert_non_null(strstr(result.err, "the time is used up"));
+    cli_json(lg, "train train.h5 --method lbfgs --hidden 4 --evaluations 10 --validation 0.2 --out b.h5",
+             "stopped \"the planned epochs are done\"", &result);
+}
+
+TEST("--size auto compares widths and takes the smallest good one") {
+    cli_json(lg, "train train.h5 --size auto --epochs 60 --out b.h5", "hidden *, sizes *", &result);
+    assert_non_null(strstr(result.out, "\"size\": \"8,8\""));
+    assert_non_null(strstr(result.err, "validation loss"));
+    cli_json(lg, "train train.h5 --size 7,5 --epochs 3 --out b.h5", "hidden [7", &result);
+    cli_expect(lg, "train train.h5 --size 7 --hidden 7 --out b.h5", 2, "say the same", &result);
+    cli_expect(lg, "train train.h5 --size seven --out b.h5", 2, "--size: 'seven'", &result);
+}
+
+TEST("noise on all points is trained with measured and with estimated starts") {
+    cli_expect(lg, "generate scene.yaml --trajectories 60 --noise 1e-2 --noise-on all --out n.h5 --seed 5", 0,
+               "n.h5", &result);
+    cli_json(lg, "train n.h5 --epochs 300 --out b.h5", "starts \"measured\"", &result);
+    cli_json(lg, "evaluate b.h5 test.h5", "E1 *", &result);
+    const double measured = json_number(result.out, "E1");
+    cli_json(lg, "train n.h5 --starts estimated --epochs 300 --out b.h5",
+             "starts \"estimated\", method \"lbfgs\"", &result);
+    cli_json(lg, "evaluate b.h5 test.h5", "E1 *", &result);
+    assert_true(json_number(result.out, "E1") < measured);
+    cli_expect(lg, "train n.h5 --starts estimated --newton --potential linear --out b.h5", 2, "--newton",
+               &result);
+}
+
+TEST("a training that learned nothing ends with exit code 4 and says why") {
+    cli_expect(lg, TRAIN "--method adam --lr 1000 --epochs 10 --out wild.h5 --json", 4,
+               "that of a state that does not change", &result);
+    assert_true(json_is_object(result.out));
+    json_expect(result.out, "epochs 10, warnings [\"the model has learned nothing");
 }
 
 TEST("separable systems are trained and judged") {
@@ -95,6 +154,9 @@ TEST("separable systems are trained and judged") {
     cli_json(lg, "train q.h5 --hidden 8 --epochs 2 --batch 10 --out qm.h5", "integrator \"stormer-verlet\"",
              &result);
     cli_json(lg, "evaluate qm.h5 q.h5", "E1 >0", &result);
+    cli_json(lg, "train q.h5 --hidden 8 --epochs 2 --batch 10 --integrator blanes-moan --out bm.h5",
+             "integrator \"blanes-moan\"", &result);
+    cli_json(lg, "evaluate bm.h5 q.h5", "E1 >0", &result);
     cli_expect(lg, "evaluate model.h5 q.h5", 3, "q.h5", &result);
 }
 

@@ -27,7 +27,7 @@ static int setup(void **state) {
     run("generate --case both-ends --count 40 --intervals 10 --out data.h5");
     run("generate --case right-end --count 40 --intervals 10 --out right.h5");
     run("generate --case both --count 10 --intervals 10 --out both.h5");
-    run("train data.h5 --hidden 12 --layers 1 --batch 8 --epochs 3 --out model.h5");
+    run("train data.h5 --method adam --modes 0 --hidden 12 --layers 1 --batch 8 --epochs 3 --out model.h5");
     return 0;
 }
 
@@ -172,8 +172,9 @@ TEST("generated curves are those that are asked for, and what solve finds") {
     run("generate --count 1 --intervals 6 --out one.h5");
     json("generate --count 2 --intervals 6 --continuous --out c.h5", "values \"continuous\"");
     run("generate --count 3 --intervals 2 --out tiny.h5"); /* N = 2 can be learned too */
-    json("train tiny.h5 --hidden 4 --layers 0 --epochs 1 --train-fraction 1 --test-fraction 0 --out t2.h5",
-         "test_mse null");
+    json("train tiny.h5 --modes 0 --hidden 4 --layers 0 --epochs 1 --train-fraction 1 --test-fraction 0 "
+         "--out t2.h5",
+         "test_mse null, floor null, warnings [\"the model has learned nothing");
 }
 
 /* Processor time of the children that have ended: a busy machine does not change it. */
@@ -200,7 +201,8 @@ TEST("interrupted generation ends at once") {
 
 /* 8 x 12 + 12, 12 x 12 + 12, 12 x 36 + 36 parameters. */
 TEST("a network is trained, and what evaluate says of the parts is what train said") {
-    json("train data.h5 --hidden 12 --layers 1 --batch 8 --epochs 4 --out t.h5 --history t.csv --plot t.svg",
+    json("train data.h5 --method adam --modes 0 --hidden 12 --layers 1 --batch 8 --epochs 4 --out t.h5 "
+         "--history t.csv --plot t.svg",
          "seconds_per_epoch *, parameters 732, loss *, epochs 4, threads *, dtype *, seed *, source *, "
          "train_curves 36, test_curves 4");
     const double train = json_number(result.out, "train_mse"), test = json_number(result.out, "test_mse");
@@ -235,6 +237,10 @@ TEST("every kind of network is trained, judged and asked, and only --mirror make
         bool mirrored;
     } kinds[] = {
         {"--network discrete --architecture resnet", "boundary_error <1e-15", true},
+        {"--network discrete --modes 0", "boundary_error <1e-15", true},
+        {"--network discrete --modes 0 --angles true", "unit_tangent_error <1e-15, boundary_error <1e-15",
+         true},
+        {"--network discrete --loss energy", "unit_tangent_error <1e-15, boundary_error <1e-15", true},
         {"--network continuous --embedding 5 --architecture mult", "mse *", true},
         {"--network continuous --architecture mult-affine --mirror false", "mse *", false},
         {"--network angle --embedding 5 --architecture mult", "unit_tangent_error <1e-15", true},
@@ -244,7 +250,7 @@ TEST("every kind of network is trained, judged and asked, and only --mirror make
     for (size_t i = 0; i < LG_COUNT(kinds); i++) {
         char line[256];
         double q[22], mirrored[22];
-        (void)snprintf(line, sizeof line, "train data.h5 %s --hidden 5 --layers 1 --epochs 2 --out k.h5",
+        (void)snprintf(line, sizeof line, "train data.h5 %s --hidden 5 --layers 1 --epochs 60 --out k.h5",
                        kinds[i].options);
         json(line, "test_mse >0, test_mse <100");
         const double mse = json_number(result.out, "test_mse");
@@ -279,6 +285,25 @@ TEST("a prediction is told with its place, its reach and its error") {
     assert_says(result.out, "largest difference");
 }
 
+TEST("curves of a network of modes are as wrong as its loss and its truncation say; few curves have few "
+     "modes") {
+    json("train data.h5 --modes 3 --epochs 40 --seed 2 --out m3.h5",
+         "modes 3, angles false, learned_curves 36");
+    const double truncation = json_number(result.out, "truncation");
+    assert_close(json_number(result.out, "train_mse"), json_number(result.out, "loss") + truncation, 1e-9, 0);
+    assert_true(truncation > 1e-12);
+    json("train data.h5 --epochs 1 --train-fraction 0.2 --out m7.h5", "modes 7, train_curves 8");
+    json("train data.h5 --most-curves 9 --epochs 1 --out m9.h5", "learned_curves 9, train_curves 36");
+    cli_expect(lg, "train data.h5 --modes 40 --out no.h5", 2, "40 modes", &result);
+}
+
+TEST("boundary conditions alone train a network") {
+    json("train data.h5 --loss energy --epochs 300 --out e.h5",
+         "loss <1e-3, angles true, modes 0, truncation null");
+    assert_true(json_number(result.out, "test_mse") < 1e-3);
+    cli_expect(lg, "train data.h5 --loss energy --angles false --out no.h5", 2, "angles alone", &result);
+}
+
 TEST("a query that the network was not trained for is answered with a warning") {
     json("predict model.h5 --case right-end --x 2", "inside false");
     assert_says(result.err, "warning: outside the training range");
@@ -295,7 +320,8 @@ TEST("a query that the network was not trained for is answered with a warning") 
 }
 
 TEST("a trial that fails is a row of the table, and the search goes on") {
-    cli_write("wild.yaml", "fixed: {epochs: 9, batch: 8, hidden: 4, layers: 14, activation: identity, "
+    cli_write("wild.yaml", "fixed: {method: adam, dtype: f32, modes: 0, epochs: 9, batch: 8, hidden: 4, "
+                           "layers: 14, activation: identity, "
                            "schedule: constant}\nranges:\n  lr: {log-uniform: [5e2, 1e3]}\n");
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --plot wild.svg --json", 4,
                "none of 2 trials was finished; trial 0 failed first: ", &result);
@@ -309,6 +335,10 @@ TEST("a trial that fails is a row of the table, and the search goes on") {
                             "ranges:\n  hidden: {choice: [4, 1048576]}\n");
     json("search roomy.yaml data.h5 --trials 6 --out roomy.csv", "done >0, failed >0");
     assert_says(result.err, "out of memory");
+    cli_expect(lg,
+               "train data.h5 --out m.h5 --method adam --modes 0 --layers 4 --hidden 12 --lr 1000 --epochs "
+               "12 --json",
+               4, "the mean curve", &result);
     cli_expect(lg, "train data.h5 --out m.h5 --layers 14 --hidden 1048576", 5,
                "lg-elastica train: out of memory: the network has 1", &result);
 }

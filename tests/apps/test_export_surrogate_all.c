@@ -34,7 +34,9 @@ static void *make(size_t i) {
                                           .activation = (lg_activation)activation,
                                           .normalise = turn % 2 == 1 && kind != LG_SURROGATE_ANGLE,
                                           .mirror = turn / 2 % 2 == 1,
-                                          .boundary = turn % 3 == 1 && kind == LG_SURROGATE_ANGLE};
+                                          .boundary = turn % 3 == 1 && kind == LG_SURROGATE_ANGLE,
+                                          .modes = turn % 3 == 2 && kind == LG_SURROGATE_DISCRETE ? 5 : 0,
+                                          .angles = turn % 3 == 1 && kind == LG_SURROGATE_DISCRETE};
     return beam_make(name_of(i), &options, (uint32_t)(4 + 7 * (turn % 5)), 3.3, turn % 3 > 0);
 }
 

@@ -37,7 +37,7 @@ static void write_data(const char *name, lg_trajectories *data) {
 }
 
 static lg_trajectories *generate(const char *arguments, const char *name) {
-    char line[512];
+    char line[640];
     (void)snprintf(line, sizeof line, "generate %s --out %s", arguments, name);
     cli_expect(lg, line, 0, name, &result);
     return cli_trajectories(name);
@@ -143,6 +143,83 @@ TEST("E1 and E2 are those that are computed here") {
         assert_close(json_number(result.out, "E1"), first_error(model, test), 1e-6, 0);
         assert_close(json_number(result.out, "E2"), second_error(model, test), 1e-6, 0);
     }
+}
+
+/* x_1, x_1 + L_2 q_2 and their velocities, for two links with masses 1, 1.3 and lengths 1, .8. p = M(q) v is
+ * solved for the tangent vectors v by iteration. */
+static void seen2(const double *y, double *z) {
+    const double *q1 = y, *p1 = y + 3, *q2 = y + 6, *p2 = y + 9, length = 0.8;
+    const double m11 = 2.3, m12 = 1.3 * 0.8, m22 = 1.3 * 0.64;
+    double v1[3] = {0}, v2[3] = {0};
+    for (int round = 0; round < 400; round++) { /* the error shrinks by m12^2/(m11 m22) = .57 */
+        double along1 = 0, along2 = 0;
+        for (int c = 0; c < 3; c++) along1 += q1[c] * v2[c];
+        for (int c = 0; c < 3; c++) v1[c] = (p1[c] - m12 * (v2[c] - along1 * q1[c])) / m11;
+        for (int c = 0; c < 3; c++) along2 += q2[c] * v1[c];
+        for (int c = 0; c < 3; c++) v2[c] = (p2[c] - m12 * (v1[c] - along2 * q2[c])) / m22;
+    }
+    for (int c = 0; c < 3; c++) {
+        z[c] = q1[c], z[3 + c] = q1[c] + length * q2[c];
+        z[6 + c] = v1[c], z[9 + c] = v1[c] + length * v2[c];
+    }
+}
+
+/* The learned flow of model.h5 from a start of 12 numbers, at the four points of [0, 1]. */
+static const double *predicted2(const double *start) {
+    char line[1024];
+    size_t used =
+        (size_t)snprintf(line, sizeof line, "predict model.h5 --t-end 1 --points 4 --tolerance 1e-12");
+    for (size_t k = 0; k < 12; k++)
+        used += (size_t)snprintf(line + used, sizeof line - used, "%s%.17g",
+                                 k > 0 ? "," : " --initial=", start[k]);
+    (void)snprintf(line + used, sizeof line - used, " --out path.h5");
+    cli_expect(lg, line, 0, "t = 1", &result);
+    return cli_trajectories("path.h5")->data;
+}
+
+TEST("relative errors are those of the masses' positions and velocities, computed here") {
+    (void)learn("chain2.yaml", "cf4", "0");
+    const lg_trajectories *test = cli_trajectories("test.h5");
+    cli_json(lg, "evaluate model.h5 test.h5 --metric relative --tolerance 1e-12", "relative >0", &result);
+    const double relative = json_number(result.out, "relative");
+    const double worst = json_number(result.out, "relative_worst");
+    double sum = 0, largest = -1e300;
+    for (size_t i = 0; i < test->count; i++) {
+        const double *given = test->data + i * test->points * 12, *predicted = predicted2(given);
+        double mean = 0;
+        for (size_t j = 0; j < 4; j++) {
+            double a[12], b[12], difference = 0, total = 0;
+            seen2(given + 12 * j, a);
+            seen2(predicted + 12 * j, b);
+            for (int k = 0; k < 12; k++) {
+                difference += (a[k] - b[k]) * (a[k] - b[k]);
+                total += (a[k] + b[k]) * (a[k] + b[k]);
+            }
+            mean += log(sqrt(difference / total) + 1e-8) / 4;
+        }
+        sum += mean / (double)test->count;
+        largest = fmax(largest, mean);
+    }
+    assert_close(relative, exp(sum), 1e-5, 0);
+    assert_close(worst, exp(largest), 1e-5, 0);
+}
+
+TEST("relative errors are of the state where nothing else is seen, and need the parameters of a chain") {
+    (void)learn("oscillators.yaml", "rk4", "0");
+    lg_trajectories *test = cli_trajectories("test.h5");
+    for (size_t i = 0; i < test->count;
+         i++) /* further points: predicted and given alike, but far too large */
+        for (size_t k = 4; k < 16; k++) test->data[16 * i + k] = 1e6;
+    write_data("far.h5", test);
+    cli_json(lg, "evaluate model.h5 far.h5 --metric relative", "relative >0", &result);
+    assert_close(json_number(result.out, "relative"), pow(1e-8, 0.25), 1e-4, 0); /* the others are 1 */
+    cli_expect(lg, "evaluate model.h5 far.h5 --metric relative", 0, "relative = ", &result);
+    (void)learn("chain1.yaml", "cf4", "0");
+    test = cli_trajectories("test.h5");
+    lg_system_destroy(test->truth);
+    test->truth = NULL;
+    write_data("unknown.h5", test);
+    cli_expect(lg, "evaluate model.h5 unknown.h5 --metric relative", 3, "/parameters", &result);
 }
 
 static void expect_not_finite(const char *name, const char *words, const char *members) {

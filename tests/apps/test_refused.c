@@ -113,6 +113,7 @@ static const refusal hamiltonian[] = {
     {"learn", 2, "'learn' is not a command"},
     {"{train generate}", 2, "missing argument"},
     {"evaluate model.h5", 2, "missing argument"},
+    {"evaluate model.h5 test.h5 --drawn 0", 2, "--drawn"},
     {"train train.h5", 2, "--out FILE is missing"},
     {"generate scene.yaml", 2, "--out FILE is missing"},
     {"study grid.yaml", 2, "--out FILE.csv is missing"},
@@ -345,7 +346,7 @@ TEST("lg-elastica refuses with exit code and word, and writes nothing") {
         "generate --case both-ends --count 8 --intervals 6 --out coarse.h5",
         "generate --case both-ends --count 8 --intervals 10 --length 4 --out long.h5",
         "generate --count 6 --intervals 8 --out nan.h5", "generate --count 6 --intervals 8 --out torn.h5",
-        "train data.h5 --hidden 12 --layers 1 --batch 8 --epochs 1 --out model.h5",
+        "train data.h5 --method adam --modes 0 --hidden 12 --layers 1 --batch 8 --epochs 1 --out model.h5",
         "train data.h5 --network angle --embedding 4 --hidden 4 --layers 1 --epochs 1 --out angle.h5");
     spoil("nan.h5", "q", 31, NAN);
     spoil("torn.h5", "boundary", 8, 0.25);
@@ -355,7 +356,8 @@ TEST("lg-elastica refuses with exit code and word, and writes nothing") {
     cli_expect(
         "lg-elastica",
         TRAIN
-        "--hidden 12 --layers 14 --batch 8 --lr 1e3 --schedule constant --activation identity --epochs 9",
+        "--method adam --dtype f32 --modes 0 --hidden 12 --layers 14 --batch 8 --lr 1e3 --schedule constant "
+        "--activation identity --epochs 9",
         4, "epoch", &result);
     refuse_texts("lg-elastica", "search bad.yaml data.h5 --out s.csv", elastica_ranges,
                  LG_COUNT(elastica_ranges));

@@ -7,6 +7,7 @@
 #include "liegrad/detector.h"
 #include "liegrad/model.h"
 #include "liegrad/networks.h"
+#include "support/modes.h"
 #include "models/hamiltonian_internal.h"
 
 /* As exact as dtype. What a file holds is released by the file's own function: lg_alloc. */
@@ -39,6 +40,7 @@ static const hamiltonian_example hamiltonian_examples[] = {
     {&lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, LG_F32},
     {&lg_hamiltonian_separable, 2, LG_POTENTIAL_MLP, LG_F32},
     {&lg_hamiltonian_separable, 3, LG_POTENTIAL_LINEAR, LG_F64},
+    {&lg_hamiltonian_separable, 2, LG_POTENTIAL_DICTIONARY, LG_F64},
 };
 
 static inline hamiltonian_example hamiltonian_example_of(size_t which) {
@@ -54,6 +56,10 @@ static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
                               .substeps = 2,
                               .penalty = 0.125,
                               .penalty_form = LG_PENALTY_SUM_ABSOLUTE,
+                              .penalty_integral = 1,
+                              .penalty_copy = 2,
+                              .penalty_points = {2, {2, 5}},
+                              .distance = LG_DISTANCE_GEODESIC,
                               .training = {.dtype = e->dtype,
                                            .epochs = 100,
                                            .batch = 80,
@@ -74,6 +80,7 @@ static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
                    e->family == &lg_hamiltonian_chain ? "pendulum-chain" : "quartic");
     (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
     assert_ok(lg_hamiltonian_init(&run.model, e->family, e->links, e->potential, hidden, 2, LG_TANH));
+    run.model.symmetry = (lg_symmetry)(which % 3);
     return run;
 }
 
@@ -104,6 +111,7 @@ static inline void same_hamiltonian(const lg_hamiltonian_file *a, const lg_hamil
     assert_true(a->has_e1 == b->has_e1 && a->has_e2 == b->has_e2);
     assert_close(a->e1, b->e1, 0, 0);
     assert_memory_equal(&a->run.model.net, &b->run.model.net, sizeof b->run.model.net);
+    assert_int_equal(a->run.model.symmetry, b->run.model.symmetry);
 }
 
 /* ---- surrogates ---- */
@@ -143,8 +151,18 @@ static const surrogate_example surrogate_examples[] = {
       .embedding = 4,
       .hidden = 4,
       .layers = 0,
-      .activation = LG_SINE},
+      .activation = LG_SINE,
+      .angles = true,
+      .loss = LG_SURROGATE_ENERGY},
      LG_F64},
+    {{.kind = LG_SURROGATE_DISCRETE,
+      .architecture = LG_NET_MLP,
+      .hidden = 4,
+      .layers = 1,
+      .activation = LG_TANH,
+      .mirror = true,
+      .modes = 3},
+     LG_F32},
 };
 
 /* What surrogates and detectors of the tests are trained with. */
@@ -172,6 +190,7 @@ static inline lg_surrogate_run make_surrogate_run(size_t which) {
                             .curves = 1000,
                             .continuous = true};
     assert_ok(lg_surrogate_init(&run.model, &e->options, 4, 3.3, 1.5, NULL));
+    give_modes(&run.model);
     (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
     return run;
 }
@@ -201,6 +220,10 @@ static inline void assert_same_or_nan(double a, double b) {
 
 static inline void same_surrogate(const lg_surrogate_file *a, const lg_surrogate_file *b) {
     assert_memory_equal(&a->run.model.net, &b->run.model.net, sizeof b->run.model.net);
+    if (b->run.model.modes != NULL)
+        assert_memory_equal(a->run.model.modes, b->run.model.modes,
+                            lg_surrogate_modes_size(&b->run.model) * sizeof(double));
+    assert_int_equal(a->run.model.options.modes, b->run.model.options.modes);
     assert_int_equal(a->trained_count, b->trained_count);
     assert_memory_equal(a->trained, b->trained, 8 * b->trained_count * sizeof(double));
     assert_true(a->has_errors == b->has_errors);

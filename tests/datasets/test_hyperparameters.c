@@ -59,6 +59,7 @@ TEST("the limits of a row are taken, and nothing beyond them") {
             for (uint32_t i = 0; row->value_name(i) != NULL; i++) assert_sets(row, row->value_name(i), true);
             continue;
         }
+        if (row->type == LG_HYPER_PHRASE) continue; /* tested where its text is read */
         assert_true(row->low < row->high);
         (void)snprintf(text, sizeof text, "%.17g", row->low);
         assert_sets(row, text, !row->above);
@@ -80,6 +81,7 @@ TEST("what is shown is set to the same bits, and one value changes no other") {
         const char *value = row->value_name != NULL        ? row->value_name(1)
                             : row->type == LG_HYPER_WHOLES ? "3,1,2"
                             : row->type == LG_HYPER_REAL   ? "0.10000000000000002"
+                            : row->type == LG_HYPER_PHRASE ? "adam:3,lbfgs"
                                                            : "3";
         memset(&run, 0, sizeof run);
         other = run;

@@ -241,6 +241,32 @@ TEST("what is wrong in a surrogate is refused by name") {
     refuse_damage(read_surrogate, fresh_surrogate, rows, LG_COUNT(rows));
 }
 
+static const char *fresh_modes(void) {
+    return good_model(LG_MODEL_SURROGATE, 4);
+}
+
+TEST("what is wrong in the modes of a surrogate is refused by name, and files of before have none") {
+    static const damage rows[] = {
+        {"model/mean", ARRAY(1, 11), LG_FORMAT, "shape"},
+        {"model/mean", ARRAY(1, 12, 1), LG_FORMAT, "shape"},
+        {"model/mean", ARRAY(NAN, 12), LG_NOT_FINITE, "(0)"},
+        {"model/mean", GONE, LG_FORMAT, ""},
+        {"model/modes", ARRAY(1, 2, 12), LG_FORMAT, "shape"},
+        {"model/modes", ARRAY(1, 36), LG_FORMAT, "shape"},
+        {"model/modes", ARRAY(INFINITY, 3, 12), LG_NOT_FINITE, "(0, 0)"},
+        {"model/modes", GONE, LG_FORMAT, ""},
+        {"model@modes", WHOLE(2), LG_FORMAT, "~output/weight"},
+        {"model@modes", WHOLE(13), LG_FORMAT, "13 modes"},
+    };
+    refuse_damage(read_surrogate, fresh_modes, rows, LG_COUNT(rows));
+    lg_surrogate_file file;
+    const char *path = good_model(LG_MODEL_SURROGATE, 0);
+    delete_attribute(path, "model", "modes");
+    assert_ok(lg_model_load_surrogate(NULL, path, NULL, &file, NULL));
+    assert_true(file.run.model.options.modes == 0 && file.run.model.modes == NULL);
+    lg_surrogate_file_destroy(&file);
+}
+
 TEST("what is wrong in a detector is refused by name") {
     static const damage rows[] = {
         {"model/conv1/weight", ARRAY(0, 4, 2, 4), LG_FORMAT, "shape"},
@@ -348,6 +374,12 @@ TEST("a model that could not be read is not saved") {
     REFUSED(LG_MODEL_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.train_fraction = 1.5);
     REFUSED(LG_MODEL_SURROGATE, s, LG_INVALID_ARGUMENT,
             sf->run.training.schedule = (lg_schedule_kind)LG_SCHEDULE_COUNT);
+    kinds[LG_MODEL_SURROGATE].destroy(&s);
+    kinds[LG_MODEL_SURROGATE].make(4, &s);
+    REFUSED(LG_MODEL_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.model.modes = NULL);
+    double *mode = (double *)(uintptr_t)(sf->run.model.modes + 20);
+    *mode = NAN;
+    REFUSED(LG_MODEL_SURROGATE, s, LG_NOT_FINITE, (void)sf);
     lg_detector_file *df = &d.detector;
     lg_detector *model = &df->run.model;
     REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, df->parameters++);
@@ -750,7 +782,9 @@ static const damage wrong_values[LG_HYPER_SHOWN + 1][2] = {
     [LG_HYPER_U32] = {{NULL, TEXT("many"), LG_FORMAT, "integer"}, {NULL, WHOLE(-1), LG_FORMAT, ""}},
     [LG_HYPER_FLAG] = {{NULL, TEXT("yes"), LG_FORMAT, "integer"}, {NULL, WHOLE(2), LG_FORMAT, "0 nor 1"}},
     [LG_HYPER_NAME] = {{NULL, TEXT("no such name"), LG_FORMAT, "known name"},
-                       {NULL, TEXT(""), LG_FORMAT, "known name"}}};
+                       {NULL, TEXT(""), LG_FORMAT, "known name"}},
+    [LG_HYPER_PHRASE] = {{NULL, TEXT("no such method"), LG_FORMAT, "no method"},
+                         {NULL, TEXT(""), LG_FORMAT, "no method"}}};
 
 /* `whole`: nothing may be missing but what files of earlier versions lack. */
 static void refuse_row(const lg_hyperparameter *r, bool whole, read_fn reader, fresh_fn fresh) {
@@ -795,6 +829,7 @@ static bool change_row(const lg_hyperparameter *r, void *run) {
         at[0] ^= 1;
         return true;
     }
+    if (r->type == LG_HYPER_PHRASE) return lg_hyperparameter_set(r, "adam:3,lbfgs", run, NULL) == LG_OK;
     if (r->get != NULL)
         count = r->get(at, values), values[0]++;
     else if (r->type == LG_HYPER_REAL)

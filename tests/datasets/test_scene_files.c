@@ -131,6 +131,11 @@ TEST("every key of a scene is read") {
     assert_true(scene.state[1] == -2 && scene.state[2] == 0.5);
     assert_true(scene.has_starts && scene.starts == LG_STARTS_BOX && scene.segments == 3);
     assert_true(scene.low == -3 && scene.high == 2 && !scene.has_t_end && scene.line_starts == 4);
+    assert_true(scene.ahead == 0);
+    scene =
+        read_text("plane.yaml",
+                  "system: pendulum-chain\ngravity: 1\nlinks: 2\nstarts: {kind: plane, ahead: 1.5}\n", NULL);
+    assert_true(scene.starts == LG_STARTS_PLANE && scene.ahead == 1.5);
 }
 
 TEST("freed scenes and grids are zero and may be freed again") {
@@ -654,6 +659,7 @@ TEST("a bad scene is refused with its line and word") {
         {"t_end: 3", "starts: {kind: thesis, low: 1}", "line 11", "box"},
         {"t_end: 3", "starts: {kind: box, low: 2, high: 1}", "line 11", "low"},
         {"t_end: 3", "starts: thesis", "line 11", "starts"},
+        {"t_end: 3", "starts: {kind: thesis, ahead: -1}", "line 11", "ahead"},
         {"t_end: 3", "starts: {kind: thesis, segments: 0}", "line 11", "segments"},
         {"t_end: 3", "t_end: 3\n---\nsystem: quartic", "line 13", "second document"},
         {"t_end: 3", "t_end: [3", "line", "YAML"},

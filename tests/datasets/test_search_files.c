@@ -124,7 +124,7 @@ TEST("the published files have their ranges and fixed settings") {
     static const struct {
         const char *name;
         size_t ranges, fixed;
-    } rows[] = {{"discrete", 9, 7}, {"continuous", 6, 12}, {"angle", 5, 11}};
+    } rows[] = {{"discrete", 9, 11}, {"continuous", 6, 15}, {"angle", 5, 14}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         char path[512];
         lg_search_file file;

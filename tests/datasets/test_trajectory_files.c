@@ -86,6 +86,39 @@ TEST("trajectories come back as they were written") {
     }
 }
 
+TEST("the system that made them comes back, with all its parameters") {
+    const double gravity = 9.81, masses[2] = {1, 1.3}, lengths[2] = {1, 0.8};
+    const lg_named_values given[] = {
+        {"gravity", &gravity, 1}, {"masses", masses, 2}, {"lengths", lengths, 2}};
+    lg_system_options options;
+    lg_system *system = NULL, *quartic = NULL;
+    lg_system_options_init(&options);
+    options.form = "hamiltonian", options.parameters = given, options.parameter_count = 3;
+    options.links = 2;
+    assert_ok(lg_system_create(NULL, "pendulum-chain", &options, &system, NULL));
+    assert_ok(lg_system_create(NULL, "quartic", NULL, &quartic, NULL));
+    const char *path = scratch_path("truth.h5");
+    lg_trajectories *data = make_chain(2, 3, 4), *short_one = make_chain(1, 3, 4);
+    assert_null(data->truth);
+    assert_status(lg_trajectories_set_truth(data, quartic), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_set_truth(short_one, system), LG_INVALID_ARGUMENT);
+    assert_ok(lg_trajectories_set_truth(data, system));
+    assert_ok(lg_trajectories_set_truth(data, system)); /* in the place of the first */
+    lg_system_destroy(system);
+    lg_system_destroy(quartic);
+    assert_ok(lg_trajectories_write(NULL, path, data, NULL));
+    const lg_trajectories *back = read_trajectories(path);
+    assert_non_null(back->truth);
+    assert_string_equal(lg_system_form(back->truth), "hamiltonian");
+    assert_int_equal(lg_system_parameter_count(back->truth), 5);
+    assert_memory_equal(lg_system_parameter_values(back->truth), ((double[]){9.81, 1, 1.3, 1, 0.8}), 40);
+    const hsize_t one = 1;
+    replace_dataset(path, "parameters/masses", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &one, masses);
+    assert_refused(read_and_free, path, LG_FORMAT, "/parameters", "masses");
+    delete_link(path, "parameters/masses");
+    assert_null(read_trajectories(path)->truth);
+}
+
 TEST("the hash is that of t, data and inputs as little-endian doubles") {
     lg_trajectories *data = make_chain(1, 2, 3);
     lg_sha256 sha;
@@ -243,6 +276,24 @@ TEST("a data set of the wrong shape or value is refused by name") {
     const char *path = good_file();
     put_doubles(path, "trajectories", 3, (const hsize_t[]){3, 5, 6}, 36, 1.5);
     assert_ok(read_and_free(NULL, path, NULL, NULL));
+}
+
+TEST("first points off the manifold are brought back where that is asked for, and the distance is told") {
+    lg_read_options options;
+    lg_trajectories set;
+    const char *path = good_file();
+    put_doubles(path, "trajectories", 3, (const hsize_t[]){3, 5, 6}, 30, 1.25);
+    lg_read_options_init(&options);
+    assert_status(lg_trajectories_read(NULL, path, &options, &set, NULL), LG_FORMAT);
+    options.project_starts = true;
+    assert_ok(lg_trajectories_read(NULL, path, &options, &set, NULL));
+    assert_true(set.starts_off > 0.1);
+    for (size_t i = 0; i < set.count; i++) {
+        const double *q = set.data + i * set.points * set.state_dim, *p = q + 3;
+        assert_close(q[0] * q[0] + q[1] * q[1] + q[2] * q[2], 1, 1e-14, 0);
+        assert_close(q[0] * p[0] + q[1] * p[1] + q[2] * p[2], 0, 0, 1e-14);
+    }
+    lg_trajectories_destroy(&set);
 }
 
 TEST("a value of the wrong type is refused") {

@@ -70,8 +70,9 @@ static double flat_defect(const char *name, double h) {
 }
 
 TEST("symplectic schemes keep the form on R^4") {
-    assert_true(flat_defect("symplectic-euler", 0.1) <= 1e-14);
-    assert_true(flat_defect("stormer-verlet", 0.1) <= 1e-14);
+    for (size_t i = 0; i < lg_scheme_count(); i++)
+        if (lg_scheme_at(i)->kind == LG_SCHEME_SPLITTING)
+            assert_true(flat_defect(lg_scheme_at(i)->name, 0.1) <= 1e-14);
     assert_true(flat_defect("midpoint", 0.1) <= 1e-14);
 }
 

@@ -283,6 +283,8 @@ TEST_EVERY_TABLE("elementwise functions have their values, at kinks and NaN too"
     set(k, y, 0, 1);
     k->axpy(1, 0.5, x, y);
     assert_close(get(k, y, 0), 3, 0, 0);
+    k->combine(1, 0.5, x, -2, x, 3, y);
+    assert_close(get(k, y, 0), 3, 0, 0);
     k->fill(6, -1.5, z);
     for (size_t i = 0; i < 6; i++) assert_close(get(k, z, i), -1.5, 0, 0);
     for (size_t n = 0; n < 70; n++) {
@@ -726,7 +728,7 @@ TEST_EVERY_TABLE("small positive systems are solved, and those that are not posi
                  t) {
     lg_rng rng;
     lg_rng_seed(&rng, 9, 0);
-    enum { N = 5, M = 3, MAX_K = 9 };
+    enum { N = 21, M = 3, MAX_K = 9 }; /* two times eight side by side, and five one by one */
     for (size_t k = 1; k <= MAX_K; k++) {
         const size_t kk = k * k;
         void *a = numbers(t, N * kk), *l = numbers(t, N * kk), *b = random_numbers(t, &rng, N * k * M, -1, 1),
@@ -754,17 +756,25 @@ TEST_EVERY_TABLE("small positive systems are solved, and those that are not posi
                     assert_close(v, get(t, b, s * k * M + i * M + c), 0, 100 * epsilon(t));
                 }
             }
+        for (size_t s = 0; s < N; s++) { /* alone: to the bit */
+            double alone[MAX_K * MAX_K], solution[MAX_K * M];
+            const size_t at = s * kk * t->size, right = s * k * M * t->size;
+            assert_int_equal(t->spd_factor(1, k, (char *)a + at, alone), 0);
+            assert_memory_equal(alone, (char *)l + at, kk * t->size);
+            t->spd_solve(1, k, M, alone, (char *)b + right, solution);
+            assert_memory_equal(solution, (char *)x + right, k * M * t->size);
+        }
         void *in_place = numbers(t, N * k * M);
         memcpy(in_place, b, N * k * M * t->size);
         t->spd_solve(N, k, M, l, in_place, in_place);
         assert_memory_equal(in_place, x, N * k * M * t->size);
         set(t, a, 1 * kk, -1.0);
         set(t, a, 3 * kk + kk - 1, NAN);
-        assert_int_equal(t->spd_factor(N, k, a, l), 2);
-        for (size_t i = 0; i < kk; i++) {
-            assert_true(isnan(get(t, l, kk + i)) && isnan(get(t, l, 3 * kk + i)));
-            assert_false(isnan(get(t, l, i)));
-        }
+        set(t, a, (N - 1) * kk, -1.0);
+        assert_int_equal(t->spd_factor(N, k, a, l), 3);
+        for (size_t s = 0; s < N; s++)
+            for (size_t i = 0; i < kk; i++)
+                assert_true(isnan(get(t, l, s * kk + i)) == (s == 1 || s == 3 || s == N - 1));
     }
 }
 

@@ -115,6 +115,28 @@ TEST("two links of ones by hand") {
     assert_true(weights[0] == 2.0 && weights[1] == 1.0);
 }
 
+TEST("what is seen of a chain are the positions and velocities of its masses; else it is the state") {
+    const double L[2] = {2.0, 0.5}, m[2] = {1.0, 3.0};
+    lg_system *chain = make_chain("lagrangian", 2, 1.0, m, L),
+              *dual = make_chain("hamiltonian", 2, 1.0, m, L);
+    /* q_1 = e1 turning about e3, q_2 = e2 turning about e1 */
+    const double y[12] = {1, 0, 0, 0, 0, 3, 0, 1, 0, -4, 0, 0};
+    const double expected[12] = {2, 0, 0, 2, 0.5, 0, 0, 6, 0, 0, 6, -2};
+    double p[12], seen[12], work[64];
+    assert_int_equal(lg_system_observed(chain), 12);
+    assert_ok(lg_system_observe(chain, y, seen, work));
+    assert_all_close(seen, expected, 12, 1e-15, 1e-15);
+    assert_ok(lg_chain_momenta(chain, y, p, work));
+    assert_ok(lg_system_observe(dual, p, seen, work));
+    assert_all_close(seen, expected, 12, 1e-14, 1e-14);
+    const double x[4] = {1, 2, 3, 4};
+    lg_system *quartic = make_system("quartic", NULL, NULL, 0);
+    assert_int_equal(lg_system_observed(quartic), 4);
+    assert_ok(lg_system_observe(quartic, x, seen, work));
+    assert_memory_equal(seen, x, sizeof(x));
+    assert_status(lg_system_observe(quartic, NULL, seen, work), LG_INVALID_ARGUMENT);
+}
+
 TEST("invariants and manifold are kept by chains of up to 200 links, in both forms") {
     static const size_t links[] = {1, 2, 5, 20, 200};
     for (size_t n = 0; n < 2 * LG_COUNT(links); n++) {

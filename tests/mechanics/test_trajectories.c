@@ -150,6 +150,70 @@ TEST("starts of a box: u of a chain and states on R^d are in it, and fill it") {
     assert_status(lg_system_start(quartic, &o, &rng, y), LG_INVALID_ARGUMENT);
 }
 
+/* Links of length 2. Across its link a node moves by 3 (.5 2 w + .4 N), w = N(0, 1), and the second one
+ * relative to the first by 3 (.5 2 w + .4 N - .4 N'): the rates have variances 9 (.25 + .04) and 9 (.25 +
+ * .08). The angle of the first link is N(0, 1) and what .2 N adds, about N(0, .01), so its mean cosine is
+ * exp(-.505). The bounds leave room for the return to the constraints. */
+TEST("starts in a plane lie in it, on the manifold, and have their law in both forms") {
+    enum { K = 2, N = 2000 };
+    const double ones[K] = {1, 1}, lengths[K] = {2, 2};
+    lg_system *system = make_chain("lagrangian", K, 1.0, ones, lengths);
+    lg_system *dual = make_chain("hamiltonian", K, 1.0, ones, lengths);
+    lg_trajectory_options o;
+    lg_trajectory_options_init(&o);
+    o.starts = LG_STARTS_PLANE;
+    double y[6 * K], z[6 * K], p[6 * K], square[K] = {0}, cosine = 0, work[64];
+    for (int i = 0; i < N; i++) {
+        lg_rng rng, same;
+        lg_rng_seed(&rng, 3, (uint64_t)i);
+        same = rng;
+        assert_ok(lg_system_start(system, &o, &rng, y));
+        assert_ok(lg_system_start(dual, &o, &same, z));
+        assert_ok(lg_chain_momenta(system, y, p, work));
+        assert_all_close(z, p, 6 * K, 1e-14, 1e-14);
+        cosine -= y[2] / N;
+        for (int l = 0; l < K; l++) {
+            const double *q = y + 6 * l, *omega = q + 3;
+            assert_true(q[1] == 0 && omega[0] == 0 && omega[2] == 0);
+            assert_close(lg_dot3(q, q), 1.0, 1e-15, 0);
+            square[l] += omega[1] * omega[1] / N;
+        }
+    }
+    assert_close(cosine, exp(-0.505), 0.12, 0);
+    assert_close(square[0], 9 * 0.29, 0.12, 0);
+    assert_close(square[1], 9 * 0.33, 0.12, 0);
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 0);
+    assert_status(lg_system_start(make("quartic", 1), &o, &rng, y), LG_UNSUPPORTED);
+    assert_status(lg_system_start(make("pendulum-chain", LG_PLANE_LINKS + 1), &o, &rng, y), LG_UNSUPPORTED);
+}
+
+TEST("trajectories begin a random time after their start") {
+    enum { N = 400, M = 2, D = 4 };
+    lg_system *system = make("coupled-oscillators", 1);
+    lg_trajectory_options o;
+    lg_trajectory_options_init(&o);
+    o.trajectories = N, o.points = M;
+    static double at[N * M * D], later[N * M * D], H[N], t[M];
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t, at, H, NULL));
+    o.ahead = 2.0;
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t, later, H, NULL));
+    double mean = 0, most = 0;
+    for (int i = 0; i < N; i++) { /* the first oscillator turns by the time */
+        const double *a = at + i * M * D, *b = later + i * M * D;
+        const double time = atan2(a[2] * b[0] - a[0] * b[2], a[0] * b[0] + a[2] * b[2]);
+        double y[D], work[1];
+        if (time == 0.0) continue;
+        assert_true(time > 0.0 && time <= 2.0);
+        assert_ok(lg_reference_trajectories(NULL, system, a, 1, &time, 1, 0, 0, y, NULL));
+        assert_all_close(b, y, D, 0, 1e-10);
+        assert_close(H[i], lg_system_hamiltonian(system, b, work), 0, 0);
+        mean += time / N, most = fmax(most, time);
+    }
+    assert_close(mean, 1.0, 0, 4.0 * 2.0 / sqrt(12.0 * N));
+    assert_true(most > 1.95);
+}
+
 /* The noise of a trajectory is not drawn from the stream that its start, or another one's, came from. */
 TEST("noise is independent of the starts") {
     enum { N = 500, M = 2, D = 4 };
@@ -220,7 +284,9 @@ TEST("bad samplings are refused, and nothing is written") {
     REFUSED(o.noise_kind = (lg_noise)(LG_NOISE_UNIFORM + 1), LG_INVALID_ARGUMENT);
     REFUSED(o.segments = 0, LG_INVALID_ARGUMENT);
     REFUSED(o.rtol = o.atol = 0.0, LG_INVALID_ARGUMENT);
-    REFUSED(o.starts = (lg_starts)(LG_STARTS_BOX + 1), LG_INVALID_ARGUMENT);
+    REFUSED(o.starts = (lg_starts)LG_STARTS_COUNT, LG_INVALID_ARGUMENT);
+    REFUSED(o.ahead = -1.0, LG_INVALID_ARGUMENT);
+    REFUSED(o.ahead = NAN, LG_INVALID_ARGUMENT);
     REFUSED((o.starts = LG_STARTS_BOX, o.low = o.high), LG_INVALID_ARGUMENT);
     REFUSED(o.trajectories = SIZE_MAX / 8, LG_OUT_OF_MEMORY);
     assert_status(lg_generate_trajectories(NULL, NULL, NULL, t, y, H, NULL), LG_INVALID_ARGUMENT);

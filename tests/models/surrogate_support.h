@@ -5,6 +5,7 @@
 #include "support/fixtures.h"
 
 #include "liegrad/surrogate.h"
+#include "support/modes.h"
 
 #define TEST_LENGTH 3.3
 #define TEST_PI     3.14159265358979323846
@@ -48,8 +49,31 @@ static const lg_surrogate_options test_options[] = {
      .layers = 2,
      .mirror = true,
      .boundary = true},
+    {.kind = LG_SURROGATE_DISCRETE,
+     .architecture = LG_NET_MLP,
+     .hidden = 9,
+     .layers = 1,
+     .mirror = true,
+     .modes = 3},
+    {.kind = LG_SURROGATE_DISCRETE,
+     .architecture = LG_NET_MULT,
+     .hidden = 8,
+     .layers = 1,
+     .normalise = true,
+     .modes = 2,
+     .gamma = 0.4},
+    {.kind = LG_SURROGATE_DISCRETE, .architecture = LG_NET_MULT, .hidden = 8, .layers = 1, .angles = true},
+    {.kind = LG_SURROGATE_DISCRETE,
+     .architecture = LG_NET_MLP,
+     .hidden = 9,
+     .layers = 1,
+     .normalise = true,
+     .mirror = true,
+     .angles = true,
+     .gamma = 0.3},
 };
-enum { TEST_OPTIONS = LG_COUNT(test_options) };
+/* The first of each. */
+enum { TEST_ANGLE = 5, TEST_MODES = 8, TEST_INNER = 10, TEST_OPTIONS = LG_COUNT(test_options) };
 
 /* A surrogate of the running test. */
 typedef struct small {
@@ -65,6 +89,7 @@ static inline small make_small(size_t which, uint32_t intervals, double length, 
     lg_rng rng;
     options.activation = LG_TANH;
     assert_ok(lg_surrogate_init(&s.model, &options, intervals, length, 1.5, NULL));
+    give_modes(&s.model);
     s.parameters = lg_surrogate_parameters(&s.model);
     s.theta = TEST_ARRAY(double, s.parameters);
     lg_rng_seed(&rng, seed, which);
@@ -130,6 +155,18 @@ static inline lg_elastica_curves make_curves(size_t n, uint32_t intervals) {
         memcpy(x + 6, v + 2 * nodes - 2, 2 * sizeof *x);
     }
     return set;
+}
+
+/* These curves as a problem, with the targets of a network of modes. */
+static inline lg_surrogate_problem problem_of(const small *s, const lg_elastica_curves *set,
+                                              const uint32_t *training, size_t count) {
+    const size_t modes = s->model.options.modes;
+    lg_surrogate_problem problem = {&s->model, set, training, count, NULL};
+    double *coefficients = TEST_ARRAY(double, modes *count + 1);
+    if (modes == 0) return problem;
+    if (lg_surrogate_coefficients(NULL, &s->model, set, training, count, coefficients, NULL, NULL) == LG_OK)
+        problem.coefficients = coefficients;
+    return problem;
 }
 
 #endif

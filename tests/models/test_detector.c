@@ -158,7 +158,7 @@ TEST("losses are those of the probabilities, in both types and over parts of a b
         for (int dtype = LG_F64; dtype <= LG_F32; dtype++)
             for (int stored = LG_F64; stored <= LG_F32; stored++) {
                 lg_detector_data data = data_of(&s, &model, s.training, (lg_dtype)stored);
-                const lg_detector_problem problem = {&model, &data, s.training};
+                const lg_detector_problem problem = {&model, &data, s.training, 1};
                 lg_fit_problem fit;
                 lg_detector_fit_problem(&problem, &fit);
                 assert_int_equal(fit.parameters, lg_cnn_parameters(&model.net));
@@ -251,7 +251,7 @@ TEST("windows never seen are all told right: by either loss, three classes, one 
         sounds s = make_sounds(160, cases[i].classes, cases[i].rare, 0.2, cases[i].centred);
         const lg_detector model = make_detector(cases[i].classes, cases[i].loss, cases[i].centred);
         lg_detector_data data = data_of(&s, &model, s.training, LG_F32);
-        const lg_detector_problem problem = {&model, &data, s.training};
+        const lg_detector_problem problem = {&model, &data, s.training, 1};
         lg_fit *fit = run_detector(&problem, 60, 10, 1);
         assert_int_equal(told_right(&model, &s, fit, s.training), s.series.count - s.training);
     }
@@ -261,7 +261,7 @@ TEST("a fit gives the same bits whatever the threads") {
     sounds s = make_sounds(60, 2, 0, 0.3, false);
     const lg_detector model = make_detector(2, LG_DETECTOR_CROSS_ENTROPY, false);
     lg_detector_data data = data_of(&s, &model, s.series.count, LG_F32);
-    const lg_detector_problem problem = {&model, &data, s.training};
+    const lg_detector_problem problem = {&model, &data, s.training, 1};
     lg_fit_problem fit_problem;
     lg_detector_fit_problem(&problem, &fit_problem);
     assert_int_equal(fit_problem.validation, s.series.count - s.training);
@@ -284,7 +284,7 @@ TEST("one sample, batches of one window and a single class are odd, but no failu
             assert_ok(lg_detector_check(&model, NULL));
             lg_detector_data data = data_of(&s, &model, 0, LG_F32);
             assert_int_equal(data.count, counts[i]);
-            const lg_detector_problem problem = {&model, &data, data.count};
+            const lg_detector_problem problem = {&model, &data, data.count, 1};
             assert_true(isfinite(lg_fit_loss(run_detector(&problem, 3, batch, 1))));
         }
 }
@@ -395,7 +395,7 @@ TEST("a training part that does not fit the data is refused when the fit is made
     double *theta = start_of(&model);
     static const size_t parts[] = {0, 11};
     for (size_t i = 0; i < 2; i++) {
-        const lg_detector_problem problem = {&model, &data, parts[i]};
+        const lg_detector_problem problem = {&model, &data, parts[i], 1};
         lg_fit_problem fit_problem;
         lg_fit *fit = NULL;
         lg_detector_fit_problem(&problem, &fit_problem);
@@ -415,5 +415,169 @@ TEST("every allocation may fail, and nothing leaks") {
             lg_detector_data_destroy(&data);
         else
             assert_int_equal(data.count, 3);
+    });
+}
+
+/* ---- dead units ---- */
+
+/* Adds `value` to biases from..to - 1 of slice `name`. */
+static void shift(const lg_detector *model, double *theta, const char *name, size_t from, size_t to,
+                  double value) {
+    lg_slice_info info;
+    for (uint32_t i = 0; lg_cnn_slice(&model->net, i, &info); i++)
+        if (strcmp(info.name, name) == 0)
+            for (size_t j = from; j < to; j++) theta[info.offset + j] += value;
+}
+
+static lg_detector detector_with(lg_activation activation) {
+    lg_detector model = make_detector(2, LG_DETECTOR_MSE, false);
+    model.net.activation = activation;
+    return model;
+}
+
+static void assert_layer(const lg_detector_units *units, uint32_t layer, uint32_t all, uint32_t constant,
+                         uint32_t zero) {
+    assert_int_equal(units->layer[layer].units, all);
+    assert_int_equal(units->layer[layer].constant, constant);
+    assert_int_equal(units->layer[layer].zero, zero);
+}
+
+TEST("units that are the same for all windows are counted by layer") {
+    sounds s = make_sounds(40, 2, 0, 0.2, false);
+    lg_detector_units units;
+    for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
+        const lg_detector living = detector_with(LG_SWISH);
+        lg_detector_data data = data_of(&s, &living, s.training, (lg_dtype)dtype);
+        lg_detector_problem problem = {&living, &data, s.training, 1};
+        assert_ok(lg_detector_count_units(&problem, start_of(&living), &units));
+        assert_int_equal(units.layers, 4);
+        assert_false(units.died);
+        for (uint32_t i = 0; i < 4; i++) assert_layer(&units, i, i < 3 ? 4u << i : 2, 0, 0);
+
+        /* 3 of 4 in the first layer are zero, 1 of 2 in the plane: not all. */
+        const lg_detector relu = detector_with(LG_RELU);
+        double *theta = start_of(&relu);
+        problem.model = &relu;
+        shift(&relu, theta, "conv1/bias", 0, 4, 10.0);
+        shift(&relu, theta, "conv1/bias", 1, 4, -1e6);
+        shift(&relu, theta, "plane/bias", 0, 2, 10.0);
+        shift(&relu, theta, "plane/bias", 1, 2, -1e6);
+        assert_ok(lg_detector_count_units(&problem, theta, &units));
+        assert_layer(&units, 0, 4, 3, 3);
+        assert_layer(&units, 3, 2, 1, 1);
+        assert_false(units.died);
+        shift(&relu, theta, "plane/bias", 0, 1, -1e6);
+        assert_ok(lg_detector_count_units(&problem, theta, &units));
+        assert_layer(&units, 3, 2, 2, 2);
+        assert_true(units.died);
+
+        /* Saturated: constant and not zero. */
+        const lg_detector tanh_ = detector_with(LG_TANH);
+        theta = start_of(&tanh_);
+        problem.model = &tanh_;
+        shift(&tanh_, theta, "conv2/bias", 0, 8, -1e3);
+        assert_ok(lg_detector_count_units(&problem, theta, &units));
+        assert_layer(&units, 1, 8, 8, 0);
+        assert_true(units.died);
+    }
+}
+
+/* A unit that is the same for most windows is not dead. */
+TEST("all training windows count, and only those") {
+    sounds s = make_sounds(40, 2, 0, 0.2, false);
+    const lg_detector relu = detector_with(LG_RELU);
+    lg_detector_data data = data_of(&s, &relu, s.training, LG_F64);
+    double *theta = start_of(&relu), *x = data.x;
+    lg_detector_units units;
+    const size_t numbers = CHANNELS * LENGTH, last = data.count - 1;
+    shift(&relu, theta, "conv1/bias", 0, 4, -100.0);
+    for (size_t i = 0; i < numbers; i++) x[last * numbers + i] *= 1e4;
+    const lg_detector_problem all = {&relu, &data, data.count, 1}, rest = {&relu, &data, last, 1};
+    assert_ok(lg_detector_count_units(&all, theta, &units));
+    assert_true(units.layer[0].constant < 4);
+    assert_ok(lg_detector_count_units(&rest, theta, &units));
+    assert_layer(&units, 0, 4, 4, 4);
+    assert_true(units.died);
+    const lg_detector_problem one = {&relu, &data, 1, 1};
+    assert_ok(lg_detector_count_units(&one, theta, &units));
+    assert_false(units.died);
+}
+
+static lg_fit *run_dead(const lg_detector_problem *problem, uint32_t restarts, double bias) {
+    lg_fit_problem fit_problem;
+    lg_fit_options options = options_of(60, 10);
+    double *theta = TEST_ARRAY(double, lg_cnn_parameters(&problem->model->net));
+    lg_detector_initialise(problem->model, problem->seed, 0, theta);
+    shift(problem->model, theta, "plane/bias", 0, 2, bias);
+    lg_detector_fit_problem(problem, &fit_problem);
+    options.dtype = LG_F32;
+    options.restarts = restarts;
+    lg_fit *fit = test_fit(NULL, &fit_problem, &options, theta);
+    run_fit(fit);
+    return fit;
+}
+
+TEST("a network that died starts again with the next weights of its seed, and learns") {
+    sounds s = make_sounds(160, 2, 0, 0.2, false);
+    const lg_detector model = detector_with(LG_RELU);
+    lg_detector_data data = data_of(&s, &model, s.training, LG_F32);
+    const size_t n = lg_cnn_parameters(&model.net);
+    double *theta = TEST_ARRAY(double, n), *other = TEST_ARRAY(double, n);
+    lg_detector_units units;
+    bool dead;
+    /* A seed whose first two draws live. */
+    lg_detector_problem problem = {&model, &data, s.training, 0};
+    do {
+        problem.seed++;
+        lg_detector_initialise(&model, problem.seed, 1, theta);
+        assert_ok(lg_detector_count_units(&problem, theta, &units));
+    } while (units.layer[3].constant > 0);
+    lg_fit *left = run_dead(&problem, 0, -1e3), *again = run_dead(&problem, 3, -1e3);
+    assert_int_equal(lg_fit_restarts(left), 0);
+    assert_int_equal(lg_fit_restarts(again), 1);
+    lg_fit_parameters(left, theta);
+    assert_ok(lg_detector_count_units(&problem, theta, &units));
+    assert_true(units.died);
+    lg_fit_parameters(again, theta);
+    assert_ok(lg_detector_count_units(&problem, theta, &units));
+    assert_false(units.died);
+    assert_int_equal(told_right(&model, &s, again, s.training), s.series.count - s.training);
+    assert_true(told_right(&model, &s, left, s.training) < s.series.count - s.training);
+
+    /* Draws follow each other in one generator. */
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 1);
+    for (uint64_t draw = 0; draw < 3; draw++) {
+        lg_cnn_initialise(&model.net, LG_INIT_FAN_IN, &rng, theta);
+        lg_detector_initialise(&model, 5, draw, other);
+        assert_memory_equal(theta, other, n * sizeof *theta);
+    }
+    lg_fit_problem fit_problem;
+    lg_detector_fit_problem(&problem, &fit_problem);
+    shift(&model, theta, "plane/bias", 0, 2, -1e3);
+    assert_ok(fit_problem.revive(fit_problem.user, 2, theta, &dead));
+    lg_detector_initialise(&model, problem.seed, 2, other);
+    assert_true(dead);
+    assert_memory_equal(theta, other, n * sizeof *theta);
+    /* What lives is left alone. */
+    const lg_detector swish = detector_with(LG_SWISH);
+    problem.model = &swish;
+    assert_ok(fit_problem.revive(fit_problem.user, 1, theta, &dead));
+    assert_false(dead);
+    assert_memory_equal(theta, other, n * sizeof *theta);
+}
+
+TEST("every allocation of the count may fail, and nothing leaks") {
+    sounds s = make_sounds(10, 2, 0, 0.1, false);
+    const lg_detector model = make_detector(2, LG_DETECTOR_MSE, false);
+    lg_detector_data data = data_of(&s, &model, s.training, LG_F32);
+    double *theta = start_of(&model);
+    EVERY_ALLOCATION_FAILS(context, 4, {
+        lg_detector_data borrowed = data;
+        lg_detector_units units = {.layers = 77};
+        borrowed.context = context;
+        const lg_detector_problem problem = {&model, &borrowed, borrowed.count, 1};
+        status = lg_detector_count_units(&problem, theta, &units);
+        if (status != LG_OK) assert_int_equal(units.layers, 77);
     });
 }

@@ -128,6 +128,89 @@ TEST("of an exact chain the loss is the integrator's error, which falls with its
     }
 }
 
+/* First points are moved by exp(a_i); -a_i brings the starts back, and what is left is the moved points' own
+ * distance. */
+TEST("estimated starts are exp(a_i) of the first points, which are part of the loss") {
+    for (size_t k = 1; k <= 2; k++) {
+        exact e = exact_chain(k);
+        lg_space space;
+        assert_ok(lg_hamiltonian_space(e.model.family, e.model.n, &space));
+        const size_t n = lg_hamiltonian_parameters(&e.model), dim = space.algebra_dim;
+        double *theta = room(n + N * dim), distance = 0;
+        lg_rng rng;
+        lg_rng_seed(&rng, 4, 0);
+        memcpy(theta, e.theta, n * sizeof *theta);
+        for (size_t i = 0; i < N; i++) {
+            double moved[12], a[12], *y = e.set.y + i * M * e.set.d;
+            for (size_t j = 0; j < dim; j++) {
+                a[j] = 0.1 * lg_rng_normal(&rng);
+                theta[n + i * dim + j] = -a[j];
+            }
+            lg_space_act(&space, a, y, moved);
+            for (size_t c = 0; c < e.set.d; c++) distance += (moved[c] - y[c]) * (moved[c] - y[c]);
+            memcpy(y, moved, e.set.d * sizeof *y);
+        }
+        lg_hamiltonian_problem problem = problem_of(&e.model, &e.set, "cf4");
+        const double measured = loss_of(&problem, theta);
+        problem.starts = LG_START_ESTIMATED;
+        const double mean = distance / (double)(N * M * e.set.d);
+        assert_close(loss_of(&problem, theta), mean, 1e-12, 0);
+        for (size_t j = 0; j < N * dim; j++) theta[n + j] = 0;
+        assert_close(loss_of(&problem, theta), measured * (M - 1) / M, 1e-12, 0);
+        assert_true(measured > 0.1 * mean);
+    }
+}
+
+static double floor_of(const lg_hamiltonian_problem *problem, const double *theta) {
+    lg_error error = {LG_OK, ""};
+    double value;
+    if (lg_hamiltonian_floor(NULL, problem, theta, &value, &error) != LG_OK) fail_msg("%s", error.message);
+    return value;
+}
+
+TEST("the floor of an exact chain is its loss") {
+    size_t compared = 0;
+    for (size_t i = 0; i < 2 * lg_scheme_count(); i++) {
+        const exact e = exact_chain(1 + i % 2);
+        lg_hamiltonian_problem problem = problem_of(&e.model, &e.set, "cf4");
+        problem.scheme = lg_scheme_at(i / 2);
+        if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) continue;
+        const double loss = loss_of(&problem, e.theta);
+        if (loss < 1e-26) continue; /* the data have errors, too */
+        assert_close(floor_of(&problem, e.theta), loss, 0.1, 0.0);
+        compared++;
+    }
+    assert_true(compared >= lg_scheme_count());
+}
+
+TEST("the floor falls by 4^p with twice the substeps, p the order, for every family and scheme") {
+    for (size_t i = 0; i < lg_hamiltonian_family_count() * lg_scheme_count(); i++) {
+        const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i / lg_scheme_count());
+        const built b = build_hamiltonian(family, 2, LG_POTENTIAL_MLP, LG_TANH);
+        const size_t d = lg_model_inputs(b.model);
+        double *y = room(N * M * d);
+        lg_rng rng;
+        lg_rng_seed(&rng, 5, 0);
+        for (size_t k = 0; k < N * M; k++) draw_state(&b, &rng, y + k * d);
+        lg_hamiltonian_problem problem = {.model = &b.hamiltonian,
+                                          .scheme = lg_scheme_at(i % lg_scheme_count()),
+                                          .substeps = 1,
+                                          .trajectories = N,
+                                          .points = M,
+                                          .dt = 1.0,
+                                          .data = y};
+        if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) continue;
+        while (!(floor_of(&problem, b.theta) < 1e-18)) problem.dt *= 0.5;
+        fit_line fit = {0};
+        for (; problem.substeps <= 8; problem.substeps *= 2)
+            fit_add(&fit, log(1.0 / problem.substeps), 0.5 * log(floor_of(&problem, b.theta)));
+        const double slope = fit_slope(&fit);
+        print_message("  %-10s %-16s dt %.2g order %.3f\n", family->name, problem.scheme->name, problem.dt,
+                      slope);
+        assert_close(slope, problem.scheme->order, 0.0, 0.1);
+    }
+}
+
 /* Off the manifold the extension of the learned Hamiltonian is that of the true one: with long steps, whose
  * stages lie far from it, RK4 on the tape makes the points that RK4 makes of the true ambient field. */
 TEST("an exact chain leaves the manifold as the true one") {
@@ -145,6 +228,72 @@ TEST("an exact chain leaves the manifold as the true one") {
         problem.dt = 0.3;
         assert_true(loss_of(&problem, e.theta) < 1e-24);
     }
+}
+
+/* V = (q_1^4 + q_2^4)/4 + (q_1^2 + q_2^2)/2, A^T A = (5, -1; -1, 5). */
+TEST("a dictionary has the true energy and field of the quartic system") {
+    const data set = make_data("quartic", 0);
+    lg_hamiltonian model;
+    double theta[64] = {0}, field[4], expected[4];
+    lg_system_user user;
+    assert_ok(
+        lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, LG_POTENTIAL_DICTIONARY, NULL, 0, LG_TANH));
+    assert_int_equal(lg_hamiltonian_array_offset(&model, 0), 13);
+    theta[2] = theta[3] = 0.5, theta[6] = theta[7] = 0.25;
+    theta[13] = sqrt(5.0), theta[14] = -1.0 / sqrt(5.0), theta[16] = sqrt(5.0 - 0.2);
+    const built b = build_from(&model, theta);
+    const lg_ode ode = ode_of(set.system, LG_COORDINATES_AMBIENT, &user);
+    for (size_t i = 0; i < N; i++) {
+        const double *y = set.y + i * M * 4;
+        assert_close(energy_of(&b, y), set.H[i], 1e-13, 1e-13);
+        assert_ok(lg_model_field(b.model, y, NULL, field, b.work));
+        assert_ok(ode.field(ode.user, 0.0, y, NULL, expected));
+        for (size_t j = 0; j < 4; j++) assert_close(field[j], expected[j], 1e-12, 1e-12);
+    }
+}
+
+/* V by one weight each: theta has 1 at one function. */
+TEST("the functions of a dictionary stand in their order") {
+    const double q[2] = {0.7, -1.3};
+    const double y[4] = {q[0], q[1], 0.0, 0.0};
+    const double expected[13] = {q[0],         q[1],         q[0] * q[0],  q[1] * q[1], pow(q[0], 3),
+                                 pow(q[1], 3), pow(q[0], 4), pow(q[1], 4), sin(q[0]),   sin(q[1]),
+                                 cos(q[0]),    cos(q[1]),    q[0] * q[1]};
+    lg_hamiltonian model;
+    assert_ok(
+        lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, LG_POTENTIAL_DICTIONARY, NULL, 0, LG_TANH));
+    for (size_t i = 0; i < 13; i++) {
+        double theta[17] = {0};
+        theta[i] = 1.0;
+        const built b = build_from(&model, theta);
+        assert_close(energy_of(&b, y), expected[i], 1e-14, 0.0);
+    }
+}
+
+TEST("potentials are even or odd, with gradients that are differences") {
+    const uint32_t hidden[1] = {5};
+    static const double sign[] = {0.0, 1.0, -1.0};
+    for (int potential = 0; potential < LG_POTENTIAL_KIND_COUNT; potential++)
+        for (int symmetry = LG_SYMMETRY_EVEN; symmetry <= LG_SYMMETRY_ODD; symmetry++) {
+            lg_hamiltonian model;
+            double theta[128], gradient[4], energy;
+            const double y[4] = {0.4, -0.9, 0.0, 0.0}, minus[4] = {-0.4, 0.9, 0.0, 0.0}, h = 1e-5;
+            lg_rng rng;
+            assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, (lg_potential_kind)potential,
+                                          hidden, 1, LG_TANH));
+            model.symmetry = (lg_symmetry)symmetry;
+            lg_rng_seed(&rng, 4, 0);
+            lg_hamiltonian_initialise(&model, &rng, theta);
+            const built b = build_from(&model, theta);
+            assert_close(energy_of(&b, minus), sign[symmetry] * energy_of(&b, y), 1e-14, 1e-15);
+            lg_model_jacobian(b.model, y, &energy, gradient, b.work);
+            for (size_t i = 0; i < 2; i++) {
+                double up[4], down[4];
+                memcpy(up, y, sizeof up), memcpy(down, y, sizeof down);
+                up[i] += h, down[i] -= h;
+                assert_close(gradient[i], (energy_of(&b, up) - energy_of(&b, down)) / (2 * h), 1e-7, 1e-9);
+            }
+        }
 }
 
 TEST("a negative b is a zero b, and a positive one adds to the mass") {
@@ -198,8 +347,226 @@ TEST("both penalties are those of the predicted points") {
     assert_close(plain, mse, 1e-12, 0.0);
     problem.penalty = 0.5;
     assert_close(loss_of(&problem, theta), mse + 0.5 * squares / N, 1e-12, 0.0);
+    double alone;
+    assert_ok(lg_hamiltonian_mean_squared_error(NULL, &problem, theta, &alone, NULL));
+    assert_close(alone, mse, 1e-12, 0.0);
     problem.penalty_form = LG_PENALTY_SUM_ABSOLUTE;
     assert_close(loss_of(&problem, theta), mse + 0.5 * absolute, 1e-12, 0.0);
+}
+
+/* theta^2 + |P p - p'|^2 by the rotation about q x q' that brings q to q': Rodrigues' formula. */
+static double geodesic_of(const double *y, const double *z) {
+    const double c = y[0] * z[0] + y[1] * z[1] + y[2] * z[2];
+    double n[3], turned = 0.0, np = 0.0, s = 0.0;
+    for (size_t i = 0; i < 3; i++) {
+        const size_t j = (i + 1) % 3, k = (i + 2) % 3;
+        n[i] = y[j] * z[k] - y[k] * z[j];
+        s += n[i] * n[i];
+    }
+    s = sqrt(s);
+    const double theta = atan2(s, c);
+    for (size_t i = 0; i < 3; i++) np += n[i] / s * y[3 + i];
+    for (size_t i = 0; i < 3; i++) {
+        const size_t j = (i + 1) % 3, k = (i + 2) % 3;
+        const double cross = (n[j] * y[3 + k] - n[k] * y[3 + j]) / s;
+        const double gap = c * y[3 + i] + s * cross + (1 - c) * np * n[i] / s - z[3 + i];
+        turned += gap * gap;
+    }
+    return theta * theta + turned;
+}
+
+/* Predictions after 0.3 are compared with data that end at 0.06, near and, after a shuffle, far. */
+TEST("geodesic distances are those along great circles with momenta carried along") {
+    const uint32_t hidden[1] = {6};
+    for (size_t far = 0; far < 2; far++) {
+        data set = make_data("pendulum-chain", 2);
+        lg_hamiltonian model;
+        double theta[128], sum = 0.0;
+        lg_rng rng;
+        assert_ok(
+            lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
+        lg_rng_seed(&rng, 6, 0);
+        lg_hamiltonian_initialise(&model, &rng, theta);
+        lg_hamiltonian_problem problem = problem_of(&model, &set, "cf4");
+        problem.dt = 0.3;
+        problem.distance = LG_DISTANCE_GEODESIC;
+        for (size_t i = 0; far && i < N; i++)
+            memcpy(set.y + (i * M + 1) * 12, set.y + ((i + 5) % N) * M * 12, 12 * sizeof(double));
+        const built b = build_from(&model, theta);
+        lg_stepper *stepper = stepper_of(&b, problem.scheme);
+        for (size_t i = 0; i < N; i++) {
+            double y[12];
+            memcpy(y, set.y + i * M * 12, sizeof y);
+            for (size_t j = 1; j < M; j++) {
+                assert_ok(lg_step(stepper, 0.0, problem.dt, y, NULL, y));
+                for (size_t c = 0; c < 12; c += 6) sum += geodesic_of(y + c, set.y + (i * M + j) * 12 + c);
+            }
+        }
+        /* Points off the manifold count as their projections. */
+        for (size_t i = 0; far && i < N; i++)
+            for (size_t c = 0; c < 3; c++) set.y[(i * M + 1) * 12 + c] *= 1.1;
+        assert_close(loss_of(&problem, theta), sum / (N * (M - 1) * 12.0), 1e-10, 0.0);
+        double alone;
+        assert_ok(lg_hamiltonian_mean_squared_error(NULL, &problem, theta, &alone, NULL));
+        problem.distance = LG_DISTANCE_AMBIENT;
+        assert_close(alone, loss_of(&problem, theta), 1e-12, 0.0);
+    }
+}
+
+/* Points equal to the predictions, and antipodes. */
+TEST("geodesic distances have a gradient at 0 and between antipodes") {
+    for (int antipodes = 0; antipodes < 2; antipodes++) {
+        exact e = exact_chain(1);
+        lg_fit_problem fit;
+        const uint32_t sample = 0;
+        double gradient[5] = {0}, y[6] = {0.6, 0.0, 0.8, 0.0, 0.0, 0.0}, value;
+        lg_var loss;
+        lg_tape *tape = test_tape(LG_F64);
+        /* Without a force a pendulum at rest stays where it is. */
+        for (size_t i = 0; i < 3; i++) e.theta[i] = 0.0;
+        for (size_t j = 0; j < M; j++)
+            for (size_t c = 0; c < 6; c++) e.set.y[6 * j + c] = antipodes && j > 0 ? -y[c] : y[c];
+        lg_hamiltonian_problem problem = problem_of(&e.model, &e.set, "cf4");
+        problem.distance = LG_DISTANCE_GEODESIC;
+        lg_hamiltonian_fit_problem(&problem, &fit);
+        const lg_var theta = lg_parameter(tape, lg_shape1(5), e.theta);
+        assert_ok(fit.loss(fit.user, tape, theta, &sample, 1, 1, &loss));
+        assert_ok(lg_read(tape, loss, 1, &value));
+        assert_close(value, antipodes ? acos(-1.0) * acos(-1.0) / 6.0 : 0.0, 1e-12, 1e-28);
+        void *const into[1] = {gradient};
+        assert_ok(lg_backward(tape, loss, &theta, 1, into));
+        for (size_t i = 0; i < 5; i++) assert_true(isfinite(gradient[i]));
+    }
+}
+
+/* The integrals by their formulas, of states y (d) with n copies. */
+static double vertical_momentum_of(const double *y, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++, y += 6) sum += y[0] * y[4] - y[1] * y[3];
+    return sum;
+}
+
+static double second_oscillator_of(const double *y, size_t n) {
+    (void)n;
+    return 0.5 * (y[1] * y[1] + y[3] * y[3]) + 0.25 * y[1] * y[1] * y[1] * y[1];
+}
+
+static double planar_momentum_of(const double *y, size_t n) {
+    (void)n;
+    return y[0] * y[3] - y[1] * y[2];
+}
+
+/* A function of one's own: 3 q_2. */
+static lg_var own_record(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
+                         const lg_var *y) {
+    (void)vars;
+    return lg_scale(tape, lg_slice(tape, y[0], 1, j, 1), *(double *)user);
+}
+
+static double own_of(const double *y, size_t n) {
+    (void)n;
+    return 3.0 * y[1];
+}
+
+TEST("the penalty takes every first integral, at the points that are listed") {
+    double three = 3.0;
+    const lg_first_integral own = {.name = "own", .formula = "3 q", .record = own_record, .user = &three};
+    const struct {
+        const char *system, *integral;
+        double (*value)(const double *y, size_t n);
+    } row[] = {{"pendulum-chain", "vertical-angular-momentum", vertical_momentum_of},
+               {"coupled-oscillators", "anharmonic", second_oscillator_of},
+               {"quartic", "angular-momentum", planar_momentum_of},
+               {"quartic", NULL, own_of}};
+    for (size_t r = 0; r < LG_COUNT(row); r++) {
+        const data set = make_data(row[r].system, r == 0 ? 2 : 0);
+        const uint32_t hidden[1] = {6};
+        lg_hamiltonian model;
+        double theta[128];
+        lg_rng rng;
+        assert_ok(lg_hamiltonian_init(&model, r == 0 ? &lg_hamiltonian_chain : &lg_hamiltonian_separable, 2,
+                                      LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
+        lg_rng_seed(&rng, 5, 0);
+        lg_hamiltonian_initialise(&model, &rng, theta);
+        lg_hamiltonian_problem problem = problem_of(&model, &set, r == 0 ? "cf4" : "rk4");
+        problem.dt = 0.3;
+        problem.penalty_integral = r < 3 ? lg_first_integral_find(row[r].integral) : &own;
+        problem.penalty_copy = 2;
+        problem.penalty_points = (lg_penalty_points){2, {2, 4}};
+        const double plain = loss_of(&problem, theta);
+        const built b = build_from(&model, theta);
+        lg_stepper *stepper = stepper_of(&b, problem.scheme);
+        double squares = 0.0;
+        for (size_t i = 0; i < N; i++) {
+            double y[12];
+            memcpy(y, set.y + i * M * set.d, set.d * sizeof *y);
+            const double G0 = row[r].value(y, 2);
+            for (size_t j = 2; j <= M; j++) {
+                assert_ok(lg_step(stepper, 0.0, problem.dt, y, NULL, y));
+                const double gap = row[r].value(y, 2) - G0;
+                if (j != 3) squares += gap * gap;
+            }
+        }
+        problem.penalty = 10.0;
+        assert_ok(lg_hamiltonian_problem_check(&problem, NULL));
+        assert_true(squares > 1e-8);
+        assert_close(loss_of(&problem, theta) - plain, 10.0 * squares / N, 1e-9, 0.0);
+    }
+}
+
+/* With the true parameters what is listed in the table is constant along the flow. */
+TEST("a chain under gravity keeps its vertical angular momentum") {
+    for (size_t k = 1; k <= 3; k++) {
+        const exact e = exact_chain(k);
+        lg_hamiltonian_problem problem = problem_of(&e.model, &e.set, "cf4");
+        problem.penalty_integral = lg_first_integral_find("vertical-angular-momentum");
+        const double plain = loss_of(&problem, e.theta);
+        problem.penalty = 1.0;
+        assert_close(loss_of(&problem, e.theta), plain, 0.0, 1e-12);
+    }
+}
+
+/* H = |A p|^2/2 + w.q: p' = -w, whatever A. The data move p by c t: s = |c|/|w|. */
+TEST("the last layer is scaled by the third root of the data's forces over the network's") {
+    data set = make_data("quartic", 0);
+    lg_hamiltonian model;
+    assert_ok(
+        lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    lg_hamiltonian_problem problem = problem_of(&model, &set, "rk4");
+    const double w[2] = {0.3, -0.4}, c[2] = {-24.0, 32.0}, theta[6] = {0.3, -0.4, 0.5, 0.1, 0.2, 0.7};
+    double scaled[6], factor = 0.0;
+    assert_int_equal(lg_hamiltonian_parameters(&model), 6);
+    for (size_t i = 0; i < N; i++)
+        for (size_t j = 0; j < 2; j++)
+            set.y[(i * M + M - 1) * 4 + 2 + j] = set.y[i * M * 4 + 2 + j] + c[j] * problem.dt * (M - 1);
+    memcpy(scaled, theta, sizeof theta);
+    assert_ok(lg_hamiltonian_scale(NULL, &problem, scaled, &factor));
+    assert_close(factor, cbrt(80.0), 1e-12, 0.0);
+    for (size_t i = 0; i < 6; i++) assert_close(scaled[i], theta[i] * (i < 2 ? factor : 1.0), 1e-15, 0.0);
+    for (size_t i = 0; i < 2; i++) scaled[i] = 1e3 * w[i]; /* steeper than the data: left as it is */
+    assert_ok(lg_hamiltonian_scale(NULL, &problem, scaled, &factor));
+    assert_true(factor == 1.0 && scaled[0] == 1e3 * w[0] && scaled[1] == 1e3 * w[1]);
+    assert_status(lg_hamiltonian_scale(NULL, &problem, NULL, &factor), LG_INVALID_ARGUMENT);
+    problem.substeps = 0;
+    assert_status(lg_hamiltonian_scale(NULL, &problem, scaled, &factor), LG_INVALID_ARGUMENT);
+}
+
+/* Of a chain the numbers at p that do not come from V are left out. What is scaled by f has forces f times as
+ * large, so that the factor after it is that of s/f = f^2. */
+TEST("a potential that is scaled is scaled less the next time") {
+    const data set = make_data("pendulum-chain", 2);
+    const uint32_t hidden[2] = {5, 4};
+    lg_hamiltonian model;
+    lg_rng rng;
+    assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, hidden, 2, LG_TANH));
+    const lg_hamiltonian_problem problem = problem_of(&model, &set, "cf4");
+    double *theta = room(lg_hamiltonian_parameters(&model)), first, second;
+    lg_rng_seed(&rng, 8, 0);
+    lg_hamiltonian_initialise(&model, &rng, theta);
+    assert_ok(lg_hamiltonian_scale(NULL, &problem, theta, &first));
+    assert_ok(lg_hamiltonian_scale(NULL, &problem, theta, &second));
+    assert_true(first > 1.2);
+    assert_close(second, pow(first, 2.0 / 3.0), 1e-12, 0.0);
 }
 
 TEST("of every family the gradient is the difference of the value along the group action") {
@@ -384,7 +751,8 @@ TEST("bad problems and models are refused") {
     lg_hamiltonian chain;
     lg_error error;
     const uint32_t hidden[1] = {4}, zero[1] = {0};
-    const double y[24] = {0};
+    const double y[24] = {0}, theta[64] = {0};
+    double value = 7.0;
     assert_ok(lg_hamiltonian_init(&chain, &lg_hamiltonian_chain, 1, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
     const lg_hamiltonian_problem good = {.model = &chain,
                                          .scheme = lg_scheme_find("cf4"),
@@ -400,21 +768,37 @@ TEST("bad problems and models are refused") {
         change;                                                                                              \
         error.message[0] = '\0';                                                                             \
         assert_status(lg_hamiltonian_problem_check(&bad, &error), status);                                   \
+        assert_status(lg_hamiltonian_floor(NULL, &bad, theta, &value, NULL), status);                        \
         assert_true(error.message[0] != '\0');                                                               \
     } while (0)
     REFUSED(bad.points = 1, LG_INVALID_ARGUMENT);
+    REFUSED(bad.starts = LG_START_ESTIMATED + 1, LG_INVALID_ARGUMENT);
     REFUSED(bad.points = LG_HAMILTONIAN_MAX_POINTS + 1, LG_INVALID_ARGUMENT);
     REFUSED(bad.dt = 0.0, LG_INVALID_ARGUMENT);
     REFUSED(bad.dt = NAN, LG_INVALID_ARGUMENT);
     REFUSED(bad.substeps = 0, LG_INVALID_ARGUMENT);
     REFUSED(bad.penalty = -1.0, LG_INVALID_ARGUMENT);
     REFUSED(bad.penalty = 1.0, LG_UNSUPPORTED);
+    const lg_first_integral *vertical = lg_first_integral_find("vertical-angular-momentum");
+    const lg_first_integral numbered = {.name = "n", .formula = "n", .numbered = true};
+#define PENALTY bad.penalty = 1.0, bad.penalty_integral = vertical
+    REFUSED((PENALTY, bad.penalty_points = (lg_penalty_points){1, {3}}), LG_INVALID_ARGUMENT);
+    REFUSED((PENALTY, bad.penalty_points = (lg_penalty_points){1, {1}}), LG_INVALID_ARGUMENT);
+    REFUSED((PENALTY, bad.penalty_points = (lg_penalty_points){2, {2, 2}}), LG_INVALID_ARGUMENT);
+    REFUSED((PENALTY, bad.penalty_points.count = LG_PENALTY_POINTS + 1), LG_INVALID_ARGUMENT);
+    REFUSED((PENALTY, bad.penalty_integral = &numbered, bad.penalty_copy = 2), LG_INVALID_ARGUMENT);
     REFUSED(bad.scheme = lg_scheme_find("stormer-verlet"), LG_UNSUPPORTED);
     REFUSED(bad.scheme = lg_scheme_find("variational"), LG_UNSUPPORTED);
     REFUSED(bad.scheme = lg_scheme_find("slgi"), LG_UNSUPPORTED);
     REFUSED(bad.scheme = lg_scheme_find("rk4-projected"), LG_UNSUPPORTED);
+    REFUSED(bad.distance = LG_DISTANCE_GEODESIC + 1, LG_INVALID_ARGUMENT);
+    REFUSED((bad.distance = LG_DISTANCE_GEODESIC, bad.scheme = lg_scheme_find("rk4")), LG_UNSUPPORTED);
     REFUSED(bad.scheme = NULL, LG_INVALID_ARGUMENT);
     REFUSED(bad.data = NULL, LG_INVALID_ARGUMENT);
+    lg_hamiltonian_problem many = good;
+    many.substeps = 1u << 31;
+    assert_status(lg_hamiltonian_floor(NULL, &many, theta, &value, NULL), LG_INVALID_ARGUMENT);
+    assert_close(value, 7.0, 0.0, 0.0);
     lg_hamiltonian model;
     assert_status(
         lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 0, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),

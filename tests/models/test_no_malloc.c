@@ -80,7 +80,7 @@ TEST("a steady training step of a surrogate calls no malloc") {
     if (!lg_count_available()) skip();
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, 20, TEST_LENGTH, 41);
-        const lg_surrogate_problem problem = {&s.model, &set, all, 6};
+        const lg_surrogate_problem problem = problem_of(&s, &set, all, 6);
         lg_fit_problem fit_problem;
         lg_surrogate_fit_problem(&problem, &fit_problem);
         train_counted(&fit_problem, LG_F32, 1, s.theta);
@@ -99,7 +99,7 @@ TEST("a steady training step of a detector calls no malloc, and its evaluation t
     assert_ok(
         lg_detector_data_create(NULL, &b.detector, &scaler, &series, &windows, NULL, 0, LG_F32, &data, NULL));
     (void)own_lg_detector_data(data);
-    const lg_detector_problem problem = {&b.detector, &data, COUNT - 9};
+    const lg_detector_problem problem = {&b.detector, &data, COUNT - 9, 1};
     lg_fit_problem fit_problem;
     lg_detector_fit_problem(&problem, &fit_problem);
     train_counted(&fit_problem, LG_F32, 1, b.theta);

@@ -39,6 +39,12 @@ TEST("a description that is refused leaves the surrogate as it was") {
     REFUSED(N, 3.3, 1.5, o.kind = (lg_surrogate_kind)LG_SURROGATE_KIND_COUNT);
     REFUSED(N, 3.3, 1.5, o.hidden = 0);
     REFUSED(N, 3.3, 1.5, o.layers = LG_NET_MAX_LAYERS + 1);
+    REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.modes = 1));
+    REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_CONTINUOUS, o.angles = true));
+    REFUSED(N, 3.3, 1.5, (o.modes = 1, o.angles = true));
+    REFUSED(N, 3.3, 1.5, o.modes = 4 * (N - 1) + 1);
+    REFUSED(N, 3.3, 1.5, o.loss = LG_SURROGATE_ENERGY);
+    REFUSED(N, 3.3, 1.5, (o.angles = true, o.loss = (lg_surrogate_loss)LG_SURROGATE_LOSS_COUNT));
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
         if (kind == LG_SURROGATE_ANGLE) continue;
         REFUSED(N, 3.3, 1.5, (o.kind = (lg_surrogate_kind)kind, o.boundary = true));
@@ -75,8 +81,8 @@ TEST("the presets of the thesis have their published settings") {
         {LG_SURROGATE_ANGLE, true, false, 0.9, 0.9, 4, 175, 1.846e-3, 0.0, 20},
     };
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        const lg_surrogate_preset *row =
-            lg_surrogate_preset_find("thesis", rows[i].kind, rows[i].boundary, rows[i].merged, rows[i].asked);
+        const lg_surrogate_preset *row = lg_surrogate_preset_find(
+            "thesis", rows[i].kind, rows[i].boundary, LG_SURROGATE_MSE, rows[i].merged, rows[i].asked);
         assert_non_null(row);
         assert_close(row->fraction, rows[i].fraction, 0.0, 0.0);
         assert_int_equal(row->model.layers, rows[i].layers);
@@ -93,7 +99,8 @@ TEST("the presets of the thesis have their published settings") {
         assert_int_equal(row->training.dtype, LG_F32);
     }
     assert_int_equal(
-        lg_surrogate_preset_find("thesis", LG_SURROGATE_CONTINUOUS, false, false, 0.4)->model.activation,
+        lg_surrogate_preset_find("thesis", LG_SURROGATE_CONTINUOUS, false, LG_SURROGATE_MSE, false, 0.4)
+            ->model.activation,
         LG_SINE);
 }
 
@@ -104,8 +111,8 @@ TEST("every preset can be built, and each setting has one of ours") {
             const lg_surrogate_kind kind = (lg_surrogate_kind)(which % 4 == 3 ? 2 : which % 4);
             const bool boundary = which % 4 == 3, merged = which / 4 % 2 == 1;
             lg_surrogate model;
-            const lg_surrogate_preset *row =
-                lg_surrogate_preset_find(families[f], kind, boundary, merged, which / 8 * 0.1);
+            const lg_surrogate_preset *row = lg_surrogate_preset_find(
+                families[f], kind, boundary, LG_SURROGATE_MSE, merged, which / 8 * 0.1);
             if (row == NULL) {
                 assert_true(f == 0 && merged && kind != LG_SURROGATE_DISCRETE);
                 continue;
@@ -120,10 +127,21 @@ TEST("every preset can be built, and each setting has one of ours") {
             assert_true(row->training.epochs > 0 && row->training.batch > 0 && row->training.shards > 0);
             assert_true(row->training.lr > 0.0 && row->training.adam_eps > 0.0 && row->training.lr_step > 0);
         }
-    assert_null(lg_surrogate_preset_find("worst", LG_SURROGATE_DISCRETE, false, false, 0.9));
-    assert_null(lg_surrogate_preset_find(NULL, LG_SURROGATE_DISCRETE, false, false, 0.9));
-    assert_null(lg_surrogate_preset_find("best", LG_SURROGATE_DISCRETE, true, false, 0.9));
-    assert_null(lg_surrogate_preset_find("best", LG_SURROGATE_DISCRETE, false, false, NAN));
+    for (int merged = 0; merged < 2; merged++) {
+        lg_surrogate model;
+        const lg_surrogate_preset *row =
+            lg_surrogate_preset_find("best", LG_SURROGATE_DISCRETE, false, LG_SURROGATE_ENERGY, merged, 0.5);
+        assert_true(row != NULL && row->model.loss == LG_SURROGATE_ENERGY && row->model.angles);
+        assert_ok(lg_surrogate_init(&model, &row->model, N, 3.3, 1.5, NULL));
+    }
+    assert_null(
+        lg_surrogate_preset_find("thesis", LG_SURROGATE_DISCRETE, false, LG_SURROGATE_ENERGY, false, 0.9));
+    assert_null(lg_surrogate_preset_find("best", LG_SURROGATE_ANGLE, false, LG_SURROGATE_ENERGY, false, 0.9));
+    assert_null(
+        lg_surrogate_preset_find("worst", LG_SURROGATE_DISCRETE, false, LG_SURROGATE_MSE, false, 0.9));
+    assert_null(lg_surrogate_preset_find(NULL, LG_SURROGATE_DISCRETE, false, LG_SURROGATE_MSE, false, 0.9));
+    assert_null(lg_surrogate_preset_find("best", LG_SURROGATE_DISCRETE, true, LG_SURROGATE_MSE, false, 0.9));
+    assert_null(lg_surrogate_preset_find("best", LG_SURROGATE_DISCRETE, false, LG_SURROGATE_MSE, false, NAN));
 }
 
 /* ---- split ---- */
@@ -268,6 +286,26 @@ static void make_constant(const small *s, const double *numbers) {
     memcpy(s->theta + s->parameters - n, numbers, n * sizeof *numbers);
 }
 
+TEST("a network of angles has unit tangents, and a curve of the beam's own rule") {
+    for (size_t which = TEST_INNER; which < TEST_OPTIONS; which++) {
+        const small s = make_small(which, N, TEST_LENGTH, 21);
+        for (size_t x = 0; x < 5; x++) {
+            double at[N + 1], q[2 * (N + 1)], v[2 * (N + 1)], theta[N + 1], expected[2 * (N + 1)];
+            for (size_t k = 0; k <= N; k++) at[k] = TEST_LENGTH / N * (double)k;
+            curve_of(&s, some_x[x], at, N + 1, q, v);
+            for (size_t k = 0; k <= N; k++) theta[k] = atan2(v[2 * k + 1], v[2 * k]);
+            for (size_t k = 1; k < N; k++) assert_close(hypot(v[2 * k], v[2 * k + 1]), 1.0, 1e-15, 0.0);
+            const lg_elastica problem = {.length = TEST_LENGTH,
+                                         .stiffness = 10.0,
+                                         .q0 = {some_x[x][0], some_x[x][1]},
+                                         .qN = {some_x[x][4], some_x[x][5]},
+                                         .intervals = N};
+            lg_elastica_curve(&problem, theta, expected, NULL);
+            for (size_t i = 0; i < 2 * (N + 1); i++) assert_close(q[i], expected[i], 1e-13, 1e-13);
+        }
+    }
+}
+
 TEST("between the nodes a cubic comes back, with its derivative") {
     enum { M = 4, POINTS = 97 };
     const small s = make_small(0, M, TEST_LENGTH, 22);
@@ -344,7 +382,7 @@ static double angle_of(double x, double y) {
 
 TEST("angles are those of the network, reflected or not, with the ends held or not") {
     const double at = 0.17;
-    for (size_t which = 5; which < TEST_OPTIONS; which++)
+    for (size_t which = TEST_ANGLE; which < TEST_MODES; which++)
         for (size_t i = 0; i < SOME; i++) {
             const small s = make_small(which, N, TEST_LENGTH, 25);
             double f, f0, fL, v[2];
@@ -368,7 +406,7 @@ TEST("angles are those of the network, reflected or not, with the ends held or n
  * their weights e^{-100 s^2} are integrated less exactly. */
 TEST("points of the angle network are the integrals of its tangents, wherever they lie") {
     enum { FINE = 4001 };
-    for (size_t which = 5; which < TEST_OPTIONS; which++) {
+    for (size_t which = TEST_ANGLE; which < TEST_MODES; which++) {
         const small s = make_small(which, N, TEST_LENGTH, 26);
         static double at[FINE], v[2 * FINE];
         const double *x = some_x[3], tolerance = s.model.options.boundary ? 1e-5 : 1e-8;
@@ -392,7 +430,7 @@ TEST("points of the angle network are the integrals of its tangents, wherever th
  * rounding of both precisions. */
 TEST("tangents of the angle network are units, and its ends are held to rounding in both precisions") {
     static const double lengths[] = {3.3, 1.0, 0.3, 0.02};
-    for (size_t which = 5; which < TEST_OPTIONS; which++)
+    for (size_t which = TEST_ANGLE; which < TEST_MODES; which++)
         for (size_t l = 0; l < 4; l++)
             for (size_t i = 0; i < SOME; i++) {
                 const small s = make_small(which, N, lengths[l], 27);
@@ -462,7 +500,7 @@ TEST("single precision is double precision to its rounding") {
             error = fmax(error, fabs(q[2 * POINTS + k] - q[k]));
             error = fmax(error, fabs(v[2 * POINTS + k] - v[k]));
         }
-        assert_true(error > 0.0 && error < 1e-5);
+        assert_true(error > 0.0 && error < 2e-5);
     }
 }
 

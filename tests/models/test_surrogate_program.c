@@ -25,6 +25,7 @@ static example make(const lg_surrogate_options *options, double length) {
     if (lg_surrogate_init(&e.model, options, INTERVALS, length, 1.4, &error) != LG_OK)
         fail_msg("%s", error.message);
     lg_rng rng;
+    give_modes(&e.model);
     lg_rng_seed(&rng, 8, options->layers);
     e.theta = TEST_ARRAY(double, lg_surrogate_parameters(&e.model));
     lg_net_initialise(&e.model.net, LG_INIT_FAN_IN, &rng, e.theta);
@@ -75,6 +76,21 @@ static void against_curve(const example *e, const double *x) {
     assert_close(sin(y[0]), v[1], 0, 1e-14);
 }
 
+/* Number `output` of a curve with these inner angles f less the line between the end angles. */
+static double of_angles(const example *e, const double *row, const double *f, size_t output) {
+    double theta[INTERVALS + 1], q[2 * (INTERVALS + 1)], v[2 * (INTERVALS + 1)];
+    const double first = atan2(row[3], row[2]), last = atan2(row[7], row[6]);
+    const bool scaled = e->model.options.normalise;
+    for (size_t k = 0; k <= INTERVALS; k++)
+        theta[k] = first + (last - first) * (double)k / INTERVALS + (k % INTERVALS > 0 ? f[k - 1] : 0.0);
+    const lg_elastica problem = {.length = e->model.length,
+                                 .stiffness = 1.0,
+                                 .qN = {scaled ? e->model.centre * (1.0 + row[4]) : row[4], row[5]},
+                                 .intervals = INTERVALS};
+    lg_elastica_curve(&problem, theta, q, v);
+    return output < MOST_OUTPUTS / 2 ? q[2 + output] : v[2 + output - MOST_OUTPUTS / 2];
+}
+
 /* The network on a tape at the row that training lays, as a curve is handed over. */
 static double of_network(const example *e, const double *row, size_t output) {
     lg_tape *tape = e->tape;
@@ -84,7 +100,12 @@ static double of_network(const example *e, const double *row, size_t output) {
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)lg_net_parameters(net)), e->theta);
     const lg_var y = lg_net_record(tape, net, theta, 0, lg_input_f64(tape, lg_shape2(1, net->inputs), row));
     assert_ok(lg_read(tape, y, net->outputs, f));
-    return f[output];
+    if (e->model.options.angles) return of_angles(e, row, f, output);
+    if (e->model.options.modes == 0) return f[output];
+    const double *vector = e->model.modes + output;
+    double sum = vector[0];
+    for (size_t k = 0; k < net->outputs; k++) sum += f[k] * vector[MOST_OUTPUTS * (k + 1)];
+    return sum;
 }
 
 static double angle_on_tape(const example *e, const double *x, double sign) {
@@ -213,14 +234,27 @@ TEST("every activation in every architecture is right in value and Jacobian") {
 TEST("every option is right on beams of usual length, and so short that the corrections of the ends meet") {
     static const double lengths[] = {TEST_LENGTH, 0.5, 0.1};
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++)
-        for (unsigned flags = 0; flags < 8; flags++)
+        for (unsigned flags = 0; flags < 32; flags++)
             for (size_t i = 0; i < 3; i++) {
                 lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
                 o.normalise = flags & 1;
                 o.mirror = flags & 2;
                 o.boundary = (flags & 4) && kind == LG_SURROGATE_ANGLE;
+                o.modes = (flags & 8) && kind == LG_SURROGATE_DISCRETE ? 3 : 0;
+                o.angles = (flags & 16) && kind == LG_SURROGATE_DISCRETE && o.modes == 0;
                 all_checks(&o, lengths[i]);
             }
+}
+
+TEST("a network with modes is recorded only with their numbers") {
+    lg_surrogate_options o = options_of(LG_SURROGATE_DISCRETE);
+    lg_program *program;
+    lg_error error;
+    o.modes = 3;
+    example e = make(&o, TEST_LENGTH);
+    e.model.modes = NULL;
+    assert_status(lg_surrogate_program(NULL, &e.model, e.theta, &program, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "3 modes"));
 }
 
 TEST("angles that are held are the given ones, whatever the network, and so are their derivatives") {

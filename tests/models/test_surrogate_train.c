@@ -90,9 +90,16 @@ static double loss_from_curves(const small *s, const lg_surrogate_problem *probl
 static const uint32_t everything[CURVES] = {0, 1, 2, 3, 4, 5, 6};
 
 static void check_loss(const small *s, const lg_elastica_curves *set) {
-    const lg_surrogate_problem problem = {&s->model, set, everything, CURVES};
+    const lg_surrogate_problem problem = problem_of(s, set, everything, CURVES);
     assert_ok(lg_surrogate_problem_check(&problem, NULL));
-    const double expected = loss_from_curves(s, &problem);
+    double expected = loss_from_curves(s, &problem), truncation = 0.0;
+    if (problem.coefficients != NULL) {
+        double *again = TEST_ARRAY(double, CURVES * s->model.options.modes);
+        assert_ok(
+            lg_surrogate_coefficients(NULL, &s->model, set, everything, CURVES, again, &truncation, NULL));
+        assert_true(truncation > 1e-6 && truncation < expected);
+    }
+    if (s->model.options.gamma == 0.0) expected -= truncation;
     assert_true(expected > 1e-3);
     assert_close(whole_loss(&problem, s->theta, NULL), expected, 1e-12, 0.0);
 }
@@ -111,11 +118,81 @@ TEST("the loss on a tape is that of the curves") {
                 check_loss(&other, &set);
                 continue;
             }
-            const lg_surrogate_problem problem = {&other.model, &set, everything, CURVES};
+            const lg_surrogate_problem problem = problem_of(&other, &set, everything, CURVES);
             assert_status(lg_surrogate_problem_check(&problem, &error), LG_SHAPE);
             assert_non_null(strstr(error.message, "a discrete network of 12;"));
         }
     }
+}
+
+/* E L/EI of angles that neighbours continue, from tangents (N + 1, 2). */
+static double energy_of(const double *x, const double *v, uint32_t n) {
+    double *theta = TEST_ARRAY(double, n + 1);
+    theta[0] = atan2(v[1], v[0]);
+    for (size_t k = 0; k < n; k++)
+        theta[k + 1] = theta[k] + atan2(v[2 * k] * v[2 * k + 3] - v[2 * k + 1] * v[2 * k + 2],
+                                        v[2 * k] * v[2 * k + 2] + v[2 * k + 1] * v[2 * k + 3]);
+    const lg_elastica problem = {
+        .length = TEST_LENGTH, .stiffness = 7.0, .q0 = {x[0], x[1]}, .qN = {x[4], x[5]}, .intervals = n};
+    return lg_elastica_energy(&problem, theta) * TEST_LENGTH / 7.0;
+}
+
+TEST("the loss of energies is the solver's energy over that of the data, and no curve is in its gradient") {
+    enum { M = 12, NODES = M + 1 };
+    for (size_t which = TEST_INNER; which < TEST_OPTIONS; which++) {
+        small s = make_small(which, M, TEST_LENGTH, 5);
+        lg_elastica_curves set = make_curves(CURVES, M);
+        double at[NODES], v[2 * NODES], expected = 0.0, given = 0.0;
+        double *gradient = TEST_ARRAY(double, 2 * s.parameters);
+        s.model.options.loss = LG_SURROGATE_ENERGY;
+        for (size_t k = 0; k < NODES; k++) at[k] = TEST_LENGTH * (double)k / M;
+        for (size_t i = 0; i < CURVES; i++) {
+            const double *x = set.boundary + 8 * i;
+            curve_of(&s, x, at, NODES, NULL, v);
+            expected += energy_of(x, v, M) / CURVES;
+            given += energy_of(x, set.v + 2 * NODES * i, M) / CURVES;
+        }
+        const lg_surrogate_problem problem = problem_of(&s, &set, everything, CURVES);
+        assert_ok(lg_surrogate_problem_check(&problem, NULL));
+        assert_close(whole_loss(&problem, s.theta, gradient), expected - given, 0.0, 1e-12 * expected);
+        for (size_t i = 0; i < CURVES; i++)
+            for (size_t k = 1; k < M; k++) set.v[2 * (NODES * i + k)] = set.q[2 * (NODES * i + k)] = 0.1;
+        const double moved = whole_loss(&problem, s.theta, gradient + s.parameters);
+        assert_true(fabs(moved - (expected - given)) > 1.0);
+        assert_memory_equal(gradient, gradient + s.parameters, s.parameters * sizeof *gradient);
+    }
+}
+
+TEST("from boundary conditions alone the network finds the beams that the solver finds") {
+    enum { M = 10, BEAMS = 12 };
+    lg_elastica_sampling sampling;
+    lg_elastica_curves set;
+    lg_surrogate_errors errors;
+    uint32_t all[BEAMS];
+    lg_elastica_sampling_init(&sampling);
+    sampling.count = BEAMS;
+    sampling.gap = 0.1;
+    sampling.problem.intervals = M;
+    assert_ok(lg_elastica_generate(NULL, &sampling, &set, NULL));
+    small s = make_small(TEST_INNER + 1, M, TEST_LENGTH, 3);
+    s.model.options.loss = LG_SURROGATE_ENERGY;
+    for (uint32_t i = 0; i < BEAMS; i++) all[i] = i;
+    const lg_surrogate_problem problem = problem_of(&s, &set, all, BEAMS);
+    lg_fit_problem fit_problem;
+    lg_fit_options options;
+    lg_fit *fit;
+    lg_surrogate_fit_problem(&problem, &fit_problem);
+    lg_fit_options_init(&options);
+    assert_ok(lg_fit_plan_parse("ssbroyden", &options.plan, NULL));
+    options.epochs = 600;
+    assert_ok(lg_fit_create(NULL, &fit_problem, &options, s.theta, &fit, NULL));
+    assert_ok(lg_fit_run(fit, NULL));
+    lg_fit_parameters(fit, s.theta);
+    assert_ok(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, NULL, 0, NULL, &errors, NULL));
+    print_message("energy above the minimum %.2e, mean square error %.2e\n", lg_fit_loss(fit), errors.mse);
+    assert_true(errors.mse < 1e-8 && fabs(lg_fit_loss(fit)) < 1e-5);
+    lg_fit_destroy(fit);
+    lg_elastica_curves_destroy(&set);
 }
 
 /* A cubic in s, another one for each curve and component, and its derivative. */
@@ -138,7 +215,7 @@ TEST("samples between the nodes are points of cubics, which both interpolations 
         set.continuous = which % 2 == 1;
         s.model.options.between = true;
         const double gamma = s.model.options.gamma;
-        const lg_surrogate_problem problem = {&s.model, &set, everything, CURVES};
+        const lg_surrogate_problem problem = problem_of(&s, &set, everything, CURVES);
         double expected = 0.0;
         for (size_t i = 0; i < CURVES; i++)
             for (size_t k = 0; k <= M; k++) {
@@ -164,7 +241,7 @@ TEST("parts of a batch add up, down to single samples, and to the same gradient"
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, 6, TEST_LENGTH, 7);
         uint32_t samples[MANY];
-        const lg_surrogate_problem problem = {&s.model, &set, training, 3};
+        const lg_surrogate_problem problem = problem_of(&s, &set, training, 3);
         const size_t n = samples_of(&problem, samples);
         double *gradient = TEST_ARRAY(double, 3 * s.parameters), *part = gradient + s.parameters;
         double *sum = part + s.parameters, total = 0.0;
@@ -184,10 +261,24 @@ TEST("single precision is double precision to its rounding") {
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, 20, TEST_LENGTH, 9);
         uint32_t samples[MANY];
-        const lg_surrogate_problem problem = {&s.model, &set, everything, CURVES};
+        const lg_surrogate_problem problem = problem_of(&s, &set, everything, CURVES);
         const size_t n = samples_of(&problem, samples);
         const double exact = loss_of(&problem, LG_F64, s.theta, samples, n, n, NULL);
         assert_close(loss_of(&problem, LG_F32, s.theta, samples, n, n, NULL), exact, 2e-5, 0.0);
+    }
+}
+
+TEST("a problem of modes needs their numbers, and its targets where the loss is of coefficients") {
+    const lg_elastica_curves set = make_curves(CURVES, 6);
+    for (size_t which = TEST_MODES; which < TEST_INNER; which++) {
+        small s = make_small(which, 6, TEST_LENGTH, 13);
+        const lg_surrogate_problem bare = {&s.model, &set, everything, CURVES, NULL};
+        const bool targets = s.model.options.gamma == 0.0;
+        assert_status(lg_surrogate_problem_check(&bare, NULL), targets ? LG_INVALID_ARGUMENT : LG_OK);
+        const lg_surrogate_problem whole = problem_of(&s, &set, everything, CURVES);
+        assert_ok(lg_surrogate_problem_check(&whole, NULL));
+        s.model.modes = NULL;
+        assert_status(lg_surrogate_problem_check(&whole, NULL), LG_INVALID_ARGUMENT);
     }
 }
 
@@ -201,12 +292,12 @@ TEST("problems without curves, with others or of another length are refused") {
     const struct {
         lg_surrogate_problem problem;
         lg_status status;
-    } cases[] = {{{&s.model, &set, everything, CURVES}, LG_OK},
-                 {{&s.model, &set, everything, 0}, LG_INVALID_ARGUMENT},
-                 {{&s.model, NULL, everything, CURVES}, LG_INVALID_ARGUMENT},
-                 {{&s.model, &set, beyond, 2}, LG_INVALID_ARGUMENT},
-                 {{&s.model, &longer, everything, CURVES}, LG_SHAPE},
-                 {{&s.model, &endless, everything, CURVES}, LG_SHAPE}};
+    } cases[] = {{{&s.model, &set, everything, CURVES, NULL}, LG_OK},
+                 {{&s.model, &set, everything, 0, NULL}, LG_INVALID_ARGUMENT},
+                 {{&s.model, NULL, everything, CURVES, NULL}, LG_INVALID_ARGUMENT},
+                 {{&s.model, &set, beyond, 2, NULL}, LG_INVALID_ARGUMENT},
+                 {{&s.model, &longer, everything, CURVES, NULL}, LG_SHAPE},
+                 {{&s.model, &endless, everything, CURVES, NULL}, LG_SHAPE}};
     for (size_t i = 0; i < LG_COUNT(cases); i++)
         assert_status(lg_surrogate_problem_check(&cases[i].problem, NULL), cases[i].status);
 }
@@ -222,7 +313,7 @@ TEST("more points than a sample can number are refused") {
                                     .q = &number,
                                     .v = &number};
     uint32_t *training = TEST_ARRAY(uint32_t, LEARNED);
-    lg_surrogate_problem problem = {&s.model, &set, training, LEARNED};
+    lg_surrogate_problem problem = {&s.model, &set, training, LEARNED, NULL};
     assert_status(lg_surrogate_problem_check(&problem, NULL), LG_INVALID_ARGUMENT);
     problem.training_count = 42900;
     assert_ok(lg_surrogate_problem_check(&problem, NULL));
@@ -231,11 +322,16 @@ TEST("more points than a sample can number are refused") {
 TEST("a few epochs bring the loss of every kind to a fraction") {
     lg_elastica_curves set = make_curves(CURVES, 50);
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
-        const small s = make_small(which, 50, TEST_LENGTH, 14);
+        small s = make_small(which, 50, TEST_LENGTH, 14);
+        double *modes = TEST_ARRAY(double, lg_surrogate_modes_size(&s.model) + 1);
+        if (s.model.options.modes > 0) {
+            assert_ok(lg_surrogate_find_modes(NULL, &s.model, &set, everything, CURVES, modes, NULL));
+            s.model.modes = modes;
+        }
         lg_fit_problem fit_problem;
         lg_fit_options options;
         lg_fit *fit;
-        const lg_surrogate_problem problem = {&s.model, &set, everything, CURVES};
+        const lg_surrogate_problem problem = problem_of(&s, &set, everything, CURVES);
         lg_surrogate_fit_problem(&problem, &fit_problem);
         lg_fit_options_init(&options);
         options.epochs = 30;

@@ -108,9 +108,9 @@ static inline regression make_regression(void) {
     return r;
 }
 
-static lg_status regression_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
-                                 size_t count, size_t batch, lg_var *loss) {
-    const regression *r = user;
+/* Predicted minus given (count, 1). */
+static lg_status regression_difference(const regression *r, lg_tape *tape, lg_var theta,
+                                       const uint32_t *samples, size_t count, lg_var *d) {
     double x[REGRESSION_SAMPLES], t[REGRESSION_SAMPLES];
     if (count == 0 || count > REGRESSION_SAMPLES) return LG_CHECK_FAILED;
     for (size_t i = 0; i < count; i++) {
@@ -120,8 +120,25 @@ static lg_status regression_loss(void *user, lg_tape *tape, lg_var theta, const 
     if (r->cancel_at != NULL && --*r->cancel_at == 0) *r->cancel = 1;
     const lg_shape shape = lg_shape2((uint32_t)count, 1);
     const lg_var y = lg_mlp_record(tape, &r->net, theta, 0, lg_input_f64(tape, shape, x));
-    const lg_var d = lg_sub(tape, y, lg_input_f64(tape, shape, t));
+    *d = lg_sub(tape, y, lg_input_f64(tape, shape, t));
+    return LG_OK;
+}
+
+static lg_status regression_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
+                                 size_t count, size_t batch, lg_var *loss) {
+    lg_var d = LG_NONE;
+    const lg_status status = regression_difference(user, tape, theta, samples, count, &d);
+    if (status != LG_OK) return status;
     *loss = lg_scale(tape, lg_sum(tape, lg_square(tape, d)), 1.0 / (double)batch);
+    return LG_OK;
+}
+
+static lg_status regression_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
+                                      size_t count, size_t batch, lg_var *residuals) {
+    lg_var d = LG_NONE;
+    const lg_status status = regression_difference(user, tape, theta, samples, count, &d);
+    if (status != LG_OK) return status;
+    *residuals = lg_scale(tape, d, 1.0 / sqrt((double)batch));
     return LG_OK;
 }
 
@@ -130,6 +147,7 @@ static inline lg_fit_problem regression_problem(regression *r) {
                             .samples = REGRESSION_SAMPLES,
                             .validation = r->validation,
                             .loss = regression_loss,
+                            .residuals = regression_residuals,
                             .user = r};
 }
 

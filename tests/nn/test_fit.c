@@ -474,3 +474,120 @@ TEST("checkpoints come as often as asked for and when stopped, and their failure
     assert_int_equal(w.saves, 1);
     assert_int_equal(lg_fit_steps_done(fit), 0);
 }
+
+/* ---- restarts ---- */
+
+/* Says that the model is dead, but for parameters of restart `enough`; or from call `from` on. */
+typedef struct dying {
+    regression regression;
+    uint64_t enough;
+    int calls, from;
+} dying;
+
+static lg_status dying_revive(void *user, uint64_t number, double *theta, bool *dead) {
+    dying *d = user;
+    *dead = ++d->calls >= d->from && number <= d->enough;
+    for (size_t i = 0; *dead && i < lg_mlp_parameters(&d->regression.net); i++)
+        theta[i] = regression_start(&d->regression)[i] * (1.0 + 0.01 * (double)number);
+    return LG_OK;
+}
+
+static lg_fit *dying_fit(dying *d, const lg_fit_options *o, double factor) {
+    lg_fit_problem problem = regression_problem(&d->regression);
+    double *theta = regression_start(&d->regression);
+    problem.revive = dying_revive; /* the user begins with the regression */
+    for (size_t i = 0; i < problem.parameters; i++) theta[i] *= factor;
+    return test_fit(NULL, &problem, o, theta);
+}
+
+static dying make_dying(uint64_t enough, int from) {
+    return (dying){.regression = make_regression(), .enough = enough, .from = from};
+}
+
+TEST("a dead model starts again, from epoch 0 and as if it had started there") {
+    for (int dtype = 0; dtype < 2; dtype++) {
+        lg_fit_options o = rich_options((lg_dtype)dtype);
+        dying d = make_dying(2, 0), alive = make_dying(0, 0);
+        double theta[2][512];
+        o.restarts = 7;
+        lg_fit *fit = dying_fit(&d, &o, 1.0), *other = dying_fit(&alive, &o, 1.02);
+        run_fit(fit);
+        run_fit(other);
+        assert_int_equal(lg_fit_restarts(fit), 2);
+        assert_int_equal(lg_fit_restarts(other), 0);
+        assert_int_equal(lg_fit_epochs_done(fit), o.epochs);
+        assert_int_equal(lg_fit_best_epoch(fit), lg_fit_best_epoch(other));
+        lg_fit_parameters(fit, theta[0]);
+        lg_fit_parameters(other, theta[1]);
+        const size_t n = lg_mlp_parameters(&d.regression.net);
+        assert_memory_equal(theta[0], theta[1], n * sizeof **theta);
+        assert_memory_equal(lg_fit_history(fit, LG_FIT_LOSS), lg_fit_history(other, LG_FIT_LOSS),
+                            (size_t)o.epochs * sizeof(double));
+    }
+}
+
+TEST("there are no more restarts than allowed, and none without the option") {
+    for (uint32_t most = 0; most < 3; most++) {
+        lg_fit_options o = options_of(6, 16);
+        dying d = make_dying(100, 0);
+        o.restarts = most;
+        lg_fit *fit = dying_fit(&d, &o, 1.0);
+        run_fit(fit);
+        assert_int_equal(lg_fit_restarts(fit), most);
+        assert_int_equal(lg_fit_epochs_done(fit), 6);
+        assert_int_equal(d.calls, most);
+    }
+}
+
+/* The learning rate throws the parameters far away after some epochs. */
+TEST("a model that died after it had learned keeps its best epoch") {
+    for (int keep = 0; keep < 2; keep++) {
+        lg_fit_options o = options_of(12, 16);
+        dying d = make_dying(1, 5);
+        o.restarts = 3;
+        o.keep_best = keep;
+        o.schedule = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 4, .gamma = 100.0};
+        lg_fit *fit = dying_fit(&d, &o, 1.0);
+        run_fit(fit);
+        assert_int_equal(lg_fit_restarts(fit), !keep);
+        assert_true(keep ? d.calls == 4 : d.calls > 4);
+        assert_int_equal(lg_fit_epochs_done(fit), 12);
+    }
+}
+
+TEST("a run with restarts, in parts, has the bytes of one run") {
+    lg_fit_options o = rich_options(LG_F64);
+    o.restarts = 3;
+    o.epochs = 5;
+    dying d = make_dying(2, 0);
+    lg_fit *whole = dying_fit(&d, &o, 1.0);
+    run_fit(whole);
+    o.stop_after = 1;
+    lg_fit *fit = dying_fit(&d, &o, 1.0);
+    int parts = 0;
+    for (; !lg_fit_finished(fit); parts++) {
+        run_fit(fit);
+        memory_archive archive = state_of(fit);
+        fit = dying_fit(&d, &o, 1.0);
+        load_state(fit, &archive);
+    }
+    assert_int_equal(parts, 7);
+    assert_int_equal(lg_fit_restarts(fit), 2);
+    assert_same_fits(whole, fit);
+
+    o.seconds = 1000.0;
+    o.stop_after = 2; /* the first epoch, and that before the second restart */
+    lg_fit *later = dying_fit(&d, &o, 1.0);
+    run_fit(later);
+    assert_int_equal(lg_fit_restarts(later), 2);
+    assert_false(lg_fit_finished(later));
+    memory_archive archive = state_of(later);
+    const lg_archive_reader reader = memory_reader(&archive);
+    lg_error error;
+    *(double *)memory_find(&archive, "train/restart_seconds")->data = 1001.0;
+    load_state(later, &archive);
+    assert_int_equal(lg_fit_why_finished(later), LG_FIT_END_SECONDS);
+    *(uint64_t *)memory_find(&archive, "train/restarts")->data = 4;
+    assert_status(lg_fit_load(later, &reader, &error), LG_FORMAT);
+    assert_message(&error, "train/restarts");
+}

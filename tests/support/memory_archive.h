@@ -16,7 +16,7 @@ typedef struct memory_item {
 } memory_item;
 
 typedef struct memory_archive {
-    memory_item items[64];
+    memory_item items[96];
     size_t count;
     size_t fail_after; /* writes that succeed; 0: all */
 } memory_archive;

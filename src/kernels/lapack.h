@@ -1,6 +1,6 @@
 /* LAPACK by its Fortran names: column-major, every argument by address, 32-bit integers. */
-#ifndef LG_CLASSIFY_LAPACK_H
-#define LG_CLASSIFY_LAPACK_H
+#ifndef LG_LAPACK_H
+#define LG_LAPACK_H
 
 /* Eigenvalues w (n, rising) and, jobz "V", eigenvectors (columns of a) of a symmetric matrix. */
 extern void dsyevd_(const char *jobz, const char *uplo, const int *n, double *a, const int *lda, double *w,
@@ -13,6 +13,10 @@ extern void dpotrs_(const char *uplo, const int *n, const int *nrhs, const doubl
 /* A = Q R by Householder reflections. */
 extern void dgeqrf_(const int *m, const int *n, double *a, const int *lda, double *tau, double *work,
                     const int *lwork, int *info);
+/* A = U S V': singular values s (min(m, n), falling); jobz "S": U (m, min), V' (min, n). iwork (8 min). */
+extern void dgesdd_(const char *jobz, const int *m, const int *n, double *a, const int *lda, double *s,
+                    double *u, const int *ldu, double *vt, const int *ldvt, double *work, const int *lwork,
+                    int *iwork, int *info);
 /* C := Q C (side "L", trans "N"), Q as dgeqrf left it. */
 extern void dormqr_(const char *side, const char *trans, const int *m, const int *n, const int *k,
                     const double *a, const int *lda, const double *tau, double *c, const int *ldc,

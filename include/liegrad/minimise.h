@@ -1,0 +1,146 @@
+/* Unconstrained minimisation of f(x) from values and gradients, for smooth functions of some thousand
+ * variables.
+ *
+ *   static lg_status bowl(void *user, const double *x, double *value, double *gradient) {
+ *       *value = x[0] * x[0] + 10 * x[1] * x[1], gradient[0] = 2 * x[0], gradient[1] = 20 * x[1];
+ *       return LG_OK;
+ *   }
+ *   double x[2] = {3, 1};
+ *   lg_minimise_result result;
+ *   lg_status status = lg_minimise(NULL, 2, bowl, NULL, NULL, x, &result, &error);
+ *
+ * All arithmetic is in double, on the caller's thread, in a fixed order: an objective with the same bits
+ * gives the same path. Both methods take a direction d = -H g and a step x + alpha d that satisfies the weak
+ * Wolfe conditions
+ *   f(x + alpha d) <= f(x) + 1e-4 alpha g.d,   g(x + alpha d).d >= 0.9 g.d,
+ * found by cubic interpolation. A failing search restarts from H = 1; a second failure ends the run.
+ */
+#ifndef LIEGRAD_MINIMISE_H
+#define LIEGRAD_MINIMISE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "liegrad/archive.h"
+#include "liegrad/context.h"
+#include "liegrad/export.h"
+#include "liegrad/status.h"
+
+LG_BEGIN_DECLS
+
+typedef enum lg_minimise_method {
+    /* Self-scaled Broyden family (Al-Baali; Urban, Stefanou, Pons, J. Comput. Phys. 523 (2025) 113656). H is
+     * dense: 8 n^2 bytes, and about 3 n^2 multiplications an iteration. */
+    LG_MINIMISE_SSBROYDEN,
+    /* Limited memory BFGS (Nocedal 1980; Liu & Nocedal 1989): 16 n bytes for each pair remembered. */
+    LG_MINIMISE_LBFGS,
+    /* Levenberg-Marquardt for sums of squares (Marquardt 1963; damping after Nielsen 1999): the step solves
+     * (A + mu D) d = -g with the Gauss-Newton matrix A and the largest diagonal D that A has had (More
+     * 1978). For lg_least_squares. */
+    LG_MINIMISE_LM
+} lg_minimise_method;
+#define LG_MINIMISE_METHOD_COUNT 3
+LG_API const char *
+lg_minimise_method_name(lg_minimise_method method); /* "ssbroyden", "lbfgs", "lm"; else NULL */
+
+/* Why a run ended. */
+typedef enum lg_minimise_end {
+    LG_MINIMISE_RUNNING,
+    LG_MINIMISE_EVALUATIONS,   /* options.evaluations */
+    LG_MINIMISE_SECONDS,       /* options.seconds */
+    LG_MINIMISE_GRADIENT,      /* max |g_i| <= options.gradient_tolerance */
+    LG_MINIMISE_SLOW,          /* 200 iterations lowered f by less than 1e-4 of it */
+    LG_MINIMISE_ROUNDING,      /* no step lowers f, and g agrees with f: rounding is the limit */
+    LG_MINIMISE_CANCELLED,     /* the context's flag, or the objective's LG_CANCELLED */
+    LG_MINIMISE_UNBOUNDED,     /* f falls without end along a direction */
+    LG_MINIMISE_NOT_FINITE,    /* f or g is NaN or infinite at the start */
+    LG_MINIMISE_WRONG_GRADIENT /* g disagrees with differences of f */
+} lg_minimise_end;
+#define LG_MINIMISE_END_COUNT 10
+LG_API const char *lg_minimise_end_sentence(lg_minimise_end end); /* without a full stop; "" while running */
+/* LG_OK for ends that leave a usable x; else LG_CANCELLED, LG_NO_CONVERGENCE (unbounded), LG_NOT_FINITE,
+ * LG_CHECK_FAILED (wrong gradient). */
+LG_API lg_status lg_minimise_end_status(lg_minimise_end end);
+
+typedef struct lg_minimise_options {
+    size_t size;               /* sizeof(lg_minimise_options) */
+    lg_minimise_method method; /* LG_MINIMISE_SSBROYDEN */
+    uint32_t memory;           /* L-BFGS: 50 pairs, 1..1000 */
+    double gradient_tolerance; /* 0: only an exact zero */
+    bool check; /* true: g is compared with f at the start, and where no step lowers f: 4 evaluations each */
+    bool slow;  /* true: LG_MINIMISE_SLOW ends */
+    /* Of lg_minimise alone. */
+    uint64_t evaluations; /* 10000 */
+    double seconds;       /* 0: no limit */
+} lg_minimise_options;
+LG_API void lg_minimise_options_init(lg_minimise_options *options);
+
+typedef struct lg_minimise_result {
+    lg_minimise_end end;
+    uint64_t evaluations, iterations; /* values and gradients taken; steps accepted */
+    double value, gradient;           /* f and max |g_i| at x */
+} lg_minimise_result;
+
+/* f and its gradient (n) at x (n). A value or gradient that is not finite makes the search shorten its step;
+ * so does a return of LG_NOT_FINITE. Other statuses stop the run and are returned. */
+typedef lg_status (*lg_objective)(void *user, const double *x, double *value, double *gradient);
+
+/* Minimises from x (n doubles, in/out): on return x is the best point, also after an error. `options` NULL:
+ * defaults; `result` may be NULL. Returns lg_minimise_end_status of the end, with its sentence in `error`, or
+ * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, the objective's status. */
+LG_API lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objective, void *user,
+                             const lg_minimise_options *options, double *x, lg_minimise_result *result,
+                             lg_error *error);
+
+/* ---- least squares ---- */
+
+/* r (m) and, unless `jacobian` is NULL, dr_i/dx_j at jacobian[i n + j], at x (n). As lg_objective
+ * otherwise. */
+typedef lg_status (*lg_residuals)(void *user, const double *x, double *r, double *jacobian);
+
+/* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt. options->method and check are not
+ * read; an evaluation is one of r with its Jacobian. covariance (n, n), NULL or the covariance of x for
+ * independent residuals of equal, unknown variance: |r|^2/(m - n) (J^T J)^-1; NaN where m = n or J^T J is
+ * singular to rounding (a combination of the x cannot be identified). Errors: those of lg_minimise. */
+LG_API lg_status lg_least_squares(const lg_context *context, size_t n, size_t m, lg_residuals residuals,
+                                  void *user, const lg_minimise_options *options, double *x,
+                                  double *covariance, lg_minimise_result *result, lg_error *error);
+
+/* ---- ask and tell: the caller evaluates, and may save the state between any two evaluations ---- */
+
+typedef struct lg_minimiser lg_minimiser;
+
+/* x (n) is copied. The context must outlive the minimiser. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE (x),
+ * LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_minimiser_create(const lg_context *context, size_t n, const lg_minimise_options *options,
+                                     const double *x, lg_minimiser **out, lg_error *error);
+LG_API void lg_minimiser_destroy(lg_minimiser *minimiser); /* NULL is fine */
+/* Where f and g are wanted next (n); borrowed until the next call. After an end: the best point. */
+LG_API const double *lg_minimiser_point(const lg_minimiser *minimiser);
+/* Takes f and g (n, copied) at that point. Returns whether x was replaced by this point. */
+LG_API bool lg_minimiser_tell(lg_minimiser *minimiser, double value, const double *gradient);
+/* The same for LG_MINIMISE_LM, with the Gauss-Newton matrix 2 J^T J (n, n) of f. */
+LG_API bool lg_minimiser_tell_squares(lg_minimiser *minimiser, double value, const double *gradient,
+                                      const double *matrix);
+/* The lowest point accepted so far (n), borrowed. */
+LG_API const double *lg_minimiser_best(const lg_minimiser *minimiser);
+/* g at the best point (n), borrowed. */
+LG_API const double *lg_minimiser_gradient(const lg_minimiser *minimiser);
+/* The objective has changed a little: f and g (n, copied) at the best point are these from now on. H stays,
+ * and the next point is one of a new search. Nothing happens before the first step and after an end. */
+LG_API void lg_minimiser_change(lg_minimiser *minimiser, double value, const double *gradient);
+/* end, evaluations, iterations, and value and gradient at the best point. */
+LG_API lg_minimise_result lg_minimiser_result(const lg_minimiser *minimiser);
+
+/* Saves the whole state as minimise/{x,point,gradient,direction,curvature,counts,numbers}. Errors: the
+ * writer's. */
+LG_API lg_status lg_minimiser_save(const lg_minimiser *minimiser, const lg_archive_writer *writer,
+                                   lg_error *error);
+/* Replaces the state by one of the same n and options; as before on failure. Errors: the reader's, LG_FORMAT
+ * for an impossible state, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_minimiser_load(lg_minimiser *minimiser, const lg_archive_reader *reader, lg_error *error);
+
+LG_END_DECLS
+
+#endif

@@ -1,0 +1,161 @@
+/* Units of a detector that died, and other weights to start from. */
+#include <math.h>
+
+#include "core/core.h"
+#include "kernels/kernels.h"
+#include "models/detector_internal.h"
+#include "nn/cnn.h"
+
+enum { STREAM_WEIGHTS = 1 };
+
+void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint64_t restart, double *theta) {
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, STREAM_WEIGHTS);
+    for (uint64_t i = 0; i <= restart; i++) lg_cnn_initialise(&model->net, LG_INIT_FAN_IN, &rng, theta);
+}
+
+/* ---- least and largest values ---- */
+
+typedef struct survey {
+    const lg_detector_problem *problem;
+    cnn_layout layout;
+    uint32_t layers; /* without the output */
+    size_t units, chunk;
+    lg_tape *tape;
+    void *theta;       /* of the tape's type */
+    double *low;       /* (units), layer by layer */
+    double *high;      /* (units) */
+    double *values;    /* one layer of a chunk */
+    uint32_t *samples; /* (chunk) */
+} survey;
+
+static void survey_end(survey *s) {
+    const lg_context *context = s->problem->data->context;
+    lg_tape_destroy(s->tape);
+    lg_free(context, s->theta);
+    lg_free(context, s->low);
+    lg_free(context, s->values);
+    lg_free(context, s->samples);
+}
+
+/* Units of all layers, and in *largest the values of the largest layer for one window. */
+static size_t count_units(const lg_cnn *net, const cnn_layout *layout, size_t *largest) {
+    size_t units = 0;
+    *largest = 0;
+    for (uint32_t i = 0; i + 1 < layout->count; i++) {
+        const size_t out = layout->layer[i].out, values = i < net->blocks ? out * net->lengths[i + 1] : out;
+        units += out;
+        if (values > *largest) *largest = values;
+    }
+    return units;
+}
+
+static lg_status survey_begin(const lg_detector_problem *problem, const double *theta, survey *out) {
+    const lg_detector_data *data = problem->data;
+    const lg_kernels *k = lg_kernels_for(data->dtype);
+    survey s = {.problem = problem, .chunk = lg_detector_chunk(problem)};
+    lg_tape_options options;
+    size_t largest;
+    lg_cnn_layout(&problem->model->net, &s.layout);
+    s.layers = s.layout.count - 1;
+    s.units = count_units(&problem->model->net, &s.layout, &largest);
+    s.theta = lg_alloc(data->context, s.layout.parameters, k->size);
+    s.low = lg_alloc(data->context, 2 * s.units + 1, sizeof *s.low);
+    s.values = lg_alloc(data->context, s.chunk * largest + 1, sizeof *s.values);
+    s.samples = lg_alloc(data->context, s.chunk, sizeof *s.samples);
+    lg_tape_options_init(&options);
+    options.dtype = data->dtype;
+    lg_status status = s.theta != NULL && s.low != NULL && s.values != NULL && s.samples != NULL
+                           ? lg_tape_create(data->context, &options, &s.tape)
+                           : LG_OUT_OF_MEMORY;
+    if (status != LG_OK) {
+        survey_end(&s);
+        return status;
+    }
+    k->convert_in(s.layout.parameters, theta, s.theta);
+    s.high = s.low + s.units;
+    for (size_t i = 0; i < s.units; i++) s.low[i] = INFINITY, s.high[i] = -INFINITY;
+    *out = s;
+    return LG_OK;
+}
+
+/* Values (rows, units) of a layer. */
+static void widen(const double *values, size_t rows, size_t units, double *low, double *high) {
+    for (size_t r = 0; r < rows; r++)
+        for (size_t u = 0; u < units; u++) {
+            const double x = values[r * units + u];
+            low[u] = x < low[u] ? x : low[u];
+            high[u] = x > high[u] ? x : high[u];
+        }
+}
+
+/* Windows from..from + count - 1. */
+static lg_status look(survey *s, size_t from, size_t count) {
+    lg_var layers[CNN_MAX_LAYERS];
+    size_t at = 0;
+    lg_tape_reset(s->tape);
+    for (size_t i = 0; i < count; i++) s->samples[i] = (uint32_t)(from + i);
+    const lg_var theta = lg_parameter(s->tape, lg_shape1((uint32_t)s->layout.parameters), s->theta);
+    const lg_var x = lg_detector_put_windows(s->problem, s->tape, s->samples, (uint32_t)count);
+    (void)lg_cnn_record_layers(s->tape, &s->problem->model->net, theta, 0, x, layers);
+    LG_TRY(lg_tape_status(s->tape));
+    for (uint32_t i = 0; i < s->layers; i++) {
+        const size_t units = s->layout.layer[i].out,
+                     values = lg_shape_count(lg_var_shape(s->tape, layers[i]));
+        LG_TRY(lg_read(s->tape, layers[i], values, s->values));
+        widen(s->values, values / units, units, s->low + at, s->high + at);
+        at += units;
+    }
+    return LG_OK;
+}
+
+static bool is_constant(double low, double high) {
+    static const double SAME = 1e-6;
+    return high - low <= SAME * fmax(1.0, fmax(fabs(low), fabs(high)));
+}
+
+static lg_detector_units conclude(const survey *s) {
+    lg_detector_units out = {.layers = s->layers};
+    const double *low = s->low, *high = s->high;
+    for (uint32_t i = 0; i < s->layers; i++) {
+        const uint32_t units = s->layout.layer[i].out;
+        out.layer[i].units = units;
+        for (uint32_t u = 0; u < units; u++, low++, high++) {
+            out.layer[i].constant += is_constant(*low, *high);
+            out.layer[i].zero += *low == 0.0 && *high == 0.0;
+        }
+        out.died = out.died || (out.layer[i].constant == units && s->problem->training > 1);
+    }
+    return out;
+}
+
+/* `whole`: all training windows; else as many as show that the network lives. */
+static lg_status count(const lg_detector_problem *problem, const double *theta, bool whole,
+                       lg_detector_units *out) {
+    survey s;
+    lg_status status = LG_OK;
+    bool enough = false;
+    LG_TRY(survey_begin(problem, theta, &s));
+    for (size_t at = 0; at < problem->training && status == LG_OK && !enough; at += s.chunk) {
+        const size_t rest = problem->training - at;
+        status = look(&s, at, rest < s.chunk ? rest : s.chunk);
+        enough = status == LG_OK && !whole && !conclude(&s).died;
+    }
+    if (status == LG_OK) *out = conclude(&s);
+    survey_end(&s);
+    return status;
+}
+
+lg_status lg_detector_count_units(const lg_detector_problem *problem, const double *theta,
+                                  lg_detector_units *out) {
+    return count(problem, theta, true, out);
+}
+
+lg_status lg_detector_revive(void *user, uint64_t number, double *theta, bool *dead) {
+    const lg_detector_problem *problem = user;
+    lg_detector_units units;
+    LG_TRY(count(problem, theta, false, &units));
+    *dead = units.died;
+    if (*dead) lg_detector_initialise(problem->model, problem->seed, number, theta);
+    return LG_OK;
+}

@@ -1,0 +1,107 @@
+/* Squared distances between predicted and given points, for the loss; liegrad/hamiltonian.h. */
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/hamiltonian_internal.h"
+
+/* ---- on T*S^2: q, p (B, k, 3) ---- */
+
+enum { TERMS = 14 };
+
+/* theta^2 of the angle between unit vectors, x = |a - b|^2: theta^2 = 4 arcsin(sqrt(x)/2)^2
+ * = 2 sum_n x^n / (n^2 C(2n, n)), to rounding for x <= 1/4. */
+static lg_var series(lg_tape *tape, lg_var x) {
+    double c[TERMS + 1];
+    double binomial = 1.0;
+    for (int n = 1; n <= TERMS; n++) {
+        binomial *= 2.0 * (2.0 * n - 1.0) / n;
+        c[n] = 2.0 / (n * n * binomial);
+    }
+    lg_var sum = lg_scale(tape, x, c[TERMS]);
+    for (int n = TERMS - 1; n > 0; n--) sum = lg_mul(tape, x, lg_add_scalar(tape, sum, c[n]));
+    return sum;
+}
+
+static const double near = 0.25, tiny = 1e-30;
+
+/* As long as x. */
+static lg_var constant(lg_tape *tape, lg_var x, double value) {
+    return lg_full(tape, lg_var_shape(tape, x), value);
+}
+
+/* theta^2 (B, k, 1): the series where |a - b|^2 <= 1/4, else atan2(|a x b|, a.b)^2. The derivative is 0
+ * between antipodes. */
+static lg_var squared_angle(lg_tape *tape, lg_var a, lg_var b) {
+    lg_var x = lg_rownorm2(tape, lg_sub(tape, a, b)), one = constant(tape, x, 1.0);
+    lg_var is_near = lg_ge(tape, constant(tape, x, near), x);
+    lg_var sine2 = lg_max(tape, lg_rownorm2(tape, lg_cross(tape, a, b)), constant(tape, x, tiny));
+    lg_var sine = lg_sqrt(tape, lg_select(tape, is_near, one, sine2));
+    lg_var angle = lg_atan2(tape, sine, lg_select(tape, is_near, one, lg_rowdot(tape, a, b)));
+    return lg_select(tape, is_near, series(tape, x), lg_square(tape, angle));
+}
+
+/* p at a, carried along the shortest geodesic to b: p - (b.p)/(1 + a.b) (a + b). */
+static lg_var carried(lg_tape *tape, lg_var a, lg_var p, lg_var b) {
+    lg_var sum = lg_add_scalar(tape, lg_rowdot(tape, a, b), 1.0);
+    lg_var factor = lg_div(tape, lg_rowdot(tape, b, p), lg_max(tape, sum, constant(tape, sum, tiny)));
+    return lg_sub(tape, p, lg_mul(tape, lg_add(tape, a, b), factor));
+}
+
+static lg_var on_cotangent_spheres(lg_tape *tape, const lg_var *a, const lg_var *b) {
+    lg_var apart = lg_sub(tape, carried(tape, a[0], a[1], b[0]), b[1]);
+    return lg_add(tape, lg_sum(tape, squared_angle(tape, a[0], b[0])), lg_sum(tape, lg_square(tape, apart)));
+}
+
+/* ---- the table, by kind of factor ---- */
+
+static lg_var flat(lg_tape *tape, const lg_var *a, const lg_var *b) {
+    return lg_sum(tape, lg_square(tape, lg_sub(tape, a[0], b[0])));
+}
+
+typedef struct geodesic {
+    lg_space_kind kind;
+    size_t parts;
+    lg_var (*squared)(lg_tape *tape, const lg_var *a, const lg_var *b);
+} geodesic;
+
+static const geodesic geodesics[] = {{LG_SPACE_RN, 1, flat}, {LG_SPACE_TS2, 2, on_cotangent_spheres}};
+
+static const geodesic *geodesic_of(lg_space_kind kind) {
+    for (size_t i = 0; i < LG_COUNT(geodesics); i++)
+        if (geodesics[i].kind == kind) return &geodesics[i];
+    return NULL;
+}
+
+bool lg_hamiltonian_has_geodesics(const lg_space *space) {
+    for (size_t i = 0; i < space->factors; i++)
+        if (geodesic_of(space->factor[i].kind) == NULL) return false;
+    return true;
+}
+
+/* The parts before this one and this one's sum, or the first. */
+static lg_var plus(lg_tape *tape, lg_var total, lg_var more) {
+    return lg_is_none(total) ? more : lg_add(tape, total, more);
+}
+
+static lg_var ambient(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b) {
+    lg_var total = LG_NONE;
+    for (size_t part = 0; part < lg_taped_parts(space); part++)
+        total = plus(tape, total, flat(tape, a + part, b + part));
+    return total;
+}
+
+static lg_var along_geodesics(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b) {
+    lg_var total = LG_NONE;
+    for (size_t i = 0; i < space->factors; i++) {
+        const geodesic *row = geodesic_of(space->factor[i].kind);
+        total = plus(tape, total, row->squared(tape, a, b));
+        a += row->parts, b += row->parts;
+    }
+    return total;
+}
+
+lg_var lg_hamiltonian_squared_distance(lg_tape *tape, lg_hamiltonian_distance kind, const lg_space *space,
+                                       const lg_var *a, const lg_var *b) {
+    static lg_var (*const rows[])(lg_tape *, const lg_space *, const lg_var *, const lg_var *) = {
+        [LG_DISTANCE_AMBIENT] = ambient, [LG_DISTANCE_GEODESIC] = along_geodesics};
+    return rows[kind](tape, space, a, b);
+}

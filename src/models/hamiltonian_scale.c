@@ -1,0 +1,86 @@
+/* The size of a potential before training: what the network's forces are to those of the data. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "models/hamiltonian_internal.h"
+
+enum { MOST_STATES = 256 };
+
+/* Velocities y' (count, d) at the states, on the tape; they stay there until it is reset. */
+static lg_status velocities(lg_tape *tape, const lg_hamiltonian *model, const double *theta,
+                            const double *states, size_t count, double *out) {
+    const uint32_t d = lg_hamiltonian_state_dim(model);
+    lg_hamiltonian_vars vars;
+    lg_tape_reset(tape);
+    lg_var parameters = lg_input_f64(tape, lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta);
+    LG_TRY(lg_hamiltonian_bind(tape, model, parameters, &vars));
+    lg_var y = lg_input_f64(tape, lg_shape2((uint32_t)count, d), states);
+    return lg_read(tape, lg_hamiltonian_record_velocity(tape, &vars, y, LG_NONE), count * d, out);
+}
+
+/* Of (count, d): the difference quotients D of the data, y' with the potential and without it. */
+static double ratio_of(size_t count, const double *quotient, const double *whole, const double *kinetic) {
+    double wanted = 0.0, have = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double force = whole[i] - kinetic[i], rest = quotient[i] - kinetic[i];
+        if (force == 0.0) continue;
+        wanted += rest * rest;
+        have += force * force;
+    }
+    return have > 0.0 ? sqrt(wanted / have) : 1.0;
+}
+
+/* Starts (count, d), and the mean velocity of each trajectory. */
+static void take_states(const lg_hamiltonian_problem *problem, size_t d, size_t count, double *states,
+                        double *quotient) {
+    const size_t last = problem->points - 1;
+    for (size_t i = 0; i < count; i++) {
+        const double *first = problem->data + i * (problem->trajectories / count) * problem->points * d;
+        memcpy(states + i * d, first, d * sizeof(*states));
+        for (size_t c = 0; c < d; c++)
+            quotient[i * d + c] = (first[last * d + c] - first[c]) / (problem->dt * (double)last);
+    }
+}
+
+/* memory: 4 count d numbers, then theta with a last layer of zeros. */
+static lg_status ratio_with(lg_tape *tape, const lg_hamiltonian_problem *problem, size_t count,
+                            const double *theta, double *memory, double *ratio) {
+    const lg_mlp *net = &problem->model->net;
+    const size_t parameters = lg_hamiltonian_parameters(problem->model);
+    const size_t d = lg_hamiltonian_state_dim(problem->model), size = count * d;
+    const size_t last = lg_mlp_weight_offset(net, net->layers - 1);
+    double *quotient = memory + size, *whole = quotient + size, *kinetic = whole + size;
+    double *flat = kinetic + size;
+    take_states(problem, d, count, memory, quotient);
+    memcpy(flat, theta, parameters * sizeof(*flat));
+    memset(flat + last, 0, (lg_mlp_parameters(net) - last) * sizeof(*flat));
+    LG_TRY(velocities(tape, problem->model, theta, memory, count, whole));
+    LG_TRY(velocities(tape, problem->model, flat, memory, count, kinetic));
+    *ratio = ratio_of(size, quotient, whole, kinetic);
+    return LG_OK;
+}
+
+lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamiltonian_problem *problem,
+                               double *theta, double *factor) {
+    LG_TRY(lg_hamiltonian_problem_check(problem, NULL));
+    if (theta == NULL) return LG_INVALID_ARGUMENT;
+    const lg_mlp *net = &problem->model->net;
+    const size_t count = problem->trajectories < MOST_STATES ? problem->trajectories : MOST_STATES;
+    const size_t size = 4 * count * lg_hamiltonian_state_dim(problem->model);
+    double ratio = 1.0;
+    lg_tape *tape = NULL;
+    double *memory = lg_alloc(context, size + lg_hamiltonian_parameters(problem->model), sizeof(*memory));
+    if (memory == NULL) return LG_OUT_OF_MEMORY;
+    lg_status status = lg_tape_create(context, NULL, &tape);
+    if (status == LG_OK) status = ratio_with(tape, problem, count, theta, memory, &ratio);
+    lg_tape_destroy(tape);
+    lg_free(context, memory);
+    LG_TRY(status);
+    const double scale = ratio > 1.0 && ratio <= DBL_MAX ? cbrt(ratio) : 1.0;
+    for (size_t i = lg_mlp_weight_offset(net, net->layers - 1); i < lg_mlp_parameters(net); i++)
+        theta[i] *= scale;
+    if (factor != NULL) *factor = scale;
+    return LG_OK;
+}

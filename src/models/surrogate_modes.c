@@ -1,0 +1,185 @@
+/* The fixed last layer of the discrete network: leading singular vectors of its training curves. */
+#include <limits.h>
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "kernels/lapack.h"
+#include "liegrad/ops.h"
+#include "models/surrogate_internal.h"
+
+size_t lg_surrogate_modes_size(const lg_surrogate *model) {
+    const size_t modes = model->options.modes;
+    return modes > 0 ? (modes + 1) * lg_surrogate_outputs(model) : 0;
+}
+
+lg_status lg_surrogate_check_modes(const lg_surrogate *model, lg_error *error) {
+    if (model->options.modes == 0 || model->modes != NULL) return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "a network of %u modes needs their numbers: lg_surrogate_find_modes",
+                   model->options.modes);
+}
+
+/* ---- on a tape ---- */
+
+lg_var lg_surrogate_sum_modes(lg_tape *tape, const lg_surrogate *model, lg_var c) {
+    const uint32_t modes = model->options.modes, outputs = lg_surrogate_outputs(model);
+    const lg_var mean = lg_input_f64(tape, lg_shape1(outputs), model->modes);
+    const lg_var vectors = lg_input_f64(tape, lg_shape2(modes, outputs), model->modes + outputs);
+    return lg_dense(tape, c, vectors, mean, LG_IDENTITY);
+}
+
+/* ---- the numbers of a curve ---- */
+
+static lg_status check(const lg_surrogate *model, const lg_elastica_curves *curves, const uint32_t *training,
+                       size_t count, lg_error *error) {
+    if (model->options.modes == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "a network without modes");
+    LG_TRY(lg_surrogate_check_curves(model, curves, error));
+    for (size_t i = 0; i < count; i++)
+        if (training[i] >= curves->count)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "curve %u is asked for; there are %zu", training[i],
+                           curves->count);
+    return LG_OK;
+}
+
+/* Inner nodes relative to q0, then inner tangents, on the network's side of the mirror: y (4(N - 1)). */
+static void numbers_of(const lg_surrogate *model, const lg_elastica_curves *curves, size_t at, double *y) {
+    const size_t inner = 2 * ((size_t)model->intervals - 1), stride = inner + 4;
+    const double *x = curves->boundary + 8 * at, *q = curves->q + stride * at, *v = curves->v + stride * at;
+    const double sign = lg_surrogate_sign(model, x);
+    for (size_t i = 0; i < inner; i++) {
+        const double side = i % 2 == 1 ? sign : 1.0;
+        y[i] = side * (q[2 + i] - x[LG_AT_Q0 + i % 2]);
+        y[inner + i] = side * v[2 + i];
+    }
+}
+
+/* Subtracts the part of y (n) along `vector` = s u. Returns the coefficient, 0 for s = 0. */
+static double take_out(const double *vector, size_t n, double *y) {
+    double dot = 0.0, square = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        dot += vector[i] * y[i];
+        square += vector[i] * vector[i];
+    }
+    const double c = square > 0.0 ? dot / square : 0.0;
+    for (size_t i = 0; i < n; i++) y[i] -= c * vector[i];
+    return c;
+}
+
+lg_status lg_surrogate_coefficients(const lg_context *context, const lg_surrogate *model,
+                                    const lg_elastica_curves *curves, const uint32_t *training, size_t count,
+                                    double *coefficients, double *truncation, lg_error *error) {
+    const size_t n = lg_surrogate_outputs(model), modes = model->options.modes;
+    double rest = 0.0;
+    LG_TRY(check(model, curves, training, count, error));
+    LG_TRY(lg_surrogate_check_modes(model, error));
+    double *y = lg_alloc(context, n, sizeof *y);
+    if (y == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the %zu numbers of a curve", n);
+    for (size_t i = 0; i < count; i++) {
+        numbers_of(model, curves, training[i], y);
+        for (size_t j = 0; j < n; j++) y[j] -= model->modes[j];
+        for (size_t k = 0; k < modes; k++)
+            coefficients[modes * i + k] = take_out(model->modes + n * (k + 1), n, y);
+        for (size_t j = 0; j < n; j++) rest += y[j] * y[j];
+    }
+    lg_free(context, y);
+    if (truncation != NULL) *truncation = count > 0 ? rest / ((double)n * (double)count) : 0.0;
+    return LG_OK;
+}
+
+/* ---- singular vectors ---- */
+
+/* Arrays of a decomposition: centred curves a (count, n) by columns, singular values s, left vectors u
+ * (count, least), right ones vt (least, n), both by columns; iwork (8 least), work as dgesdd asks. */
+typedef struct decomposition {
+    size_t count, n, least;
+    double *mean, *y, *a, *s, *u, *vt, *work;
+    int *iwork;
+} decomposition;
+
+static void release(const lg_context *context, decomposition *d) {
+    double *const arrays[] = {d->mean, d->y, d->a, d->s, d->u, d->vt, d->work};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(context, arrays[i]);
+    lg_free(context, d->iwork);
+}
+
+/* dgesdd with `lwork` numbers of work; lwork -1: work[0] becomes the number that it asks for. */
+static int decompose(decomposition *d, double *work, int lwork) {
+    const int rows = (int)d->count, columns = (int)d->n, least = (int)d->least;
+    int info = 0;
+    dgesdd_("S", &rows, &columns, d->a, &rows, d->s, d->u, &rows, d->vt, &least, work, &lwork, d->iwork,
+            &info);
+    return info;
+}
+
+static lg_status reserve(const lg_context *context, decomposition *d) {
+    double wanted = 0.0;
+    struct {
+        double **array;
+        size_t count;
+    } const arrays[] = {{&d->mean, d->n},
+                        {&d->y, d->n},
+                        {&d->a, d->count * d->n},
+                        {&d->s, d->least},
+                        {&d->u, d->count * d->least},
+                        {&d->vt, d->least * d->n}};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++)
+        if ((*arrays[i].array = lg_alloc(context, arrays[i].count, sizeof(double))) == NULL)
+            return LG_OUT_OF_MEMORY;
+    d->iwork = lg_alloc(context, 8 * d->least, sizeof *d->iwork);
+    if (d->iwork == NULL || decompose(d, &wanted, -1) != 0 || !(wanted < INT_MAX)) return LG_OUT_OF_MEMORY;
+    d->work = lg_alloc(context, (size_t)wanted, sizeof *d->work);
+    if (d->work == NULL) return LG_OUT_OF_MEMORY;
+    d->work[0] = wanted;
+    return LG_OK;
+}
+
+/* d->mean and d->a from the curves. False if a number is not finite. */
+static bool lay_out(decomposition *d, const lg_surrogate *model, const lg_elastica_curves *curves,
+                    const uint32_t *training) {
+    double all = 0.0;
+    for (size_t i = 0; i < d->count; i++) {
+        numbers_of(model, curves, training[i], d->y);
+        for (size_t j = 0; j < d->n; j++) {
+            d->a[d->count * j + i] = d->y[j];
+            d->mean[j] += d->y[j] / (double)d->count;
+        }
+    }
+    for (size_t j = 0; j < d->n; j++)
+        for (size_t i = 0; i < d->count; i++) {
+            d->a[d->count * j + i] -= d->mean[j];
+            all += 0.0 * d->a[d->count * j + i];
+        }
+    return isfinite(all);
+}
+
+/* s_k = sigma_k/sqrt(count): the singular values sigma are those of all curves together. */
+static void hand_over(const decomposition *d, uint32_t count, double *modes) {
+    memcpy(modes, d->mean, d->n * sizeof *modes);
+    for (size_t k = 0; k < count; k++)
+        for (size_t j = 0; j < d->n; j++)
+            modes[d->n * (k + 1) + j] = d->s[k] / sqrt((double)d->count) * d->vt[d->least * j + k];
+}
+
+lg_status lg_surrogate_find_modes(const lg_context *context, const lg_surrogate *model,
+                                  const lg_elastica_curves *curves, const uint32_t *training, size_t count,
+                                  double *modes, lg_error *error) {
+    const uint32_t wanted = model->options.modes;
+    const size_t n = lg_surrogate_outputs(model);
+    LG_TRY(check(model, curves, training, count, error));
+    if (count <= wanted)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u modes need at least %u curves to learn from, not %zu",
+                       wanted, wanted + 1, count);
+    if (count > INT_MAX) return lg_fail(error, LG_INVALID_ARGUMENT, "modes of 2^31 curves or more");
+    decomposition d = {.count = count, .n = n, .least = count < n ? count : n};
+    lg_status status = reserve(context, &d);
+    if (status != LG_OK) {
+        (void)lg_fail(error, status, "no memory for the modes of %zu curves", count);
+    } else if (!lay_out(&d, model, curves, training) || decompose(&d, d.work, (int)d.work[0]) != 0) {
+        status = lg_fail(error, LG_NOT_FINITE, "the curves have no modes: numbers are not finite");
+    } else {
+        hand_over(&d, wanted, modes);
+    }
+    release(context, &d);
+    return status;
+}

@@ -1,0 +1,272 @@
+/* Methods of training and their phases; why training ends. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "nn/fit_internal.h"
+
+enum { ADAM = LG_MINIMISE_METHOD_COUNT };
+
+/* Name, and the minimiser's method for those that take the loss of all samples. */
+static const struct {
+    const char *name;
+    int minimise;
+} methods[LG_FIT_METHOD_COUNT] = {[LG_FIT_ADAM] = {"adam", ADAM},
+                                  [LG_FIT_SSBROYDEN] = {"ssbroyden", LG_MINIMISE_SSBROYDEN},
+                                  [LG_FIT_LBFGS] = {"lbfgs", LG_MINIMISE_LBFGS},
+                                  [LG_FIT_LM] = {"lm", LG_MINIMISE_LM}};
+
+const char *lg_fit_method_name(lg_fit_method method) {
+    return (int)method >= 0 && (int)method < LG_FIT_METHOD_COUNT ? methods[method].name : NULL;
+}
+
+/* ---- plans ---- */
+
+/* "adam:100" up to `length`; the number may be missing. */
+static lg_status parse_phase(const char *text, size_t length, uint32_t *method, uint32_t *epochs,
+                             lg_error *error) {
+    const char *colon = memchr(text, ':', length);
+    const size_t name = colon != NULL ? (size_t)(colon - text) : length;
+    *epochs = 0;
+    for (*method = 0; *method < LG_FIT_METHOD_COUNT; (*method)++)
+        if (strlen(methods[*method].name) == name && memcmp(methods[*method].name, text, name) == 0) break;
+    if (*method == LG_FIT_METHOD_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is no method; adam, ssbroyden, lbfgs and lm are",
+                       (int)(name < 40 ? name : 40), text);
+    for (const char *c = colon; c != NULL && ++c < text + length;) {
+        if (*c < '0' || *c > '9' || *epochs > 100000000)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "a method's epochs are a whole number from 1 to 10^9, as in adam:100");
+        *epochs = 10 * *epochs + (uint32_t)(*c - '0');
+    }
+    if (colon != NULL && *epochs == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a method's epochs are a whole number from 1 to 10^9, as in adam:100");
+    return LG_OK;
+}
+
+lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error) {
+    lg_fit_plan plan = {0};
+    for (const char *at = text;;) {
+        const size_t length = strcspn(at, ",");
+        if (plan.phases == LG_FIT_MAX_PHASES)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d methods one after the other",
+                           LG_FIT_MAX_PHASES);
+        LG_TRY(
+            parse_phase(at, length, &plan.phase[plan.phases].method, &plan.phase[plan.phases].epochs, error));
+        plan.phases++;
+        if (at[length] == '\0') break;
+        if (plan.phase[plan.phases - 1].epochs == 0)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "a method that others follow needs its epochs, as in adam:100,ssbroyden");
+        at += length + 1;
+    }
+    if (plan.phases == 1 && plan.phase[0].method == LG_FIT_ADAM && plan.phase[0].epochs == 0) plan.phases = 0;
+    *out = plan;
+    return LG_OK;
+}
+
+void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]) {
+    size_t used = (size_t)snprintf(text, LG_FIT_PLAN_TEXT, "%s", plan->phases == 0 ? methods[0].name : "");
+    for (uint32_t i = 0; i < plan->phases && used < LG_FIT_PLAN_TEXT; i++) {
+        used += (size_t)snprintf(text + used, LG_FIT_PLAN_TEXT - used, "%s%s", i > 0 ? "," : "",
+                                 lg_fit_method_name((lg_fit_method)plan->phase[i].method));
+        if (plan->phase[i].epochs > 0 && used < LG_FIT_PLAN_TEXT)
+            used +=
+                (size_t)snprintf(text + used, LG_FIT_PLAN_TEXT - used, ":%" PRIu32, plan->phase[i].epochs);
+    }
+}
+
+lg_fit_method lg_fit_method_of(const lg_fit *fit, uint64_t phase) {
+    const lg_fit_plan *plan = &fit->options.plan;
+    return plan->phases == 0 ? LG_FIT_ADAM : (lg_fit_method)plan->phase[phase].method;
+}
+
+lg_fit_method lg_fit_method_now(const lg_fit *fit) {
+    return lg_fit_method_of(fit, fit->state.phase);
+}
+
+static bool is_last(const lg_fit *fit) {
+    return fit->state.phase + 1 >= fit->options.plan.phases;
+}
+
+lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options *o, lg_error *error) {
+    /* 8 n^2 bytes: 10000 parameters take 0.8 GB. */
+    enum { MOST_DENSE = 10000 };
+    if (o->plan.phases > LG_FIT_MAX_PHASES)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "training options: the plan has too many phases");
+    for (uint32_t i = 0; i < o->plan.phases; i++) {
+        const uint32_t method = o->plan.phase[i].method;
+        if (method >= LG_FIT_METHOD_COUNT || (o->plan.phase[i].epochs == 0 && i + 1 < o->plan.phases))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "training options: the plan has an unknown method or a phase without epochs");
+        if (method != LG_FIT_ADAM && o->dtype != LG_F64)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "training options: %s needs double precision (f64); only adam takes f32",
+                           methods[method].name);
+        if (method == LG_FIT_LM && problem->residuals == NULL)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "training options: lm needs a loss that is a sum of squares; this one is not");
+        if ((method == LG_FIT_SSBROYDEN || method == LG_FIT_LM) && problem->parameters > MOST_DENSE)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "training options: %s takes a matrix of parameters squared, %zu are too many (at "
+                           "most %d): take lbfgs, or a smaller network",
+                           methods[method].name, problem->parameters, MOST_DENSE);
+    }
+    return LG_OK;
+}
+
+/* ---- evaluations ---- */
+
+lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
+    lg_minimise_options options;
+    lg_minimise_options_init(&options);
+    options.method = (lg_minimise_method)methods[lg_fit_method_of(fit, phase)].minimise;
+    options.check = false; /* the tape's gradients are checked elsewhere */
+    return options;
+}
+
+/* W of W/2 |theta|^2: the weight decay and the prior's part. */
+static double decay_of(const lg_fit *fit) {
+    const lg_fit_options *o = &fit->options;
+    const double spread = o->prior * o->prior * (double)fit->problem.observations;
+    return o->adam.weight_decay + (spread > 0.0 ? 2.0 * fit->state.noise / spread : 0.0);
+}
+
+static bool is_lm(const lg_fit *fit) {
+    return lg_fit_method_now(fit) == LG_FIT_LM;
+}
+
+/* Loss and gradient of all training samples (lm: and the matrix), with W/2 |theta|^2. A value that is not
+ * finite is no failure but for the first one: the search shortens its step. */
+static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
+    char what[64];
+    const double *theta = fit->point;
+    const size_t n = fit->problem.parameters;
+    const double decay = decay_of(fit);
+    const bool first = lg_minimiser_result(fit->state.minimiser).evaluations == 0;
+    (void)snprintf(what, sizeof what, "epoch %" PRIu64, fit->state.epoch + 1);
+    lg_status status =
+        is_lm(fit) ? lg_fit_squares(fit, what, value, error)
+                   : lg_fit_batch_loss(fit, fit->state.order, fit->training, true, what, value, error);
+    if (status == LG_OK && !is_lm(fit) && !isfinite(lg_fit_reduce(fit)))
+        status = lg_fit_gradient_failure(fit, what, error);
+    if (status == LG_NOT_FINITE && !first) {
+        (void)lg_fail(error, LG_OK, "%s", "");
+        *value = (double)NAN;
+        return LG_OK;
+    }
+    LG_TRY(status);
+    if (!(decay > 0.0)) return LG_OK;
+    *value += 0.5 * decay * fit->k->dot(n, theta, theta);
+    fit->k->axpy(n, decay, theta, fit->shards[0].gradient);
+    for (size_t i = 0; i < n && is_lm(fit); i++) fit->shards[0].matrix[i * n + i] += decay;
+    return LG_OK;
+}
+
+/* The loss at the lowest point, without decay. */
+static double plain_loss(const lg_fit *fit) {
+    const double *x = lg_minimiser_best(fit->state.minimiser);
+    const double decay = decay_of(fit), value = lg_minimiser_result(fit->state.minimiser).value;
+    return decay > 0.0 ? value - 0.5 * decay * fit->k->dot(fit->problem.parameters, x, x) : value;
+}
+
+/* Sets the variance of the noise: value and gradient at the lowest point change with W. */
+static void set_noise(lg_fit *fit, double noise) {
+    lg_fit_state *s = &fit->state;
+    const size_t n = fit->problem.parameters;
+    const double *x = lg_minimiser_best(s->minimiser), before = decay_of(fit);
+    double *gradient = (double *)(void *)fit->shards[0].gradient;
+    const double value = lg_minimiser_result(s->minimiser).value;
+    s->noise = noise;
+    const double change = decay_of(fit) - before;
+    memcpy(gradient, lg_minimiser_gradient(s->minimiser), n * sizeof *gradient);
+    fit->k->axpy(n, change, x, gradient);
+    lg_minimiser_change(s->minimiser, value + 0.5 * change * fit->k->dot(n, x, x), gradient);
+}
+
+/* After a step: whether the loss still falls. */
+static void watch_noise(lg_fit *fit, double loss) {
+    enum { WINDOW = 50 };
+    static const double FALL = 0.9, ANEW = 0.5;
+    lg_fit_state *s = &fit->state;
+    const uint64_t iterations = lg_minimiser_result(s->minimiser).iterations;
+    if (s->noise > 0.0 && loss < ANEW * s->noise) set_noise(fit, 0.0);
+    if (iterations > 1 && iterations - s->plateau_start < WINDOW) return;
+    if (iterations > 1 && s->noise == 0.0 && loss > FALL * s->plateau) set_noise(fit, loss);
+    s->plateau = loss;
+    s->plateau_start = iterations;
+}
+
+lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
+    lg_fit_state *s = &fit->state;
+    const size_t n = fit->problem.parameters;
+    if (s->minimiser == NULL) {
+        const lg_minimise_options options = lg_fit_minimise_options(fit, s->phase);
+        LG_TRY(lg_minimiser_create(fit->context, n, &options, s->theta, &s->minimiser, error));
+    }
+    double value = 0.0;
+    fit->point = lg_minimiser_point(s->minimiser);
+    LG_TRY(full_loss(fit, &value, error));
+    const double *gradient = (const double *)(const void *)fit->shards[0].gradient;
+    *moved = is_lm(fit) ? lg_minimiser_tell_squares(s->minimiser, value, gradient, fit->shards[0].matrix)
+                        : lg_minimiser_tell(s->minimiser, value, gradient);
+    memcpy(s->theta, lg_minimiser_best(s->minimiser), n * sizeof(double));
+    const double loss = plain_loss(fit);
+    if (*moved && !is_lm(fit) && fit->options.prior > 0.0 && fit->problem.observations > 0)
+        watch_noise(fit, loss);
+    s->running_loss = loss * (double)fit->training;
+    return LG_OK;
+}
+
+static bool minimiser_ended(const lg_fit *fit) {
+    const lg_minimiser *minimiser = fit->state.minimiser;
+    return minimiser != NULL && lg_minimiser_result(minimiser).end != LG_MINIMISE_RUNNING;
+}
+
+static bool phase_done(const lg_fit *fit) {
+    const lg_fit_plan *plan = &fit->options.plan;
+    const uint32_t planned = plan->phases == 0 ? 0 : plan->phase[fit->state.phase].epochs;
+    return planned > 0 && fit->state.epoch - fit->state.phase_start >= planned;
+}
+
+void lg_fit_next_phase(lg_fit *fit) {
+    lg_fit_state *s = &fit->state;
+    if (is_last(fit) || !(minimiser_ended(fit) || phase_done(fit))) return;
+    lg_minimiser_destroy(s->minimiser);
+    s->minimiser = NULL;
+    s->noise = 0.0;
+    s->plateau_start = 0;
+    s->phase++;
+    s->phase_start = s->epoch;
+}
+
+/* ---- ends ---- */
+
+lg_fit_end lg_fit_why_finished(const lg_fit *fit) {
+    const lg_fit_state *s = &fit->state;
+    const lg_fit_options *o = &fit->options;
+    if (s->position > 0) return LG_FIT_RUNNING;
+    if (is_last(fit) && minimiser_ended(fit)) return LG_FIT_END_MINIMISER;
+    if (s->epoch >= o->epochs || (is_last(fit) && phase_done(fit))) return LG_FIT_END_EPOCHS;
+    if (o->patience > 0 && s->epoch - s->best_epoch >= o->patience) return LG_FIT_END_PATIENCE;
+    return o->seconds > 0.0 && fit->spent >= o->seconds ? LG_FIT_END_SECONDS : LG_FIT_RUNNING;
+}
+
+bool lg_fit_finished(const lg_fit *fit) {
+    return lg_fit_why_finished(fit) != LG_FIT_RUNNING;
+}
+
+const char *lg_fit_end_sentence(const lg_fit *fit) {
+    static const char *const sentences[] = {
+        [LG_FIT_RUNNING] = "",
+        [LG_FIT_END_EPOCHS] = "the planned epochs are done",
+        [LG_FIT_END_SECONDS] = "the time is used up",
+        [LG_FIT_END_PATIENCE] = "the loss of the validation part has not fallen for --patience epochs",
+    };
+    const lg_fit_end end = lg_fit_why_finished(fit);
+    if (end == LG_FIT_END_MINIMISER)
+        return lg_minimise_end_sentence(lg_minimiser_result(fit->state.minimiser).end);
+    return sentences[end];
+}

@@ -1,0 +1,92 @@
+/* Sums of squares in training: loss, gradient and Gauss-Newton matrix of all training samples, from
+ * residuals on the shards' tapes. The Jacobian comes by forward mode, a column a parameter. */
+#include <string.h>
+
+#include "autodiff/tape_internal.h"
+#include "nn/fit_internal.h"
+
+/* The Jacobian's transpose (n, rows), then the Jacobian, then the residuals. */
+static lg_status room_for(const lg_fit *fit, lg_shard *shard, size_t rows) {
+    if (shard->rows >= rows) return LG_OK;
+    lg_free(fit->context, shard->jacobian);
+    shard->rows = 0;
+    shard->jacobian = lg_alloc(fit->context, rows * (2 * fit->problem.parameters + 1), sizeof(double));
+    if (shard->jacobian == NULL) return LG_OUT_OF_MEMORY;
+    shard->rows = rows;
+    return LG_OK;
+}
+
+/* Row j of the transpose: the derivative of r by parameter j. */
+static lg_status fill_columns(lg_tape *tape, lg_var theta, lg_var r, size_t n, size_t rows,
+                              double *transposed) {
+    const lg_mark mark = lg_tape_mark(tape);
+    for (size_t j = 0; j < n; j++) {
+        void *unit;
+        lg_var direction = lg_input_buffer(tape, lg_shape1((uint32_t)n), &unit), column;
+        if (lg_is_none(direction)) return lg_tape_status(tape);
+        memset(unit, 0, n * sizeof(double));
+        ((double *)unit)[j] = 1.0;
+        LG_TRY(lg_jvp(tape, &r, 1, &theta, &direction, 1, &column));
+        LG_TRY(lg_read(tape, column, rows, transposed + j * rows));
+        LG_TRY(lg_tape_rewind(tape, mark));
+    }
+    return LG_OK;
+}
+
+/* Adds |r|^2, 2 J^T r and 2 J^T J of `count` samples to the shard's. */
+static lg_status add_chunk(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
+    const size_t n = fit->problem.parameters;
+    lg_tape *tape = shard->tape;
+    lg_var r = LG_NONE;
+    lg_tape_reset(tape);
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)n), fit->point);
+    const lg_status given =
+        fit->problem.residuals(fit->problem.user, tape, theta, samples, count, fit->training, &r);
+    LG_TRY(lg_tape_status(tape));
+    LG_TRY(given);
+    const size_t rows = (size_t)lg_shape_count(lg_var_shape(tape, r));
+    LG_TRY(room_for(fit, shard, rows));
+    double *transposed = shard->jacobian, *jacobian = transposed + n * rows, *residuals = jacobian + n * rows;
+    LG_TRY(lg_read(tape, r, rows, residuals));
+    LG_TRY(fill_columns(tape, theta, r, n, rows, transposed));
+    shard->loss += fit->k->dot(rows, residuals, residuals);
+    for (size_t i = 0; i < rows; i++) residuals[i] *= 2.0;
+    fit->k->matvec(n, rows, transposed, residuals, shard->gradient, true);
+    fit->k->transpose(n, rows, transposed, jacobian);
+    for (size_t i = 0; i < n * rows; i++) transposed[i] *= 2.0;
+    fit->k->gemm(n, n, rows, transposed, rows, 1, jacobian, n, shard->matrix, n, true);
+    return LG_OK;
+}
+
+static lg_status add_shard(const lg_fit *fit, lg_shard *shard) {
+    const size_t n = fit->problem.parameters,
+                 chunk = fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
+    if (shard->matrix == NULL) shard->matrix = lg_alloc(fit->context, n * n, sizeof(double));
+    if (shard->matrix == NULL) return LG_OUT_OF_MEMORY;
+    shard->loss = 0.0;
+    memset(shard->matrix, 0, n * n * sizeof(double));
+    memset(shard->gradient, 0, n * sizeof(double));
+    lg_tape_constant(shard->tape, fit->point, n * sizeof(double));
+    for (size_t at = 0; at < shard->count; at += chunk) {
+        const size_t rest = shard->count - at;
+        LG_TRY(add_chunk(fit, shard, shard->samples + at, rest < chunk ? rest : chunk));
+    }
+    return LG_OK;
+}
+
+static void shard_task(void *user, size_t index) {
+    lg_fit *fit = user;
+    fit->shards[index].status = add_shard(fit, &fit->shards[index]);
+}
+
+lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error) {
+    const size_t n = fit->problem.parameters;
+    lg_fit_cut(fit, fit->state.order, fit->training);
+    lg_thread_pool_run(fit->pool, fit->active, shard_task, fit);
+    LG_TRY(lg_fit_sum_losses(fit, what, value, error));
+    for (size_t i = 1; i < fit->active; i++) {
+        fit->k->axpy(n, 1.0, fit->shards[i].gradient, fit->shards[0].gradient);
+        fit->k->axpy(n * n, 1.0, fit->shards[i].matrix, fit->shards[0].matrix);
+    }
+    return LG_OK;
+}

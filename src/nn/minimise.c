@@ -1,0 +1,344 @@
+/* Minimisation: the state machine between evaluations, and its ends. */
+#include <math.h>
+#include <string.h>
+
+#include "liegrad/random.h"
+#include "nn/minimise_internal.h"
+
+enum { SLOW_ITERATIONS = 200, CHECK_POINTS = 4, MOST_ENDLESS = 2 };
+static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300;
+static const double CHECK_STEP = 1e-4, CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-10;
+
+static const lg_minimise_row *const methods[LG_MINIMISE_METHOD_COUNT] = {
+    [LG_MINIMISE_SSBROYDEN] = &lg_minimise_ssbroyden,
+    [LG_MINIMISE_LBFGS] = &lg_minimise_lbfgs,
+    [LG_MINIMISE_LM] = &lg_minimise_lm};
+
+static const struct {
+    lg_status status;
+    const char *sentence;
+} ends[LG_MINIMISE_END_COUNT] = {
+    [LG_MINIMISE_RUNNING] = {LG_OK, ""},
+    [LG_MINIMISE_EVALUATIONS] = {LG_OK, "the evaluations are used up"},
+    [LG_MINIMISE_SECONDS] = {LG_OK, "the time is used up"},
+    [LG_MINIMISE_GRADIENT] = {LG_OK, "the gradient is zero to its tolerance"},
+    [LG_MINIMISE_SLOW] = {LG_OK, "200 iterations lowered the value by less than 1e-4 of it"},
+    [LG_MINIMISE_ROUNDING] = {LG_OK, "no step lowers the value any more: rounding is the limit"},
+    [LG_MINIMISE_CANCELLED] = {LG_CANCELLED, "the caller asked to stop"},
+    [LG_MINIMISE_UNBOUNDED] = {LG_NO_CONVERGENCE, "the function falls without end along a direction"},
+    [LG_MINIMISE_NOT_FINITE] = {LG_NOT_FINITE, "the value or the gradient is not finite at the start"},
+    [LG_MINIMISE_WRONG_GRADIENT] = {LG_CHECK_FAILED,
+                                    "the gradient disagrees with differences of the function"},
+};
+
+const char *lg_minimise_method_name(lg_minimise_method method) {
+    return (int)method >= 0 && (int)method < LG_MINIMISE_METHOD_COUNT ? methods[method]->name : NULL;
+}
+
+const char *lg_minimise_end_sentence(lg_minimise_end end) {
+    return (int)end >= 0 && (int)end < LG_MINIMISE_END_COUNT ? ends[end].sentence : "";
+}
+
+lg_status lg_minimise_end_status(lg_minimise_end end) {
+    return (int)end >= 0 && (int)end < LG_MINIMISE_END_COUNT ? ends[end].status : LG_INVALID_ARGUMENT;
+}
+
+void lg_minimise_options_init(lg_minimise_options *options) {
+    *options = (lg_minimise_options){.size = sizeof *options,
+                                     .method = LG_MINIMISE_SSBROYDEN,
+                                     .memory = 50,
+                                     .check = true,
+                                     .slow = true,
+                                     .evaluations = 10000};
+}
+
+/* ---- creation ---- */
+
+static lg_status check_options(size_t n, const lg_minimise_options *o, lg_error *error) {
+    if (o->size != sizeof *o)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the size of the options of minimisation is %zu, not %zu",
+                       o->size, sizeof *o);
+    if (n == 0 || n > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu variables; 1 to 2^32 - 1 are possible", n);
+    if (lg_minimise_method_name(o->method) == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the method of minimisation is unknown");
+    if (o->memory < 1 || o->memory > 1000)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the memory of L-BFGS must be 1 to 1000 pairs");
+    if (!(o->gradient_tolerance >= 0.0) || !(o->seconds >= 0.0) || o->evaluations == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "tolerance and seconds must not be negative, evaluations must be positive");
+    return LG_OK;
+}
+
+static lg_status allocate(lg_minimiser *m) {
+    enum { VECTORS = 6 };
+    const size_t stride = lg_minimise_stride(m->n);
+    m->length = m->row->length(m->n, &m->options);
+    if (m->length > SIZE_MAX / sizeof(double) - VECTORS * stride) return LG_OUT_OF_MEMORY;
+    m->memory = lg_alloc(m->context, VECTORS * stride + m->length, sizeof *m->memory);
+    if (m->memory == NULL) return LG_OUT_OF_MEMORY;
+    double **const vectors[VECTORS] = {&m->x, &m->g, &m->d, &m->point, &m->s, &m->y};
+    for (size_t i = 0; i < VECTORS; i++) *vectors[i] = m->memory + i * stride;
+    m->curvature = m->memory + VECTORS * stride;
+    return LG_OK;
+}
+
+lg_status lg_minimiser_create(const lg_context *context, size_t n, const lg_minimise_options *options,
+                              const double *x, lg_minimiser **out, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    lg_minimise_options chosen;
+    lg_minimise_options_init(&chosen);
+    if (options != NULL) chosen = *options;
+    if (x == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "x or the output is NULL");
+    LG_TRY(check_options(n, &chosen, error));
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    if (!k->all_finite(n, x)) return lg_fail(error, LG_NOT_FINITE, "the point to start from is not finite");
+    lg_minimiser *m = lg_alloc(context, 1, sizeof *m);
+    if (m == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to minimise in %zu variables", n);
+    m->context = context;
+    m->k = k;
+    m->options = chosen;
+    m->row = methods[chosen.method];
+    m->n = n;
+    if (allocate(m) != LG_OK) {
+        lg_minimiser_destroy(m);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to minimise in %zu variables by %s", n,
+                       methods[chosen.method]->name);
+    }
+    memcpy(m->x, x, n * sizeof *x);
+    memcpy(m->point, x, n * sizeof *x);
+    *out = m;
+    return LG_OK;
+}
+
+void lg_minimiser_destroy(lg_minimiser *m) {
+    if (m == NULL) return;
+    lg_free(m->context, m->memory);
+    lg_free(m->context, m);
+}
+
+/* ---- between evaluations ---- */
+
+static double largest(const double *x, size_t n) {
+    double top = 0.0;
+    for (size_t i = 0; i < n; i++)
+        if (!(fabs(x[i]) <= top)) top = fabs(x[i]);
+    return top;
+}
+
+bool lg_minimise_flat(const lg_minimiser *m) {
+    return largest(m->g, m->n) <= m->options.gradient_tolerance;
+}
+
+void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end) {
+    m->counts.stage = LG_STAGE_DONE;
+    m->counts.end = (uint64_t)end;
+    memcpy(m->point, m->x, m->n * sizeof *m->x);
+}
+
+/* The point x + step direction. */
+static void set_point(lg_minimiser *m, double step, const double *direction) {
+    for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + step * direction[i];
+}
+
+static void search(lg_minimiser *m, double alpha) {
+    m->numbers.slope = m->k->dot(m->n, m->g, m->d);
+    if (!(m->numbers.slope < 0.0) || !isfinite(m->numbers.slope)) {
+        m->counts.pairs = 0;
+        for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
+        m->numbers.slope = -m->k->dot(m->n, m->g, m->g);
+        alpha = fmin(1.0, FIRST_STEP / sqrt(-m->numbers.slope));
+    }
+    lg_minimise_search_begin(m, alpha);
+    set_point(m, m->numbers.alpha, m->d);
+}
+
+/* Down the gradient, H = 1. */
+static void restart(lg_minimiser *m) {
+    m->counts.pairs = 0;
+    for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
+    search(m, fmin(1.0, FIRST_STEP / sqrt(m->k->dot(m->n, m->g, m->g))));
+}
+
+/* ---- the check: values along a random line against slopes by Simpson's rule ---- */
+
+/* The line's direction goes to s, always the same. */
+static void check_direction(lg_minimiser *m) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, m->n);
+    for (size_t i = 0; i < m->n; i++) m->s[i] = lg_rng_normal(&rng);
+}
+
+static double check_step(const lg_minimiser *m) {
+    return CHECK_STEP * (1.0 + largest(m->x, m->n));
+}
+
+static void next_check(lg_minimiser *m) {
+    static const double at[CHECK_POINTS] = {-1.0, -0.5, 0.5, 1.0};
+    check_direction(m);
+    set_point(m, at[m->counts.trials] * check_step(m), m->s);
+}
+
+static void begin_check(lg_minimiser *m) {
+    m->counts.stage = LG_STAGE_CHECK;
+    m->counts.trials = 0;
+    next_check(m);
+}
+
+/* Whether slopes at both ends and the middle of a step give the change of the value; `size`: of values. */
+static bool agrees(double change, double step, const double slopes[3], double size) {
+    const double simpson = step / 6.0 * (slopes[0] + 4.0 * slopes[1] + slopes[2]);
+    const double top = fabs(step) * fmax(fabs(slopes[0]), fmax(fabs(slopes[1]), fabs(slopes[2])));
+    const double allowed = CHECK_TOLERANCE * fmax(top, fabs(change)) + CHECK_ROUNDING * size;
+    return !(fabs(change - simpson) > allowed); /* NaN: nothing is known */
+}
+
+/* In one half of the line at least: a kink may lie in the other. */
+static bool gradient_agrees(lg_minimiser *m) {
+    const lg_minimise_numbers *s = &m->numbers;
+    const double step = check_step(m);
+    double size = fabs(s->value);
+    for (size_t i = 0; i < CHECK_POINTS; i++) size = fmax(size, fabs(s->check_value[i]));
+    check_direction(m);
+    const double slope = m->k->dot(m->n, m->g, m->s);
+    const double left[3] = {slope, s->check_slope[1], s->check_slope[0]};
+    const double right[3] = {slope, s->check_slope[2], s->check_slope[3]};
+    return agrees(s->check_value[0] - s->value, -step, left, size) ||
+           agrees(s->check_value[3] - s->value, step, right, size);
+}
+
+/* At the start, before any search, and where searches have failed. */
+static void tell_check(lg_minimiser *m, double value, const double *gradient) {
+    m->numbers.check_value[m->counts.trials] = value;
+    check_direction(m);
+    m->numbers.check_slope[m->counts.trials] = m->k->dot(m->n, gradient, m->s);
+    if (++m->counts.trials < CHECK_POINTS) {
+        next_check(m);
+    } else if (!gradient_agrees(m)) {
+        lg_minimise_finish(m, LG_MINIMISE_WRONG_GRADIENT);
+    } else if (m->counts.failures > 0) {
+        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+    } else if (lg_minimise_flat(m)) {
+        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    } else {
+        restart(m);
+    }
+}
+
+/* ---- steps ---- */
+
+static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
+    m->numbers.value = m->numbers.reference_value = value;
+    memcpy(m->g, gradient, m->n * sizeof *gradient);
+    if (!isfinite(value) || !m->k->all_finite(m->n, gradient))
+        lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
+    else if (m->options.check)
+        begin_check(m);
+    else if (lg_minimise_flat(m))
+        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    else
+        restart(m);
+    return false;
+}
+
+/* A second failure in a row ends: from H = 1 too no step lowers the value. */
+static void fail_search(lg_minimiser *m) {
+    if (++m->counts.failures == 1)
+        restart(m);
+    else if (m->options.check)
+        begin_check(m);
+    else
+        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+}
+
+bool lg_minimise_slow(lg_minimiser *m) {
+    lg_minimise_numbers *s = &m->numbers;
+    if (!m->options.slow || m->counts.iterations - m->counts.reference < SLOW_ITERATIONS) return false;
+    const bool still = s->reference_value - s->value < SLOW_DECREASE * fabs(s->reference_value);
+    m->counts.reference = m->counts.iterations;
+    s->reference_value = s->value;
+    return still;
+}
+
+/* The trial point becomes x. */
+static void accept(lg_minimiser *m, double value, const double *gradient) {
+    const size_t n = m->n;
+    for (size_t i = 0; i < n; i++) {
+        m->s[i] = m->point[i] - m->x[i];
+        m->y[i] = gradient[i] - m->g[i];
+    }
+    memcpy(m->x, m->point, n * sizeof *m->x);
+    memcpy(m->g, gradient, n * sizeof *m->g);
+    m->numbers.value = value;
+    m->counts.failures = 0;
+    m->counts.iterations++;
+    if (m->counts.endless >= MOST_ENDLESS || value < LOWEST) {
+        lg_minimise_finish(m, LG_MINIMISE_UNBOUNDED);
+    } else if (lg_minimise_flat(m)) {
+        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    } else if (lg_minimise_slow(m)) {
+        lg_minimise_finish(m, LG_MINIMISE_SLOW);
+    } else if (m->k->dot(n, m->s, m->y) > 0.0) {
+        m->row->update(m, m->s, m->y);
+        m->counts.pairs++;
+        search(m, 1.0);
+    } else {
+        restart(m);
+    }
+}
+
+static bool tell_search(lg_minimiser *m, double value, const double *gradient) {
+    const bool finite = isfinite(value) && m->k->all_finite(m->n, gradient);
+    if (value == -INFINITY) {
+        lg_minimise_finish(m, LG_MINIMISE_UNBOUNDED);
+        return false;
+    }
+    const double slope = finite ? m->k->dot(m->n, gradient, m->d) : (double)NAN;
+    const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
+    if (verdict == LG_SEARCH_ON) set_point(m, m->numbers.alpha, m->d);
+    if (verdict == LG_SEARCH_FAIL) fail_search(m);
+    if (verdict == LG_SEARCH_ACCEPT) accept(m, value, gradient);
+    return verdict == LG_SEARCH_ACCEPT;
+}
+
+bool lg_minimiser_tell(lg_minimiser *m, double value, const double *gradient) {
+    if (m->counts.stage == LG_STAGE_DONE || m->row->update == NULL) return false;
+    m->counts.evaluations++;
+    if (m->counts.stage == LG_STAGE_START) return tell_start(m, value, gradient);
+    if (m->counts.stage == LG_STAGE_SEARCH) return tell_search(m, value, gradient);
+    tell_check(m, value, gradient);
+    return false;
+}
+
+void lg_minimiser_change(lg_minimiser *m, double value, const double *gradient) {
+    if (m->counts.stage != LG_STAGE_SEARCH || m->counts.iterations == 0 || m->row->direction == NULL) return;
+    m->numbers.value = m->numbers.reference_value = value;
+    m->counts.reference = m->counts.iterations;
+    memcpy(m->g, gradient, m->n * sizeof *gradient);
+    if (m->counts.pairs == 0) {
+        restart(m);
+        return;
+    }
+    m->row->direction(m);
+    search(m, 1.0);
+}
+
+const double *lg_minimiser_gradient(const lg_minimiser *m) {
+    return m->g;
+}
+
+const double *lg_minimiser_point(const lg_minimiser *m) {
+    return m->point;
+}
+
+const double *lg_minimiser_best(const lg_minimiser *m) {
+    return m->x;
+}
+
+lg_minimise_result lg_minimiser_result(const lg_minimiser *m) {
+    return (lg_minimise_result){.end = (lg_minimise_end)m->counts.end,
+                                .evaluations = m->counts.evaluations,
+                                .iterations = m->counts.iterations,
+                                .value = m->counts.evaluations > 0 ? m->numbers.value : (double)NAN,
+                                .gradient = largest(m->g, m->n)};
+}

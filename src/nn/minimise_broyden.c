@@ -1,0 +1,75 @@
+/* Self-scaled Broyden family with a dense inverse Hessian H (Urban, Stefanou, Pons 2025, SSBroyden2). */
+#include <math.h>
+
+#include "nn/minimise_internal.h"
+
+/* Scale and weight of the update from b = s.Bs/y.s and h = y.Hy/y.s. */
+static void coefficients(size_t n, double b, double h, double *tau, double *phi) {
+    const double a = fmax(h * b - 1.0, 1e-16), c = sqrt(a / (1.0 + a));
+    const double r = fmin(1.0, h * (1.0 - c));
+    const double theta = fmax((r - 1.0) / a, fmin(1.0 / r, (1.0 - b) / b));
+    const double sigma = 1.0 + a * theta, root = pow(fabs(sigma), 1.0 / (1.0 - (double)n));
+    const double k = fmin(1.0, 1.0 / b), factor = n > 1 ? root : 1.0;
+    *tau = theta > 0.0 ? k * fmin(factor, 1.0 / theta) : fmin(k * factor, sigma);
+    *phi = (1.0 - theta) / (1.0 + a * theta);
+}
+
+/* memory: H, rows of n at a stride, then Hy. */
+static size_t length(size_t n, const lg_minimise_options *options) {
+    (void)options;
+    return (n + 1) * lg_minimise_stride(n);
+}
+
+static void start(lg_minimiser *m, double scale) {
+    const size_t n = m->n, stride = lg_minimise_stride(n);
+    m->k->fill(n * stride, 0.0, m->curvature);
+    for (size_t i = 0; i < n; i++) m->curvature[i * stride + i] = scale;
+}
+
+/* H <- (H - Hy Hy'/q + phi q v v')/tau + rho s s', v = rho s - Hy/q, q = y.Hy, rho = 1/y.s: row i is a
+ * combination of s, Hy and itself. d <- -H g comes from Hg = Hy - d, without a second product. */
+static void update(lg_minimiser *m, double *s, double *y) {
+    const lg_kernels *k = m->k;
+    const size_t n = m->n, stride = lg_minimise_stride(n);
+    double *h = m->curvature, *hy = h + n * stride;
+    const double ys = k->dot(n, y, s), rho = 1.0 / ys;
+    const bool first = m->counts.pairs == 0;
+    if (first) {
+        start(m, ys / k->dot(n, y, y));
+        for (size_t i = 0; i < n; i++) hy[i] = h[0] * y[i], m->d[i] = h[0] * (y[i] - m->g[i]);
+    } else {
+        k->matvec(n, stride, h, m->g, hy, false);
+        for (size_t i = 0; i < n; i++) hy[i] += m->d[i];
+    }
+    /* With d = -H g before the step and s = alpha d: s.Bs = -alpha g.(s) = alpha^2 (-g.d). */
+    const double q = k->dot(n, y, hy);
+    const double sbs =
+        first ? k->dot(n, s, s) / h[0] : -m->numbers.alpha * m->numbers.alpha * m->numbers.slope;
+    double tau, phi;
+    coefficients(n, sbs * rho, q * rho, &tau, &phi);
+    if (!(q > 0.0) || !isfinite(tau) || !isfinite(phi) || !(tau > 0.0)) {
+        start(m, ys / k->dot(n, y, y));
+        for (size_t i = 0; i < n; i++) m->d[i] = -h[0] * m->g[i];
+        return;
+    }
+    for (size_t i = 0; i < n; i++) {
+        const double v = rho * s[i] - hy[i] / q;
+        k->combine(n, phi * q * rho * v / tau + rho * s[i], s, -(hy[i] / q + phi * v) / tau, hy, 1.0 / tau,
+                   h + i * stride);
+    }
+    /* y is scratch now: H_old g = Hy - d. */
+    const double sg = k->dot(n, s, m->g), hyg = k->dot(n, hy, m->g), vg = rho * sg - hyg / q;
+    for (size_t i = 0; i < n; i++) {
+        const double v = rho * s[i] - hy[i] / q, hg = hy[i] - m->d[i];
+        m->d[i] = -((hg - hy[i] * hyg / q + phi * q * v * vg) / tau + rho * s[i] * sg);
+    }
+}
+
+static void direction(lg_minimiser *m) {
+    const size_t n = m->n, stride = lg_minimise_stride(n);
+    m->k->matvec(n, stride, m->curvature, m->g, m->d, false);
+    for (size_t i = 0; i < n; i++) m->d[i] = -m->d[i];
+}
+
+const lg_minimise_row lg_minimise_ssbroyden = {
+    .name = "ssbroyden", .length = length, .update = update, .direction = direction};

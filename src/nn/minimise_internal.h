@@ -1,0 +1,82 @@
+/* A run of minimisation: its state, which is saved, and the tables of its methods. */
+#ifndef LG_MINIMISE_INTERNAL_H
+#define LG_MINIMISE_INTERNAL_H
+
+#include "core/core.h"
+#include "kernels/kernels.h"
+#include "liegrad/minimise.h"
+
+/* What the next value and gradient are for. */
+typedef enum lg_minimise_stage {
+    LG_STAGE_START,  /* the first of all */
+    LG_STAGE_CHECK,  /* comparing g with f */
+    LG_STAGE_SEARCH, /* along d */
+    LG_STAGE_DONE
+} lg_minimise_stage;
+#define LG_MINIMISE_STAGE_COUNT 4
+
+/* The state beside the vectors. Members of one struct are of one type: each is saved as an array. */
+typedef struct lg_minimise_counts {
+    uint64_t stage, end, evaluations, iterations;
+    uint64_t failures;  /* searches that failed since the last step */
+    uint64_t endless;   /* searches since the last one that found an end to the fall of f */
+    uint64_t trials;    /* evaluations of this search or check */
+    uint64_t bounded;   /* this search has an upper end */
+    uint64_t pairs;     /* curvature pairs taken since H = 1 */
+    uint64_t reference; /* iteration at which reference_value was taken */
+} lg_minimise_counts;
+
+typedef struct lg_minimise_numbers {
+    double value, slope; /* f and g.d at x */
+    double alpha;        /* trial step */
+    double low, low_value, low_slope;
+    double high, high_value, high_slope; /* the search's bracket [low, high] */
+    double reference_value;
+    double damping, growth; /* Levenberg-Marquardt: mu, and its factor after the next refusal */
+    double check_value[4], check_slope[4];
+} lg_minimise_numbers;
+
+typedef struct lg_minimise_row {
+    const char *name;
+    /* Doubles of its memory. */
+    size_t (*length)(size_t n, const lg_minimise_options *options);
+    /* Takes a step: s (n) and y (n), y.s > 0, and the new gradient m->g. Then m->d = -H g. s and y may be
+     * used as scratch. */
+    void (*update)(struct lg_minimiser *m, double *s, double *y);
+    void (*direction)(struct lg_minimiser *m); /* m->d = -H g, where there are pairs */
+} lg_minimise_row;
+
+struct lg_minimiser {
+    const lg_context *context;
+    const lg_kernels *k;
+    lg_minimise_options options;
+    const lg_minimise_row *row;
+    size_t n, length;
+    double *memory;            /* all vectors */
+    double *x, *g, *d, *point; /* (n) */
+    double *curvature;         /* (length) */
+    double *s, *y;             /* (n), scratch */
+    lg_minimise_counts counts;
+    lg_minimise_numbers numbers;
+};
+
+extern const lg_minimise_row lg_minimise_ssbroyden, lg_minimise_lbfgs, lg_minimise_lm;
+
+/* Ends the run: the point is the best one. */
+void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);
+/* Whether the gradient is zero to its tolerance; after a step, whether f falls too slowly. */
+bool lg_minimise_flat(const lg_minimiser *m);
+bool lg_minimise_slow(lg_minimiser *m);
+
+/* The search along d from x: begins with trial step alpha. */
+void lg_minimise_search_begin(lg_minimiser *m, double alpha);
+typedef enum lg_search_verdict { LG_SEARCH_ON, LG_SEARCH_ACCEPT, LG_SEARCH_FAIL } lg_search_verdict;
+/* Takes f and g.d of the trial; LG_SEARCH_ON: numbers.alpha is the next trial. */
+lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope);
+
+/* Elements between two vectors of n. */
+static inline size_t lg_minimise_stride(size_t n) {
+    return (n + 7) / 8 * 8;
+}
+
+#endif

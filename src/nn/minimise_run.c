@@ -1,0 +1,168 @@
+/* The loop around a minimiser, for functions and for sums of squares. */
+#include <math.h>
+#include <string.h>
+#include <time.h>
+
+#include "nn/minimise_internal.h"
+
+static double now(void) {
+    struct timespec t;
+    (void)clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* Evaluates at the point and tells the minimiser. */
+typedef lg_status (*evaluation)(lg_minimiser *m, void *user);
+
+/* Evaluates until an end; *end is RUNNING when an evaluation failed. */
+static lg_status run(lg_minimiser *m, evaluation evaluate, void *user, lg_minimise_end *end) {
+    const lg_minimise_options *o = &m->options;
+    const double begin = now();
+    while ((*end = (lg_minimise_end)m->counts.end) == LG_MINIMISE_RUNNING) {
+        if (lg_cancelled(m->context))
+            *end = LG_MINIMISE_CANCELLED;
+        else if (m->counts.evaluations >= o->evaluations)
+            *end = LG_MINIMISE_EVALUATIONS;
+        else if (o->seconds > 0.0 && now() - begin >= o->seconds)
+            *end = LG_MINIMISE_SECONDS;
+        if (*end != LG_MINIMISE_RUNNING) break;
+        const lg_status status = evaluate(m, user);
+        if (status == LG_CANCELLED) *end = LG_MINIMISE_CANCELLED;
+        if (status == LG_CANCELLED) break;
+        if (status != LG_OK) return status;
+    }
+    return LG_OK;
+}
+
+/* The end of a call: x, result, sentence. The minimiser is destroyed. */
+static lg_status conclude(lg_minimiser *m, lg_status status, lg_minimise_end end, double *x,
+                          lg_minimise_result *result, lg_error *error) {
+    memcpy(x, m->x, m->n * sizeof *x);
+    if (result != NULL) {
+        *result = lg_minimiser_result(m);
+        result->end = end;
+    }
+    lg_minimiser_destroy(m);
+    if (status != LG_OK) return lg_fail(error, status, "the objective: %s", lg_status_sentence(status));
+    status = lg_minimise_end_status(end);
+    (void)lg_fail(error, status, "%s", lg_minimise_end_sentence(end));
+    return status;
+}
+
+typedef struct given_objective {
+    lg_objective function;
+    void *user;
+    double *gradient; /* (n) */
+} given_objective;
+
+static lg_status evaluate_objective(lg_minimiser *m, void *user) {
+    const given_objective *given = user;
+    double value = (double)NAN;
+    const lg_status status = given->function(given->user, m->point, &value, given->gradient);
+    if (status != LG_OK && status != LG_NOT_FINITE) return status;
+    (void)lg_minimiser_tell(m, status == LG_OK ? value : (double)NAN, given->gradient);
+    return LG_OK;
+}
+
+lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objective, void *user,
+                      const lg_minimise_options *options, double *x, lg_minimise_result *result,
+                      lg_error *error) {
+    if (objective == NULL || x == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the objective or x is NULL");
+    if (options != NULL && options->method == LG_MINIMISE_LM)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "lm is for sums of squares: lg_least_squares");
+    lg_minimiser *m = NULL;
+    LG_TRY(lg_minimiser_create(context, n, options, x, &m, error));
+    given_objective given = {objective, user, lg_alloc(context, n, sizeof(double))};
+    if (given.gradient == NULL) {
+        lg_minimiser_destroy(m);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a gradient of %zu numbers", n);
+    }
+    lg_minimise_end end;
+    const lg_status status = run(m, evaluate_objective, &given, &end);
+    lg_free(context, given.gradient);
+    return conclude(m, status, end, x, result, error);
+}
+
+/* ---- least squares ---- */
+
+/* LAPACK: inverts a symmetric positive definite matrix from its Cholesky factor. */
+void dpotrf_(const char *uplo, const int *n, double *a, const int *lda, int *info);
+void dpotri_(const char *uplo, const int *n, double *a, const int *lda, int *info);
+
+typedef struct given_residuals {
+    lg_residuals function;
+    void *user;
+    size_t m, n;
+    double *r, *jacobian, *transposed, *gradient, *matrix; /* one block */
+    const lg_kernels *k;
+} given_residuals;
+
+/* f, 2 J^T r and 2 J^T J */
+static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
+    const given_residuals *given = user;
+    const size_t n = given->n, rows = given->m;
+    const lg_status status = given->function(given->user, m->point, given->r, given->jacobian);
+    if (status != LG_OK && status != LG_NOT_FINITE) return status;
+    given->k->transpose(rows, n, given->jacobian, given->transposed);
+    given->k->gemm(n, n, rows, given->transposed, rows, 1, given->jacobian, n, given->matrix, n, false);
+    given->k->matvec(n, rows, given->transposed, given->r, given->gradient, false);
+    for (size_t i = 0; i < n; i++) given->gradient[i] *= 2.0;
+    for (size_t i = 0; i < n * n; i++) given->matrix[i] *= 2.0;
+    const double value = status == LG_OK ? given->k->dot(rows, given->r, given->r) : (double)NAN;
+    (void)lg_minimiser_tell_squares(m, value, given->gradient, given->matrix);
+    return LG_OK;
+}
+
+/* |r|^2/(m - n) (J^T J)^-1 from the matrix A = 2 J^T J at the best point, scaled to a unit diagonal. */
+static void covariance_of(const lg_minimiser *m, size_t rows, double *out) {
+    const size_t n = m->n, stride = lg_minimise_stride(n);
+    const double *a = m->curvature, variance = m->numbers.value / (double)(rows - n);
+    const int order = (int)n;
+    int info = rows > n ? 0 : 1;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++)
+            out[i * n + j] = a[i * stride + j] / sqrt(a[i * stride + i] * a[j * stride + j]);
+    if (info == 0) dpotrf_("L", &order, out, &order, &info);
+    /* A pivot of rounding size: the combination is not identified. */
+    for (size_t i = 0; i < n && info == 0; i++)
+        info = out[i * n + i] * out[i * n + i] > 1e-13 * (double)n ? 0 : 1;
+    if (info == 0) dpotri_("L", &order, out, &order, &info);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = i; j < n; j++) {
+            const double scale = 2.0 * variance / sqrt(a[i * stride + i] * a[j * stride + j]);
+            const double value = info == 0 ? out[i * n + j] * scale : (double)NAN;
+            out[i * n + j] = out[j * n + i] = value;
+        }
+}
+
+lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_residuals residuals,
+                           void *user, const lg_minimise_options *options, double *x, double *covariance,
+                           lg_minimise_result *result, lg_error *error) {
+    lg_minimise_options chosen;
+    lg_minimise_options_init(&chosen);
+    if (options != NULL) chosen = *options;
+    chosen.method = LG_MINIMISE_LM;
+    if (residuals == NULL || x == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the residuals or x is NULL");
+    if (rows < n || rows > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%zu residuals for %zu unknowns: at least as many are wanted", rows, n);
+    lg_minimiser *m = NULL;
+    LG_TRY(lg_minimiser_create(context, n, &chosen, x, &m, error));
+    given_residuals given = {.function = residuals, .user = user, .m = rows, .n = n, .k = m->k};
+    given.r = lg_alloc(context, rows + 2 * rows * n + n + n * n, sizeof(double));
+    if (given.r == NULL) {
+        lg_minimiser_destroy(m);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a Jacobian of %zu x %zu numbers", rows, n);
+    }
+    given.jacobian = given.r + rows;
+    given.transposed = given.jacobian + rows * n;
+    given.gradient = given.transposed + rows * n;
+    given.matrix = given.gradient + n;
+    lg_minimise_end end;
+    const lg_status status = run(m, evaluate_residuals, &given, &end);
+    if (covariance != NULL && status == LG_OK) covariance_of(m, rows, covariance);
+    lg_free(context, given.r);
+    return conclude(m, status, end, x, result, error);
+}

@@ -1,0 +1,55 @@
+/* The line search: weak Wolfe conditions by bracketing and cubic interpolation. */
+#include <math.h>
+
+#include "nn/minimise_internal.h"
+
+enum { MOST_TRIALS = 25 };
+static const double ARMIJO = 1e-4, WOLFE = 0.9, GROWTH = 2.5, NARROWEST = 0.1;
+
+void lg_minimise_search_begin(lg_minimiser *m, double alpha) {
+    lg_minimise_numbers *s = &m->numbers;
+    m->counts.stage = LG_STAGE_SEARCH;
+    m->counts.trials = 0;
+    m->counts.bounded = 0;
+    s->alpha = alpha;
+    s->low = s->high = s->high_value = s->high_slope = 0.0;
+    s->low_value = s->value;
+    s->low_slope = s->slope;
+}
+
+/* Minimiser of the cubic through values and slopes at both ends of the bracket (Nocedal & Wright, (3.59)),
+ * kept away from the ends; the middle where there is none. */
+static double interpolate(const lg_minimise_numbers *s) {
+    const double width = s->high - s->low;
+    const double nearest = s->low + NARROWEST * width, farthest = s->high - NARROWEST * width;
+    const double a = s->low_slope + s->high_slope - 3.0 * (s->low_value - s->high_value) / (s->low - s->high);
+    const double b = sqrt(a * a - s->low_slope * s->high_slope);
+    const double x = s->high - width * (s->high_slope + b - a) / (s->high_slope - s->low_slope + 2.0 * b);
+    if (!isfinite(x)) return s->low + 0.5 * width;
+    return x < nearest ? nearest : x > farthest ? farthest : x;
+}
+
+lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope) {
+    lg_minimise_numbers *s = &m->numbers;
+    const bool falls = isfinite(value) && isfinite(slope) && value <= s->value + ARMIJO * s->alpha * s->slope;
+    const bool last = ++m->counts.trials == MOST_TRIALS;
+    if (falls && slope >= WOLFE * s->slope) {
+        m->counts.endless = 0;
+        return LG_SEARCH_ACCEPT;
+    }
+    if (falls && last && m->counts.bounded == 0) {
+        m->counts.endless++;
+        return LG_SEARCH_ACCEPT;
+    }
+    if (last) return LG_SEARCH_FAIL;
+    if (falls) {
+        s->low = s->alpha, s->low_value = value, s->low_slope = slope;
+    } else {
+        s->high = s->alpha, s->high_value = value, s->high_slope = slope;
+        m->counts.bounded = 1;
+    }
+    const double next = m->counts.bounded != 0 ? interpolate(s) : GROWTH * s->alpha;
+    if (next == s->low || next == s->high || !isfinite(next)) return LG_SEARCH_FAIL;
+    s->alpha = next;
+    return LG_SEARCH_ON;
+}

@@ -1,0 +1,317 @@
+/* Methods of training: plans, full-batch minimisation through lg_fit, its bits, states and ends. */
+#include "nn_support.h"
+
+static lg_fit_plan plan_of(const char *text) {
+    lg_fit_plan plan;
+    lg_error error;
+    if (lg_fit_plan_parse(text, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    return plan;
+}
+
+static lg_fit_options planned(const char *plan, uint64_t epochs) {
+    lg_fit_options o = options_of(epochs, 8);
+    o.plan = plan_of(plan);
+    return o;
+}
+
+TEST("plans are read and written, and what is none is refused with a sentence") {
+    static const char *const good[] = {"adam", "ssbroyden",          "lbfgs",
+                                       "lm",   "adam:100,ssbroyden", "adam:3,lbfgs:20,adam:1,ssbroyden:7"};
+    static const char *const bad[] = {"",
+                                      "adma",
+                                      "adam,ssbroyden",
+                                      "adam:",
+                                      "adam:0",
+                                      "adam:1e3",
+                                      "adam:-1",
+                                      "adam:100,",
+                                      "adam:1,adam:1,adam:1,adam:1,adam:1",
+                                      "ssbroyden:99999999999"};
+    for (size_t i = 0; i < LG_COUNT(good); i++) {
+        char text[LG_FIT_PLAN_TEXT];
+        const lg_fit_plan plan = plan_of(good[i]);
+        lg_fit_plan_show(&plan, text);
+        assert_string_equal(text, good[i]);
+    }
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        lg_fit_plan plan = {.phases = 77};
+        lg_error error;
+        assert_int_equal(lg_fit_plan_parse(bad[i], &plan, &error), LG_INVALID_ARGUMENT);
+        assert_int_not_equal(strlen(error.message), 0);
+        assert_int_equal(plan.phases, 77);
+    }
+}
+
+static double trained(const char *plan, uint64_t epochs) {
+    regression r = make_regression();
+    const lg_fit_options o = planned(plan, epochs);
+    lg_fit *fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    return lg_fit_loss(fit);
+}
+
+TEST("full-batch methods reach in as many evaluations what Adam does not reach") {
+    const double adam = trained("adam", 400), dense = trained("ssbroyden", 400),
+                 limited = trained("lbfgs", 400);
+    const double squares = trained("lm", 60);
+    print_message("after 400: adam %.1e, ssbroyden %.1e, lbfgs %.1e; lm after 60: %.1e\n", adam, dense,
+                  limited, squares);
+    assert_true(squares < 1e-4 * adam);
+    assert_true(dense < 1e-4 * adam);
+    assert_true(limited < 1e-2 * adam);
+}
+
+TEST("results do not depend on threads") {
+    for (int method = 1; method < LG_FIT_METHOD_COUNT; method++) {
+        regression r = make_regression();
+        lg_fit_options o = planned(lg_fit_method_name((lg_fit_method)method), 40);
+        lg_fit *one = regression_fit(NULL, &r, &o);
+        o.threads = 3;
+        lg_fit *three = regression_fit(NULL, &r, &o);
+        run_fit(one);
+        run_fit(three);
+        assert_same_fits(one, three);
+    }
+}
+
+/* Stops after `part` epochs, saves, loads into a new fit and goes on. */
+static void assert_resumes(const lg_fit_options *o, uint64_t part) {
+    regression r = make_regression();
+    lg_fit *whole = regression_fit(NULL, &r, o), *fit;
+    run_fit(whole);
+    lg_fit_options stopping = *o;
+    stopping.stop_after = part;
+    for (fit = regression_fit(NULL, &r, &stopping); !lg_fit_finished(fit);) {
+        run_fit(fit);
+        memory_archive archive = state_of(fit);
+        fit = regression_fit(NULL, &r, &stopping);
+        load_state(fit, &archive);
+    }
+    assert_same_fits(whole, fit);
+    assert_int_equal(lg_fit_why_finished(fit), lg_fit_why_finished(whole));
+}
+
+TEST("a run in parts has the bits of one run, in every phase") {
+    static const char *const plans[] = {"ssbroyden", "lbfgs", "lm", "adam:7,ssbroyden:20,adam:3,lbfgs"};
+    for (size_t i = 0; i < LG_COUNT(plans); i++)
+        for (uint64_t part = 1; part < 9; part += 3) {
+            lg_fit_options o = planned(plans[i], 45);
+            assert_resumes(&o, part);
+            o.validation = 0.2;
+            o.keep_best = true;
+            assert_resumes(&o, part);
+        }
+}
+
+TEST("a fit says why it is finished") {
+    regression r = make_regression();
+    lg_fit_options o = planned("adam:5,ssbroyden", 9);
+    lg_fit *fit = regression_fit(NULL, &r, &o);
+    assert_int_equal(lg_fit_why_finished(fit), LG_FIT_RUNNING);
+    assert_string_equal(lg_fit_end_sentence(fit), "");
+    run_fit(fit);
+    assert_int_equal(lg_fit_why_finished(fit), LG_FIT_END_EPOCHS);
+    assert_int_equal(lg_fit_epochs_done(fit), 9);
+    o = planned("ssbroyden:6", 9);
+    fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    assert_int_equal(lg_fit_epochs_done(fit), 6);
+    assert_int_equal(lg_fit_why_finished(fit), LG_FIT_END_EPOCHS);
+    o = planned("ssbroyden", 1000000);
+    o.seconds = 1e-9;
+    fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    assert_int_equal(lg_fit_epochs_done(fit), 1);
+    assert_int_equal(lg_fit_why_finished(fit), LG_FIT_END_SECONDS);
+    memory_archive archive = state_of(fit);
+    o.seconds = 0;
+    o.stop_after = 3;
+    fit = regression_fit(NULL, &r, &o);
+    load_state(fit, &archive);
+    assert_int_equal(lg_fit_why_finished(fit), LG_FIT_RUNNING);
+    run_fit(fit);
+    assert_int_equal(lg_fit_epochs_done(fit), 4);
+}
+
+/* Five samples are learned by heart, so that the validation part gets worse. */
+TEST("training stops when the validation part has not got better for so long") {
+    regression r = make_regression();
+    r.validation = REGRESSION_SAMPLES - 5;
+    lg_fit_options o = planned("ssbroyden", 100000);
+    o.patience = 50;
+    o.keep_best = true;
+    lg_fit *fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    const uint64_t best = lg_fit_best_epoch(fit), done = lg_fit_epochs_done(fit);
+    assert_int_equal(lg_fit_why_finished(fit), LG_FIT_END_PATIENCE);
+    assert_int_equal(done, best + 50);
+    const double *validation = lg_fit_history(fit, LG_FIT_VALIDATION);
+    for (uint64_t i = best; i < done; i++) assert_true(validation[i] >= validation[best - 1]);
+}
+
+TEST("the loss never rises, and the result is its lowest point") {
+    regression r = make_regression();
+    lg_fit_options o = planned("ssbroyden", 120);
+    lg_fit *fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    const double *loss = lg_fit_history(fit, LG_FIT_LOSS);
+    for (int i = 1; i < 120; i++) assert_true(loss[i] <= loss[i - 1]);
+    double *theta = TEST_ARRAY(double, lg_mlp_parameters(&r.net));
+    lg_fit_current_parameters(fit, theta);
+    o.plan = plan_of("lbfgs");
+    o.epochs = 1;
+    const lg_fit_problem problem = regression_problem(&r);
+    lg_fit *again = test_fit(NULL, &problem, &o, theta);
+    run_fit(again);
+    assert_close(lg_fit_loss(again), loss[119], 1e-12, 0);
+}
+
+/* Loss at theta times `factor`, without decay. */
+static double loss_at(regression *r, const double *theta, double factor) {
+    const size_t n = lg_mlp_parameters(&r->net);
+    double *x = TEST_ARRAY(double, n);
+    for (size_t i = 0; i < n; i++) x[i] = factor * theta[i];
+    const lg_fit_options o = planned("lbfgs", 1);
+    const lg_fit_problem problem = regression_problem(r);
+    lg_fit *fit = test_fit(NULL, &problem, &o, x);
+    run_fit(fit);
+    return lg_fit_loss(fit);
+}
+
+/* At the minimum of L + W/2 |theta|^2 the derivative of L along theta is -W |theta|^2. */
+static void assert_decays(const char *plan, uint64_t epochs) {
+    regression r = make_regression();
+    lg_fit_options o = planned(plan, epochs);
+    o.adam.weight_decay = 1e-3;
+    lg_fit *fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    const size_t n = lg_mlp_parameters(&r.net);
+    double *theta = TEST_ARRAY(double, n), norm = 0;
+    lg_fit_current_parameters(fit, theta);
+    for (size_t i = 0; i < n; i++) norm += theta[i] * theta[i];
+    const double e = 1e-4, slope = (loss_at(&r, theta, 1 + e) - loss_at(&r, theta, 1 - e)) / (2 * e);
+    assert_close(slope, -o.adam.weight_decay * norm, 1e-3, 0);
+    assert_close(lg_fit_loss(fit), loss_at(&r, theta, 1), 1e-9, 0);
+}
+
+TEST("weight decay is part of what is minimised, and not of the loss that is reported") {
+    assert_decays("ssbroyden", 3000);
+    assert_decays("lm", 300);
+}
+
+static regression noisy_regression(double deviation) {
+    regression r = make_regression();
+    lg_rng rng;
+    lg_rng_seed(&rng, 7, 0);
+    for (int i = 0; i < REGRESSION_SAMPLES; i++) r.t[i] += deviation * lg_rng_normal(&rng);
+    return r;
+}
+
+static lg_fit *fit_with_prior(regression *r, double prior, uint64_t epochs) {
+    lg_fit_options o = planned("ssbroyden", epochs);
+    lg_fit_problem problem = regression_problem(r);
+    problem.observations = REGRESSION_SAMPLES;
+    o.prior = prior;
+    lg_fit *fit = test_fit(NULL, &problem, &o, regression_start(r));
+    run_fit(fit);
+    return fit;
+}
+
+/* Mean squared error against the true function. */
+static double true_error(const lg_fit *fit, const regression *r) {
+    regression clean = make_regression();
+    double *theta = TEST_ARRAY(double, lg_mlp_parameters(&r->net));
+    lg_fit_current_parameters(fit, theta);
+    return loss_at(&clean, theta, 1);
+}
+
+TEST("with a prior the noise of the data is found and not learned") {
+    const double deviation = 0.1;
+    regression r = noisy_regression(deviation);
+    lg_fit *with = fit_with_prior(&r, 0.5, 1500), *without = fit_with_prior(&r, 0, 1500);
+    print_message("error %.1e with a prior, %.1e without; variance of the noise %.1e\n", true_error(with, &r),
+                  true_error(without, &r), lg_fit_noise(with));
+    assert_true(lg_fit_noise(with) > 0.5 * deviation * deviation);
+    assert_true(lg_fit_noise(with) < 1.5 * deviation * deviation);
+    assert_true(lg_fit_noise(without) == 0);
+    assert_true(true_error(with, &r) < 0.3 * true_error(without, &r));
+}
+
+TEST("without noise a prior costs little: the loss falls as far as without it") {
+    regression r = make_regression();
+    const double with = lg_fit_loss(fit_with_prior(&r, 0.5, 800)),
+                 without = lg_fit_loss(fit_with_prior(&r, 0, 800));
+    print_message("loss %.1e with a prior, %.1e without\n", with, without);
+    assert_true(with < 30 * without);
+}
+
+TEST("a run with a prior, in parts, has the bits of one run") {
+    regression r = noisy_regression(0.1);
+    lg_fit_options o = planned("ssbroyden", 900);
+    lg_fit_problem problem = regression_problem(&r);
+    problem.observations = REGRESSION_SAMPLES;
+    o.prior = 0.5;
+    lg_fit *whole = test_fit(NULL, &problem, &o, regression_start(&r)), *fit = whole;
+    run_fit(whole);
+    o.stop_after = 37;
+    for (fit = test_fit(NULL, &problem, &o, regression_start(&r)); !lg_fit_finished(fit);) {
+        run_fit(fit);
+        memory_archive archive = state_of(fit);
+        fit = test_fit(NULL, &problem, &o, regression_start(&r));
+        load_state(fit, &archive);
+    }
+    assert_same_fits(whole, fit);
+    assert_true(lg_fit_noise(fit) > 0);
+}
+
+TEST("a loss that is not finite at the start is an error, and later a shorter step") {
+    regression r = make_regression();
+    r.poison = 3;
+    lg_fit_options o = planned("ssbroyden", 10);
+    lg_fit *fit = regression_fit(NULL, &r, &o);
+    lg_error error;
+    assert_int_equal(lg_fit_run(fit, &error), LG_NOT_FINITE);
+    assert_message(&error, "loss is NaN");
+}
+
+TEST("single precision and too many parameters are refused") {
+    regression r = make_regression();
+    lg_fit_problem problem = regression_problem(&r);
+    lg_fit_options o = planned("lbfgs", 10);
+    o.dtype = LG_F32;
+    lg_fit *fit = NULL;
+    lg_error error;
+    double *theta = TEST_ARRAY(double, 20000);
+    assert_int_equal(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
+    assert_message(&error, "lbfgs needs double precision");
+    o = planned("lm", 10);
+    problem.residuals = NULL;
+    assert_int_equal(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
+    assert_message(&error, "sum of squares");
+    o = planned("ssbroyden", 10);
+    problem.parameters = 20000;
+    assert_int_equal(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
+    assert_message(&error, "take lbfgs");
+}
+
+TEST("a state of another plan, or with an impossible phase, is refused") {
+    regression r = make_regression();
+    lg_fit_options o = planned("adam:3,ssbroyden", 20);
+    o.stop_after = 8;
+    lg_fit *fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    memory_archive archive = state_of(fit);
+    const lg_archive_reader reader = memory_reader(&archive);
+    o.plan = plan_of("ssbroyden");
+    lg_fit *other = regression_fit(NULL, &r, &o);
+    lg_error error;
+    assert_int_equal(lg_fit_load(other, &reader, &error), LG_INVALID_ARGUMENT);
+    static const char *const paths[] = {"train/phase", "train/phase_start", "train/adam_epochs"};
+    for (size_t i = 0; i < LG_COUNT(paths); i++) {
+        uint64_t *value = memory_find(&archive, paths[i])->data, kept = *value;
+        *value = 1000;
+        assert_int_equal(lg_fit_load(fit, &reader, &error), LG_FORMAT);
+        *value = kept;
+    }
+    load_state(fit, &archive);
+}

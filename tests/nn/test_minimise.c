@@ -1,0 +1,407 @@
+/* Minimisation: known minima, the ends of a run, states saved between any two evaluations. */
+#include "nn_support.h"
+
+#include "liegrad/minimise.h"
+
+/* ---- objectives ---- */
+
+typedef struct function {
+    lg_status (*value)(const double *x, size_t n, double *value, double *gradient);
+    size_t n;
+    double factor;   /* of gradient component `wrong` */
+    size_t wrong;    /* n: none */
+    uint64_t poison; /* this evaluation gives NaN, counted from 1 */
+    uint64_t calls;
+    volatile int *cancel; /* raised at call 5 */
+} function;
+
+/* sum 100 (x_{i+1} - x_i^2)^2 + (1 - x_i)^2, minimum 0 at ones */
+static lg_status rosenbrock(const double *x, size_t n, double *value, double *gradient) {
+    *value = 0;
+    for (size_t i = 0; i < n; i++) gradient[i] = 0;
+    for (size_t i = 0; i + 1 < n; i++) {
+        const double u = x[i + 1] - x[i] * x[i], v = 1 - x[i];
+        *value += 100 * u * u + v * v;
+        gradient[i] += -400 * u * x[i] - 2 * v;
+        gradient[i + 1] += 200 * u;
+    }
+    return LG_OK;
+}
+
+/* sum 10^(4 i/(n - 1)) (x_i - 1)^2/2 */
+static lg_status stiff(const double *x, size_t n, double *value, double *gradient) {
+    *value = 0;
+    for (size_t i = 0; i < n; i++) {
+        const double c = pow(10, n > 1 ? 4.0 * (double)i / (double)(n - 1) : 0), d = x[i] - 1;
+        *value += 0.5 * c * d * d;
+        gradient[i] = c * d;
+    }
+    return LG_OK;
+}
+
+static lg_status constant(const double *x, size_t n, double *value, double *gradient) {
+    (void)x;
+    *value = 7;
+    for (size_t i = 0; i < n; i++) gradient[i] = 0;
+    return LG_OK;
+}
+
+static lg_status slope(const double *x, size_t n, double *value, double *gradient) {
+    *value = 0;
+    for (size_t i = 0; i < n; i++) *value -= x[i], gradient[i] = -1;
+    return LG_OK;
+}
+
+static lg_status saddle(const double *x, size_t n, double *value, double *gradient) {
+    *value = 0;
+    for (size_t i = 0; i < n; i++) {
+        const double c = i % 2 == 0 ? 1 : -1;
+        *value += c * x[i] * x[i];
+        gradient[i] = 2 * c * x[i];
+    }
+    return LG_OK;
+}
+
+/* 1/x^2 - 1/x: no value at 0, to which the first step may jump */
+static lg_status well(const double *x, size_t n, double *value, double *gradient) {
+    *value = 0;
+    for (size_t i = 0; i < n; i++) {
+        const double r = 1 / x[i];
+        *value += x[i] > 0 ? r * r - r : NAN;
+        gradient[i] = -2 * r * r * r + r * r;
+    }
+    return LG_OK;
+}
+
+static lg_status evaluate(void *user, const double *x, double *value, double *gradient) {
+    function *f = user;
+    const lg_status status = f->value(x, f->n, value, gradient);
+    if (f->wrong < f->n) gradient[f->wrong] *= f->factor;
+    if (++f->calls == f->poison) *value = NAN;
+    if (f->cancel != NULL && f->calls == 5) *f->cancel = 1;
+    return status;
+}
+
+#define FUNCTION(name, size)                                                                                 \
+    { .value = name, .n = size, .wrong = size }
+
+static double *start_of(size_t n) {
+    double *x = TEST_ARRAY(double, n);
+    for (size_t i = 0; i < n; i++) x[i] = i % 2 == 0 ? -1.2 : 1.0;
+    return x;
+}
+
+static lg_minimise_result minimise(function *f, lg_minimise_method method, double *x, lg_status expected) {
+    lg_minimise_options options;
+    lg_minimise_result result;
+    lg_error error;
+    lg_minimise_options_init(&options);
+    options.method = method;
+    assert_int_equal(lg_minimise(NULL, f->n, evaluate, f, &options, x, &result, &error), expected);
+    assert_string_equal(error.message, lg_minimise_end_sentence(result.end));
+    assert_int_equal(result.evaluations, f->calls);
+    return result;
+}
+
+/* ---- known minima ---- */
+
+TEST("both methods find known minima to rounding within their evaluations") {
+    static const struct {
+        lg_status (*value)(const double *x, size_t n, double *value, double *gradient);
+        size_t n;
+        uint64_t most[LG_MINIMISE_LM]; /* evaluations */
+    } cases[] = {{rosenbrock, 2, {90, 90}},
+                 {rosenbrock, 10, {300, 200}},
+                 {stiff, 1, {20, 20}},
+                 {stiff, 7, {100, 120}},
+                 {stiff, 100, {400, 1200}}};
+    for (int method = 0; method < LG_MINIMISE_LM; method++)
+        for (size_t c = 0; c < LG_COUNT(cases); c++) {
+            function f = FUNCTION(cases[c].value, cases[c].n);
+            double *x = start_of(f.n);
+            const lg_minimise_result r = minimise(&f, (lg_minimise_method)method, x, LG_OK);
+            print_message("%s, n = %zu: %s after %llu evaluations, f = %.1e\n",
+                          lg_minimise_method_name((lg_minimise_method)method), f.n,
+                          lg_minimise_end_sentence(r.end), (unsigned long long)r.evaluations, r.value);
+            assert_true(r.end == LG_MINIMISE_GRADIENT || r.end == LG_MINIMISE_ROUNDING);
+            assert_true(r.evaluations <= cases[c].most[method]);
+            assert_true(r.value <= 1e-20);
+            for (size_t i = 0; i < f.n; i++) assert_close(x[i], 1, 1e-8, 0);
+        }
+}
+
+TEST("the dense method takes fewer than three evaluations an iteration") {
+    function f = FUNCTION(rosenbrock, 10);
+    const lg_minimise_result r = minimise(&f, LG_MINIMISE_SSBROYDEN, start_of(f.n), LG_OK);
+    assert_true(r.evaluations < 3 * r.iterations);
+}
+
+/* ---- ends ---- */
+
+static void assert_end(function f, lg_status status, lg_minimise_end end) {
+    for (int method = 0; method < LG_MINIMISE_LM; method++) {
+        f.calls = 0;
+        double *x = start_of(f.n);
+        const lg_minimise_result r = minimise(&f, (lg_minimise_method)method, x, status);
+        assert_string_equal(lg_minimise_end_sentence(r.end), lg_minimise_end_sentence(end));
+        for (size_t i = 0; i < f.n; i++) assert_true(isfinite(x[i]));
+    }
+}
+
+TEST("flat, unbounded and undefined functions end with their sentence") {
+    assert_end((function)FUNCTION(constant, 3), LG_OK, LG_MINIMISE_GRADIENT);
+    assert_end((function)FUNCTION(slope, 3), LG_NO_CONVERGENCE, LG_MINIMISE_UNBOUNDED);
+    assert_end((function)FUNCTION(saddle, 3), LG_NO_CONVERGENCE, LG_MINIMISE_UNBOUNDED);
+    function f = FUNCTION(rosenbrock, 4);
+    f.poison = 1;
+    assert_end(f, LG_NOT_FINITE, LG_MINIMISE_NOT_FINITE);
+}
+
+TEST("a wrong component of the gradient is noticed by the check alone") {
+    static const double factors[] = {-1, 0, 2, 0.9};
+    for (size_t wrong = 0; wrong < 10; wrong++)
+        for (size_t i = 0; i < LG_COUNT(factors); i++) {
+            function f = FUNCTION(rosenbrock, 10);
+            f.wrong = wrong;
+            f.factor = factors[i];
+            assert_end(f, LG_CHECK_FAILED, LG_MINIMISE_WRONG_GRADIENT);
+        }
+}
+
+TEST("a value that is not finite shortens the step, wherever it comes") {
+    function f = FUNCTION(well, 3);
+    double x[3] = {0.3, 0.5, 4};
+    (void)minimise(&f, LG_MINIMISE_SSBROYDEN, x, LG_OK);
+    for (int i = 0; i < 3; i++) assert_close(x[i], 2, 1e-6, 0);
+    for (uint64_t poison = 2; poison < 40; poison++) {
+        function g = FUNCTION(rosenbrock, 2);
+        g.poison = poison;
+        double *y = start_of(2);
+        (void)minimise(&g, LG_MINIMISE_SSBROYDEN, y, LG_OK);
+        assert_close(y[0], 1, 1e-8, 0);
+    }
+}
+
+TEST("evaluations, seconds and the cancel flag end a run") {
+    volatile int cancel = 0;
+    lg_minimise_options options;
+    lg_minimise_result r;
+    lg_error error;
+    lg_minimise_options_init(&options);
+    options.evaluations = 17;
+    function f = FUNCTION(rosenbrock, 10);
+    assert_ok(lg_minimise(NULL, f.n, evaluate, &f, &options, start_of(f.n), &r, &error));
+    assert_int_equal(r.end, LG_MINIMISE_EVALUATIONS);
+    assert_int_equal(f.calls, 17);
+    options.evaluations = 10000;
+    options.seconds = 1e-9;
+    assert_ok(lg_minimise(NULL, f.n, evaluate, &f, &options, start_of(f.n), &r, &error));
+    assert_int_equal(r.end, LG_MINIMISE_SECONDS);
+    options.seconds = 0;
+    f = (function)FUNCTION(rosenbrock, 10);
+    f.cancel = &cancel;
+    assert_int_equal(
+        lg_minimise(cancelled_by(&cancel), f.n, evaluate, &f, &options, start_of(f.n), &r, &error),
+        LG_CANCELLED);
+    assert_int_equal(f.calls, 5);
+}
+
+TEST("bad arguments are refused before the first evaluation") {
+    lg_minimise_options options;
+    lg_minimise_options_init(&options);
+    function f = FUNCTION(rosenbrock, 2);
+    double x[2] = {NAN, 0};
+    lg_error error;
+    assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, NULL, x, NULL, &error), LG_NOT_FINITE);
+    x[0] = 0;
+    assert_int_equal(lg_minimise(NULL, 0, evaluate, &f, NULL, x, NULL, &error), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_minimise(NULL, 2, NULL, &f, NULL, x, NULL, &error), LG_INVALID_ARGUMENT);
+    options.memory = 0;
+    assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
+    options.memory = 50;
+    options.size--;
+    assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
+    options.size++;
+    options.method = LG_MINIMISE_METHOD_COUNT;
+    assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
+    assert_int_equal(f.calls, 0);
+}
+
+/* ---- states ---- */
+
+static void release_minimiser(void *minimiser) {
+    lg_minimiser_destroy(minimiser);
+}
+
+static lg_minimiser *test_minimiser(const function *f, lg_minimise_method method) {
+    lg_minimise_options options;
+    lg_minimiser *m = NULL;
+    lg_minimise_options_init(&options);
+    options.method = method;
+    options.memory = 5;
+    assert_ok(lg_minimiser_create(NULL, f->n, &options, start_of(f->n), &m, NULL));
+    lg_test_owns(m, release_minimiser);
+    return m;
+}
+
+static void advance(lg_minimiser *m, function *f) {
+    double value, *gradient = TEST_ARRAY(double, f->n);
+    assert_ok(evaluate(f, lg_minimiser_point(m), &value, gradient));
+    (void)lg_minimiser_tell(m, value, gradient);
+}
+
+TEST("a run saved and loaded after every evaluation has the bits of one that was not") {
+    for (int method = 0; method < LG_MINIMISE_LM; method++) {
+        function f = FUNCTION(rosenbrock, 3);
+        lg_minimiser *whole = test_minimiser(&f, (lg_minimise_method)method), *parts = whole;
+        whole = test_minimiser(&f, (lg_minimise_method)method);
+        for (int i = 0; i < 60; i++) {
+            memory_archive archive = {.count = 0};
+            const lg_archive_writer writer = memory_writer(&archive);
+            assert_ok(lg_minimiser_save(parts, &writer, NULL));
+            const lg_archive_reader reader = memory_reader(&archive);
+            parts = test_minimiser(&f, (lg_minimise_method)method);
+            assert_ok(lg_minimiser_load(parts, &reader, NULL));
+            advance(parts, &f);
+            advance(whole, &f);
+            assert_memory_equal(lg_minimiser_point(parts), lg_minimiser_point(whole), f.n * sizeof(double));
+        }
+        const lg_minimise_result a = lg_minimiser_result(parts), b = lg_minimiser_result(whole);
+        assert_int_equal(a.iterations, b.iterations);
+        assert_true(a.iterations > 20);
+    }
+}
+
+TEST("impossible states are refused and leave the minimiser as it was") {
+    function f = FUNCTION(rosenbrock, 3);
+    lg_minimiser *m = test_minimiser(&f, LG_MINIMISE_SSBROYDEN);
+    for (int i = 0; i < 12; i++) advance(m, &f);
+    memory_archive archive = {.count = 0};
+    const lg_archive_writer writer = memory_writer(&archive);
+    assert_ok(lg_minimiser_save(m, &writer, NULL));
+    for (size_t i = 0; i < archive.count; i++) {
+        memory_item *item = &archive.items[i];
+        void *good = item->data;
+        uint64_t *bad = lg_test_memory(item->bytes);
+        memcpy(bad, good, item->bytes);
+        bad[0] = UINT64_MAX; /* NaN, too */
+        item->data = bad;
+        const lg_archive_reader reader = memory_reader(&archive);
+        const double before = lg_minimiser_point(m)[0];
+        lg_error error;
+        if (strcmp(item->path, "minimise/numbers") != 0)
+            assert_int_equal(lg_minimiser_load(m, &reader, &error), LG_FORMAT);
+        assert_close(lg_minimiser_point(m)[0], before, 0, 0);
+        item->data = good;
+    }
+    lg_minimiser *other = test_minimiser(&f, LG_MINIMISE_LBFGS);
+    const lg_archive_reader reader = memory_reader(&archive);
+    assert_int_equal(lg_minimiser_load(other, &reader, NULL), LG_SHAPE);
+}
+
+/* ---- least squares ---- */
+
+enum { POINTS = 40 };
+
+/* r_i = a exp(-b t_i) + c - y_i; with `twice` the unknown d only adds to c. */
+typedef struct decay {
+    double t[POINTS], y[POINTS];
+    size_t n;
+    uint64_t calls, poison;
+} decay;
+
+static decay make_decay(double deviation, uint64_t seed) {
+    decay f = {.n = 3};
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, 0);
+    for (int i = 0; i < POINTS; i++) {
+        f.t[i] = 0.1 * i;
+        f.y[i] = 2 * exp(-1.5 * f.t[i]) + 0.5 + deviation * lg_rng_normal(&rng);
+    }
+    return f;
+}
+
+static lg_status decay_residuals(void *user, const double *x, double *r, double *jacobian) {
+    decay *f = user;
+    for (size_t i = 0; i < POINTS; i++) {
+        const double e = exp(-x[1] * f->t[i]), row[4] = {e, -x[0] * f->t[i] * e, 1, 1};
+        r[i] = x[0] * e + x[2] + (f->n == 4 ? x[3] : 0) - f->y[i];
+        for (size_t j = 0; j < f->n; j++) jacobian[i * f->n + j] = row[j];
+    }
+    return ++f->calls == f->poison ? LG_NOT_FINITE : LG_OK;
+}
+
+TEST("least squares find exact parameters, in few Jacobians") {
+    decay f = make_decay(0, 1);
+    double x[3] = {1, 0.2, 0};
+    lg_minimise_result result;
+    assert_ok(lg_least_squares(NULL, 3, POINTS, decay_residuals, &f, NULL, x, NULL, &result, NULL));
+    assert_close(x[0], 2, 1e-12, 0);
+    assert_close(x[1], 1.5, 1e-12, 0);
+    assert_close(x[2], 0.5, 1e-12, 0);
+    assert_true(result.evaluations < 20 && result.value < 1e-26);
+}
+
+/* Over many draws of the noise the estimates scatter as the covariance says. */
+TEST("the covariance is that of estimates from repeated data") {
+    enum { DRAWS = 400 };
+    double mean[3] = {0}, scatter[9] = {0}, expected[9] = {0};
+    static double all[DRAWS][3];
+    for (int draw = 0; draw < DRAWS; draw++) {
+        decay f = make_decay(0.02, (uint64_t)draw + 1);
+        double covariance[9], *x = all[draw];
+        x[0] = 1, x[1] = 1, x[2] = 0;
+        assert_ok(lg_least_squares(NULL, 3, POINTS, decay_residuals, &f, NULL, x, covariance, NULL, NULL));
+        for (int i = 0; i < 3; i++) mean[i] += x[i] / DRAWS;
+        for (int i = 0; i < 9; i++) expected[i] += covariance[i] / DRAWS;
+    }
+    for (int draw = 0; draw < DRAWS; draw++)
+        for (int i = 0; i < 9; i++)
+            scatter[i] += (all[draw][i / 3] - mean[i / 3]) * (all[draw][i % 3] - mean[i % 3]) / (DRAWS - 1);
+    for (int i = 0; i < 9; i++)
+        assert_close(scatter[i], expected[i], 0, 0.2 * sqrt(expected[i / 3 * 4] * expected[i % 3 * 4]));
+}
+
+TEST("least squares say what cannot be identified, and refuse too few residuals") {
+    decay f = make_decay(0.01, 1);
+    double x[4] = {1, 1, 0, 0}, covariance[16];
+    lg_error error;
+    f.n = 4;
+    assert_ok(lg_least_squares(NULL, 4, POINTS, decay_residuals, &f, NULL, x, covariance, NULL, NULL));
+    assert_close(x[2] + x[3], 0.5, 0.05, 0);
+    for (int i = 0; i < 16; i++) assert_true(isnan(covariance[i]));
+    assert_status(lg_least_squares(NULL, 4, 3, decay_residuals, &f, NULL, x, NULL, NULL, &error),
+                  LG_INVALID_ARGUMENT);
+    lg_minimise_options options;
+    lg_minimise_options_init(&options);
+    options.method = LG_MINIMISE_LM;
+    function g = FUNCTION(rosenbrock, 2);
+    assert_status(lg_minimise(NULL, 2, evaluate, &g, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
+}
+
+TEST("residuals that are not finite shorten the step of least squares, and at the start end it") {
+    for (uint64_t poison = 1; poison < 8; poison++) {
+        decay f = make_decay(0, 1);
+        double x[3] = {1, 0.2, 0};
+        lg_minimise_result result;
+        f.poison = poison;
+        const lg_status status =
+            lg_least_squares(NULL, 3, POINTS, decay_residuals, &f, NULL, x, NULL, &result, NULL);
+        assert_status(status, poison == 1 ? LG_NOT_FINITE : LG_OK);
+        if (poison > 1) assert_close(x[1], 1.5, 1e-12, 0);
+    }
+}
+
+/* Microseconds for seconds and kilometres for metres: the same path. */
+TEST("least squares do not depend on units") {
+    decay f = make_decay(0.01, 1), g = f;
+    double x[3] = {1, 0.2, 0}, y[3] = {1e-3, 0.2e-6, 0};
+    lg_minimise_result a, b;
+    for (int i = 0; i < POINTS; i++) g.t[i] *= 1e6, g.y[i] *= 1e-3;
+    assert_ok(lg_least_squares(NULL, 3, POINTS, decay_residuals, &f, NULL, x, NULL, &a, NULL));
+    assert_ok(lg_least_squares(NULL, 3, POINTS, decay_residuals, &g, NULL, y, NULL, &b, NULL));
+    assert_close(y[0] * 1e3, x[0], 1e-9, 0);
+    assert_close(y[1] * 1e6, x[1], 1e-9, 0);
+    assert_close(b.value * 1e6, a.value, 1e-9, 0);
+    assert_true(a.evaluations < 80 && b.evaluations < 80);
+}

@@ -1,0 +1,24 @@
+/* Modes without curves: orthogonal vectors of falling length for a surrogate with modes. */
+#ifndef LG_TEST_MODES_H
+#define LG_TEST_MODES_H
+
+#include "support/fixtures.h"
+
+#include <math.h>
+
+#include "liegrad/surrogate.h"
+
+/* Gives the model its modes, k = 1..K: rows of the discrete cosine transform, of length 1/k. */
+static inline void give_modes(lg_surrogate *model) {
+    const size_t n = 4 * ((size_t)model->intervals - 1);
+    double *modes = TEST_ARRAY(double, lg_surrogate_modes_size(model) + 1);
+    if (model->options.modes == 0) return;
+    for (size_t i = 0; i < n; i++) modes[i] = 0.3 * sin(1.0 + (double)i);
+    for (size_t k = 1; k <= model->options.modes; k++)
+        for (size_t i = 0; i < n; i++)
+            modes[n * k + i] = sqrt(2.0 / (double)n) / (double)k *
+                               cos(3.14159265358979323846 * (double)k * ((double)i + 0.5) / (double)n);
+    model->modes = modes;
+}
+
+#endif
