@@ -337,7 +337,7 @@ static bool is_plan(const app_slot *slot) {
     return slot->row != NULL && slot->row->type == LG_HYPER_PHRASE;
 }
 
-bool train_asks_adam(const app *self, const lg_training *training) {
+static bool asks_adam(const app *self, const lg_training *training) {
     bool adam = training->dtype == LG_F32;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
@@ -345,6 +345,27 @@ bool train_asks_adam(const app *self, const lg_training *training) {
         adam = adam || (slot->given && slot->row != NULL && slot->row->adam);
     }
     return adam;
+}
+
+uint32_t train_preset_given;
+
+static const char *preset_name(uint32_t value) {
+    static const char *const names[] = {"thesis", "best"};
+    return value < LG_COUNT(names) ? names[value] : NULL;
+}
+
+const lg_hyperparameter train_preset_rows[] = {
+    {.name = "preset",
+     .type = LG_HYPER_NAME,
+     .size = sizeof train_preset_given,
+     .value_name = preset_name,
+     .otherwise = "best; thesis where Adam is asked for",
+     .meaning = "Source of options that are not given: the published settings or ours"},
+    LG_HYPERPARAMETER_END};
+
+const char *train_preset(const app *self, const lg_training *training) {
+    if (app_given(self, "preset")) return preset_name(train_preset_given);
+    return asks_adam(self, training) ? "thesis" : "best";
 }
 
 /* Options of Adam that the plan has no use for. */
@@ -363,11 +384,9 @@ static int check_method(const app *self, const train_task *task) {
 /* Room for 10^6 epochs takes 40 MB. */
 uint64_t train_epochs(const app *self, const lg_training *training) {
     enum { NO_LIMIT = 1000000 };
-    const lg_fit_plan *plan = &training->plan;
-    const bool adam = plan->phases == 0 || plan->phase[plan->phases - 1].method == LG_FIT_ADAM;
     if (files->evaluations > 0) return files->evaluations;
     const bool limited = files->resume != NULL || app_given(self, "epochs") || !(files->seconds > 0);
-    return adam || limited ? training->epochs : NO_LIMIT;
+    return ends_with_adam(training) || limited ? training->epochs : NO_LIMIT;
 }
 
 /* The data are compared before they are split, too: others need not be split in the same way. */
@@ -411,7 +430,7 @@ int train_main(app *self, const train_task *task) {
 
 /* ---- results ---- */
 
-/* Under its name on the command line, with _ for -. */
+/* Under the name of its option where that is not the usual one, else under its own. */
 static void json_row(app_json *json, const lg_hyperparameter *row, const void *run) {
     char key[64], text[LG_HYPER_TEXT_SIZE];
     double list[LG_HYPER_LIST_MAX];

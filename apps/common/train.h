@@ -99,9 +99,14 @@ struct train_session {
 int train_main(app *app, const train_task *task);
 /* The first part of train_main alone: options that do not go together, files that cannot be written. */
 int train_check(app *app, const train_task *task);
-/* Whether the command line asks for Adam: by its method, or by an option that is Adam's alone (a rate, a
- * batch, single precision) without a method. */
-bool train_asks_adam(const app *app, const lg_training *training);
+/* The option --preset, a row of a task's settings, and the preset to take: "thesis" or "best". Not given, it
+ * is "thesis" where the command line asks for Adam, by --method or, without it, by an option of Adam's alone
+ * (a rate, a batch) or by single precision. */
+extern const lg_hyperparameter train_preset_rows[];
+extern uint32_t train_preset_given;
+#define TRAIN_PRESET                                                                                         \
+    { train_preset_rows, &train_preset_given, sizeof train_preset_given }
+const char *train_preset(const app *app, const lg_training *training);
 /* Hyperparameters of a run, threads. */
 lg_fit_options train_fit_options(const app *app, const lg_training *training);
 /* The task's method, as in "--network angle", when it does not have the option; otherwise NULL. Static

@@ -10,25 +10,9 @@ enum { STREAM_WEIGHTS = 1 };
 /* ---- settings: the run, and where what is not given comes from ---- */
 
 static lg_surrogate_run run; /* all that determines the result */
-static uint32_t preset_given;
 
-static const char *preset_name(uint32_t value) {
-    static const char *const names[] = {"thesis", "best"};
-    return value < LG_COUNT(names) ? names[value] : NULL;
-}
-
-static const lg_hyperparameter preset_rows[] = {
-    {.name = "preset",
-     .type = LG_HYPER_NAME,
-     .size = sizeof preset_given,
-     .value_name = preset_name,
-     .otherwise = "best; thesis where Adam is asked for",
-     .meaning = "Source of options that are not given: the published settings or ours"},
-    LG_HYPERPARAMETER_END};
-
-static const app_settings settings[] = {{lg_surrogate_hyperparameters, &run, sizeof run},
-                                        {preset_rows, &preset_given, sizeof preset_given},
-                                        {.rows = NULL}};
+static const app_settings settings[] = {
+    {lg_surrogate_hyperparameters, &run, sizeof run}, TRAIN_PRESET, {.rows = NULL}};
 
 typedef struct training {
     lg_elastica_data data;
@@ -62,9 +46,7 @@ static lg_status adopt_preset(training *state, app *self, lg_error *error) {
     const lg_surrogate_options *options = &run.model.options;
     const families found = families_of(curves->boundary, curves->count);
     const bool merged = found.both_ends && found.right_end;
-    const char *name = app_given(self, "preset")              ? preset_name(preset_given)
-                       : train_asks_adam(self, &run.training) ? "thesis"
-                                                              : "best";
+    const char *name = train_preset(self, &run.training);
     state->preset = lg_surrogate_preset_find(name, options->kind, options->boundary, options->loss, merged,
                                              run.train_fraction);
     if (state->preset == NULL)

@@ -106,8 +106,7 @@ static lg_status train_model(demo *self) {
     app_progress_end(&self->progress);
     self->training_seconds = app_seconds() - begin;
     if (status != LG_OK) return status;
-    self->theta = app_alloc(lg_hamiltonian_parameters(&run.model), sizeof *self->theta);
-    lg_fit_parameters(self->learner.fit, self->theta);
+    self->theta = learner_theta(&self->learner);
     status = lg_hamiltonian_mean_squared_error(self->app->context, &self->learner.problem, self->theta,
                                                &self->loss, &self->error);
     char *path = inside("model.h5");

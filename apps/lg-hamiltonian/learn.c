@@ -102,6 +102,12 @@ void learner_destroy(learner *self) {
     self->fit = NULL;
 }
 
+double *learner_theta(const learner *self) {
+    double *theta = app_alloc(self->fit_problem.parameters, sizeof *theta);
+    lg_fit_parameters(self->fit, theta);
+    return theta;
+}
+
 double unchanged_error(const lg_hamiltonian_problem *problem) {
     const size_t d = lg_hamiltonian_state_dim(problem->model), m = problem->points;
     double sum = 0;

@@ -43,7 +43,6 @@ typedef struct learner {
 /* Settings under a name: "thesis", published, or "best", ours by measurement (docs/reports/training.md and
  * chains.md). Sets what is not given on the command line; `app` NULL: everything. LG_NOT_FOUND: no such
  * name. */
-#define LEARNER_PRESETS "thesis", "best"
 lg_status learner_preset(const app *app, const char *preset, const lg_hamiltonian_family *family, uint32_t n,
                          lg_hamiltonian_run *run);
 /* Completes a run whose hyperparameters are set: what the data determine, and the model. */
@@ -54,6 +53,8 @@ lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *ru
                          const lg_trajectories *data, const lg_fit_options *options, learner *out,
                          lg_error *error);
 void learner_destroy(learner *self);
+/* What the fit has learned: lg_hamiltonian_parameters numbers, then the estimated starts. Freed with free. */
+double *learner_theta(const learner *self);
 /* The mean squared error of the prediction that nothing changes: each point is the first one. */
 double unchanged_error(const lg_hamiltonian_problem *problem);
 /* When the loss is within 3 times the floor: says which loss, which floor, and what to change. */

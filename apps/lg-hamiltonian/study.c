@@ -31,6 +31,19 @@ static const double *parameter_of(const lg_system *system, const char *key) {
     return row->key != NULL ? numbers : NULL;
 }
 
+/* Grids of earlier versions lacked these keys: one at its default adds nothing. */
+static void write_later_keys(const lg_hamiltonian_run *run, FILE *text) {
+    char value[LG_HYPER_TEXT_SIZE], usual[LG_HYPER_TEXT_SIZE];
+    lg_hamiltonian_run initial = *run;
+    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &initial);
+    for (const lg_hyperparameter *row = lg_hamiltonian_hyperparameters; row->name != NULL; row++) {
+        if (!row->optional || strcmp(row->name, "schedule") == 0) continue; /* the schedule has its place */
+        lg_hyperparameter_show(row, run, value, sizeof value);
+        lg_hyperparameter_show(row, &initial, usual, sizeof usual);
+        if (strcmp(value, usual) != 0) (void)fprintf(text, "; %s %s", row->name, value);
+    }
+}
+
 static void set_protocol(const lg_grid *grid, study_plan *plan) {
     const lg_scene *scene = &grid->scene;
     const lg_system *system = scene->system;
@@ -55,18 +68,10 @@ static void set_protocol(const lg_grid *grid, study_plan *plan) {
     (void)fprintf(text, "; %d %d %d %d %d %u %u %u %llu", (int)run->model.net.activation,
                   (int)run->model.potential, (int)how->dtype, (int)grid->noise_kind, (int)run->penalty_form,
                   how->shards, grid->test_trajectories, grid->test_points, (unsigned long long)grid->seed);
-    /* Grids of earlier versions had none of these keys. */
     if (how->schedule != LG_SCHEDULE_STEP || how->validation > 0)
         (void)fprintf(text, "; %d %.17g", (int)how->schedule, how->validation);
-    if (run->scaled || scene->ahead > 0) (void)fprintf(text, "; %d %.17g", run->scaled, scene->ahead);
-    if (run->penalty_integral > 0 || run->penalty_copy > 0 || run->penalty_points.count > 0) {
-        const lg_penalty_points *points = &run->penalty_points;
-        (void)fprintf(text, "; %u %u", run->penalty_integral, run->penalty_copy);
-        for (uint32_t i = 0; i < points->count; i++) (void)fprintf(text, " %u", points->at[i]);
-    }
-    if (run->model.symmetry != LG_SYMMETRY_NONE)
-        (void)fprintf(text, "; symmetry %d", (int)run->model.symmetry);
-    if (run->distance != LG_DISTANCE_AMBIENT) (void)fprintf(text, "; distance %d", (int)run->distance);
+    if (scene->ahead > 0) (void)fprintf(text, "; ahead %.17g", scene->ahead);
+    write_later_keys(run, text);
     (void)fclose(text);
     study_set_protocol(plan, memory.text);
     free(memory.text);
@@ -142,8 +147,7 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
     status = lg_fit_run(learned.fit, error);
     row->result[STUDY_SECONDS] = app_seconds() - begin;
     row->epochs = lg_fit_epochs_done(learned.fit);
-    double *theta = app_alloc(lg_hamiltonian_parameters(&run.model), sizeof *theta);
-    lg_fit_parameters(learned.fit, theta);
+    double *theta = learner_theta(&learned);
     if (status == LG_OK)
         status = lg_hamiltonian_mean_squared_error(context, &learned.problem, theta, &row->result[STUDY_LOSS],
                                                    error);

@@ -17,25 +17,9 @@ static const app_option options[] = {
     APP_ROW_END};
 
 static lg_hamiltonian_run run; /* all that determines the result */
-static uint32_t preset_given;
 
-static const char *preset_name(uint32_t value) {
-    static const char *const names[] = {LEARNER_PRESETS};
-    return value < LG_COUNT(names) ? names[value] : NULL;
-}
-
-static const lg_hyperparameter preset_rows[] = {
-    {.name = "preset",
-     .type = LG_HYPER_NAME,
-     .size = sizeof preset_given,
-     .value_name = preset_name,
-     .otherwise = "best; thesis where Adam is asked for",
-     .meaning = "Source of options that are not given: the published settings or ours"},
-    LG_HYPERPARAMETER_END};
-
-static const app_settings settings[] = {{lg_hamiltonian_hyperparameters, &run, sizeof run},
-                                        {preset_rows, &preset_given, sizeof preset_given},
-                                        {.rows = NULL}};
+static const app_settings settings[] = {
+    {lg_hamiltonian_hyperparameters, &run, sizeof run}, TRAIN_PRESET, {.rows = NULL}};
 
 typedef struct training {
     lg_trajectories data;
@@ -67,11 +51,9 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
 static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
     const training *state = user;
     if (stored == NULL) {
-        const char *preset = app_given(self, "preset")              ? preset_name(preset_given)
-                             : train_asks_adam(self, &run.training) ? "thesis"
-                                                                    : "best";
         if (!app_given(self, "integrator")) run.scheme = lg_scheme_find(state->data.family->scheme);
-        (void)learner_preset(self, preset, state->data.family, state->data.n, &run);
+        (void)learner_preset(self, train_preset(self, &run.training), state->data.family, state->data.n,
+                             &run);
     }
     return describe_run(&state->data, &run, error);
 }
@@ -122,12 +104,12 @@ static void report(const training *state, const train_session *session, double l
         report_json(state, session, loss);
         return;
     }
-    (void)printf(
-        "%s: %zu parameters, %llu epochs with %s, mean squared error %.3e, floor %.1e (%.4f s an epoch, "
-        "%.1f s in all)\n",
-        train_given_files.out, lg_hamiltonian_parameters(&run.model),
-        (unsigned long long)lg_fit_epochs_done(session->fit), run.scheme->name, loss, session->floor,
-        lg_fit_seconds_per_epoch(session->fit), session->seconds);
+    (void)printf("%s: %zu parameters, %llu epochs or evaluations with %s, mean squared error %.3e, floor "
+                 "%.1e (%.4f s an epoch, "
+                 "%.1f s in all)\n",
+                 train_given_files.out, lg_hamiltonian_parameters(&run.model),
+                 (unsigned long long)lg_fit_epochs_done(session->fit), run.scheme->name, loss, session->floor,
+                 lg_fit_seconds_per_epoch(session->fit), session->seconds);
 }
 
 static lg_status find_floor(const training *state, train_session *session, const double *theta, double loss,
@@ -144,8 +126,7 @@ static int finish(void *user, train_session *session) {
     const app *self = session->app;
     const learner *learned = &state->learner;
     lg_error error = {LG_OK, ""};
-    double loss = 0, *theta = app_alloc(learned->fit_problem.parameters, sizeof *theta);
-    lg_fit_parameters(learned->fit, theta);
+    double loss = 0, *theta = learner_theta(learned);
     lg_status status = LG_OK;
     if (given.newton && lg_fit_finished(learned->fit))
         status = lg_newton_fit(self->context, &learned->fit_problem, NULL, theta, &state->newton);
@@ -205,11 +186,12 @@ const app_command train_command = {
     .summary = "Fit a Hamiltonian to trajectories",
     .details =
         "Loss: the mean squared difference over trajectories, coordinates and points (the first "
-        "excluded) between the data and the integrator's prediction with the learned Hamiltonian; "
+        "excluded; with --starts estimated it counts too) between the data and the integrator's prediction "
+        "with the learned Hamiltonian; "
         "with --penalty, plus the penalty. The `loss` reported is this mean squared error (no "
         "penalty) over all trajectories of the file, in double precision, at the parameters that are "
         "written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
-        "error that the integrator's steps make, estimated with half the steps.\n\nCtrl-C saves a "
+        "error that the integrator's steps make, estimated by steps of half the size.\n\nCtrl-C saves a "
         "checkpoint and ends with exit code 130; --resume continues to the same bits.",
     .options = options,
     .values = &given,

@@ -61,9 +61,8 @@ typedef struct lg_hamiltonian {
     uint32_t n; /* copies of the family's factors: links of a chain, degrees of freedom */
     lg_potential_kind potential;
     lg_symmetry symmetry; /* of V: none after lg_hamiltonian_init, may be set then */
-    lg_mlp
-        net; /* of family->inputs n coordinates or the dictionary's functions -> hidden -> 1; only an MLP has
-                 * hidden layers */
+    /* Of family->inputs n coordinates or the dictionary's functions, to 1; only an MLP has hidden layers. */
+    lg_mlp net;
 } lg_hamiltonian;
 
 /* Variables that depend on theta alone and serve all rows of a batch. lg_hamiltonian_bind makes them once.

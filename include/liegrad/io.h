@@ -232,8 +232,9 @@ typedef struct lg_hamiltonian_file {
 
 /* /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b (k)} or
  * /model/kinetic/A (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation, seconds,
- * rate}. `file` is borrowed with everything that it points to. With a `fit` (may be NULL), lg_fit_save
- * writes its whole state in place of the file's optimizer, rng and history; theta is always the file's.
+ * rate}. `file` is borrowed with everything that it points to. A `fit` (may be NULL) replaces the file's
+ * history by its own, and while it trains by Adam optimizer and rng too; the state of other methods is far
+ * larger than the model and is kept in checkpoints alone. theta is always the file's.
  * Errors also: LG_NOT_FINITE for parameters that are not finite, LG_INVALID_ARGUMENT for a model that
  * lg_hamiltonian_init would refuse. */
 LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
@@ -324,8 +325,8 @@ typedef struct lg_surrogate_file {
  * the model files of learned Hamiltonians, with the same laws. A model written by hand needs `kind` and the
  * attributes of /model: `network`, `architecture`, `activation`, `embedding`, `hidden`, `layers`,
  * `normalise`, `mirror`, `boundary`, `intervals`, `length`, `centre`, and for `modes` above 0 the arrays
- * /model/mean (4(N - 1)) and /model/modes (K, 4(N - 1)): s_k u_k of liegrad/surrogate.h. With a `fit`
- * (may be NULL) its whole state is written in place of the history. */
+ * /model/mean (4(N - 1)) and /model/modes (K, 4(N - 1)): s_k u_k of liegrad/surrogate.h. `fit` as
+ * above. */
 LG_API lg_status lg_model_save_surrogate(const lg_context *context, const char *path,
                                          const lg_surrogate_file *file, const lg_fit *fit, lg_error *error);
 LG_API lg_status lg_model_load_surrogate(const lg_context *context, const char *path,

@@ -261,9 +261,8 @@ LG_API lg_status lg_system_start(const lg_system *system, const lg_trajectory_op
 
 /* Samples trajectories with RKMK(5,4) on manifolds and Dormand-Prince 5(4) on R^n. Outputs: t (M),
  * trajectories (N, M, d), hamiltonian (N) = H at each start. Noise is added to all points but the first (see
- * noise_first), in
- * ambient coordinates, after the integration. Start and noise of number i depend on (seed, i) only, so the
- * starts are the same for every noise, N, M and T (with segments = 1). `options` NULL: the
+ * noise_first), in ambient coordinates, after the integration. Start and noise of number i depend on (seed,
+ * i) only, so the starts are the same for every noise, N, M and T (with segments = 1). `options` NULL: the
  * defaults. Errors, explained in `error` (may be NULL): LG_INVALID_ARGUMENT, LG_UNSUPPORTED (starts),
  * LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_integrate_adaptive. On failure nothing is written. */
 LG_API lg_status lg_generate_trajectories(const lg_context *context, const lg_system *system,

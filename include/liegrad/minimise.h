@@ -10,8 +10,8 @@
  *   lg_status status = lg_minimise(NULL, 2, bowl, NULL, NULL, x, &result, &error);
  *
  * All arithmetic is in double, on the caller's thread, in a fixed order: an objective with the same bits
- * gives the same path. Both methods take a direction d = -H g and a step x + alpha d that satisfies the weak
- * Wolfe conditions
+ * gives the same path. SSBroyden and L-BFGS take a direction d = -H g and a step x + alpha d that satisfies
+ * the weak Wolfe conditions
  *   f(x + alpha d) <= f(x) + 1e-4 alpha g.d,   g(x + alpha d).d >= 0.9 g.d,
  * found by cubic interpolation. A failing search restarts from H = 1; a second failure ends the run.
  */
@@ -95,8 +95,7 @@ LG_API lg_status lg_minimise(const lg_context *context, size_t n, lg_objective o
 
 /* ---- least squares ---- */
 
-/* r (m) and, unless `jacobian` is NULL, dr_i/dx_j at jacobian[i n + j], at x (n). As lg_objective
- * otherwise. */
+/* r (m), and dr_i/dx_j at jacobian[i n + j], at x (n). As lg_objective otherwise. */
 typedef lg_status (*lg_residuals)(void *user, const double *x, double *r, double *jacobian);
 
 /* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt. options->method and check are not

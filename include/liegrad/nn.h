@@ -251,8 +251,7 @@ typedef struct lg_fit_options {
     /* 0: off. s > 0: noise in the data is not learned by the methods other than Adam. Where 50 iterations
      * lower the loss L by less than a tenth, L is taken as the variance of the noise, and the most probable
      * weights are sought: with normal noise and weights from N(0, s^2), L + W/2 |theta|^2 is minimised,
-     * W = 2 L/(n s^2), n the problem's observations. Where L falls to half of that after all, W is 0 again.
-     * */
+     * W = 2 L/(n s^2), n the problem's observations. Where L falls to half of that, W is 0 again. */
     double prior;
     double clip_norm;  /* 0: off; else the bound on the gradient's Euclidean norm */
     uint64_t seed;     /* 1 */

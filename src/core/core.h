@@ -34,6 +34,9 @@ void lg_log_message(const lg_context *context, lg_log_level level, const char *f
 lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
+/* Of a clock that never goes back. */
+double lg_seconds(void);
+
 /* Worker threads that run task(user, i) for i in 0..count-1. Which thread runs which i is not specified: a
  * task must write only to its own memory. threads - 1 workers are made; the caller works too. */
 typedef struct lg_thread_pool lg_thread_pool;

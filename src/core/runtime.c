@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 /* OpenBLAS' own functions, weak: a BLAS without them links too. The last two are exported but not documented.
  */
@@ -50,4 +51,10 @@ static void fit_core_type(void) {
 void lg_runtime_setup(void) {
     fit_core_type();
     if (openblas_set_num_threads != NULL) openblas_set_num_threads(1);
+}
+
+double lg_seconds(void) {
+    struct timespec now;
+    (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }

@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <string.h>
-#include <time.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
@@ -30,12 +29,6 @@ typedef struct lg_recorded {
 
 void lg_adjoint_problem_init(lg_adjoint_problem *problem) {
     *problem = (lg_adjoint_problem){.size = sizeof(lg_adjoint_problem)};
-}
-
-static double now(void) {
-    struct timespec t;
-    (void)clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static bool finite_numbers(size_t n, const double *x) {
@@ -272,7 +265,7 @@ static void copy_out(size_t n, const double *from, double *to) {
 lg_status lg_adjoint_gradient(const lg_context *context, const lg_adjoint_problem *problem, const double *y0,
                               double *y_end, double *dy0, double *dparameters, lg_adjoint_stats *stats,
                               lg_error *error) {
-    const double begin = now();
+    const double begin = lg_seconds();
     const char *fault = fault_of(problem, y0);
     if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
     const size_t steps = problem->steps, d = problem->ode->space.dim;
@@ -294,7 +287,7 @@ lg_status lg_adjoint_gradient(const lg_context *context, const lg_adjoint_proble
             *stats = (lg_adjoint_stats){.checkpoints = segments,
                                         .states_size = sizeof(double) * d * (segments + 1 + a.longest),
                                         .tape_size = lg_tape_size(a.tape),
-                                        .seconds = now() - begin};
+                                        .seconds = lg_seconds() - begin};
     }
     close_adjoint(&a);
     return status;

@@ -10,6 +10,11 @@ extern void dpotrf_(const char *uplo, const int *n, double *a, const int *lda, i
 /* Solves A X = B with it. */
 extern void dpotrs_(const char *uplo, const int *n, const int *nrhs, const double *a, const int *lda,
                     double *b, const int *ldb, int *info);
+/* The inverse of the matrix, in the factor's place, the same triangle. */
+extern void dpotri_(const char *uplo, const int *n, double *a, const int *lda, int *info);
+/* Solves A X = B, A symmetric positive definite; a becomes its factor. */
+extern void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, const int *lda, double *b,
+                   const int *ldb, int *info);
 /* A = Q R by Householder reflections. */
 extern void dgeqrf_(const int *m, const int *n, double *a, const int *lda, double *tau, double *work,
                     const int *lwork, int *info);

@@ -4,17 +4,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "nn/fit_internal.h"
 
 #define RNG_STREAM 0x66697400u /* keeps the fit's draws apart from an initialisation with the same seed */
-
-static double now(void) {
-    struct timespec t;
-    (void)clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 /* ---- options ---- */
 
@@ -356,11 +349,11 @@ static lg_status batch_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error)
 }
 
 static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
-    const double begin = now();
+    const double begin = lg_seconds();
     report->validation = NAN;
     const bool adam = lg_fit_method_now(fit) == LG_FIT_ADAM;
     const lg_status status = adam ? batch_epoch(fit, report, error) : evaluate_epoch(fit, report, error);
-    fit->state.running_seconds += now() - begin;
+    fit->state.running_seconds += lg_seconds() - begin;
     if (status != LG_OK) return status;
     close_epoch(fit, report);
     lg_fit_next_phase(fit);

@@ -26,6 +26,7 @@ typedef struct hyperparameter {
 #define PHASE(i)                                                                                             \
     ADDED("phase_" #i "/method", o->plan.phase[i].method),                                                   \
         ADDED("phase_" #i "/epochs", o->plan.phase[i].epochs)
+_Static_assert(LG_FIT_MAX_PHASES == 4, "the list has a row for each phase");
 #define HYPERPARAMETERS (26 + 2 * LG_FIT_MAX_PHASES)
 
 static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARAMETERS]) {

@@ -81,6 +81,11 @@ lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, 
                             const char *what, double *loss, lg_error *error);
 /* Cuts the samples into pieces, one a shard. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count);
+/* Adds `count` samples to the shard's sums. */
+typedef lg_status (*lg_fit_chunk)(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count);
+/* Adds a shard's samples a chunk at a time, its loss from 0: a chunk's values stay in the cache, and memory
+ * is bounded. */
+lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add);
 /* The sum of the shards' losses; the failure of a shard, or a sum that is not finite. */
 lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error);
 /* Loss, gradient and matrix of all training samples by residuals; the latter in the first shard. */

@@ -23,6 +23,15 @@ const char *lg_fit_method_name(lg_fit_method method) {
 
 /* ---- plans ---- */
 
+static lg_status no_method(const char *text, size_t length, lg_error *error) {
+    char names[64] = "";
+    for (size_t i = 0, used = 0; i < LG_FIT_METHOD_COUNT && used < sizeof names; i++)
+        used +=
+            (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "", methods[i].name);
+    return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is no method; there are %s",
+                   (int)(length < 40 ? length : 40), text, names);
+}
+
 /* "adam:100" up to `length`; the number may be missing. */
 static lg_status parse_phase(const char *text, size_t length, uint32_t *method, uint32_t *epochs,
                              lg_error *error) {
@@ -31,9 +40,7 @@ static lg_status parse_phase(const char *text, size_t length, uint32_t *method, 
     *epochs = 0;
     for (*method = 0; *method < LG_FIT_METHOD_COUNT; (*method)++)
         if (strlen(methods[*method].name) == name && memcmp(methods[*method].name, text, name) == 0) break;
-    if (*method == LG_FIT_METHOD_COUNT)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is no method; adam, ssbroyden, lbfgs and lm are",
-                       (int)(name < 40 ? name : 40), text);
+    if (*method == LG_FIT_METHOD_COUNT) return no_method(text, name, error);
     for (const char *c = colon; c != NULL && ++c < text + length;) {
         if (*c < '0' || *c > '9' || *epochs > 100000000)
             return lg_fail(error, LG_INVALID_ARGUMENT,

@@ -59,19 +59,12 @@ static lg_status add_chunk(const lg_fit *fit, lg_shard *shard, const uint32_t *s
 }
 
 static lg_status add_shard(const lg_fit *fit, lg_shard *shard) {
-    const size_t n = fit->problem.parameters,
-                 chunk = fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
+    const size_t n = fit->problem.parameters;
     if (shard->matrix == NULL) shard->matrix = lg_alloc(fit->context, n * n, sizeof(double));
     if (shard->matrix == NULL) return LG_OUT_OF_MEMORY;
-    shard->loss = 0.0;
     memset(shard->matrix, 0, n * n * sizeof(double));
     memset(shard->gradient, 0, n * sizeof(double));
-    lg_tape_constant(shard->tape, fit->point, n * sizeof(double));
-    for (size_t at = 0; at < shard->count; at += chunk) {
-        const size_t rest = shard->count - at;
-        LG_TRY(add_chunk(fit, shard, shard->samples + at, rest < chunk ? rest : chunk));
-    }
-    return LG_OK;
+    return lg_fit_chunks(fit, shard, add_chunk);
 }
 
 static void shard_task(void *user, size_t index) {

@@ -39,22 +39,22 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
     return lg_backward(tape, loss, &theta, 1, &gradient);
 }
 
-/* Large shards pass over the tape in chunks: their values stay in the cache and memory is bounded. */
-static lg_status shard_loss(const lg_fit *fit, lg_shard *shard) {
+lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add) {
     const size_t chunk = fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
     shard->loss = 0.0;
-    shard->bound = INFINITY;
     lg_tape_constant(shard->tape, fit->point, fit->problem.parameters * fit->k->size);
     for (size_t at = 0; at < shard->count; at += chunk) {
         const size_t rest = shard->count - at;
-        LG_TRY(chunk_loss(fit, shard, shard->samples + at, rest < chunk ? rest : chunk));
+        LG_TRY(add(fit, shard, shard->samples + at, rest < chunk ? rest : chunk));
     }
     return LG_OK;
 }
 
 static void shard_task(void *user, size_t index) {
     lg_fit *fit = user;
-    fit->shards[index].status = shard_loss(fit, &fit->shards[index]);
+    lg_shard *shard = &fit->shards[index];
+    shard->bound = INFINITY;
+    shard->status = lg_fit_chunks(fit, shard, chunk_loss);
 }
 
 /* Piece i of n of `count` samples: [i count/n, (i + 1) count/n), never empty since n <= count. */

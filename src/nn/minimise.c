@@ -119,7 +119,7 @@ void lg_minimiser_destroy(lg_minimiser *m) {
 
 /* ---- between evaluations ---- */
 
-static double largest(const double *x, size_t n) {
+double lg_largest(const double *x, size_t n) {
     double top = 0.0;
     for (size_t i = 0; i < n; i++)
         if (!(fabs(x[i]) <= top)) top = fabs(x[i]);
@@ -127,7 +127,7 @@ static double largest(const double *x, size_t n) {
 }
 
 bool lg_minimise_flat(const lg_minimiser *m) {
-    return largest(m->g, m->n) <= m->options.gradient_tolerance;
+    return lg_largest(m->g, m->n) <= m->options.gradient_tolerance;
 }
 
 void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end) {
@@ -170,7 +170,7 @@ static void check_direction(lg_minimiser *m) {
 }
 
 static double check_step(const lg_minimiser *m) {
-    return CHECK_STEP * (1.0 + largest(m->x, m->n));
+    return CHECK_STEP * (1.0 + lg_largest(m->x, m->n));
 }
 
 static void next_check(lg_minimiser *m) {
@@ -340,5 +340,5 @@ lg_minimise_result lg_minimiser_result(const lg_minimiser *m) {
                                 .evaluations = m->counts.evaluations,
                                 .iterations = m->counts.iterations,
                                 .value = m->counts.evaluations > 0 ? m->numbers.value : (double)NAN,
-                                .gradient = largest(m->g, m->n)};
+                                .gradient = lg_largest(m->g, m->n)};
 }

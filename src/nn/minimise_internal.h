@@ -79,4 +79,7 @@ static inline size_t lg_minimise_stride(size_t n) {
     return (n + 7) / 8 * 8;
 }
 
+/* max |x_i|, NaN when one is; 0 for n = 0. */
+double lg_largest(const double *x, size_t n);
+
 #endif

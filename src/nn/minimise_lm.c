@@ -2,11 +2,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "kernels/lapack.h"
 #include "nn/minimise_internal.h"
-
-/* LAPACK: solves A X = B, A symmetric positive definite, column-major. */
-void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, const int *lda, double *b,
-            const int *ldb, int *info);
 
 enum { MOST_REFUSALS = 40 };
 static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4;

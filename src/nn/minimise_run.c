@@ -1,15 +1,9 @@
 /* The loop around a minimiser, for functions and for sums of squares. */
 #include <math.h>
 #include <string.h>
-#include <time.h>
 
+#include "kernels/lapack.h"
 #include "nn/minimise_internal.h"
-
-static double now(void) {
-    struct timespec t;
-    (void)clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 /* Evaluates at the point and tells the minimiser. */
 typedef lg_status (*evaluation)(lg_minimiser *m, void *user);
@@ -17,13 +11,13 @@ typedef lg_status (*evaluation)(lg_minimiser *m, void *user);
 /* Evaluates until an end; *end is RUNNING when an evaluation failed. */
 static lg_status run(lg_minimiser *m, evaluation evaluate, void *user, lg_minimise_end *end) {
     const lg_minimise_options *o = &m->options;
-    const double begin = now();
+    const double begin = lg_seconds();
     while ((*end = (lg_minimise_end)m->counts.end) == LG_MINIMISE_RUNNING) {
         if (lg_cancelled(m->context))
             *end = LG_MINIMISE_CANCELLED;
         else if (m->counts.evaluations >= o->evaluations)
             *end = LG_MINIMISE_EVALUATIONS;
-        else if (o->seconds > 0.0 && now() - begin >= o->seconds)
+        else if (o->seconds > 0.0 && lg_seconds() - begin >= o->seconds)
             *end = LG_MINIMISE_SECONDS;
         if (*end != LG_MINIMISE_RUNNING) break;
         const lg_status status = evaluate(m, user);
@@ -85,10 +79,6 @@ lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objectiv
 }
 
 /* ---- least squares ---- */
-
-/* LAPACK: inverts a symmetric positive definite matrix from its Cholesky factor. */
-void dpotrf_(const char *uplo, const int *n, double *a, const int *lda, int *info);
-void dpotri_(const char *uplo, const int *n, double *a, const int *lda, int *info);
 
 typedef struct given_residuals {
     lg_residuals function;

@@ -3,12 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "kernels/lapack.h"
 #include "liegrad/nn.h"
-
-/* LAPACK: solves A X = B, A symmetric positive definite, column-major. */
-void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, const int *lda, double *b,
-            const int *ldb, int *info);
+#include "nn/minimise_internal.h"
 
 typedef struct newton {
     const lg_context *context;
@@ -66,13 +63,6 @@ static lg_status derivatives(newton *w, double *value) {
     return LG_OK;
 }
 
-static double largest(const double *x, size_t n) {
-    double top = 0.0;
-    for (size_t i = 0; i < n; i++)
-        if (!(fabs(x[i]) <= top)) top = fabs(x[i]);
-    return top;
-}
-
 /* Solves (H + damping I) step = -gradient; false when the matrix is not positive definite. */
 static bool solve_step(newton *w, double damping) {
     const int n = (int)w->n, one = 1;
@@ -108,8 +98,8 @@ static lg_status iterate(newton *w, const lg_newton_options *options, lg_newton_
     for (result->iterations = 0; result->iterations < options->max_iterations; result->iterations++) {
         if (lg_cancelled(w->context)) return LG_CANCELLED;
         LG_TRY(derivatives(w, &result->loss));
-        result->gradient_norm = largest(w->gradient, w->n);
-        const double scale = largest(w->hessian, w->n * w->n);
+        result->gradient_norm = lg_largest(w->gradient, w->n);
+        const double scale = lg_largest(w->hessian, w->n * w->n);
         if (!isfinite(result->loss) || !isfinite(result->gradient_norm) || !isfinite(scale))
             return LG_NOT_FINITE;
         if (result->gradient_norm <= options->gradient_tolerance * scale) break;

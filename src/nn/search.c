@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <string.h>
-#include <time.h>
 
 #include "core/core.h"
 #include "liegrad/random.h"
@@ -178,12 +177,6 @@ bool lg_search_report(lg_search *search, uint64_t done, uint64_t total, double o
 
 /* ---- running ---- */
 
-static double now(void) {
-    struct timespec t;
-    (void)clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 static lg_status check_options(const lg_search_options *options, lg_error *error) {
     if (options->size != sizeof *options)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the options of a search were not initialised");
@@ -237,9 +230,9 @@ static bool run_trial(const lg_search_options *options, const lg_search_problem 
     lg_search search = {options, trials, count, trial, false};
     *trial = (lg_trial){.number = number, .objective = NAN};
     lg_search_draw(space, options->seed, number, trial->value);
-    const double start = now();
+    const double start = lg_seconds();
     lg_status status = problem->run(problem->user, &search, trial, why);
-    trial->seconds = now() - start;
+    trial->seconds = lg_seconds() - start;
     trial->number = number;
     if (status == LG_CANCELLED && search.stopped) status = LG_OK;
     if (status == LG_CANCELLED) return false;

@@ -279,4 +279,16 @@ TEST("a study runs, and goes on where it was stopped") {
     cli_json(lg, "study grid.yaml --out limited.csv", "done 8", &result);
 }
 
+TEST("a study goes on only with the same method, prior and scale") {
+    shell("{ cat grid.yaml; echo 'method: lbfgs'; echo 'prior: 0.5'; } > later.yaml");
+    cli_json(lg, "study later.yaml --out later.csv --jobs 1", "done 8", &result);
+    static const char *const changes[] = {"s/lbfgs/ssbroyden/", "s/^prior.*//", "$ a scaled: yes"};
+    for (size_t i = 0; i < LG_COUNT(changes); i++) {
+        char command[128];
+        (void)snprintf(command, sizeof command, "sed '%s' later.yaml > other.yaml", changes[i]);
+        shell(command);
+        cli_expect(lg, "study other.yaml --out later.csv", 3, "other settings", &result);
+    }
+}
+
 TEST_GROUP(setup, cli_end)
