@@ -34,11 +34,43 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
     return code;
 }
 
-/* A preset's modes, at most one less than there are curves to learn from, and as many as their numbers. */
-static uint32_t fewer_modes(uint32_t modes, const lg_elastica_curves *curves) {
-    double learned = floor(run.train_fraction * (double)curves->count + 0.5);
-    if (run.most_curves > 0) learned = fmin(learned, (double)run.most_curves);
-    return (uint32_t)fmax(0, fmin(modes, fmin(learned - 1, 4.0 * (curves->intervals - 1))));
+/* Half of the largest distance of the ends: the same bits wherever all curves have one distance. */
+static double centre_of(const lg_elastica_curves *curves) {
+    double largest = 0;
+    for (size_t i = 0; i < curves->count; i++) {
+        const double *x = curves->boundary + 8 * i;
+        largest = fmax(largest, hypot(x[4] - x[0], x[5] - x[1]));
+    }
+    return 0.5 * largest;
+}
+
+/* `most` curves of a part at even distances in it, or all for 0. */
+static part_indices thin(const part_indices *part, uint64_t most) {
+    const size_t count = most > 0 && most < part->count ? (size_t)most : part->count;
+    part_indices out = {app_alloc(count, sizeof *out.list), count};
+    for (size_t i = 0; i < count; i++)
+        out.list[i] = part->list[count > 1 ? i * (part->count - 1) / (count - 1) : 0];
+    return out;
+}
+
+/* A preset's modes are a limit; the curves that are learned say how many it takes. */
+static lg_status modes_of_curves(const training *state, const app *self, uint32_t *modes, lg_error *error) {
+    const lg_elastica_curves *curves = &state->data.curves;
+    lg_surrogate_options options = run.model.options;
+    lg_surrogate model;
+    part_indices train, test;
+    options.modes = (uint32_t)fmin(options.modes, 4.0 * (curves->intervals - 1));
+    lg_status status =
+        lg_surrogate_init(&model, &options, curves->intervals, curves->length, centre_of(curves), error);
+    if (status == LG_OK) status = split_curves(&run, &train, &test, error);
+    if (status != LG_OK) return status;
+    const part_indices learned = thin(&train, run.most_curves);
+    status =
+        lg_surrogate_count_modes(self->context, &model, curves, learned.list, learned.count, modes, error);
+    free(train.list);
+    free(test.list);
+    free(learned.list);
+    return status;
 }
 
 static lg_status adopt_preset(training *state, app *self, lg_error *error) {
@@ -57,28 +89,18 @@ static lg_status adopt_preset(training *state, app *self, lg_error *error) {
                          merged ? " on data of both families" : "");
     lg_surrogate_run from = {.model.options = state->preset->model, .training = state->preset->training};
     from.most_curves = state->preset->most_curves;
-    from.model.options.modes = fewer_modes(from.model.options.modes, curves);
     app_adopt(self, settings, &from, true);
-    return LG_OK;
-}
-
-/* Half of the largest distance of the ends: the same bits wherever all curves have one distance. */
-static double centre_of(const lg_elastica_curves *curves) {
-    double largest = 0;
-    for (size_t i = 0; i < curves->count; i++) {
-        const double *x = curves->boundary + 8 * i;
-        largest = fmax(largest, hypot(x[4] - x[0], x[5] - x[1]));
-    }
-    return 0.5 * largest;
+    if (options->modes == 0 || app_given(self, "modes")) return LG_OK;
+    return modes_of_curves(state, self, &run.model.options.modes, error);
 }
 
 static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
     training *state = user;
     const lg_elastica_curves *curves = &state->data.curves;
     state->preset = NULL;
+    run.curves = curves->count;
     const lg_status status = stored != NULL ? LG_OK : adopt_preset(state, self, error);
     if (status != LG_OK) return status;
-    run.curves = curves->count;
     run.continuous = curves->continuous;
     memcpy(run.data_sha256, state->data.sha256, sizeof run.data_sha256);
     const lg_surrogate_options options = run.model.options;
@@ -149,15 +171,6 @@ static lg_status hold_out(void *user, app *self, double validation, lg_error *er
 static lg_status no_room(lg_error *error) {
     return app_error(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters",
                      lg_surrogate_parameters(&run.model));
-}
-
-/* `most` curves of a part at even distances in it, or all for 0. */
-static part_indices thin(const part_indices *part, uint64_t most) {
-    const size_t count = most > 0 && most < part->count ? (size_t)most : part->count;
-    part_indices out = {app_alloc(count, sizeof *out.list), count};
-    for (size_t i = 0; i < count; i++)
-        out.list[i] = part->list[count > 1 ? i * (part->count - 1) / (count - 1) : 0];
-    return out;
 }
 
 /* The fixed last layer, from the curves that are learned. */

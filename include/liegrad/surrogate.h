@@ -116,6 +116,13 @@ LG_API size_t lg_surrogate_parameters(const lg_surrogate *model); /* those of it
 
 /* K + 1 times 4(N - 1); 0 without modes. */
 LG_API size_t lg_surrogate_modes_size(const lg_surrogate *model);
+/* How many modes `count` curves, whose numbers `training` gives, need: the least K <= options.modes, K < count,
+ * that leaves at most 1e-12 of the variance of the curves, or a rest without a leading direction: the next
+ * mode has less than a tenth of it, as in noise. Errors, *modes untouched: those of
+ * lg_surrogate_find_modes. */
+LG_API lg_status lg_surrogate_count_modes(const lg_context *context, const lg_surrogate *model,
+                                          const lg_elastica_curves *curves, const uint32_t *training,
+                                          size_t count, uint32_t *modes, lg_error *error);
 /* Modes of `count` curves, whose numbers `training` gives, into modes (lg_surrogate_modes_size). Errors,
  * modes untouched: LG_INVALID_ARGUMENT (a model without modes, fewer than K + 1 curves, an index out of
  * range), LG_SHAPE (curves that do not fit the model), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
@@ -134,11 +141,11 @@ LG_API lg_status lg_surrogate_coefficients(const lg_context *context, const lg_s
 typedef struct lg_surrogate_preset {
     const char *name; /* "thesis", "best" */
     lg_surrogate_kind kind;
-    bool boundary;      /* angle network */
-    bool merged;        /* data of both families */
-    double fraction;    /* part of the data used for training; the nearest preset is taken */
-    const char *source; /* "table 5.3", ... */
-    lg_surrogate_options model;
+    bool boundary;              /* angle network */
+    bool merged;                /* data of both families */
+    double fraction;            /* part of the data used for training; the nearest preset is taken */
+    const char *source;         /* "table 5.3", ... */
+    lg_surrogate_options model; /* its modes are a limit, for lg_surrogate_count_modes */
     lg_training training;
     uint64_t most_curves; /* to learn from; 0: all of the training part */
 } lg_surrogate_preset;

@@ -178,7 +178,8 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
            .meaning = "Learn one half of the boundary conditions; the other is its mirror image"),
     OPTION("model", boundary, FLAG, .value_name = lg_name_truth, .value = "false", .methods = ANGLE,
            .meaning = "Angle network that holds the end angles by construction"),
-    OPTION("model", modes, U32, .high = 1 << 20, .optional = true, PRESET(), .unit = "K", .methods = DISCRETE,
+    OPTION("model", modes, U32, .high = 1 << 20, .optional = true,
+           .otherwise = "the preset's, as many as the curves need", .unit = "K", .methods = DISCRETE,
            .meaning =
                "Fixed last layer: leading singular vectors of the training curves, 0 for a learned one"),
     OPTION("model", angles, FLAG, .value_name = lg_name_truth, .optional = true, PRESET(),

@@ -161,25 +161,55 @@ static void hand_over(const decomposition *d, uint32_t count, double *modes) {
             modes[d->n * (k + 1) + j] = d->s[k] / sqrt((double)d->count) * d->vt[d->least * j + k];
 }
 
+/* The decomposition of these curves, to be released. */
+static lg_status take_apart(const lg_context *context, const lg_surrogate *model,
+                            const lg_elastica_curves *curves, const uint32_t *training, decomposition *d,
+                            lg_error *error) {
+    LG_TRY(check(model, curves, training, d->count, error));
+    if (d->count == 0 || d->count > INT_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "modes of no curve, or of 2^31 curves or more");
+    d->n = lg_surrogate_outputs(model);
+    d->least = d->count < d->n ? d->count : d->n;
+    if (reserve(context, d) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the modes of %zu curves", d->count);
+    if (!lay_out(d, model, curves, training) || decompose(d, d->work, (int)d->work[0]) != 0)
+        return lg_fail(error, LG_NOT_FINITE, "the curves have no modes: numbers are not finite");
+    return LG_OK;
+}
+
+/* The least K with sum_{k >= K} s_k^2 <= NEGLIGIBLE of the whole, or with a leading rest s_K^2 < NOISE of it. */
+static const double NEGLIGIBLE = 1e-12, NOISE = 0.1;
+static uint32_t needed(const double *s, size_t count, uint32_t most) {
+    double whole = 0.0, rest = 0.0;
+    uint32_t enough = most;
+    for (size_t k = 0; k < count; k++) whole += s[k] * s[k];
+    for (size_t k = count; k-- > 0;) {
+        rest += s[k] * s[k];
+        if (k < most && (rest <= NEGLIGIBLE * whole || s[k] * s[k] < NOISE * rest)) enough = (uint32_t)k;
+    }
+    return enough;
+}
+
+lg_status lg_surrogate_count_modes(const lg_context *context, const lg_surrogate *model,
+                                   const lg_elastica_curves *curves, const uint32_t *training, size_t count,
+                                   uint32_t *modes, lg_error *error) {
+    decomposition d = {.count = count};
+    const lg_status status = take_apart(context, model, curves, training, &d, error);
+    if (status == LG_OK) *modes = needed(d.s, d.least, model->options.modes);
+    release(context, &d);
+    return status;
+}
+
 lg_status lg_surrogate_find_modes(const lg_context *context, const lg_surrogate *model,
                                   const lg_elastica_curves *curves, const uint32_t *training, size_t count,
                                   double *modes, lg_error *error) {
     const uint32_t wanted = model->options.modes;
-    const size_t n = lg_surrogate_outputs(model);
-    LG_TRY(check(model, curves, training, count, error));
     if (count <= wanted)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u modes need at least %u curves to learn from, not %zu",
                        wanted, wanted + 1, count);
-    if (count > INT_MAX) return lg_fail(error, LG_INVALID_ARGUMENT, "modes of 2^31 curves or more");
-    decomposition d = {.count = count, .n = n, .least = count < n ? count : n};
-    lg_status status = reserve(context, &d);
-    if (status != LG_OK) {
-        (void)lg_fail(error, status, "no memory for the modes of %zu curves", count);
-    } else if (!lay_out(&d, model, curves, training) || decompose(&d, d.work, (int)d.work[0]) != 0) {
-        status = lg_fail(error, LG_NOT_FINITE, "the curves have no modes: numbers are not finite");
-    } else {
-        hand_over(&d, wanted, modes);
-    }
+    decomposition d = {.count = count};
+    const lg_status status = take_apart(context, model, curves, training, &d, error);
+    if (status == LG_OK) hand_over(&d, wanted, modes);
     release(context, &d);
     return status;
 }

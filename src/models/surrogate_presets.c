@@ -80,9 +80,9 @@ static const lg_surrogate_preset presets[] = {
     DISCRETE("thesis", false, 0.4, "table 5.12", 3,  904, LG_TANH,        false, false, 9.338e-3,  300,  32, 1.429e-3,  STEP, 100, 0.1, 1.317e-7, 0.0,  1),
     DISCRETE("thesis", false, 0.9, "table 5.3",  4,  879, LG_TANH,        true,  false, 4.242e-3,  300,  32, 1.378e-3,  STEP, 100, 0.1, 1.535e-7, 0.0,  1),
     DISCRETE("thesis", true,  0.9, "table 5.5",  2, 1006, LG_LEAKY_RELU,  true,  false, 6.388e-3,  300,  32, 3.611e-3,  STEP, 100, 0.1, 1.515e-7, 0.0,  1),
-    /*    merged l  hidden modes loss       epochs */
-    SMALL(false, 1, 16, 12, LG_SURROGATE_MSE,    5000),
-    SMALL(true,  1, 16, 12, LG_SURROGATE_MSE,    5000),
+    /*    merged l  hidden most modes, loss  epochs */
+    SMALL(false, 1, 16, 64, LG_SURROGATE_MSE,    5000),
+    SMALL(true,  1, 20, 64, LG_SURROGATE_MSE,    5000),
     SMALL(false, 1, 16, 0,  LG_SURROGATE_ENERGY, 3000),
     SMALL(true,  1, 16, 0,  LG_SURROGATE_ENERGY, 3000),
 

@@ -132,6 +132,49 @@ TEST("targets have mean 0 and deviation 1; curves are mean, modes and a rest of 
     assert_true(before < 1e-28);
 }
 
+static uint32_t counted(uint32_t most, const lg_elastica_curves *set, size_t count) {
+    const lg_surrogate model = network(most, set->intervals, true);
+    uint32_t modes = UINT32_MAX;
+    assert_ok(lg_surrogate_count_modes(NULL, &model, set, all_of(count), count, &modes, NULL));
+    return modes;
+}
+
+/* What is left of the curves after `modes` > 0 modes; *first becomes the part of the first one. */
+static double left_out(const lg_elastica_curves *set, uint32_t modes, double *first) {
+    lg_surrogate model = network(modes, set->intervals, true);
+    const size_t n = set->count, numbers = 4 * ((size_t)set->intervals - 1);
+    double *c = TEST_ARRAY(double, n *modes), truncation;
+    const double *mode = found(&model, set, n) + numbers;
+    assert_ok(lg_surrogate_coefficients(NULL, &model, set, all_of(n), n, c, &truncation, NULL));
+    *first = 0.0;
+    for (size_t j = 0; j < numbers; j++) *first += mode[j] * mode[j] / (double)numbers;
+    return truncation;
+}
+
+TEST("curves need as many modes as leave 1e-12 of their variance, and none for their noise") {
+    enum { MANY = 100, FINE = 30, ALL = 4 * (FINE - 1) };
+    lg_elastica_curves set = make_curves(MANY, FINE);
+    double first;
+    const double after_one = left_out(&set, 1, &first), least = 1e-12 * (first + after_one);
+    const uint32_t clean = counted(ALL, &set, MANY);
+    assert_true(clean > 3 && clean < ALL);
+    assert_true(left_out(&set, clean, &first) <= least);
+    assert_true(left_out(&set, clean - 1, &first) > least);
+    assert_int_equal(counted(3, &set, MANY), 3); /* at most as many as the model may have */
+    assert_int_equal(counted(ALL, &set, 3), 2);  /* fewer than there are curves */
+    assert_int_equal(counted(ALL, &set, 1), 0);
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 0);
+    for (size_t i = 0; i < 2 * MANY * (FINE + 1); i++) {
+        set.q[i] += 1e-4 * lg_rng_normal(&rng);
+        set.v[i] += 1e-4 * lg_rng_normal(&rng);
+    }
+    const uint32_t noisy = counted(ALL, &set, MANY);
+    assert_true(noisy > 2 && noisy < clean);
+    const double rest = left_out(&set, noisy, &first);
+    assert_true(rest > 0.5e-8 && rest < 2e-8);
+}
+
 TEST("a direction without variance has coefficient 0") {
     enum { SAME = 3 };
     lg_elastica_curves set = make_curves(SAME, INTERVALS);
@@ -167,8 +210,15 @@ TEST("models and curves that have no modes are refused, and the output stays as 
     assert_status(lg_surrogate_find_modes(NULL, &model, &other, all, CURVES, modes, NULL), LG_SHAPE);
     assert_status(lg_surrogate_coefficients(NULL, &model, &set, all, CURVES, c, NULL, NULL),
                   LG_INVALID_ARGUMENT);
+    uint32_t count = 7;
+    assert_status(lg_surrogate_count_modes(NULL, &none, &set, all, CURVES, &count, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_surrogate_count_modes(NULL, &model, &set, all, 0, &count, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_surrogate_count_modes(NULL, &model, &other, all, CURVES, &count, NULL), LG_SHAPE);
     set.q[2 * (INTERVALS + 1) + 5] = NAN;
     assert_status(lg_surrogate_find_modes(NULL, &model, &set, all, CURVES, modes, NULL), LG_NOT_FINITE);
+    assert_status(lg_surrogate_count_modes(NULL, &model, &set, all, CURVES, &count, NULL), LG_NOT_FINITE);
+    assert_int_equal(count, 7);
     assert_close(modes[0], 7.0, 0.0, 0.0);
 }
 
@@ -181,6 +231,12 @@ TEST("every allocation of modes and targets may fail, and nothing leaks") {
         modes[0] = 7.0;
         status = lg_surrogate_find_modes(context, &model, &set, all, CURVES, modes, NULL);
         assert_true((modes[0] == 7.0) == (status != LG_OK));
+    });
+    uint32_t count;
+    EVERY_ALLOCATION_FAILS(context, 2, {
+        count = 7;
+        status = lg_surrogate_count_modes(context, &model, &set, all, CURVES, &count, NULL);
+        assert_true((count == 7) == (status != LG_OK));
     });
     model.modes = modes;
     EVERY_ALLOCATION_FAILS(context, 1, {
