@@ -4,16 +4,24 @@
  * - LG_SURROGATE_DISCRETE: x -> the inner nodes and tangents (q_1, ..., q_{N-1}, v_1, ..., v_{N-1}), 4(N-1)
  *   numbers; the ends are those of x.
  *   Loss, with e_k the errors at node k and e_0 = e_N = 0: the mean square of the 4(N-1) errors plus gamma
- *   times the mean square of the e_{k+1} - e_k (2N of q, 2N of v).
+ *   times the mean square of the e_{k+1} - e_k (2N of q, 2N of v). With `penalty` LG_SURROGATE_WEIGHTED it
+ *   is the mean square of W e, e the vector of the 4(N-1) errors, W = I + gamma G'G, G = S - I,
+ *   (S e)_i = e_{i+1} with 0 after the last number: (5.4.1) of the thesis as printed, while its program
+ *   computes the other one.
  * - LG_SURROGATE_CONTINUOUS: (s/L, x) -> q(s); v = dq/ds is its derivative (forward mode).
  *   Loss: mean over points of (|q - q_k|^2 + |v - v_k|^2 + gamma (|v|^2 - 1)^2)/2; in the published program
  *   MSE(q) + MSE(v) + (gamma/2) mean (|v|^2 - 1)^2. A sample is a point (s_k, x).
+ *   Option `boundary` holds q and v at both ends: with f the network, t = s/L and H the cubic through q0 and
+ *   qN with the tangents v0 and vN,
+ *     q = H(s) + 16 t^2 (1 - t)^2 f(t, x)
  * - LG_SURROGATE_ANGLE: theta(s) = pi f(theta_0/pi, theta_N/pi, s), v = (cos theta, sin theta), q = q_0 +
  *   int v ds by Gauss's rule of 3 points on panels; theta_0, theta_N in (-pi, pi] from v0, vN.
  *   Option `boundary` holds the end angles:
  *     theta = pi f(s) + (theta_0 - pi f(0)) e^{-100 s^2} + (theta_N - pi f(L)) e^{-100 (s-L)^2}
  *   For a short beam, whose e^{-100 L^2} is not negligible, the two weights are combined so that each is 1 at
  *   its end and 0 at the other.
+ *   Option `symmetric` reconstructs q from both ends, as exact at s = L as at 0:
+ *     q(s) = (1 - s/L) (q_0 + int_0^s v ds) + (s/L) (q_N - int_s^L v ds)
  *   Loss: mean over nodes of (|q - q_k|^2 + |v - v_k|^2)/2, without gamma. A sample is a curve; its Gauss
  *   points, 3 on each interval between two nodes, serve all its nodes.
  *
@@ -78,6 +86,9 @@ LG_API lg_status lg_surrogate_kind_parse(const char *name, lg_surrogate_kind *ou
 
 typedef enum lg_surrogate_loss { LG_SURROGATE_MSE, LG_SURROGATE_ENERGY } lg_surrogate_loss;
 #define LG_SURROGATE_LOSS_COUNT 2
+/* What gamma weighs in the loss of the discrete network. */
+typedef enum lg_surrogate_penalty { LG_SURROGATE_DIFFERENCES, LG_SURROGATE_WEIGHTED } lg_surrogate_penalty;
+#define LG_SURROGATE_PENALTY_COUNT 2
 LG_API const char *lg_surrogate_loss_name(lg_surrogate_loss loss); /* "mse", "energy" */
 
 /* Settings of a network; the data give its sizes. */
@@ -86,11 +97,12 @@ typedef struct lg_surrogate_options {
     lg_net_kind architecture;
     uint32_t embedding, hidden, layers;
     lg_activation activation;
-    bool normalise, mirror, boundary, between;
+    bool normalise, mirror, boundary, between, symmetric;
     uint32_t modes; /* K, 0: all layers are learned */
     bool angles;
     lg_surrogate_loss loss;
     double gamma; /* of the loss, >= 0 */
+    lg_surrogate_penalty penalty;
 } lg_surrogate_options;
 
 /* Immutable after lg_surrogate_init; plain data. */
@@ -105,7 +117,8 @@ typedef struct lg_surrogate {
     const double *modes;
 } lg_surrogate;
 
-/* modes = NULL. Errors: LG_INVALID_ARGUMENT (boundary without the angle network, modes without the discrete
+/* modes = NULL. Errors: LG_INVALID_ARGUMENT (boundary with the discrete network, symmetric without the angle
+ * network, an unknown penalty, modes without the discrete
  * one or more than 4(N - 1), intervals < 2, a length or centre not positive and finite, gamma < 0, angles
  * without the discrete network or with modes, the energy without angles, what lg_net_init refuses). */
 LG_API lg_status lg_surrogate_init(lg_surrogate *model, const lg_surrogate_options *options,
@@ -116,9 +129,9 @@ LG_API size_t lg_surrogate_parameters(const lg_surrogate *model); /* those of it
 
 /* K + 1 times 4(N - 1); 0 without modes. */
 LG_API size_t lg_surrogate_modes_size(const lg_surrogate *model);
-/* How many modes `count` curves, whose numbers `training` gives, need: the least K <= options.modes, K < count,
- * that leaves at most 1e-12 of the variance of the curves, or a rest without a leading direction: the next
- * mode has less than a tenth of it, as in noise. Errors, *modes untouched: those of
+/* How many modes `count` curves, whose numbers `training` gives, need: the least K <= options.modes that
+ * leaves at most 1e-12 of the variance of the curves, or a rest without a leading direction: the next mode
+ * has less than a tenth of it, as in noise. K is less than `count`. Errors, *modes untouched: those of
  * lg_surrogate_find_modes. */
 LG_API lg_status lg_surrogate_count_modes(const lg_context *context, const lg_surrogate *model,
                                           const lg_elastica_curves *curves, const uint32_t *training,
@@ -141,7 +154,7 @@ LG_API lg_status lg_surrogate_coefficients(const lg_context *context, const lg_s
 typedef struct lg_surrogate_preset {
     const char *name; /* "thesis", "best" */
     lg_surrogate_kind kind;
-    bool boundary;              /* angle network */
+    bool boundary;
     bool merged;                /* data of both families */
     double fraction;            /* part of the data used for training; the nearest preset is taken */
     const char *source;         /* "table 5.3", ... */
@@ -220,7 +233,8 @@ typedef struct lg_surrogate_errors {
     double mse_q, mse_v;
     double max_error;            /* largest component */
     double boundary_error;       /* largest difference from the boundary conditions at s = 0 and L. The angle
-                                  * network: tangents only, because its q(L) follows from its angles */
+                                  * network that is not `symmetric`: tangents only, because its q(L) follows
+                                  * from its angles */
     double unit_tangent_error;   /* largest ||v| - 1| over all nodes */
     double unit_tangent_between; /* the same half-way between the nodes, where there are no data */
 } lg_surrogate_errors;

@@ -176,8 +176,11 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
            .meaning = "Scale the ends' x-coordinates to (x - c)/c, c half their distance"),
     OPTION("model", mirror, FLAG, .value_name = lg_name_truth, PRESET(),
            .meaning = "Learn one half of the boundary conditions; the other is its mirror image"),
-    OPTION("model", boundary, FLAG, .value_name = lg_name_truth, .value = "false", .methods = ANGLE,
-           .meaning = "Angle network that holds the end angles by construction"),
+    OPTION("model", boundary, FLAG, .value_name = lg_name_truth, .value = "false",
+           .methods = CONTINUOUS | ANGLE,
+           .meaning = "Hold the ends by construction; continuous: q and v, angle: the end angles"),
+    OPTION("model", symmetric, FLAG, .value_name = lg_name_truth, .optional = true, .value = "false",
+           .methods = ANGLE, .meaning = "Reconstruct q from both ends; false: from the first"),
     OPTION("model", modes, U32, .high = 1 << 20, .optional = true,
            .otherwise = "the preset's, as many as the curves need", .unit = "K", .methods = DISCRETE,
            .meaning =
@@ -191,6 +194,11 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
                       "no curves"),
     OPTION("run", gamma, REAL, .high = 1e12, PRESET(), .unit = "G", .methods = DISCRETE | CONTINUOUS,
            .meaning = "discrete: weight of node-to-node differences; continuous: of |v|^2 = 1"),
+    SURROGATE("run", "penalty_form", NAME, model.options.penalty, .value_name = lg_name_surrogate_penalty,
+              .optional = true, .value = "published", .methods = DISCRETE,
+              .meaning =
+                  "What --gamma weighs: text, the matrix W of (5.4.1); published, the differences that "
+                  "the thesis' program takes"),
     OPTION("run", between, FLAG, .value_name = lg_name_truth, PRESET(),
            .meaning = "Continuous network: learn from interpolated points between the nodes too"),
     SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F",

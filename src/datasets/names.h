@@ -13,6 +13,7 @@ const char *lg_name_potential(uint32_t value);
 const char *lg_name_symmetry(uint32_t value);
 const char *lg_name_dtype(uint32_t value);
 const char *lg_name_penalty_form(uint32_t value);
+const char *lg_name_surrogate_penalty(uint32_t value);
 const char *lg_name_distance(uint32_t value);
 const char *lg_name_start(uint32_t value);
 const char *lg_name_noise(uint32_t value);

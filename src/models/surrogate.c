@@ -53,9 +53,12 @@ static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double
                        lg_error *error) {
     if ((unsigned)o->kind >= LG_SURROGATE_KIND_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of surrogate");
-    if (o->boundary && o->kind != LG_SURROGATE_ANGLE)
+    if (o->boundary && o->kind == LG_SURROGATE_DISCRETE)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "boundary conditions by construction belong to the angle network, not to the %s one",
+                       "the discrete network has no `boundary`: its curves begin and end as they should");
+    if (o->symmetric && o->kind != LG_SURROGATE_ANGLE)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a symmetric reconstruction belongs to the angle network, not to the %s one",
                        kind_names[o->kind]);
     if (intervals < LG_ELASTICA_MIN_INTERVALS || intervals > LG_ELASTICA_MAX_INTERVALS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u intervals; %d to %d are possible", intervals,
@@ -64,6 +67,8 @@ static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double
         return lg_fail(error, LG_INVALID_ARGUMENT, "length %g and centre %g must both be positive and finite",
                        length, centre);
     LG_TRY(check_discrete(o, intervals, error));
+    if ((unsigned)o->penalty >= LG_SURROGATE_PENALTY_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown form of the penalty");
     if (!(o->gamma >= 0.0 && o->gamma <= DBL_MAX))
         return lg_fail(error, LG_INVALID_ARGUMENT, "gamma %g must be finite and not negative", o->gamma);
     return LG_OK;
@@ -137,6 +142,23 @@ void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weigh
     const double c = exp(-100.0 * model->length * model->length);
     weights[0] = (a - c * b) / ((1.0 - c) * (1.0 + c));
     weights[1] = (b - c * a) / ((1.0 - c) * (1.0 + c));
+}
+
+void lg_surrogate_hold(const lg_surrogate *model, double s, const double *x, lg_surrogate_held *out) {
+    const double length = model->length, t = s / length, u = 1.0 - t;
+    const double value[LG_HELD] = {u * u * u, t * u * u, t * t * u, t * t * t, t * t * u * u};
+    const double slope[LG_HELD] = {u * u, t * u, t * t, t * u * u, t * t * u};
+    *out = (lg_surrogate_held){.weight = 0.0};
+    for (size_t i = 0; i < LG_HELD; i++) {
+        for (size_t j = 0; j + 1 < LG_HELD; j++)
+            for (size_t c = 0; c < 2; c++) {
+                const double y = (j % 2 == 1 ? length : 1.0) * x[2 * j + c];
+                out->q[c] += value[i] * lg_held_value[i][j] * y;
+                out->v[c] += slope[i] * lg_held_slope[i][j] * y / length;
+            }
+        out->weight += value[i] * lg_held_value[i][LG_HELD - 1];
+        out->slope += slope[i] * lg_held_slope[i][LG_HELD - 1] / length;
+    }
 }
 
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,

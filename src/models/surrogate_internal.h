@@ -19,6 +19,20 @@ enum { LG_SURROGATE_ENDS = 5 };
 /* Offsets of the components of boundary conditions x = (q0, v0, qN, vN). */
 enum { LG_AT_Q0 = 0, LG_AT_V0 = 2, LG_AT_QN = 4, LG_AT_VN = 6 };
 
+/* Continuous network with held ends: q = H + w f. With t = s/L and u = 1 - t, H is the sum over (q0, L v0,
+ * qN, L vN) of columns 0 to 3, and w column 4, of the products of
+ *   (u^3, t u^2, t^2 u, t^3, t^2 u^2) with `value`; by t, of (u^2, t u, t^2, t u^2, t^2 u) with `slope`. */
+enum { LG_HELD = 5 };
+static const double lg_held_value[LG_HELD][LG_HELD] = {
+    {1, 0, 0, 0, 0}, {3, 1, 0, 0, 0}, {0, 0, 3, -1, 0}, {0, 0, 1, 0, 0}, {0, 0, 0, 0, 16}};
+static const double lg_held_slope[LG_HELD][LG_HELD] = {
+    {0, 1, 0, 0, 0}, {-6, -2, 6, -2, 0}, {0, 0, 0, 1, 0}, {0, 0, 0, 0, 32}, {0, 0, 0, 0, -32}};
+/* H and its derivative by s, w and its derivative, for boundary conditions x. */
+typedef struct lg_surrogate_held {
+    double q[2], v[2], weight, slope;
+} lg_surrogate_held;
+void lg_surrogate_hold(const lg_surrogate *model, double s, const double *x, lg_surrogate_held *out);
+
 /* -1 if the network works on the mirror image of these boundary conditions, else 1. */
 double lg_surrogate_sign(const lg_surrogate *model, const double *x);
 /* theta_0 and theta_N in (-pi, pi], of the mirror image for sign -1. */

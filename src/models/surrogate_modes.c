@@ -177,7 +177,8 @@ static lg_status take_apart(const lg_context *context, const lg_surrogate *model
     return LG_OK;
 }
 
-/* The least K with sum_{k >= K} s_k^2 <= NEGLIGIBLE of the whole, or with a leading rest s_K^2 < NOISE of it. */
+/* The least K whose rest, the sum of s_k^2 over k >= K, is at most NEGLIGIBLE of the whole, or has less than
+ * NOISE of itself in s_K^2. */
 static const double NEGLIGIBLE = 1e-12, NOISE = 0.1;
 static uint32_t needed(const double *s, size_t count, uint32_t most) {
     double whole = 0.0, rest = 0.0;

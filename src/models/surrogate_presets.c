@@ -98,6 +98,8 @@ static const lg_surrogate_preset presets[] = {
     /*         kind       boundary merged l  hidden between gamma epochs batch curves */
     SMALL_OF_S(CONTINUOUS, false, false,  3, 24, true,  2e-2, 2000, 256, 200),
     SMALL_OF_S(CONTINUOUS, false, true,   3, 24, true,  2e-2, 2000, 256, 400),
+    SMALL_OF_S(CONTINUOUS, true,  false,  3, 24, true,  2e-2, 2000, 256, 200),
+    SMALL_OF_S(CONTINUOUS, true,  true,   3, 24, true,  2e-2, 2000, 256, 400),
     SMALL_OF_S(ANGLE,      false, false,  2, 20, false, 0.0,  2000, 5,   200),
     SMALL_OF_S(ANGLE,      true,  false,  2, 20, false, 0.0,  2000, 5,   200),
     SMALL_OF_S(ANGLE,      false, true,   2, 20, false, 0.0,  2000, 5,   400),

@@ -2,7 +2,8 @@
  *
  * R is the sign of the mirror (1, or -1 on y-components), f the network on its own side of the mirror.
  *   discrete    q_i = q0 + R f_i, v_i = R f_i', both functions of (v0, qN - q0, vN)
- *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN)
+ *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN), with held ends q = H + w R f, H and w as in
+ *               surrogate_internal.h
  *   angle       theta = R (pi f(s) + m_0 w_0(s) + m_N w_N(s)), f(s) = f(theta_0/pi, theta_N/pi, s),
  *               m_0 = theta_0 - pi f(0), m_N = theta_N - pi f(L)
  * For discrete and continuous, the derivative by q0 is the negative of that by qN, plus the identity for q.
@@ -112,11 +113,42 @@ static uint32_t points_in(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? outputs / 2 : outputs;
 }
 
+static bool is_held(const lg_surrogate *model) {
+    return model->options.kind == LG_SURROGATE_CONTINUOUS && model->options.boundary;
+}
+
+/* The shares of (q0, v0, qN, vN) in H at s (B, 1), then w; `slopes`: their derivatives by s. (B, 5) */
+static lg_var shares_of_ends(const drawing *d, lg_var s, bool slopes) {
+    const double length = d->model->length;
+    const double(*table)[LG_HELD] = slopes ? lg_held_slope : lg_held_value;
+    double numbers[LG_HELD * LG_HELD];
+    lg_tape *tape = d->tape;
+    for (size_t i = 0; i < LG_HELD; i++)
+        for (size_t j = 0; j < LG_HELD; j++)
+            numbers[LG_HELD * i + j] = table[i][j] * (j % 2 == 1 ? length : 1.0) / (slopes ? length : 1.0);
+    const lg_var t = lg_scale(tape, s, 1.0 / length), u = lg_add_scalar(tape, lg_scale(tape, t, -1.0), 1.0);
+    const lg_var tt = lg_mul(tape, t, t), tu = lg_mul(tape, t, u), uu = lg_mul(tape, u, u);
+    const lg_var tuu = lg_mul(tape, tu, u), ttu = lg_mul(tape, tu, t);
+    const lg_var value[LG_HELD] = {lg_mul(tape, uu, u), tuu, ttu, lg_mul(tape, tt, t), lg_mul(tape, tu, tu)};
+    const lg_var slope[LG_HELD] = {uu, tu, tt, tuu, ttu};
+    return lg_matmul(tape, lg_concat(tape, slopes ? slope : value, LG_HELD, 1),
+                     lg_input_f64(tape, lg_shape2(LG_HELD, LG_HELD), numbers));
+}
+
+/* The sum of (q0, v0, qN, vN) of x (B, 8), and of y (B, 2), with these shares (B, 5): (B, 2) */
+static lg_var held(const drawing *d, lg_var shares, lg_var x, lg_var y) {
+    lg_var sum = lg_mul(d->tape, columns(d, shares, LG_HELD - 1, 1), y);
+    for (uint32_t j = 0; j + 1 < LG_HELD; j++)
+        sum = lg_add(d->tape, sum, lg_mul(d->tape, columns(d, shares, j, 1), columns(d, x, 2 * j, 2)));
+    return sum;
+}
+
 /* The curve's numbers (B, outputs) from the network's output f (B, outputs). */
-static lg_var hand_over(const drawing *d, lg_var f, lg_var x, lg_var sign) {
+static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var sign) {
     lg_tape *t = d->tape;
     const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, f);
     const lg_var y = reflected(d, f, sign);
+    if (is_held(d->model)) return held(d, shares_of_ends(d, s, false), x, y);
     const lg_var pairs = lg_reshape(t, columns(d, y, 0, n), lg_shape3(rows, n / 2, 2));
     const lg_var q0 = lg_reshape(t, columns(d, x, LG_AT_Q0, 2), lg_shape3(rows_of(d, x), 1, 2));
     const lg_var q = lg_reshape(t, lg_add(t, pairs, q0), lg_shape2(rows, n));
@@ -143,7 +175,7 @@ static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const 
     const drawing d = {t, user, theta[0]};
     const lg_var x = columns(&d, in[0], places(d.model), BOUNDARY), s = columns(&d, in[0], 0, 1);
     lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
-    y[0] = hand_over(&d, net(&d, input), x, sign);
+    y[0] = hand_over(&d, net(&d, input), s, x, sign);
     return lg_tape_status(t);
 }
 
@@ -222,12 +254,27 @@ static lg_var reflected_rows(const drawing *d, lg_var by, lg_var sign) {
     return lg_reshape(d->tape, lg_mul(d->tape, pairs, factor), shape);
 }
 
+/* The derivatives of both components of q, in reverse mode. */
+static lg_status held_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const lg_shape row = lg_shape3(rows_of(&d, in[0]), 1, 1 + BOUNDARY);
+    lg_var by[2] = {LG_NONE, LG_NONE};
+    LG_TRY(curve_value(user, t, theta, in, y));
+    for (uint32_t c = 0; c < 2; c++) {
+        LG_TRY(lg_grad(t, columns(&d, y[0], c, 1), in, 1, &by[c]));
+        by[c] = lg_reshape(t, by[c], row);
+    }
+    y[1] = lg_concat(t, by, 2, 1);
+    return lg_tape_status(t);
+}
+
 static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta[0]};
     const uint32_t first = places(d.model), rows = rows_of(&d, in[0]);
     const lg_var x = columns(&d, in[0], first, BOUNDARY), s = columns(&d, in[0], 0, 1);
+    if (is_held(d.model)) return held_gradient(user, t, theta, in, y);
     lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
-    y[0] = hand_over(&d, net(&d, input), x, sign);
+    y[0] = hand_over(&d, net(&d, input), s, x, sign);
     const lg_var by = net_jacobian(&d, input, MOST_DIRECTIONS - 1 + first);
     y[1] = input_columns(&d, lg_mul(t, reflected_rows(&d, by, sign), moves(&d, sign, rows)));
     return lg_tape_status(t);
@@ -336,8 +383,12 @@ static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const 
     const double along[1 + BOUNDARY] = {1.0 / d.model->length};
     lg_var f = LG_NONE, slope = LG_NONE, sign = LG_NONE, input = called_input(&d, in[0], x, &sign);
     LG_TRY(lg_net_record_jvp(t, &d.model->net, d.theta, 0, input, row(&d, along, 1 + BOUNDARY), &f, &slope));
-    y[0] = hand_over(&d, f, x, sign);
+    y[0] = hand_over(&d, f, in[0], x, sign);
     y[1] = reflected(&d, slope, sign);
+    if (!is_held(d.model)) return lg_tape_status(t);
+    const lg_var weight = columns(&d, shares_of_ends(&d, in[0], false), LG_HELD - 1, 1);
+    y[1] = lg_add(t, lg_mul(t, weight, y[1]),
+                  held(&d, shares_of_ends(&d, in[0], true), x, reflected(&d, f, sign)));
     return lg_tape_status(t);
 }
 

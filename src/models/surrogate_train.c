@@ -64,6 +64,16 @@ static lg_var rough(lg_tape *tape, lg_var d, uint32_t count, uint32_t intervals)
                   lg_slice(tape, nodes, 2, 0, 2 * intervals));
 }
 
+/* Mean of squares of W d for d (B, 4(N - 1)), W = I + gamma G'G, G = S - I. */
+static lg_var weighted(lg_tape *tape, lg_var d, double gamma) {
+    const uint32_t n = lg_var_shape(tape, d).dims[1];
+    const lg_var next = lg_pad(tape, lg_slice(tape, d, 1, 1, n - 1), 1, 0, 1);
+    const lg_var step = lg_sub(tape, next, d);
+    const lg_var before = lg_pad(tape, lg_slice(tape, step, 1, 0, n - 1), 1, 1, 0);
+    const lg_var wd = lg_add(tape, d, lg_scale(tape, lg_sub(tape, before, step), gamma));
+    return lg_mean(tape, lg_square(tape, wd));
+}
+
 static lg_var inputs_of(const part *b) {
     void *rows;
     const lg_shape shape = lg_shape2((uint32_t)b->count, b->problem->model->net.inputs);
@@ -163,6 +173,7 @@ static lg_var discrete_loss(const part *b, lg_var theta) {
     if (model->options.loss == LG_SURROGATE_ENERGY) return energy_loss(b, theta);
     if (model->options.modes > 0 && model->options.gamma == 0.0) return modes_loss(b, theta);
     const lg_var d = curve_errors(b, theta);
+    if (model->options.penalty == LG_SURROGATE_WEIGHTED) return weighted(b->tape, d, model->options.gamma);
     const lg_var loss = lg_mean(b->tape, lg_square(b->tape, d));
     if (model->options.gamma == 0.0) return loss;
     const lg_var differences = rough(b->tape, d, (uint32_t)b->count, model->intervals);
@@ -257,23 +268,39 @@ static double point_of_sample(const part *b, const curve *c, uint32_t sample, do
     return b->problem->model->length * at / n;
 }
 
+/* With held ends, q relative to H and v in place of f and df/ds; held (B, 4): dH/ds, w, dw/ds. */
+static void hold(lg_tape *tape, lg_var held, lg_var *q, lg_var *v) {
+    const lg_var weight = lg_slice(tape, held, 1, 2, 1), slope = lg_slice(tape, held, 1, 3, 1);
+    const lg_var turned = lg_add(tape, lg_mul(tape, *v, weight), lg_mul(tape, *q, slope));
+    *v = lg_add(tape, turned, lg_slice(tape, held, 1, 0, 2));
+    *q = lg_mul(tape, *q, weight);
+}
+
 static lg_var continuous_loss(const part *b, lg_var theta) {
     const lg_surrogate *model = b->problem->model;
     const uint32_t count = (uint32_t)b->count, nodes = b->problem->curves->intervals + 1;
-    void *rows, *q_values, *v_values;
+    void *rows, *q_values, *v_values, *held_values;
     lg_var x = lg_input_buffer(b->tape, lg_shape2(count, 9), &rows);
     lg_var q_given = lg_input_buffer(b->tape, lg_shape2(count, 2), &q_values);
     lg_var v_given = lg_input_buffer(b->tape, lg_shape2(count, 2), &v_values);
-    if (lg_is_none(v_given)) return LG_NONE;
+    lg_var held_given = lg_input_buffer(b->tape, lg_shape2(count, 4), &held_values);
+    if (lg_is_none(held_given)) return LG_NONE;
     for (size_t i = 0; i < b->count; i++) {
         const curve c = curve_at(b, b->samples[i] / nodes);
         double q[2], v[2];
-        put_row(b, rows, i, &c, point_of_sample(b, &c, b->samples[i], q, v));
-        put_points(b, q_values, 2 * i, q, 1, c.x + LG_AT_Q0, c.sign);
+        lg_surrogate_held held;
+        const double s = point_of_sample(b, &c, b->samples[i], q, v);
+        lg_surrogate_hold(model, s, c.x, &held);
+        put_row(b, rows, i, &c, s);
+        put_points(b, q_values, 2 * i, q, 1, model->options.boundary ? held.q : c.x + LG_AT_Q0, c.sign);
         put_points(b, v_values, 2 * i, v, 1, origin, c.sign);
+        put_points(b, held_values, 4 * i, held.v, 1, origin, c.sign);
+        lg_surrogate_put(lg_tape_dtype(b->tape), held_values, 4 * i + 2, &held.weight, 1);
+        lg_surrogate_put(lg_tape_dtype(b->tape), held_values, 4 * i + 3, &held.slope, 1);
     }
     lg_var q = LG_NONE, v = LG_NONE;
     if (lg_net_record_jvp(b->tape, &model->net, theta, 0, x, along_s(b), &q, &v) != LG_OK) return LG_NONE;
+    if (model->options.boundary) hold(b->tape, held_given, &q, &v);
     lg_var loss = lg_add(b->tape, lg_mse(b->tape, q, q_given), lg_mse(b->tape, v, v_given));
     if (model->options.gamma == 0.0) return loss;
     lg_var excess = lg_add_scalar(b->tape, lg_rownorm2(b->tape, v), -1.0);
@@ -363,6 +390,29 @@ static void put_components(const part *b, void *values, size_t i, const double *
         }
 }
 
+/* The integrals I(s) (2B, N + 1) plus (s/L) (qN - q0 - I(L)). */
+static lg_var from_both_ends(const part *b, lg_var integral) {
+    const uint32_t n = b->problem->curves->intervals, rows = 2 * (uint32_t)b->count;
+    const lg_dtype dtype = lg_tape_dtype(b->tape);
+    void *chord_values, *share_values;
+    const lg_var chord = lg_input_buffer(b->tape, lg_shape2(rows, 1), &chord_values);
+    const lg_var shares = lg_input_buffer(b->tape, lg_shape2(1, n + 1), &share_values);
+    if (lg_is_none(shares)) return LG_NONE;
+    for (size_t i = 0; i < b->count; i++) {
+        const curve c = curve_at(b, b->samples[i]);
+        for (size_t k = 0; k < 2; k++) {
+            const double across = (k == 1 ? c.sign : 1.0) * (c.x[LG_AT_QN + k] - c.x[LG_AT_Q0 + k]);
+            lg_surrogate_put(dtype, chord_values, k * b->count + i, &across, 1);
+        }
+    }
+    for (uint32_t k = 0; k <= n; k++) {
+        const double share = (double)k / n;
+        lg_surrogate_put(dtype, share_values, k, &share, 1);
+    }
+    const lg_var missing = lg_sub(b->tape, chord, lg_slice(b->tape, integral, 1, n, 1));
+    return lg_matmul_add(b->tape, missing, shares, integral);
+}
+
 static lg_var angle_loss(const part *b, lg_var theta) {
     const uint32_t n = b->problem->curves->intervals, places = 4 * n + 1;
     if (b->count > UINT32_MAX / places)
@@ -381,7 +431,9 @@ static lg_var angle_loss(const part *b, lg_var theta) {
     const lg_var both[2] = {lg_cos(b->tape, angle), lg_sin(b->tape, angle)};
     lg_var trig = lg_concat(b->tape, both, 2, 0);
     lg_var v = lg_slice(b->tape, trig, 1, 0, n + 1);
-    return lg_add(b->tape, lg_mse(b->tape, integrals(b, trig), q_given), lg_mse(b->tape, v, v_given));
+    lg_var q = integrals(b, trig);
+    if (b->problem->model->options.symmetric) q = from_both_ends(b, q);
+    return lg_add(b->tape, lg_mse(b->tape, q, q_given), lg_mse(b->tape, v, v_given));
 }
 
 /* ---- as a learning problem ---- */

@@ -243,7 +243,11 @@ TEST("every kind of network is trained, judged and asked, and only --mirror make
         {"--network discrete --loss energy", "unit_tangent_error <1e-15, boundary_error <1e-15", true},
         {"--network continuous --embedding 5 --architecture mult", "mse *", true},
         {"--network continuous --architecture mult-affine --mirror false", "mse *", false},
+        {"--network continuous --boundary true", "boundary_error <1e-13", true},
+        {"--network discrete --modes 0 --gamma 0.1 --penalty-form text --mirror false", "mse *", false},
         {"--network angle --embedding 5 --architecture mult", "unit_tangent_error <1e-15", true},
+        {"--network angle --boundary true --symmetric true",
+         "unit_tangent_error <1e-15, boundary_error <1e-12", true},
         {"--network angle --boundary true --architecture mlp",
          "unit_tangent_error <1e-15, boundary_error <1e-12", true},
     };

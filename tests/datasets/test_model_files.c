@@ -228,7 +228,7 @@ TEST("what is wrong in a surrogate is refused by name") {
         {"model@hidden", WHOLE(0), LG_FORMAT, "is out of range"},
         {"model@hidden", WHOLE(5), LG_FORMAT, "~shape"},
         {"model@hidden", WHOLE(1 << 20), LG_FORMAT, "~shape"},
-        {"model@boundary", WHOLE(1), LG_FORMAT, "~angle"},
+        {"model@symmetric", WHOLE(1), LG_FORMAT, "~angle"},
         {"model@layers", WHOLE(99), LG_FORMAT, "is out of range"},
         {"model@intervals", WHOLE(1), LG_FORMAT, ""},
         {"model@intervals", WHOLE(4000000000), LG_FORMAT, ""},

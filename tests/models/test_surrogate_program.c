@@ -133,8 +133,16 @@ static void against_tape(const example *e, const double *x) {
         return;
     }
     lg_surrogate_row(&e->model, ends, sign, x[0], row);
+    const bool held = e->model.options.boundary;
+    const double t = x[0] / e->model.length, u = 1.0 - t, weight = held ? 16.0 * t * t * u * u : 1.0;
+    double pair[2];
+    if (held)
+        lg_surrogate_hermite((const double[]){ends[0], ends[1], ends[4], ends[5]},
+                             (const double[]){ends[2], ends[3], ends[6], ends[7]}, e->model.length, t, pair,
+                             (double[2]){0.0, 0.0});
     for (size_t o = 0; o < e->outputs; o++) {
-        const double f = of_network(e, row, o), from = o < points ? ends[o % 2] : 0.0;
+        const double f = weight * of_network(e, row, o);
+        const double from = held ? pair[o] : o < points ? ends[o % 2] : 0.0;
         assert_close(y[o], from + (o % 2 == 1 ? sign : 1.0) * f, 1e-13, 1e-14);
     }
 }
@@ -239,7 +247,7 @@ TEST("every option is right on beams of usual length, and so short that the corr
                 lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
                 o.normalise = flags & 1;
                 o.mirror = flags & 2;
-                o.boundary = (flags & 4) && kind == LG_SURROGATE_ANGLE;
+                o.boundary = (flags & 4) && kind != LG_SURROGATE_DISCRETE;
                 o.modes = (flags & 8) && kind == LG_SURROGATE_DISCRETE ? 3 : 0;
                 o.angles = (flags & 16) && kind == LG_SURROGATE_DISCRETE && o.modes == 0;
                 all_checks(&o, lengths[i]);
@@ -278,6 +286,30 @@ TEST("angles that are held are the given ones, whatever the network, and so are 
                         assert_close(jacobian[c], wanted, 1e-13, 1e-13);
                     }
                 }
+}
+
+TEST(
+    "a continuous network that holds its ends passes through them with their tangents, whatever it learned") {
+    lg_surrogate_options o = options_of(LG_SURROGATE_CONTINUOUS);
+    o.boundary = true;
+    for (int mirror = 0; mirror < 2; mirror++)
+        for (double side = -1.0; side <= 1.0; side += 2.0)
+            for (size_t end = 0; end < 2; end++) {
+                o.mirror = mirror;
+                example e = make(&o, TEST_LENGTH);
+                double x[9], y[2], jacobian[18];
+                place(&e, side, end == 0 ? 0.0 : TEST_LENGTH, x);
+                run_gradient(&e.gradient, x, y, jacobian);
+                const size_t at = end == 0 ? 1 : 5;
+                assert_all_close(y, x + at, 2, 1e-14, 1e-14);
+                for (size_t i = 0; i < 2; i++)
+                    for (size_t c = 0; c < 9; c++) /* dq/ds = v, dq/dx of the end itself */
+                        assert_close(jacobian[9 * i + c],
+                                     c == 0        ? x[at + 2 + i]
+                                     : c == at + i ? 1.0
+                                                   : 0.0,
+                                     1e-13, 1e-13);
+            }
 }
 
 TEST("moving a beam moves its curve, and reflecting it reflects value and Jacobian exactly") {
@@ -331,7 +363,7 @@ TEST("rows of a batch are those one by one, and single precision is double to it
         lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
         o.embedding = 5;
         o.normalise = o.mirror = true;
-        o.boundary = kind == LG_SURROGATE_ANGLE;
+        o.boundary = kind != LG_SURROGATE_DISCRETE;
         example e = make(&o, TEST_LENGTH);
         const size_t numbers = e.outputs * e.inputs;
         double x[ROWS * MOST_INPUTS], y[ROWS * MOST_OUTPUTS], one[MOST_OUTPUTS];

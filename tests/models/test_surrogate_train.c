@@ -59,27 +59,57 @@ static void integrate(const small *s, const double *x, size_t n, double *q) {
     }
 }
 
+/* q reaches qN, the rest spread evenly. */
+static void spread(const double *x, size_t n, double *q) {
+    const double rest[2] = {x[4] - q[2 * n], x[5] - q[2 * n + 1]};
+    for (size_t i = 0; i < 2 * (n + 1); i++) q[i] += (double)(i / 2) / (double)n * rest[i % 2];
+}
+
+/* |W e|^2 of (5.4.1), W as a matrix, e the inner numbers of q and of v (N + 1, 2). */
+static double weighted_square(const double *q, const double *v, size_t n, double gamma) {
+    const size_t inner = 2 * (n - 1), m = 2 * inner;
+    double *g = TEST_ARRAY(double, m *m), sum = 0.0;
+    for (size_t i = 0; i < m; i++) {
+        g[m * i + i] = -1.0;
+        if (i + 1 < m) g[m * i + i + 1] = 1.0;
+    }
+    for (size_t i = 0; i < m; i++) {
+        double we = 0.0;
+        for (size_t j = 0; j < m; j++) {
+            double w = i == j ? 1.0 : 0.0;
+            for (size_t k = 0; k < m; k++) w += gamma * g[m * k + i] * g[m * k + j];
+            we += w * (j < inner ? q[2 + j] : v[2 + j - inner]);
+        }
+        sum += square(we);
+    }
+    return sum;
+}
+
 /* The loss of the header from the curves that the model gives without a tape. */
 static double loss_from_curves(const small *s, const lg_surrogate_problem *problem) {
     const lg_elastica_curves *set = problem->curves;
     const size_t n = set->intervals, nodes = n + 1;
     double *at = TEST_ARRAY(double, nodes), *q = TEST_ARRAY(double, 4 * nodes), *v = q + 2 * nodes;
-    double fit = 0.0, rough = 0.0, length = 0.0;
+    double fit = 0.0, rough = 0.0, length = 0.0, weighted = 0.0;
     for (size_t k = 0; k < nodes; k++) at[k] = TEST_LENGTH * (double)k / (double)n;
     at[n] = TEST_LENGTH;
     for (size_t i = 0; i < problem->training_count; i++) {
         const size_t j = problem->training[i];
         curve_of(s, set->boundary + 8 * j, at, nodes, q, v);
         if (s->model.options.kind == LG_SURROGATE_ANGLE) integrate(s, set->boundary + 8 * j, n, q);
+        if (s->model.options.symmetric) spread(set->boundary + 8 * j, n, q);
         for (size_t c = 0; c < 2 * nodes; c++) {
             q[c] -= set->q[2 * nodes * j + c];
             if (c % 2 == 1) length += square(square(v[c - 1]) + square(v[c]) - 1.0);
         }
         for (size_t c = 0; c < 2 * nodes; c++) v[c] -= set->v[2 * nodes * j + c];
         for (size_t c = 0; c < 2 * nodes; c++) fit += square(q[c]) + square(v[c]);
+        if (s->model.options.penalty == LG_SURROGATE_WEIGHTED)
+            weighted += weighted_square(q, v, n, s->model.options.gamma);
         for (size_t c = 0; c < 2 * n; c++) rough += square(q[c + 2] - q[c]) + square(v[c + 2] - v[c]);
     }
     const double m = (double)problem->training_count, gamma = s->model.options.gamma;
+    if (s->model.options.penalty == LG_SURROGATE_WEIGHTED) return weighted / (m * 4.0 * (double)(n - 1));
     if (s->model.options.kind == LG_SURROGATE_DISCRETE)
         return fit / (m * 4.0 * (double)(n - 1)) + gamma * rough / (m * 4.0 * (double)n);
     if (s->model.options.kind == LG_SURROGATE_CONTINUOUS)
