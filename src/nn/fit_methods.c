@@ -8,14 +8,16 @@
 
 enum { ADAM = LG_MINIMISE_METHOD_COUNT };
 
-/* Name, and the minimiser's method for those that take the loss of all samples. */
+/* Name, and the minimiser's method for those that take the loss of all samples; whether it has a matrix of
+ * parameters squared, and whether it takes the problem's residuals. */
 static const struct {
     const char *name;
     int minimise;
+    bool dense, squares;
 } methods[LG_FIT_METHOD_COUNT] = {[LG_FIT_ADAM] = {"adam", ADAM},
-                                  [LG_FIT_SSBROYDEN] = {"ssbroyden", LG_MINIMISE_SSBROYDEN},
+                                  [LG_FIT_SSBROYDEN] = {"ssbroyden", LG_MINIMISE_SSBROYDEN, .dense = true},
                                   [LG_FIT_LBFGS] = {"lbfgs", LG_MINIMISE_LBFGS},
-                                  [LG_FIT_LM] = {"lm", LG_MINIMISE_LM}};
+                                  [LG_FIT_LM] = {"lm", LG_MINIMISE_LM, .dense = true, .squares = true}};
 
 const char *lg_fit_method_name(lg_fit_method method) {
     return (int)method >= 0 && (int)method < LG_FIT_METHOD_COUNT ? methods[method].name : NULL;
@@ -112,10 +114,11 @@ lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options 
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: %s needs double precision (f64); only adam takes f32",
                            methods[method].name);
-        if (method == LG_FIT_LM && problem->residuals == NULL)
+        if (methods[method].squares && problem->residuals == NULL)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "training options: lm needs a loss that is a sum of squares; this one is not");
-        if ((method == LG_FIT_SSBROYDEN || method == LG_FIT_LM) && problem->parameters > MOST_DENSE)
+                           "training options: %s needs a loss that is a sum of squares; this one is not",
+                           methods[method].name);
+        if (methods[method].dense && problem->parameters > MOST_DENSE)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: %s takes a matrix of parameters squared, %zu are too many (at "
                            "most %d): take lbfgs, or a smaller network",
@@ -141,12 +144,12 @@ static double decay_of(const lg_fit *fit) {
     return o->adam.weight_decay + (spread > 0.0 ? 2.0 * fit->state.noise / spread : 0.0);
 }
 
-static bool is_lm(const lg_fit *fit) {
-    return lg_fit_method_now(fit) == LG_FIT_LM;
+static bool takes_squares(const lg_fit *fit) {
+    return methods[lg_fit_method_now(fit)].squares;
 }
 
-/* Loss and gradient of all training samples (lm: and the matrix), with W/2 |theta|^2. A value that is not
- * finite is no failure but for the first one: the search shortens its step. */
+/* Loss and gradient of all training samples (with squares, the matrix too), with W/2 |theta|^2. A value that
+ * is not finite is no failure but for the first one: the search shortens its step. */
 static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
     char what[64];
     const double *theta = fit->point;
@@ -154,10 +157,10 @@ static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
     const double decay = decay_of(fit);
     const bool first = lg_minimiser_result(fit->state.minimiser).evaluations == 0;
     (void)snprintf(what, sizeof what, "epoch %" PRIu64, fit->state.epoch + 1);
-    lg_status status =
-        is_lm(fit) ? lg_fit_squares(fit, what, value, error)
-                   : lg_fit_batch_loss(fit, fit->state.order, fit->training, true, what, value, error);
-    if (status == LG_OK && !is_lm(fit) && !isfinite(lg_fit_reduce(fit)))
+    lg_status status = takes_squares(fit) ? lg_fit_squares(fit, what, value, error)
+                                          : lg_fit_batch_loss(fit, fit->state.order, fit->training, true,
+                                                              what, value, error);
+    if (status == LG_OK && !takes_squares(fit) && !isfinite(lg_fit_reduce(fit)))
         status = lg_fit_gradient_failure(fit, what, error);
     if (status == LG_NOT_FINITE && !first) {
         (void)lg_fail(error, LG_OK, "%s", "");
@@ -168,7 +171,7 @@ static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
     if (!(decay > 0.0)) return LG_OK;
     *value += 0.5 * decay * fit->k->dot(n, theta, theta);
     fit->k->axpy(n, decay, theta, fit->shards[0].gradient);
-    for (size_t i = 0; i < n && is_lm(fit); i++) fit->shards[0].matrix[i * n + i] += decay;
+    for (size_t i = 0; i < n && takes_squares(fit); i++) fit->shards[0].matrix[i * n + i] += decay;
     return LG_OK;
 }
 
@@ -217,11 +220,12 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     fit->point = lg_minimiser_point(s->minimiser);
     LG_TRY(full_loss(fit, &value, error));
     const double *gradient = (const double *)(const void *)fit->shards[0].gradient;
-    *moved = is_lm(fit) ? lg_minimiser_tell_squares(s->minimiser, value, gradient, fit->shards[0].matrix)
-                        : lg_minimiser_tell(s->minimiser, value, gradient);
+    *moved = takes_squares(fit)
+                 ? lg_minimiser_tell_squares(s->minimiser, value, gradient, fit->shards[0].matrix)
+                 : lg_minimiser_tell(s->minimiser, value, gradient);
     memcpy(s->theta, lg_minimiser_best(s->minimiser), n * sizeof(double));
     const double loss = plain_loss(fit);
-    if (*moved && !is_lm(fit) && fit->options.prior > 0.0 && fit->problem.observations > 0)
+    if (*moved && !takes_squares(fit) && fit->options.prior > 0.0 && fit->problem.observations > 0)
         watch_noise(fit, loss);
     s->running_loss = loss * (double)fit->training;
     return LG_OK;

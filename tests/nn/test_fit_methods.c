@@ -42,6 +42,14 @@ TEST("plans are read and written, and what is none is refused with a sentence") 
     }
 }
 
+TEST("the sentence about an unknown method names every method") {
+    lg_fit_plan plan;
+    lg_error error;
+    assert_int_equal(lg_fit_plan_parse("sgd", &plan, &error), LG_INVALID_ARGUMENT);
+    for (int method = 0; method < LG_FIT_METHOD_COUNT; method++)
+        assert_non_null(strstr(error.message, lg_fit_method_name((lg_fit_method)method)));
+}
+
 static double trained(const char *plan, uint64_t epochs) {
     regression r = make_regression();
     const lg_fit_options o = planned(plan, epochs);
