@@ -11,14 +11,15 @@
 
 #define CHAIN     (&lg_hamiltonian_chain)
 #define SEPARABLE (&lg_hamiltonian_separable)
-enum { MLP = LG_POTENTIAL_MLP, LINEAR = LG_POTENTIAL_LINEAR };
+enum { MLP = LG_POTENTIAL_MLP, LINEAR = LG_POTENTIAL_LINEAR, DICTIONARY = LG_POTENTIAL_DICTIONARY };
+enum { NONE = LG_SYMMETRY_NONE, EVEN = LG_SYMMETRY_EVEN, ODD = LG_SYMMETRY_ODD };
 
 /* One row: the model, the scheme of its step ("": the default) and how it is compiled. */
 typedef struct sample {
     const char *folder;
     const lg_hamiltonian_family *family;
     uint32_t links;
-    int potential;
+    int potential, symmetry;
     lg_activation activation;
     const char *scheme;
     int evaluations; /* in a step */
@@ -38,24 +39,28 @@ static const char splitting_yaml[] =
     "drift: [0.29289321881345248, 0.70710678118654752]\n";
 
 static const sample samples[] = {
-    {"chain1", CHAIN, 1, MLP, LG_TANH, "", 4, "gcc", "-O2"},
-    {"chain2", CHAIN, 2, MLP, LG_SIGMOID, "rkmk4", 4, "clang", "-O3"},
-    {"chain3", CHAIN, 3, MLP, LG_SWISH, "rkmk54", 6, "gcc", "-O1"},
-    {"chain5", CHAIN, 5, MLP, LG_SINE, "lie-euler", 1, "gcc", "-O3"},
-    {"linear1", CHAIN, 1, LINEAR, LG_TANH, "cf32a", 3, "clang", "-O0"},
-    {"linear3", CHAIN, 3, LINEAR, LG_TANH, "rkmk4-2c", 4, "gcc", "-O0"},
-    {"relu2", CHAIN, 2, MLP, LG_RELU, "cf43", 4, "clang", "-O2"},
-    {"leaky1", CHAIN, 1, MLP, LG_LEAKY_RELU, "lie-heun", 2, "g++", "-O2"},
-    {"cg2", CHAIN, 2, MLP, LG_TANH, "cg3", 3, "clang++", "-O1"},
-    {"cut2", CHAIN, 2, MLP, LG_TANH, "truncated.yaml", 3, "gcc", "-O2"},
-    {"base1", CHAIN, 1, MLP, LG_SWISH, "reused.yaml", 3, "clang", "-O1"},
-    {"flat1", SEPARABLE, 1, MLP, LG_TANH, "", 2, "gcc", "-O2"},
-    {"flat2", SEPARABLE, 2, LINEAR, LG_TANH, "rk4", 4, "clang", "-O2"},
-    {"flat4", SEPARABLE, 4, MLP, LG_SWISH, "splitting.yaml", 2, "gcc", "-O3"},
-    {"pair2", SEPARABLE, 2, MLP, LG_SIGMOID, "dp54", 6, "g++", "-O3"},
-    {"free2", SEPARABLE, 2, MLP, LG_SINE, "cf4", 4, "clang", "-O3"},
-    {"moan2", SEPARABLE, 2, MLP, LG_TANH, "blanes-moan", 7, "gcc", "-O2"},
-    {"euler4", SEPARABLE, 4, LINEAR, LG_TANH, "symplectic-euler", 1, "gcc", "-O0"},
+    {"chain1", CHAIN, 1, MLP, NONE, LG_TANH, "", 4, "gcc", "-O2"},
+    {"chain2", CHAIN, 2, MLP, NONE, LG_SIGMOID, "rkmk4", 4, "clang", "-O3"},
+    {"chain3", CHAIN, 3, MLP, NONE, LG_SWISH, "rkmk54", 6, "gcc", "-O1"},
+    {"chain5", CHAIN, 5, MLP, NONE, LG_SINE, "lie-euler", 1, "gcc", "-O3"},
+    {"linear1", CHAIN, 1, LINEAR, NONE, LG_TANH, "cf32a", 3, "clang", "-O0"},
+    {"linear3", CHAIN, 3, LINEAR, NONE, LG_TANH, "rkmk4-2c", 4, "gcc", "-O0"},
+    {"relu2", CHAIN, 2, MLP, NONE, LG_RELU, "cf43", 4, "clang", "-O2"},
+    {"leaky1", CHAIN, 1, MLP, NONE, LG_LEAKY_RELU, "lie-heun", 2, "g++", "-O2"},
+    {"cg2", CHAIN, 2, MLP, NONE, LG_TANH, "cg3", 3, "clang++", "-O1"},
+    {"cut2", CHAIN, 2, MLP, NONE, LG_TANH, "truncated.yaml", 3, "gcc", "-O2"},
+    {"base1", CHAIN, 1, MLP, NONE, LG_SWISH, "reused.yaml", 3, "clang", "-O1"},
+    {"flat1", SEPARABLE, 1, MLP, NONE, LG_TANH, "", 2, "gcc", "-O2"},
+    {"flat2", SEPARABLE, 2, LINEAR, NONE, LG_TANH, "rk4", 4, "clang", "-O2"},
+    {"flat4", SEPARABLE, 4, MLP, NONE, LG_SWISH, "splitting.yaml", 2, "gcc", "-O3"},
+    {"pair2", SEPARABLE, 2, MLP, NONE, LG_SIGMOID, "dp54", 6, "g++", "-O3"},
+    {"free2", SEPARABLE, 2, MLP, NONE, LG_SINE, "cf4", 4, "clang", "-O3"},
+    {"moan2", SEPARABLE, 2, MLP, NONE, LG_TANH, "blanes-moan", 7, "gcc", "-O2"},
+    {"euler4", SEPARABLE, 4, LINEAR, NONE, LG_TANH, "symplectic-euler", 1, "gcc", "-O0"},
+    {"words2", CHAIN, 2, DICTIONARY, NONE, LG_TANH, "", 4, "gcc", "-O2"},
+    {"words3", SEPARABLE, 3, DICTIONARY, ODD, LG_TANH, "dp54", 6, "clang", "-O3"},
+    {"even2", CHAIN, 2, MLP, EVEN, LG_SWISH, "cf4", 4, "clang", "-O2"},
+    {"odd2", SEPARABLE, 2, MLP, ODD, LG_TANH, "blanes-moan", 7, "g++", "-O2"},
 };
 enum { SAMPLES = LG_COUNT(samples) };
 
@@ -97,6 +102,7 @@ static inline learned learned_make(const sample *of) {
     lg_rng rng;
     assert_ok(lg_hamiltonian_init(&run->model, of->family, of->links, (lg_potential_kind)of->potential,
                                   hidden, 2, of->activation));
+    run->model.symmetry = (lg_symmetry)of->symmetry;
     run->training = (lg_training){.dtype = LG_F64,
                                   .epochs = 1,
                                   .batch = 10,

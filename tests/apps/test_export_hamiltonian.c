@@ -262,7 +262,7 @@ static void the_self_test_of_every_family_passes(void **state) {
     (void)state;
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
-        const sample of = {family->name, family, 2, MLP, LG_TANH, "", 0, "cc", "-O1"};
+        const sample of = {family->name, family, 2, MLP, NONE, LG_TANH, "", 0, "cc", "-O1"};
         char folder[64], command[128];
         learned made = learned_make(&of);
         learned_export(&of, "f64", folder, sizeof folder);
@@ -273,7 +273,7 @@ static void the_self_test_of_every_family_passes(void **state) {
 }
 
 static void nearly_singular_masses_have_a_condition(void **state) {
-    static const sample of = {"stiff3", CHAIN, 3, MLP, LG_TANH, "", 4, "gcc", "-O2"};
+    static const sample of = {"stiff3", CHAIN, 3, MLP, NONE, LG_TANH, "", 4, "gcc", "-O2"};
     static const char *const dtypes[] = {"f64", "f32"};
     (void)state;
     for (int d = 0; d < 2; d++) {
@@ -359,7 +359,7 @@ static void steps_of_a_turn_agree(void **state) {
 static export_library open_geometry(const char *dtype) {
     char command[1024], folder[64];
     learned made = learned_make(&samples[0]);
-    const sample of = {"geometry", CHAIN, 1, MLP, LG_TANH, "rkmk4", 4, "gcc", "-O2"};
+    const sample of = {"geometry", CHAIN, 1, MLP, NONE, LG_TANH, "rkmk4", 4, "gcc", "-O2"};
     learned_save(&made, "geometry");
     learned_free(&made);
     learned_export(&of, dtype, folder, sizeof folder);
