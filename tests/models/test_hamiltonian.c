@@ -238,9 +238,9 @@ TEST("a dictionary has the true energy and field of the quartic system") {
     lg_system_user user;
     assert_ok(
         lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, LG_POTENTIAL_DICTIONARY, NULL, 0, LG_TANH));
-    assert_int_equal(lg_hamiltonian_array_offset(&model, 0), 13);
+    double *A = theta + lg_hamiltonian_array_offset(&model, 0);
     theta[2] = theta[3] = 0.5, theta[6] = theta[7] = 0.25;
-    theta[13] = sqrt(5.0), theta[14] = -1.0 / sqrt(5.0), theta[16] = sqrt(5.0 - 0.2);
+    A[0] = sqrt(5.0), A[1] = -1.0 / sqrt(5.0), A[3] = sqrt(5.0 - 0.2);
     const built b = build_from(&model, theta);
     const lg_ode ode = ode_of(set.system, LG_COORDINATES_AMBIENT, &user);
     for (size_t i = 0; i < N; i++) {
@@ -256,14 +256,15 @@ TEST("a dictionary has the true energy and field of the quartic system") {
 TEST("the functions of a dictionary stand in their order") {
     const double q[2] = {0.7, -1.3};
     const double y[4] = {q[0], q[1], 0.0, 0.0};
-    const double expected[13] = {q[0],         q[1],         q[0] * q[0],  q[1] * q[1], pow(q[0], 3),
-                                 pow(q[1], 3), pow(q[0], 4), pow(q[1], 4), sin(q[0]),   sin(q[1]),
-                                 cos(q[0]),    cos(q[1]),    q[0] * q[1]};
+    const double expected[] = {q[0],         q[1],         q[0] * q[0],  q[1] * q[1], pow(q[0], 3),
+                               pow(q[1], 3), pow(q[0], 4), pow(q[1], 4), sin(q[0]),   sin(q[1]),
+                               cos(q[0]),    cos(q[1]),    q[0] * q[1]};
     lg_hamiltonian model;
     assert_ok(
         lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, LG_POTENTIAL_DICTIONARY, NULL, 0, LG_TANH));
-    for (size_t i = 0; i < 13; i++) {
-        double theta[17] = {0};
+    assert_int_equal(lg_hamiltonian_array_offset(&model, 0), LG_COUNT(expected));
+    for (size_t i = 0; i < LG_COUNT(expected); i++) {
+        double theta[LG_COUNT(expected) + 4] = {0};
         theta[i] = 1.0;
         const built b = build_from(&model, theta);
         assert_close(energy_of(&b, y), expected[i], 1e-14, 0.0);
