@@ -482,9 +482,9 @@ TEST("units that are the same for all windows are counted by layer") {
     }
 }
 
-/* A unit that is the same for most windows is not dead. */
+/* A unit that is the same for most windows is not dead; more windows than are looked at once. */
 TEST("all training windows count, and only those") {
-    sounds s = make_sounds(40, 2, 0, 0.2, false);
+    sounds s = make_sounds(2 * LG_FIT_CHUNK, 2, 0, 0.2, false);
     const lg_detector relu = detector_with(LG_RELU);
     lg_detector_data data = data_of(&s, &relu, s.training, LG_F64);
     double *theta = start_of(&relu), *x = data.x;
@@ -501,6 +501,15 @@ TEST("all training windows count, and only those") {
     const lg_detector_problem one = {&relu, &data, 1, 1};
     assert_ok(lg_detector_count_units(&one, theta, &units));
     assert_false(units.died);
+
+    /* At the largest value in all windows but the first. */
+    const lg_detector tanh_ = detector_with(LG_TANH);
+    const lg_detector_problem saturated = {&tanh_, &data, last, 1};
+    theta = start_of(&tanh_);
+    shift(&tanh_, theta, "conv1/bias", 0, 4, 100.0);
+    for (size_t i = 0; i < numbers; i++) x[i] *= 1e4;
+    assert_ok(lg_detector_count_units(&saturated, theta, &units));
+    assert_true(units.layer[0].constant < 4);
 }
 
 static lg_fit *run_dead(const lg_detector_problem *problem, uint32_t restarts, double bias) {

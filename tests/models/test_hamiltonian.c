@@ -440,6 +440,39 @@ TEST("geodesic distances have a gradient at 0 and between antipodes") {
     }
 }
 
+/* The Hessian of the first trajectory's loss times (1, ..., 1), of 5 parameters. */
+static void curvature_of(const lg_hamiltonian_problem *problem, const double *theta, double *out) {
+    static const double ones[5] = {1.0, 1.0, 1.0, 1.0, 1.0};
+    const uint32_t sample = 0;
+    lg_fit_problem fit;
+    lg_var loss, gradient, change;
+    lg_tape *tape = test_tape(LG_F64);
+    lg_hamiltonian_fit_problem(problem, &fit);
+    const lg_var at = lg_parameter(tape, lg_shape1(5), theta), along = lg_input(tape, lg_shape1(5), ones);
+    assert_ok(fit.loss(fit.user, tape, at, &sample, 1, 1, &loss));
+    assert_ok(lg_grad(tape, loss, &at, 1, &gradient));
+    assert_ok(lg_jvp(tape, &gradient, 1, &at, &along, 1, &change));
+    assert_ok(lg_read(tape, change, 5, out));
+}
+
+/* A pendulum at rest without a force. */
+TEST("where points are equal to the predictions, geodesic distances have the curvature of ambient ones") {
+    exact e = exact_chain(1);
+    const double y[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
+    double geodesic[5], ambient[5], largest = 0.0;
+    for (size_t i = 0; i < 3; i++) e.theta[i] = 0.0;
+    for (size_t j = 0; j < M; j++) memcpy(e.set.y + 6 * j, y, sizeof y);
+    lg_hamiltonian_problem problem = problem_of(&e.model, &e.set, "cf4");
+    curvature_of(&problem, e.theta, ambient);
+    problem.distance = LG_DISTANCE_GEODESIC;
+    curvature_of(&problem, e.theta, geodesic);
+    for (size_t i = 0; i < 5; i++) {
+        assert_close(geodesic[i], ambient[i], 1e-12, 1e-15);
+        largest = fmax(largest, fabs(ambient[i]));
+    }
+    assert_true(largest > 1e-6);
+}
+
 /* The integrals by their formulas, of states y (d) with n copies. */
 static double vertical_momentum_of(const double *y, size_t n) {
     double sum = 0.0;
