@@ -20,8 +20,9 @@ def spread(values, show):
 
 class Study:
     """One page: `page`.md, data/`page`.json and pictures/`page`-*.svg below `out`, all made by `program`. PARTS: by name the
-    methods that fill `tables` and `data`."""
+    methods that fill `tables` and `data`. `also`: other pages with places for tables."""
     page = program = None
+    also = ()
     PARTS = {}
 
     def __init__(self, args, out):
@@ -83,18 +84,26 @@ class Study:
         with open(path, "w") as file:
             json.dump(dict(before, **self.data), file, indent=1)
             file.write("\n")
-        path = os.path.join(self.out, self.page + ".md")
+        left = set(self.tables)
+        for page in (self.page, *self.also):
+            left -= self.fill(os.path.join(self.out, page + ".md"))
+        for name in left:
+            lib.say("%s.md has no place for the table '%s'" % (self.page, name))
+
+    def fill(self, path):
+        """Puts the tables between their markers in a page; the names of those that have a place there."""
         with open(path) as file:
             text = file.read()
+        placed = set()
         for name, body in self.tables.items():
             begin, end = "<!-- begin %s -->\n" % name, "<!-- end %s -->" % name
-            if begin not in text:
-                lib.say("%s.md has no place for the table '%s'" % (self.page, name))
-                continue
-            before, rest = text.split(begin, 1)
-            text = before + begin + body + "\n" + rest[rest.index(end):]
+            if begin in text:
+                before, rest = text.split(begin, 1)
+                text = before + begin + body + "\n" + rest[rest.index(end):]
+                placed.add(name)
         with open(path, "w") as file:
             file.write(text)
+        return placed
 
 
 def main(study, doc):
@@ -111,7 +120,8 @@ def main(study, doc):
     out = args.out or (tempfile.mkdtemp(prefix="liegrad-report-") if args.quick else reports)
     if os.path.abspath(out) != reports:
         os.makedirs(out, exist_ok=True)
-        shutil.copy(os.path.join(reports, study.page + ".md"), out)
+        for page in (study.page, *study.also):
+            shutil.copy(os.path.join(reports, page + ".md"), out)
     with lib.workspace() as folder:
         args.cache = args.cache or folder
         os.makedirs(args.cache, exist_ok=True)

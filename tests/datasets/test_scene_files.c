@@ -820,6 +820,7 @@ TEST("the files of scenes/ have their form and their start") {
         double value;
     } scenes[] = {{"pendulum", "hamiltonian", 0, 0, 0},
                   {"double-pendulum", "hamiltonian", 0, 0, 0},
+                  {"chain3", "hamiltonian", 0, 0, 0},
                   {"chain5", "hamiltonian", 0, 0, 0},
                   {"quartic", NULL, 0, 0, 0},
                   {"coupled-oscillators", NULL, 0, 0, 0},
