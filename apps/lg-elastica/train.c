@@ -343,6 +343,11 @@ static int finish(void *user, train_session *session) {
     if (status == LG_OK) status = errors_of(state, self, &state->test, &test, &error);
     if (status != LG_OK)
         return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
+    if (run.model.options.loss == LG_SURROGATE_ENERGY && run.continuous)
+        app_warn(self,
+                 "--loss energy learns the beams of the discrete energy on %u intervals; errors against "
+                 "continuous values contain their difference from these",
+                 run.model.intervals);
     const int judged =
         train_judge(session, "mean squared error", train.mse, "the mean curve", mean_curve_error(state));
     status = save_model(state, self, train.mse, test.mse, &error);

@@ -309,6 +309,10 @@ TEST("boundary conditions alone train a network") {
     json("train data.h5 --loss energy --epochs 300 --out e.h5",
          "loss <1e-3, angles true, modes 0, truncation null");
     assert_true(json_number(result.out, "test_mse") < 1e-3);
+    run("generate --count 12 --intervals 40 --continuous --out smooth.h5");
+    json("train smooth.h5 --loss energy --epochs 300 --out e.h5",
+         "warnings [\"--loss energy learns the beams of the discrete energy on 40 intervals; errors against "
+         "continuous values contain their difference from these\"]");
     cli_expect(lg, "train data.h5 --loss energy --angles false --out no.h5", 2, "angles alone", &result);
 }
 
