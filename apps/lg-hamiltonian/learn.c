@@ -160,6 +160,39 @@ void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, doubl
              better != NULL ? better->name : "");
 }
 
+/* The root mean square of G's change at a point, or of G at point 1. */
+static lg_status integral_at(const app *self, const learner *trained, const double *theta, size_t point,
+                             double *size, lg_error *error) {
+    const lg_status status =
+        lg_hamiltonian_integral_change(self->context, &trained->problem, theta, point, size, error);
+    if (status == LG_OK) *size = sqrt(*size);
+    return status;
+}
+
+/* Noise changes G by as much at every point, but for the scatter of a mean over N: a drift by more later. */
+lg_status warn_of_integral(const app *self, const learner *trained, lg_error *error) {
+    static const double scatter = 4.0, least = 1e-3;
+    const lg_hamiltonian_problem *problem = &trained->problem;
+    double whole = 0, second = 0, largest = 0, change = 0;
+    if (problem->penalty == 0) return LG_OK;
+    double *theta = learner_theta(trained);
+    lg_status status = integral_at(self, trained, theta, 1, &whole, error);
+    for (size_t j = 2; j <= problem->points && status == LG_OK; j++) {
+        status = integral_at(self, trained, theta, j, &change, error);
+        if (j == 2) second = change;
+        largest = fmax(largest, change);
+    }
+    free(theta);
+    const double grown = 1 + scatter / sqrt((double)problem->trajectories);
+    if (status == LG_OK && largest > grown * second && largest > least * whole)
+        app_warn(
+            self,
+            "the data do not conserve %s: it changes by %.2g to the second point and by up to %.2g later, "
+            "its size is %.2g (root mean squares); the penalty trains the model to conserve it",
+            problem->penalty_integral->name, second, largest, whole);
+    return status;
+}
+
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data) {
     if (data->inputs != NULL)
         app_warn(self, "%s: /inputs (%u a step) are not used: the learned system has no inputs", path,

@@ -59,6 +59,8 @@ double *learner_theta(const learner *self);
 double unchanged_error(const lg_hamiltonian_problem *problem);
 /* When the loss is within 3 times the floor: says which loss, which floor, and what to change. */
 void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, double loss, double floor);
+/* Says so when the first integral of the penalty drifts along the data. */
+lg_status warn_of_integral(const app *self, const learner *trained, lg_error *error);
 /* Learned systems are autonomous: says so when the data come with inputs. */
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data);
 

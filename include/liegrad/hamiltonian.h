@@ -256,6 +256,12 @@ LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg
 LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    const lg_hamiltonian_problem *problem, const double *theta,
                                                    double *out, lg_error *error);
+/* What the data do to the penalty's first integral G: the mean over the trajectories of (G(y_j) - G(y_1))^2,
+ * j = `point` in 2..M, or of G(y_1)^2 for point 1, in double precision. It grows with j where G is not
+ * conserved; from noise alone it does not. Errors: those of lg_hamiltonian_problem_check. */
+LG_API lg_status lg_hamiltonian_integral_change(const lg_context *context,
+                                                const lg_hamiltonian_problem *problem, const double *theta,
+                                                size_t point, double *out, lg_error *error);
 /* The truncation floor: what the integrator's own error adds to that mean squared difference when the model
  * is exact. With y_s the predictions from the given starts with s substeps, and p the order of the scheme,
  *   floor = (2^p/(2^p - 1))^2 mean (y_s - y_2s)^2

@@ -374,3 +374,42 @@ void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_pr
                             .residuals = squares ? shard_residuals : NULL,
                             .user = pointer.user};
 }
+
+/* ---- what the data do to the penalty's first integral ---- */
+
+typedef struct integral_change {
+    const lg_hamiltonian_problem *problem;
+    size_t point; /* from 0 */
+} integral_change;
+
+/* As shard_loss: the squares of G at the start for point 0, else of its change. */
+static lg_status shard_change(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                              size_t batch, lg_var *mean) {
+    const integral_change *of = user;
+    lg_hamiltonian_vars vars;
+    lg_space space;
+    lg_var start[LG_HAMILTONIAN_MAX_PARTS], later[LG_HAMILTONIAN_MAX_PARTS];
+    LG_TRY(begin(tape, of->problem, theta, samples, count, &vars, &space, start));
+    LG_TRY(given_points(tape, of->problem, &space, samples, count, 0, 0, start));
+    lg_var g = conserved(tape, of->problem, &vars, start);
+    if (of->point > 0) {
+        LG_TRY(given_points(tape, of->problem, &space, samples, count, of->point, of->point, later));
+        g = lg_sub(tape, conserved(tape, of->problem, &vars, later), g);
+    }
+    *mean = lg_scale(tape, lg_sum(tape, lg_square(tape, g)), 1.0 / (double)batch);
+    return lg_tape_status(tape);
+}
+
+lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                         const double *theta, size_t point, double *out, lg_error *error) {
+    integral_change of = {problem, point - 1};
+    lg_fit_problem fit;
+    LG_TRY(lg_hamiltonian_problem_check(problem, error));
+    LG_TRY(check_penalty(problem, error));
+    if (point < 1 || point > problem->points)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "point %zu is outside 1..%zu", point, problem->points);
+    lg_hamiltonian_fit_problem(problem, &fit);
+    fit.loss = shard_change;
+    fit.user = &of;
+    return mean_of(context, &fit, theta, out, error);
+}

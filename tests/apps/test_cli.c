@@ -259,6 +259,24 @@ TEST("what the demonstration judges, it records") {
     shell("rm -r demo");
 }
 
+TEST("a penalty on what the data do not conserve is told, noise alone is not") {
+    cli_write("coupled.yaml", "system: coupled-oscillators\n");
+    static const char *const noise[] = {"0", "0.05"};
+    for (size_t i = 0; i < LG_COUNT(noise); i++) {
+        char generate[160];
+        (void)snprintf(
+            generate, sizeof generate,
+            "generate coupled.yaml --trajectories 400 --points 6 --t-end 1 --noise %s --out coupled.h5",
+            noise[i]);
+        cli_expect(lg, generate, 0, "", &result);
+        cli_expect(lg, "train coupled.h5 --penalty 1 --penalty-copy 2 --evaluations 2 --out p.h5", 0, "",
+                   &result);
+        assert_says(result.err, "do not conserve oscillator");
+        cli_expect(lg, "train coupled.h5 --penalty 1 --evaluations 2 --out p.h5", 0, "", &result);
+        assert_null(strstr(result.err, "conserve"));
+    }
+}
+
 /* ---- study ---- */
 
 TEST("a study runs, and goes on where it was stopped") {

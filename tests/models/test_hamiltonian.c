@@ -536,11 +536,13 @@ TEST("the penalty takes every first integral, at the points that are listed") {
         const double plain = loss_of(&problem, theta);
         const built b = build_from(&model, theta);
         lg_stepper *stepper = stepper_of(&b, problem.scheme);
-        double squares = 0.0;
+        double squares = 0.0, of_data[2] = {0.0, 0.0}, change;
         for (size_t i = 0; i < N; i++) {
             double y[12];
             memcpy(y, set.y + i * M * set.d, set.d * sizeof *y);
             const double G0 = row[r].value(y, 2);
+            const double later = row[r].value(y, 2) - row[r].value(set.y + (i * M + M - 1) * set.d, 2);
+            of_data[0] += G0 * G0 / N, of_data[1] += later * later / N;
             for (size_t j = 2; j <= M; j++) {
                 assert_ok(lg_step(stepper, 0.0, problem.dt, y, NULL, y));
                 const double gap = row[r].value(y, 2) - G0;
@@ -551,6 +553,12 @@ TEST("the penalty takes every first integral, at the points that are listed") {
         assert_ok(lg_hamiltonian_problem_check(&problem, NULL));
         assert_true(squares > 1e-8);
         assert_close(loss_of(&problem, theta) - plain, 10.0 * squares / N, 1e-9, 0.0);
+        for (size_t j = 0; j < 2; j++) {
+            assert_ok(lg_hamiltonian_integral_change(NULL, &problem, theta, j * (M - 1) + 1, &change, NULL));
+            assert_close(change, of_data[j], 1e-12, 1e-30);
+        }
+        assert_status(lg_hamiltonian_integral_change(NULL, &problem, theta, M + 1, &change, NULL),
+                      LG_INVALID_ARGUMENT);
     }
 }
 
