@@ -17,7 +17,7 @@ static const struct {
     {"thesis", "epochs", "100", NULL, 0},        {"thesis", "prior", "0", NULL, 0},
     {"thesis", "scaled", "no", NULL, 0},         {"best", "method", "ssbroyden", NULL, 0},
     {"best", "hidden", "20,20", NULL, 0},        {"best", "epochs", "2000", NULL, 0},
-    {"best", "prior", "0.3", NULL, 0},           {"best", "integrator", "blanes-moan", "separable", 0},
+    {"best", "prior", "0.15", NULL, 0},          {"best", "integrator", "blanes-moan", "separable", 0},
     {"best", "scaled", "yes", "chain", 0},       {"best", "hidden", "20", "chain", 3},
     {"best", "integrator", "rkmk5", "chain", 3},
 };

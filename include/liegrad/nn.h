@@ -157,6 +157,7 @@ typedef struct lg_fit_problem {
                            size_t batch, lg_var *r);
     size_t observations; /* numbers of the training part that the loss is the mean square error of, for the
                           * prior; 0: unknown, and there is no prior */
+    size_t weights;      /* so many numbers at the start of theta have the prior; 0: all */
     size_t chunk; /* samples on a tape at once, so that their values stay in the cache; 0: LG_FIT_CHUNK */
     /* May be NULL. *dead: a model with these parameters can learn no more. Then theta gets others to start
      * from, those of restart `number` >= 1; a pure function of its arguments. May allocate memory. A status
@@ -250,8 +251,9 @@ typedef struct lg_fit_options {
     lg_schedule schedule; /* constant */
     /* 0: off. s > 0: noise in the data is not learned by the methods other than Adam. Where 50 iterations
      * lower the loss L by less than a tenth, L is taken as the variance of the noise, and the most probable
-     * weights are sought: with normal noise and weights from N(0, s^2), L + W/2 |theta|^2 is minimised,
-     * W = 2 L/(n s^2), n the problem's observations. Where L falls to half of that, W is 0 again. */
+     * weights are sought: with normal noise and weights w from N(0, s^2), L + W/2 |w|^2 is minimised,
+     * W = 2 L/(n s^2), n and w the problem's observations and weights. Where L falls to half of that, W is 0
+     * again. */
     double prior;
     double clip_norm;  /* 0: off; else the bound on the gradient's Euclidean norm */
     uint64_t seed;     /* 1 */

@@ -366,10 +366,12 @@ void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_pr
     (void)lg_hamiltonian_space(problem->model->family, problem->model->n, &space);
     const size_t starts = is_estimated(problem) ? problem->trajectories * space.algebra_dim : 0;
     const bool squares = problem->penalty == 0.0 && problem->distance == LG_DISTANCE_AMBIENT;
+    const bool network = problem->model->potential == LG_POTENTIAL_MLP;
+    const size_t numbers = problem->trajectories * (problem->points - first_point(problem)) * space.dim;
     *out = (lg_fit_problem){.parameters = lg_hamiltonian_parameters(problem->model) + starts,
                             .samples = problem->trajectories,
-                            .observations =
-                                problem->trajectories * (problem->points - first_point(problem)) * space.dim,
+                            .observations = network ? numbers : 0,
+                            .weights = lg_mlp_parameters(&problem->model->net),
                             .loss = shard_loss,
                             .residuals = squares ? shard_residuals : NULL,
                             .user = pointer.user};

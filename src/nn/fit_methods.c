@@ -137,11 +137,21 @@ lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
     return options;
 }
 
-/* W of W/2 |theta|^2: the weight decay and the prior's part. */
-static double decay_of(const lg_fit *fit) {
-    const lg_fit_options *o = &fit->options;
-    const double spread = o->prior * o->prior * (double)fit->problem.observations;
-    return o->adam.weight_decay + (spread > 0.0 ? 2.0 * fit->state.noise / spread : 0.0);
+/* The numbers of theta that have the prior come first. */
+static size_t weights_of(const lg_fit *fit) {
+    return fit->problem.weights > 0 ? fit->problem.weights : fit->problem.parameters;
+}
+
+/* W of W/2 |w|^2, w the weights. */
+static double prior_of(const lg_fit *fit) {
+    const double spread = fit->options.prior * fit->options.prior * (double)fit->problem.observations;
+    return spread > 0.0 ? 2.0 * fit->state.noise / spread : 0.0;
+}
+
+/* Weight decay and prior: their part of the value at x. */
+static double penalty_at(const lg_fit *fit, const double *x) {
+    return 0.5 * fit->options.adam.weight_decay * fit->k->dot(fit->problem.parameters, x, x) +
+           0.5 * prior_of(fit) * fit->k->dot(weights_of(fit), x, x);
 }
 
 static bool takes_squares(const lg_fit *fit) {
@@ -154,7 +164,7 @@ static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
     char what[64];
     const double *theta = fit->point;
     const size_t n = fit->problem.parameters;
-    const double decay = decay_of(fit);
+    const double decay = fit->options.adam.weight_decay, prior = prior_of(fit);
     const bool first = lg_minimiser_result(fit->state.minimiser).evaluations == 0;
     (void)snprintf(what, sizeof what, "epoch %" PRIu64, fit->state.epoch + 1);
     lg_status status = takes_squares(fit) ? lg_fit_squares(fit, what, value, error)
@@ -168,32 +178,32 @@ static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
         return LG_OK;
     }
     LG_TRY(status);
-    if (!(decay > 0.0)) return LG_OK;
-    *value += 0.5 * decay * fit->k->dot(n, theta, theta);
+    if (!(decay > 0.0 || prior > 0.0)) return LG_OK;
+    *value += penalty_at(fit, theta);
     fit->k->axpy(n, decay, theta, fit->shards[0].gradient);
+    fit->k->axpy(weights_of(fit), prior, theta, fit->shards[0].gradient);
     for (size_t i = 0; i < n && takes_squares(fit); i++) fit->shards[0].matrix[i * n + i] += decay;
     return LG_OK;
 }
 
-/* The loss at the lowest point, without decay. */
+/* The loss at the lowest point alone. */
 static double plain_loss(const lg_fit *fit) {
-    const double *x = lg_minimiser_best(fit->state.minimiser);
-    const double decay = decay_of(fit), value = lg_minimiser_result(fit->state.minimiser).value;
-    return decay > 0.0 ? value - 0.5 * decay * fit->k->dot(fit->problem.parameters, x, x) : value;
+    const double value = lg_minimiser_result(fit->state.minimiser).value;
+    return value - penalty_at(fit, lg_minimiser_best(fit->state.minimiser));
 }
 
 /* Sets the variance of the noise: value and gradient at the lowest point change with W. */
 static void set_noise(lg_fit *fit, double noise) {
     lg_fit_state *s = &fit->state;
-    const size_t n = fit->problem.parameters;
-    const double *x = lg_minimiser_best(s->minimiser), before = decay_of(fit);
+    const size_t n = fit->problem.parameters, weights = weights_of(fit);
+    const double *x = lg_minimiser_best(s->minimiser), before = prior_of(fit);
     double *gradient = (double *)(void *)fit->shards[0].gradient;
     const double value = lg_minimiser_result(s->minimiser).value;
     s->noise = noise;
-    const double change = decay_of(fit) - before;
+    const double change = prior_of(fit) - before;
     memcpy(gradient, lg_minimiser_gradient(s->minimiser), n * sizeof *gradient);
-    fit->k->axpy(n, change, x, gradient);
-    lg_minimiser_change(s->minimiser, value + 0.5 * change * fit->k->dot(n, x, x), gradient);
+    fit->k->axpy(weights, change, x, gradient);
+    lg_minimiser_change(s->minimiser, value + 0.5 * change * fit->k->dot(weights, x, x), gradient);
 }
 
 /* After a step: whether the loss still falls. */

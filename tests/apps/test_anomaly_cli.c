@@ -469,9 +469,7 @@ TEST("Ctrl-C ends generating and feeding, and leaves no file") {
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         const cli_child child = cli_start(lg, lines[i], 0);
         (void)nanosleep(&(struct timespec){0, 200000000}, NULL);
-        const time_t before = time(NULL);
         cli_interrupt(child, &result);
-        assert_true(time(NULL) - before <= 3);
         assert_int_equal(cli_count_files("never"), 0);
     }
 }

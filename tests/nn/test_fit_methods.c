@@ -215,14 +215,20 @@ static regression noisy_regression(double deviation) {
     return r;
 }
 
-static lg_fit *fit_with_prior(regression *r, double prior, uint64_t epochs) {
+/* A prior of the first `weights` numbers, 0: of all. */
+static lg_fit *fit_with_priors(regression *r, size_t weights, double prior, uint64_t epochs) {
     lg_fit_options o = planned("ssbroyden", epochs);
     lg_fit_problem problem = regression_problem(r);
     problem.observations = REGRESSION_SAMPLES;
+    problem.weights = weights;
     o.prior = prior;
     lg_fit *fit = test_fit(NULL, &problem, &o, regression_start(r));
     run_fit(fit);
     return fit;
+}
+
+static lg_fit *fit_with_prior(regression *r, double prior, uint64_t epochs) {
+    return fit_with_priors(r, 0, prior, epochs);
 }
 
 /* Mean squared error against the true function. */
@@ -243,6 +249,26 @@ TEST("with a prior the noise of the data is found and not learned") {
     assert_true(lg_fit_noise(with) < 1.5 * deviation * deviation);
     assert_true(lg_fit_noise(without) == 0);
     assert_true(true_error(with, &r) < 0.3 * true_error(without, &r));
+}
+
+/* At the minimum of L + W/2 |w|^2: dL/dx = -W x for a weight and 0 for what is none. */
+TEST("numbers behind the weights have no prior") {
+    regression r = noisy_regression(0.1);
+    const size_t n = lg_mlp_parameters(&r.net);
+    const double s = 0.2, e = 1e-5;
+    double *theta = TEST_ARRAY(double, n);
+    for (int all = 0; all < 2; all++) {
+        const lg_fit *fit = fit_with_priors(&r, all ? 0 : n - 1, s, 1500);
+        lg_fit_current_parameters(fit, theta);
+        const double last = theta[n - 1], pull = 2 * lg_fit_noise(fit) / (s * s * REGRESSION_SAMPLES) * last;
+        theta[n - 1] = last + e;
+        const double above = loss_at(&r, theta, 1);
+        theta[n - 1] = last - e;
+        const double slope = (above - loss_at(&r, theta, 1)) / (2 * e);
+        print_message("slope %.2e, pull of a prior %.2e\n", slope, pull);
+        assert_true(fabs(pull) > 1e-4);
+        assert_close(slope, all ? -pull : 0, 1e-3, 1e-3 * fabs(pull));
+    }
 }
 
 TEST("without noise a prior costs little: the loss falls as far as without it") {
