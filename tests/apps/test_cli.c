@@ -101,7 +101,8 @@ TEST("Newton reaches the floor of a linear potential's loss, below what Adam alo
 
 TEST("the default is the preset best, an option of Adam asks for the published settings") {
     cli_json(lg, "train train.h5 --evaluations 150 --out b.h5",
-             "method \"ssbroyden\", hidden [20, evaluations 150, epochs 150, prior 0.15, loss <1e-8", &result);
+             "method \"ssbroyden\", hidden [20, evaluations 150, epochs 150, prior 0.15, loss <1e-8",
+             &result);
     cli_json(lg, "train train.h5 --epochs 1 --batch 20 --out b.h5", "method \"adam\", hidden [100", &result);
     cli_json(lg, "train train.h5 --preset thesis --epochs 1 --out b.h5", "method \"adam\", prior 0", &result);
     cli_expect(lg, "train train.h5 --method lbfgs --lr 1e-2 --out b.h5", 2, "--lr: is for adam", &result);
