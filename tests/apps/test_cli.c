@@ -260,6 +260,17 @@ TEST("what the demonstration judges, it records") {
     shell("rm -r demo");
 }
 
+/* The first weights of seed 31 have a nearly singular mass: a velocity overflows within a step. */
+TEST("weights that give no finite prediction are drawn again") {
+    cli_write("planar.yaml", "system: pendulum-chain\nform: hamiltonian\ngravity: 9.81\nt_end: 0.12\n"
+                             "masses: [0.93892384, 1.03590655, 1.0822107, 1.17215149, 1.0390508]\n"
+                             "lengths: [0.90675322, 1.37093021, 1.3134184, 0.95006977, 1.11671529]\n"
+                             "starts: { kind: plane, ahead: 2.85 }\n");
+    cli_expect(lg, "generate planar.yaml --trajectories 200 --seed 4 --out planar.h5", 0, "", &result);
+    cli_json(lg, "train planar.h5 --seed 31 --integrator cf4 --hidden 8 --evaluations 1 --out p.h5",
+             "loss >0", &result);
+}
+
 TEST("a penalty on what the data do not conserve is told, noise alone is not") {
     cli_write("coupled.yaml", "system: coupled-oscillators\n");
     static const char *const noise[] = {"0", "0.05"};
