@@ -341,7 +341,7 @@ static bool asks_adam(const app *self, const lg_training *training) {
     bool adam = training->dtype == LG_F32;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        if (slot->given && is_plan(slot)) return has_adam(&training->plan);
+        if (slot->given && is_plan(slot)) return ends_with_adam(training);
         adam = adam || (slot->given && slot->row != NULL && slot->row->adam);
     }
     return adam;

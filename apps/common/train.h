@@ -100,8 +100,8 @@ int train_main(app *app, const train_task *task);
 /* The first part of train_main alone: options that do not go together, files that cannot be written. */
 int train_check(app *app, const train_task *task);
 /* The option --preset, a row of a task's settings, and the preset to take: "thesis" or "best". Not given, it
- * is "thesis" where the command line asks for Adam, by --method or, without it, by an option of Adam's alone
- * (a rate, a batch) or by single precision. */
+ * is "thesis" where the command line asks for Adam, by a --method that ends with it or, without one, by an
+ * option of Adam's alone (a rate, a batch) or by single precision. */
 extern const lg_hyperparameter train_preset_rows[];
 extern uint32_t train_preset_given;
 #define TRAIN_PRESET                                                                                         \

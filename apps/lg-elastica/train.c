@@ -90,6 +90,7 @@ static lg_status adopt_preset(training *state, app *self, lg_error *error) {
     lg_surrogate_run from = {.model.options = state->preset->model, .training = state->preset->training};
     from.most_curves = state->preset->most_curves;
     app_adopt(self, settings, &from, true);
+    if (options->angles && !app_given(self, "modes")) run.model.options.modes = 0;
     if (options->modes == 0 || app_given(self, "modes")) return LG_OK;
     return modes_of_curves(state, self, &run.model.options.modes, error);
 }

@@ -220,7 +220,7 @@ typedef struct lg_training {
     double adam_eps;
     double clip;       /* bound on the gradient's norm, 0 none */
     double validation; /* fraction; above 0 the parameters of the best epoch are the result */
-    uint64_t patience; /* epochs without a lower loss of the validation part, 0: no limit */
+    uint64_t patience; /* epochs without a lower loss, of the validation part if there is one; 0: no limit */
     uint32_t shards;
     uint64_t seed;
 } lg_training;

@@ -55,8 +55,8 @@ _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == 
                  .meaning = "Pieces of a batch that threads work on; the bits of the result depend on it"),  \
         TRAINING(run_, patience, U64, .high = 1e9, .optional = true, .methods = methods_, VALUE("0"),        \
                  .unit = "E",                                                                                \
-                 .meaning = "Stop after so many epochs without a lower loss of the validation "              \
-                            "part, 0 for never"),                                                            \
+                 .meaning = "Stop after so many epochs without a lower loss, of the validation "             \
+                            "part if there is one; 0 for never"),                                            \
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
 #define VALIDATION                                                                                           \

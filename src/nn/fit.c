@@ -43,7 +43,7 @@ void lg_training_apply(const lg_training *training, lg_fit_options *options) {
     options->seed = training->seed;
     options->validation = training->validation;
     options->keep_best = training->validation > 0;
-    options->patience = training->validation > 0 ? training->patience : 0;
+    options->patience = training->patience;
 }
 
 static bool positive(double x) {

@@ -14,10 +14,11 @@ static const struct {
     const char *name;
     int minimise;
     bool dense, squares;
-} methods[LG_FIT_METHOD_COUNT] = {[LG_FIT_ADAM] = {"adam", ADAM},
-                                  [LG_FIT_SSBROYDEN] = {"ssbroyden", LG_MINIMISE_SSBROYDEN, .dense = true},
-                                  [LG_FIT_LBFGS] = {"lbfgs", LG_MINIMISE_LBFGS},
-                                  [LG_FIT_LM] = {"lm", LG_MINIMISE_LM, .dense = true, .squares = true}};
+} methods[LG_FIT_METHOD_COUNT] = {
+    [LG_FIT_ADAM] = {.name = "adam", .minimise = ADAM},
+    [LG_FIT_SSBROYDEN] = {.name = "ssbroyden", .minimise = LG_MINIMISE_SSBROYDEN, .dense = true},
+    [LG_FIT_LBFGS] = {.name = "lbfgs", .minimise = LG_MINIMISE_LBFGS},
+    [LG_FIT_LM] = {.name = "lm", .minimise = LG_MINIMISE_LM, .dense = true, .squares = true}};
 
 const char *lg_fit_method_name(lg_fit_method method) {
     return (int)method >= 0 && (int)method < LG_FIT_METHOD_COUNT ? methods[method].name : NULL;
@@ -284,7 +285,7 @@ const char *lg_fit_end_sentence(const lg_fit *fit) {
         [LG_FIT_RUNNING] = "",
         [LG_FIT_END_EPOCHS] = "the planned epochs are done",
         [LG_FIT_END_SECONDS] = "the time is used up",
-        [LG_FIT_END_PATIENCE] = "the loss of the validation part has not fallen for --patience epochs",
+        [LG_FIT_END_PATIENCE] = "the loss has not fallen for --patience epochs",
     };
     const lg_fit_end end = lg_fit_why_finished(fit);
     if (end == LG_FIT_END_MINIMISER)

@@ -461,6 +461,10 @@ TEST("with a validation part the best epoch is the model") {
     assert_memory_equal(files[0].theta, files[1].theta, files[0].parameters * sizeof *files[0].theta);
     for (int k = 0; k < 2; k++) lg_detector_file_destroy(&files[k]);
     json("train data.h5 --preset thesis --epochs 2 --validation 0 --out last.h5", "validation_windows 0");
+    (void)snprintf(line, sizeof line,
+                   "train data.h5 --preset thesis --lr %s --epochs 40 --patience 1 --out p.h5", rates[i - 1]);
+    assert_true(number(line, "epochs") <= best + 1);
+    json("train data.h5 --optimizer lbfgs --epochs 2 --out p.h5", "dtype \"f64\"");
 }
 
 TEST("Ctrl-C ends generating and feeding, and leaves no file") {

@@ -104,6 +104,7 @@ TEST("the default is the preset best, an option of Adam asks for the published s
              "method \"ssbroyden\", hidden [20, evaluations 150, epochs 150, prior 0.15, loss <1e-8",
              &result);
     cli_json(lg, "train train.h5 --epochs 1 --batch 20 --out b.h5", "method \"adam\", hidden [100", &result);
+    cli_json(lg, "train train.h5 --method adam:2,ssbroyden --epochs 4 --out b.h5", "hidden [20", &result);
     cli_json(lg, "train train.h5 --preset thesis --epochs 1 --out b.h5", "method \"adam\", prior 0", &result);
     cli_expect(lg, "train train.h5 --method lbfgs --lr 1e-2 --out b.h5", 2, "--lr: is for adam", &result);
     cli_expect(lg, "train train.h5 --method adam:5,lbfgs --lr 1e-2 --epochs 9 --out b.h5", 0, "9 epochs",
@@ -314,9 +315,7 @@ TEST("a study goes on only with the same method, prior and scale") {
     cli_json(lg, "study later.yaml --out later.csv --jobs 1", "done 8", &result);
     static const char *const changes[] = {"s/lbfgs/ssbroyden/", "s/^prior.*//", "$ a scaled: yes"};
     for (size_t i = 0; i < LG_COUNT(changes); i++) {
-        char command[128];
-        (void)snprintf(command, sizeof command, "sed '%s' later.yaml > other.yaml", changes[i]);
-        shell(command);
+        shell("sed '%s' later.yaml > other.yaml", changes[i]);
         cli_expect(lg, "study other.yaml --out later.csv", 3, "other settings", &result);
     }
 }
