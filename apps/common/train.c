@@ -349,7 +349,7 @@ static bool asks_adam(const app *self, const lg_training *training) {
 
 uint32_t train_preset_given;
 
-static const char *preset_name(uint32_t value) {
+const char *train_preset_name(uint32_t value) {
     static const char *const names[] = {"thesis", "best"};
     return value < LG_COUNT(names) ? names[value] : NULL;
 }
@@ -358,13 +358,13 @@ const lg_hyperparameter train_preset_rows[] = {
     {.name = "preset",
      .type = LG_HYPER_NAME,
      .size = sizeof train_preset_given,
-     .value_name = preset_name,
+     .value_name = train_preset_name,
      .otherwise = "best; thesis where Adam is asked for",
      .meaning = "Source of options that are not given: the published settings or ours"},
     LG_HYPERPARAMETER_END};
 
 const char *train_preset(const app *self, const lg_training *training) {
-    if (app_given(self, "preset")) return preset_name(train_preset_given);
+    if (app_given(self, "preset")) return train_preset_name(train_preset_given);
     return asks_adam(self, training) ? "thesis" : "best";
 }
 

@@ -33,7 +33,6 @@ extern const app_option train_options[];
 extern const app_settings train_settings[];
 /* Names by number; NULL beyond the last. */
 const char *train_method_name(uint32_t method);
-const char *train_preset_name(uint32_t preset);
 
 /* Refuses options that the method does not have, or that do not go together. */
 int train_check_options(const app *app);

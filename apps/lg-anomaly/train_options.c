@@ -12,7 +12,6 @@
     }
 NAMES(extern, train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logistic", [METHOD_TREE] = "tree",
       [METHOD_SVM_LINEAR] = "svm-linear", [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline")
-NAMES(extern, train_preset_name, "thesis", "best")
 NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov")
 NAMES(static, directions_name, "xy", "x")
 NAMES(static, criterion_name, [LG_GINI] = "gini", [LG_ENTROPY] = "entropy")

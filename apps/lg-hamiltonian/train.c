@@ -193,10 +193,10 @@ const app_command train_command = {
         "written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
         "error that the integrator's steps make, estimated by steps of half the size.\n\nThe defaults above "
         "are "
-        "those of --preset thesis. Without options of Adam the preset is best: --method ssbroyden --epochs "
-        "2000 "
-        "--hidden 20,20 --prior 0.15; for separable systems --integrator rk4; for chains --scaled yes, from "
-        "three links on --hidden 20 --integrator rkmk5; with --starts estimated --method lbfgs.\n\nCtrl-C "
+        "those of --preset thesis. Without options of Adam the preset is best, which changes method, widths, "
+        "epochs, prior and scheme by the system: docs/reports/hamiltonian.md has its table, --json the "
+        "values "
+        "of a run.\n\nCtrl-C "
         "saves a "
         "checkpoint and ends with exit code 130; --resume continues to the same bits.",
     .options = options,

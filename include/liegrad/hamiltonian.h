@@ -258,7 +258,8 @@ LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    double *out, lg_error *error);
 /* What the data do to the penalty's first integral G: the mean over the trajectories of (G(y_j) - G(y_1))^2,
  * j = `point` in 2..M, or of G(y_1)^2 for point 1, in double precision. It grows with j where G is not
- * conserved; from noise alone it does not. Errors: those of lg_hamiltonian_problem_check. */
+ * conserved; from noise alone it does not. Errors: those of lg_hamiltonian_problem_check with a penalty,
+ * LG_INVALID_ARGUMENT for a point outside 1..M. */
 LG_API lg_status lg_hamiltonian_integral_change(const lg_context *context,
                                                 const lg_hamiltonian_problem *problem, const double *theta,
                                                 size_t point, double *out, lg_error *error);
