@@ -47,20 +47,22 @@ lg_minimise_method_name(lg_minimise_method method); /* "ssbroyden", "lbfgs", "lm
 /* Why a run ended. */
 typedef enum lg_minimise_end {
     LG_MINIMISE_RUNNING,
-    LG_MINIMISE_EVALUATIONS,   /* options.evaluations */
-    LG_MINIMISE_SECONDS,       /* options.seconds */
-    LG_MINIMISE_GRADIENT,      /* max |g_i| <= options.gradient_tolerance */
-    LG_MINIMISE_SLOW,          /* 200 iterations lowered f by less than 1e-4 of it */
-    LG_MINIMISE_ROUNDING,      /* no step lowers f, and g agrees with f: rounding is the limit */
-    LG_MINIMISE_CANCELLED,     /* the context's flag, or the objective's LG_CANCELLED */
-    LG_MINIMISE_UNBOUNDED,     /* f falls without end along a direction */
-    LG_MINIMISE_NOT_FINITE,    /* f or g is NaN or infinite at the start */
-    LG_MINIMISE_WRONG_GRADIENT /* g disagrees with differences of f */
+    LG_MINIMISE_EVALUATIONS,    /* options.evaluations */
+    LG_MINIMISE_SECONDS,        /* options.seconds */
+    LG_MINIMISE_GRADIENT,       /* max |g_i| <= options.gradient_tolerance */
+    LG_MINIMISE_SLOW,           /* 200 iterations lowered f by less than 1e-4 of it */
+    LG_MINIMISE_ROUNDING,       /* no step lowers f, and g agrees with f; lg_minimise: 30 steps did not */
+    LG_MINIMISE_CANCELLED,      /* the context's flag, or the objective's LG_CANCELLED */
+    LG_MINIMISE_UNBOUNDED,      /* f falls without end along a direction */
+    LG_MINIMISE_NOT_FINITE,     /* f or g is NaN or infinite at the start */
+    LG_MINIMISE_WRONG_GRADIENT, /* g disagrees with differences of f */
+    LG_MINIMISE_WRONG_JACOBIAN, /* lg_least_squares: J disagrees with differences of r */
+    LG_MINIMISE_BARRIER         /* no step lowers f, which is not finite beyond x */
 } lg_minimise_end;
-#define LG_MINIMISE_END_COUNT 10
+#define LG_MINIMISE_END_COUNT 12
 LG_API const char *lg_minimise_end_sentence(lg_minimise_end end); /* without a full stop; "" while running */
 /* LG_OK for ends that leave a usable x; else LG_CANCELLED, LG_NO_CONVERGENCE (unbounded), LG_NOT_FINITE,
- * LG_CHECK_FAILED (wrong gradient). */
+ * LG_CHECK_FAILED (wrong gradient or Jacobian). */
 LG_API lg_status lg_minimise_end_status(lg_minimise_end end);
 
 typedef struct lg_minimise_options {
@@ -68,8 +70,10 @@ typedef struct lg_minimise_options {
     lg_minimise_method method; /* LG_MINIMISE_SSBROYDEN */
     uint32_t memory;           /* L-BFGS: 50 pairs, 1..1000 */
     double gradient_tolerance; /* 0: only an exact zero */
-    bool check; /* true: g is compared with f at the start, and where no step lowers f: 4 evaluations each */
-    bool slow;  /* true: LG_MINIMISE_SLOW ends */
+    /* true: g is compared with f at the start, and where no step lowers f: 4 evaluations each. Of
+     * lg_least_squares: J with r along a line at the start, 2 evaluations, 8 before it is called wrong. */
+    bool check;
+    bool slow; /* true: LG_MINIMISE_SLOW ends */
     /* Of lg_minimise alone. */
     uint64_t evaluations; /* 10000 */
     double seconds;       /* 0: no limit */
@@ -98,7 +102,7 @@ LG_API lg_status lg_minimise(const lg_context *context, size_t n, lg_objective o
 /* r (m), and dr_i/dx_j at jacobian[i n + j], at x (n). As lg_objective otherwise. */
 typedef lg_status (*lg_residuals)(void *user, const double *x, double *r, double *jacobian);
 
-/* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt. options->method and check are not
+/* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt. options->method is not
  * read; an evaluation is one of r with its Jacobian. covariance (n, n), NULL or the covariance of x for
  * independent residuals of equal, unknown variance: |r|^2/(m - n) (J^T J)^-1; NaN where m = n or J^T J is
  * singular to rounding (a combination of the x cannot be identified). Errors: those of lg_minimise. */

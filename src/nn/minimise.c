@@ -29,6 +29,9 @@ static const struct {
     [LG_MINIMISE_NOT_FINITE] = {LG_NOT_FINITE, "the value or the gradient is not finite at the start"},
     [LG_MINIMISE_WRONG_GRADIENT] = {LG_CHECK_FAILED,
                                     "the gradient disagrees with differences of the function"},
+    [LG_MINIMISE_WRONG_JACOBIAN] = {LG_CHECK_FAILED,
+                                    "the Jacobian disagrees with differences of the residuals"},
+    [LG_MINIMISE_BARRIER] = {LG_OK, "no step lowers the value: it is not finite beyond the last point"},
 };
 
 const char *lg_minimise_method_name(lg_minimise_method method) {
@@ -130,6 +133,10 @@ bool lg_minimise_flat(const lg_minimiser *m) {
     return lg_largest(m->g, m->n) <= m->options.gradient_tolerance;
 }
 
+lg_minimise_end lg_minimise_no_step(const lg_minimiser *m) {
+    return isfinite(m->numbers.high_value) ? LG_MINIMISE_ROUNDING : LG_MINIMISE_BARRIER;
+}
+
 void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end) {
     m->counts.stage = LG_STAGE_DONE;
     m->counts.end = (uint64_t)end;
@@ -162,8 +169,7 @@ static void restart(lg_minimiser *m) {
 
 /* ---- the check: values along a random line against slopes by Simpson's rule ---- */
 
-/* The line's direction goes to s, always the same. */
-static void check_direction(lg_minimiser *m) {
+void lg_minimise_check_direction(lg_minimiser *m) {
     lg_rng rng;
     lg_rng_seed(&rng, 1, m->n);
     for (size_t i = 0; i < m->n; i++) m->s[i] = lg_rng_normal(&rng);
@@ -175,7 +181,7 @@ static double check_step(const lg_minimiser *m) {
 
 static void next_check(lg_minimiser *m) {
     static const double at[CHECK_POINTS] = {-1.0, -0.5, 0.5, 1.0};
-    check_direction(m);
+    lg_minimise_check_direction(m);
     set_point(m, at[m->counts.trials] * check_step(m), m->s);
 }
 
@@ -199,7 +205,7 @@ static bool gradient_agrees(lg_minimiser *m) {
     const double step = check_step(m);
     double size = fabs(s->value);
     for (size_t i = 0; i < CHECK_POINTS; i++) size = fmax(size, fabs(s->check_value[i]));
-    check_direction(m);
+    lg_minimise_check_direction(m);
     const double slope = m->k->dot(m->n, m->g, m->s);
     const double left[3] = {slope, s->check_slope[1], s->check_slope[0]};
     const double right[3] = {slope, s->check_slope[2], s->check_slope[3]};
@@ -210,14 +216,14 @@ static bool gradient_agrees(lg_minimiser *m) {
 /* At the start, before any search, and where searches have failed. */
 static void tell_check(lg_minimiser *m, double value, const double *gradient) {
     m->numbers.check_value[m->counts.trials] = value;
-    check_direction(m);
+    lg_minimise_check_direction(m);
     m->numbers.check_slope[m->counts.trials] = m->k->dot(m->n, gradient, m->s);
     if (++m->counts.trials < CHECK_POINTS) {
         next_check(m);
     } else if (!gradient_agrees(m)) {
         lg_minimise_finish(m, LG_MINIMISE_WRONG_GRADIENT);
     } else if (m->counts.failures > 0) {
-        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+        lg_minimise_finish(m, lg_minimise_no_step(m));
     } else if (lg_minimise_flat(m)) {
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     } else {
@@ -248,7 +254,7 @@ static void fail_search(lg_minimiser *m) {
     else if (m->options.check)
         begin_check(m);
     else
-        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+        lg_minimise_finish(m, lg_minimise_no_step(m));
 }
 
 bool lg_minimise_slow(lg_minimiser *m) {

@@ -30,7 +30,8 @@ typedef struct lg_minimise_numbers {
     double value, slope; /* f and g.d at x */
     double alpha;        /* trial step */
     double low, low_value, low_slope;
-    double high, high_value, high_slope; /* the search's bracket [low, high] */
+    /* The search's bracket [low, high]; Levenberg-Marquardt: high_value is f of the last refusal. */
+    double high, high_value, high_slope;
     double reference_value;
     double damping, growth; /* Levenberg-Marquardt: mu, and its factor after the next refusal */
     double check_value[4], check_slope[4];
@@ -64,6 +65,10 @@ extern const lg_minimise_row lg_minimise_ssbroyden, lg_minimise_lbfgs, lg_minimi
 
 /* Ends the run: the point is the best one. */
 void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);
+/* The end where no step lowers f: the nearest upper end of the step tells why. */
+lg_minimise_end lg_minimise_no_step(const lg_minimiser *m);
+/* The direction of checks goes to m->s, always the same. */
+void lg_minimise_check_direction(lg_minimiser *m);
 /* Whether the gradient is zero to its tolerance; after a step, whether f falls too slowly. */
 bool lg_minimise_flat(const lg_minimiser *m);
 bool lg_minimise_slow(lg_minimiser *m);

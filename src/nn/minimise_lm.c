@@ -54,7 +54,7 @@ static void propose(lg_minimiser *m) {
         if (memcmp(m->point, m->x, m->n * sizeof *m->x) != 0) return;
         break;
     }
-    lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+    lg_minimise_finish(m, lg_minimise_no_step(m));
 }
 
 static void take(lg_minimiser *m, double value, const double *gradient, const double *matrix) {
@@ -79,6 +79,7 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
                       bool finite) {
     const double gain = finite ? (m->numbers.value - value) / foretold(m) : (double)NAN;
     if (!(gain > LEAST_GAIN)) {
+        m->numbers.high_value = finite ? value : INFINITY;
         refuse(m);
         propose(m);
         return false;
@@ -88,6 +89,7 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
     m->counts.failures = 0;
     m->numbers.damping *= fmax(1.0 / 3.0, 1.0 - pow(2.0 * gain - 1.0, 3.0));
     m->numbers.growth = 2.0;
+    m->numbers.high_value = 0.0;
     if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     else if (lg_minimise_slow(m))

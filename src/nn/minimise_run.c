@@ -8,10 +8,30 @@
 /* Evaluates at the point and tells the minimiser. */
 typedef lg_status (*evaluation)(lg_minimiser *m, void *user);
 
+/* Steps in a row without a fall, the last one of them `iteration`; |f| after the first step. */
+typedef struct steps_still {
+    uint64_t iteration, steps;
+    double value, first;
+} steps_still;
+
+enum { MOST_STILL = 30 };
+static const double LEAST_FALL = 1e-200; /* of f at the start: what is left underflows in squares */
+
+/* Whether the last MOST_STILL steps lowered f by less than its rounding. */
+static bool still(const lg_minimiser *m, steps_still *s) {
+    if (m->counts.iterations == s->iteration) return false;
+    if (s->iteration == 0) s->first = fabs(m->numbers.value);
+    s->iteration = m->counts.iterations;
+    s->steps = s->value - m->numbers.value <= LEAST_FALL * s->first ? s->steps + 1 : 0;
+    s->value = m->numbers.value;
+    return s->steps >= MOST_STILL;
+}
+
 /* Evaluates until an end; *end is RUNNING when an evaluation failed. */
 static lg_status run(lg_minimiser *m, evaluation evaluate, void *user, lg_minimise_end *end) {
     const lg_minimise_options *o = &m->options;
     const double begin = lg_seconds();
+    steps_still steps = {.value = (double)NAN};
     while ((*end = (lg_minimise_end)m->counts.end) == LG_MINIMISE_RUNNING) {
         if (lg_cancelled(m->context))
             *end = LG_MINIMISE_CANCELLED;
@@ -19,6 +39,8 @@ static lg_status run(lg_minimiser *m, evaluation evaluate, void *user, lg_minimi
             *end = LG_MINIMISE_EVALUATIONS;
         else if (o->seconds > 0.0 && lg_seconds() - begin >= o->seconds)
             *end = LG_MINIMISE_SECONDS;
+        else if (still(m, &steps))
+            *end = LG_MINIMISE_ROUNDING;
         if (*end != LG_MINIMISE_RUNNING) break;
         const lg_status status = evaluate(m, user);
         if (status == LG_CANCELLED) *end = LG_MINIMISE_CANCELLED;
@@ -85,8 +107,77 @@ typedef struct given_residuals {
     void *user;
     size_t m, n;
     double *r, *jacobian, *transposed, *gradient, *matrix; /* one block */
+    /* Of the check, in the same block: r, J d at the start; J d in the middle of a step; changes of r. */
+    double *r0, *slope0, *middle, *change;
     const lg_kernels *k;
 } given_residuals;
+
+/* ---- the check of J: changes of r along a random line against J d by Simpson's rule ---- */
+
+static const double JACOBIAN_STEP = 1e-3, JACOBIAN_TOLERANCE = 1e-2, JACOBIAN_ROUNDING = 1e-8;
+
+/* |r|, or what the unknowns contribute to it where that is more. */
+static double residual_size(const given_residuals *given, const double *x) {
+    const lg_kernels *k = given->k;
+    double size = sqrt(k->dot(given->m, given->r0, given->r0));
+    for (size_t j = 0; j < given->n; j++) {
+        const double *column = given->transposed + j * given->m;
+        size = fmax(size, fabs(x[j]) * sqrt(k->dot(given->m, column, column)));
+    }
+    return size;
+}
+
+/* d (n): every unknown changes r by about JACOBIAN_STEP of its size, but none by more of itself. */
+static void check_line(const given_residuals *given, const double *x, double size, double *d) {
+    for (size_t j = 0; j < given->n; j++) {
+        const double *column = given->transposed + j * given->m;
+        const double norm = sqrt(given->k->dot(given->m, column, column));
+        d[j] *= JACOBIAN_STEP * fmin(size / norm, x[j] != 0.0 ? fabs(x[j]) : 1.0);
+    }
+}
+
+/* r and J at x + step d; out = J d. False: not finite, no evaluation is left, or *status is an error. */
+static bool look(lg_minimiser *m, const given_residuals *given, double step, double *out, lg_status *status) {
+    const double *d = m->s;
+    if (m->counts.evaluations >= m->options.evaluations) return false;
+    for (size_t j = 0; j < m->n; j++) m->y[j] = m->x[j] + step * d[j];
+    *status = given->function(given->user, m->y, given->r, given->jacobian);
+    m->counts.evaluations++;
+    if (*status != LG_OK) return false;
+    given->k->matvec(given->m, given->n, given->jacobian, d, out, false);
+    return given->k->all_finite(given->m, given->r) && given->k->all_finite(given->m, out);
+}
+
+/* Whether the change of r over the step is that of J d; also where nothing is known. */
+static bool step_agrees(lg_minimiser *m, const given_residuals *given, double step, double size,
+                        lg_status *status) {
+    const size_t rows = given->m;
+    double top = 0.0, error = 0.0;
+    if (!look(m, given, 0.5 * step, given->middle, status)) return true;
+    if (!look(m, given, step, given->change, status)) return true;
+    for (size_t i = 0; i < rows; i++) {
+        const double simpson = given->slope0[i] + 4.0 * given->middle[i] + given->change[i];
+        const double change = given->r[i] - given->r0[i], foretold = step / 6.0 * simpson;
+        top += fmax(change * change, foretold * foretold);
+        error += (change - foretold) * (change - foretold);
+    }
+    return !(sqrt(error) > JACOBIAN_TOLERANCE * sqrt(top) + JACOBIAN_ROUNDING * size);
+}
+
+/* After the first evaluation: on one side of the start at least, at one of two lengths. */
+static lg_status check_jacobian(lg_minimiser *m, const given_residuals *given) {
+    static const double steps[] = {1.0, -1.0, 1e-2, -1e-2};
+    lg_status status = LG_OK;
+    memcpy(given->r0, given->r, given->m * sizeof *given->r);
+    const double size = residual_size(given, m->x);
+    lg_minimise_check_direction(m);
+    check_line(given, m->x, size, m->s);
+    given->k->matvec(given->m, given->n, given->jacobian, m->s, given->slope0, false);
+    for (size_t i = 0; i < LG_COUNT(steps); i++)
+        if (step_agrees(m, given, steps[i], size, &status)) return status == LG_NOT_FINITE ? LG_OK : status;
+    lg_minimise_finish(m, LG_MINIMISE_WRONG_JACOBIAN);
+    return LG_OK;
+}
 
 /* f, 2 J^T r and 2 J^T J */
 static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
@@ -100,8 +191,10 @@ static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
     for (size_t i = 0; i < n; i++) given->gradient[i] *= 2.0;
     for (size_t i = 0; i < n * n; i++) given->matrix[i] *= 2.0;
     const double value = status == LG_OK ? given->k->dot(rows, given->r, given->r) : (double)NAN;
+    const bool first = m->counts.stage == LG_STAGE_START;
     (void)lg_minimiser_tell_squares(m, value, given->gradient, given->matrix);
-    return LG_OK;
+    if (!first || !m->options.check || m->counts.end == LG_MINIMISE_NOT_FINITE) return LG_OK;
+    return check_jacobian(m, given);
 }
 
 /* |r|^2/(m - n) (J^T J)^-1 from the matrix A = 2 J^T J at the best point, scaled to a unit diagonal. */
@@ -141,7 +234,7 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     lg_minimiser *m = NULL;
     LG_TRY(lg_minimiser_create(context, n, &chosen, x, &m, error));
     given_residuals given = {.function = residuals, .user = user, .m = rows, .n = n, .k = m->k};
-    given.r = lg_alloc(context, rows + 2 * rows * n + n + n * n, sizeof(double));
+    given.r = lg_alloc(context, 5 * rows + 2 * rows * n + n + n * n, sizeof(double));
     if (given.r == NULL) {
         lg_minimiser_destroy(m);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a Jacobian of %zu x %zu numbers", rows, n);
@@ -150,6 +243,10 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     given.transposed = given.jacobian + rows * n;
     given.gradient = given.transposed + rows * n;
     given.matrix = given.gradient + n;
+    given.r0 = given.matrix + n * n;
+    given.slope0 = given.r0 + rows;
+    given.middle = given.slope0 + rows;
+    given.change = given.middle + rows;
     lg_minimise_end end;
     const lg_status status = run(m, evaluate_residuals, &given, &end);
     if (covariance != NULL && status == LG_OK) covariance_of(m, rows, covariance);

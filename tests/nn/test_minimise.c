@@ -130,6 +130,28 @@ TEST("both methods find known minima to rounding within their evaluations") {
         }
 }
 
+/* sum (1 + i) x_i^2: f underflows before the gradient does. */
+static lg_status parabola(const double *x, size_t n, double *value, double *gradient) {
+    *value = 0;
+    for (size_t i = 0; i < n; i++) {
+        *value += (1 + (double)i) * x[i] * x[i];
+        gradient[i] = 2 * (1 + (double)i) * x[i];
+    }
+    return LG_OK;
+}
+
+TEST("steps that leave the value as it is end a run") {
+    for (int method = 0; method < LG_MINIMISE_LM; method++)
+        for (size_t n = 2; n <= 50; n *= 5) {
+            function f = FUNCTION(parabola, n);
+            const lg_minimise_result r = minimise(&f, (lg_minimise_method)method, start_of(n), LG_OK);
+            print_message("%s, n = %zu: %llu evaluations, |g| = %.1e\n",
+                          lg_minimise_method_name((lg_minimise_method)method), n,
+                          (unsigned long long)r.evaluations, r.gradient);
+            assert_true(r.evaluations < 500 && r.gradient < 1e-90);
+        }
+}
+
 TEST("the dense method takes fewer than three evaluations an iteration") {
     function f = FUNCTION(rosenbrock, 10);
     const lg_minimise_result r = minimise(&f, LG_MINIMISE_SSBROYDEN, start_of(f.n), LG_OK);
@@ -225,6 +247,19 @@ TEST("bad arguments are refused before the first evaluation") {
     options.method = LG_MINIMISE_METHOD_COUNT;
     assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
     assert_int_equal(f.calls, 0);
+}
+
+/* -sum x_i below 3, nothing from there on */
+static lg_status cliff(const double *x, size_t n, double *value, double *gradient) {
+    (void)slope(x, n, value, gradient);
+    for (size_t i = 0; i < n; i++)
+        if (x[i] >= 3) *value = NAN;
+    return LG_OK;
+}
+
+TEST("a search that ends at values that are not finite says so, not rounding") {
+    assert_end((function)FUNCTION(cliff, 2), LG_OK, LG_MINIMISE_BARRIER);
+    assert_end((function)FUNCTION(slope, 2), LG_NO_CONVERGENCE, LG_MINIMISE_UNBOUNDED);
 }
 
 /* ---- states ---- */
@@ -377,6 +412,64 @@ TEST("least squares say what cannot be identified, and refuse too few residuals"
     options.method = LG_MINIMISE_LM;
     function g = FUNCTION(rosenbrock, 2);
     assert_status(lg_minimise(NULL, 2, evaluate, &g, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
+}
+
+/* A decay through three points, in units of the unknowns. */
+typedef struct three {
+    double unit[3], factor[3]; /* of the unknowns; of the columns of the Jacobian */
+    bool transposed;
+    uint64_t calls;
+} three;
+
+static lg_status three_residuals(void *user, const double *x, double *r, double *jacobian) {
+    static const double t[3] = {0, 0.5, 2};
+    three *f = user;
+    const double a = x[0] * f->unit[0], b = x[1] * f->unit[1], c = x[2] * f->unit[2];
+    for (int i = 0; i < 3; i++) {
+        const double e = exp(-b * t[i]), row[3] = {e, -a * t[i] * e, 1};
+        r[i] = a * e + c - (2 * exp(-1.5 * t[i]) + 0.5);
+        for (int j = 0; j < 3; j++)
+            jacobian[f->transposed ? j * 3 + i : i * 3 + j] = row[j] * f->unit[j] * f->factor[j];
+    }
+    f->calls++;
+    return LG_OK;
+}
+
+static lg_minimise_end end_of_three(three f, bool check) {
+    double x[3] = {1 / f.unit[0], 0.2 / f.unit[1], 0};
+    lg_minimise_options options;
+    lg_minimise_result result;
+    lg_error error;
+    lg_minimise_options_init(&options);
+    options.check = check;
+    const lg_status status =
+        lg_least_squares(NULL, 3, 3, three_residuals, &f, &options, x, NULL, &result, &error);
+    assert_status(status, lg_minimise_end_status(result.end));
+    assert_string_equal(error.message, lg_minimise_end_sentence(result.end));
+    assert_int_equal(result.evaluations, f.calls);
+    if (status == LG_OK && check) assert_close(x[1] * f.unit[1], 1.5, 1e-9, 0);
+    return result.end;
+}
+
+TEST("a wrong Jacobian is noticed by the check alone, a badly scaled one passes") {
+    static const double factors[] = {-1, 0, 2, 0.8};
+    static const double units[][3] = {{1, 1, 1}, {1e8, 1e-7, 1e3}, {1e-9, 1e6, 1}};
+    for (size_t u = 0; u < LG_COUNT(units); u++) {
+        three good = {.factor = {1, 1, 1}};
+        memcpy(good.unit, units[u], sizeof good.unit);
+        (void)end_of_three(good, true);
+        three bad = good;
+        for (int j = 0; j < 3; j++) bad.factor[j] = -1;
+        assert_int_equal(end_of_three(bad, true), LG_MINIMISE_WRONG_JACOBIAN);
+        assert_int_not_equal(end_of_three(bad, false), LG_MINIMISE_WRONG_JACOBIAN);
+        for (size_t i = 0; i < 3 * LG_COUNT(factors); i++) {
+            bad = good;
+            bad.factor[i % 3] = factors[i / 3];
+            assert_int_equal(end_of_three(bad, true), LG_MINIMISE_WRONG_JACOBIAN);
+        }
+        good.transposed = true;
+        assert_int_equal(end_of_three(good, true), LG_MINIMISE_WRONG_JACOBIAN);
+    }
 }
 
 TEST("residuals that are not finite shorten the step of least squares, and at the start end it") {
