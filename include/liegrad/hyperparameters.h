@@ -50,14 +50,15 @@ typedef struct lg_hyperparameter {
     bool above;          /* low itself is refused */
     bool adam;           /* it is for Adam alone */
     bool optional;       /* files of earlier versions lack it; the run then has the default for files */
-    const char *(*value_name)(uint32_t value); /* FLAG, NAME: NULL beyond the last */
+    const char *(*value_name)(uint32_t value); /* FLAG, NAME: NULL beyond the last; PHRASE: single words */
     const void *(*value_at)(uint32_t value);   /* NAME of a pointer into a table: the entry */
     /* Lists: the numbers of the member, at most `most` <= LG_HYPER_LIST_MAX; `get` returns how many. */
     uint32_t (*get)(const void *member, double *values);
     void (*put)(void *member, const double *values, uint32_t count);
     uint32_t most;
     void (*show)(const void *run, char *text, size_t size); /* SHOWN */
-    /* PHRASE: from text into the member, untouched on failure; and back, for `form` (what is possible). */
+    /* PHRASE: from text into the member, untouched on failure; and back; `form`: what is possible beside
+     * single words. */
     lg_status (*parse)(const char *text, void *member, lg_error *error);
     void (*phrase)(const void *member, char *text, size_t size);
     const char *form;

@@ -181,6 +181,8 @@ typedef enum lg_fit_method {
 #define LG_FIT_METHOD_COUNT 4
 LG_API const char *
 lg_fit_method_name(lg_fit_method method); /* "adam", "ssbroyden", "lbfgs", "lm"; else NULL */
+/* It takes sums of squares alone. */
+LG_API bool lg_fit_method_squares(lg_fit_method method);
 
 /* Methods one after the other. */
 #define LG_FIT_MAX_PHASES 4
@@ -194,6 +196,8 @@ typedef struct lg_fit_plan {
 } lg_fit_plan;
 /* "ssbroyden", "adam:100,ssbroyden". LG_INVALID_ARGUMENT with a sentence; *out untouched then. */
 LG_API lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error);
+/* The same without methods for sums of squares alone, for a loss that is none. */
+LG_API lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_error *error);
 LG_API void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]);
 
 /* Why training is finished. */
@@ -201,7 +205,7 @@ typedef enum lg_fit_end {
     LG_FIT_RUNNING,
     LG_FIT_END_EPOCHS,   /* the planned epochs are done */
     LG_FIT_END_SECONDS,  /* lg_fit_options.seconds are used up */
-    LG_FIT_END_PATIENCE, /* no lower criterion for `patience` epochs */
+    LG_FIT_END_PATIENCE, /* no lower criterion for `patience` epochs, or steps of a minimiser */
     LG_FIT_END_MINIMISER /* the last phase's minimiser came to an end of its own */
 } lg_fit_end;
 
@@ -220,7 +224,9 @@ typedef struct lg_training {
     double adam_eps;
     double clip;       /* bound on the gradient's norm, 0 none */
     double validation; /* fraction; above 0 the parameters of the best epoch are the result */
-    uint64_t patience; /* epochs without a lower loss, of the validation part if there is one; 0: no limit */
+    /* Epochs (of methods other than Adam: accepted steps) without a lower loss, of the validation part if
+     * there is one; 0: no limit. */
+    uint64_t patience;
     uint32_t shards;
     uint64_t seed;
 } lg_training;
@@ -260,7 +266,9 @@ typedef struct lg_fit_options {
     double validation; /* 0, in [0, 1): part of the samples kept for validation, drawn by the seed */
     bool shuffle;      /* true: a new order of the training samples in each epoch */
     bool keep_best; /* false; true: lg_fit_parameters gives those after the epoch with the lowest criterion */
-    uint64_t patience; /* 0: off; else stop after so many epochs without a new lowest criterion */
+    /* 0: off; else stop after so many epochs, or accepted steps of the other methods than Adam, without a new
+     * lowest criterion. */
+    uint64_t patience;
     /* The criterion is the validation loss, or without a validation part the epoch's loss. */
     /* 0: off; else lg_fit_problem.revive is asked after each epoch. A dead model starts from its other
      * parameters, at epoch 0 with an empty history, at most so many times; not when the seconds are used up,

@@ -57,7 +57,7 @@ static lg_key key_of(const lg_hyperparameter *row) {
                     row->low,
                     row->high,
                     row->most > 0 ? row->most : 1,
-                    row->value_name};
+                    row->type == LG_HYPER_PHRASE ? NULL : row->value_name};
 }
 
 /* The hyperparameters that a grid varies, and the seed, which it derives. */

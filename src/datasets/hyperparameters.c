@@ -19,11 +19,11 @@ _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == 
 /* What every kind has: how it is trained. VALUE(text) says the default. */
 #define TRAINING(run_, member, type, ...)                                                                    \
     LG_HYPERPARAMETER(run_, "run", #member, type, training.member, __VA_ARGS__)
-#define TRAINING_ROWS(run_, method_, samples, methods_, VALUE)                                               \
-    LG_HYPERPARAMETER(run_, "run", method_, PHRASE, training.plan, .parse = parse_plan, .phrase = show_plan, \
-                      .form = "adam, ssbroyden, lbfgs or lm, or phases as in "                               \
-                              "adam:100,ssbroyden",                                                          \
-                      .optional = true, .methods = methods_, VALUE("adam"), .unit = "M",                     \
+#define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE)                                      \
+    LG_HYPERPARAMETER(run_, "run", method_, PHRASE, training.plan, .parse = parse_##losses_,                 \
+                      .phrase = show_plan, .value_name = name_##losses_,                                     \
+                      .form = "phases as in adam:100,ssbroyden", .optional = true, .methods = methods_,      \
+                      VALUE("adam"), .unit = "M",                                                            \
                       .meaning = "Method of training; an epoch of the others is one "                        \
                                  "evaluation of the loss of all data"),                                      \
         TRAINING(run_, dtype, NAME, .value_name = lg_name_dtype, .methods = methods_, VALUE("f64"),          \
@@ -55,16 +55,31 @@ _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == 
                  .meaning = "Pieces of a batch that threads work on; the bits of the result depend on it"),  \
         TRAINING(run_, patience, U64, .high = 1e9, .optional = true, .methods = methods_, VALUE("0"),        \
                  .unit = "E",                                                                                \
-                 .meaning = "Stop after so many epochs without a lower loss, of the validation "             \
-                            "part if there is one; 0 for never"),                                            \
+                 .meaning = "Stop after so many epochs, or accepted steps of the other methods than Adam, "  \
+                            "without a lower loss, of the validation part if there is one; 0 for never"),    \
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
 #define VALIDATION                                                                                           \
     .high = 0.9, .unit = "F",                                                                                \
     .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
 
-static lg_status parse_plan(const char *text, void *member, lg_error *error) {
+/* The methods for a loss that is a sum of squares, and for any loss. */
+static lg_status parse_squares(const char *text, void *member, lg_error *error) {
     return lg_fit_plan_parse(text, member, error);
+}
+
+static lg_status parse_any_loss(const char *text, void *member, lg_error *error) {
+    return lg_fit_plan_parse_any_loss(text, member, error);
+}
+
+static const char *name_squares(uint32_t value) {
+    return lg_fit_method_name((lg_fit_method)value);
+}
+
+static const char *name_any_loss(uint32_t value) {
+    for (uint32_t method = 0; method < LG_FIT_METHOD_COUNT; method++)
+        if (!lg_fit_method_squares((lg_fit_method)method) && value-- == 0) return name_squares(method);
+    return NULL;
 }
 
 static void show_plan(const void *member, char *text, size_t size) {
@@ -146,7 +161,7 @@ const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
                 .value = "measured",
                 .meaning = "Where predictions start: at the first points, or at estimated points near them, "
                            "for first points with noise"),
-    TRAINING_ROWS(lg_hamiltonian_run, "method", "Trajectories", 0, CONSTANT),
+    TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, CONSTANT),
     TRAINING(lg_hamiltonian_run, validation, REAL, .value = "0", VALIDATION),
     LG_HYPERPARAMETER_END};
 
@@ -208,7 +223,7 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
     SURROGATE("run", "most_curves", U64, most_curves, .high = 1e9, .optional = true, PRESET(), .unit = "n",
               .meaning =
                   "Learn from at most so many curves of the training part, evenly chosen; 0: from all"),
-    TRAINING_ROWS(lg_surrogate_run, "method", "Curves (continuous: points)", 0, PRESET),
+    TRAINING_ROWS(lg_surrogate_run, "method", any_loss, "Curves (continuous: points)", 0, PRESET),
     TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
     LG_HYPERPARAMETER_END};
 
@@ -244,7 +259,7 @@ const lg_hyperparameter lg_detector_hyperparameters[] = {
              .meaning =
                  "cnn: at most so many times a network that died (a layer is constant over all training "
                  "windows) starts again with other weights of the same seed"),
-    TRAINING_ROWS(lg_detector_run, "optimizer", "cnn: windows", NETWORK, PRESET),
+    TRAINING_ROWS(lg_detector_run, "optimizer", any_loss, "cnn: windows", NETWORK, PRESET),
     TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
     LG_HYPERPARAMETER_END};
 
@@ -455,6 +470,12 @@ static size_t names_text(const lg_hyperparameter *row, const char *last, char *o
     return used;
 }
 
+/* "adam, lbfgs or lm, or phases as in adam:100,lbfgs": single names, where there are, and the form. */
+static void form_text(const lg_hyperparameter *row, char *out, size_t size) {
+    const size_t used = row->value_name != NULL ? names_text(row, " or ", out, size) : 0;
+    if (used < size) (void)snprintf(out + used, size - used, "%s%s", used > 0 ? ", or " : "", row->form);
+}
+
 /* "1 to 1048576", "above 0 to 1", "0 or more". */
 static void span_text(const lg_hyperparameter *row, char *text, size_t size) {
     char low[32], high[32] = "";
@@ -474,7 +495,7 @@ int lg_hyperparameter_describe(const lg_hyperparameter *row, char *text, size_t 
     if (value == NULL) value = "";
     if (!is_named(row)) {
         if (row->form != NULL)
-            (void)snprintf(range, sizeof range, "%s", row->form);
+            form_text(row, range, sizeof range);
         else
             span_text(row, range, sizeof range);
         return snprintf(text, size, "%s (%s%s%s%s)", row->meaning, range, value[0] != '\0' ? "; " : "", is,

@@ -24,26 +24,32 @@ const char *lg_fit_method_name(lg_fit_method method) {
     return (int)method >= 0 && (int)method < LG_FIT_METHOD_COUNT ? methods[method].name : NULL;
 }
 
+bool lg_fit_method_squares(lg_fit_method method) {
+    return (int)method >= 0 && (int)method < LG_FIT_METHOD_COUNT && methods[method].squares;
+}
+
 /* ---- plans ---- */
 
-static lg_status no_method(const char *text, size_t length, lg_error *error) {
+static lg_status no_method(const char *text, size_t length, bool squares, lg_error *error) {
     char names[64] = "";
     for (size_t i = 0, used = 0; i < LG_FIT_METHOD_COUNT && used < sizeof names; i++)
-        used +=
-            (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "", methods[i].name);
+        if (squares || !methods[i].squares)
+            used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
+                                     methods[i].name);
     return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is no method; there are %s",
                    (int)(length < 40 ? length : 40), text, names);
 }
 
 /* "adam:100" up to `length`; the number may be missing. */
-static lg_status parse_phase(const char *text, size_t length, uint32_t *method, uint32_t *epochs,
-                             lg_error *error) {
+static lg_status parse_phase(const char *text, size_t length, bool squares, uint32_t *method,
+                             uint32_t *epochs, lg_error *error) {
     const char *colon = memchr(text, ':', length);
     const size_t name = colon != NULL ? (size_t)(colon - text) : length;
     *epochs = 0;
     for (*method = 0; *method < LG_FIT_METHOD_COUNT; (*method)++)
         if (strlen(methods[*method].name) == name && memcmp(methods[*method].name, text, name) == 0) break;
-    if (*method == LG_FIT_METHOD_COUNT) return no_method(text, name, error);
+    if (*method == LG_FIT_METHOD_COUNT || (methods[*method].squares && !squares))
+        return no_method(text, name, squares, error);
     for (const char *c = colon; c != NULL && ++c < text + length;) {
         if (*c < '0' || *c > '9' || *epochs > 100000000)
             return lg_fail(error, LG_INVALID_ARGUMENT,
@@ -56,15 +62,15 @@ static lg_status parse_phase(const char *text, size_t length, uint32_t *method, 
     return LG_OK;
 }
 
-lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error) {
+static lg_status parse_plan(const char *text, bool squares, lg_fit_plan *out, lg_error *error) {
     lg_fit_plan plan = {0};
     for (const char *at = text;;) {
         const size_t length = strcspn(at, ",");
         if (plan.phases == LG_FIT_MAX_PHASES)
             return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d methods one after the other",
                            LG_FIT_MAX_PHASES);
-        LG_TRY(
-            parse_phase(at, length, &plan.phase[plan.phases].method, &plan.phase[plan.phases].epochs, error));
+        LG_TRY(parse_phase(at, length, squares, &plan.phase[plan.phases].method,
+                           &plan.phase[plan.phases].epochs, error));
         plan.phases++;
         if (at[length] == '\0') break;
         if (plan.phase[plan.phases - 1].epochs == 0)
@@ -75,6 +81,14 @@ lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error)
     if (plan.phases == 1 && plan.phase[0].method == LG_FIT_ADAM && plan.phase[0].epochs == 0) plan.phases = 0;
     *out = plan;
     return LG_OK;
+}
+
+lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error) {
+    return parse_plan(text, true, out, error);
+}
+
+lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_error *error) {
+    return parse_plan(text, false, out, error);
 }
 
 void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]) {
@@ -266,13 +280,24 @@ void lg_fit_next_phase(lg_fit *fit) {
 
 /* ---- ends ---- */
 
+/* Epochs since the best one; of the minimisers' only those whose step was accepted, which lowers the loss:
+ * evaluations of a line search are no chance to get better. */
+static uint64_t fruitless(const lg_fit *fit) {
+    const lg_fit_state *s = &fit->state;
+    const double *loss = s->history[LG_FIT_LOSS];
+    if (lg_fit_method_now(fit) == LG_FIT_ADAM) return s->epoch - s->best_epoch;
+    uint64_t count = 0;
+    for (uint64_t i = s->best_epoch; i < s->epoch; i++) count += i > 0 && loss[i] != loss[i - 1];
+    return count;
+}
+
 lg_fit_end lg_fit_why_finished(const lg_fit *fit) {
     const lg_fit_state *s = &fit->state;
     const lg_fit_options *o = &fit->options;
     if (s->position > 0) return LG_FIT_RUNNING;
     if (is_last(fit) && minimiser_ended(fit)) return LG_FIT_END_MINIMISER;
     if (s->epoch >= o->epochs || (is_last(fit) && phase_done(fit))) return LG_FIT_END_EPOCHS;
-    if (o->patience > 0 && s->epoch - s->best_epoch >= o->patience) return LG_FIT_END_PATIENCE;
+    if (o->patience > 0 && fruitless(fit) >= o->patience) return LG_FIT_END_PATIENCE;
     return o->seconds > 0.0 && fit->spent >= o->seconds ? LG_FIT_END_SECONDS : LG_FIT_RUNNING;
 }
 
@@ -285,7 +310,7 @@ const char *lg_fit_end_sentence(const lg_fit *fit) {
         [LG_FIT_RUNNING] = "",
         [LG_FIT_END_EPOCHS] = "the planned epochs are done",
         [LG_FIT_END_SECONDS] = "the time is used up",
-        [LG_FIT_END_PATIENCE] = "the loss has not fallen for --patience epochs",
+        [LG_FIT_END_PATIENCE] = "the loss has not fallen for --patience epochs or steps",
     };
     const lg_fit_end end = lg_fit_why_finished(fit);
     if (end == LG_FIT_END_MINIMISER)

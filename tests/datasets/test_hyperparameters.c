@@ -78,10 +78,10 @@ TEST("the limits of a row are taken, and nothing beyond them") {
 TEST("what is shown is set to the same bits, and one value changes no other") {
     EACH_ROW(row) {
         char text[LG_HYPER_TEXT_SIZE], again[LG_HYPER_TEXT_SIZE];
-        const char *value = row->value_name != NULL        ? row->value_name(1)
+        const char *value = row->type == LG_HYPER_PHRASE   ? "adam:3,lbfgs"
+                            : row->value_name != NULL      ? row->value_name(1)
                             : row->type == LG_HYPER_WHOLES ? "3,1,2"
                             : row->type == LG_HYPER_REAL   ? "0.10000000000000002"
-                            : row->type == LG_HYPER_PHRASE ? "adam:3,lbfgs"
                                                            : "3";
         memset(&run, 0, sizeof run);
         other = run;
@@ -96,6 +96,25 @@ TEST("what is shown is set to the same bits, and one value changes no other") {
             lg_hyperparameter_show(next, &run, text, sizeof text);
             if (next != row) assert_string_equal(text, again);
         }
+    }
+}
+
+TEST("lm is a method where the loss is a sum of squares, and there alone") {
+    char text[1024];
+    lg_error error;
+    EACH_ROW(row) {
+        if (row->type != LG_HYPER_PHRASE) continue;
+        const bool squares = tables[table] == lg_hamiltonian_hyperparameters;
+        memset(&run, 0, sizeof run);
+        assert_int_equal(lg_hyperparameter_set(row, "adam:3,lm", &run, NULL),
+                         squares ? LG_OK : LG_INVALID_ARGUMENT);
+        (void)lg_hyperparameter_describe(row, text, sizeof text);
+        assert_non_null(strstr(text, squares ? "adam, ssbroyden, lbfgs or lm, or phases"
+                                             : "adam, ssbroyden or lbfgs, or phases"));
+        assert_status(lg_hyperparameter_set(row, "sgd", &run, &error), LG_INVALID_ARGUMENT);
+        assert_string_equal(strstr(error.message, "there are"), squares
+                                                                    ? "there are adam, ssbroyden, lbfgs, lm"
+                                                                    : "there are adam, ssbroyden, lbfgs");
     }
 }
 

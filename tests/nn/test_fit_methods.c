@@ -152,9 +152,32 @@ TEST("training stops when the validation part has not got better for so long") {
     run_fit(fit);
     const uint64_t best = lg_fit_best_epoch(fit), done = lg_fit_epochs_done(fit);
     assert_int_equal(lg_fit_why_finished(fit), LG_FIT_END_PATIENCE);
-    assert_int_equal(done, best + 50);
+    const double *loss = lg_fit_history(fit, LG_FIT_LOSS);
+    uint64_t steps = 0;
+    for (uint64_t i = best; i < done; i++) steps += loss[i] != loss[i - 1];
+    assert_int_equal(steps, 50);
+    assert_true(done > best + 50);
     const double *validation = lg_fit_history(fit, LG_FIT_VALIDATION);
     for (uint64_t i = best; i < done; i++) assert_true(validation[i] >= validation[best - 1]);
+}
+
+/* The first search takes more than three evaluations. */
+TEST("evaluations of a line search do not use up the patience") {
+    regression r = make_regression();
+    for (uint64_t patience = 1; patience <= 3; patience++) {
+        lg_fit_options o = planned("ssbroyden", 100000);
+        o.validation = 0.2;
+        o.patience = patience;
+        o.keep_best = true;
+        lg_fit *fit = regression_fit(NULL, &r, &o);
+        run_fit(fit);
+        const uint64_t best = lg_fit_best_epoch(fit);
+        const double *validation = lg_fit_history(fit, LG_FIT_VALIDATION);
+        print_message("patience %d: best epoch %d of %d, %g from %g\n", (int)patience, (int)best,
+                      (int)lg_fit_epochs_done(fit), validation[best - 1], validation[0]);
+        assert_int_equal(lg_fit_why_finished(fit), LG_FIT_END_PATIENCE);
+        assert_true(validation[best - 1] < 0.9 * validation[0]);
+    }
 }
 
 TEST("the loss never rises, and the result is its lowest point") {
