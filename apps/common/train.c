@@ -368,11 +368,26 @@ const char *train_preset(const app *self, const lg_training *training) {
     return asks_adam(self, training) ? "thesis" : "best";
 }
 
-/* Options of Adam that the plan has no use for. */
+/* A method of the plan learns with the prior: one that minimises any loss. */
+static bool takes_prior(const lg_fit_plan *plan) {
+    bool takes = false;
+    for (uint32_t i = 0; i < plan->phases; i++) {
+        const lg_fit_method method = (lg_fit_method)plan->phase[i].method;
+        takes = takes || (method != LG_FIT_ADAM && !lg_fit_method_squares(method));
+    }
+    return takes;
+}
+
+/* Options that the plan has no use for: a prior, those of Adam. */
 static int check_method(const app *self, const train_task *task) {
     char plan[LG_FIT_PLAN_TEXT];
-    if (has_adam(&task->training->plan)) return APP_EXIT_OK;
     lg_fit_plan_show(&task->training->plan, plan);
+    const bool prior = app_given(self, "prior") && task->training->prior > 0;
+    if (prior && !task->prior) return app_usage(self, "--prior: this training has no use for it");
+    if (prior && !takes_prior(&task->training->plan))
+        return app_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option",
+                         plan);
+    if (has_adam(&task->training->plan)) return APP_EXIT_OK;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
         if (slot->given && slot->row != NULL && slot->row->adam)

@@ -60,6 +60,7 @@ typedef struct train_task {
     /* Values of the row "hidden" that --size auto compares, from small to large, ended by NULL; NULL: it
      * has no such row. Needs `parameters`. */
     const char *const *sizes;
+    bool prior; /* its loss is the square of noise, which --prior takes */
 } train_task;
 
 /* The race of --size auto (size.c). */

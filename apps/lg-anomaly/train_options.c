@@ -114,7 +114,10 @@ static const struct {
               {"checkpoint-every", CNN},
               {"stop-after", CNN},
               {"resume", CNN},
-              {"history", CNN}};
+              {"history", CNN},
+              {"seconds", CNN},
+              {"evaluations", CNN},
+              {"size", CNN}};
 
 int train_check_options(const app *self) {
     const train_values *values = &train_given;

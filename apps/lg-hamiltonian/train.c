@@ -48,6 +48,17 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
     return APP_EXIT_OK;
 }
 
+/* Without --penalty-integral the first one that fits the system. */
+static void choose_integral(const app *self) {
+    const lg_first_integral *integral;
+    if (run.penalty == 0 || app_given(self, "penalty-integral")) return;
+    for (uint32_t i = 0; (integral = lg_first_integral_at(i)) != NULL; i++) {
+        if (!lg_first_integral_fits(integral, &run.model)) continue;
+        run.penalty_integral = i;
+        return;
+    }
+}
+
 static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
     const training *state = user;
     if (stored == NULL) {
@@ -55,11 +66,37 @@ static lg_status describe(void *user, app *self, const void *stored, lg_error *e
         (void)learner_preset(self, train_preset(self, &run.training), state->data.family, state->data.n,
                              &run);
     }
-    return describe_run(&state->data, &run, error);
+    const lg_status status = describe_run(&state->data, &run, error);
+    if (status == LG_OK && stored == NULL) choose_integral(self);
+    return status;
+}
+
+static bool has_network(void *user) {
+    (void)user;
+    return run.model.potential == LG_POTENTIAL_MLP;
+}
+
+/* Options that say nothing without another one. */
+static int check_options(const app *self) {
+    static const char *const of_network[] = {"hidden", "activation", "prior"};
+    static const char *const of_penalty[] = {"penalty-integral", "penalty-copy", "penalty-points",
+                                             "penalty-form"};
+    char potential[LG_HYPER_TEXT_SIZE];
+    lg_hyperparameter_show(lg_hyperparameter_find(lg_hamiltonian_hyperparameters, "potential"), &run,
+                           potential, sizeof potential);
+    for (size_t i = 0; i < LG_COUNT(of_network); i++)
+        if (app_given(self, of_network[i]) && !has_network(NULL))
+            return app_usage(self, "--%s: --potential %s has no network", of_network[i], potential);
+    for (size_t i = 0; i < LG_COUNT(of_penalty); i++)
+        if (app_given(self, of_penalty[i]) && run.penalty == 0)
+            return app_usage(self, "--%s: needs --penalty MU", of_penalty[i]);
+    return APP_EXIT_OK;
 }
 
 static int prepare(void *user, app *self) {
     const training *state = user;
+    const int code = check_options(self);
+    if (code != APP_EXIT_OK) return code;
     if (given.newton && run.starts == LG_START_ESTIMATED)
         return app_usage(self, "--newton: is not for --starts estimated");
     if (given.newton && lg_hamiltonian_parameters(&run.model) > LG_NEWTON_MAX_PARAMETERS)
@@ -172,7 +209,8 @@ static const train_task task = {.kind = &lg_run_hamiltonian,
                                 .release = release,
                                 .finish = finish,
                                 .parameters = parameters,
-                                .sizes = sizes};
+                                .sizes = sizes,
+                                .prior = true};
 
 static int run_train(app *self) {
     const int code = train_main(self, &task);

@@ -138,7 +138,9 @@ const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
     HAMILTONIAN("run", "penalty", REAL, penalty, .high = 1e12, .value = "0", .unit = "MU",
                 .meaning = "Penalty on the change of a first integral, 0 for none"),
     HAMILTONIAN("run", "penalty_integral", NAME, penalty_integral, .value_name = lg_name_integral,
-                .optional = true, .value = "oscillator", .meaning = "The first integral of the penalty"),
+                .optional = true, .value = "oscillator",
+                .meaning =
+                    "The first integral of the penalty; not given, the first one that fits the system"),
     HAMILTONIAN("run", "penalty_copy", U32, penalty_copy, .optional = true, .high = LG_HAMILTONIAN_MAX_COPIES,
                 .value = "0", .unit = "j",
                 .meaning = "oscillator and anharmonic: number of the degree of freedom, from 1; 0 is 1"),

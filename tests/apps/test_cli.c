@@ -272,6 +272,12 @@ TEST("weights that give no finite prediction are drawn again") {
              "loss >0", &result);
 }
 
+TEST("the penalty takes the first integral that fits the system") {
+    cli_json(lg, "train train.h5 --penalty 1e-3 --evaluations 2 --out p.h5",
+             "penalty_integral \"vertical-angular-momentum\"", &result);
+    cli_json(lg, "train train.h5 --evaluations 2 --out p.h5", "penalty_integral \"oscillator\"", &result);
+}
+
 TEST("a penalty on what the data do not conserve is told, noise alone is not") {
     cli_write("coupled.yaml", "system: coupled-oscillators\n");
     static const char *const noise[] = {"0", "0.05"};
