@@ -5,11 +5,30 @@
 
 #include "common/train.h"
 
-static const double PART = 0.2, TIE = 2.0; /* of the data; a smaller network may be so much worse */
-enum { EPOCHS_DIVISOR = 6 };
+/* The part of the data; a smaller network may be so much worse; the race's share of --seconds; the most that
+ * a loss is taken to fall by in the other half of the epochs; one that falls below this still falls fast. */
+static const double PART = 0.2, TIE = 2.0, SHARE = 1.0 / 3.0, MOST_FALL = 1e-3, FAST = 0.25;
+enum { EPOCHS_DIVISOR = 2, MOST_WORSE = 2 };
 
-/* Trains one width for a sixth of the epochs. */
-static lg_status run_lane(app *self, const train_task *task, app_slot *slot, train_lane *lane,
+static double lowest(const double *values, uint64_t count) {
+    double low = INFINITY;
+    for (uint64_t i = 0; i < count; i++) low = fmin(low, values[i]);
+    return low;
+}
+
+/* Lowest loss of the validation part, and what it is after as many epochs again: errors fall with a power of
+ * the epochs, so by the factor of the last doubling. */
+static void read_lane(const lg_fit *fit, train_lane *lane) {
+    const double *values = lg_fit_history(fit, LG_FIT_VALIDATION);
+    const uint64_t done = lg_fit_epochs_done(fit);
+    const double half = lowest(values, (done + 1) / 2);
+    lane->validation = lowest(values, done);
+    lane->forecast = lane->validation;
+    if (lane->validation > 0.0 && isfinite(half)) lane->forecast *= fmax(lane->validation / half, MOST_FALL);
+}
+
+/* Trains one width for half of the epochs and at most `seconds` (0: no limit). */
+static lg_status run_lane(app *self, const train_task *task, app_slot *slot, double seconds, train_lane *lane,
                           lg_error *error) {
     const double begin = app_seconds();
     const lg_training kept = *task->training;
@@ -23,12 +42,13 @@ static lg_status run_lane(app *self, const train_task *task, app_slot *slot, tra
     task->training->patience = 0;
     if (status == LG_OK && task->prepare != NULL && task->prepare(task->user, self) != APP_EXIT_OK)
         status = app_error(error, LG_INVALID_ARGUMENT, "the data cannot be split");
-    const lg_fit_options options = train_fit_options(self, task->training);
+    lg_fit_options options = train_fit_options(self, task->training);
+    options.seconds = seconds;
     if (status == LG_OK) status = task->create(task->user, self, &options, &fit, error);
     if (status == LG_OK) status = lg_fit_run(fit, error);
     if (status == LG_OK) {
         lane->parameters = task->parameters(task->user);
-        lane->validation = lg_fit_history(fit, LG_FIT_VALIDATION)[lg_fit_best_epoch(fit) - 1];
+        read_lane(fit, lane);
     }
     task->release(task->user);
     *task->training = kept;
@@ -36,28 +56,64 @@ static lg_status run_lane(app *self, const train_task *task, app_slot *slot, tra
     return status;
 }
 
-/* The smallest network whose loss is within TIE of the lowest. */
+/* A network whose loss still falls fast may have been ahead of a larger one for a while only. */
+static double tie(const train_lane *lane) {
+    return lane->forecast < FAST * lane->validation ? 1.0 : TIE;
+}
+
+/* The smallest network whose forecast is within its tie of the lowest. */
 static size_t winner(const train_race *race) {
-    double lowest = INFINITY;
+    double low = INFINITY;
     size_t best = 0;
-    for (size_t i = 0; i < race->count; i++) lowest = fmin(lowest, race->lane[i].validation);
+    for (size_t i = 0; i < race->count; i++) low = fmin(low, race->lane[i].forecast);
     for (size_t i = race->count; i-- > 0;)
-        if (race->lane[i].validation <= TIE * lowest) best = i;
+        if (race->lane[i].forecast <= tie(&race->lane[i]) * low) best = i;
     return best;
+}
+
+/* The last MOST_WORSE networks are no better than a smaller one, or the time of the race is used up. */
+static bool decided(const train_race *race) {
+    const double seconds = train_given_files.seconds;
+    if (seconds > 0.0 && train_race_seconds(race) >= SHARE * seconds) return true;
+    return race->count > MOST_WORSE && winner(race) + MOST_WORSE < race->count;
+}
+
+double train_race_seconds(const train_race *race) {
+    double sum = 0.0;
+    for (size_t i = 0; i < race->count; i++) sum += race->lane[i].seconds;
+    return sum;
 }
 
 static void print_race(const train_race *race) {
     app_table table;
-    app_table_begin(&table, 4);
-    static const char *const heads[] = {"size", "parameters", "validation loss", "seconds"};
+    app_table_begin(&table, 5);
+    static const char *const heads[] = {"size", "parameters", "validation loss", "forecast", "seconds"};
     for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
     for (size_t i = 0; i < race->count; i++) {
         app_table_cell(&table, "%s%s", race->lane[i].size, i == race->winner ? " *" : "");
         app_table_cell(&table, "%zu", race->lane[i].parameters);
         app_table_cell(&table, "%.3e", race->lane[i].validation);
+        app_table_cell(&table, "%.3e", race->lane[i].forecast);
         app_table_cell(&table, "%.1f", race->lane[i].seconds);
     }
     app_table_end(&table, stderr);
+}
+
+/* From small to large, each size for an equal part of the race's time. */
+static int run_race(app *self, const train_task *task, app_slot *slot, train_race *race) {
+    lg_error error = {LG_OK, ""};
+    size_t count = 0;
+    while (count < TRAIN_LANES && task->sizes[count] != NULL) count++;
+    const double seconds = SHARE * train_given_files.seconds / (double)count;
+    for (size_t i = 0; i < count && !decided(race); i++) {
+        train_lane *lane = &race->lane[i];
+        lane->size = task->sizes[i];
+        const lg_status status = run_lane(self, task, slot, seconds, lane, &error);
+        if (status != LG_OK)
+            return app_fail(self, status, "--size auto, %s: %s", lane->size, app_sentence(status, &error));
+        race->count++;
+    }
+    return APP_EXIT_OK;
 }
 
 int train_size(app *self, const train_task *task, const char *size, train_race *race) {
@@ -66,18 +122,19 @@ int train_size(app *self, const train_task *task, const char *size, train_race *
     if (size == NULL) return APP_EXIT_OK;
     app_slot *slot = task->sizes != NULL ? app_find_slot(self, "hidden") : NULL;
     if (slot == NULL) return app_usage(self, "--size: this network has no width to choose");
+    const bool automatic = strcmp(size, "auto") == 0;
+    if (task->has_width != NULL && !task->has_width(task->user)) {
+        if (!automatic) return app_usage(self, "--size: this model has no network");
+        app_warn(self, "--size auto: this model has no network; there is no race");
+        return APP_EXIT_OK;
+    }
     if (slot->given) return app_usage(self, "--size and --hidden say the same; give one of them");
-    if (strcmp(size, "auto") != 0) {
+    if (!automatic) {
         if (app_store(slot, size, &error) == LG_OK) return APP_EXIT_OK;
         return app_usage(self, "--size: %s, or auto", error.message);
     }
-    for (; task->sizes[race->count] != NULL && race->count < TRAIN_LANES; race->count++) {
-        train_lane *lane = &race->lane[race->count];
-        lane->size = task->sizes[race->count];
-        const lg_status status = run_lane(self, task, slot, lane, &error);
-        if (status != LG_OK)
-            return app_fail(self, status, "--size auto, %s: %s", lane->size, app_sentence(status, &error));
-    }
+    const int code = run_race(self, task, slot, race);
+    if (code != APP_EXIT_OK) return code;
     race->winner = winner(race);
     print_race(race);
     (void)app_store(slot, race->lane[race->winner].size, NULL);
@@ -92,6 +149,7 @@ void train_size_json(const train_race *race, app_json *json) {
         app_json_text(json, "size", race->lane[i].size);
         app_json_size(json, "parameters", race->lane[i].parameters);
         app_json_real(json, "validation", race->lane[i].validation);
+        app_json_real(json, "forecast", race->lane[i].forecast);
         app_json_real(json, "seconds", race->lane[i].seconds);
         app_json_close(json, '}');
     }

@@ -18,13 +18,14 @@ const app_option train_file_options[] = {
     APP_ROW_SIZE(train_files, stop_after, "stop-after", "n", 1, 1e9,
                  "Save the state and stop after n epochs of this run"),
     APP_ROW_SIZE(train_files, evaluations, "evaluations", "n", 1, 1e9, "Another name of --epochs"),
-    APP_ROW_REAL(
-        train_files, seconds, "seconds", "S", 0, 1e9,
-        "Stop after so many seconds of training; with a method other than adam and no --epochs this is "
-        "the only limit"),
-    APP_ROW_TEXT(
-        train_files, size, "size", "auto|W,...",
-        "auto: choose --hidden by a short race of a few widths on a validation part; else as --hidden"),
+    APP_ROW_REAL(train_files, seconds, "seconds", "S", 0, 1e9,
+                 "Stop after so many seconds of training, the race of --size auto included; with a method "
+                 "other than adam and no --epochs this is "
+                 "the only limit"),
+    APP_ROW_TEXT(train_files, size, "size", "auto|W,...",
+                 "auto: choose --hidden by a race of a few widths on a validation part, each for half of the "
+                 "epochs and "
+                 "all for a third of --seconds; else as --hidden"),
     APP_ROW_TEXT(train_files, resume, "resume", "FILE",
                  "Continue from a checkpoint; the result has the same bits as one run. Options not given "
                  "are the checkpoint's"),
@@ -168,7 +169,9 @@ static lg_fit_options session_options(train_session *self) {
     options.checkpoint_every = files->checkpoint_every > 0 ? files->checkpoint_every
                                : files->checkpoint != NULL ? CHECKPOINT_EVERY
                                                            : 0;
-    options.seconds = files->seconds;
+    /* What the race has left; at least one epoch. */
+    const double left = files->seconds - train_race_seconds(&self->race);
+    options.seconds = files->seconds > 0 ? fmax(left, 1e-9) : 0;
     options.on_epoch = on_epoch;
     options.user = self;
     return options;

@@ -60,7 +60,8 @@ typedef struct train_task {
     /* Values of the row "hidden" that --size auto compares, from small to large, ended by NULL; NULL: it
      * has no such row. Needs `parameters`. */
     const char *const *sizes;
-    bool prior; /* its loss is the square of noise, which --prior takes */
+    bool (*has_width)(void *user); /* NULL: always */
+    bool prior;                    /* its loss is the square of noise, which --prior takes */
 } train_task;
 
 /* The race of --size auto (size.c). */
@@ -68,7 +69,8 @@ typedef struct train_task {
 typedef struct train_lane {
     const char *size;
     size_t parameters;
-    double validation, seconds; /* lowest loss of the validation part */
+    double validation, forecast; /* lowest loss of the validation part; after as many epochs again */
+    double seconds;
 } train_lane;
 
 typedef struct train_race {
@@ -77,9 +79,11 @@ typedef struct train_race {
 } train_race;
 
 /* Sets the row "hidden" to `size` (NULL: nothing to do), or for "auto" to the winner of a race: each size is
- * trained for a sixth of the epochs on four fifths of the data; the smallest one wins whose validation loss
- * is within twice the lowest. Prints the table on stderr. */
+ * trained for half of the epochs on four fifths of the data, all of them for at most a third of --seconds,
+ * until two in a row are no better than a smaller one; the smallest one wins whose forecast is within twice
+ * the lowest. Prints the table on stderr. */
 int train_size(app *app, const train_task *task, const char *size, train_race *race);
+double train_race_seconds(const train_race *race);            /* of --seconds, for the race */
 void train_size_json(const train_race *race, app_json *json); /* "sizes", unless there was no race */
 /* The planned epochs: --evaluations, or 10^6 where --seconds alone limits a method other than Adam. */
 uint64_t train_epochs(const app *app, const lg_training *training);

@@ -210,6 +210,7 @@ static const train_task task = {.kind = &lg_run_hamiltonian,
                                 .finish = finish,
                                 .parameters = parameters,
                                 .sizes = sizes,
+                                .has_width = has_network,
                                 .prior = true};
 
 static int run_train(app *self) {

@@ -123,10 +123,20 @@ TEST("a training that ends before its epochs says why, and one of some seconds r
 TEST("--size auto compares widths and takes the smallest good one") {
     cli_json(lg, "train train.h5 --size auto --epochs 60 --out b.h5", "hidden *, sizes *", &result);
     assert_non_null(strstr(result.out, "\"size\": \"8,8\""));
-    assert_non_null(strstr(result.err, "validation loss"));
+    assert_non_null(strstr(result.err, "forecast"));
     cli_json(lg, "train train.h5 --size 7,5 --epochs 3 --out b.h5", "hidden [7", &result);
     cli_expect(lg, "train train.h5 --size 7 --hidden 7 --out b.h5", 2, "say the same", &result);
     cli_expect(lg, "train train.h5 --size seven --out b.h5", 2, "--size: 'seven'", &result);
+}
+
+TEST("--size auto shares --seconds with the training, and says where there is nothing to race") {
+    cli_json(lg, "train train.h5 --size auto --seconds 0.9 --out b.h5", "sizes *, stopped *", &result);
+    assert_true(json_number(result.out, "seconds_per_epoch") * json_number(result.out, "epochs") < 0.9);
+    assert_true(json_number(result.out, "seconds") < 0.9);
+    cli_expect(lg, "train train.h5 --potential linear --size auto --epochs 2 --out b.h5", 0, "b.h5", &result);
+    assert_says(result.err, "this model has no network; there is no race");
+    cli_expect(lg, "train train.h5 --potential dictionary --size 8 --epochs 2 --out b.h5", 2,
+               "--size: this model has no network", &result);
 }
 
 TEST("noise on all points is trained with measured and with estimated starts") {

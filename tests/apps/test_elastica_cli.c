@@ -305,6 +305,11 @@ TEST("curves of a network of modes are as wrong as its loss and its truncation s
     cli_expect(lg, "train data.h5 --modes 40 --out no.h5", 2, "40 modes", &result);
 }
 
+TEST("--size auto waits for networks that still fall") {
+    cli_expect(lg, "generate --count 100 --intervals 10 --out race.h5", 0, "", &result);
+    cli_json(lg, "train race.h5 --size auto --out raced.h5", "hidden >8, train_mse <1e-12", &result);
+}
+
 TEST("boundary conditions alone train a network") {
     json("train data.h5 --loss energy --epochs 300 --out e.h5",
          "loss <1e-3, angles true, modes 0, truncation null");
