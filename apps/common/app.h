@@ -119,6 +119,7 @@ typedef struct app_slot {
 } app_slot;
 enum { APP_SLOTS = 96 };
 
+enum { APP_ARGUMENTS = 256 };
 struct app {
     const char *program;
     const app_command *command;
@@ -128,7 +129,7 @@ struct app {
     uint64_t seed, threads;
     bool seed_given;
     int argument_count;
-    const char *arguments[8];
+    const char *arguments[APP_ARGUMENTS];
     app_slot slots[APP_SLOTS];
     size_t slot_count;
     lg_context *context;

@@ -8,7 +8,8 @@
 
 /* The tables that are checked beside the library's operations. A new room adds its own here. */
 typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
-static const table_fn tables[] = {layer_rows, integrator_rows, system_rows, hamiltonian_rows, surrogate_rows};
+static const table_fn tables[] = {layer_rows,       integrator_rows, system_rows,
+                                  hamiltonian_rows, surrogate_rows,  machine_rows};
 
 typedef struct values {
     const char *only;

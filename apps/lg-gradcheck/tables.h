@@ -34,5 +34,6 @@ const lg_gradcheck_case *integrator_rows(size_t *count);
 const lg_gradcheck_case *system_rows(size_t *count);
 const lg_gradcheck_case *hamiltonian_rows(size_t *count);
 const lg_gradcheck_case *surrogate_rows(size_t *count);
+const lg_gradcheck_case *machine_rows(size_t *count);
 
 #endif

@@ -155,6 +155,10 @@ typedef struct lg_fit_problem {
      * is what `loss` gives. For LG_FIT_LM. */
     lg_status (*residuals)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                            size_t batch, lg_var *r);
+    /* So many numbers at the end of theta belong to sample 0, as many to sample 1, ...: the residuals of a
+     * sample, a row of r (count, ...), depend on the numbers before these and on its own. LG_FIT_LM then
+     * takes one forward sweep for number k of all samples together. */
+    size_t own;
     size_t observations; /* numbers of the training part that the loss is the mean square error of, for the
                           * prior; 0: unknown, and there is no prior */
     size_t weights;      /* so many numbers at the start of theta have the prior; 0: all */

@@ -9,6 +9,7 @@
 #include "core/core.h"
 #include "datasets/names.h"
 #include "datasets/run.h"
+#include "liegrad/machine_model.h"
 
 _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == sizeof(uint32_t) &&
                    sizeof(bool) == 1,
@@ -263,6 +264,27 @@ const lg_hyperparameter lg_detector_hyperparameters[] = {
                  "windows) starts again with other weights of the same seed"),
     TRAINING_ROWS(lg_detector_run, "optimizer", any_loss, "cnn: windows", NETWORK, PRESET),
     TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
+    LG_HYPERPARAMETER_END};
+
+#define MACHINE(name, type, member, ...)                                                                     \
+    LG_HYPERPARAMETER(lg_machine_model_run, "run", name, type, member, __VA_ARGS__)
+const lg_hyperparameter lg_machine_model_hyperparameters[] = {
+    MACHINE("integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
+            .value = "cf4", .meaning = "Scheme of the steps between two rows"),
+    MACHINE("substeps", U32, substeps, .low = 1, .high = 1e6,
+            .otherwise = "1 to 4, so that the steps' error is small against the loss", .unit = "n",
+            .meaning = "Integrator steps between two rows"),
+    MACHINE("window", U32, window, .low = 2, .high = LG_MACHINE_WINDOW,
+            .otherwise = "5; 20 with noise, 200 where positions alone are measured", .unit = "M",
+            .meaning = "Rows of a window: predictions start at its first row"),
+    MACHINE("stride", U32, stride, .high = 1e9,
+            .otherwise = "M - 1: windows touch; where this gives fewer than 2000 windows, less", .unit = "n",
+            .meaning = "Rows from one window to the next"),
+    MACHINE("starts", NAME, starts, .value_name = lg_name_machine_start,
+            .otherwise = "estimated where the machine's `noise` is given or positions alone are measured",
+            .meaning = "Where predictions start: at the logged rows, or at estimated states near them"),
+    TRAINING_ROWS(lg_machine_model_run, "method", squares, "Windows", 0, CONSTANT),
+    TRAINING(lg_machine_model_run, validation, REAL, .value = "0", .option = "validation-part", VALIDATION),
     LG_HYPERPARAMETER_END};
 
 /* ---- names ---- */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "liegrad/machine.h"
 
 const char *lg_name_activation(uint32_t value) {
     return value < LG_ACTIVATION_COUNT ? lg_activation_name((lg_activation)value) : NULL;
@@ -67,6 +68,7 @@ NAMES(potential, [LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear",
 NAMES(symmetry, [LG_SYMMETRY_NONE] = "none", [LG_SYMMETRY_EVEN] = "even", [LG_SYMMETRY_ODD] = "odd")
 NAMES(dtype, [LG_F64] = "f64", [LG_F32] = "f32")
 NAMES(start, [LG_START_MEASURED] = "measured", [LG_START_ESTIMATED] = "estimated")
+NAMES(machine_start, [LG_MACHINE_STARTS_MEASURED] = "measured", [LG_MACHINE_STARTS_ESTIMATED] = "estimated")
 NAMES(distance, [LG_DISTANCE_AMBIENT] = "ambient", [LG_DISTANCE_GEODESIC] = "geodesic")
 NAMES(penalty_form, [LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published")
 NAMES(surrogate_penalty, [LG_SURROGATE_DIFFERENCES] = "published", [LG_SURROGATE_WEIGHTED] = "text")

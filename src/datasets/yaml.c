@@ -44,8 +44,9 @@ static uint32_t line_of(const yaml_node_t *node) {
 
 /* ---- opening ---- */
 
-static lg_status read_bytes(const lg_context *context, const char *path, unsigned char **out, size_t *bytes,
-                            lg_error *error) {
+lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned char **out, size_t *bytes,
+                        lg_error *error) {
+    if (path == NULL || *path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     const char *shown = lg_shown_path(path);
     struct stat about;
     if (stat(path, &about) != 0)
@@ -129,27 +130,34 @@ static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char 
     return status;
 }
 
-lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error) {
-    unsigned char *data = NULL;
-    size_t bytes = 0;
+lg_status lg_yaml_open_text(const lg_context *context, const char *path, const void *data, size_t bytes,
+                            lg_yaml **out, lg_error *error) {
     yaml_parser_t parser;
-    if (path == NULL || *path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
-    LG_TRY(read_bytes(context, path, &data, &bytes, error));
-    lg_status status = check_depth(path, data, bytes, error);
-    lg_yaml *yaml = status == LG_OK ? lg_alloc(context, 1, sizeof *yaml) : NULL;
-    if (status == LG_OK && (yaml == NULL || !yaml_parser_initialize(&parser))) {
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    } else if (status == LG_OK) {
-        yaml->context = context;
-        yaml->path = path;
-        status = load(yaml, &parser, data, bytes, error);
-        yaml_parser_delete(&parser);
+    if (bytes > MAX_BYTES)
+        return lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", lg_shown_path(path), MAX_BYTES);
+    LG_TRY(check_depth(path, data, bytes, error));
+    lg_yaml *yaml = lg_alloc(context, 1, sizeof *yaml);
+    if (yaml == NULL || !yaml_parser_initialize(&parser)) {
+        lg_free(context, yaml);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     }
-    lg_free(context, data);
+    yaml->context = context;
+    yaml->path = path;
+    const lg_status status = load(yaml, &parser, data, bytes, error);
+    yaml_parser_delete(&parser);
     if (status == LG_OK)
         *out = yaml;
     else
         lg_free(context, yaml);
+    return status;
+}
+
+lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error) {
+    unsigned char *data = NULL;
+    size_t bytes = 0;
+    LG_TRY(lg_yaml_bytes(context, path, &data, &bytes, error));
+    const lg_status status = lg_yaml_open_text(context, path, data, bytes, out, error);
+    lg_free(context, data);
     return status;
 }
 
@@ -496,10 +504,23 @@ static lg_status read_map(const reading *r, const yaml_node_t *map, const char *
     return check_required(r, map, prefix);
 }
 
+static lg_status read_keys(const reading *r, const yaml_node_t *map) {
+    for (size_t s = 0; s < r->set_count; s++)
+        for (size_t i = 0; i < r->sets[s].count; i++) r->sets[s].values[i].line = 0;
+    return read_map(r, map, "");
+}
+
 lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
                        bool (*elsewhere)(const char *name), const char *system, lg_error *error) {
-    reading r = {yaml, sets, set_count, elsewhere, system, error};
-    for (size_t s = 0; s < set_count; s++)
-        for (size_t i = 0; i < sets[s].count; i++) sets[s].values[i].line = 0;
-    return read_map(&r, yaml->root, "");
+    const reading r = {yaml, sets, set_count, elsewhere, system, error};
+    return read_keys(&r, yaml->root);
+}
+
+lg_status lg_yaml_read_below(lg_yaml *yaml, const void *node, const lg_key_set *set, const char *what,
+                             lg_error *error) {
+    const reading r = {yaml, set, 1, NULL, "", error};
+    const yaml_node_t *map = node;
+    if (map->type != YAML_MAPPING_NODE)
+        return lg_yaml_fail(yaml, line_of(map), LG_FORMAT, error, "%s: keys and values are expected", what);
+    return read_keys(&r, map);
 }

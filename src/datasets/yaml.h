@@ -50,6 +50,12 @@ typedef struct lg_key_set {
 typedef struct lg_yaml lg_yaml;
 
 lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error);
+/* The same of a text in memory; `path` names it in sentences. Both borrow the path, not the text. */
+lg_status lg_yaml_open_text(const lg_context *context, const char *path, const void *data, size_t bytes,
+                            lg_yaml **out, lg_error *error);
+/* The bytes of a file that may be YAML (lg_free); a zero stands behind. */
+lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned char **out, size_t *bytes,
+                        lg_error *error);
 void lg_yaml_close(lg_yaml *yaml); /* NULL is fine */
 const char *lg_yaml_path(const lg_yaml *yaml);
 /* libyaml's document, for the nodes of a BLOCK. */
@@ -64,6 +70,9 @@ lg_status lg_yaml_name(lg_yaml *yaml, const lg_key *key, lg_key_value *value, lg
  * `system` is the name of this one. */
 lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
                        bool (*elsewhere)(const char *name), const char *system, lg_error *error);
+/* The same for the mapping of a BLOCK, or of an item of one; `what` names it in sentences. */
+lg_status lg_yaml_read_below(lg_yaml *yaml, const void *node, const lg_key_set *set, const char *what,
+                             lg_error *error);
 /* The number of entries of `inner` numbers in a BLOCK. A list of `inner` > 1 numbers is one entry, and so is
  * a single number. */
 lg_status lg_yaml_entries(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, size_t inner,

@@ -2,15 +2,18 @@
 #include "io_test.h"
 
 #include "liegrad/hyperparameters.h"
+#include "liegrad/machine_model.h"
 
 static union run {
     lg_hamiltonian_run hamiltonian;
     lg_surrogate_run surrogate;
     lg_detector_run detector;
+    lg_machine_model_run machine;
 } run, other;
 
 static const lg_hyperparameter *const tables[] = {lg_hamiltonian_hyperparameters,
-                                                  lg_surrogate_hyperparameters, lg_detector_hyperparameters};
+                                                  lg_surrogate_hyperparameters, lg_detector_hyperparameters,
+                                                  lg_machine_model_hyperparameters};
 #define EACH_ROW(row)                                                                                        \
     for (size_t table = 0; table < LG_COUNT(tables); table++)                                                \
         for (const lg_hyperparameter *row = tables[table]; row->name != NULL; row++)
@@ -104,7 +107,8 @@ TEST("lm is a method where the loss is a sum of squares, and there alone") {
     lg_error error;
     EACH_ROW(row) {
         if (row->type != LG_HYPER_PHRASE) continue;
-        const bool squares = tables[table] == lg_hamiltonian_hyperparameters;
+        const bool squares = tables[table] == lg_hamiltonian_hyperparameters ||
+                             tables[table] == lg_machine_model_hyperparameters;
         memset(&run, 0, sizeof run);
         assert_int_equal(lg_hyperparameter_set(row, "adam:3,lm", &run, NULL),
                          squares ? LG_OK : LG_INVALID_ARGUMENT);
@@ -174,7 +178,8 @@ static const char page_begin[] =
 static void put_page(FILE *page) {
     static const char *const titles[] = {"`lg-hamiltonian train`, `study` (`lg_hamiltonian_run`)",
                                          "`lg-elastica train`, `search` (`lg_surrogate_run`)",
-                                         "`lg-anomaly train --method cnn`, `search` (`lg_detector_run`)"};
+                                         "`lg-anomaly train --method cnn`, `search` (`lg_detector_run`)",
+                                         "`lg-identify fit` (`lg_machine_model_run`)"};
     (void)fputs(page_begin, page);
     for (size_t table = 0; table < LG_COUNT(tables); table++) {
         (void)fprintf(page, "\n## %s\n\n| name | option | stored in | |\n|---|---|---|---|\n", titles[table]);

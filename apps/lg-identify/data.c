@@ -1,0 +1,103 @@
+/* Machines and logs of a command. */
+#include "lg-identify/identify.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_LOGS = 4096 }; /* those for validation included */
+
+/* Cuts a list at its commas, in place. */
+static size_t cut(char *text, const char **paths, size_t room) {
+    size_t count = 0;
+    for (char *at = strtok(text, ","); at != NULL && count < room; at = strtok(NULL, ","))
+        paths[count++] = at;
+    return count;
+}
+
+static void tell_warnings(const app *self, const lg_logs *logs) {
+    for (uint32_t i = 0; i < logs->warning_count; i++) app_warn(self, "%s", logs->warnings[i]);
+}
+
+/* The parts of the first `files` files come first. */
+static void split(identify_data *data, size_t files) {
+    const lg_logs *logs = &data->logs;
+    size_t parts = 0;
+    while (parts < logs->log.parts && logs->part_file[parts] < files) parts++;
+    data->training_parts = parts;
+    data->training = logs->log;
+    data->training.parts = parts;
+    data->training.rows = logs->log.first[parts];
+}
+
+static int read_logs(app *self, const char *const *paths, size_t count, size_t training, int64_t delay,
+                     identify_data *out) {
+    lg_error error = {LG_OK, ""};
+    lg_log_options options;
+    lg_log_options_init(&options);
+    options.delay = delay;
+    const lg_status status =
+        lg_logs_read(self->context, &out->file, paths, count, &options, &out->logs, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, paths[0]);
+    tell_warnings(self, &out->logs);
+    split(out, training);
+    return APP_EXIT_OK;
+}
+
+int identify_read(app *self, const char *machine, const char *const *paths, size_t count, const char *more,
+                  identify_data *out) {
+    lg_error error = {LG_OK, ""};
+    const char *all[MOST_LOGS];
+    *out = (identify_data){.training_parts = 0};
+    const lg_status status = lg_machine_file_read(self->context, machine, &out->file, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, machine);
+    char *list = more != NULL ? app_format("%s", more) : NULL;
+    memcpy(all, paths, count * sizeof *paths);
+    const size_t total = count + (list != NULL ? cut(list, all + count, MOST_LOGS - count) : 0);
+    const int code = read_logs(self, all, total, count, -1, out);
+    free(list);
+    return code;
+}
+
+int identify_read_logs(app *self, const lg_machine_model_file *model, const char *const *paths, size_t count,
+                       identify_data *out) {
+    lg_error error = {LG_OK, ""};
+    const lg_machine_model_run *run = &model->run;
+    *out = (identify_data){.training_parts = 0};
+    const lg_status status = lg_machine_file_parse(self->context, self->arguments[0], run->text,
+                                                   strlen(run->text), &out->file, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
+    return read_logs(self, paths, count, count, run->delay, out);
+}
+
+void identify_release(identify_data *data) {
+    lg_logs_destroy(&data->logs);
+    lg_machine_file_destroy(&data->file);
+}
+
+/* ---- noise ---- */
+
+/* The largest noise of columns first .. first + count - 1. What is less than a millionth of their range is
+ * rounding of the log. */
+static double noise_of(const identify_data *data, uint32_t first, uint32_t count) {
+    static const double rounding = 1e-6;
+    double range = 0.0, estimated = 0.0, given = 0.0;
+    for (uint32_t c = first; c < first + count; c++) {
+        const lg_log_statistics *found = &data->logs.columns[c];
+        range = fmax(range, found->high - found->low);
+        if (!found->noise_at_most) estimated = fmax(estimated, found->noise);
+        given = fmax(given, data->file.columns[c].noise);
+    }
+    return given > 0.0 ? given : estimated > rounding * range ? estimated : 0.0;
+}
+
+void identify_noise(const identify_data *data, double *position, double *velocity) {
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
+        const lg_log_coordinate *at = &data->file.coordinates[i];
+        position[i] =
+            fmax(noise_of(data, at->place, at->places), noise_of(data, at->attitude, at->attitudes));
+        velocity[i] = noise_of(data, at->velocity, at->velocities);
+        /* A quaternion changes by half of the angle. */
+        if (at->attitudes == 4) position[i] *= 2.0;
+    }
+}

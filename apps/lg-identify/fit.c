@@ -1,0 +1,458 @@
+/* lg-identify fit: learn the machine. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "lg-identify/identify.h"
+
+/* ---- settings ---- */
+
+static struct { const char *validation; } given;
+
+static const app_option options[] = {
+    APP_ROW_TEXT(__typeof__(given), validation, "validation", "LOG,LOG,...",
+                 "Logs that are not trained on: the parameters of the best epoch on them are the result"),
+    APP_ROW_END};
+
+static lg_machine_model_run run;
+static const app_settings settings[] = {{lg_machine_model_hyperparameters, &run, sizeof run}, {.rows = NULL}};
+
+typedef struct training {
+    identify_data data;
+    double position_noise[LG_MACHINE_COORDINATES], velocity_noise[LG_MACHINE_COORDINATES];
+    lg_machine_problem problem;
+    size_t *start;
+    lg_fit_problem fit_problem;
+    lg_fit *fit;
+} training;
+
+static training state;
+
+/* ---- data and run ---- */
+
+static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
+    training *t = user;
+    const size_t logs = (size_t)self->argument_count - 1;
+    const int code = identify_read(self, path, self->arguments + 1, logs, given.validation, &t->data);
+    if (code != APP_EXIT_OK) return code;
+    identify_noise(&t->data, t->position_noise, t->velocity_noise);
+    lg_machine_log_sha256(&t->data.file.machine, &t->data.logs.log, sha256);
+    memcpy(run.data_sha256, sha256, LG_SHA256_TEXT);
+    return APP_EXIT_OK;
+}
+
+static bool is_noisy(const training *t) {
+    bool noisy = false;
+    for (uint32_t i = 0; i < t->data.file.machine.coordinate_count; i++)
+        noisy = noisy || t->position_noise[i] > 0.0 || t->velocity_noise[i] > 0.0;
+    return noisy;
+}
+
+static bool has_network(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if ((lg_term_kind_options(machine->terms[i].kind) & LG_TERM_HIDDEN) != 0) return true;
+    return false;
+}
+
+/* Windows touch; they overlap where there would be too few. */
+static uint32_t find_stride(const training *t) {
+    enum { ENOUGH = 2000 };
+    if (run.starts == LG_MACHINE_STARTS_ESTIMATED) return run.window - 1;
+    const lg_machine *machine = &t->data.file.machine;
+    const bool positions = t->data.file.measured == LG_MEASURED_POSITIONS;
+    uint32_t stride = run.window - 1;
+    while (stride > 1 &&
+           lg_machine_windows(machine, &t->data.training, run.window, stride, positions, NULL) < ENOUGH)
+        stride /= 2;
+    return stride;
+}
+
+/* Parameters of the fit, about: those of the starts included. */
+static size_t count_parameters(const training *t) {
+    const lg_machine *machine = &run.machine;
+    const size_t windows = lg_machine_windows(machine, &t->data.training, run.window, run.stride, true, NULL);
+    const size_t starts = run.starts == LG_MACHINE_STARTS_ESTIMATED ? windows : 0;
+    return machine->parameters + starts * (machine->positions + machine->velocities);
+}
+
+/* What is not given: how measured best, docs/reports/machines.md. */
+static void choose_settings(const app *self, const training *t) {
+    enum { DENSE = 4000 };
+    const bool positions = t->data.file.measured == LG_MEASURED_POSITIONS, noisy = is_noisy(t) || positions;
+    if (!app_given(self, "starts"))
+        run.starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
+    if (!app_given(self, "window")) run.window = positions ? 200 : noisy ? 20 : 5;
+    if (!app_given(self, "substeps")) run.substeps = 1;
+    if (!app_given(self, "stride") || run.stride == 0) run.stride = find_stride(t);
+    const bool lm = !has_network(&run.machine), few = count_parameters(t) <= DENSE;
+    if (!app_given(self, "method"))
+        (void)lg_fit_plan_parse(lm ? "lm" : few ? "ssbroyden" : "lbfgs", &run.training.plan, NULL);
+    if (!app_given(self, "epochs")) run.training.epochs = lm ? 100 : 3000;
+}
+
+/* ---- the problem ---- */
+
+static double root_mean_square(const training *t, uint32_t coordinate) {
+    const lg_machine_log *log = &t->data.training;
+    const lg_machine *machine = &run.machine;
+    uint32_t first = 0;
+    double sum = 0.0;
+    size_t count = 0;
+    for (uint32_t i = 0; i < coordinate; i++)
+        first += lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+    const uint32_t each = lg_coordinate_row_of(machine->coordinates[coordinate].kind)->velocities;
+    for (size_t row = 0; row < log->rows; row++)
+        for (uint32_t k = first; k < first + each; k++) {
+            const double v = log->v[row * machine->velocities + k];
+            if (isnan(v)) continue;
+            sum += v * v;
+            count++;
+        }
+    return count > 0 ? sqrt(sum / (double)count) : 0.0;
+}
+
+/* Errors count in units of the noise; without noise, of velocities and of half the way of a window. */
+static void set_loss_scales(const training *t) {
+    for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
+        const double moves = root_mean_square(t, i);
+        const double speed = moves > 0.0 ? moves : run.scales.velocity[0] / run.scales.time;
+        const double v = t->velocity_noise[i], q = t->position_noise[i];
+        run.velocity_scale[i] = v > 0.0 ? v : speed;
+        run.position_scale[i] = q > 0.0 ? q : 0.5 * run.window * run.dt * speed;
+    }
+}
+
+static void take_loss_scales(training *t) {
+    memcpy(t->problem.position_scale, run.position_scale, sizeof run.position_scale);
+    memcpy(t->problem.velocity_scale, run.velocity_scale, sizeof run.velocity_scale);
+}
+
+static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
+    const training *t = user;
+    run.machine = t->data.file.machine;
+    LG_TRY(lg_machine_model_describe(&run, self->arguments[0], t->data.file.text, error));
+    LG_TRY(lg_machine_find_scales(&run.machine, &t->data.training, error));
+    run.scales = run.machine.scales;
+    lg_machine_find_range(&run.machine, &t->data.training, &run.range);
+    run.delay = t->data.logs.delay;
+    run.dt = t->data.logs.dt_median;
+    if (stored != NULL) {
+        const lg_machine_model_run *before = stored;
+        memcpy(run.position_scale, before->position_scale, sizeof run.position_scale);
+        memcpy(run.velocity_scale, before->velocity_scale, sizeof run.velocity_scale);
+        return LG_OK;
+    }
+    choose_settings(self, t);
+    set_loss_scales(t);
+    return LG_OK;
+}
+
+static int prepare(void *user, app *self) {
+    training *t = user;
+    lg_error error = {LG_OK, ""};
+    const lg_machine_log *log = &t->data.logs.log;
+    const bool positions = t->data.file.measured == LG_MEASURED_POSITIONS;
+    t->start = app_alloc(log->rows, sizeof *t->start);
+    const size_t all = lg_machine_windows(&run.machine, log, run.window, run.stride, positions, t->start),
+                 train = lg_machine_windows(&run.machine, &t->data.training, run.window, run.stride,
+                                            positions, NULL);
+    t->problem = (lg_machine_problem){.machine = &run.machine,
+                                      .scheme = run.scheme,
+                                      .substeps = run.substeps,
+                                      .window = run.window,
+                                      .starts = run.starts,
+                                      .log = *log,
+                                      .windows = all,
+                                      .start = t->start,
+                                      .validation = all - train};
+    run.windows = train;
+    take_loss_scales(t);
+    const lg_status status = lg_machine_problem_check(&t->problem, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
+}
+
+/* ---- the fit ---- */
+
+/* A fit of windows that are shorter, from the machine's parameters theta to theta. */
+static lg_status fit_short(const app *self, const training *t, const lg_fit_options *how, uint32_t window,
+                           lg_machine_starts starts, double *theta, lg_error *error) {
+    enum { EPOCHS = 200 };
+    const bool network = has_network(&run.machine);
+    const bool estimated = starts == LG_MACHINE_STARTS_ESTIMATED;
+    lg_machine_problem problem = t->problem;
+    lg_fit_problem fit_problem;
+    lg_fit_options chosen = *how;
+    lg_fit *fit;
+    problem.starts = starts;
+    problem.window = window < run.window ? window : run.window;
+    problem.windows -= problem.validation;
+    problem.validation = 0;
+    lg_machine_fit_problem(&problem, &fit_problem);
+    lg_training_apply(&run.training, &chosen);
+    (void)lg_fit_plan_parse(!network ? "lm" : estimated ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
+    chosen.epochs = network ? EPOCHS : EPOCHS / 4;
+    chosen.seconds = how->seconds / 8;
+    chosen.validation = 0;
+    chosen.keep_best = false;
+    chosen.patience = chosen.stop_after = chosen.checkpoint_every = 0;
+    chosen.checkpoint = NULL;
+    chosen.on_epoch = NULL;
+    double *all = app_alloc(fit_problem.parameters, sizeof *all);
+    memcpy(all, theta, run.machine.parameters * sizeof *all);
+    lg_status status = lg_fit_create(self->context, &fit_problem, &chosen, all, &fit, error);
+    if (status == LG_OK) {
+        status = lg_fit_run(fit, error);
+        if (status == LG_OK) lg_fit_parameters(fit, all);
+        lg_fit_destroy(fit);
+    }
+    if (status == LG_OK) memcpy(theta, all, run.machine.parameters * sizeof *all);
+    free(all);
+    return status;
+}
+
+/* Positions that do not follow from the velocities as well as velocities can be predicted (other programs'
+ * integrators, sensors with a lag) count less: their errors in units of the scale become those of the
+ * velocities. *changed: a scale grew. */
+static lg_status balance(const app *self, training *t, const double *theta, bool *changed, lg_error *error) {
+    static const double tolerated = 2.0;
+    identify_residual found[LG_MACHINE_COORDINATES];
+    const identify_model model = {&run.machine, theta, run.scheme, run.substeps};
+    LG_TRY(identify_residuals(self, &model, &t->problem, found, error));
+    *changed = false;
+    for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
+        const double q = found[i].position / run.position_scale[i],
+                     v = found[i].velocity / run.velocity_scale[i];
+        if (!(q > tolerated * v && v > 0.0) || t->position_noise[i] > 0.0) continue;
+        run.position_scale[i] *= q / v;
+        *changed = true;
+    }
+    take_loss_scales(t);
+    return LG_OK;
+}
+
+/* Short windows first: parameters from which longer ones can be predicted. */
+static lg_status warm_up(const app *self, training *t, const lg_fit_options *how, double *theta,
+                         lg_error *error) {
+    enum { ROUNDS = 4 };
+    static const uint32_t growing[] = {6, 15, 50};
+    bool changed = true;
+    if (t->data.file.measured == LG_MEASURED_POSITIONS) {
+        for (size_t i = 0; i < LG_COUNT(growing); i++)
+            LG_TRY(fit_short(self, t, how, growing[i], LG_MACHINE_STARTS_ESTIMATED, theta, error));
+        return LG_OK;
+    }
+    for (int round = 0; round < ROUNDS && changed; round++) {
+        LG_TRY(fit_short(self, t, how, is_noisy(t) ? 5 : 2, LG_MACHINE_STARTS_MEASURED, theta, error));
+        LG_TRY(balance(self, t, theta, &changed, error));
+    }
+    return LG_OK;
+}
+
+/* Steps between two rows, where they are not given: the error of the steps is small against what the
+ * parameters that short windows gave leave of the loss, or below all that matters. */
+static lg_status find_substeps(const app *self, training *t, const double *theta, lg_error *error) {
+    enum { MOST = 4 };
+    static const double enough = 1e-10, part = 1e-2;
+    lg_machine_problem problem = t->problem;
+    double loss = 0, floor = 0;
+    if (app_given(self, "substeps")) return LG_OK;
+    problem.starts = LG_MACHINE_STARTS_MEASURED;
+    for (run.substeps = 1; run.substeps < MOST; run.substeps++) {
+        problem.substeps = run.substeps;
+        LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
+        if (floor <= fmax(enough, part * loss)) break;
+    }
+    t->problem.substeps = run.substeps;
+    return LG_OK;
+}
+
+static lg_status create(void *user, app *self, const lg_fit_options *how, lg_fit **fit, lg_error *error) {
+    training *t = user;
+    lg_rng rng;
+    lg_fit_options chosen = *how;
+    lg_machine_fit_problem(&t->problem, &t->fit_problem);
+    double *theta = app_alloc(t->fit_problem.parameters, sizeof *theta);
+    lg_rng_seed(&rng, run.training.seed, 1);
+    lg_machine_initialise(&run.machine, &rng, theta);
+    const double begin = app_seconds();
+    const bool fresh = train_given_files.resume == NULL;
+    lg_status status = fresh ? warm_up(self, t, how, theta, error) : LG_OK;
+    if (status == LG_OK && fresh) status = find_substeps(self, t, theta, error);
+    lg_training_apply(&run.training, &chosen);
+    if (t->problem.validation > 0) chosen.keep_best = true;
+    if (how->seconds > 0) chosen.seconds = fmax(how->seconds - (app_seconds() - begin), 1e-3);
+    if (status == LG_OK)
+        status = lg_fit_create(self->context, &t->fit_problem, &chosen, theta, &t->fit, error);
+    free(theta);
+    *fit = t->fit;
+    return status;
+}
+
+static void release(void *user) {
+    training *t = user;
+    lg_fit_destroy(t->fit);
+    t->fit = NULL;
+    free(t->start);
+    t->start = NULL;
+}
+
+/* ---- result ---- */
+
+static lg_status save(const app *self, const training *t, const double *theta, lg_error *error) {
+    lg_machine_model_file *file = app_alloc(1, sizeof *file);
+    file->run = run;
+    file->parameters = run.machine.parameters;
+    file->provenance = app_provenance(self, run.training.seed);
+    file->theta = (double *)(uintptr_t)theta; /* only read */
+    const lg_status status =
+        lg_model_save_machine_model(self->context, train_given_files.out, file, t->fit, error);
+    free(file);
+    return status;
+}
+
+/* ---- gauge ---- */
+
+static const char *gauge(const lg_machine *machine) {
+    if (machine->normalised) return "one mass is 1 in the units of the logs";
+    if (machine->free_gauge) return "nothing";
+    return "the values given in the machine's file";
+}
+
+/* Mass, potential, damping and input map are known up to a common factor. */
+static void warn_of_gauge(const app *self, const lg_machine *machine) {
+    if (machine->normalised)
+        app_warn(
+            self,
+            "nothing in the machine's file fixes the common factor of mass, potential, damping and "
+            "input map: one mass, that without an error below, is set to 1; give a mass or the input map "
+            "to fix it");
+    if (machine->free_gauge)
+        app_warn(self,
+                 "nothing fixes the common factor of mass, potential, damping and input map: only their "
+                 "ratios mean something; give the input map, or a mass that is known or constant");
+}
+
+/* {name: {value, error}} */
+static void put_identified(app_json *json, const lg_identified *numbers, size_t count) {
+    app_json_open(json, "identified", '{');
+    for (size_t i = 0; i < count; i++) {
+        app_json_open(json, numbers[i].name, '{');
+        app_json_real(json, "value", numbers[i].value);
+        app_json_real(json, "error", numbers[i].error);
+        app_json_close(json, '}');
+    }
+    app_json_close(json, '}');
+}
+
+static void show_identified(const lg_identified *numbers, size_t count) {
+    app_table table;
+    if (count == 0) return;
+    app_table_begin(&table, 3);
+    app_table_cell(&table, "identified");
+    app_table_cell(&table, "value");
+    app_table_cell(&table, "standard error");
+    for (size_t i = 0; i < count; i++) {
+        app_table_cell(&table, "%s", numbers[i].name);
+        app_table_cell(&table, "%.6g", numbers[i].value);
+        app_table_cell(&table, "%.2g", numbers[i].error);
+    }
+    app_table_end(&table, stdout);
+}
+
+static void report(const training *t, const train_session *session, double loss, const lg_identified *numbers,
+                   size_t count) {
+    app_json json;
+    const lg_fit *fit = t->fit;
+    const uint64_t done = lg_fit_epochs_done(fit);
+    const double validation = done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN;
+    if (!session->app->json) {
+        (void)printf("%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e, floor %.1e, %.1f s\n",
+                     train_given_files.out, run.machine.parameters, (unsigned long long)run.windows,
+                     (unsigned long long)done, loss, session->floor, session->seconds);
+        show_identified(numbers, count);
+        return;
+    }
+    app_json_begin(&json);
+    app_json_real(&json, "loss", loss);
+    app_json_real(&json, "validation", validation);
+    app_json_size(&json, "windows", run.windows);
+    app_json_size(&json, "parameters", run.machine.parameters);
+    put_identified(&json, numbers, count);
+    app_json_text(&json, "gauge", gauge(&run.machine));
+    train_json(session, &json);
+    app_json_end(&json);
+}
+
+/* A number that its error exceeds. */
+static void warn_of_numbers(const app *self, const lg_identified *numbers, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (numbers[i].error > 0 && !(numbers[i].error <= fabs(numbers[i].value)))
+            app_warn(self,
+                     "the logs do not determine %s: %.3g with a standard error of %.2g; give it as "
+                     "known, or move the machine in other ways",
+                     numbers[i].name, numbers[i].value, numbers[i].error);
+}
+
+static int finish(void *user, train_session *session) {
+    training *t = user;
+    const app *self = session->app;
+    lg_error error = {LG_OK, ""};
+    double loss = 0, *theta = app_alloc(t->fit_problem.parameters, sizeof *theta);
+    lg_fit_parameters(t->fit, theta);
+    lg_status status = lg_machine_loss(self->context, &t->problem, theta, &loss, &session->floor, &error);
+    if (status == LG_OK && !isfinite(loss)) status = LG_NOT_FINITE;
+    int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
+    if (code == APP_EXIT_OK) {
+        status = save(self, t, theta, &error);
+        if (status != LG_OK) code = app_fail_file(self, status, &error, train_given_files.out);
+    }
+    const size_t count = lg_machine_numbers(&run.machine, theta, 0, NULL);
+    lg_identified *numbers = app_alloc(count + 1, sizeof *numbers);
+    if (code == APP_EXIT_OK) {
+        status = lg_machine_identify(self->context, &t->problem, theta, numbers, &error);
+        if (status != LG_OK) code = app_fail(self, status, "%s", app_sentence(status, &error));
+    }
+    free(theta);
+    if (code == APP_EXIT_OK) warn_of_gauge(self, &run.machine);
+    if (code == APP_EXIT_OK) warn_of_numbers(self, numbers, count);
+    if (code == APP_EXIT_OK) code = train_draw(session);
+    if (code == APP_EXIT_OK) report(t, session, loss, numbers, count);
+    free(numbers);
+    return code;
+}
+
+/* ---- the command ---- */
+
+static const train_task task = {.kind = &lg_run_machine_model,
+                                .settings = settings,
+                                .training = &run.training,
+                                .user = &state,
+                                .read = read_data,
+                                .describe = describe,
+                                .prepare = prepare,
+                                .create = create,
+                                .release = release,
+                                .finish = finish};
+
+static int run_fit(app *self) {
+    const int code = train_main(self, &task);
+    identify_release(&state.data);
+    return code;
+}
+
+const app_command fit_command = {
+    .name = "fit",
+    .arguments = "MACHINE.yaml LOG...",
+    .summary = "Learn the machine from logs",
+    .details =
+        "Windows of --window rows are predicted from their first row. The loss is the mean over windows and "
+        "rows of squared errors in units of the noise; without noise, of the velocities' root mean squares "
+        "and of half the way in a window. One-step windows are fitted first.",
+    .options = options,
+    .values = &given,
+    TRAIN_SHARED,
+    .settings = settings,
+    .arguments_min = 2,
+    .arguments_max = APP_ARGUMENTS,
+    .run = run_fit};

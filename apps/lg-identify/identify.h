@@ -1,0 +1,79 @@
+/* What the commands of lg-identify share: machines and logs, and how well a model does. Functions that return
+ * int return an exit code and have told the user when it is not APP_EXIT_OK. */
+#ifndef LG_APPS_IDENTIFY_H
+#define LG_APPS_IDENTIFY_H
+
+#include "common/app.h"
+#include "common/train.h"
+#include "liegrad/machine_model.h"
+
+extern const app_command check_command, fit_command, evaluate_command, predict_command;
+
+/* ---- logs (data.c) ---- */
+
+/* A machine and its logs; `first` of the logs are for training, the others for validation. */
+typedef struct identify_data {
+    lg_machine_file file;
+    lg_logs logs;
+    size_t training_parts;   /* parts of the log that are for training */
+    lg_machine_log training; /* these parts */
+} identify_data;
+
+/* Reads MACHINE.yaml and logs; `more` (may be NULL) lists further logs with commas between them, those for
+ * validation. Warnings of the reader are told. */
+int identify_read(app *self, const char *machine, const char *const *paths, size_t count, const char *more,
+                  identify_data *out);
+/* The logs of a model: its machine and delay. */
+int identify_read_logs(app *self, const lg_machine_model_file *model, const char *const *paths, size_t count,
+                       identify_data *out);
+void identify_release(identify_data *data);
+
+/* Standard deviations of the noise of the coordinates' positions and velocities: given in the machine's file,
+ * or estimated where a column is noisy; 0: none. */
+void identify_noise(const identify_data *data, double *position, double *velocity);
+
+/* ---- judging (judge.c) ---- */
+
+typedef enum identify_error {
+    ERROR_LINE,
+    ERROR_ANGLE,
+    ERROR_DIRECTION,
+    ERROR_ROTATION,
+    ERROR_VELOCITY,
+    IDENTIFY_ERRORS
+} identify_error;
+extern const char *const identify_error_names[IDENTIFY_ERRORS];
+
+/* Root mean squares of errors up to a horizon; NaN where there is no such coordinate. */
+typedef struct identify_horizon {
+    double seconds;
+    size_t starts;
+    double pooled[IDENTIFY_ERRORS];    /* over all samples in (0, H] of all starts */
+    double median[IDENTIFY_ERRORS];    /* median over starts of each start's own */
+    double unchanged[IDENTIFY_ERRORS]; /* pooled, of "nothing changes" */
+} identify_horizon;
+
+/* A model as it runs. */
+typedef struct identify_model {
+    const lg_machine *machine;
+    const double *theta;
+    const lg_scheme *scheme;
+    uint32_t substeps;
+} identify_model;
+
+/* Of two positions in the order of logs: the mean square of each coordinate's places (angles wrapped), the
+ * squared angle of directions and rotations, in sum. Missing ones count 0. */
+double identify_position_loss(const lg_machine *machine, const double *a, const double *b);
+
+/* Root mean squares of the errors of each coordinate over the problem's windows, from measured starts:
+ * positions (radians; chords of directions and rotations) and velocities. NaN: not measured. */
+typedef struct identify_residual {
+    double position, velocity;
+} identify_residual;
+lg_status identify_residuals(const app *self, const identify_model *model, const lg_machine_problem *problem,
+                             identify_residual *out, lg_error *error);
+
+lg_status identify_horizon_errors(const app *self, const identify_model *model, const lg_machine_log *log,
+                                  double seconds, size_t every, identify_horizon *out, lg_error *error);
+
+#endif

@@ -1,0 +1,10 @@
+/* lg-identify: learn a forced, damped machine from its logs. */
+#include "lg-identify/identify.h"
+
+int main(int argc, char **argv) {
+    const app_command commands[] = {fit_command, evaluate_command, {.run = NULL}};
+    return app_main(argc, argv, "lg-identify",
+                    "Learns forced, damped mechanical systems from logs. MACHINE.yaml says what the columns "
+                    "are, what is known and what is to be learned; docs/machines.md is the guide.",
+                    commands);
+}

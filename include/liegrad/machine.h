@@ -1,0 +1,311 @@
+/* Machines: forced, damped mechanical systems that are learned from logs. docs/machines.md is the guide.
+ *
+ * The configuration is a product of coordinates. With velocities v, momenta p = M(q) v and
+ * H = 1/2 p^T M(q)^-1 p + V(q):
+ *
+ *   q' = v,  p' = -dH/dq - D(q, v) v + B(q) u + r(q, v, u)
+ *
+ * in the form of each kind of coordinate (body: components along the axes of the body; r_i: rows of R):
+ *
+ *   kind       position in logs         velocity in logs          equations
+ *   line       q                        q'                        as above
+ *   angle      q in radians, unwrapped  q'                        as above; terms see sin q and cos q
+ *   direction  q on S^2                 omega in space, q.omega = 0
+ *                                                                 p = M omega x q with one number M,
+ *                                                                 q' = omega x q,
+ *                                                                 p' = omega x p + (dV/dq x q + f) x q
+ *   rotation   R, body to space         Omega in the body         R' = R hat(Omega),
+ *                                                                 m' = m x Omega + sum_i r_i x dH/dr_i + f
+ *   pose       x in space, R            w = R^T x', Omega, body   x' = R w, l' = l x Omega - R^T dH/dx + f_l,
+ *                                                                 m' = m x Omega + l x w
+ *                                                                      + sum_i r_i x dH/dr_i + f_m
+ *
+ * f are the forces other than -dH/dq, in the order of the velocities: of a direction 3 torques in space, of a
+ * rotation 3 torques in the body, of a pose 3 forces, then 3 torques, in the body.
+ *
+ * M, V, D, B and r are sums of terms, rows of a table (lg_term_kind_at): what is known is given, the rest is
+ * learned. M and D are positive (semi)definite by construction, so that damping takes energy away.
+ *
+ * States of integrators have all positions of lines, angles and poses (in the order of the coordinates), then
+ * q and p of the directions, the rotations R of rotations and poses, and the momenta of all coordinates but
+ * directions: the factors of lg_machine_space.
+ *
+ * Inside, quantities are divided by the scales of the machine: times by `time` T, positions and velocities of
+ * lines by L and L/T (L = 1 for angles, directions, rotations), inputs by U, energies by E. Parameters are
+ * numbers around 1. Everything that is recorded on a tape is in these units.
+ */
+#ifndef LIEGRAD_MACHINE_H
+#define LIEGRAD_MACHINE_H
+
+#include "liegrad/context.h"
+#include "liegrad/export.h"
+#include "liegrad/integrators.h"
+#include "liegrad/nn.h"
+#include "liegrad/random.h"
+#include "liegrad/status.h"
+#include "liegrad/tape.h"
+#include "liegrad/taped.h"
+
+LG_BEGIN_DECLS
+
+#define LG_MACHINE_NAME        32 /* bytes of a name */
+#define LG_MACHINE_COORDINATES 12
+#define LG_MACHINE_VELOCITIES  16 /* numbers of all velocities together */
+#define LG_MACHINE_POSITIONS   48 /* numbers of all positions in a log */
+#define LG_MACHINE_INPUTS      16
+#define LG_MACHINE_TERMS       16
+#define LG_MACHINE_FEATURES    16 /* listed in one term */
+#define LG_MACHINE_VALUES      (LG_MACHINE_VELOCITIES * LG_MACHINE_VELOCITIES)
+
+/* ---- coordinates ---- */
+
+typedef enum lg_coordinate_kind {
+    LG_COORDINATE_LINE,
+    LG_COORDINATE_ANGLE,
+    LG_COORDINATE_DIRECTION,
+    LG_COORDINATE_ROTATION,
+    LG_COORDINATE_POSE
+} lg_coordinate_kind;
+#define LG_COORDINATE_KIND_COUNT 5
+
+/* A row of the table of kinds. A position in a log has `places` numbers on R^n, then 3 for a direction or 9
+ * (R row-major) for a rotation. */
+typedef struct lg_coordinate_row {
+    const char *name; /* "line" */
+    uint32_t places, directions, rotations;
+    uint32_t velocities; /* numbers of a velocity */
+} lg_coordinate_row;
+LG_API const lg_coordinate_row *lg_coordinate_row_of(lg_coordinate_kind kind); /* NULL: none */
+/* places + 3 directions + 9 rotations */
+LG_API uint32_t lg_coordinate_positions(lg_coordinate_kind kind);
+
+typedef struct lg_machine_coordinate {
+    char name[LG_MACHINE_NAME];
+    lg_coordinate_kind kind;
+} lg_machine_coordinate;
+
+/* ---- features: what a term sees of state and input ---- */
+
+typedef enum lg_feature_kind {
+    LG_FEATURE_POSITION, /* NAME: line q; angle sin q, cos q; direction q; rotation R; pose x, R */
+    LG_FEATURE_PLACE,    /* NAME.place: x of a pose */
+    LG_FEATURE_ROTATION, /* NAME.rotation: R of a pose */
+    LG_FEATURE_UP,       /* NAME.up: R^T e3 of a rotation or pose */
+    LG_FEATURE_HEIGHT, /* NAME.height: line q; angle sin q, cos q; direction q_3; rotation R^T e3; pose x_3 */
+    LG_FEATURE_VELOCITY, /* NAME.velocity */
+    LG_FEATURE_INPUT     /* name of the input */
+} lg_feature_kind;
+
+typedef struct lg_machine_feature {
+    lg_feature_kind kind;
+    uint32_t index; /* of the coordinate, or of the input */
+} lg_machine_feature;
+
+/* ---- terms ---- */
+
+typedef enum lg_machine_part {
+    LG_MACHINE_MASS,
+    LG_MACHINE_POTENTIAL,
+    LG_MACHINE_DAMPING,
+    LG_MACHINE_INPUT_MAP,
+    LG_MACHINE_RESIDUAL
+} lg_machine_part;
+#define LG_MACHINE_PART_COUNT 5
+LG_API const char *lg_machine_part_name(lg_machine_part part); /* "mass", "input_map"; else NULL */
+
+/* A row of the table of terms; docs/machines.md lists them. `options` is a sum of LG_TERM_*. */
+typedef struct lg_term_kind lg_term_kind;
+enum {
+    LG_TERM_OF = 1,     /* takes features */
+    LG_TERM_MOVING = 2, /* features may be velocities, and of a residual inputs */
+    LG_TERM_HIDDEN = 4, /* a network */
+    LG_TERM_DEGREE = 8,
+    LG_TERM_VALUES = 16, /* needs values, or may have them */
+    LG_TERM_KNOWN = 32,  /* has no parameters */
+    LG_TERM_WIDTH = 64
+};
+LG_API const lg_term_kind *lg_term_kind_at(lg_machine_part part, size_t index);       /* NULL beyond */
+LG_API const lg_term_kind *lg_term_kind_find(lg_machine_part part, const char *name); /* NULL: none */
+LG_API const char *lg_term_kind_name(const lg_term_kind *kind);
+LG_API uint32_t lg_term_kind_options(const lg_term_kind *kind);
+
+#define LG_MACHINE_HIDDEN 4
+typedef struct lg_machine_term {
+    const lg_term_kind *kind; /* static */
+    lg_machine_part part;
+    uint32_t of_count;
+    lg_machine_feature of[LG_MACHINE_FEATURES];
+    uint32_t hidden_layers, hidden[LG_MACHINE_HIDDEN];
+    lg_activation activation;
+    uint32_t degree;                  /* of a polynomial */
+    double width;                     /* of Coulomb friction: the velocity v0 in f tanh(v/v0) */
+    uint32_t value_count;             /* in the units of the log */
+    double values[LG_MACHINE_VALUES]; /* matrices row-major; of damping also a diagonal */
+    /* Filled by lg_machine_init. */
+    lg_mlp net;
+    size_t offset, parameters; /* in theta */
+} lg_machine_term;
+
+/* ---- the machine ---- */
+
+typedef struct lg_machine_scales {
+    double time;                            /* T */
+    double place[LG_MACHINE_POSITIONS];     /* L of each place, in the order of the state */
+    double velocity[LG_MACHINE_VELOCITIES]; /* L of each velocity */
+    double input[LG_MACHINE_INPUTS];        /* U */
+    double energy;                          /* E */
+    double held; /* of a normalised machine: number of the mass that is 1 in the log's units, from 1 */
+} lg_machine_scales;
+
+/* Plain data, copied freely. The caller fills coordinates, inputs, terms and scales (lg_machine_scales_init
+ * sets all to 1), lg_machine_init the rest. */
+typedef struct lg_machine {
+    uint32_t coordinate_count, input_count, term_count;
+    lg_machine_coordinate coordinates[LG_MACHINE_COORDINATES];
+    char inputs[LG_MACHINE_INPUTS][LG_MACHINE_NAME];
+    lg_machine_term terms[LG_MACHINE_TERMS];
+    lg_machine_scales scales;
+    /* Filled by lg_machine_init. Velocities alone give M, V, D and B up to a common factor. It is fixed by a
+     * term with values. Else one mass is 1 in the log's units (normalised) where the mass is one constant
+     * or diagonal term: of a diagonal one that of the velocity that moves most, else the first. Else nothing
+     * fixes it (free_gauge). */
+    bool normalised, free_gauge;
+    uint32_t places, directions, rotations; /* numbers on R^n, and copies of S^2 and SO(3) */
+    uint32_t momenta;                       /* on R^n: those of all coordinates but directions */
+    uint32_t positions, velocities;         /* numbers in a log */
+    size_t parameters;
+} lg_machine;
+
+LG_API void lg_machine_scales_init(lg_machine_scales *scales);
+/* Errors, with a sentence: LG_INVALID_ARGUMENT (no coordinate, too many, a term that does not fit its part or
+ * the coordinates, a wrong number of values, features or widths; names that are not unique). */
+LG_API lg_status lg_machine_init(lg_machine *machine, lg_error *error);
+LG_API lg_status lg_machine_space(const lg_machine *machine, lg_space *space);
+/* Numbers of the features of a term: how many inputs its network has. */
+LG_API uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
+
+/* theta (parameters): networks' weights U(+-1/sqrt(fan_in)), last layers scaled by .1; masses 1, small
+ * damping, an input map of 0 but 1 for input j of velocity j, potentials and residuals 0, in scaled units. */
+LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);
+
+/* ---- recordings, batches of B rows, in scaled units ---- */
+
+/* Variables that depend on theta alone. Borrows the machine; valid until the tape is rewound. */
+typedef struct lg_machine_vars {
+    const lg_machine *machine;
+    lg_var theta[LG_MACHINE_TERMS];    /* slices; LG_NONE without parameters */
+    lg_mlp_vars net[LG_MACHINE_TERMS]; /* of networks */
+    lg_var mass, inverse;              /* (momenta, momenta), or LG_NONE where M depends on q */
+    lg_var direction_mass;             /* (1, directions, 1), or LG_NONE */
+} lg_machine_vars;
+LG_API lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta,
+                                 lg_machine_vars *vars);
+
+/* From positions and velocities in the order of logs, (B, positions) and (B, velocities), to the parts of a
+ * state (liegrad/taped.h), and back. */
+LG_API lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
+                                         lg_var velocities, lg_var *parts);
+LG_API lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
+LG_API lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
+/* H (B, 1). */
+LG_API lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
+/* Forces f of one part, (B, velocities): LG_MACHINE_DAMPING (-D v), LG_MACHINE_INPUT_MAP (B u) or
+ * LG_MACHINE_RESIDUAL; LG_NONE when there is none. u (B, inputs) or LG_NONE. */
+LG_API lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
+                                      const lg_var *parts, lg_var velocities, lg_var u);
+/* The field: an algebra element. */
+LG_API lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
+                                         lg_var u, lg_var *algebra);
+
+/* ---- logs ---- */
+
+/* Rows of logs in the machine's order, in the units of the log. Rows of one part follow each other without a
+ * gap, part i has rows first[i] .. first[i + 1] - 1. NaN is a value that is not there; a position of a
+ * direction or rotation is there as a whole or not at all. Borrowed by the functions below. */
+typedef struct lg_machine_log {
+    size_t rows, parts;
+    const size_t *first; /* (parts + 1) */
+    const double *t;     /* (rows), seconds, increasing within a part */
+    const double *q;     /* (rows, positions): each coordinate's position, R row-major, angles unwrapped */
+    const double *v;     /* (rows, velocities); all NaN where positions alone are measured */
+    /* (rows, 4, inputs): from row j to the next u(t_j + s h_j) = u_0 + s u_1 + s^2 u_2 + s^3 u_3 with
+     * 0 <= s <= 1; a held input has u_0 alone. NULL without inputs. */
+    const double *u;
+} lg_machine_log;
+
+/* Sets the scales by the log: T from the root mean squares of velocities and accelerations, L = T times that
+ * of a line's velocity, U those of the inputs, E so that masses are around 1. lg_machine_init must have been
+ * called; its results stay. LG_INVALID_ARGUMENT: nothing moves. */
+LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error);
+
+/* ---- training ---- */
+
+typedef enum lg_machine_starts { LG_MACHINE_STARTS_MEASURED, LG_MACHINE_STARTS_ESTIMATED } lg_machine_starts;
+
+#define LG_MACHINE_WINDOW 512 /* most points of a window */
+
+/* Windows of M consecutive rows. The loss is the mean over windows and points 2..M of the sum over columns of
+ * ((predicted - logged)/scale)^2, scales below, for R of |R' - R|^2/2 (the squared angle near 0), for q of a
+ * direction |q' - q|^2; with estimated starts points 1..M. */
+typedef struct lg_machine_problem {
+    const lg_machine *machine;
+    const lg_scheme *scheme;
+    uint32_t substeps; /* >= 1 steps between two rows */
+    uint32_t window;   /* M >= 2 */
+    lg_machine_starts starts;
+    lg_machine_log log;
+    size_t windows;
+    const size_t *start;                           /* (windows), rows; all of a window lies in one part */
+    size_t validation;                             /* so many windows at the end are the validation part */
+    double position_scale[LG_MACHINE_COORDINATES]; /* in the units of the log (radians) */
+    double velocity_scale[LG_MACHINE_COORDINATES];
+} lg_machine_problem;
+
+/* All rows at which a window can start, `stride` apart in each part: start row complete (velocities too,
+ * unless `positions_only`). `out` (NULL: only counts) has room for log->rows. */
+LG_API size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, uint32_t window,
+                                 uint32_t stride, bool positions_only, size_t *out);
+LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *error);
+/* Parameters of the fit: theta, then with estimated starts for each window the offsets of its start, (places,
+ * directions 3, rotations 3, velocities) in units of the scales times
+ * the root of the number of windows. `problem` is borrowed. */
+LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
+LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
+/* The loss of all windows but the validation part; `floor`: of it, the part that the steps make. */
+LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem,
+                                 const double *theta, double *loss, double *floor, lg_error *error);
+
+/* ---- identified numbers ---- */
+
+/* A number with a meaning, in the units of the log: "mass.1.2" (of velocities 1 and 2, counted through the
+ * coordinates), "damping.x" or "damping.body.3" (diagonal; also "coulomb.x", "quadratic.x"), "damping.1.2"
+ * (constant), "input_map.2.1", "potential.x^2", "potential.sin(theta)". Of masses that are networks, M at the
+ * mean of the windows' first rows. `error` is one standard deviation, from the Gauss-Newton matrix of at most
+ * 512 windows and the noise that the residuals show; infinite: the data do not determine it. */
+#define LG_IDENTIFIED_NAME 96
+typedef struct lg_identified {
+    char name[LG_IDENTIFIED_NAME];
+    double value, error;
+} lg_identified;
+/* The values of a machine's numbers alone; returns how many there are, at most `room` are written. */
+LG_API size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room,
+                                 lg_identified *out);
+/* With errors. theta: parameters of the fit, with starts. Weights of networks have the prior N(0, 1). `out`
+ * has room for all of lg_machine_numbers. Errors: LG_OUT_OF_MEMORY, the tape's. */
+LG_API lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
+                                     const double *theta, lg_identified *out, lg_error *error);
+
+/* ---- predictions ---- */
+
+/* Free runs from rows start[0..count-1] over `steps` intervals each, all within one part: positions
+ * (count, steps + 1, positions) and velocities (count, steps + 1, velocities) in the units of the log, either
+ * may be NULL; the first point is the logged one. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, the tape's.
+ * A run that is not finite goes on as NaN. */
+LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine,
+                                     const double *theta, const lg_scheme *scheme, uint32_t substeps,
+                                     const lg_machine_log *log, const size_t *start, size_t count,
+                                     size_t steps, double *positions, double *velocities, lg_error *error);
+
+LG_END_DECLS
+
+#endif

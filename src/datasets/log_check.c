@@ -1,0 +1,360 @@
+/* Do positions move as velocities say? Changes of position over a few rows are compared with the integral of
+ * the velocity (trapezoid): correlation and slope, about the means, or of steady motions about 0. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/h5.h"
+#include "datasets/log_table.h"
+#include "liegrad/geometry.h"
+
+enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000 };
+#define SLOPE_LOW   0.8
+#define SLOPE_HIGH  1.25
+#define FITS        0.9  /* correlation of columns that belong together */
+#define FITS_WELL   0.99 /* nothing else is tried */
+#define UNRELATED   0.5
+#define STEADY      1e-12 /* variances relative to squares */
+#define ABOVE_NOISE 25    /* variances of what moves, over those of its noise */
+#define MOST_ANGLE  0.5   /* radians over a span: changes of attitude add up only when they are small */
+
+/* How columns are understood. The first way is what the machine file says. */
+typedef struct way {
+    bool scalar_last; /* a quaternion is x, y, z, w */
+    bool inverse;     /* a rotation is space to body */
+    bool space;       /* rates are in space; of a pose's velocity: the other frame than the file says */
+    const char *words;
+} way;
+
+static const way rotation_ways[] = {
+    {false, false, false, ""},
+    {false, false, true, "the rates are in space: body rates are wanted (R^T omega)"},
+    {true, false, false, "the quaternion is x, y, z, w: name its columns in the order w, x, y, z"},
+    {true, false, true,
+     "the quaternion is x, y, z, w and the rates are in space: name the columns in the order w, x, y, z, and "
+     "give body "
+     "rates"},
+    {false, true, false, "the rotation is space to body: its inverse (conjugate, transpose) is wanted"},
+    {false, true, true,
+     "the rotation is space to body and the rates are in space: the inverse and body rates are wanted"},
+    {true, true, false,
+     "the quaternion is x, y, z, w and space to body: name the columns in the order w, x, y, z and give the "
+     "conjugate"},
+    {true, true, true,
+     "the quaternion is x, y, z, w and space to body, and the rates are in space: give body to space and "
+     "body rates"},
+};
+
+/* A comparison of some columns. `count` numbers are compared. */
+typedef struct check check;
+struct check {
+    lg_log_table *table;
+    uint32_t position, positions; /* columns, for sentences and their noise */
+    uint32_t velocity, velocities;
+    uint32_t attitude, attitudes; /* of a pose's place: its rotation */
+    int count;                    /* 1 or 3 */
+    bool turns;                   /* y is an angle */
+    bool steady;                  /* about 0 */
+    /* The change of position from row a to row b, and the velocity that makes it. */
+    void (*change)(const check *c, const way *w, const double *a, const double *b, double *y);
+    void (*velocity_of)(const check *c, const way *w, const double *row, double *x);
+};
+
+/* ---- sums ---- */
+
+typedef struct sums {
+    size_t n;
+    int count;
+    double x[3], y[3], xx, yy, xy;
+} sums;
+
+typedef struct fit {
+    size_t n;
+    double correlation, slope;     /* of y over x; slope by standard deviations, with the sign */
+    double y_variance, x_variance; /* of one number */
+} fit;
+
+static void add(sums *s, const double *x, const double *y) {
+    for (int i = 0; i < s->count; i++)
+        if (!isfinite(x[i]) || !isfinite(y[i])) return;
+    for (int i = 0; i < s->count; i++) {
+        s->x[i] += x[i], s->y[i] += y[i];
+        s->xx += x[i] * x[i], s->yy += y[i] * y[i], s->xy += x[i] * y[i];
+    }
+    s->n++;
+}
+
+static fit fit_of(const sums *s, bool steady) {
+    const double n = (double)s->n;
+    double xx = s->xx, yy = s->yy, xy = s->xy;
+    for (int i = 0; i < s->count && !steady; i++) {
+        xx -= s->x[i] * s->x[i] / n;
+        yy -= s->y[i] * s->y[i] / n;
+        xy -= s->x[i] * s->y[i] / n;
+    }
+    /* The differences keep a little of what does not change. */
+    if (xx <= STEADY * s->xx) xx = 0;
+    if (yy <= STEADY * s->yy) yy = 0;
+    fit f = {.n = s->n, .y_variance = yy / (n * s->count), .x_variance = xx / (n * s->count)};
+    if (s->n > 0 && xx > 0 && yy > 0) {
+        f.correlation = xy / sqrt(xx * yy);
+        f.slope = copysign(sqrt(yy / xx), f.correlation);
+    }
+    return f;
+}
+
+/* Over `span` rows. */
+static fit compare(const check *c, const way *w, size_t span) {
+    const lg_log_table *table = c->table;
+    const size_t stride = table->rows / MOST_COMPARED + span;
+    sums s = {.count = c->count};
+    for (size_t part = 0; part < table->parts; part++) {
+        for (size_t row = table->first[part]; row + span < table->first[part + 1]; row += stride) {
+            double x[3] = {0, 0, 0}, y[3] = {0, 0, 0}, now[3], before[3];
+            c->velocity_of(c, w, lg_log_row(table, row), before);
+            for (size_t i = 1; i <= span; i++) {
+                const double h = lg_log_time(table, row + i) - lg_log_time(table, row + i - 1);
+                c->velocity_of(c, w, lg_log_row(table, row + i), now);
+                for (int k = 0; k < c->count; k++) x[k] += h * (before[k] + now[k]) / 2;
+                memcpy(before, now, sizeof before);
+            }
+            c->change(c, w, lg_log_row(table, row), lg_log_row(table, row + span), y);
+            add(&s, x, y);
+        }
+    }
+    return fit_of(&s, c->steady);
+}
+
+/* ---- columns ---- */
+
+static void scalar_change(const check *c, const way *w, const double *a, const double *b, double *y) {
+    (void)w;
+    for (int i = 0; i < c->count; i++) y[i] = b[c->position + (uint32_t)i] - a[c->position + (uint32_t)i];
+}
+
+static void scalar_velocity(const check *c, const way *w, const double *row, double *x) {
+    (void)w;
+    for (int i = 0; i < c->count; i++) x[i] = row[c->velocity + (uint32_t)i];
+}
+
+/* omega x q */
+static void direction_velocity(const check *c, const way *w, const double *row, double *x) {
+    (void)w;
+    lg_cross3(row + c->velocity, row + c->position, x);
+}
+
+/* x' of a pose: R w. The table has w; were the frame the other one, the log's numbers would have been x' in
+ * space (left as they are) or w (turned by R^T for nothing). */
+static void pose_velocity(const check *c, const way *w, const double *row, double *x) {
+    double R[9], once[3];
+    lg_log_rotation(row + c->attitude, c->attitudes, R);
+    lg_so3_adjoint(R, row + c->velocity, once);
+    memcpy(x, once, sizeof once);
+    if (!w->space) return;
+    const lg_machine_file *file = c->table->machine;
+    if (file->coordinates[file->columns[c->position].index].space_frame)
+        lg_so3_adjoint(R, once, x);
+    else
+        memcpy(x, row + c->velocity, sizeof once);
+}
+
+static void rotation_at(const check *c, const way *w, const double *row, double R[9]) {
+    const double *q = row + c->position;
+    const double reordered[4] = {q[3], q[0], q[1], q[2]};
+    double inverse[9];
+    lg_log_rotation(w->scalar_last ? reordered : q, c->positions, R);
+    if (!w->inverse) return;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) inverse[3 * i + j] = R[3 * j + i];
+    memcpy(R, inverse, sizeof inverse);
+}
+
+static void rotation_change(const check *c, const way *w, const double *a, const double *b, double *y) {
+    double R[9], S[9], D[9];
+    rotation_at(c, w, a, R);
+    rotation_at(c, w, b, S);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) D[3 * i + j] = R[i] * S[j] + R[3 + i] * S[3 + j] + R[6 + i] * S[6 + j];
+    lg_so3_log(D, y);
+}
+
+static void rotation_velocity(const check *c, const way *w, const double *row, double *x) {
+    double R[9];
+    memcpy(x, row + c->velocity, 3 * sizeof *x);
+    if (!w->space) return;
+    rotation_at(c, w, row, R);
+    lg_so3_coadjoint(R, row + c->velocity, x);
+}
+
+/* ---- judgements ---- */
+
+/* Both the slope of y over x and the inverse of that of x over y are outside; so are negative ones. */
+static bool slope_is_wrong(const fit *f) {
+    const double r = fabs(f->correlation);
+    return r * f->slope > SLOPE_HIGH || f->slope / r < SLOPE_LOW;
+}
+
+static bool slope_is_right(const fit *f) {
+    return f->slope > SLOPE_LOW && f->slope < SLOPE_HIGH;
+}
+
+static double noise_of(const check *c, uint32_t first, uint32_t count) {
+    double most = 0;
+    for (uint32_t i = first; i < first + count; i++) {
+        const lg_log_statistics *s = &c->table->out->columns[i];
+        const double noise = s->noise_at_most ? s->noise / 10 : s->noise; /* of smooth columns: far less */
+        if (noise > most) most = noise;
+    }
+    return most;
+}
+
+/* The shortest span over which both move well above their noise; false: none. */
+static bool find_span(const check *c, const way *w, size_t *span, fit *f) {
+    const double factor = c->positions == 4 ? 2 : 1; /* a rotation is twice its quaternion's vector */
+    const double q = factor * noise_of(c, c->position, c->positions);
+    const double v = noise_of(c, c->velocity, c->velocities) * c->table->out->dt_median;
+    for (*span = 1; *span <= MOST_SPAN; *span *= 2) {
+        *f = compare(c, w, *span);
+        if (f->n < FEWEST) return false;
+        if (c->turns && *span > 1 && f->y_variance * 3 > MOST_ANGLE * MOST_ANGLE) return false;
+        if (f->y_variance > ABOVE_NOISE * 2 * q * q && f->y_variance > 0 &&
+            (f->x_variance > ABOVE_NOISE * v * v * (double)*span || f->x_variance == 0))
+            return true;
+    }
+    return false;
+}
+
+static void names_of(const check *c, uint32_t first, uint32_t count, lg_log_names *names) {
+    *names = (lg_log_names){.used = 0};
+    for (uint32_t i = 0; i < count; i++) lg_log_add_name(names, c->table->machine->columns[first + i].name);
+}
+
+static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
+    const lg_log_column *column = &c->table->machine->columns[c->velocity];
+    lg_log_names q, v;
+    char scale[200] = "";
+    size_t used = 0;
+    names_of(c, c->position, c->positions, &q);
+    names_of(c, c->velocity, c->velocities, &v);
+    for (uint32_t i = 0; i < c->velocities && used < sizeof scale; i++)
+        used += (size_t)snprintf(scale + used, sizeof scale - used, "%s%s: %.6g", i > 0 ? ", " : "",
+                                 column[i].name, f->slope * column[i].scale);
+    return lg_fail(error, LG_FORMAT,
+                   "%s: column%s %s: the rate of %s is %.4g times %s: wrong %s? scale: {%s}",
+                   lg_shown_path(c->table->paths[0]), c->velocities > 1 ? "s" : "", v.text, q.text, f->slope,
+                   v.text, f->slope < 0 ? "sign" : "unit", scale);
+}
+
+static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_error *error) {
+    lg_log_names q, v;
+    names_of(c, c->position, c->positions, &q);
+    names_of(c, c->velocity, c->velocities, &v);
+    return lg_fail(error, LG_FORMAT,
+                   "%s: columns %s and %s do not belong together (correlation %.2f): swapped?%s",
+                   lg_shown_path(c->table->paths[0]), q.text, v.text, f->correlation, hint);
+}
+
+/* Another way of reading the columns that fits far better, or NULL. */
+static const way *better_way(const check *c, const way *ways, size_t count, size_t span, const fit *f) {
+    const way *best = NULL;
+    double most = 0;
+    for (size_t i = 1; i < count; i++) {
+        if (ways[i].scalar_last && c->positions != 4) continue;
+        const fit other = compare(c, &ways[i], span);
+        if (other.correlation < FITS || 1 - other.correlation > 0.1 * (1 - f->correlation)) continue;
+        if (slope_is_right(&other) && other.correlation > most) most = other.correlation, best = &ways[i];
+    }
+    return best;
+}
+
+/* The velocity of another line or angle that fits: " column vy fits", else "". */
+static void other_velocity(const check *c, size_t span, char *hint, size_t size) {
+    const lg_machine_file *file = c->table->machine;
+    static const way plain = {.words = ""};
+    hint[0] = '\0';
+    for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
+        const lg_log_coordinate *where = &file->coordinates[i];
+        check other = *c;
+        if (where->velocities != 1 || where->velocity == c->velocity) continue;
+        other.velocity = where->velocity;
+        const fit f = compare(&other, &plain, span);
+        if (f.correlation < FITS || !slope_is_right(&f)) continue;
+        (void)snprintf(hint, size, " Column %s fits", file->columns[where->velocity].name);
+        return;
+    }
+}
+
+static lg_status judge(check *c, const way *ways, size_t count, lg_error *error) {
+    size_t span = 1;
+    fit f = {0};
+    char hint[LG_LOG_NAME + 20] = "";
+    bool found = find_span(c, &ways[0], &span, &f);
+    if (!found) {
+        c->steady = true;
+        found = find_span(c, &ways[0], &span, &f);
+    }
+    if (!found) return LG_OK;
+    if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
+    const way *better = better_way(c, ways, count, span, &f);
+    lg_log_names q, v;
+    names_of(c, c->position, c->positions, &q);
+    names_of(c, c->velocity, c->velocities, &v);
+    if (better != NULL)
+        return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", lg_shown_path(c->table->paths[0]),
+                       q.text, v.text, better->words);
+    if (fabs(f.correlation) > FITS) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
+    if (c->count == 1 && c->positions == 1) other_velocity(c, span, hint, sizeof hint);
+    if (f.correlation < UNRELATED || hint[0] != '\0') return unrelated(c, &f, hint, error);
+    if (lg_log_warn(c->table, "columns %s and %s fit badly (correlation %.2f): check them", q.text, v.text,
+                    f.correlation) != LG_OK)
+        return lg_log_no_memory(c->table->paths[0], error);
+    return LG_OK;
+}
+
+static const way plain_ways[] = {{.words = ""}};
+static const way body_ways[] = {{.words = ""},
+                                {.space = true, .words = "the velocities are in space: frame: space"}};
+static const way space_ways[] = {{.words = ""},
+                                 {.space = true, .words = "the velocities are in the body: frame: body"}};
+
+static lg_status check_coordinate(lg_log_table *table, uint32_t index, lg_error *error) {
+    const lg_log_coordinate *w = &table->machine->coordinates[index];
+    const lg_coordinate_kind kind = table->machine->machine.coordinates[index].kind;
+    check place = {.table = table,
+                   .position = w->place,
+                   .positions = w->places,
+                   .velocity = w->velocity,
+                   .velocities = w->places,
+                   .attitude = w->attitude,
+                   .attitudes = w->attitudes,
+                   .count = (int)w->places,
+                   .change = scalar_change,
+                   .velocity_of = scalar_velocity};
+    check attitude = {.table = table,
+                      .position = w->attitude,
+                      .positions = w->attitudes,
+                      .velocity = w->velocity + (w->velocities - 3),
+                      .velocities = 3,
+                      .count = 3,
+                      .turns = true,
+                      .change = rotation_change,
+                      .velocity_of = rotation_velocity};
+    if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
+        return judge(&place, plain_ways, LG_COUNT(plain_ways), error);
+    if (kind == LG_COORDINATE_DIRECTION) {
+        attitude.change = scalar_change;
+        attitude.velocity_of = direction_velocity;
+        return judge(&attitude, plain_ways, LG_COUNT(plain_ways), error);
+    }
+    LG_TRY(judge(&attitude, rotation_ways, LG_COUNT(rotation_ways), error));
+    place.velocity_of = pose_velocity;
+    return kind == LG_COORDINATE_POSE ? judge(&place, w->space_frame ? space_ways : body_ways, 2, error)
+                                      : LG_OK;
+}
+
+lg_status lg_log_check(lg_log_table *table, lg_error *error) {
+    if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
+    for (uint32_t i = 0; i < table->machine->machine.coordinate_count; i++)
+        LG_TRY(check_coordinate(table, i, error));
+    return LG_OK;
+}

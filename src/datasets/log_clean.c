@@ -1,0 +1,266 @@
+/* Attitudes become attitudes, angles continuous, velocities those of the machine. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/h5.h"
+#include "datasets/log_table.h"
+#include "liegrad/geometry.h"
+
+#define MOST_OFF    1e-2 /* beyond it a quaternion, direction or matrix is none */
+#define NOTABLE_OFF 1e-3 /* beyond it there is a warning */
+#define PI          3.14159265358979323846
+#define TURN        (2 * PI)
+#define DEGREE      0.0174533
+
+typedef struct cleaning {
+    lg_log_table *table;
+    const lg_machine_coordinate *coordinate;
+    const lg_log_coordinate *where;
+    lg_error *error;
+    /* of this coordinate */
+    size_t flips, mended, turns;
+    double worst;         /* distance of an attitude from one */
+    double along, across; /* sums of squares of omega along q and of omega */
+} cleaning;
+
+static void names_of(const cleaning *c, uint32_t first, uint32_t count, lg_log_names *names) {
+    *names = (lg_log_names){.used = 0};
+    for (uint32_t i = 0; i < count; i++) lg_log_add_name(names, c->table->machine->columns[first + i].name);
+}
+
+/* ---- attitudes ---- */
+
+static double norm_of(const double *x, uint32_t n) {
+    double squares = 0;
+    for (uint32_t i = 0; i < n; i++) squares += x[i] * x[i];
+    return sqrt(squares);
+}
+
+void lg_log_rotation(const double *q, uint32_t count, double R[9]) {
+    if (count == 9) {
+        memcpy(R, q, 9 * sizeof *R);
+        return;
+    }
+    const double w = q[0], x = q[1], y = q[2], z = q[3];
+    R[0] = w * w + x * x - y * y - z * z, R[1] = 2 * (x * y - w * z), R[2] = 2 * (x * z + w * y);
+    R[3] = 2 * (x * y + w * z), R[4] = w * w - x * x + y * y - z * z, R[5] = 2 * (y * z - w * x);
+    R[6] = 2 * (x * z - w * y), R[7] = 2 * (y * z + w * x), R[8] = w * w - x * x - y * y + z * z;
+}
+
+/* A vector of length one: the distance of its length from one. */
+static double normalise(double *x, uint32_t n) {
+    const double norm = norm_of(x, n);
+    for (uint32_t i = 0; i < n && norm > 0; i++) x[i] /= norm;
+    return fabs(norm - 1);
+}
+
+static double determinant(const double R[9]) {
+    double cross[3];
+    lg_cross3(R, R + 3, cross);
+    return lg_dot3(cross, R + 6);
+}
+
+static double project(double *R) {
+    double P[9], off[9];
+    memcpy(P, R, sizeof P);
+    lg_so3_project(P);
+    for (int i = 0; i < 9; i++) off[i] = R[i] - P[i];
+    memcpy(R, P, sizeof P);
+    return norm_of(off, 9);
+}
+
+static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
+    const uint32_t count = c->where->attitudes;
+    static const char *const whats[] = {[3] = "direction", [4] = "quaternion", [9] = "rotation matrix"};
+    lg_log_names names;
+    const bool reflection = count == 9 && determinant(x) < 0;
+    const double before = norm_of(x, count);
+    double off = INFINITY;
+    if (!reflection) off = count == 9 ? project(x) : normalise(x, count);
+    if (off <= MOST_OFF) {
+        c->mended += off > NOTABLE_OFF;
+        if (off > c->worst) c->worst = off;
+        return LG_OK;
+    }
+    names_of(c, c->where->attitude, count, &names);
+    if (reflection)
+        return lg_log_fail(
+            c->table, row, c->error,
+            "columns %s: determinant -1, a reflection and no rotation: is an axis turned round, or "
+            "are two columns swapped?",
+            names.text);
+    if (count == 9)
+        return lg_log_fail(c->table, row, c->error,
+                           "columns %s: no rotation matrix: it is off the nearest one by %.3g", names.text,
+                           off);
+    return lg_log_fail(c->table, row, c->error, "columns %s: no %s: length %.6g instead of 1", names.text,
+                       whats[count], before);
+}
+
+static bool any_nan(const double *x, uint32_t n) {
+    for (uint32_t i = 0; i < n; i++)
+        if (isnan(x[i])) return true;
+    return false;
+}
+
+static lg_status clean_attitudes(cleaning *c, size_t part) {
+    const lg_log_table *table = c->table;
+    const uint32_t count = c->where->attitudes;
+    const double *before = NULL;
+    for (size_t row = table->first[part]; row < table->first[part + 1]; row++) {
+        double *x = lg_log_row(table, row) + c->where->attitude, dot = 0;
+        if (any_nan(x, count)) {
+            for (uint32_t i = 0; i < count; i++) x[i] = NAN;
+            continue;
+        }
+        LG_TRY(mend_attitude(c, row, x));
+        if (count != 4) continue;
+        for (uint32_t i = 0; i < 4 && before != NULL; i++) dot += x[i] * before[i];
+        for (uint32_t i = 0; i < 4 && dot < 0; i++) x[i] = -x[i];
+        c->flips += dot < 0;
+        before = x;
+    }
+    return LG_OK;
+}
+
+/* ---- velocities ---- */
+
+static void clean_velocity(cleaning *c, double *values) {
+    const lg_log_coordinate *where = c->where;
+    double *v = values + where->velocity;
+    const double *attitude = values + where->attitude;
+    double R[9], turned[3] = {0, 0, 0};
+    if (c->coordinate->kind == LG_COORDINATE_DIRECTION) {
+        const double along = lg_dot3(v, attitude);
+        if (isfinite(along)) c->along += along * along, c->across += lg_dot3(v, v);
+        for (int i = 0; i < 3 && isfinite(along); i++) v[i] -= along * attitude[i];
+    } else if (where->space_frame) {
+        lg_log_rotation(attitude, where->attitudes, R);
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) turned[i] += R[3 * j + i] * v[j];
+        memcpy(v, turned, sizeof turned);
+    }
+}
+
+/* ---- angles ---- */
+
+/* Steps of an angle between neighbouring rows. */
+typedef struct steps {
+    double largest;
+    size_t odd; /* a row whose step is more than pi and no turn; 0: none */
+    size_t jumps;
+} steps;
+
+static steps look_at_steps(const cleaning *c) {
+    const lg_log_table *table = c->table;
+    const uint32_t column = c->where->place;
+    steps s = {0, 0, 0};
+    for (size_t part = 0; part < table->parts; part++) {
+        for (size_t row = table->first[part] + 1; row < table->first[part + 1]; row++) {
+            const double step = lg_log_row(table, row)[column] - lg_log_row(table, row - 1)[column];
+            const double size = fabs(step);
+            if (!(size > PI)) continue;
+            s.jumps++;
+            s.largest = fmax(s.largest, size);
+            if (s.odd == 0 && fabs(size - TURN * round(size / TURN)) > 1) s.odd = row;
+        }
+    }
+    return s;
+}
+
+static void unwrap(cleaning *c, size_t part) {
+    const lg_log_table *table = c->table;
+    double before = NAN, last = 0;
+    for (size_t row = table->first[part]; row < table->first[part + 1]; row++) {
+        double *x = &lg_log_row(table, row)[c->where->place];
+        if (isnan(*x)) continue;
+        const double turns = isnan(before) ? 0 : round((*x - before) / TURN);
+        c->turns += fabs(turns - last) > 0;
+        last = turns;
+        *x -= TURN * turns;
+        before = *x;
+    }
+}
+
+/* Before the first unwrapping: a wrapped angle stays within one turn. */
+static lg_status check_angle(cleaning *c) {
+    lg_log_table *table = c->table;
+    const uint32_t column = c->where->place;
+    const lg_log_statistics *known = &table->out->columns[column];
+    const char *name = table->machine->columns[column].name;
+    const double range = known->high - known->low, scale = DEGREE * table->machine->columns[column].scale;
+    const steps s = look_at_steps(c);
+    if (range > 50 && s.largest > 300 && s.largest < 420)
+        return lg_fail(c->error, LG_FORMAT,
+                       "%s: column %s: goes from %.6g to %.6g and jumps by %.6g: degrees? scale: {%s: %.6g}",
+                       lg_shown_path(table->paths[0]), name, known->low, known->high, s.largest, name, scale);
+    if (table->machine->unwrap && range > 1.1 * TURN && s.odd > 0)
+        return lg_log_fail(
+            table, s.odd, c->error,
+            "column %s: steps by %.4g in one row, which is no turn of 2 pi. Degrees: scale: {%s: "
+            "%.6g}; radians that are not wrapped: unwrap: false",
+            name, lg_log_row(table, s.odd)[column] - lg_log_row(table, s.odd - 1)[column], name, scale);
+    if (range > 50)
+        return lg_log_warn(table,
+                           "column %s: goes from %.6g to %.6g: many turns, if these are radians; if they "
+                           "are degrees, scale: {%s: %.6g}",
+                           name, known->low, known->high, name, scale);
+    return LG_OK;
+}
+
+/* ---- all ---- */
+
+static lg_status tell(const cleaning *c) {
+    lg_log_names names;
+    lg_log_table *table = c->table;
+    const lg_log_coordinate *where = c->where;
+    names_of(c, where->attitudes > 0 ? where->attitude : where->place,
+             where->attitudes > 0 ? where->attitudes : 1, &names);
+    if (c->flips > 0)
+        LG_TRY(lg_log_warn(table, "columns %s: %zu changes of sign were undone: q and -q are one rotation",
+                           names.text, c->flips));
+    if (c->mended > 0)
+        LG_TRY(lg_log_warn(table,
+                           "columns %s: %zu rows are off by more than %g, at most by %.3g, and were mended",
+                           names.text, c->mended, NOTABLE_OFF, c->worst));
+    if (c->turns > 0)
+        LG_TRY(lg_log_warn(table, "column %s: %zu jumps of 2 pi were undone: the angle is unwrapped",
+                           names.text, c->turns));
+    const double part = c->across > 0 ? sqrt(c->along / c->across) : 0;
+    names_of(c, where->velocity, where->velocities, &names);
+    if (part > NOTABLE_OFF)
+        LG_TRY(
+            lg_log_warn(table,
+                        "columns %s: %.3g of the angular velocity is along the direction, which a direction "
+                        "does not show: it was taken off",
+                        names.text, part));
+    return LG_OK;
+}
+
+static lg_status clean_coordinate(cleaning *c) {
+    const lg_log_table *table = c->table;
+    const bool angle = c->coordinate->kind == LG_COORDINATE_ANGLE;
+    if (angle) LG_TRY(check_angle(c));
+    for (size_t part = 0; part < table->parts; part++) {
+        if (angle && table->machine->unwrap) unwrap(c, part);
+        if (c->where->attitudes > 0) LG_TRY(clean_attitudes(c, part));
+    }
+    for (size_t row = 0; row < table->rows && c->where->velocities > 0; row++)
+        clean_velocity(c, lg_log_row(table, row));
+    return tell(c);
+}
+
+lg_status lg_log_clean(lg_log_table *table, lg_error *error) {
+    const lg_machine *m = &table->machine->machine;
+    for (uint32_t i = 0; i < m->coordinate_count; i++) {
+        cleaning c = {.table = table,
+                      .coordinate = &m->coordinates[i],
+                      .where = &table->machine->coordinates[i],
+                      .error = error};
+        const lg_status status = clean_coordinate(&c);
+        if (status == LG_OUT_OF_MEMORY) return lg_log_no_memory(table->paths[0], error);
+        LG_TRY(status);
+    }
+    return LG_OK;
+}

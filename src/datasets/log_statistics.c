@@ -1,0 +1,108 @@
+/* The noise of columns, and splines through inputs. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "datasets/log_table.h"
+
+/* ---- noise ---- */
+
+enum { FIRST_ORDER = 3, LAST_ORDER = 6, MOST_WINDOWS = 50000, FEWEST_WINDOWS = 8 };
+#define NORMAL_MEDIAN 0.6744897501960817 /* of |x| of a standard normal x */
+#define WHITE         0.8                /* residuals of white noise do not fall with the order */
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Divided difference of order k of rows row..row + k, divided by the root of the sum of the squares of its
+ * coefficients: of white noise it has the noise's standard deviation, whatever the steps are. */
+static double residual(const lg_log_table *table, uint32_t column, size_t row, int k) {
+    double sum = 0, squares = 0;
+    const double span = lg_log_time(table, row + (size_t)k) - lg_log_time(table, row);
+    for (int i = 0; i <= k; i++) {
+        double below = 1;
+        const double t = lg_log_time(table, row + (size_t)i);
+        for (int j = 0; j <= k; j++)
+            if (j != i) below *= (t - lg_log_time(table, row + (size_t)j)) / span;
+        sum += lg_log_row(table, row + (size_t)i)[column] / below;
+        squares += 1 / (below * below);
+    }
+    return sum / sqrt(squares);
+}
+
+/* Robust standard deviation of the residuals of order k; NaN: too few. `work` (MOST_WINDOWS). */
+static double deviation(const lg_log_table *table, uint32_t column, int k, double *work) {
+    const size_t stride = table->rows / MOST_WINDOWS + 1;
+    size_t count = 0;
+    double squares = 0;
+    for (size_t part = 0; part < table->parts; part++) {
+        for (size_t row = table->first[part]; row + (size_t)k < table->first[part + 1]; row += stride) {
+            const double r = residual(table, column, row, k);
+            if (!isfinite(r) || count == MOST_WINDOWS) continue;
+            squares += r * r;
+            work[count++] = fabs(r);
+        }
+    }
+    if (count < FEWEST_WINDOWS) return NAN;
+    qsort(work, count, sizeof *work, compare);
+    const double median = work[count / 2] / NORMAL_MEDIAN;
+    /* Most residuals of a column with coarse numbers are 0. */
+    return median > 0 ? median : sqrt(squares / (double)count);
+}
+
+lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most) {
+    double *work = lg_alloc(table->context, MOST_WINDOWS, sizeof *work);
+    if (work == NULL) return LG_OUT_OF_MEMORY;
+    *noise = deviation(table, column, FIRST_ORDER, work);
+    *at_most = false;
+    for (int k = FIRST_ORDER + 1; k <= LAST_ORDER; k++) {
+        const double next = deviation(table, column, k, work);
+        *at_most = next < WHITE * *noise;
+        if (!*at_most) break;
+        *noise = next;
+    }
+    lg_free(table->context, work);
+    return LG_OK;
+}
+
+/* ---- splines ---- */
+
+/* Second derivatives m (n) of the interpolating cubic spline with equal third derivatives on the first two
+ * and on the last two intervals. `d` and `c` (n): the right-hand side and the upper diagonal, reduced. */
+static void second_derivatives(size_t n, const double *t, const double *y, size_t stride, double *m,
+                               double *d, double *c) {
+    const double first = (t[1] - t[0]) / (t[2] - t[1]);
+    const double last = (t[n - 1] - t[n - 2]) / (t[n - 2] - t[n - 3]);
+    for (size_t i = 1; i + 1 < n; i++) {
+        const double h = t[i] - t[i - 1], g = t[i + 1] - t[i];
+        double below = i > 1 ? h : 0, diagonal = 2 * (h + g), above = i + 2 < n ? g : 0;
+        const double slopes =
+            (y[(i + 1) * stride] - y[i * stride]) / g - (y[i * stride] - y[(i - 1) * stride]) / h;
+        if (i == 1) diagonal += h * (1 + first), above -= h * first;   /* m_0 by m_1, m_2 */
+        if (i + 2 == n) diagonal += g * (1 + last), below -= g * last; /* likewise */
+        const double pivot = diagonal - (i > 1 ? below * c[i - 1] : 0);
+        c[i] = above / pivot;
+        d[i] = (6 * slopes - (i > 1 ? below * d[i - 1] : 0)) / pivot;
+    }
+    m[n - 2] = d[n - 2];
+    for (size_t i = n - 2; i-- > 1;) m[i] = d[i] - c[i] * m[i + 1];
+    m[0] = m[1] * (1 + first) - m[2] * first;
+    m[n - 1] = m[n - 2] * (1 + last) - m[n - 3] * last;
+}
+
+void lg_log_spline(size_t n, const double *t, const double *y, size_t y_stride, double *work, double *out,
+                   size_t stride, size_t step) {
+    double *m = work;
+    second_derivatives(n, t, y, y_stride, m, work + n, work + 2 * n);
+    for (size_t i = 0; i + 1 < n; i++) {
+        const double h = t[i + 1] - t[i];
+        const double square = h * h * m[i] / 2, cube = h * h * (m[i + 1] - m[i]) / 6;
+        double *to = out + i * stride;
+        to[0] = y[i * y_stride];
+        to[step] = y[(i + 1) * y_stride] - y[i * y_stride] - square - cube;
+        to[2 * step] = square;
+        to[3 * step] = cube;
+    }
+}

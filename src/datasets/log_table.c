@@ -1,0 +1,124 @@
+/* The table that logs are read into. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/h5.h"
+#include "datasets/log_table.h"
+
+enum { FIRST_ROWS = 1024, FIRST_WARNINGS = 8 };
+
+lg_status lg_log_no_memory(const char *path, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+}
+
+static bool is_h5(const lg_log_table *table, uint32_t file) {
+    static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
+    unsigned char first[8] = {0};
+    FILE *from = fopen(table->paths[file], "rb");
+    if (from == NULL) return false;
+    const size_t got = fread(first, 1, sizeof first, from);
+    (void)fclose(from);
+    return got == sizeof first && memcmp(first, signature, sizeof first) == 0;
+}
+
+lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, const char *format, ...) {
+    char text[400];
+    va_list arguments;
+    const lg_log_origin *o = &table->origin[row];
+    va_start(arguments, format);
+    (void)vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return lg_fail(error, LG_FORMAT, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
+                   is_h5(table, o->file) ? "row" : "line", o->line, text);
+}
+
+lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
+    va_list arguments;
+    lg_logs *out = table->out;
+    const uint32_t count = out->warning_count;
+    if (count == 0 || (count >= FIRST_WARNINGS && (count & (count - 1)) == 0)) {
+        char(*more)[LG_LOG_WARNING] =
+            lg_alloc(table->context, count == 0 ? FIRST_WARNINGS : 2 * (size_t)count, sizeof *more);
+        if (more == NULL) return LG_OUT_OF_MEMORY;
+        if (count > 0) memcpy(more, out->warnings, count * sizeof *more);
+        lg_free(table->context, out->warnings);
+        out->warnings = more;
+    }
+    va_start(arguments, format);
+    (void)vsnprintf(out->warnings[out->warning_count++], LG_LOG_WARNING, format, arguments);
+    va_end(arguments);
+    return LG_OK;
+}
+
+static lg_status grow(lg_log_table *table) {
+    const size_t room = table->room == 0 ? FIRST_ROWS : 2 * table->room;
+    double *data = lg_alloc(table->context, room, table->columns * sizeof *data);
+    lg_log_origin *origin = lg_alloc(table->context, room, sizeof *origin);
+    if (data == NULL || origin == NULL) {
+        lg_free(table->context, data);
+        lg_free(table->context, origin);
+        return LG_OUT_OF_MEMORY;
+    }
+    if (table->rows > 0) {
+        memcpy(data, table->data, table->rows * table->columns * sizeof *data);
+        memcpy(origin, table->origin, table->rows * sizeof *origin);
+    }
+    lg_free(table->context, table->data);
+    lg_free(table->context, table->origin);
+    table->data = data;
+    table->origin = origin;
+    table->room = room;
+    return LG_OK;
+}
+
+lg_status lg_log_append(lg_log_table *table, uint32_t file, size_t line, const double *values, bool new_run,
+                        lg_error *error) {
+    const lg_log_column *columns = table->machine->columns;
+    table->runs += new_run;
+    table->rows_read++;
+    if (isnan(values[table->machine->time])) return LG_OK;
+    if (table->rows == table->room && grow(table) != LG_OK)
+        return lg_log_no_memory(table->paths[file], error);
+    const size_t row = table->rows++;
+    double *to = lg_log_row(table, row);
+    table->origin[row] = (lg_log_origin){line, file, table->runs - 1};
+    for (uint32_t i = 0; i < table->columns; i++) {
+        to[i] = values[i] * columns[i].scale;
+        if (isinf(to[i]))
+            return lg_log_fail(table, row, error, "column %s: is infinite; an empty cell or nan is missing",
+                               columns[i].name);
+    }
+    return LG_OK;
+}
+
+void lg_log_add_name(lg_log_names *names, const char *name) {
+    const size_t room = sizeof names->text - names->used, length = strlen(name);
+    if (room < 8) return;
+    if (length + 8 > room) {
+        names->used += (size_t)snprintf(names->text + names->used, room, ", ...");
+        names->used = sizeof names->text;
+        return;
+    }
+    names->used +=
+        (size_t)snprintf(names->text + names->used, room, "%s%s", names->used > 0 ? ", " : "", name);
+}
+
+static lg_status read_file(lg_log_table *table, uint32_t file, lg_error *error) {
+    return is_h5(table, file) ? lg_log_read_h5(table, file, error) : lg_log_read_csv(table, file, error);
+}
+
+lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error) {
+    for (uint32_t file = 0; file < count; file++) {
+        const size_t before = table->rows, read = table->rows_read;
+        LG_TRY(read_file(table, file, error));
+        const size_t timeless = table->rows_read - read - (table->rows - before);
+        const char *shown = lg_shown_path(table->paths[file]);
+        if (table->rows == before)
+            return lg_fail(error, LG_FORMAT, "%s: has no row with a time (column %s)", shown,
+                           table->machine->columns[table->machine->time].name);
+        if (timeless > 0)
+            LG_TRY(lg_log_warn(table, "%s: %zu rows without a time were left out", shown, timeless));
+    }
+    return LG_OK;
+}

@@ -1,0 +1,429 @@
+/* Logs: what was read is cut into parts without gaps, mended, checked, and brought into the order of the
+ * machine. */
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "datasets/h5.h"
+#include "datasets/log_table.h"
+
+#define DEFAULT_STEP 1.4  /* medians */
+#define SAME_STEP    1e-9 /* relative */
+#define OTHER_RATE   3.0  /* medians of files that differ by more */
+
+typedef struct reading {
+    lg_log_table table;
+    uint32_t delay;
+    const lg_log_options *options;
+    size_t count; /* files */
+    lg_error *error;
+} reading;
+
+void lg_log_options_init(lg_log_options *options) {
+    *options = (lg_log_options){.size = sizeof *options, .delay = -1, .consistency = true};
+    lg_read_options_init(&options->read);
+}
+
+static lg_status no_memory(const reading *r) {
+    return lg_log_no_memory(r->table.paths[0], r->error);
+}
+
+/* The warning that could not be added is an allocation that failed. */
+static lg_status warned(const reading *r, lg_status status) {
+    return status == LG_OK ? LG_OK : no_memory(r);
+}
+
+static const char *first_path(const reading *r) {
+    return lg_shown_path(r->table.paths[0]);
+}
+
+/* ---- steps ---- */
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *x, size_t n) {
+    qsort(x, n, sizeof *x, compare);
+    return x[n / 2];
+}
+
+/* The steps of one file, from row *row on; *row becomes the first row of the next file. */
+static lg_status steps_of_file(reading *r, size_t *row, double *steps, size_t *count) {
+    const lg_log_table *t = &r->table;
+    const lg_log_column *time = &t->machine->columns[t->machine->time];
+    const uint32_t file = t->origin[*row].file;
+    for (++*row; *row < t->rows && t->origin[*row].file == file; ++*row) {
+        if (t->origin[*row].run != t->origin[*row - 1].run) continue;
+        const double before = lg_log_time(t, *row - 1), now = lg_log_time(t, *row);
+        if (!(now > before))
+            return lg_log_fail(
+                t, *row, r->error,
+                "column %s: time does not increase: %.9g after %.9g. Two clocks, a restart, or rows out "
+                "of order? Name a column that separates the runs (columns: {run: ...}), or sort",
+                time->name, now, before);
+        steps[(*count)++] = now - before;
+    }
+    return LG_OK;
+}
+
+/* Medians of files, and of all. */
+static lg_status find_steps(reading *r, double *steps) {
+    lg_logs *out = r->table.out;
+    double least = INFINITY, most = 0;
+    uint32_t slow = 0, fast = 0;
+    size_t total = 0;
+    for (size_t row = 0; row < r->table.rows;) {
+        const uint32_t file = r->table.origin[row].file;
+        size_t count = 0;
+        LG_TRY(steps_of_file(r, &row, steps + total, &count));
+        const double middle = count > 0 ? median(steps + total, count) : NAN;
+        if (middle < least) least = middle, fast = file;
+        if (middle > most) most = middle, slow = file;
+        total += count;
+    }
+    if (total == 0) return lg_fail(r->error, LG_FORMAT, "%s: no run has two rows", first_path(r));
+    out->dt_median = median(steps, total);
+    out->dt_max = steps[total - 1];
+    out->max_step =
+        r->table.machine->max_step > 0 ? r->table.machine->max_step : DEFAULT_STEP * out->dt_median;
+    if (most > OTHER_RATE * least)
+        return warned(
+            r, lg_log_warn(&r->table,
+                           "the files have different rates: the median step is %.4g s in %s and %.4g s in "
+                           "%s",
+                           most, lg_shown_path(r->table.paths[slow]), least,
+                           lg_shown_path(r->table.paths[fast])));
+    return LG_OK;
+}
+
+static lg_status measure_steps(reading *r) {
+    double *steps = lg_alloc(r->table.context, r->table.rows, sizeof *steps);
+    if (steps == NULL) return no_memory(r);
+    const lg_status status = find_steps(r, steps);
+    lg_free(r->table.context, steps);
+    return status;
+}
+
+/* ---- columns ---- */
+
+static bool is_value(const lg_log_column *column) {
+    return column->role != LG_LOG_TIME && column->role != LG_LOG_RUN;
+}
+
+static lg_status measure_column(reading *r, uint32_t column) {
+    const lg_log_table *t = &r->table;
+    lg_log_statistics s = {.low = INFINITY, .high = -INFINITY, .noise = NAN};
+    for (size_t row = 0; row < t->rows; row++) {
+        const double x = lg_log_row(t, row)[column];
+        s.missing += isnan(x);
+        if (x < s.low) s.low = x;
+        if (x > s.high) s.high = x;
+    }
+    t->out->columns[column] = s;
+    if (s.missing < t->rows) return LG_OK;
+    return lg_fail(r->error, LG_FORMAT, "%s: column %s: has no value at all", first_path(r),
+                   t->machine->columns[column].name);
+}
+
+/* A row with all positions and all measured velocities is there. */
+static bool row_is_complete(const lg_log_table *t, size_t row) {
+    for (uint32_t i = 0; i < t->columns; i++) {
+        const lg_log_role role = t->machine->columns[i].role;
+        if ((role == LG_LOG_POSITION || role == LG_LOG_VELOCITY) && isnan(lg_log_row(t, row)[i]))
+            return false;
+    }
+    return true;
+}
+
+static lg_status measure_columns(reading *r) {
+    const lg_log_table *t = &r->table;
+    size_t row = 0;
+    for (uint32_t i = 0; i < t->columns; i++)
+        if (is_value(&t->machine->columns[i])) LG_TRY(measure_column(r, i));
+    while (row < t->rows && !row_is_complete(t, row)) row++;
+    if (row < t->rows) return LG_OK;
+    return lg_fail(r->error, LG_FORMAT,
+                   "%s: no row is complete: in each one a position or velocity is missing", first_path(r));
+}
+
+static lg_status warn_of_columns(reading *r) {
+    const lg_machine *m = &r->table.machine->machine;
+    for (uint32_t i = 0; i < r->table.columns; i++) {
+        const lg_log_column *c = &r->table.machine->columns[i];
+        const lg_log_statistics *s = &r->table.out->columns[i];
+        if (c->role == LG_LOG_INPUT && s->low == s->high)
+            LG_TRY(lg_log_warn(&r->table,
+                               "column %s: the input is always %.6g: what it does cannot be learned", c->name,
+                               s->low));
+    }
+    for (uint32_t i = 0; i < m->coordinate_count; i++) {
+        bool moves = false;
+        for (uint32_t k = 0; k < r->table.columns; k++) {
+            const lg_log_column *c = &r->table.machine->columns[k];
+            const lg_log_statistics *s = &r->table.out->columns[k];
+            moves = moves || (c->role == LG_LOG_POSITION && c->index == i && s->low < s->high);
+        }
+        if (!moves) LG_TRY(lg_log_warn(&r->table, "coordinate %s never moves", m->coordinates[i].name));
+    }
+    return LG_OK;
+}
+
+/* ---- parts ---- */
+
+static bool follows(const lg_log_table *t, size_t row) {
+    return t->origin[row].run == t->origin[row - 1].run &&
+           lg_log_time(t, row) - lg_log_time(t, row - 1) <= t->out->max_step * (1 + SAME_STEP);
+}
+
+/* Row j of a gap-free stretch gets the inputs of row j - delay; the first ones have none. */
+static void delay_inputs(reading *r, size_t begin, size_t end) {
+    const lg_log_table *t = &r->table;
+    for (size_t row = end; r->delay > 0 && row-- > begin;) {
+        double *to = lg_log_row(t, row);
+        const double *from = row - begin >= r->delay ? lg_log_row(t, row - r->delay) : NULL;
+        for (uint32_t i = 0; i < t->columns; i++)
+            if (t->machine->columns[i].role == LG_LOG_INPUT) to[i] = from != NULL ? from[i] : NAN;
+    }
+}
+
+static bool input_is_missing(const lg_log_table *t, size_t row) {
+    for (uint32_t i = 0; i < t->columns; i++)
+        if (t->machine->columns[i].role == LG_LOG_INPUT && isnan(lg_log_row(t, row)[i])) return true;
+    return false;
+}
+
+/* Parts grow at their end; rows move down to `kept`. */
+typedef struct growing {
+    size_t kept, begin; /* rows so far; the first one of the open part */
+} growing;
+
+static void keep_row(lg_log_table *t, growing *g, size_t row) {
+    if (row != g->kept) {
+        memcpy(lg_log_row(t, g->kept), lg_log_row(t, row), t->columns * sizeof *t->data);
+        t->origin[g->kept] = t->origin[row];
+    }
+    g->kept++;
+}
+
+/* A single row is no part. */
+static void close_part(lg_log_table *t, growing *g) {
+    if (g->kept - g->begin >= 2) {
+        t->first[++t->parts] = g->kept;
+        g->begin = g->kept;
+    }
+    g->kept = g->begin;
+}
+
+/* A held input that is missing ends its part: nothing is known after that row. Of others the row is of no use
+ * either, since the interval before it needs its input. A row that is alone is dropped. */
+static void cut_stretch(reading *r, growing *g, size_t begin, size_t end) {
+    lg_log_table *t = &r->table;
+    delay_inputs(r, begin, end);
+    for (size_t row = begin; row < end; row++) {
+        const bool missing = input_is_missing(t, row);
+        if (!missing || t->machine->hold == LG_HOLD_ZERO) keep_row(t, g, row);
+        if (missing) close_part(t, g);
+    }
+    close_part(t, g);
+}
+
+static lg_status cut(reading *r) {
+    lg_log_table *t = &r->table;
+    growing g = {0, 0};
+    size_t steps = 0;
+    t->first = lg_alloc(t->context, t->rows + 1, sizeof *t->first);
+    if (t->first == NULL) return no_memory(r);
+    for (size_t begin = 0, end = 1; begin < t->rows; begin = end++) {
+        while (end < t->rows && follows(t, end)) end++, steps++;
+        t->gaps += end < t->rows && t->origin[end].run == t->origin[end - 1].run;
+        cut_stretch(r, &g, begin, end);
+    }
+    t->rows = g.kept;
+    t->out->gaps = t->gaps;
+    if (t->parts > 0) return LG_OK;
+    if (steps == 0)
+        return lg_fail(
+            r->error, LG_FORMAT,
+            "%s: every step is longer than max_step (%.4g s), the median is %.4g s: is column %s in seconds? "
+            "scale: {%s: 0.001} for milliseconds; or set columns: {max_step: ...}",
+            first_path(r), t->out->max_step, t->out->dt_median, t->machine->columns[t->machine->time].name,
+            t->machine->columns[t->machine->time].name);
+    return lg_fail(r->error, LG_FORMAT, "%s: no two rows follow each other with their inputs%s",
+                   first_path(r), r->delay > 0 ? ": is the delay longer than the runs?" : "");
+}
+
+/* ---- the machine's order ---- */
+
+static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) {
+    const lg_machine *m = &t->machine->machine;
+    const double *from = lg_log_row(t, row);
+    for (uint32_t i = 0; i < m->coordinate_count; i++) {
+        const lg_log_coordinate *c = &t->machine->coordinates[i];
+        const uint32_t velocities = lg_coordinate_row_of(m->coordinates[i].kind)->velocities;
+        memcpy(q, from + c->place, c->places * sizeof *q);
+        q += c->places;
+        if (c->attitudes == 3) memcpy(q, from + c->attitude, 3 * sizeof *q);
+        if (c->attitudes > 3) lg_log_rotation(from + c->attitude, c->attitudes, q);
+        q += c->attitudes > 3 ? 9 : c->attitudes;
+        for (uint32_t k = 0; k < velocities; k++) *v++ = c->velocities > 0 ? from[c->velocity + k] : NAN;
+    }
+}
+
+/* Held, and linear between rows. The last row of a part has no interval. */
+static void fill_input(const reading *r, size_t begin, size_t end, uint32_t column, uint32_t input) {
+    const lg_log_table *t = &r->table;
+    const size_t inputs = t->machine->machine.input_count;
+    for (size_t row = begin; row < end; row++) {
+        double *to = t->out->u + 4 * row * inputs + input;
+        double value = lg_log_row(t, row)[column];
+        if (isnan(value))
+            value = to[-(ptrdiff_t)(4 * inputs)]; /* the last row; the one before has its input */
+        to[0] = value;
+        if (t->machine->hold != LG_HOLD_ZERO && row + 1 < end)
+            to[inputs] = lg_log_row(t, row + 1)[column] - value;
+    }
+}
+
+static void fill_inputs(const reading *r, size_t part, double *work) {
+    const lg_log_table *t = &r->table;
+    const size_t inputs = t->machine->machine.input_count, begin = t->first[part], end = t->first[part + 1];
+    for (uint32_t i = 0; i < t->columns; i++) {
+        const lg_log_column *c = &t->machine->columns[i];
+        if (c->role != LG_LOG_INPUT) continue;
+        fill_input(r, begin, end, i, c->index);
+        if (t->machine->hold == LG_HOLD_CUBIC && end - begin >= 4)
+            lg_log_spline(end - begin, t->out->t + begin, lg_log_row(t, begin) + i, t->columns, work,
+                          t->out->u + 4 * begin * inputs + c->index, 4 * inputs, inputs);
+    }
+}
+
+static lg_status allocate(reading *r) {
+    lg_logs *out = r->table.out;
+    const lg_machine *m = &r->table.machine->machine;
+    const lg_context *context = r->table.context;
+    const size_t rows = r->table.rows, parts = r->table.parts;
+    out->t = lg_alloc(context, rows, sizeof *out->t);
+    out->q = lg_alloc(context, rows, m->positions * sizeof *out->q);
+    out->v = lg_alloc(context, rows, m->velocities * sizeof *out->v);
+    out->u = lg_alloc(context, rows, 4 * m->input_count * sizeof *out->u);
+    out->part_file = lg_alloc(context, parts, sizeof *out->part_file);
+    out->part_run = lg_alloc(context, parts, sizeof *out->part_run);
+    const bool good = out->t != NULL && out->q != NULL && out->v != NULL && out->u != NULL &&
+                      out->part_file != NULL && out->part_run != NULL;
+    return good ? LG_OK : no_memory(r);
+}
+
+static lg_status fill(reading *r) {
+    lg_log_table *t = &r->table;
+    lg_logs *out = t->out;
+    const lg_machine *m = &t->machine->machine;
+    LG_TRY(allocate(r));
+    double *work = lg_alloc(t->context, 3 * t->rows, sizeof *work);
+    if (work == NULL) return no_memory(r);
+    for (size_t row = 0; row < t->rows; row++) {
+        out->t[row] = lg_log_time(t, row);
+        fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
+    }
+    for (size_t part = 0; part < t->parts; part++) {
+        out->part_file[part] = t->origin[t->first[part]].file;
+        out->part_run[part] = t->origin[t->first[part]].run;
+        fill_inputs(r, part, work);
+    }
+    lg_free(t->context, work);
+    out->first = t->first;
+    t->first = NULL;
+    out->log = (lg_machine_log){.rows = t->rows,
+                                .parts = t->parts,
+                                .first = out->first,
+                                .t = out->t,
+                                .q = out->q,
+                                .v = out->v,
+                                .u = m->input_count > 0 ? out->u : NULL};
+    return LG_OK;
+}
+
+/* ---- all ---- */
+
+static lg_status find_noise(reading *r) {
+    const lg_log_table *t = &r->table;
+    for (uint32_t i = 0; i < t->columns; i++) {
+        lg_log_statistics *s = &t->out->columns[i];
+        if (is_value(&t->machine->columns[i]) && lg_log_noise(t, i, &s->noise, &s->noise_at_most) != LG_OK)
+            return no_memory(r);
+        /* Rounding errors are no noise. */
+        if (s->noise < 4 * DBL_EPSILON * fmax(fabs(s->low), fabs(s->high))) s->noise = 0;
+    }
+    return LG_OK;
+}
+
+static lg_status read_logs(reading *r) {
+    lg_log_table *t = &r->table;
+    LG_TRY(lg_log_read_files(t, r->count, r->error));
+    t->out->files = (uint32_t)r->count;
+    t->out->runs = t->runs;
+    t->out->rows_read = t->rows_read;
+    t->out->delay = r->delay;
+    LG_TRY(measure_steps(r));
+    LG_TRY(measure_columns(r));
+    LG_TRY(warned(r, warn_of_columns(r)));
+    LG_TRY(cut(r));
+    LG_TRY(lg_log_clean(t, r->error));
+    LG_TRY(find_noise(r));
+    if (r->options->consistency) LG_TRY(lg_log_check(t, r->error));
+    return fill(r);
+}
+
+static lg_status check_call(const lg_machine_file *file, const char *const *paths, size_t count,
+                            const lg_log_options *options, const lg_logs *out, lg_error *error) {
+    if (file == NULL || paths == NULL || out == NULL || count < 1 || count > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "logs: a machine file and at least one log are needed");
+    if (options->size != sizeof *options || options->delay > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "log options: wrong size or delay");
+    for (size_t i = 0; i < count; i++)
+        if (paths[i] == NULL || *paths[i] == '\0')
+            return lg_fail(error, LG_INVALID_ARGUMENT, "a log needs a name");
+    return LG_OK;
+}
+
+lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, const char *const *paths,
+                       size_t count, const lg_log_options *options, lg_logs *out, lg_error *error) {
+    lg_log_options defaults;
+    lg_log_options_init(&defaults);
+    if (options == NULL) options = &defaults;
+    LG_TRY(check_call(file, paths, count, options, out, error));
+    lg_logs *made = lg_alloc(context, 1, sizeof *made);
+    if (made == NULL) return lg_log_no_memory(paths[0], error);
+    made->context = context;
+    reading r = {.table = {.context = context,
+                           .machine = file,
+                           .paths = paths,
+                           .options = &options->read,
+                           .columns = file->column_count,
+                           .out = made},
+                 .delay = options->delay < 0 ? file->delay : (uint32_t)options->delay,
+                 .options = options,
+                 .count = count,
+                 .error = error};
+    const lg_status status = read_logs(&r);
+    lg_free(context, r.table.data);
+    lg_free(context, r.table.origin);
+    lg_free(context, r.table.first);
+    if (status == LG_OK)
+        *out = *made;
+    else
+        lg_logs_destroy(made);
+    lg_free(context, made);
+    return status;
+}
+
+void lg_logs_destroy(lg_logs *logs) {
+    if (logs == NULL) return;
+    void *const owned[] = {logs->first, logs->part_file, logs->part_run, logs->t,
+                           logs->q,     logs->v,         logs->u,        logs->warnings};
+    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(logs->context, owned[i]);
+    *logs = (lg_logs){.files = 0};
+}

@@ -1,0 +1,459 @@
+/* Machines from YAML: coordinates, columns of logs, inputs. machine_terms.c reads the terms. */
+#include <float.h>
+#include <string.h>
+#include <yaml.h>
+
+#include "datasets/h5.h"
+#include "datasets/machine_reading.h"
+#include "datasets/names.h"
+
+typedef lg_machine_reading reading;
+
+/* ---- names ---- */
+
+static const char *const measured_names[] = {"velocities", "momenta", "positions"};
+static const char *const hold_names[] = {"zero", "linear", "cubic"};
+static const char *const frame_names[] = {"body", "space"};
+
+const char *lg_log_measured_name(lg_log_measured measured) {
+    return (unsigned)measured < LG_LOG_MEASURED_COUNT ? measured_names[measured] : NULL;
+}
+
+const char *lg_input_hold_name(lg_input_hold hold) {
+    return (unsigned)hold < LG_INPUT_HOLD_COUNT ? hold_names[hold] : NULL;
+}
+
+static const char *name_measured(uint32_t value) {
+    return lg_log_measured_name((lg_log_measured)value);
+}
+
+static const char *name_hold(uint32_t value) {
+    return lg_input_hold_name((lg_input_hold)value);
+}
+
+static const char *name_frame(uint32_t value) {
+    return value < LG_COUNT(frame_names) ? frame_names[value] : NULL;
+}
+
+static const char *name_kind(uint32_t value) {
+    const lg_coordinate_row *row = lg_coordinate_row_of((lg_coordinate_kind)value);
+    return row != NULL ? row->name : NULL;
+}
+
+/* ---- keys ---- */
+
+enum {
+    KEY_COLUMNS,
+    KEY_TIME,
+    KEY_RUN,
+    KEY_MAX_STEP,
+    KEY_COORDINATES,
+    KEY_INPUTS,
+    KEY_INPUT_COLUMNS,
+    KEY_HOLD,
+    KEY_DELAY,
+    KEY_MEASURED,
+    KEY_NOISE,
+    KEY_SCALE,
+    KEY_UNWRAP,
+    KEY_PARTS, /* one for each part, in the order of lg_machine_part */
+    KEY_COUNT = KEY_PARTS + LG_MACHINE_PART_COUNT
+};
+
+static const lg_key keys[KEY_COUNT] = {
+    [KEY_COLUMNS] = {.name = "columns", .type = LG_KEY_MAP},
+    [KEY_TIME] = {.name = "columns.time", .type = LG_KEY_TEXT},
+    [KEY_RUN] = {.name = "columns.run", .type = LG_KEY_TEXT},
+    [KEY_MAX_STEP] = {.name = "columns.max_step", .type = LG_KEY_REAL, .open = true, .high = DBL_MAX},
+    [KEY_COORDINATES] = {.name = "coordinates", .type = LG_KEY_BLOCK, .required = true},
+    [KEY_INPUTS] = {.name = "inputs", .type = LG_KEY_MAP},
+    [KEY_INPUT_COLUMNS] = {.name = "inputs.columns", .type = LG_KEY_BLOCK, .required = true},
+    [KEY_HOLD] = {.name = "inputs.hold", .type = LG_KEY_NAME, .name_of = name_hold},
+    [KEY_DELAY] = {.name = "inputs.delay", .type = LG_KEY_TEXT},
+    [KEY_MEASURED] = {.name = "measured", .type = LG_KEY_NAME, .name_of = name_measured},
+    [KEY_NOISE] = {.name = "noise", .type = LG_KEY_BLOCK},
+    [KEY_SCALE] = {.name = "scale", .type = LG_KEY_BLOCK},
+    [KEY_UNWRAP] = {.name = "unwrap", .type = LG_KEY_NAME, .name_of = lg_name_truth},
+    [KEY_PARTS + LG_MACHINE_MASS] = {.name = "mass", .type = LG_KEY_BLOCK},
+    [KEY_PARTS + LG_MACHINE_POTENTIAL] = {.name = "potential", .type = LG_KEY_BLOCK},
+    [KEY_PARTS + LG_MACHINE_DAMPING] = {.name = "damping", .type = LG_KEY_BLOCK},
+    [KEY_PARTS + LG_MACHINE_INPUT_MAP] = {.name = "input_map", .type = LG_KEY_BLOCK},
+    [KEY_PARTS + LG_MACHINE_RESIDUAL] = {.name = "residual", .type = LG_KEY_BLOCK},
+};
+
+enum { OF_NAME, OF_KIND, OF_COLUMNS, OF_POSITION, OF_VELOCITY, OF_RATES, OF_FRAME, OF_COUNT };
+static const lg_key coordinate_keys[OF_COUNT] = {
+    [OF_NAME] = {.name = "name", .type = LG_KEY_TEXT, .required = true},
+    [OF_KIND] = {.name = "kind", .type = LG_KEY_NAME, .required = true, .name_of = name_kind},
+    [OF_COLUMNS] = {.name = "columns", .type = LG_KEY_BLOCK},
+    [OF_POSITION] = {.name = "position", .type = LG_KEY_BLOCK},
+    [OF_VELOCITY] = {.name = "velocity", .type = LG_KEY_BLOCK},
+    [OF_RATES] = {.name = "rates", .type = LG_KEY_BLOCK},
+    [OF_FRAME] = {.name = "frame", .type = LG_KEY_NAME, .name_of = name_frame},
+};
+
+/* How many columns each key of a coordinate has; `other`: or so many; 0: the key is not taken. */
+static const struct {
+    uint32_t count, other;
+} takes[LG_COORDINATE_KIND_COUNT][OF_COUNT] = {
+    [LG_COORDINATE_LINE] = {[OF_COLUMNS] = {1, 1}, [OF_VELOCITY] = {1, 1}},
+    [LG_COORDINATE_ANGLE] = {[OF_COLUMNS] = {1, 1}, [OF_VELOCITY] = {1, 1}},
+    [LG_COORDINATE_DIRECTION] = {[OF_COLUMNS] = {3, 3}, [OF_VELOCITY] = {3, 3}},
+    [LG_COORDINATE_ROTATION] = {[OF_COLUMNS] = {4, 9}, [OF_VELOCITY] = {3, 3}},
+    [LG_COORDINATE_POSE] =
+        {[OF_COLUMNS] = {4, 9}, [OF_POSITION] = {3, 3}, [OF_VELOCITY] = {3, 3}, [OF_RATES] = {3, 3}},
+};
+
+/* ---- nodes ---- */
+
+static uint32_t line_of(const yaml_node_t *node) {
+    return (uint32_t)node->start_mark.line + 1;
+}
+
+static yaml_node_t *node_at(const reading *r, int index) {
+    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
+}
+
+static lg_status visit_text(reading *r, const yaml_node_t *node, const char *what, lg_text_visit visit,
+                            void *user) {
+    char text[LG_LOG_NAME];
+    const bool scalar = node->type == YAML_SCALAR_NODE;
+    const size_t length = scalar ? node->data.scalar.length : 0;
+    if (length == 0 || length >= sizeof text || memchr(node->data.scalar.value, '\0', length) != NULL)
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                            "%s: a name of 1 to %zu bytes is expected", what, sizeof text - 1);
+    memcpy(text, node->data.scalar.value, length);
+    text[length] = '\0';
+    for (const char *c = text; *c != '\0'; c++)
+        if ((unsigned char)*c < ' ' || *c == '\x7f')
+            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                                "%s: a name has a control character", what);
+    return visit(r, line_of(node), text, user);
+}
+
+lg_status lg_machine_texts(reading *r, const void *node, const char *what, lg_text_visit visit, void *user) {
+    const yaml_node_t *list = node;
+    if (list->type != YAML_SEQUENCE_NODE) return visit_text(r, list, what, visit, user);
+    const yaml_node_item_t *item = list->data.sequence.items.start;
+    for (; item < list->data.sequence.items.top; item++)
+        LG_TRY(visit_text(r, node_at(r, *item), what, visit, user));
+    return LG_OK;
+}
+
+/* ---- columns ---- */
+
+/* A role that columns are added for. */
+typedef struct adding {
+    lg_log_role role;
+    uint32_t index;
+} adding;
+
+static lg_log_column *find_column(lg_machine_file *out, const char *name) {
+    for (uint32_t i = 0; i < out->column_count; i++)
+        if (strcmp(out->columns[i].name, name) == 0) return &out->columns[i];
+    return NULL;
+}
+
+static lg_status add_column(reading *r, uint32_t line, const char *name, void *user) {
+    const adding *what = user;
+    lg_machine_file *out = r->out;
+    if (find_column(out, name) != NULL)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "column '%s' is used twice", name);
+    if (out->column_count == LG_LOG_COLUMNS)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d columns", LG_LOG_COLUMNS);
+    lg_log_column *column = &out->columns[out->column_count++];
+    *column = (lg_log_column){.role = what->role, .index = what->index, .scale = 1};
+    memcpy(column->name, name, strlen(name) + 1);
+    return LG_OK;
+}
+
+static lg_status add_named(reading *r, const lg_key_value *value, const char *fallback, lg_log_role role) {
+    adding what = {role, 0};
+    const char *name = value->line != 0 ? value->text : fallback;
+    if (strlen(name) >= LG_LOG_NAME)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
+                            "the name of a column has at most %d bytes", LG_LOG_NAME - 1);
+    return add_column(r, value->line, name, &what);
+}
+
+/* ---- coordinates ---- */
+
+/* Letters, digits, _ and -; a dot would be that of NAME.up. */
+static bool is_name(const char *text) {
+    if (*text == '\0' || strlen(text) >= LG_MACHINE_NAME) return false;
+    for (; *text != '\0'; text++) {
+        const bool letter = (*text >= 'a' && *text <= 'z') || (*text >= 'A' && *text <= 'Z');
+        if (!letter && !(*text >= '0' && *text <= '9') && *text != '_' && *text != '-') return false;
+    }
+    return true;
+}
+
+/* The keys that are there fit the kind. */
+static lg_status check_keys(reading *r, lg_coordinate_kind kind, const lg_key_value *values) {
+    for (int k = OF_COLUMNS; k <= OF_RATES; k++) {
+        if (values[k].line != 0 && takes[kind][k].count == 0)
+            return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
+                                "%s: a coordinate of kind %s takes none", coordinate_keys[k].name,
+                                name_kind(kind));
+    }
+    if (values[OF_FRAME].line != 0 && kind != LG_COORDINATE_POSE)
+        return lg_yaml_fail(r->yaml, values[OF_FRAME].line, LG_FORMAT, r->error,
+                            "frame: is of poses; the rates of a rotation are those in the body, those of a "
+                            "direction in space");
+    return LG_OK;
+}
+
+/* The columns of one key of a coordinate; a line's or angle's own name stands for its position. */
+static lg_status read_columns(reading *r, int k, uint32_t line, const lg_key_value *value, lg_log_role role,
+                              uint32_t *first, uint32_t *count) {
+    lg_machine_file *out = r->out;
+    const lg_machine_coordinate *c = &out->machine.coordinates[out->machine.coordinate_count];
+    const uint32_t expected = takes[c->kind][k].count, other = takes[c->kind][k].other;
+    adding what = {role, out->machine.coordinate_count};
+    *first = out->column_count;
+    *count = 0;
+    if (expected == 0) return LG_OK;
+    if (value->line == 0 && k == OF_COLUMNS && expected == 1)
+        LG_TRY(add_column(r, line, c->name, &what));
+    else if (value->line == 0)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: key '%s' is missing: %u column%s%s",
+                            c->name, coordinate_keys[k].name, expected, expected == 1 ? "" : "s",
+                            other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
+    else
+        LG_TRY(lg_machine_texts(r, value->node, coordinate_keys[k].name, add_column, &what));
+    *count = out->column_count - *first;
+    if (*count == expected || *count == other) return LG_OK;
+    return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: %s: %u columns, %u%s are expected",
+                        c->name, coordinate_keys[k].name, *count, expected,
+                        other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
+}
+
+/* Velocities, and a pose's rates. */
+static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *values,
+                                 lg_log_coordinate *c) {
+    if (r->out->measured != LG_MEASURED_POSITIONS) {
+        uint32_t rates = 0, first;
+        LG_TRY(read_columns(r, OF_VELOCITY, line, &values[OF_VELOCITY], LG_LOG_VELOCITY, &c->velocity,
+                            &c->velocities));
+        LG_TRY(read_columns(r, OF_RATES, line, &values[OF_RATES], LG_LOG_VELOCITY, &first, &rates));
+        c->velocities += rates;
+        return LG_OK;
+    }
+    for (int k = OF_VELOCITY; k <= OF_FRAME; k++)
+        if (values[k].line != 0)
+            return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
+                                "%s: with `measured: positions` there is none", coordinate_keys[k].name);
+    return LG_OK;
+}
+
+static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
+    lg_key_value values[OF_COUNT] = {{.line = 0}};
+    const lg_key_set set = {coordinate_keys, OF_COUNT, values};
+    lg_machine *m = &r->out->machine;
+    const uint32_t line = line_of(node), i = m->coordinate_count;
+    if (i == LG_MACHINE_COORDINATES)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d coordinates",
+                            LG_MACHINE_COORDINATES);
+    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "coordinates", r->error));
+    lg_log_coordinate *c = &r->out->coordinates[i];
+    const char *name = values[OF_NAME].text;
+    if (!is_name(name))
+        return lg_yaml_fail(r->yaml, values[OF_NAME].line, LG_FORMAT, r->error,
+                            "name: up to %d letters, digits, _ and - are expected", LG_MACHINE_NAME - 1);
+    for (uint32_t k = 0; k < i; k++)
+        if (strcmp(m->coordinates[k].name, name) == 0)
+            return lg_yaml_fail(r->yaml, values[OF_NAME].line, LG_FORMAT, r->error,
+                                "name: two coordinates have the name '%s'", name);
+    memcpy(m->coordinates[i].name, name, strlen(name) + 1);
+    const lg_coordinate_kind kind = m->coordinates[i].kind = (lg_coordinate_kind)values[OF_KIND].real[0];
+    LG_TRY(check_keys(r, kind, values));
+    const bool attitude = takes[kind][OF_COLUMNS].count > 1;
+    LG_TRY(read_columns(r, OF_POSITION, line, &values[OF_POSITION], LG_LOG_POSITION, &c->place, &c->places));
+    LG_TRY(read_columns(r, OF_COLUMNS, line, &values[OF_COLUMNS], LG_LOG_POSITION,
+                        attitude ? &c->attitude : &c->place, attitude ? &c->attitudes : &c->places));
+    LG_TRY(read_velocities(r, line, values, c));
+    c->space_frame = values[OF_FRAME].line != 0 && values[OF_FRAME].real[0] == 1;
+    m->coordinate_count++;
+    return LG_OK;
+}
+
+static lg_status read_coordinates(reading *r, const lg_key_value *value) {
+    const yaml_node_t *list = value->node;
+    if (list->type != YAML_SEQUENCE_NODE || list->data.sequence.items.start == list->data.sequence.items.top)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
+                            "coordinates: a list of {name: ..., kind: ...} is expected");
+    const yaml_node_item_t *item = list->data.sequence.items.start;
+    for (; item < list->data.sequence.items.top; item++) LG_TRY(read_coordinate(r, node_at(r, *item)));
+    return LG_OK;
+}
+
+/* ---- inputs ---- */
+
+static lg_status add_input(reading *r, uint32_t line, const char *name, void *user) {
+    lg_machine *m = &r->out->machine;
+    adding what = {LG_LOG_INPUT, m->input_count};
+    (void)user;
+    if (m->input_count == LG_MACHINE_INPUTS)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d inputs", LG_MACHINE_INPUTS);
+    if (strlen(name) >= LG_MACHINE_NAME)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "the name of an input has at most %d bytes",
+                            LG_MACHINE_NAME - 1);
+    for (uint32_t i = 0; i < m->coordinate_count; i++)
+        if (strcmp(m->coordinates[i].name, name) == 0)
+            return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                                "input '%s' has the name of a coordinate: rename the coordinate", name);
+    LG_TRY(add_column(r, line, name, &what));
+    memcpy(m->inputs[m->input_count++], name, strlen(name) + 1);
+    return LG_OK;
+}
+
+static lg_status read_inputs(reading *r, const lg_key_value *values) {
+    const lg_key_value *delay = &values[KEY_DELAY];
+    uint64_t rows = 0;
+    if (values[KEY_INPUTS].line == 0) return LG_OK;
+    LG_TRY(lg_machine_texts(r, values[KEY_INPUT_COLUMNS].node, "inputs.columns", add_input, NULL));
+    if (values[KEY_HOLD].line != 0) r->out->hold = (lg_input_hold)values[KEY_HOLD].real[0];
+    r->out->estimate_delay = delay->line != 0 && strcmp(delay->text, "estimate") == 0;
+    if (delay->line == 0 || r->out->estimate_delay) return LG_OK;
+    if (lg_integer_parse(delay->text, &rows) != LG_OK || rows > 1000000)
+        return lg_yaml_fail(r->yaml, delay->line, LG_FORMAT, r->error,
+                            "inputs.delay: a whole number of rows, or `estimate`, is expected");
+    r->out->delay = (uint32_t)rows;
+    return LG_OK;
+}
+
+/* ---- numbers by column ---- */
+
+/* noise: {x: 0.1}, scale: {theta: 0.0174533} */
+static lg_status read_numbers(reading *r, const lg_key *key, const lg_key_value *value, size_t offset,
+                              double low) {
+    const yaml_node_t *map = value->node;
+    const yaml_node_pair_t *pair = NULL;
+    bool seen[LG_LOG_COLUMNS] = {false};
+    if (value->line == 0) return LG_OK;
+    if (map->type != YAML_MAPPING_NODE)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: {COLUMN: number} is expected",
+                            key->name);
+    for (pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
+        const yaml_node_t *name = node_at(r, pair->key), *number = node_at(r, pair->value);
+        lg_log_column *column = name->type == YAML_SCALAR_NODE
+                                    ? find_column(r->out, (const char *)name->data.scalar.value)
+                                    : NULL;
+        if (column == NULL)
+            return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error,
+                                "%s: '%.40s' is no column of this machine", key->name,
+                                name->type == YAML_SCALAR_NODE ? (const char *)name->data.scalar.value : "?");
+        if (seen[column - r->out->columns])
+            return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error, "%s: column '%s' stands twice",
+                                key->name, column->name);
+        seen[column - r->out->columns] = true;
+        double *out = (double *)((char *)column + offset);
+        const lg_key one = {.name = column->name, .open = true, .low = low, .high = DBL_MAX};
+        const lg_key_value at = {.line = line_of(number), .node = number};
+        LG_TRY(lg_yaml_block(r->yaml, &one, &at, (const size_t[3]){1, 1, 1}, out, NULL, r->error));
+        if (*out == 0)
+            return lg_yaml_fail(r->yaml, line_of(number), LG_FORMAT, r->error, "%s: %s: must not be 0",
+                                key->name, column->name);
+    }
+    return LG_OK;
+}
+
+/* ---- the file ---- */
+
+/* `system:` and `parameters:` are the grey-box form. */
+static lg_status refuse_grey_box(reading *r) {
+    static const lg_key grey[] = {{.name = "system", .type = LG_KEY_BLOCK},
+                                  {.name = "parameters", .type = LG_KEY_BLOCK}};
+    for (size_t i = 0; i < LG_COUNT(grey); i++) {
+        lg_key_value value;
+        if (!lg_yaml_has(r->yaml, grey[i].name)) continue;
+        LG_TRY(lg_yaml_name(r->yaml, &grey[i], &value, r->error));
+        return lg_yaml_fail(r->yaml, value.line, LG_UNSUPPORTED, r->error,
+                            "%s: machines of a named system are not learned yet: give coordinates and terms",
+                            grey[i].name);
+    }
+    return LG_OK;
+}
+
+static lg_status finish_machine(reading *r) {
+    lg_error inner = {LG_OK, ""};
+    lg_machine *m = &r->out->machine;
+    lg_machine_scales_init(&m->scales);
+    const lg_status status = lg_machine_init(m, &inner);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(r->error, status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, "%s: %s",
+                   lg_shown_path(lg_yaml_path(r->yaml)), inner.message);
+}
+
+static lg_status read_machine(reading *r, lg_key_value *values) {
+    const lg_key_set set = {keys, KEY_COUNT, values};
+    lg_machine_file *out = r->out;
+    LG_TRY(refuse_grey_box(r));
+    LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "", r->error));
+    if (values[KEY_MEASURED].line != 0) out->measured = (lg_log_measured)values[KEY_MEASURED].real[0];
+    out->unwrap = values[KEY_UNWRAP].line == 0 || values[KEY_UNWRAP].real[0] == 1;
+    out->max_step = values[KEY_MAX_STEP].line != 0 ? values[KEY_MAX_STEP].real[0] : 0;
+    LG_TRY(add_named(r, &values[KEY_TIME], "t", LG_LOG_TIME));
+    if (values[KEY_RUN].line != 0) LG_TRY(add_named(r, &values[KEY_RUN], "", LG_LOG_RUN));
+    LG_TRY(read_coordinates(r, &values[KEY_COORDINATES]));
+    LG_TRY(read_inputs(r, values));
+    LG_TRY(read_numbers(r, &keys[KEY_NOISE], &values[KEY_NOISE], offsetof(lg_log_column, noise), 0));
+    LG_TRY(read_numbers(r, &keys[KEY_SCALE], &values[KEY_SCALE], offsetof(lg_log_column, scale), -DBL_MAX));
+    out->run = values[KEY_RUN].line != 0 ? 1 : out->column_count;
+    for (int part = 0; part < LG_MACHINE_PART_COUNT; part++)
+        LG_TRY(lg_machine_read_terms(r, (lg_machine_part)part, &values[KEY_PARTS + part]));
+    return finish_machine(r);
+}
+
+static lg_status parse_machine(const lg_context *context, const char *name, const void *text, size_t bytes,
+                               lg_machine_file *out, lg_error *error) {
+    lg_yaml *yaml = NULL;
+    LG_TRY(lg_yaml_open_text(context, name, text, bytes, &yaml, error));
+    reading r = {yaml, out, error};
+    lg_key_value *values = lg_alloc(context, KEY_COUNT, sizeof *values);
+    out->context = context;
+    out->text = lg_alloc(context, bytes + 1, 1);
+    lg_status status = LG_OK;
+    if (values == NULL || out->text == NULL)
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
+    if (status == LG_OK) status = read_machine(&r, values);
+    lg_free(context, values);
+    lg_yaml_close(yaml);
+    if (status != LG_OK) {
+        lg_free(context, out->text);
+        return status;
+    }
+    memcpy(out->text, text, bytes);
+    out->text_bytes = bytes;
+    return LG_OK;
+}
+
+lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text, size_t bytes,
+                                lg_machine_file *out, lg_error *error) {
+    if (name == NULL || text == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a machine is read from a text into something");
+    lg_machine_file *made = lg_alloc(context, 1, sizeof *made);
+    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
+    const lg_status status = parse_machine(context, name, text, bytes, made, error);
+    if (status == LG_OK) *out = *made;
+    lg_free(context, made);
+    return status;
+}
+
+lg_status lg_machine_file_read(const lg_context *context, const char *path, lg_machine_file *out,
+                               lg_error *error) {
+    unsigned char *data = NULL;
+    size_t bytes = 0;
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a machine is read into something");
+    LG_TRY(lg_yaml_bytes(context, path, &data, &bytes, error));
+    const lg_status status = lg_machine_file_parse(context, path, (const char *)data, bytes, out, error);
+    lg_free(context, data);
+    return status;
+}
+
+void lg_machine_file_destroy(lg_machine_file *file) {
+    if (file == NULL) return;
+    lg_free(file->context, file->text);
+    file->text = NULL;
+    file->text_bytes = 0;
+}

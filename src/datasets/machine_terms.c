@@ -1,0 +1,314 @@
+/* The terms of a machine from YAML. */
+#include <float.h>
+#include <stdio.h>
+#include <string.h>
+#include <yaml.h>
+
+#include "datasets/machine_reading.h"
+#include "datasets/names.h"
+
+typedef lg_machine_reading reading;
+
+static const double default_width = 0.02;
+static const uint32_t default_hidden[] = {16, 16};
+
+enum {
+    KEY_KIND,
+    KEY_FORM,
+    KEY_OF,
+    KEY_HIDDEN,
+    KEY_ACTIVATION,
+    KEY_DEGREE,
+    KEY_VALUES,
+    KEY_COULOMB,
+    KEY_QUADRATIC,
+    KEY_WIDTH,
+    KEY_COUNT
+};
+
+static const lg_key keys[KEY_COUNT] = {
+    [KEY_KIND] = {.name = "kind", .type = LG_KEY_TEXT, .required = true},
+    [KEY_FORM] = {.name = "form", .type = LG_KEY_TEXT},
+    [KEY_OF] = {.name = "of", .type = LG_KEY_BLOCK},
+    [KEY_HIDDEN] =
+        {.name = "hidden", .type = LG_KEY_COUNTS, .low = 1, .high = 4096, .capacity = LG_MACHINE_HIDDEN},
+    [KEY_ACTIVATION] = {.name = "activation", .type = LG_KEY_NAME, .name_of = lg_name_activation},
+    [KEY_DEGREE] = {.name = "degree", .type = LG_KEY_COUNT, .low = 1, .high = 8},
+    [KEY_VALUES] = {.name = "values", .type = LG_KEY_BLOCK, .low = -DBL_MAX, .high = DBL_MAX},
+    [KEY_COULOMB] = {.name = "coulomb", .type = LG_KEY_NAME, .name_of = lg_name_truth},
+    [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_KEY_NAME, .name_of = lg_name_truth},
+    [KEY_WIDTH] = {.name = "coulomb_width", .type = LG_KEY_REAL, .open = true, .high = DBL_MAX},
+};
+
+/* The option of a kind that takes the key; 0: looked at elsewhere. */
+static const uint32_t takes[KEY_COUNT] = {[KEY_OF] = LG_TERM_OF,
+                                          [KEY_HIDDEN] = LG_TERM_HIDDEN,
+                                          [KEY_ACTIVATION] = LG_TERM_HIDDEN,
+                                          [KEY_DEGREE] = LG_TERM_DEGREE,
+                                          [KEY_VALUES] = LG_TERM_VALUES | LG_TERM_KNOWN};
+
+/* A term while it is read. */
+typedef struct term_reading {
+    lg_machine_term *term;
+    lg_machine_part part;
+    const lg_key_value *values;
+} term_reading;
+
+static bool is_true(const lg_key_value *value) {
+    return value->line != 0 && value->real[0] == 1;
+}
+
+/* ---- features ---- */
+
+/* What may stand behind the dot of a coordinate's name, and the kinds that have it. */
+#define BIT(kind) (1U << (kind))
+static const struct {
+    const char *suffix;
+    lg_feature_kind kind;
+    unsigned kinds;
+} suffixes[] = {
+    {"", LG_FEATURE_POSITION, ~0U},
+    {".place", LG_FEATURE_PLACE, BIT(LG_COORDINATE_POSE)},
+    {".rotation", LG_FEATURE_ROTATION, BIT(LG_COORDINATE_POSE)},
+    {".up", LG_FEATURE_UP, BIT(LG_COORDINATE_POSE) | BIT(LG_COORDINATE_ROTATION)},
+    {".height", LG_FEATURE_HEIGHT, ~0U},
+    {".velocity", LG_FEATURE_VELOCITY, ~0U},
+};
+
+/* NAME or NAME.suffix of a coordinate. */
+static bool find_coordinate(const lg_machine *m, const char *text, lg_machine_feature *out) {
+    const size_t length = strcspn(text, ".");
+    for (uint32_t i = 0; i < m->coordinate_count; i++) {
+        const char *name = m->coordinates[i].name;
+        if (strlen(name) != length || memcmp(name, text, length) != 0) continue;
+        for (size_t s = 0; s < LG_COUNT(suffixes); s++) {
+            if (strcmp(text + length, suffixes[s].suffix) != 0) continue;
+            *out = (lg_machine_feature){suffixes[s].kind, i};
+            return (suffixes[s].kinds & BIT(m->coordinates[i].kind)) != 0;
+        }
+    }
+    return false;
+}
+
+/* An input, or the column of a line's or angle's velocity. */
+static bool find_column(const lg_machine_file *file, const char *text, lg_machine_feature *out) {
+    for (uint32_t i = 0; i < file->column_count; i++) {
+        const lg_log_column *c = &file->columns[i];
+        if (strcmp(c->name, text) != 0) continue;
+        const bool input = c->role == LG_LOG_INPUT;
+        *out = (lg_machine_feature){input ? LG_FEATURE_INPUT : LG_FEATURE_VELOCITY, c->index};
+        return input || (c->role == LG_LOG_VELOCITY && file->coordinates[c->index].attitudes == 0);
+    }
+    return false;
+}
+
+static lg_status unknown_feature(reading *r, uint32_t line, const char *text) {
+    char known[160] = "";
+    size_t used = 0;
+    const lg_machine *m = &r->out->machine;
+    for (uint32_t i = 0; i < m->coordinate_count && used < sizeof known; i++)
+        used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", used > 0 ? ", " : "",
+                                 m->coordinates[i].name);
+    return lg_yaml_fail(
+        r->yaml, line, LG_FORMAT, r->error,
+        "of: '%s' is none of %s, nor NAME.velocity, NAME.height, NAME.place, NAME.rotation (poses), NAME.up "
+        "(rotations, poses), an input or a velocity's column",
+        text, known);
+}
+
+static lg_status add_feature(reading *r, uint32_t line, const char *text, void *user) {
+    const term_reading *t = user;
+    lg_machine_term *term = t->term;
+    lg_machine_feature feature = {LG_FEATURE_POSITION, 0};
+    const char *part = lg_machine_part_name(t->part), *kind = lg_term_kind_name(term->kind);
+    const bool moving = (lg_term_kind_options(term->kind) & LG_TERM_MOVING) != 0;
+    if (!find_coordinate(&r->out->machine, text, &feature) && !find_column(r->out, text, &feature))
+        return unknown_feature(r, line, text);
+    if (feature.kind == LG_FEATURE_VELOCITY && !moving)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "of: '%s' is a velocity; %s of kind %s depends on positions alone", text, part,
+                            kind);
+    if (feature.kind == LG_FEATURE_INPUT && !(moving && t->part == LG_MACHINE_RESIDUAL))
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "of: '%s' is an input; only a residual depends on inputs", text);
+    for (uint32_t i = 0; i < term->of_count; i++)
+        if (term->of[i].kind == feature.kind && term->of[i].index == feature.index)
+            return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "of: '%s' stands twice", text);
+    if (term->of_count == LG_MACHINE_FEATURES)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "of: more than %d names",
+                            LG_MACHINE_FEATURES);
+    term->of[term->of_count++] = feature;
+    return LG_OK;
+}
+
+/* ---- values ---- */
+
+/* A number, a list of numbers or a list of rows. */
+static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_term *term) {
+    const lg_key *key = &keys[KEY_VALUES];
+    size_t shape[3] = {1, 1, 1};
+    if (value->line == 0) return LG_OK;
+    LG_TRY(lg_yaml_entries(r->yaml, key, value, 1, &shape[0], r->error));
+    const yaml_node_t *list = value->node;
+    if (list->type == YAML_SEQUENCE_NODE) {
+        const yaml_node_t *first =
+            yaml_document_get_node(lg_yaml_document(r->yaml), list->data.sequence.items.start[0]);
+        const lg_key_value row = {.line = (uint32_t)first->start_mark.line + 1, .node = first};
+        LG_TRY(lg_yaml_entries(r->yaml, key, &row, 1, &shape[1], r->error));
+    }
+    if (shape[0] > LG_MACHINE_VALUES || shape[1] > LG_MACHINE_VALUES ||
+        shape[0] * shape[1] > LG_MACHINE_VALUES)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "values: more than %d numbers",
+                            LG_MACHINE_VALUES);
+    term->value_count = (uint32_t)(shape[0] * shape[1]);
+    return lg_yaml_block(r->yaml, key, value, shape, term->values, NULL, r->error);
+}
+
+/* ---- terms ---- */
+
+static lg_status unknown_kind(reading *r, lg_machine_part part, uint32_t line, const char *name) {
+    char known[200] = "none";
+    size_t used = strlen(known);
+    const lg_term_kind *kind = NULL;
+    if (part == LG_MACHINE_POTENTIAL) used += (size_t)snprintf(known + used, sizeof known - used, ", known");
+    for (size_t i = 0; (kind = lg_term_kind_at(part, i)) != NULL && used < sizeof known; i++)
+        used += (size_t)snprintf(known + used, sizeof known - used, ", %s", lg_term_kind_name(kind));
+    return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: kind '%.40s' is none of %s",
+                        lg_machine_part_name(part), name, known);
+}
+
+static lg_status add_term(reading *r, lg_machine_part part, uint32_t line, const char *kind,
+                          lg_machine_term **out) {
+    lg_machine *m = &r->out->machine;
+    const lg_term_kind *row = lg_term_kind_find(part, kind);
+    if (row == NULL) return unknown_kind(r, part, line, kind);
+    if (part == LG_MACHINE_INPUT_MAP && m->input_count == 0)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "input_map: this machine has no inputs");
+    if (m->term_count == LG_MACHINE_TERMS)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d terms", LG_MACHINE_TERMS);
+    lg_machine_term *term = &m->terms[m->term_count++];
+    *term = (lg_machine_term){.kind = row, .part = part, .activation = LG_TANH};
+    const uint32_t options = lg_term_kind_options(row);
+    if ((options & LG_TERM_WIDTH) != 0) term->width = default_width;
+    if ((options & LG_TERM_HIDDEN) != 0) {
+        term->hidden_layers = LG_COUNT(default_hidden);
+        memcpy(term->hidden, default_hidden, sizeof default_hidden);
+    }
+    *out = term;
+    return LG_OK;
+}
+
+/* Keys that are there although the kind does not take them. */
+static lg_status check_keys(reading *r, lg_machine_part part, const char *kind, uint32_t options,
+                            const lg_key_value *values) {
+    const bool damping = part == LG_MACHINE_DAMPING;
+    const bool known = part == LG_MACHINE_POTENTIAL && strcmp(values[KEY_KIND].text, "known") == 0;
+    const bool width = (options & LG_TERM_WIDTH) != 0 || is_true(&values[KEY_COULOMB]);
+    for (int k = 0; k < KEY_COUNT; k++) {
+        bool taken = takes[k] == 0 || (options & takes[k]) != 0;
+        if (k == KEY_FORM) taken = known;
+        if (k == KEY_COULOMB || k == KEY_QUADRATIC) taken = damping;
+        if (k == KEY_WIDTH) taken = damping && width;
+        if (values[k].line != 0 && !taken)
+            return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
+                                "%s: %s of kind %s takes no such key%s", keys[k].name,
+                                lg_machine_part_name(part), kind,
+                                k == KEY_WIDTH ? " without `coulomb: true`" : "");
+    }
+    return LG_OK;
+}
+
+static lg_status fill_term(reading *r, lg_machine_part part, lg_machine_term *term,
+                           const lg_key_value *values) {
+    term_reading t = {term, part, values};
+    if (values[KEY_OF].line != 0) LG_TRY(lg_machine_texts(r, values[KEY_OF].node, "of", add_feature, &t));
+    if (values[KEY_HIDDEN].line != 0) {
+        term->hidden_layers = values[KEY_HIDDEN].count;
+        for (uint32_t i = 0; i < term->hidden_layers; i++)
+            term->hidden[i] = (uint32_t)values[KEY_HIDDEN].real[i];
+    }
+    if (values[KEY_ACTIVATION].line != 0) term->activation = (lg_activation)values[KEY_ACTIVATION].real[0];
+    if (values[KEY_DEGREE].line != 0) term->degree = (uint32_t)values[KEY_DEGREE].real[0];
+    if (values[KEY_WIDTH].line != 0 && term->width > 0) term->width = values[KEY_WIDTH].real[0];
+    return read_values(r, &values[KEY_VALUES], term);
+}
+
+/* The second and third term of damping. */
+static lg_status add_friction(reading *r, const lg_key_value *values) {
+    lg_machine_term *term = NULL;
+    if (is_true(&values[KEY_COULOMB])) {
+        LG_TRY(add_term(r, LG_MACHINE_DAMPING, values[KEY_COULOMB].line, "coulomb", &term));
+        if (values[KEY_WIDTH].line != 0) term->width = values[KEY_WIDTH].real[0];
+    }
+    if (!is_true(&values[KEY_QUADRATIC])) return LG_OK;
+    return add_term(r, LG_MACHINE_DAMPING, values[KEY_QUADRATIC].line, "quadratic", &term);
+}
+
+/* The kind whose row describes the term: of a known potential its form. */
+static lg_status kind_of(reading *r, lg_machine_part part, const lg_key_value *values, const char **out) {
+    *out = values[KEY_KIND].text;
+    if (part != LG_MACHINE_POTENTIAL || strcmp(*out, "known") != 0) return LG_OK;
+    static const char *const needed[] = {"form", "values"};
+    static const int needed_key[] = {KEY_FORM, KEY_VALUES};
+    for (size_t i = 0; i < LG_COUNT(needed); i++)
+        if (values[needed_key[i]].line == 0)
+            return lg_yaml_fail(r->yaml, values[KEY_KIND].line, LG_FORMAT, r->error,
+                                "potential: a known one needs key '%s'", needed[i]);
+    *out = values[KEY_FORM].text;
+    const lg_term_kind *row = lg_term_kind_find(part, *out);
+    if (row != NULL && (lg_term_kind_options(row) & LG_TERM_VALUES) != 0) return LG_OK;
+    return lg_yaml_fail(r->yaml, values[KEY_FORM].line, LG_FORMAT, r->error,
+                        "form: '%.40s' is none of linear, quadratic, polynomial, gravity", *out);
+}
+
+static lg_status read_mapping(reading *r, lg_machine_part part, const yaml_node_t *node) {
+    lg_key_value values[KEY_COUNT] = {{.line = 0}};
+    const lg_key_set set = {keys, KEY_COUNT, values};
+    const char *kind = NULL;
+    lg_machine_term *term = NULL;
+    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, lg_machine_part_name(part), r->error));
+    LG_TRY(kind_of(r, part, values, &kind));
+    if (strcmp(kind, "none") == 0) {
+        LG_TRY(check_keys(r, part, kind, 0, values));
+    } else {
+        LG_TRY(add_term(r, part, values[KEY_KIND].line, kind, &term));
+        LG_TRY(check_keys(r, part, kind, lg_term_kind_options(term->kind), values));
+        LG_TRY(fill_term(r, part, term, values));
+    }
+    return add_friction(r, values);
+}
+
+static lg_status read_word(reading *r, uint32_t line, const char *text, void *user) {
+    lg_machine_term *term = NULL;
+    const lg_machine_part part = *(const lg_machine_part *)user;
+    if (strcmp(text, "none") == 0) return LG_OK;
+    if (part == LG_MACHINE_POTENTIAL && strcmp(text, "known") == 0)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "potential: a known one is {kind: known, form: ..., of: [...], values: ...}");
+    return add_term(r, part, line, text, &term);
+}
+
+static lg_status read_one(reading *r, lg_machine_part part, const yaml_node_t *node) {
+    if (node->type == YAML_MAPPING_NODE) return read_mapping(r, part, node);
+    if (node->type == YAML_SCALAR_NODE)
+        return lg_machine_texts(r, node, lg_machine_part_name(part), read_word, &part);
+    return lg_yaml_fail(r->yaml, (uint32_t)node->start_mark.line + 1, LG_FORMAT, r->error,
+                        "%s: {kind: ...}, a list of such, or the name of a kind is expected",
+                        lg_machine_part_name(part));
+}
+
+lg_status lg_machine_read_terms(reading *r, lg_machine_part part, const lg_key_value *value) {
+    lg_machine_term *term = NULL;
+    const bool constant =
+        part == LG_MACHINE_MASS || (part == LG_MACHINE_INPUT_MAP && r->out->machine.input_count > 0);
+    if (value->line == 0) return constant ? add_term(r, part, 0, "constant", &term) : LG_OK;
+    const yaml_node_t *node = value->node;
+    if (node->type != YAML_SEQUENCE_NODE) return read_one(r, part, node);
+    if (node->data.sequence.items.start == node->data.sequence.items.top)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: is an empty list",
+                            lg_machine_part_name(part));
+    const yaml_node_item_t *item = node->data.sequence.items.start;
+    for (; item < node->data.sequence.items.top; item++)
+        LG_TRY(read_one(r, part, yaml_document_get_node(lg_yaml_document(r->yaml), *item)));
+    return LG_OK;
+}

@@ -1,0 +1,256 @@
+/* Machines as a kind of model. */
+#include "liegrad/machine_model.h"
+
+#include <ctype.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/names.h"
+#include "datasets/run.h"
+
+/* ---- the YAML text ---- */
+
+/* Copies a line without its comment and blanks at the end; returns its length with the line's end, 0 for an
+ * empty one. A # begins a comment at the start or after a blank, outside of quotes. */
+static size_t copy_line(const char *line, size_t length, char *out) {
+    char quote = '\0';
+    size_t used = 0;
+    for (; used < length; used++) {
+        const char c = line[used];
+        if (quote != '\0')
+            quote = c == quote ? '\0' : quote;
+        else if (c == '\'' || c == '"')
+            quote = c;
+        else if (c == '#' && (used == 0 || line[used - 1] == ' ' || line[used - 1] == '\t'))
+            break;
+    }
+    while (used > 0 && isspace((unsigned char)line[used - 1])) used--;
+    if (used == 0) return 0;
+    memcpy(out, line, used);
+    out[used] = '\n';
+    return used + 1;
+}
+
+lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name, const char *text,
+                                    lg_error *error) {
+    size_t used = 0;
+    for (const char *line = text; *line != '\0';) {
+        const size_t length = strcspn(line, "\n");
+        if (used + length + 2 > LG_MACHINE_TEXT)
+            return lg_fail(error, LG_FORMAT, "%s: is longer than the %d bytes that a model file keeps",
+                           lg_shown_path(name), LG_MACHINE_TEXT - 1);
+        used += copy_line(line, length, run->text + used);
+        line += length + (line[length] == '\n');
+    }
+    memset(run->text + used, 0, LG_MACHINE_TEXT - used);
+    return LG_OK;
+}
+
+/* ---- the run ---- */
+
+enum { SCALES = 3 + LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS };
+_Static_assert(sizeof(lg_machine_scales) == SCALES * sizeof(double),
+               "scales are numbers one after the other");
+_Static_assert(SCALES <= LG_HYPER_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_HYPER_LIST_MAX,
+               "they fit into lists");
+
+static uint32_t get_scales(const void *member, double *values) {
+    memcpy(values, member, sizeof(lg_machine_scales));
+    return SCALES;
+}
+
+static void put_scales(void *member, const double *values, uint32_t count) {
+    if (count == SCALES) memcpy(member, values, sizeof(lg_machine_scales));
+}
+
+static uint32_t get_range(const void *member, double *values) {
+    memcpy(values, member, sizeof(lg_machine_range));
+    return 2 * LG_MACHINE_RANGE;
+}
+
+static void put_range(void *member, const double *values, uint32_t count) {
+    if (count == 2 * LG_MACHINE_RANGE) memcpy(member, values, sizeof(lg_machine_range));
+}
+
+/* Of all coordinates, those that are not there included. */
+static uint32_t get_coordinates(const void *member, double *values) {
+    memcpy(values, member, LG_MACHINE_COORDINATES * sizeof *values);
+    return LG_MACHINE_COORDINATES;
+}
+
+static void put_coordinates(void *member, const double *values, uint32_t count) {
+    if (count == LG_MACHINE_COORDINATES) memcpy(member, values, LG_MACHINE_COORDINATES * sizeof *values);
+}
+
+#define FACT(group, name, type, member, ...)                                                                 \
+    LG_FACT(lg_machine_model_run, group, name, type, member, __VA_ARGS__)
+static const lg_hyperparameter facts[] = {
+    FACT("model", "machine", TEXT, text, .low = 0),
+    FACT("model", "scales", REALS, scales, .low = 0, .get = get_scales, .put = put_scales, .most = SCALES),
+    FACT("run", "range", REALS, range, .low = -1e300, .get = get_range, .put = put_range,
+         .most = 2 * LG_MACHINE_RANGE),
+    FACT("run", "position_scale", REALS, position_scale, .low = 0, .get = get_coordinates,
+         .put = put_coordinates, .most = LG_MACHINE_COORDINATES),
+    FACT("run", "velocity_scale", REALS, velocity_scale, .low = 0, .get = get_coordinates,
+         .put = put_coordinates, .most = LG_MACHINE_COORDINATES),
+    FACT("run", "windows", U64, windows, .low = 0),
+    FACT("run", "dt", REAL, dt, .low = 0),
+    FACT("run", "delay", U32, delay, .low = 0),
+    FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
+    LG_HYPERPARAMETER_END};
+
+static const lg_machine_model_run defaults = {
+    .substeps = 1, .window = 5, .stride = 1, .training = {.schedule = LG_SCHEDULE_STEP, .shards = 4}};
+
+static bool positive(const lg_machine_scales *scales) {
+    double values[SCALES];
+    const uint32_t count = get_scales(scales, values);
+    for (uint32_t i = 0; i < count; i++)
+        if (!(values[i] > 0.0)) return false;
+    return true;
+}
+
+static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
+    lg_machine_model_run *run = user;
+    lg_machine_file description;
+    if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
+    if (!positive(&run->scales))
+        return lg_fail(error, LG_FORMAT, "%s: /model: attribute scales has numbers that are not above 0",
+                       lg_shown_path(h5->path));
+    LG_TRY(lg_as_format(
+        lg_machine_file_parse(h5->context, h5->path, run->text, strlen(run->text), &description, error),
+        error));
+    run->machine = description.machine;
+    run->machine.scales = run->scales;
+    lg_machine_file_destroy(&description);
+    return LG_OK;
+}
+
+static size_t parameters(const void *run) {
+    return ((const lg_machine_model_run *)run)->machine.parameters;
+}
+
+static lg_status check(const void *user) {
+    lg_machine again = ((const lg_machine_model_run *)user)->machine;
+    LG_TRY(lg_machine_init(&again, NULL));
+    return again.parameters == parameters(user) ? LG_OK : LG_INVALID_ARGUMENT;
+}
+
+static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
+    (void)user;
+    LG_TRY(lg_h5_put_text(h5, "model", "inputs", "state, then inputs", error));
+    return lg_h5_put_text(h5, "model", "outputs", "H", error);
+}
+
+/* ---- the flat parameter vector as named arrays ---- */
+
+/* "damping", or "damping2" of a second term of the part. */
+static void name_term(const lg_machine *machine, uint32_t term, char *text, size_t size) {
+    uint32_t before = 1;
+    const lg_machine_part part = machine->terms[term].part;
+    for (uint32_t i = 0; i < term; i++) before += machine->terms[i].part == part;
+    if (before == 1)
+        (void)snprintf(text, size, "%s", lg_machine_part_name(part));
+    else
+        (void)snprintf(text, size, "%s%u", lg_machine_part_name(part), before);
+}
+
+static void set_slice(lg_slice_info *s, const char *term, const char *name, size_t offset, uint32_t rank,
+                      uint64_t first, uint64_t second) {
+    (void)snprintf(s->name, sizeof s->name, "%s/%s", term, name);
+    s->rank = rank;
+    s->dims[0] = first, s->dims[1] = second;
+    s->offset = offset;
+    s->count = (size_t)(first * (rank == 2 ? second : 1));
+}
+
+/* Slice number *index of a network; counts down what it passes. */
+static bool network_slice(const lg_machine_term *term, const char *name, uint32_t *index, lg_slice_info *s) {
+    const lg_mlp *net = &term->net;
+    char layer_name[24];
+    for (uint32_t layer = 0; layer < net->layers; layer++)
+        for (int bias = 0; bias < 2; bias++) {
+            if (bias == 1 && !lg_mlp_has_bias(net, layer)) continue;
+            if ((*index)-- != 0) continue;
+            const size_t at = bias ? lg_mlp_bias_offset(net, layer) : lg_mlp_weight_offset(net, layer);
+            (void)snprintf(layer_name, sizeof layer_name, "layer%u/%s", layer + 1, bias ? "bias" : "weight");
+            set_slice(s, name, layer_name, term->offset + at, bias ? 1 : 2,
+                      bias ? net->width[layer + 1] : net->width[layer], net->width[layer + 1]);
+            return true;
+        }
+    return false;
+}
+
+static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
+    const lg_machine *machine = &((const lg_machine_model_run *)run)->machine;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        char name[24];
+        if (term->parameters == 0) continue;
+        name_term(machine, i, name, sizeof name);
+        if ((lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0) {
+            if (network_slice(term, name, &index, s)) return true;
+            continue;
+        }
+        if (index-- != 0) continue;
+        set_slice(s, name, lg_term_kind_name(term->kind), term->offset, 1, term->parameters, 0);
+        return true;
+    }
+    return false;
+}
+
+/* ---- the rest of the file ---- */
+
+static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
+    (void)h5, (void)user, (void)fitted, (void)error;
+    return LG_OK;
+}
+
+static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
+    (void)h5, (void)user, (void)error;
+    return LG_OK;
+}
+
+void lg_machine_model_file_destroy(lg_machine_model_file *file) {
+    if (file == NULL) return;
+    lg_free(file->context, file->theta);
+    lg_history_destroy(file->context, file->history);
+    *file = (lg_machine_model_file){.context = NULL};
+}
+
+LG_RUN_KIND(machine_model, "machine-checkpoint")
+
+/* ---- about logs ---- */
+
+void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log, char text[LG_SHA256_TEXT]) {
+    lg_sha256 state;
+    lg_sha256_init(&state);
+    lg_sha256_add_doubles(&state, log->t, log->rows);
+    lg_sha256_add_doubles(&state, log->q, log->rows * machine->positions);
+    lg_sha256_add_doubles(&state, log->v, log->rows * machine->velocities);
+    if (log->u != NULL) lg_sha256_add_doubles(&state, log->u, log->rows * 4 * machine->input_count);
+    lg_sha256_finish(&state, text);
+}
+
+static void widen(lg_machine_range *range, size_t at, const double *values, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        if (isnan(values[i])) continue;
+        range->low[at + i] = fmin(range->low[at + i], values[i]);
+        range->high[at + i] = fmax(range->high[at + i], values[i]);
+    }
+}
+
+void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log, lg_machine_range *out) {
+    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
+    for (size_t i = 0; i < LG_MACHINE_RANGE; i++) {
+        const bool used = i < nq + nv + m;
+        out->low[i] = used ? 1e300 : 0.0;
+        out->high[i] = used ? -1e300 : 0.0;
+    }
+    for (size_t row = 0; row < log->rows; row++) {
+        widen(out, 0, log->q + row * nq, nq);
+        widen(out, nq, log->v + row * nv, nv);
+        if (m > 0) widen(out, nq + nv, log->u + row * 4 * m, m);
+    }
+}

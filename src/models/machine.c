@@ -1,0 +1,282 @@
+/* Machines: description and sizes. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "models/machine_internal.h"
+
+/* ---- coordinates ---- */
+
+static const lg_coordinate_row coordinate_rows[LG_COORDINATE_KIND_COUNT] = {
+    [LG_COORDINATE_LINE] = {"line", 1, 0, 0, 1},
+    [LG_COORDINATE_ANGLE] = {"angle", 1, 0, 0, 1},
+    [LG_COORDINATE_DIRECTION] = {"direction", 0, 1, 0, 3},
+    [LG_COORDINATE_ROTATION] = {"rotation", 0, 0, 1, 3},
+    [LG_COORDINATE_POSE] = {"pose", 3, 0, 1, 6},
+};
+
+const lg_coordinate_row *lg_coordinate_row_of(lg_coordinate_kind kind) {
+    return (uint32_t)kind < LG_COORDINATE_KIND_COUNT ? &coordinate_rows[kind] : NULL;
+}
+
+uint32_t lg_coordinate_positions(lg_coordinate_kind kind) {
+    const lg_coordinate_row *row = &coordinate_rows[kind];
+    return row->places + 3 * row->directions + 9 * row->rotations;
+}
+
+lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate) {
+    lg_machine_offsets at = {0};
+    for (uint32_t i = 0; i < coordinate; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *row = &coordinate_rows[kind];
+        at.place += row->places;
+        at.direction += row->directions;
+        at.rotation += row->rotations;
+        at.momentum += row->directions > 0 ? 0 : row->velocities;
+        at.position += lg_coordinate_positions(kind);
+        at.velocity += row->velocities;
+    }
+    return at;
+}
+
+lg_machine_places lg_machine_parts(const lg_machine *machine) {
+    int next = 0;
+    lg_machine_places at = {-1, -1, -1, -1, -1};
+    if (machine->places > 0) at.x = next++;
+    if (machine->directions > 0) at.q = next++, at.p = next++;
+    if (machine->rotations > 0) at.R = next++;
+    if (machine->momenta > 0) at.m = next++;
+    return at;
+}
+
+lg_status lg_machine_space(const lg_machine *machine, lg_space *space) {
+    lg_space_factor factors[4];
+    size_t count = 0;
+    if (machine->places > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->places};
+    if (machine->directions > 0) factors[count++] = (lg_space_factor){LG_SPACE_TS2, machine->directions};
+    if (machine->rotations > 0) factors[count++] = (lg_space_factor){LG_SPACE_SO3, machine->rotations};
+    if (machine->momenta > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->momenta};
+    return lg_space_init(space, factors, count);
+}
+
+/* ---- terms ---- */
+
+const char *lg_machine_part_name(lg_machine_part part) {
+    static const char *const names[LG_MACHINE_PART_COUNT] = {"mass", "potential", "damping", "input_map",
+                                                             "residual"};
+    return (uint32_t)part < LG_MACHINE_PART_COUNT ? names[part] : NULL;
+}
+
+static const lg_term_kind *const tables[] = {lg_machine_mass_kinds, lg_machine_potential_kinds,
+                                             lg_machine_force_kinds};
+
+const lg_term_kind *lg_term_kind_at(lg_machine_part part, size_t index) {
+    for (size_t t = 0; t < LG_COUNT(tables); t++)
+        for (const lg_term_kind *kind = tables[t]; kind->name != NULL; kind++)
+            if (kind->part == part && index-- == 0) return kind;
+    return NULL;
+}
+
+const lg_term_kind *lg_term_kind_find(lg_machine_part part, const char *name) {
+    const lg_term_kind *kind;
+    for (size_t i = 0; (kind = lg_term_kind_at(part, i)) != NULL; i++)
+        if (strcmp(kind->name, name) == 0) return kind;
+    return NULL;
+}
+
+const char *lg_term_kind_name(const lg_term_kind *kind) {
+    return kind->name;
+}
+
+uint32_t lg_term_kind_options(const lg_term_kind *kind) {
+    return kind->options;
+}
+
+/* ---- initialisation ---- */
+
+void lg_machine_scales_init(lg_machine_scales *scales) {
+    scales->time = scales->energy = scales->held = 1.0;
+    for (size_t i = 0; i < LG_MACHINE_POSITIONS; i++) scales->place[i] = 1.0;
+    for (size_t i = 0; i < LG_MACHINE_VELOCITIES; i++) scales->velocity[i] = 1.0;
+    for (size_t i = 0; i < LG_MACHINE_INPUTS; i++) scales->input[i] = 1.0;
+}
+
+static lg_status count_coordinates(lg_machine *machine, lg_error *error) {
+    if (machine->coordinate_count == 0 || machine->coordinate_count > LG_MACHINE_COORDINATES ||
+        machine->input_count > LG_MACHINE_INPUTS || machine->term_count > LG_MACHINE_TERMS)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a machine has 1 to %d coordinates, up to %d inputs and up to %d terms",
+                       LG_MACHINE_COORDINATES, LG_MACHINE_INPUTS, LG_MACHINE_TERMS);
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        if (lg_coordinate_row_of(machine->coordinates[i].kind) == NULL)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %u has an unknown kind", i + 1);
+    const lg_machine_offsets all = lg_machine_offsets_of(machine, machine->coordinate_count);
+    machine->places = all.place;
+    machine->directions = all.direction;
+    machine->rotations = all.rotation;
+    machine->momenta = all.momentum;
+    machine->positions = all.position;
+    machine->velocities = all.velocity;
+    if (all.velocity > LG_MACHINE_VELOCITIES || all.position > LG_MACHINE_POSITIONS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the coordinates have %u velocities, at most %d",
+                       all.velocity, LG_MACHINE_VELOCITIES);
+    return LG_OK;
+}
+
+static lg_status check_names(const lg_machine *machine, lg_error *error) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        for (uint32_t j = 0; j < i; j++)
+            if (strcmp(machine->coordinates[i].name, machine->coordinates[j].name) == 0)
+                return lg_fail(error, LG_INVALID_ARGUMENT, "two coordinates are called %s",
+                               machine->coordinates[i].name);
+    return LG_OK;
+}
+
+static bool feature_fits(const lg_machine *machine, const lg_machine_term *term, lg_machine_feature of) {
+    const bool input = of.kind == LG_FEATURE_INPUT;
+    if (of.index >= (input ? machine->input_count : machine->coordinate_count)) return false;
+    if (input) return term->part == LG_MACHINE_RESIDUAL;
+    const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
+    switch (of.kind) {
+    case LG_FEATURE_PLACE:
+        return row->places > 0 && row->rotations > 0;
+    case LG_FEATURE_ROTATION:
+        return row->places > 0 && row->rotations > 0;
+    case LG_FEATURE_UP:
+        return row->rotations > 0;
+    case LG_FEATURE_VELOCITY:
+        return (term->kind->options & LG_TERM_MOVING) != 0;
+    default:
+        return true;
+    }
+}
+
+static lg_status term_fails(const lg_machine_term *term, lg_error *error, const char *what) {
+    return lg_fail(error, LG_INVALID_ARGUMENT, "%s of kind %s: %s", lg_machine_part_name(term->part),
+                   term->kind->name, what);
+}
+
+static lg_status check_term(const lg_machine *machine, const lg_machine_term *term, lg_error *error) {
+    const uint32_t options = term->kind->options;
+    if ((options & LG_TERM_OF) != 0 && term->of_count == 0)
+        return term_fails(term, error, "needs `of`, the coordinates that it depends on");
+    if (term->of_count > LG_MACHINE_FEATURES || term->hidden_layers > LG_MACHINE_HIDDEN)
+        return term_fails(term, error, "has too many features or layers");
+    for (uint32_t i = 0; i < term->of_count; i++)
+        if (!feature_fits(machine, term, term->of[i]))
+            return term_fails(term, error, "cannot depend on what `of` lists");
+    if ((options & LG_TERM_DEGREE) != 0 && (term->degree < 1 || term->degree > LG_MACHINE_DEGREE))
+        return term_fails(term, error, "the degree must be 1 to 8");
+    if ((options & LG_TERM_WIDTH) != 0 && !(term->width > 0.0 && isfinite(term->width)))
+        return term_fails(term, error, "the width must be above 0");
+    size_t fits[2] = {0, 0};
+    if (term->kind->values != NULL) term->kind->values(machine, term, fits);
+    const bool needed = (options & LG_TERM_KNOWN) != 0, given = term->value_count > 0;
+    if ((needed || given) && term->value_count != fits[0] && term->value_count != fits[1])
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s of kind %s: has %u values, %zu or %zu are expected",
+                       lg_machine_part_name(term->part), term->kind->name, term->value_count, fits[0],
+                       fits[1]);
+    return LG_OK;
+}
+
+/* Gravity sees heights, by default those of all coordinates but lines. */
+static void set_heights(const lg_machine *machine, lg_machine_term *term) {
+    for (uint32_t i = 0; i < machine->coordinate_count && term->of_count < LG_MACHINE_FEATURES; i++)
+        if (machine->coordinates[i].kind != LG_COORDINATE_LINE)
+            term->of[term->of_count++] = (lg_machine_feature){LG_FEATURE_HEIGHT, i};
+}
+
+static lg_status set_term(const lg_machine *machine, lg_machine_term *term, lg_error *error) {
+    if (term->kind == NULL || term->kind->part != term->part)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a term has no kind, or one of another part");
+    if (term->kind->heights) {
+        if (term->of_count == 0) set_heights(machine, term);
+        for (uint32_t i = 0; i < term->of_count; i++)
+            if (term->of[i].kind == LG_FEATURE_POSITION) term->of[i].kind = LG_FEATURE_HEIGHT;
+    }
+    LG_TRY(check_term(machine, term, error));
+    if (term->kind->outputs != NULL) {
+        const lg_status status = lg_mlp_init(&term->net, lg_machine_feature_numbers(machine, term),
+                                             term->hidden, term->hidden_layers, term->kind->outputs(machine),
+                                             term->activation, term->part != LG_MACHINE_POTENTIAL);
+        if (status != LG_OK) return term_fails(term, error, "a network of this size cannot be made");
+        term->parameters = lg_mlp_parameters(&term->net);
+        return LG_OK;
+    }
+    const bool known = term->value_count > 0;
+    term->parameters = known || term->kind->parameters == NULL ? 0 : term->kind->parameters(machine, term);
+    if (term->parameters == SIZE_MAX) return term_fails(term, error, "has too many monomials");
+    return LG_OK;
+}
+
+static bool has_part(const lg_machine *machine, lg_machine_part part) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == part) return true;
+    return false;
+}
+
+/* Every direction has a mass. */
+static lg_status check_mass(const lg_machine *machine, lg_error *error) {
+    bool directions = machine->directions == 0;
+    if (!has_part(machine, LG_MACHINE_MASS))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a machine needs a mass");
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        directions = directions || (machine->terms[i].part == LG_MACHINE_MASS &&
+                                    machine->terms[i].kind->directions != NULL);
+    if (directions) return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "the mass of a direction is one number: add a mass of kind diagonal or known");
+}
+
+/* What fixes the common factor of M, V, D and B. */
+static void find_gauge(lg_machine *machine) {
+    bool given = false, moving = false;
+    uint32_t masses = 0;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        given = given || term->value_count > 0;
+        if (term->part != LG_MACHINE_MASS) continue;
+        masses++;
+        moving = moving || (term->kind != NULL && term->kind->moving);
+    }
+    machine->normalised = !given && !moving && masses == 1;
+    machine->free_gauge = !given && !machine->normalised;
+}
+
+lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
+    LG_TRY(count_coordinates(machine, error));
+    LG_TRY(check_names(machine, error));
+    find_gauge(machine);
+    size_t offset = 0;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        LG_TRY(set_term(machine, &machine->terms[i], error));
+        machine->terms[i].offset = offset;
+        offset += machine->terms[i].parameters;
+    }
+    machine->parameters = offset;
+    if (machine->input_count > 0 && !has_part(machine, LG_MACHINE_INPUT_MAP) &&
+        !has_part(machine, LG_MACHINE_RESIDUAL))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there are inputs, but no input_map");
+    return check_mass(machine, error);
+}
+
+/* ---- parameters to start with ---- */
+
+static void scale_last(const lg_mlp *net, double *theta) {
+    for (size_t i = lg_mlp_weight_offset(net, net->layers - 1); i < lg_mlp_parameters(net); i++)
+        theta[i] *= 0.1;
+}
+
+void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta) {
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        double *slice = theta + term->offset;
+        for (size_t j = 0; j < term->parameters; j++) slice[j] = 0.0;
+        if (term->kind->outputs != NULL) {
+            lg_mlp_initialise(&term->net, rng, slice);
+            scale_last(&term->net, slice);
+        }
+        if (term->parameters > 0 && term->kind->initialise != NULL)
+            term->kind->initialise(machine, term, slice);
+    }
+}

@@ -1,0 +1,217 @@
+/* Machines: what terms see of a state, and building blocks of their recordings. */
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count) {
+    const lg_shape shape = lg_var_shape(tape, x);
+    if (first == 0 && shape.rank == 2 && shape.dims[1] == count) return x;
+    return lg_slice(tape, x, 1, first, count);
+}
+
+/* ---- features ---- */
+
+enum { SIN_COS = 2, VECTOR = 3, MATRIX = 9 };
+
+static bool is_angle(const lg_machine *machine, lg_machine_feature of) {
+    return machine->coordinates[of.index].kind == LG_COORDINATE_ANGLE;
+}
+
+static const uint32_t height_counts[LG_COORDINATE_KIND_COUNT] = {[LG_COORDINATE_LINE] = 1,
+                                                                 [LG_COORDINATE_ANGLE] = SIN_COS,
+                                                                 [LG_COORDINATE_DIRECTION] = 1,
+                                                                 [LG_COORDINATE_ROTATION] = VECTOR,
+                                                                 [LG_COORDINATE_POSE] = 1};
+
+uint32_t lg_machine_feature_count(const lg_machine *machine, lg_machine_feature of) {
+    switch (of.kind) {
+    case LG_FEATURE_POSITION:
+        return is_angle(machine, of) ? SIN_COS : lg_coordinate_positions(machine->coordinates[of.index].kind);
+    case LG_FEATURE_PLACE:
+    case LG_FEATURE_UP:
+        return VECTOR;
+    case LG_FEATURE_ROTATION:
+        return MATRIX;
+    case LG_FEATURE_HEIGHT:
+        return height_counts[machine->coordinates[of.index].kind];
+    case LG_FEATURE_VELOCITY:
+        return lg_coordinate_row_of(machine->coordinates[of.index].kind)->velocities;
+    default:
+        return 1;
+    }
+}
+
+uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term) {
+    uint32_t sum = 0;
+    for (uint32_t i = 0; i < term->of_count; i++) sum += lg_machine_feature_count(machine, term->of[i]);
+    return sum;
+}
+
+uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_term *term, double *scales) {
+    const lg_machine_scales *s = &machine->scales;
+    uint32_t used = 0;
+    for (uint32_t i = 0; i < term->of_count; i++) {
+        const lg_machine_feature of = term->of[i];
+        const uint32_t count = lg_machine_feature_count(machine, of);
+        const bool input = of.kind == LG_FEATURE_INPUT;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, input ? 0 : of.index);
+        const uint32_t places = input ? 0 : lg_coordinate_row_of(machine->coordinates[of.index].kind)->places;
+        for (uint32_t k = 0; k < count; k++) {
+            double scale = 1.0;
+            const bool place = of.kind == LG_FEATURE_PLACE || of.kind == LG_FEATURE_POSITION;
+            if ((place && k < places) || (of.kind == LG_FEATURE_HEIGHT && places > 0))
+                scale = s->place[at.place + (is_angle(machine, of) ? 0 : place ? k : places - 1)];
+            if (of.kind == LG_FEATURE_VELOCITY) scale = s->velocity[at.velocity + k] / s->time;
+            if (input) scale = s->input[of.index];
+            scales[used++] = scale;
+        }
+    }
+    return used;
+}
+
+/* Rotation number k as (B, 9). */
+static lg_var rotation(lg_tape *tape, const lg_machine *machine, const lg_machine_seen *seen, uint32_t k) {
+    lg_var R = seen->parts[lg_machine_parts(machine).R];
+    if (machine->rotations > 1) R = lg_slice(tape, R, 1, k, 1);
+    return lg_reshape(tape, R, lg_shape2(seen->rows, MATRIX));
+}
+
+static lg_var direction(lg_tape *tape, const lg_machine *machine, const lg_machine_seen *seen, uint32_t k) {
+    lg_var q = seen->parts[lg_machine_parts(machine).q];
+    if (machine->directions > 1) q = lg_slice(tape, q, 1, k, 1);
+    return lg_reshape(tape, q, lg_shape2(seen->rows, VECTOR));
+}
+
+/* The height of a coordinate that is not an angle. */
+static lg_var height(lg_tape *tape, const lg_machine *machine, const lg_coordinate_row *row,
+                     const lg_machine_offsets *at, const lg_machine_seen *seen) {
+    if (row->places > 0)
+        return lg_machine_columns(tape, seen->parts[lg_machine_parts(machine).x], at->place + row->places - 1,
+                                  1);
+    if (row->directions > 0) return lg_slice(tape, direction(tape, machine, seen, at->direction), 1, 2, 1);
+    return lg_slice(tape, rotation(tape, machine, seen, at->rotation), 1, 6, VECTOR);
+}
+
+/* Appends the variables of one feature. */
+static uint32_t record_feature(lg_tape *tape, const lg_machine *machine, lg_machine_feature of,
+                               const lg_machine_seen *seen, lg_var *out) {
+    if (of.kind == LG_FEATURE_INPUT) {
+        out[0] = lg_machine_columns(tape, seen->u, of.index, 1);
+        return 1;
+    }
+    const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
+    const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
+    const int x = lg_machine_parts(machine).x;
+    uint32_t count = 0;
+    if (of.kind == LG_FEATURE_VELOCITY) {
+        out[count++] = lg_machine_columns(tape, seen->v, at.velocity, row->velocities);
+    } else if (of.kind == LG_FEATURE_UP) {
+        out[count++] = lg_slice(tape, rotation(tape, machine, seen, at.rotation), 1, 6, VECTOR);
+    } else if (is_angle(machine, of)) {
+        const lg_var angle = lg_machine_columns(tape, seen->parts[x], at.place, 1);
+        out[count++] = lg_sin(tape, angle);
+        out[count++] = lg_cos(tape, angle);
+    } else if (of.kind == LG_FEATURE_HEIGHT) {
+        out[count++] = height(tape, machine, row, &at, seen);
+    } else {
+        if (of.kind != LG_FEATURE_ROTATION && row->places > 0)
+            out[count++] = lg_machine_columns(tape, seen->parts[x], at.place, row->places);
+        if (row->directions > 0) out[count++] = direction(tape, machine, seen, at.direction);
+        if (of.kind != LG_FEATURE_PLACE && row->rotations > 0)
+            out[count++] = rotation(tape, machine, seen, at.rotation);
+    }
+    return count;
+}
+
+lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
+                                  const lg_machine_seen *seen) {
+    lg_var all[2 * LG_MACHINE_FEATURES];
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < term->of_count; i++)
+        count += record_feature(tape, machine, term->of[i], seen, all + count);
+    return count == 1 ? all[0] : lg_concat(tape, all, count, 1);
+}
+
+/* ---- monomials ---- */
+
+/* Adds those whose first factors are given, with further factors of rising index. */
+static bool add_monomials(lg_monomials *m, uint32_t variables, uint32_t least, uint32_t most,
+                          uint32_t *factors, uint32_t degree) {
+    if (degree >= least && degree > 0) {
+        if (m->count == LG_MACHINE_MONOMIALS) return false;
+        memcpy(m->factor[m->count], factors, degree * sizeof *factors);
+        m->factor[m->count++][degree] = UINT32_MAX;
+    }
+    if (degree == most) return true;
+    for (uint32_t i = degree > 0 ? factors[degree - 1] : 0; i < variables; i++) {
+        factors[degree] = i;
+        if (!add_monomials(m, variables, least, most, factors, degree + 1)) return false;
+    }
+    return true;
+}
+
+bool lg_machine_monomials(uint32_t variables, uint32_t least, uint32_t most, lg_monomials *out) {
+    uint32_t factors[LG_MACHINE_DEGREE];
+    out->count = 0;
+    return add_monomials(out, variables, least, most, factors, 0);
+}
+
+lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials, lg_var x) {
+    lg_var columns[LG_MACHINE_MONOMIALS], all[LG_MACHINE_MONOMIALS];
+    const uint32_t variables = lg_var_shape(tape, x).dims[1];
+    bool linear = monomials->count == variables;
+    for (uint32_t i = 0; i < monomials->count; i++) linear = linear && monomials->factor[i][1] == UINT32_MAX;
+    if (linear) return x;
+    for (uint32_t i = 0; i < variables && i < LG_MACHINE_MONOMIALS; i++)
+        columns[i] = lg_machine_columns(tape, x, i, 1);
+    for (uint32_t i = 0; i < monomials->count; i++) {
+        const uint32_t *factor = monomials->factor[i];
+        all[i] = columns[factor[0]];
+        for (uint32_t k = 1; factor[k] != UINT32_MAX; k++) all[i] = lg_mul(tape, all[i], columns[factor[k]]);
+    }
+    return monomials->count == 1 ? all[0] : lg_concat(tape, all, monomials->count, 1);
+}
+
+/* ---- matrices ---- */
+
+/* Row k of S (triangle, n n) has the 1 of packed number k. */
+static lg_var selection(lg_tape *tape, uint32_t n) {
+    void *values;
+    const uint32_t count = lg_triangle(n);
+    lg_var S = lg_input_buffer(tape, lg_shape2(count, n * n), &values);
+    if (lg_is_none(S)) return S;
+    double *ones = values;
+    memset(ones, 0, (size_t)count * n * n * sizeof *ones);
+    uint32_t k = n;
+    for (uint32_t i = 0; i < n; i++) {
+        ones[(size_t)i * n * n + (size_t)i * n + i] = 1.0;
+        for (uint32_t j = 0; j < i; j++) ones[(size_t)k++ * n * n + (size_t)i * n + j] = 1.0;
+    }
+    return S;
+}
+
+lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive) {
+    const uint32_t rows = lg_var_shape(tape, packed).dims[0], count = lg_triangle(n);
+    if (positive) {
+        lg_var both[2];
+        both[0] = lg_exp(tape, lg_machine_columns(tape, packed, 0, n));
+        if (n > 1) both[1] = lg_slice(tape, packed, 1, n, count - n);
+        packed = n > 1 ? lg_concat(tape, both, 2, 1) : both[0];
+    }
+    if (n > 1) packed = lg_matmul(tape, packed, selection(tape, n));
+    return lg_reshape(tape, packed, lg_shape3(rows, n, n));
+}
+
+lg_var lg_machine_record_values(lg_tape *tape, const lg_machine_term *term, uint32_t rows, uint32_t columns,
+                                const double *left, const double *right) {
+    double scaled[LG_MACHINE_VALUES] = {0.0};
+    const bool diagonal = term->value_count == rows && columns != 1;
+    for (uint32_t i = 0; i < rows; i++)
+        for (uint32_t j = 0; j < columns; j++) {
+            const double value = !diagonal ? term->values[i * columns + j] : i == j ? term->values[i] : 0.0;
+            scaled[i * columns + j] = value * left[i] * right[j];
+        }
+    return lg_input_f64(tape, lg_shape2(rows, columns), scaled);
+}

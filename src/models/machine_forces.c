@@ -1,0 +1,283 @@
+/* Machines: damping, input maps and residuals. Damping D is a square or L L^T, so that v.f <= 0. */
+#include <math.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+/* Damping to start with is the square of this. */
+static const double START = 0.1;
+
+static void fill_start(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    (void)machine;
+    for (size_t i = 0; i < term->parameters; i++) theta[i] = START;
+}
+
+static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
+    (void)term;
+    return machine->velocities;
+}
+
+static void square(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    (void)term;
+    fits[0] = machine->velocities;
+    fits[1] = (size_t)machine->velocities * machine->velocities;
+}
+
+static void one_value_each(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    (void)term;
+    fits[0] = fits[1] = machine->velocities;
+}
+
+/* ---- scales: a force of the log is the scaled one times E/L ---- */
+
+static void left_scales(const lg_machine *machine, double *left) {
+    for (uint32_t i = 0; i < machine->velocities; i++)
+        left[i] = machine->scales.velocity[i] / machine->scales.energy;
+}
+
+/* ---- damping ---- */
+
+static lg_var drag(lg_tape *tape, lg_var coefficient, lg_var v) {
+    return lg_neg(tape, lg_mul(tape, coefficient, v));
+}
+
+static lg_var known_damping(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                            const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const uint32_t n = machine->velocities;
+    double left[LG_MACHINE_VELOCITIES], right[LG_MACHINE_VELOCITIES];
+    left_scales(machine, left);
+    for (uint32_t i = 0; i < n; i++) right[i] = machine->scales.velocity[i] / machine->scales.time;
+    const lg_var D = lg_machine_record_values(tape, &machine->terms[term], n, n, left, right);
+    return lg_neg(tape, lg_matmul_nt(tape, seen->v, D));
+}
+
+/* theta^2, (1, velocities) */
+static lg_var squares(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    return lg_reshape(tape, lg_square(tape, vars->theta[term]), lg_shape2(1, vars->machine->velocities));
+}
+
+static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                       const lg_machine_seen *seen) {
+    return drag(tape, squares(tape, vars, term), seen->v);
+}
+
+/* L has `count` numbers: its packed triangle. */
+static size_t triangle(const lg_machine *machine, const lg_machine_term *term) {
+    (void)term;
+    return lg_triangle(machine->velocities);
+}
+
+static void start_triangle(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    (void)term;
+    for (uint32_t i = 0; i < machine->velocities; i++) theta[i] = START;
+}
+
+static lg_var constant(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                       const lg_machine_seen *seen) {
+    const uint32_t n = vars->machine->velocities;
+    const lg_var packed = lg_reshape(tape, vars->theta[term], lg_shape2(1, lg_triangle(n)));
+    const lg_var L = lg_reshape(tape, lg_machine_record_triangle(tape, packed, n, false), lg_shape2(n, n));
+    return lg_neg(tape, lg_matmul_nt(tape, lg_matmul(tape, seen->v, L), L));
+}
+
+static uint32_t triangle_outputs(const lg_machine *machine) {
+    return lg_triangle(machine->velocities);
+}
+
+static lg_var net_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const lg_machine_term *own = &vars->machine->terms[term];
+    const lg_var x = lg_machine_record_features(tape, vars->machine, own, seen);
+    return lg_mlp_record_bound(tape, &own->net, &vars->net[term], x);
+}
+
+static lg_var damping_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                              const lg_machine_seen *seen) {
+    const uint32_t n = vars->machine->velocities, rows = seen->rows;
+    const lg_var L = lg_machine_record_triangle(tape, net_of(tape, vars, term, seen), n, false);
+    const lg_var v = lg_reshape(tape, seen->v, lg_shape3(rows, n, 1));
+    const lg_var f = lg_matmul(tape, L, lg_matmul_tn(tape, L, v));
+    return lg_neg(tape, lg_reshape(tape, f, lg_shape2(rows, n)));
+}
+
+/* The coefficients (1, velocities): given ones, times right[i] and L/E, or squares of parameters. */
+static lg_var coefficients(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const double *right) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_term *own = &machine->terms[term];
+    double left[LG_MACHINE_VELOCITIES], c[LG_MACHINE_VELOCITIES];
+    if (own->value_count == 0) return squares(tape, vars, term);
+    left_scales(machine, left);
+    for (uint32_t i = 0; i < machine->velocities; i++) c[i] = own->values[i] * left[i] * right[i];
+    return lg_input_f64(tape, lg_shape2(1, machine->velocities), c);
+}
+
+/* c tanh(v/v0) */
+static lg_var coulomb(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                      const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const uint32_t n = machine->velocities;
+    double steep[LG_MACHINE_VELOCITIES], ones[LG_MACHINE_VELOCITIES];
+    for (uint32_t i = 0; i < n; i++) {
+        steep[i] = machine->scales.velocity[i] / (machine->scales.time * machine->terms[term].width);
+        ones[i] = 1.0;
+    }
+    const lg_var x = lg_mul(tape, seen->v, lg_input_f64(tape, lg_shape2(1, n), steep));
+    return drag(tape, coefficients(tape, vars, term, ones), lg_act(tape, x, LG_TANH));
+}
+
+/* c |v| v */
+static lg_var quadratic(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                        const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    double right[LG_MACHINE_VELOCITIES];
+    for (uint32_t i = 0; i < machine->velocities; i++) {
+        const double speed = machine->scales.velocity[i] / machine->scales.time;
+        right[i] = speed * speed;
+    }
+    const lg_var vv = lg_mul(tape, lg_abs(tape, seen->v), seen->v);
+    return drag(tape, coefficients(tape, vars, term, right), vv);
+}
+
+/* ---- input maps ---- */
+
+static void input_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    (void)term;
+    fits[0] = fits[1] = (size_t)machine->velocities * machine->input_count;
+}
+
+static lg_var known_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                        const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_term *own = &machine->terms[term];
+    double left[LG_MACHINE_VELOCITIES], B[LG_MACHINE_VALUES];
+    left_scales(machine, left);
+    for (uint32_t i = 0; i < machine->velocities; i++)
+        for (uint32_t j = 0; j < machine->input_count; j++)
+            B[i * machine->input_count + j] =
+                own->values[i * machine->input_count + j] * left[i] * machine->scales.input[j];
+    return lg_matmul_nt(tape, seen->u,
+                        lg_input_f64(tape, lg_shape2(machine->velocities, machine->input_count), B));
+}
+
+static uint32_t map_outputs(const lg_machine *machine) {
+    return machine->velocities * machine->input_count;
+}
+
+static size_t map_parameters(const lg_machine *machine, const lg_machine_term *term) {
+    (void)term;
+    return map_outputs(machine);
+}
+
+/* Input j drives velocity j. */
+static void start_map(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    (void)term;
+    for (uint32_t i = 0; i < machine->velocities && i < machine->input_count; i++)
+        theta[i * machine->input_count + i] = 1.0;
+}
+
+static lg_var constant_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                           const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const lg_var B =
+        lg_reshape(tape, vars->theta[term], lg_shape2(machine->velocities, machine->input_count));
+    return lg_matmul_nt(tape, seen->u, B);
+}
+
+static lg_var map_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                          const lg_machine_seen *seen) {
+    const uint32_t n = vars->machine->velocities, m = vars->machine->input_count, rows = seen->rows;
+    const lg_var B = lg_reshape(tape, net_of(tape, vars, term, seen), lg_shape3(rows, n, m));
+    const lg_var u = lg_reshape(tape, seen->u, lg_shape3(rows, m, 1));
+    return lg_reshape(tape, lg_matmul(tape, B, u), lg_shape2(rows, n));
+}
+
+/* ---- residuals ---- */
+
+static uint32_t velocity_outputs(const lg_machine *machine) {
+    return machine->velocities;
+}
+
+static bool list(const lg_machine *machine, const lg_machine_term *term, lg_monomials *out) {
+    return lg_machine_monomials(lg_machine_feature_numbers(machine, term), 1, term->degree, out);
+}
+
+static size_t polynomial_parameters(const lg_machine *machine, const lg_machine_term *term) {
+    lg_monomials monomials;
+    return list(machine, term, &monomials) ? (size_t)monomials.count * machine->velocities : SIZE_MAX;
+}
+
+static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                         const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    lg_monomials monomials;
+    (void)list(machine, &machine->terms[term], &monomials);
+    const lg_var x = lg_machine_record_features(tape, machine, &machine->terms[term], seen);
+    const lg_var all = lg_machine_record_monomials(tape, &monomials, x);
+    return lg_matmul(tape, all,
+                     lg_reshape(tape, vars->theta[term], lg_shape2(monomials.count, machine->velocities)));
+}
+
+/* ---- the table ---- */
+
+#define ANY (LG_TERM_OF | LG_TERM_MOVING)
+const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
+                                                .part = LG_MACHINE_DAMPING,
+                                                .options = LG_TERM_VALUES | LG_TERM_KNOWN,
+                                                .values = square,
+                                                .record = known_damping},
+                                               {.name = "diagonal",
+                                                .part = LG_MACHINE_DAMPING,
+                                                .parameters = one_each,
+                                                .initialise = fill_start,
+                                                .record = diagonal},
+                                               {.name = "constant",
+                                                .part = LG_MACHINE_DAMPING,
+                                                .parameters = triangle,
+                                                .initialise = start_triangle,
+                                                .record = constant},
+                                               {.name = "network",
+                                                .part = LG_MACHINE_DAMPING,
+                                                .options = ANY | LG_TERM_HIDDEN,
+                                                .outputs = triangle_outputs,
+                                                .record = damping_network},
+                                               {.name = "coulomb",
+                                                .part = LG_MACHINE_DAMPING,
+                                                .options = LG_TERM_WIDTH | LG_TERM_VALUES,
+                                                .parameters = one_each,
+                                                .initialise = fill_start,
+                                                .values = one_value_each,
+                                                .record = coulomb},
+                                               {.name = "quadratic",
+                                                .part = LG_MACHINE_DAMPING,
+                                                .options = LG_TERM_VALUES,
+                                                .parameters = one_each,
+                                                .initialise = fill_start,
+                                                .values = one_value_each,
+                                                .record = quadratic},
+                                               {.name = "known",
+                                                .part = LG_MACHINE_INPUT_MAP,
+                                                .options = LG_TERM_VALUES | LG_TERM_KNOWN,
+                                                .values = input_values,
+                                                .record = known_map},
+                                               {.name = "constant",
+                                                .part = LG_MACHINE_INPUT_MAP,
+                                                .parameters = map_parameters,
+                                                .initialise = start_map,
+                                                .record = constant_map},
+                                               {.name = "network",
+                                                .part = LG_MACHINE_INPUT_MAP,
+                                                .options = LG_TERM_OF | LG_TERM_HIDDEN,
+                                                .outputs = map_outputs,
+                                                .record = map_network},
+                                               {.name = "polynomial",
+                                                .part = LG_MACHINE_RESIDUAL,
+                                                .options = ANY | LG_TERM_DEGREE,
+                                                .parameters = polynomial_parameters,
+                                                .record = polynomial},
+                                               {.name = "network",
+                                                .part = LG_MACHINE_RESIDUAL,
+                                                .options = ANY | LG_TERM_HIDDEN,
+                                                .outputs = velocity_outputs,
+                                                .record = net_of},
+                                               {.name = NULL}};

@@ -1,0 +1,173 @@
+/* Machines: kinds of mass. Masses are positive: exp of a parameter, or L L^T with exp on the diagonal. */
+#include <math.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+/* Velocities whose momenta are on R^n, in order; those of the directions, the first of 3 each. */
+static uint32_t velocities_of(const lg_machine *machine, bool directions, uint32_t *list) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        if ((row->directions > 0) != directions) continue;
+        for (uint32_t k = 0; k < (directions ? 1 : row->velocities); k++) list[count++] = first + k;
+    }
+    return count;
+}
+
+/* The unit mass of velocity i in scaled numbers. */
+static double unit_mass(const lg_machine *machine, uint32_t i, uint32_t j) {
+    const lg_machine_scales *s = &machine->scales;
+    return s->velocity[i] * s->velocity[j] / (s->energy * s->time * s->time);
+}
+
+/* ---- known ---- */
+
+static void square(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    (void)term;
+    fits[0] = machine->velocities;
+    fits[1] = (size_t)machine->velocities * machine->velocities;
+}
+
+static double known_mass(const lg_machine *machine, const lg_machine_term *term, uint32_t i, uint32_t j) {
+    const uint32_t n = machine->velocities;
+    const bool diagonal = term->value_count == n;
+    const double value = diagonal ? (i == j ? term->values[i] : 0.0) : term->values[i * n + j];
+    return value * unit_mass(machine, i, j);
+}
+
+static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    uint32_t list[LG_MACHINE_VELOCITIES];
+    double m[LG_MACHINE_VALUES];
+    const uint32_t n = velocities_of(machine, false, list);
+    (void)seen;
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < n; j++)
+            m[i * n + j] = known_mass(machine, &machine->terms[term], list[i], list[j]);
+    return lg_input_f64(tape, lg_shape3(1, n, n), m);
+}
+
+static lg_var known_directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    const lg_machine *machine = vars->machine;
+    uint32_t list[LG_MACHINE_VELOCITIES];
+    double m[LG_MACHINE_VELOCITIES];
+    const uint32_t n = velocities_of(machine, true, list);
+    for (uint32_t i = 0; i < n; i++) m[i] = known_mass(machine, &machine->terms[term], list[i], list[i]);
+    return lg_input_f64(tape, lg_shape3(1, n, 1), m);
+}
+
+/* ---- diagonal: log of n masses, then of those of the directions; constant: the packed triangle, then the
+ * logs of the directions' masses. Normalised, number scales.held is not a parameter but 0. ---- */
+
+static uint32_t held(const lg_machine *machine) {
+    return machine->normalised ? 1 : 0;
+}
+
+static size_t diagonal_parameters(const lg_machine *machine, const lg_machine_term *term) {
+    (void)term;
+    return machine->momenta + machine->directions - held(machine);
+}
+
+static size_t constant_parameters(const lg_machine *machine, const lg_machine_term *term) {
+    (void)term;
+    return lg_triangle(machine->momenta) + machine->directions - held(machine);
+}
+
+/* Numbers first .. first + count - 1 of the term, (1, count). */
+static lg_var numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t first,
+                      uint32_t count) {
+    const lg_machine *machine = vars->machine;
+    lg_var all = vars->theta[term];
+    if (held(machine) > 0) {
+        const uint32_t at = (uint32_t)machine->scales.held - 1;
+        const uint32_t more = (uint32_t)machine->terms[term].parameters - at;
+        lg_var parts[3];
+        size_t used = 0;
+        if (at > 0) parts[used++] = lg_slice(tape, all, 0, 0, at);
+        parts[used++] = lg_full(tape, lg_shape1(1), 0.0);
+        if (more > 0) parts[used++] = lg_slice(tape, all, 0, at, more);
+        all = used == 1 ? parts[0] : lg_concat(tape, parts, used, 0);
+    }
+    return lg_reshape(tape, lg_slice(tape, all, 0, first, count), lg_shape2(1, count));
+}
+
+static lg_var unit_matrix(lg_tape *tape, uint32_t n) {
+    double unit[LG_MACHINE_VALUES] = {0.0};
+    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
+    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
+}
+
+static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                       const lg_machine_seen *seen) {
+    const uint32_t n = vars->machine->momenta;
+    const lg_var m = lg_exp(tape, numbers(tape, vars, term, 0, n));
+    (void)seen;
+    return lg_mul(tape, lg_reshape(tape, m, lg_shape3(1, 1, n)), unit_matrix(tape, n));
+}
+
+static lg_var direction_masses(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t first) {
+    const uint32_t n = vars->machine->directions;
+    return lg_reshape(tape, lg_exp(tape, numbers(tape, vars, term, first, n)), lg_shape3(1, n, 1));
+}
+
+static lg_var diagonal_directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    return direction_masses(tape, vars, term, vars->machine->momenta);
+}
+
+static lg_var constant(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                       const lg_machine_seen *seen) {
+    const uint32_t n = vars->machine->momenta;
+    const lg_var packed = numbers(tape, vars, term, 0, lg_triangle(n));
+    const lg_var L = lg_machine_record_triangle(tape, packed, n, true);
+    (void)seen;
+    return lg_matmul_nt(tape, L, L);
+}
+
+static lg_var constant_directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    return direction_masses(tape, vars, term, lg_triangle(vars->machine->momenta));
+}
+
+/* ---- network ---- */
+
+static uint32_t triangle_outputs(const lg_machine *machine) {
+    return lg_triangle(machine->momenta);
+}
+
+static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                      const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_term *own = &machine->terms[term];
+    const lg_var x = lg_machine_record_features(tape, machine, own, seen);
+    const lg_var packed = lg_mlp_record_bound(tape, &own->net, &vars->net[term], x);
+    const lg_var L = lg_machine_record_triangle(tape, packed, machine->momenta, true);
+    return lg_matmul_nt(tape, L, L);
+}
+
+/* ---- the table ---- */
+
+const lg_term_kind lg_machine_mass_kinds[] = {{.name = "known",
+                                               .part = LG_MACHINE_MASS,
+                                               .options = LG_TERM_VALUES | LG_TERM_KNOWN,
+                                               .values = square,
+                                               .record = known,
+                                               .directions = known_directions},
+                                              {.name = "diagonal",
+                                               .part = LG_MACHINE_MASS,
+                                               .parameters = diagonal_parameters,
+                                               .record = diagonal,
+                                               .directions = diagonal_directions},
+                                              {.name = "constant",
+                                               .part = LG_MACHINE_MASS,
+                                               .parameters = constant_parameters,
+                                               .record = constant,
+                                               .directions = constant_directions},
+                                              {.name = "network",
+                                               .part = LG_MACHINE_MASS,
+                                               .options = LG_TERM_OF | LG_TERM_HIDDEN,
+                                               .outputs = triangle_outputs,
+                                               .record = network,
+                                               .moving = true},
+                                              {.name = NULL}};

@@ -1,0 +1,265 @@
+/* Machines: parameters as numbers with names, in the units of logs. */
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "models/machine_internal.h"
+
+typedef struct list {
+    size_t count, room;
+    lg_identified *out;
+} list;
+
+static void __attribute__((format(printf, 3, 4))) put(list *l, double value, const char *format, ...) {
+    va_list arguments;
+    if (l->count < l->room) {
+        lg_identified *each = &l->out[l->count];
+        va_start(arguments, format);
+        (void)vsnprintf(each->name, sizeof each->name, format, arguments);
+        va_end(arguments);
+        each->value = value;
+        each->error = (double)NAN;
+    }
+    l->count++;
+}
+
+/* "x", or "body.2" of a velocity with several numbers. */
+static void velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size) {
+    uint32_t i = 0;
+    while (i + 1 < machine->coordinate_count && lg_machine_offsets_of(machine, i + 1).velocity <= k) i++;
+    const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+    const uint32_t number = k - lg_machine_offsets_of(machine, i).velocity + 1;
+    if (each == 1)
+        (void)snprintf(text, size, "%s", machine->coordinates[i].name);
+    else
+        (void)snprintf(text, size, "%s.%u", machine->coordinates[i].name, number);
+}
+
+/* ---- mass ---- */
+
+/* Velocities of the momenta on R^n, in order. */
+static uint32_t momentum_velocities(const lg_machine *machine, uint32_t *out) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        for (uint32_t k = 0; k < row->velocities && row->directions == 0; k++) out[count++] = first + k;
+    }
+    return count;
+}
+
+static double mass_unit(const lg_machine *machine, uint32_t i, uint32_t j) {
+    const lg_machine_scales *s = &machine->scales;
+    return s->energy * s->time * s->time / (s->velocity[i] * s->velocity[j]);
+}
+
+/* The numbers of a diagonal or constant mass; one may be held at 0. */
+static double mass_number(const lg_machine *machine, const double *theta, uint32_t index) {
+    const uint32_t held = (uint32_t)machine->scales.held - 1;
+    if (!machine->normalised || index < held) return theta[index];
+    return index == held ? 0.0 : theta[index - 1];
+}
+
+static void direction_masses(list *l, const lg_machine *machine, const double *theta, uint32_t first) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        if (lg_coordinate_row_of(machine->coordinates[i].kind)->directions == 0) continue;
+        const uint32_t k = lg_machine_offsets_of(machine, i).velocity;
+        put(l, exp(mass_number(machine, theta, first++)) * mass_unit(machine, k, k), "mass.%u.%u", k + 1,
+            k + 1);
+    }
+}
+
+static void diagonal_mass(list *l, const lg_machine *machine, const lg_machine_term *term,
+                          const double *theta) {
+    uint32_t at[LG_MACHINE_VELOCITIES];
+    const uint32_t n = momentum_velocities(machine, at);
+    (void)term;
+    for (uint32_t i = 0; i < n; i++)
+        put(l, exp(mass_number(machine, theta, i)) * mass_unit(machine, at[i], at[i]), "mass.%u.%u",
+            at[i] + 1, at[i] + 1);
+    direction_masses(l, machine, theta, n);
+}
+
+/* L from its packed numbers, the exponential of the diagonal where it is `positive`. */
+static void unpack(const double *packed, uint32_t n, bool positive, double *L) {
+    uint32_t k = n;
+    memset(L, 0, (size_t)n * n * sizeof *L);
+    for (uint32_t i = 0; i < n; i++) {
+        L[i * n + i] = positive ? exp(packed[i]) : packed[i];
+        for (uint32_t j = 0; j < i; j++) L[i * n + j] = packed[k++];
+    }
+}
+
+static double product(const double *L, uint32_t n, uint32_t i, uint32_t j) {
+    double sum = 0.0;
+    for (uint32_t k = 0; k < n; k++) sum += L[i * n + k] * L[j * n + k];
+    return sum;
+}
+
+static void constant_mass(list *l, const lg_machine *machine, const lg_machine_term *term,
+                          const double *theta) {
+    uint32_t at[LG_MACHINE_VELOCITIES];
+    double packed[LG_MACHINE_VALUES] = {0.0}, L[LG_MACHINE_VALUES];
+    const uint32_t n = momentum_velocities(machine, at);
+    (void)term;
+    for (uint32_t i = 0; i < lg_triangle(n); i++) packed[i] = mass_number(machine, theta, i);
+    unpack(packed, n, true, L);
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = i; j < n; j++)
+            put(l, product(L, n, i, j) * mass_unit(machine, at[i], at[j]), "mass.%u.%u", at[i] + 1,
+                at[j] + 1);
+    direction_masses(l, machine, theta, lg_triangle(n));
+}
+
+/* ---- potentials ---- */
+
+/* Names of the features' numbers: "x", "sin(theta)", "rod.3", "body.up.1". */
+static void feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number, char *text,
+                         size_t size) {
+    static const char *const suffix[] = {
+        [LG_FEATURE_POSITION] = "", [LG_FEATURE_PLACE] = ".place",   [LG_FEATURE_ROTATION] = ".rotation",
+        [LG_FEATURE_UP] = ".up",    [LG_FEATURE_HEIGHT] = ".height", [LG_FEATURE_VELOCITY] = ".velocity",
+        [LG_FEATURE_INPUT] = ""};
+    uint32_t i = 0;
+    for (; number >= lg_machine_feature_count(machine, term->of[i]); i++)
+        number -= lg_machine_feature_count(machine, term->of[i]);
+    const lg_machine_feature of = term->of[i];
+    const bool input = of.kind == LG_FEATURE_INPUT, single = lg_machine_feature_count(machine, of) == 1;
+    const char *name = input ? machine->inputs[of.index] : machine->coordinates[of.index].name;
+    if (!input && of.kind != LG_FEATURE_VELOCITY &&
+        machine->coordinates[of.index].kind == LG_COORDINATE_ANGLE)
+        (void)snprintf(text, size, "%s(%s)", number == 0 ? "sin" : "cos", name);
+    else if (single)
+        (void)snprintf(text, size, "%s%s", name, suffix[of.kind]);
+    else
+        (void)snprintf(text, size, "%s%s.%u", name, suffix[of.kind], number + 1);
+}
+
+/* "x^2*y" */
+static void monomial_name(const lg_machine *machine, const lg_machine_term *term, const uint32_t *factor,
+                          char *text, size_t size) {
+    size_t used = 0;
+    text[0] = '\0';
+    for (uint32_t i = 0; factor[i] != UINT32_MAX && used < size;) {
+        char name[48];
+        uint32_t power = 1;
+        while (factor[i + power] == factor[i]) power++;
+        feature_name(machine, term, factor[i], name, sizeof name);
+        used += (size_t)snprintf(text + used, size - used, power > 1 ? "%s%s^%u" : "%s%s", i > 0 ? "*" : "",
+                                 name, power);
+        i += power;
+    }
+}
+
+/* The unit of a coefficient: E by the scales of the factors. */
+static double coefficient_unit(const double *scales, const uint32_t *factor) {
+    double unit = 1.0;
+    for (; *factor != UINT32_MAX; factor++) unit /= scales[*factor];
+    return unit;
+}
+
+static void polynomial_potential(list *l, const lg_machine *machine, const lg_machine_term *term,
+                                 const double *theta) {
+    double scales[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
+    lg_monomials monomials;
+    const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
+    if (!lg_machine_monomials(lg_machine_feature_scales(machine, term, scales), term->kind->least, most,
+                              &monomials))
+        return;
+    for (uint32_t i = 0; i < monomials.count; i++) {
+        char name[64];
+        monomial_name(machine, term, monomials.factor[i], name, sizeof name);
+        put(l, theta[i] * machine->scales.energy * coefficient_unit(scales, monomials.factor[i]),
+            "potential.%s", name);
+    }
+}
+
+/* ---- forces ---- */
+
+/* Units of a force of velocity i by a velocity j; of its square with power 2. */
+static double drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power) {
+    const lg_machine_scales *s = &machine->scales;
+    const double speed = s->velocity[j] / s->time;
+    return s->energy / s->velocity[i] / (power == 0 ? 1.0 : power == 1 ? speed : speed * speed);
+}
+
+static void drag_numbers(list *l, const lg_machine *machine, const char *name, int power,
+                         const double *theta) {
+    for (uint32_t i = 0; i < machine->velocities; i++) {
+        char of[48];
+        velocity_name(machine, i, of, sizeof of);
+        put(l, theta[i] * theta[i] * drag_unit(machine, i, i, power), "%s.%s", name, of);
+    }
+}
+
+static void diagonal_damping(list *l, const lg_machine *machine, const lg_machine_term *term,
+                             const double *theta) {
+    (void)term;
+    drag_numbers(l, machine, "damping", 1, theta);
+}
+
+static void coulomb_damping(list *l, const lg_machine *machine, const lg_machine_term *term,
+                            const double *theta) {
+    (void)term;
+    drag_numbers(l, machine, "coulomb", 0, theta);
+}
+
+static void quadratic_damping(list *l, const lg_machine *machine, const lg_machine_term *term,
+                              const double *theta) {
+    (void)term;
+    drag_numbers(l, machine, "quadratic", 2, theta);
+}
+
+static void constant_damping(list *l, const lg_machine *machine, const lg_machine_term *term,
+                             const double *theta) {
+    double L[LG_MACHINE_VALUES];
+    const uint32_t n = machine->velocities;
+    (void)term;
+    unpack(theta, n, false, L);
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = i; j < n; j++)
+            put(l, product(L, n, i, j) * drag_unit(machine, i, j, 1), "damping.%u.%u", i + 1, j + 1);
+}
+
+static void constant_map(list *l, const lg_machine *machine, const lg_machine_term *term,
+                         const double *theta) {
+    const uint32_t m = machine->input_count;
+    (void)term;
+    for (uint32_t i = 0; i < machine->velocities; i++)
+        for (uint32_t j = 0; j < m; j++)
+            put(l, theta[i * m + j] * drag_unit(machine, i, i, 0) / machine->scales.input[j],
+                "input_map.%u.%u", i + 1, j + 1);
+}
+
+/* ---- the table ---- */
+
+static const struct {
+    lg_machine_part part;
+    const char *kind;
+    void (*put)(list *l, const lg_machine *machine, const lg_machine_term *term, const double *theta);
+} rows[] = {
+    {LG_MACHINE_MASS, "diagonal", diagonal_mass},
+    {LG_MACHINE_MASS, "constant", constant_mass},
+    {LG_MACHINE_POTENTIAL, "linear", polynomial_potential},
+    {LG_MACHINE_POTENTIAL, "gravity", polynomial_potential},
+    {LG_MACHINE_POTENTIAL, "quadratic", polynomial_potential},
+    {LG_MACHINE_POTENTIAL, "polynomial", polynomial_potential},
+    {LG_MACHINE_DAMPING, "diagonal", diagonal_damping},
+    {LG_MACHINE_DAMPING, "constant", constant_damping},
+    {LG_MACHINE_DAMPING, "coulomb", coulomb_damping},
+    {LG_MACHINE_DAMPING, "quadratic", quadratic_damping},
+    {LG_MACHINE_INPUT_MAP, "constant", constant_map},
+};
+
+size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room, lg_identified *out) {
+    list l = {0, room, out};
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        for (size_t r = 0; r < LG_COUNT(rows) && term->value_count == 0; r++)
+            if (rows[r].part == term->part && strcmp(rows[r].kind, term->kind->name) == 0)
+                rows[r].put(&l, machine, term, theta + term->offset);
+    }
+    return l.count;
+}

@@ -1,0 +1,80 @@
+/* Machines: kinds of potential energy. All but the network are linear in their parameters. */
+#include <math.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+/* ---- monomials of features ---- */
+
+static bool list(const lg_machine *machine, const lg_machine_term *term, lg_monomials *out) {
+    const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
+    return lg_machine_monomials(lg_machine_feature_numbers(machine, term), term->kind->least, most, out);
+}
+
+static size_t monomial_count(const lg_machine *machine, const lg_machine_term *term) {
+    lg_monomials monomials;
+    return list(machine, term, &monomials) ? monomials.count : SIZE_MAX;
+}
+
+static void monomial_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    fits[0] = fits[1] = monomial_count(machine, term);
+}
+
+/* Known coefficients in scaled numbers: those of the log times the scales of the factors, by E. */
+static lg_var known_coefficients(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
+                                 const lg_monomials *monomials) {
+    double scales[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES], c[LG_MACHINE_MONOMIALS];
+    (void)lg_machine_feature_scales(machine, term, scales);
+    for (uint32_t i = 0; i < monomials->count; i++) {
+        c[i] = term->values[i] / machine->scales.energy;
+        for (const uint32_t *f = monomials->factor[i]; *f != UINT32_MAX; f++) c[i] *= scales[*f];
+    }
+    return lg_input_f64(tape, lg_shape2(monomials->count, 1), c);
+}
+
+static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                         const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_term *own = &machine->terms[term];
+    lg_monomials monomials;
+    (void)list(machine, own, &monomials);
+    const lg_var x = lg_machine_record_features(tape, machine, own, seen);
+    const lg_var all = lg_machine_record_monomials(tape, &monomials, x);
+    const lg_var c = own->value_count > 0
+                         ? known_coefficients(tape, machine, own, &monomials)
+                         : lg_reshape(tape, vars->theta[term], lg_shape2(monomials.count, 1));
+    return lg_matmul(tape, all, c);
+}
+
+/* ---- network ---- */
+
+static uint32_t one(const lg_machine *machine) {
+    (void)machine;
+    return 1;
+}
+
+static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                      const lg_machine_seen *seen) {
+    const lg_machine_term *own = &vars->machine->terms[term];
+    const lg_var x = lg_machine_record_features(tape, vars->machine, own, seen);
+    return lg_mlp_record_bound(tape, &own->net, &vars->net[term], x);
+}
+
+/* ---- the table ---- */
+
+#define MONOMIALS                                                                                            \
+    .part = LG_MACHINE_POTENTIAL, .parameters = monomial_count, .values = monomial_values,                   \
+    .record = polynomial
+#define FORM (LG_TERM_OF | LG_TERM_VALUES)
+const lg_term_kind lg_machine_potential_kinds[] = {
+    {.name = "linear", .options = FORM, .least = 1, .most = 1, MONOMIALS},
+    {.name = "gravity", .options = FORM, .heights = true, .least = 1, .most = 1, MONOMIALS},
+    {.name = "quadratic", .options = FORM, .least = 2, .most = 2, MONOMIALS},
+    {.name = "polynomial", .options = FORM | LG_TERM_DEGREE, .least = 1, MONOMIALS},
+    {.name = "network",
+     .part = LG_MACHINE_POTENTIAL,
+     .options = LG_TERM_OF | LG_TERM_HIDDEN,
+     .outputs = one,
+     .record = network},
+    {.name = NULL}};

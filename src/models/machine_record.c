@@ -1,0 +1,443 @@
+/* Machines: states, energy and field on a tape, in scaled units. */
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+/* ---- parameters ---- */
+
+static lg_var unit_matrix(lg_tape *tape, uint32_t n) {
+    double unit[LG_MACHINE_VALUES] = {0.0};
+    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
+    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
+}
+
+static lg_var plus(lg_tape *tape, lg_var sum, lg_var more) {
+    return lg_is_none(sum) ? more : lg_add(tape, sum, more);
+}
+
+static bool mass_moves(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->moving) return true;
+    return false;
+}
+
+/* M (B or 1, n, n). */
+static lg_var record_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    lg_var sum = LG_NONE;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_term_kind *kind = machine->terms[i].kind;
+        if (kind->part == LG_MACHINE_MASS) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
+    }
+    return sum;
+}
+
+static lg_var record_direction_mass(lg_tape *tape, const lg_machine_vars *vars) {
+    const lg_machine *machine = vars->machine;
+    lg_var sum = LG_NONE;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_term_kind *kind = machine->terms[i].kind;
+        if (kind->part == LG_MACHINE_MASS && kind->directions != NULL)
+            sum = plus(tape, sum, kind->directions(tape, vars, i));
+    }
+    return sum;
+}
+
+lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta, lg_machine_vars *vars) {
+    *vars = (lg_machine_vars){.machine = machine};
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if (term->parameters == 0) continue;
+        vars->theta[i] = lg_slice(tape, theta, 0, (uint32_t)term->offset, (uint32_t)term->parameters);
+        if (term->kind->outputs != NULL)
+            LG_TRY(lg_mlp_bind(tape, &term->net, theta, term->offset, &vars->net[i]));
+    }
+    const uint32_t n = machine->momenta;
+    if (machine->directions > 0) vars->direction_mass = record_direction_mass(tape, vars);
+    if (n > 0 && !mass_moves(machine)) {
+        const lg_var m = record_mass(tape, vars, NULL);
+        vars->mass = lg_reshape(tape, m, lg_shape2(n, n));
+        vars->inverse = lg_reshape(tape, lg_spd_solve(tape, m, unit_matrix(tape, n)), lg_shape2(n, n));
+    }
+    return lg_tape_status(tape);
+}
+
+/* ---- rows of vectors ---- */
+
+static lg_var stack(lg_tape *tape, const lg_var *each, uint32_t count, uint32_t rows, uint32_t width) {
+    const lg_var all = count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+    return lg_reshape(tape, all, lg_shape3(rows, count, width));
+}
+
+/* Velocities of the directions, or body rates of the rotations: (B, copies, 3). */
+static lg_var rates(lg_tape *tape, const lg_machine *machine, lg_var v, bool directions) {
+    lg_var each[LG_MACHINE_COORDINATES];
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        if ((directions ? row->directions : row->rotations) == 0) continue;
+        const uint32_t last = lg_machine_offsets_of(machine, i).velocity + row->velocities;
+        each[count++] = lg_machine_columns(tape, v, last - 3, 3);
+    }
+    return stack(tape, each, count, lg_var_shape(tape, v).dims[0], 3);
+}
+
+/* ---- velocities and momenta on R^n ---- */
+
+/* The velocities of log order without those of directions, or, with `omega`, all of them again. */
+static lg_var without_directions(lg_tape *tape, const lg_machine *machine, lg_var v) {
+    lg_var each[LG_MACHINE_COORDINATES];
+    uint32_t count = 0;
+    if (machine->directions == 0) return v;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        if (row->directions > 0) continue;
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        each[count++] = lg_machine_columns(tape, v, first, row->velocities);
+    }
+    return count == 0 ? LG_NONE : count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+}
+
+static lg_var with_directions(lg_tape *tape, const lg_machine *machine, lg_var v, lg_var omega,
+                              uint32_t rows) {
+    lg_var each[LG_MACHINE_COORDINATES];
+    if (machine->directions == 0) return v;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        if (row->directions > 0)
+            each[i] =
+                lg_reshape(tape, machine->directions == 1 ? omega : lg_slice(tape, omega, 1, at.direction, 1),
+                           lg_shape2(rows, 3));
+        else
+            each[i] = lg_machine_columns(tape, v, at.momentum, row->velocities);
+    }
+    return machine->coordinate_count == 1 ? each[0] : lg_concat(tape, each, machine->coordinate_count, 1);
+}
+
+/* ---- states ---- */
+
+static uint32_t rows_of(lg_tape *tape, const lg_var *parts) {
+    return lg_var_shape(tape, parts[0]).dims[0];
+}
+
+/* M of the state (B or 1, n, n), or LG_NONE where it is bound. */
+static lg_var moving_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
+    const bool bound = vars->machine->momenta == 0 || !lg_is_none(vars->mass);
+    return bound ? LG_NONE : record_mass(tape, vars, seen);
+}
+
+/* p = M v and v = M^-1 p, (B, n). */
+static lg_var times_mass(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_var v) {
+    if (lg_is_none(M)) return lg_matmul(tape, v, vars->mass);
+    const lg_shape shape = lg_var_shape(tape, v);
+    const lg_var column = lg_reshape(tape, v, lg_shape3(shape.dims[0], shape.dims[1], 1));
+    return lg_reshape(tape, lg_matmul(tape, M, column), shape);
+}
+
+static lg_var by_mass(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_var p) {
+    if (lg_is_none(M)) return lg_matmul(tape, p, vars->inverse);
+    const lg_shape shape = lg_var_shape(tape, p);
+    if (shape.dims[1] == 1) return lg_div(tape, p, lg_reshape(tape, M, shape));
+    const lg_var column = lg_reshape(tape, p, lg_shape3(shape.dims[0], shape.dims[1], 1));
+    return lg_reshape(tape, lg_spd_solve(tape, M, column), shape);
+}
+
+/* Positions (B, positions) of a log to the parts x, q, R. */
+static void split_positions(lg_tape *tape, const lg_machine *machine, lg_var positions, lg_var *parts) {
+    lg_var x[LG_MACHINE_COORDINATES], q[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
+    uint32_t xs = 0, qs = 0, Rs = 0;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const uint32_t rows = lg_var_shape(tape, positions).dims[0];
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const uint32_t first = lg_machine_offsets_of(machine, i).position;
+        if (row->places > 0) x[xs++] = lg_machine_columns(tape, positions, first, row->places);
+        if (row->directions > 0) q[qs++] = lg_machine_columns(tape, positions, first, 3);
+        if (row->rotations > 0) R[Rs++] = lg_machine_columns(tape, positions, first + row->places, 9);
+    }
+    if (at.x >= 0) parts[at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
+    if (at.q >= 0) parts[at.q] = stack(tape, q, qs, rows, 3);
+    if (at.R >= 0) parts[at.R] = stack(tape, R, Rs, rows, 9);
+}
+
+lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
+                                  lg_var velocities, lg_var *parts) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    split_positions(tape, machine, positions, parts);
+    const lg_machine_seen seen = {.parts = parts, .rows = lg_var_shape(tape, positions).dims[0]};
+    if (at.m >= 0) {
+        const lg_var v = without_directions(tape, machine, velocities);
+        parts[at.m] = times_mass(tape, vars, moving_mass(tape, vars, &seen), v);
+    }
+    if (at.p >= 0) {
+        const lg_var omega = rates(tape, machine, velocities, true);
+        parts[at.p] = lg_mul(tape, lg_cross(tape, omega, parts[at.q]), vars->direction_mass);
+    }
+    return lg_tape_status(tape);
+}
+
+lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const uint32_t rows = rows_of(tape, parts);
+    lg_var all[2 * LG_MACHINE_COORDINATES];
+    uint32_t count = 0;
+    if (at.q < 0 && at.R < 0) return parts[at.x];
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const lg_machine_offsets offset = lg_machine_offsets_of(machine, i);
+        if (row->places > 0) all[count++] = lg_machine_columns(tape, parts[at.x], offset.place, row->places);
+        if (row->directions > 0)
+            all[count++] =
+                lg_reshape(tape, lg_slice(tape, parts[at.q], 1, offset.direction, 1), lg_shape2(rows, 3));
+        if (row->rotations > 0)
+            all[count++] =
+                lg_reshape(tape, lg_slice(tape, parts[at.R], 1, offset.rotation, 1), lg_shape2(rows, 9));
+    }
+    return count == 1 ? all[0] : lg_concat(tape, all, count, 1);
+}
+
+/* omega = q x p/M, (B, directions, 3). */
+static lg_var direction_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const lg_machine_places at = lg_machine_parts(vars->machine);
+    if (at.q < 0) return LG_NONE;
+    return lg_div(tape, lg_cross(tape, parts[at.q], parts[at.p]), vars->direction_mass);
+}
+
+static lg_var velocities_with(lg_tape *tape, const lg_machine_vars *vars, lg_var M, const lg_var *parts) {
+    const lg_machine_places at = lg_machine_parts(vars->machine);
+    const lg_var v = at.m >= 0 ? by_mass(tape, vars, M, parts[at.m]) : LG_NONE;
+    return with_directions(tape, vars->machine, v, direction_rates(tape, vars, parts), rows_of(tape, parts));
+}
+
+lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
+    return velocities_with(tape, vars, moving_mass(tape, vars, &seen), parts);
+}
+
+/* ---- energy and forces ---- */
+
+static lg_var record_potential(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    lg_var sum = LG_NONE;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_term_kind *kind = machine->terms[i].kind;
+        if (kind->part == LG_MACHINE_POTENTIAL) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
+    }
+    return sum;
+}
+
+lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const lg_machine_places at = lg_machine_parts(vars->machine);
+    const uint32_t rows = rows_of(tape, parts);
+    const lg_machine_seen seen = {.parts = parts, .rows = rows};
+    const lg_var V = record_potential(tape, vars, &seen);
+    lg_var twice = LG_NONE;
+    if (at.m >= 0) {
+        const lg_var v = by_mass(tape, vars, moving_mass(tape, vars, &seen), parts[at.m]);
+        twice = lg_rowdot(tape, parts[at.m], v);
+    }
+    if (at.p >= 0) {
+        const lg_var each = lg_div(tape, lg_rownorm2(tape, parts[at.p]), vars->direction_mass);
+        const lg_var all = lg_reshape(tape, each, lg_shape2(rows, vars->machine->directions));
+        twice = plus(tape, twice, lg_sum_axis(tape, all, 1, true));
+    }
+    const lg_var T = lg_scale(tape, twice, 0.5);
+    return lg_is_none(V) ? T : lg_add(tape, T, V);
+}
+
+static lg_var force_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
+                       const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    lg_var sum = LG_NONE;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_term_kind *kind = machine->terms[i].kind;
+        if (kind->part == part) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
+    }
+    return sum;
+}
+
+lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
+                               const lg_var *parts, lg_var velocities, lg_var u) {
+    const lg_machine_seen seen = {.parts = parts, .v = velocities, .u = u, .rows = rows_of(tape, parts)};
+    return force_of(tape, vars, part, &seen);
+}
+
+/* The sum of all forces (B, velocities), or LG_NONE. */
+static lg_var all_forces(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
+    lg_var f = LG_NONE;
+    for (uint32_t part = LG_MACHINE_DAMPING; part < LG_MACHINE_PART_COUNT; part++) {
+        if (part == LG_MACHINE_INPUT_MAP && lg_is_none(seen->u)) continue;
+        const lg_var more = force_of(tape, vars, (lg_machine_part)part, seen);
+        if (!lg_is_none(more)) f = plus(tape, f, more);
+    }
+    return f;
+}
+
+/* ---- the field ---- */
+
+/* g = -dH/d(x, q, R) at fixed momenta: that of 1/2 v^T M v - V at fixed v. Parts without influence: LG_NONE
+ * in all of g when nothing depends on positions. */
+static lg_status conservative_force(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_var v,
+                                    const lg_machine_seen *seen, lg_var *g) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const int positions[] = {at.x, at.q, at.R};
+    lg_var y[2], cotangent[2], wrt[3], out[3];
+    size_t outputs = 0, count = 0;
+    for (int i = 0; i < LG_TAPED_MAX_PARTS; i++) g[i] = LG_NONE;
+    if (!lg_is_none(M)) {
+        const lg_var p = without_directions(tape, machine, v);
+        const uint32_t n = machine->momenta;
+        const lg_var column = lg_reshape(tape, p, lg_shape3(seen->rows, n, 1));
+        y[outputs] = M;
+        cotangent[outputs++] = lg_scale(tape, lg_matmul_nt(tape, column, column), 0.5);
+    }
+    const lg_var V = record_potential(tape, vars, seen);
+    if (!lg_is_none(V)) {
+        y[outputs] = V;
+        cotangent[outputs++] = lg_full(tape, lg_shape2(seen->rows, 1), -1.0);
+    }
+    if (outputs == 0) return lg_tape_status(tape);
+    for (size_t i = 0; i < LG_COUNT(positions); i++)
+        if (positions[i] >= 0) wrt[count++] = seen->parts[positions[i]];
+    LG_TRY(lg_vjp(tape, y, cotangent, outputs, wrt, count, out));
+    count = 0;
+    for (size_t i = 0; i < LG_COUNT(positions); i++)
+        if (positions[i] >= 0) g[positions[i]] = out[count++];
+    return LG_OK;
+}
+
+static lg_var rotation_matrix(lg_tape *tape, lg_var R, uint32_t k, uint32_t rows) {
+    return lg_reshape(tape, lg_slice(tape, R, 1, k, 1), lg_shape3(rows, 3, 3));
+}
+
+/* R w or R^T w, (B, 3). */
+static lg_var turned(lg_tape *tape, lg_var R, lg_var w, uint32_t rows, bool back) {
+    const lg_var column = lg_reshape(tape, w, lg_shape3(rows, 3, 1));
+    const lg_var out = back ? lg_matmul_tn(tape, R, column) : lg_matmul(tape, R, column);
+    return lg_reshape(tape, out, lg_shape2(rows, 3));
+}
+
+/* What the equations of one coordinate see. */
+typedef struct body {
+    const lg_machine *machine;
+    lg_machine_places at;
+    const lg_var *parts, *g;
+    lg_var v, f;
+    uint32_t rows;
+} body;
+
+/* m x Omega + f_m - sum_i r_i x g_i for rotation k; m and Omega: (B, 3). */
+static lg_var torque(lg_tape *tape, const body *b, uint32_t k, lg_var m, lg_var Omega) {
+    lg_var sum = lg_cross(tape, m, Omega);
+    if (lg_is_none(b->g[b->at.R])) return sum;
+    const lg_var R = rotation_matrix(tape, b->parts[b->at.R], k, b->rows);
+    const lg_var g = rotation_matrix(tape, b->g[b->at.R], k, b->rows);
+    const lg_var moment = lg_sum_axis(tape, lg_cross(tape, R, g), 1, false);
+    return lg_sub(tape, sum, moment);
+}
+
+/* x' and l' of a pose, m' of a rotation or pose: appends to x and to p. */
+static void move_body(lg_tape *tape, const body *b, uint32_t i, lg_var *x, uint32_t *xs, lg_var *p,
+                      uint32_t *ps) {
+    const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
+    const bool pose = b->machine->coordinates[i].kind == LG_COORDINATE_POSE;
+    const uint32_t skip = pose ? 3 : 0;
+    const lg_var Omega = lg_machine_columns(tape, b->v, at.velocity + skip, 3);
+    const lg_var m = lg_machine_columns(tape, b->parts[b->at.m], at.momentum + skip, 3);
+    lg_var moment = torque(tape, b, at.rotation, m, Omega);
+    if (pose) {
+        const lg_var w = lg_machine_columns(tape, b->v, at.velocity, 3);
+        const lg_var l = lg_machine_columns(tape, b->parts[b->at.m], at.momentum, 3);
+        const lg_var R = rotation_matrix(tape, b->parts[b->at.R], at.rotation, b->rows);
+        lg_var force = lg_cross(tape, l, Omega);
+        if (!lg_is_none(b->g[b->at.x])) {
+            const lg_var g = lg_machine_columns(tape, b->g[b->at.x], at.place, 3);
+            force = lg_add(tape, force, turned(tape, R, g, b->rows, true));
+        }
+        x[(*xs)++] = turned(tape, R, w, b->rows, false);
+        p[(*ps)++] = force;
+        moment = lg_add(tape, moment, lg_cross(tape, l, w));
+    }
+    p[(*ps)++] = moment;
+}
+
+/* The places' and the momenta's parts of the algebra element. */
+static void move_places(lg_tape *tape, const body *b, lg_var *algebra) {
+    lg_var x[LG_MACHINE_COORDINATES], p[2 * LG_MACHINE_COORDINATES];
+    uint32_t xs = 0, ps = 0;
+    for (uint32_t i = 0; i < b->machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(b->machine->coordinates[i].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
+        if (row->directions > 0) continue;
+        if (row->rotations > 0) {
+            move_body(tape, b, i, x, &xs, p, &ps);
+            continue;
+        }
+        x[xs++] = lg_machine_columns(tape, b->v, at.velocity, 1);
+        p[ps++] = lg_is_none(b->g[b->at.x]) ? lg_full(tape, lg_shape2(b->rows, 1), 0.0)
+                                            : lg_machine_columns(tape, b->g[b->at.x], at.place, 1);
+    }
+    if (xs > 0) algebra[b->at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
+    lg_var sum = ps == 1 ? p[0] : lg_concat(tape, p, ps, 1);
+    if (!lg_is_none(b->f)) sum = lg_add(tape, sum, without_directions(tape, b->machine, b->f));
+    algebra[b->at.m] = sum;
+}
+
+/* The same where all coordinates are lines or angles: no slices. */
+static void move_lines(lg_tape *tape, const body *b, lg_var *algebra) {
+    const lg_var g = b->g[b->at.x];
+    algebra[b->at.x] = b->v;
+    if (lg_is_none(g) && lg_is_none(b->f))
+        algebra[b->at.m] = lg_full(tape, lg_var_shape(tape, b->v), 0.0);
+    else
+        algebra[b->at.m] = lg_is_none(g) ? b->f : lg_is_none(b->f) ? g : lg_add(tape, g, b->f);
+}
+
+/* xi = omega, eta = f - g x q. */
+static void move_directions(lg_tape *tape, const body *b, lg_var *algebra) {
+    const lg_var omega = rates(tape, b->machine, b->v, true), g = b->g[b->at.q];
+    lg_var eta = lg_is_none(b->f) ? LG_NONE : rates(tape, b->machine, b->f, true);
+    if (!lg_is_none(g)) eta = plus(tape, eta, lg_cross(tape, b->parts[b->at.q], g));
+    algebra[b->at.q] = omega;
+    algebra[b->at.p] = lg_is_none(eta) ? lg_full(tape, lg_var_shape(tape, omega), 0.0) : eta;
+}
+
+/* R Omega of all rotations. */
+static void move_rotations(lg_tape *tape, const body *b, lg_var *algebra) {
+    const uint32_t copies = b->rows * b->machine->rotations;
+    const lg_var Omega = rates(tape, b->machine, b->v, false), R = b->parts[b->at.R];
+    const lg_var spatial = lg_matmul(tape, lg_reshape(tape, R, lg_shape3(copies, 3, 3)),
+                                     lg_reshape(tape, Omega, lg_shape3(copies, 3, 1)));
+    algebra[b->at.R] = lg_reshape(tape, spatial, lg_var_shape(tape, Omega));
+}
+
+lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts, lg_var u,
+                                  lg_var *algebra) {
+    const lg_machine *machine = vars->machine;
+    lg_machine_seen seen = {.parts = parts, .u = u, .rows = rows_of(tape, parts)};
+    if (lg_is_none(u) && machine->input_count > 0)
+        seen.u = lg_full(tape, lg_shape2(seen.rows, machine->input_count), 0.0);
+    lg_var g[LG_TAPED_MAX_PARTS];
+    const lg_var M = moving_mass(tape, vars, &seen);
+    seen.v = velocities_with(tape, vars, M, parts);
+    LG_TRY(conservative_force(tape, vars, M, seen.v, &seen, g));
+    const body b = {.machine = machine,
+                    .at = lg_machine_parts(machine),
+                    .parts = parts,
+                    .g = g,
+                    .v = seen.v,
+                    .f = all_forces(tape, vars, &seen),
+                    .rows = seen.rows};
+    if (machine->momenta > 0 && machine->momenta == machine->places && machine->rotations == 0 &&
+        machine->directions == 0)
+        move_lines(tape, &b, algebra);
+    else if (machine->momenta > 0)
+        move_places(tape, &b, algebra);
+    if (machine->directions > 0) move_directions(tape, &b, algebra);
+    if (machine->rotations > 0) move_rotations(tape, &b, algebra);
+    return lg_tape_status(tape);
+}

@@ -1,0 +1,190 @@
+/* Machines: scales from logs. */
+#include <math.h>
+
+#include "core/core.h"
+#include "models/machine_internal.h"
+
+/* Root mean squares over the log, in its units. */
+typedef struct moments {
+    double velocity[LG_MACHINE_COORDINATES];    /* of a coordinate's velocities together */
+    double acceleration[LG_MACHINE_VELOCITIES]; /* of each velocity */
+    double input[LG_MACHINE_INPUTS], force[LG_MACHINE_VELOCITIES];
+} moments;
+
+typedef struct sums {
+    double sum;
+    size_t count;
+} sums;
+
+static void add(sums *s, double x) {
+    if (!isfinite(x)) return;
+    s->sum += x * x;
+    s->count++;
+}
+
+static double root(const sums *s) {
+    return s->count > 0 ? sqrt(s->sum / (double)s->count) : 0.0;
+}
+
+/* Velocities of a row, differences of positions where they were not measured, in the log's units: the machine
+ * has scales of 1. */
+static void velocities_at(const lg_machine *plain, const lg_machine_log *log, size_t row, double *v) {
+    double q[LG_MACHINE_POSITIONS];
+    lg_machine_scaled_rows(plain, log, &row, 1, q, v);
+}
+
+static void measure_motion(const lg_machine *plain, const lg_machine_log *log, moments *out) {
+    sums velocity[LG_MACHINE_COORDINATES] = {{0, 0}}, acceleration[LG_MACHINE_VELOCITIES] = {{0, 0}};
+    double before[LG_MACHINE_VELOCITIES] = {0}, v[LG_MACHINE_VELOCITIES];
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++) {
+            velocities_at(plain, log, row, v);
+            for (uint32_t i = 0; i < plain->coordinate_count; i++) {
+                const uint32_t first = lg_machine_offsets_of(plain, i).velocity;
+                const uint32_t count = lg_coordinate_row_of(plain->coordinates[i].kind)->velocities;
+                for (uint32_t k = first; k < first + count; k++) add(&velocity[i], v[k]);
+            }
+            for (uint32_t k = 0; k < plain->velocities; k++) {
+                if (row > log->first[p])
+                    add(&acceleration[k], (v[k] - before[k]) / (log->t[row] - log->t[row - 1]));
+                before[k] = v[k];
+            }
+        }
+    for (uint32_t i = 0; i < plain->coordinate_count; i++) out->velocity[i] = root(&velocity[i]);
+    for (uint32_t k = 0; k < plain->velocities; k++) out->acceleration[k] = root(&acceleration[k]);
+}
+
+static const lg_machine_term *known_term(const lg_machine *machine, lg_machine_part part) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == part && machine->terms[i].value_count > 0) return &machine->terms[i];
+    return NULL;
+}
+
+static void measure_inputs(const lg_machine *machine, const lg_machine_log *log, moments *out) {
+    const uint32_t m = machine->input_count;
+    const lg_machine_term *map = known_term(machine, LG_MACHINE_INPUT_MAP);
+    sums input[LG_MACHINE_INPUTS] = {{0, 0}}, force[LG_MACHINE_VELOCITIES] = {{0, 0}};
+    for (size_t row = 0; row < log->rows; row++) {
+        const double *u = log->u + row * 4 * m;
+        for (uint32_t j = 0; j < m; j++) add(&input[j], u[j]);
+        for (uint32_t i = 0; map != NULL && i < machine->velocities; i++) {
+            double f = 0.0;
+            for (uint32_t j = 0; j < m; j++) f += map->values[i * m + j] * u[j];
+            add(&force[i], f);
+        }
+    }
+    for (uint32_t j = 0; j < m; j++) out->input[j] = root(&input[j]);
+    for (uint32_t i = 0; i < machine->velocities; i++) out->force[i] = root(&force[i]);
+}
+
+/* ---- time and lengths ---- */
+
+/* The geometric mean over what moves of the time in which a velocity changes by its own size. */
+static double time_of(const lg_machine *machine, const moments *size) {
+    double logs = 0.0;
+    size_t count = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+        double square = 0.0;
+        for (uint32_t k = first; k < first + each; k++)
+            square += size->acceleration[k] * size->acceleration[k] / each;
+        if (!(size->velocity[i] > 0.0 && square > 0.0)) continue;
+        logs += log(size->velocity[i] / sqrt(square));
+        count++;
+    }
+    return count > 0 ? exp(logs / (double)count) : 0.0;
+}
+
+static void set_lengths(lg_machine *machine, const moments *size) {
+    lg_machine_scales *s = &machine->scales;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *row = lg_coordinate_row_of(kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const bool length = row->places > 0 && kind != LG_COORDINATE_ANGLE;
+        const double L = length && size->velocity[i] > 0.0 ? size->velocity[i] * s->time : 1.0;
+        for (uint32_t k = 0; k < row->places; k++) s->place[at.place + k] = L;
+        for (uint32_t k = 0; k < row->velocities; k++)
+            s->velocity[at.velocity + k] = k < row->places ? L : 1.0;
+    }
+}
+
+/* ---- energy ---- */
+
+/* A mass of 1 of velocity k in units of E. */
+static double unit_energy(const lg_machine *machine, uint32_t k) {
+    const double speed = machine->scales.velocity[k] / machine->scales.time;
+    return speed * speed;
+}
+
+/* Velocities in the order of the numbers of a diagonal mass: those of directions, one each, last. */
+static uint32_t mass_velocities(const lg_machine *machine, uint32_t *out) {
+    uint32_t count = 0;
+    for (int directions = 0; directions < 2; directions++)
+        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+            const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+            const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+            if ((row->directions > 0) != (directions == 1)) continue;
+            for (uint32_t k = 0; k < (directions == 1 ? 1 : row->velocities); k++) out[count++] = first + k;
+        }
+    return count;
+}
+
+static bool has_diagonal_mass(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == LG_MACHINE_MASS)
+            return machine->terms[i].kind->parameters != NULL &&
+                   machine->terms[i].kind->parameters(machine, &machine->terms[i]) <
+                       machine->momenta + machine->directions;
+    return false;
+}
+
+/* Sets the mass that is held: 1 in the log's units; returns its velocity. */
+static uint32_t hold_mass(lg_machine *machine, const moments *size) {
+    uint32_t at[LG_MACHINE_VELOCITIES], best = 0;
+    const uint32_t count = mass_velocities(machine, at);
+    for (uint32_t i = 1; i < count && has_diagonal_mass(machine); i++)
+        if (size->acceleration[at[i]] > size->acceleration[at[best]]) best = i;
+    machine->scales.held = best + 1.0;
+    return at[best];
+}
+
+/* The geometric mean of the known masses, or of the guesses known force by acceleration, in energies; 0:
+ * nothing is known. */
+static double known_energy(const lg_machine *machine, const moments *size) {
+    const lg_machine_term *mass = known_term(machine, LG_MACHINE_MASS);
+    const uint32_t n = machine->velocities;
+    double logs = 0.0;
+    size_t count = 0;
+    for (uint32_t k = 0; k < n; k++) {
+        double m = 0.0;
+        if (mass != NULL)
+            m = mass->values[mass->value_count == n ? k : k * n + k];
+        else if (size->acceleration[k] > 0.0)
+            m = size->force[k] / size->acceleration[k];
+        if (!(m > 0.0)) continue;
+        logs += log(m * unit_energy(machine, k));
+        count++;
+    }
+    return count > 0 ? exp(logs / (double)count) : 0.0;
+}
+
+lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error) {
+    moments size = {{0}, {0}, {0}, {0}};
+    lg_machine plain = *machine;
+    lg_machine_scales_init(&plain.scales);
+    measure_motion(&plain, log, &size);
+    if (machine->input_count > 0) measure_inputs(machine, log, &size);
+    const double time = time_of(machine, &size);
+    if (!(time > 0.0 && isfinite(time)))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "nothing moves in the logs: nothing can be learned");
+    machine->scales.time = time;
+    set_lengths(machine, &size);
+    for (uint32_t j = 0; j < machine->input_count; j++)
+        machine->scales.input[j] = size.input[j] > 0.0 ? size.input[j] : 1.0;
+    const double energy = known_energy(machine, &size);
+    const uint32_t held = hold_mass(machine, &size);
+    machine->scales.energy = energy > 0.0 ? energy : unit_energy(machine, held);
+    return LG_OK;
+}

@@ -1,0 +1,190 @@
+/* Machines: rows of logs in scaled units, and steps over their intervals. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+/* ---- rows ---- */
+
+/* The rotation vector of the rotation that takes A to B, in the body of A: the vector of A^T B. */
+static void turn_between(const double *A, const double *B, double *out) {
+    double C[9];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) C[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
+    const double half[3] = {0.5 * (C[7] - C[5]), 0.5 * (C[2] - C[6]), 0.5 * (C[3] - C[1])};
+    const double s = sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
+    const double angle = atan2(s, 0.5 * (C[0] + C[4] + C[8] - 1.0));
+    for (int i = 0; i < 3; i++) out[i] = s > 0.0 ? half[i] * angle / s : 0.0;
+}
+
+/* The velocity of a coordinate between two rows h apart, from positions a and b, all in the log's units. */
+static void difference(const lg_coordinate_row *row, const double *a, const double *b, double h,
+                       double *out) {
+    double x[3] = {0, 0, 0};
+    for (uint32_t k = 0; k < row->places; k++) x[k] = (b[k] - a[k]) / h;
+    if (row->rotations > 0) {
+        const double *A = a + row->places;
+        for (uint32_t k = 0; k < row->places; k++) out[k] = A[k] * x[0] + A[3 + k] * x[1] + A[6 + k] * x[2];
+        turn_between(A, b + row->places, out + row->places);
+        for (uint32_t k = row->places; k < row->velocities; k++) out[k] /= h;
+    } else if (row->directions > 0) {
+        for (int k = 0; k < 3; k++) {
+            const int l = (k + 1) % 3, m = (k + 2) % 3;
+            out[k] = (a[l] * b[m] - a[m] * b[l]) / h;
+        }
+    } else {
+        out[0] = x[0];
+    }
+}
+
+static size_t part_end(const lg_machine_log *log, size_t row) {
+    size_t low = 0, high = log->parts;
+    while (high - low > 1) {
+        const size_t middle = low + (high - low) / 2;
+        if (log->first[middle] <= row)
+            low = middle;
+        else
+            high = middle;
+    }
+    return log->first[low + 1];
+}
+
+/* The velocity of coordinate i in a row, from positions where it was not measured; 0 where these are missing,
+ * too. */
+static void velocity_in(const lg_machine *machine, const lg_machine_log *log, size_t row, uint32_t i,
+                        double *out) {
+    const lg_coordinate_row *kind = lg_coordinate_row_of(machine->coordinates[i].kind);
+    const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    const double *v = log->v + row * machine->velocities + at.velocity;
+    bool known = true;
+    for (uint32_t k = 0; k < kind->velocities; k++) known = known && !isnan(v[k]);
+    if (known) {
+        memcpy(out, v, kind->velocities * sizeof *out);
+        return;
+    }
+    if (row + 1 < part_end(log, row)) {
+        const double *q = log->q + row * machine->positions + at.position;
+        difference(kind, q, q + machine->positions, log->t[row + 1] - log->t[row], out);
+    } else {
+        for (uint32_t k = 0; k < kind->velocities; k++) out[k] = 0.0;
+    }
+    for (uint32_t k = 0; k < kind->velocities; k++)
+        if (isnan(out[k])) out[k] = 0.0;
+}
+
+void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log, const size_t *rows,
+                            size_t count, double *positions, double *velocities) {
+    const lg_machine_scales *s = &machine->scales;
+    for (size_t r = 0; r < count; r++)
+        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+            const lg_coordinate_kind kind = machine->coordinates[i].kind;
+            const lg_coordinate_row *row = lg_coordinate_row_of(kind);
+            const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+            const double *q = log->q + rows[r] * machine->positions + at.position;
+            double *x = positions + r * machine->positions + at.position;
+            for (uint32_t k = 0; k < lg_coordinate_positions(kind); k++) {
+                const double scale = k < row->places ? s->place[at.place + k] : 1.0;
+                x[k] = isnan(q[k]) ? 0.0 : q[k] / scale;
+            }
+            if (velocities == NULL) continue;
+            double *v = velocities + r * machine->velocities + at.velocity;
+            velocity_in(machine, log, rows[r], i, v);
+            for (uint32_t k = 0; k < row->velocities; k++) v[k] *= s->time / s->velocity[at.velocity + k];
+        }
+}
+
+/* ---- intervals ---- */
+
+typedef struct interval {
+    const lg_machine_vars *vars;
+    lg_var u[4];   /* coefficients (B, inputs); LG_NONE: no input, or none of this power */
+    lg_var h;      /* (B, 1) lengths, the time then runs from 0 to 1; LG_NONE: one length for all */
+    double length; /* of the interval in the time of the scheme */
+} interval;
+
+static lg_var input_at(lg_tape *tape, const interval *over, double s) {
+    lg_var sum = over->u[0];
+    double power = s;
+    for (int k = 1; k < 4; k++, power *= s) {
+        if (lg_is_none(over->u[k]) || power == 0.0) continue;
+        const lg_var both[2] = {sum, over->u[k]};
+        sum = lg_linear_combination(tape, both, (const double[]){1.0, power}, 2);
+    }
+    return sum;
+}
+
+static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                       lg_var *algebra) {
+    const interval *over = user;
+    lg_space space;
+    (void)input;
+    const lg_var u = input_at(tape, over, t.value / over->length);
+    LG_TRY(lg_machine_record_field(tape, over->vars, y, u, algebra));
+    if (lg_is_none(over->h)) return LG_OK;
+    LG_TRY(lg_machine_space(over->vars->machine, &space));
+    for (size_t i = 0; i < lg_taped_parts(&space); i++) {
+        const lg_shape shape = lg_var_shape(tape, algebra[i]);
+        const lg_var h =
+            shape.rank == 2 ? over->h : lg_reshape(tape, over->h, lg_shape3(shape.dims[0], 1, 1));
+        algebra[i] = lg_mul(tape, algebra[i], h);
+    }
+    return lg_tape_status(tape);
+}
+
+static double length_of(const lg_machine *machine, const lg_machine_log *log, size_t row) {
+    return (log->t[row + 1] - log->t[row]) / machine->scales.time;
+}
+
+/* Whether all lengths are that of the first row, to rounding of the times. */
+static bool uniform(const lg_machine *machine, const lg_machine_log *log, const size_t *at, uint32_t count) {
+    const double h = length_of(machine, log, at[0]);
+    for (uint32_t i = 1; i < count; i++)
+        if (!(fabs(length_of(machine, log, at[i]) - h) <= 1e-9 * h)) return false;
+    return true;
+}
+
+/* Coefficients of power k of the rows' inputs; LG_NONE: all are 0. */
+static lg_var coefficients(lg_tape *tape, const lg_machine *machine, const lg_machine_log *log,
+                           const size_t *at, uint32_t count, uint32_t k) {
+    void *memory;
+    const uint32_t m = machine->input_count;
+    bool any = k == 0;
+    for (uint32_t i = 0; i < count && !any; i++)
+        for (uint32_t j = 0; j < m && !any; j++) any = log->u[(at[i] * 4 + k) * m + j] != 0.0;
+    if (!any) return LG_NONE;
+    const lg_var u = lg_input_buffer(tape, lg_shape2(count, m), &memory);
+    if (lg_is_none(u)) return u;
+    double *values = memory;
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t j = 0; j < m; j++)
+            values[i * m + j] = log->u[(at[i] * 4 + k) * m + j] / machine->scales.input[j];
+    return u;
+}
+
+static lg_var lengths(lg_tape *tape, const lg_machine *machine, const lg_machine_log *log, const size_t *at,
+                      uint32_t count) {
+    void *memory;
+    const lg_var h = lg_input_buffer(tape, lg_shape2(count, 1), &memory);
+    if (lg_is_none(h)) return h;
+    for (uint32_t i = 0; i < count; i++) ((double *)memory)[i] = length_of(machine, log, at[i]);
+    return h;
+}
+
+lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
+                                     const size_t *at, uint32_t count, lg_var *parts) {
+    const lg_machine *machine = flow->vars->machine;
+    interval over = {.vars = flow->vars, .length = 1.0};
+    if (uniform(machine, log, at, count))
+        over.length = length_of(machine, log, at[0]);
+    else
+        over.h = lengths(tape, machine, log, at, count);
+    for (uint32_t k = 0; k < 4 && machine->input_count > 0; k++)
+        over.u[k] = coefficients(tape, machine, log, at, count, k);
+    const lg_taped_ode ode = {.space = flow->space, .field = field, .user = &over};
+    const double h = over.length / flow->substeps;
+    for (uint32_t i = 0; i < flow->substeps; i++)
+        LG_TRY(lg_taped_step(tape, flow->scheme, &ode, i * h, h, parts, parts));
+    return lg_tape_status(tape);
+}

@@ -1,0 +1,391 @@
+/* Machines: windows of logs and their loss. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+/* ---- windows ---- */
+
+static bool complete(const lg_machine *machine, const lg_machine_log *log, size_t row, bool positions_only) {
+    for (uint32_t i = 0; i < machine->positions; i++)
+        if (isnan(log->q[row * machine->positions + i])) return false;
+    for (uint32_t i = 0; i < machine->velocities && !positions_only; i++)
+        if (isnan(log->v[row * machine->velocities + i])) return false;
+    return true;
+}
+
+size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, uint32_t window,
+                          uint32_t stride, bool positions_only, size_t *out) {
+    size_t count = 0;
+    for (size_t p = 0; p < log->parts; p++) {
+        const size_t end = log->first[p + 1];
+        size_t row = log->first[p];
+        while (row + window <= end) {
+            if (!complete(machine, log, row, positions_only)) {
+                row++;
+                continue;
+            }
+            if (out != NULL) out[count] = row;
+            count++;
+            row += stride;
+        }
+    }
+    return count;
+}
+
+static bool estimated(const lg_machine_problem *problem) {
+    return problem->starts == LG_MACHINE_STARTS_ESTIMATED;
+}
+
+/* Offsets of a start: places, 3 for each direction, 3 for each rotation, velocities. */
+static uint32_t start_numbers(const lg_machine *machine) {
+    return machine->places + 3 * machine->directions + 3 * machine->rotations + machine->velocities;
+}
+
+size_t lg_machine_problem_parameters(const lg_machine_problem *problem) {
+    const size_t starts = estimated(problem) ? problem->windows * start_numbers(problem->machine) : 0;
+    return problem->machine->parameters + starts;
+}
+
+static bool positive(const double *x, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++)
+        if (!(x[i] > 0.0 && isfinite(x[i]))) return false;
+    return true;
+}
+
+lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *error) {
+    const lg_machine *machine = problem->machine;
+    lg_space space;
+    if (problem->windows == 0 || problem->windows > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no window of %u rows without a gap is in the logs",
+                       problem->window);
+    if (problem->window < 2 || problem->window > LG_MACHINE_WINDOW || problem->substeps == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a window has 2 to %d rows, and there is 1 substep at least", LG_MACHINE_WINDOW);
+    if (problem->validation >= problem->windows)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no windows are left for training");
+    if (lg_machine_problem_parameters(problem) == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "everything is known: there is nothing to learn");
+    if (!positive(problem->position_scale, machine->coordinate_count) ||
+        !positive(problem->velocity_scale, machine->coordinate_count))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the scales of the loss must be above 0");
+    LG_TRY(lg_machine_space(machine, &space));
+    const bool lie =
+        problem->scheme->kind == LG_SCHEME_RKMK || problem->scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
+    if (!lie || (problem->scheme->ambient && !lg_space_is_abelian(&space)))
+        return lg_fail(
+            error, LG_UNSUPPORTED,
+            "%s does not stay on the manifold of this machine; take cf4, rkmk4 or another explicit "
+            "Lie group scheme",
+            problem->scheme->name);
+    return LG_OK;
+}
+
+/* ---- what is given ---- */
+
+/* Points of windows: first .. last of each, all windows of one point together: (count points, ...). */
+typedef struct points {
+    const lg_machine_problem *problem;
+    const uint32_t *samples;
+    size_t count;
+    uint32_t first, last;
+} points;
+
+static size_t row_of(const points *p, uint32_t point, size_t sample) {
+    return p->problem->start[p->samples[sample]] + point;
+}
+
+/* Weights of the numbers of one row: 1/scale where a number is there, in scaled units. */
+static void weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
+                      double *velocities) {
+    const lg_machine *machine = problem->machine;
+    const lg_machine_scales *s = &machine->scales;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *is = lg_coordinate_row_of(kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double *q = problem->log.q + row * machine->positions,
+                     *v = problem->log.v + row * machine->velocities;
+        for (uint32_t k = at.position; k < at.position + lg_coordinate_positions(kind); k++) {
+            const uint32_t place = k - at.position;
+            const double unit = place < is->places  ? s->place[at.place + place]
+                                : is->rotations > 0 ? sqrt(0.5)
+                                                    : 1.0;
+            positions[k] = isnan(q[k]) ? 0.0 : factor * unit / problem->position_scale[i];
+        }
+        for (uint32_t k = at.velocity; k < at.velocity + is->velocities; k++)
+            velocities[k] =
+                isnan(v[k]) ? 0.0 : factor * s->velocity[k] / (s->time * problem->velocity_scale[i]);
+    }
+}
+
+/* Given positions and velocities of all points, and their weights. */
+typedef struct given {
+    lg_var positions, velocities, position_weights, velocity_weights;
+} given;
+
+static lg_status put_given(lg_tape *tape, const points *p, double factor, given *out) {
+    const lg_machine_problem *problem = p->problem;
+    const lg_machine *machine = problem->machine;
+    const size_t rows = p->count * (p->last - p->first + 1);
+    const lg_shape places = lg_shape2((uint32_t)rows, machine->positions),
+                   speeds = lg_shape2((uint32_t)rows, machine->velocities);
+    void *memory[4];
+    out->positions = lg_input_buffer(tape, places, &memory[0]);
+    out->velocities = lg_input_buffer(tape, speeds, &memory[1]);
+    out->position_weights = lg_input_buffer(tape, places, &memory[2]);
+    out->velocity_weights = lg_input_buffer(tape, speeds, &memory[3]);
+    LG_TRY(lg_tape_status(tape));
+    size_t at = 0;
+    for (uint32_t point = p->first; point <= p->last; point++)
+        for (size_t s = 0; s < p->count; s++, at++) {
+            const size_t row = row_of(p, point, s);
+            double *each[4];
+            for (int i = 0; i < 4; i++)
+                each[i] = (double *)memory[i] + at * (i % 2 == 0 ? machine->positions : machine->velocities);
+            lg_machine_scaled_rows(machine, &problem->log, &row, 1, each[0], each[1]);
+            weigh_row(problem, row, factor, each[2], each[3]);
+        }
+    return LG_OK;
+}
+
+/* ---- starts ---- */
+
+/* Offsets a (B, numbers) of the samples: parameters times the scales of the loss and the root of the number
+ * of windows, so that the loss, a mean over windows, curves by about 1 in them. */
+static lg_var start_offsets(lg_tape *tape, const points *p, lg_var theta) {
+    const lg_machine_problem *problem = p->problem;
+    const lg_machine *machine = problem->machine;
+    const uint32_t numbers = start_numbers(machine), n = (uint32_t)problem->windows;
+    const double unit = sqrt((double)problem->windows);
+    double scale[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
+    const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
+                   velocities = rotations + 3 * machine->rotations;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double q = unit * problem->position_scale[i], v = unit * problem->velocity_scale[i];
+        for (uint32_t k = 0; k < row->places; k++)
+            scale[at.place + k] = q / machine->scales.place[at.place + k];
+        for (uint32_t k = 0; k < 3 * row->directions; k++) scale[directions + 3 * at.direction + k] = q;
+        for (uint32_t k = 0; k < 3 * row->rotations; k++) scale[rotations + 3 * at.rotation + k] = q;
+        for (uint32_t k = at.velocity; k < at.velocity + row->velocities; k++)
+            scale[velocities + k] = v * machine->scales.time / machine->scales.velocity[k];
+    }
+    const lg_var all = lg_reshape(tape, lg_slice(tape, theta, 0, (uint32_t)machine->parameters, n * numbers),
+                                  lg_shape2(n, numbers));
+    return lg_mul(tape, lg_gather(tape, all, p->samples, (uint32_t)p->count),
+                  lg_input_f64(tape, lg_shape2(1, numbers), scale));
+}
+
+/* `count` copies of 3 numbers from `first` on turn R or q: exp(a) . part. */
+static lg_var turn(lg_tape *tape, lg_var a, uint32_t first, uint32_t count, lg_var part) {
+    lg_space space;
+    const uint32_t rows = lg_var_shape(tape, a).dims[0], width = lg_var_shape(tape, part).dims[2];
+    const lg_var u = lg_reshape(tape, lg_slice(tape, a, 1, first, 3 * count), lg_shape3(rows, count, 3));
+    const lg_space_factor factor = {width == 9 ? LG_SPACE_SO3 : LG_SPACE_SO3_DUAL, count};
+    lg_var out = part;
+    if (lg_space_init(&space, &factor, 1) != LG_OK) return LG_NONE;
+    (void)lg_taped_act(tape, &space, &u, &part, &out);
+    return out;
+}
+
+/* Positions (as parts) and velocities of the starts move by the offsets. */
+static lg_status move_starts(lg_tape *tape, const points *p, const lg_machine_vars *vars, lg_var theta,
+                             lg_var positions, lg_var velocities, lg_var *parts) {
+    const lg_machine *machine = p->problem->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const lg_var a = start_offsets(tape, p, theta);
+    const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
+                   first = rotations + 3 * machine->rotations;
+    const lg_var v = lg_add(tape, velocities, lg_slice(tape, a, 1, first, machine->velocities));
+    LG_TRY(lg_machine_record_state(tape, vars, positions, v, parts));
+    if (at.x >= 0) parts[at.x] = lg_add(tape, parts[at.x], lg_machine_columns(tape, a, 0, machine->places));
+    if (at.q >= 0) parts[at.q] = turn(tape, a, directions, machine->directions, parts[at.q]);
+    if (at.R >= 0) parts[at.R] = turn(tape, a, rotations, machine->rotations, parts[at.R]);
+    /* The momenta once more: the mass may depend on the positions. */
+    return lg_machine_record_state(tape, vars, lg_machine_record_positions(tape, vars, parts), v, parts);
+}
+
+/* ---- predictions of windows ---- */
+
+enum { PARTS = 5 };
+
+/* Points 0 .. M - 1 of the samples: (M x parts). */
+static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *flow, lg_var theta,
+                         lg_var *predicted) {
+    const lg_machine_problem *problem = p->problem;
+    const size_t parts = lg_taped_parts(&flow->space);
+    const points starts = {problem, p->samples, p->count, 0, 0};
+    size_t at[LG_FIT_CHUNK];
+    given first;
+    LG_TRY(put_given(tape, &starts, 1.0, &first));
+    if (estimated(problem))
+        LG_TRY(move_starts(tape, p, flow->vars, theta, first.positions, first.velocities, predicted));
+    else
+        LG_TRY(lg_machine_record_state(tape, flow->vars, first.positions, first.velocities, predicted));
+    for (uint32_t j = 0; j + 1 < problem->window; j++) {
+        lg_var *next = predicted + (j + 1) * parts;
+        memcpy(next, next - parts, parts * sizeof *next);
+        for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, j, s);
+        LG_TRY(lg_machine_record_interval(tape, flow, &problem->log, at, (uint32_t)p->count, next));
+    }
+    return LG_OK;
+}
+
+static lg_status begin(lg_tape *tape, const lg_machine_problem *problem, lg_var theta, lg_machine_vars *vars,
+                       lg_machine_flow *flow) {
+    LG_TRY(lg_machine_bind(tape, problem->machine, theta, vars));
+    *flow = (lg_machine_flow){.vars = vars, .scheme = problem->scheme, .substeps = problem->substeps};
+    return lg_machine_space(problem->machine, &flow->space);
+}
+
+/* Part i of points first .. M - 1, one after the other. */
+static void join_points(lg_tape *tape, const points *p, size_t parts, const lg_var *predicted, lg_var *all) {
+    lg_var each[LG_MACHINE_WINDOW];
+    for (size_t i = 0; i < parts; i++) {
+        for (uint32_t j = p->first; j <= p->last; j++) each[j - p->first] = predicted[j * parts + i];
+        all[i] = p->last == p->first ? each[0] : lg_concat(tape, each, p->last - p->first + 1, 0);
+    }
+}
+
+/* Numbers (points count, n), point by point, as rows of windows (count, points n). */
+static lg_var by_window(lg_tape *tape, const points *p, lg_var x) {
+    const uint32_t n = lg_var_shape(tape, x).dims[1], many = p->last - p->first + 1;
+    const uint32_t count = (uint32_t)p->count;
+    static const int axes[] = {1, 0, 2};
+    if (many > 1) x = lg_permute(tape, lg_reshape(tape, x, lg_shape3(many, count, n)), axes);
+    return lg_reshape(tape, x, lg_shape2(count, many * n));
+}
+
+/* The weighted differences of each window, (count, numbers). */
+static lg_var differences(lg_tape *tape, const points *p, const lg_machine_vars *vars, const given *data,
+                          const lg_var *all) {
+    const lg_var positions = lg_machine_record_positions(tape, vars, all),
+                 velocities = lg_machine_record_velocities(tape, vars, all);
+    const lg_var r[2] = {
+        by_window(tape, p, lg_mul(tape, lg_sub(tape, positions, data->positions), data->position_weights)),
+        by_window(tape, p, lg_mul(tape, lg_sub(tape, velocities, data->velocities), data->velocity_weights))};
+    return lg_concat(tape, r, 2, 1);
+}
+
+static points window_points(const lg_machine_problem *problem, const uint32_t *samples, size_t count) {
+    return (points){problem, samples, count, estimated(problem) ? 0 : 1, problem->window - 1};
+}
+
+/* sum r^2 is the mean of the loss over a batch. */
+static double factor_of(const points *p, size_t batch) {
+    return 1.0 / sqrt((double)batch * (double)(p->last - p->first + 1));
+}
+
+static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
+                                 size_t count, size_t batch, lg_var *r) {
+    const lg_machine_problem *problem = user;
+    const points p = window_points(problem, samples, count);
+    lg_machine_vars vars;
+    lg_machine_flow flow;
+    lg_var predicted[PARTS * LG_MACHINE_WINDOW], all[PARTS];
+    given data;
+    LG_TRY(begin(tape, problem, theta, &vars, &flow));
+    LG_TRY(predict(tape, &p, &flow, theta, predicted));
+    LG_TRY(put_given(tape, &p, factor_of(&p, batch), &data));
+    join_points(tape, &p, lg_taped_parts(&flow.space), predicted, all);
+    *r = differences(tape, &p, &vars, &data, all);
+    return lg_tape_status(tape);
+}
+
+static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                            size_t batch, lg_var *loss) {
+    lg_var r;
+    LG_TRY(shard_residuals(user, tape, theta, samples, count, batch, &r));
+    *loss = lg_sum(tape, lg_square(tape, r));
+    return lg_tape_status(tape);
+}
+
+/* As shard_loss, of the differences that twice the substeps make. */
+static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                             size_t batch, lg_var *floor) {
+    const lg_machine_problem *problem = user;
+    const points p = window_points(problem, samples, count);
+    const double power = ldexp(1.0, problem->scheme->order);
+    lg_machine_vars vars;
+    lg_machine_flow once, twice;
+    lg_var predicted[PARTS * LG_MACHINE_WINDOW], all[PARTS];
+    given data;
+    LG_TRY(begin(tape, problem, theta, &vars, &once));
+    twice = once;
+    twice.substeps *= 2;
+    LG_TRY(put_given(tape, &p, factor_of(&p, batch) * power / (power - 1.0), &data));
+    LG_TRY(predict(tape, &p, &twice, theta, predicted));
+    join_points(tape, &p, lg_taped_parts(&once.space), predicted, all);
+    data.positions = lg_machine_record_positions(tape, &vars, all);
+    data.velocities = lg_machine_record_velocities(tape, &vars, all);
+    LG_TRY(predict(tape, &p, &once, theta, predicted));
+    join_points(tape, &p, lg_taped_parts(&once.space), predicted, all);
+    *floor = lg_sum(tape, lg_square(tape, differences(tape, &p, &vars, &data, all)));
+    return lg_tape_status(tape);
+}
+
+/* Numbers that are there in the training part, for the prior. */
+static size_t observations(const lg_machine_problem *problem) {
+    const lg_machine *machine = problem->machine;
+    const uint32_t first = estimated(problem) ? 0 : 1;
+    double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];
+    size_t sum = 0;
+    for (size_t w = 0; w < problem->windows - problem->validation; w++)
+        for (uint32_t j = first; j < problem->window; j++) {
+            weigh_row(problem, problem->start[w] + j, 1.0, q, v);
+            for (uint32_t i = 0; i < machine->positions; i++) sum += q[i] != 0.0;
+            for (uint32_t i = 0; i < machine->velocities; i++) sum += v[i] != 0.0;
+        }
+    return sum;
+}
+
+void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out) {
+    *out = (lg_fit_problem){.parameters = lg_machine_problem_parameters(problem),
+                            .samples = problem->windows,
+                            .loss = shard_loss,
+                            .residuals = shard_residuals,
+                            .user = (void *)(uintptr_t)problem, /* only read */
+                            .validation = problem->validation,
+                            .own = estimated(problem) ? start_numbers(problem->machine) : 0,
+                            .observations = observations(problem),
+                            .weights = problem->machine->parameters};
+}
+
+/* ---- means over all windows ---- */
+
+static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
+    uint32_t samples[LG_FIT_CHUNK];
+    const size_t all = fit->samples - fit->validation;
+    *sum = 0.0;
+    for (size_t first = 0; first < all; first += LG_FIT_CHUNK) {
+        const size_t left = all - first, count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
+        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
+        lg_tape_reset(tape);
+        lg_var part, parameters = lg_parameter(tape, lg_shape1((uint32_t)fit->parameters), theta);
+        double value = 0.0;
+        LG_TRY(fit->loss(fit->user, tape, parameters, samples, count, all, &part));
+        LG_TRY(lg_read(tape, part, 1, &value));
+        *sum += value;
+    }
+    return LG_OK;
+}
+
+lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
+                          double *loss, double *floor, lg_error *error) {
+    lg_tape *tape = NULL;
+    lg_fit_problem fit;
+    LG_TRY(lg_machine_problem_check(problem, error));
+    lg_machine_fit_problem(problem, &fit);
+    lg_status status = lg_tape_create(context, NULL, &tape);
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
+    status = add_chunks(tape, &fit, theta, loss);
+    fit.loss = shard_floor;
+    if (status == LG_OK && floor != NULL) status = add_chunks(tape, &fit, theta, floor);
+    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
+    lg_tape_destroy(tape);
+    return status;
+}

@@ -1,0 +1,836 @@
+/* Logs of machines: CSV and HDF5. */
+#include "io_test.h"
+#include "liegrad/geometry.h"
+#include "liegrad/logs.h"
+
+/* ---- machines and logs of a test ---- */
+
+static void release_file(void *file) {
+    lg_machine_file_destroy(file);
+}
+
+static void release_logs(void *logs) {
+    lg_logs_destroy(logs);
+}
+
+static const lg_machine_file *machine(const char *text) {
+    lg_error error = {LG_OK, ""};
+    lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);
+    if (lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), file, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    lg_test_owns(file, release_file);
+    return file;
+}
+
+static const lg_logs *read_all(const lg_machine_file *file, const char *const *paths, size_t count,
+                               const lg_log_options *options) {
+    lg_error error = {LG_OK, ""};
+    lg_logs *logs = TEST_ARRAY(lg_logs, 1);
+    if (lg_logs_read(NULL, file, paths, count, options, logs, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_test_owns(logs, release_logs);
+    return logs;
+}
+
+static const lg_logs *read_text(const lg_machine_file *file, const char *text) {
+    const char *path = scratch_path("log.csv");
+    write_text_to(path, text);
+    return read_all(file, &path, 1, NULL);
+}
+
+static void refuse_paths(const lg_machine_file *file, const char *const *paths, size_t count,
+                         lg_status status, const char *word1, const char *word2) {
+    lg_error error = {LG_OK, ""};
+    lg_logs *logs = TEST_ARRAY(lg_logs, 1), before;
+    memset(logs, 0x5a, sizeof *logs);
+    before = *logs;
+    const lg_status got = lg_logs_read(NULL, file, paths, count, NULL, logs, &error);
+    if (got != status) fail_msg("%s (%s), expected: %s %s", lg_status_name(got), error.message, word1, word2);
+    assert_memory_equal(logs, &before, sizeof before);
+    assert_says(error.message, word1);
+    assert_says(error.message, word2);
+}
+
+static void refuse_text(const lg_machine_file *file, const char *text, const char *word1, const char *word2) {
+    const char *path = scratch_path("log.csv");
+    write_text_to(path, text);
+    refuse_paths(file, &path, 1, LG_FORMAT, word1, word2);
+    refuse_paths(file, &path, 1, LG_FORMAT, "log.csv: ", "");
+}
+
+static bool warns(const lg_logs *logs, const char *part) {
+    for (uint32_t i = 0; i < logs->warning_count; i++)
+        if (strstr(logs->warnings[i], part) != NULL) return true;
+    return false;
+}
+
+static void assert_warns(const lg_logs *logs, const char *part) {
+    if (!warns(logs, part))
+        fail_msg("no '%s' in %u warnings: %s", part, logs->warning_count,
+                 logs->warning_count > 0 ? logs->warnings[0] : "");
+}
+
+static void assert_silent(const lg_logs *logs) {
+    if (logs->warning_count > 0) fail_msg("warning: %s", logs->warnings[0]);
+}
+
+static void assert_parts(const lg_logs *logs, size_t parts, const size_t *first) {
+    assert_int_equal(logs->log.parts, parts);
+    for (size_t i = 0; i <= parts; i++) assert_int_equal(logs->log.first[i], first[i]);
+    assert_int_equal(logs->log.rows, first[parts]);
+}
+
+/* Text that grows. */
+typedef struct text {
+    char *at;
+    size_t used, room;
+} text;
+
+static text new_text(const char *header) {
+    text t = {TEST_ARRAY(char, 4u << 20), 0, 4u << 20};
+    t.used = (size_t)sprintf(t.at, "%s\n", header);
+    return t;
+}
+
+static void say_row(text *t, const double *numbers, int count) {
+    for (int i = 0; i < count; i++)
+        t->used += (size_t)sprintf(t->at + t->used, "%s%.17g", i > 0 ? "," : "", numbers[i]);
+    t->used += (size_t)sprintf(t->at + t->used, "\n");
+    assert_true(t->used + 1000 < t->room);
+}
+
+#define LINE "coordinates: [{name: q, kind: line, velocity: v}]\n"
+#define SEEN "coordinates: [{name: q, kind: line}]\nmeasured: positions\n"
+
+/* ---- CSV ---- */
+
+TEST("rows are read in any dialect of CSV") {
+    static const char *const dialects[] = {
+        "t,q,v,u\n0,1,10,5\n1,11,10,6\n2,,10,7\n3,31,nan,8\n",
+        "v;u;q;t\n10;5;1;0\n10;6;11;1\n10;7;NA;2\nNaN;8;31;3\n",
+        "t\tq\tv\tu\n0\t1\t10\t5\n1\t11\t10\t6\n2\t\t10\t7\n3\t31\t\t8",
+        "\xef\xbb\xbf# made by hand\r\n\"t\", q ,\"v\",\"u\", \"a \"\"note\"\", all\"\r\n0, 1 ,\"10\",5,\"x, "
+        "y\"\r\n1,1.1e1,10,6,\r\n"
+        "\r\n2,,10,7,\r\n3,31,,8,",
+    };
+    static const double q[] = {1, 11, NAN, 31}, v[] = {10, 10, 10, NAN}, u[] = {5, 6, 7, 8};
+    const lg_machine_file *f = machine(LINE "inputs: {columns: [u]}\n");
+    for (size_t d = 0; d < LG_COUNT(dialects); d++) {
+        const lg_logs *logs = read_text(f, dialects[d]);
+        const size_t first[] = {0, 4};
+        assert_parts(logs, 1, first);
+        for (int i = 0; i < 4; i++) {
+            assert_true(logs->t[i] == i && logs->u[4 * i] == u[i] && logs->u[4 * i + 1] == 0);
+            assert_true(isnan(q[i]) ? isnan(logs->q[i]) : logs->q[i] == q[i]);
+            assert_true(isnan(v[i]) ? isnan(logs->v[i]) : logs->v[i] == v[i]);
+        }
+        assert_true(logs->columns[1].missing == 1 && logs->columns[1].low == 1 &&
+                    logs->columns[1].high == 31);
+        assert_true(logs->rows_read == 4 && logs->runs == 1 && logs->files == 1 && logs->dt_median == 1);
+        assert_silent(logs);
+    }
+}
+
+TEST("what is no log is refused with file, line and column") {
+    static const struct {
+        const char *text, *word1, *word2;
+    } wrong[] = {
+        {"", "line 1", "is empty"},
+        {"# only this\n", "line 2", "is empty"},
+        {"t,q\n0,1\n", "line 1: there is no column 'v'", "the columns are: t, q"},
+        {"# a\n\ntime;q;v\n", "line 3: there is no column 't'", "time, q, v"},
+        {"t,q,v,q\n0,1,1,1\n", "line 1", "column 'q' is there twice"},
+        {"t,q,v\n0,1,1\n1,one,1\n", "line 3", "column q: 'one' is not a number"},
+        {"t;q;v\n0;1,5;1\n", "line 2: column q: '1,5'", "decimals stand behind a point"},
+        {"t,q,v\n0,1e999,1\n", "line 2: column q", "not a finite number"},
+        {"t,q,v\n0,inf,1\n", "line 2: column q", "'inf'"},
+        {"t,q,v\n0,1\n1,2,1\n", "line 2", "has 2 cells, the header has 3"},
+        {"t,q,v\n0,1,1,1\n", "line 2", "has 4 cells"},
+        {"t,q,v\n0,\"1,1\n", "line 2", "quote is not closed"},
+        {"t,q,v\n0,\"1\"2,1\n", "line 2", "behind a closed quote"},
+        {"t,q,v\n", "has no row with a time", "column t"},
+        {"t,q,v\n,1,1\n", "has no row with a time", "column t"},
+        {"t,q,v\n0,1,1\n", "no run has two rows", ""},
+        {"t,q,v\n0,,1\n1,,1\n", "column q: has no value", ""},
+        {"t,q,v\n0,1,\n1,,1\n", "no row is complete", ""},
+        {"t,q,v\n0,1,1\n1,1,1\n1,1,1\n", "line 4: column t: time does not increase", "1 after 1"},
+        {"t,q,v\n0,1,1\n1,1,1\n0.5,1,1\n", "line 4", "columns: {run: ...}"},
+    };
+    const lg_machine_file *f = machine(LINE);
+    for (size_t i = 0; i < LG_COUNT(wrong); i++)
+        refuse_text(f, wrong[i].text, wrong[i].word1, wrong[i].word2);
+    const char *path = scratch_path("log.csv"), *none = scratch_path("nothing-here");
+    write_bytes_to(path, "t,q,v\n0,\0,1\n", 12);
+    refuse_paths(f, &path, 1, LG_FORMAT, "line 2", "is not text");
+    refuse_paths(f, &none, 1, LG_NOT_FOUND, "nothing-here", "");
+    path = scratch;
+    refuse_paths(f, &path, 1, LG_FILE, "regular", "");
+    refuse_paths(f, &path, 0, LG_INVALID_ARGUMENT, "at least one log", "");
+    path = "";
+    refuse_paths(f, &path, 1, LG_INVALID_ARGUMENT, "needs a name", "");
+}
+
+TEST("a line that was cut off and rows without a time are left out with a warning") {
+    const lg_machine_file *f = machine(LINE);
+    const lg_logs *logs = read_text(f, "t,q,v\n0,1,1\n,1,1\n1,2,1\n2,3");
+    assert_int_equal(logs->log.rows, 2);
+    assert_int_equal(logs->rows_read, 3);
+    assert_warns(logs, "the last line was cut off");
+    assert_warns(logs, "1 rows without a time");
+}
+
+TEST("numbers are scaled, times too") {
+    const lg_machine_file *f = machine(LINE "scale: {t: 0.001, q: 2}\n");
+    const lg_logs *logs = read_text(f, "t,q,v\n0,1,5\n10,2,6\n20,4,7\n");
+    assert_close(logs->t[2], 0.02, 1e-15, 0);
+    assert_true(logs->q[2] == 8 && logs->v[2] == 7);
+    assert_close(logs->dt_median, 0.01, 1e-15, 0);
+}
+
+/* ---- runs and parts ---- */
+
+TEST("a file is a run, or a column names the runs") {
+    const char *paths[] = {scratch_path("a.csv"), scratch_path("b.csv")};
+    write_text_to(paths[0], "t,q,v,r\n0,1,0,one\n1,2,0,one\n0,3,0,two\n1,4,0,two\n");
+    write_text_to(paths[1], "t,q,v,r\n0,5,0,two\n1,6,0,two\n2,7,0,two\n");
+    const lg_logs *logs = read_all(machine("columns: {run: r}\n" LINE), paths, 2, NULL);
+    static const size_t first[] = {0, 2, 4, 7};
+    static const uint32_t file[] = {0, 0, 1}, run[] = {0, 1, 2};
+    assert_parts(logs, 3, first);
+    assert_memory_equal(logs->part_file, file, sizeof file);
+    assert_memory_equal(logs->part_run, run, sizeof run);
+    assert_true(logs->runs == 3 && logs->files == 2 && logs->gaps == 0);
+    for (int i = 0; i < 7; i++) assert_true(logs->q[i] == i + 1);
+    refuse_paths(machine(LINE), paths, 2, LG_FORMAT, "a.csv: line 4", "does not increase");
+    write_text_to(paths[0], "t,q,v,r\n0,1,0,\n");
+    refuse_paths(machine("columns: {run: r}\n" LINE), paths, 1, LG_FORMAT, "line 2: column r",
+                 "1 to 63 bytes");
+}
+
+TEST("steps of more than 1.4 medians, or of more than max_step, are gaps") {
+    static const char log[] = "t,q,v\n0,0,1\n1,1,1\n2,2,1\n3.3,3.3,1\n4.3,4.3,1\n6,6,1\n7,7,1\n";
+    static const size_t two[] = {0, 5, 7}, one[] = {0, 7}, three[] = {0, 3, 5, 7};
+    const lg_logs *logs = read_text(machine(LINE), log);
+    assert_parts(logs, 2, two);
+    assert_int_equal(logs->gaps, 1);
+    assert_close(logs->dt_max, 1.7, 1e-12, 0);
+    assert_close(logs->max_step, 1.4, 1e-12, 0);
+    assert_parts(read_text(machine("columns: {max_step: 1.7}\n" LINE), log), 1, one);
+    assert_parts(read_text(machine("columns: {max_step: 1.2}\n" LINE), log), 3, three);
+    refuse_text(machine("columns: {max_step: 0.5}\n" LINE), log, "every step is longer than max_step",
+                "scale: {t: 0.001}");
+}
+
+TEST("files of different rates are told") {
+    const char *paths[] = {scratch_path("a.csv"), scratch_path("b.csv")};
+    write_text_to(paths[0], "t,q,v\n0,1,0\n1,2,0\n2,3,0\n3,4,0\n");
+    write_text_to(paths[1], "t,q,v\n0,1,0\n0.3,2,0\n0.6,3,0\n");
+    assert_warns(read_all(machine(LINE), paths, 2, NULL), "different rates: the median step is 1 s in");
+    write_text_to(paths[1], "t,q,v\n0,1,0\n0.4,2,0\n0.8,3,0\n");
+    assert_silent(read_all(machine(LINE), paths, 2, NULL));
+}
+
+/* ---- inputs ---- */
+
+static const char lossy[] =
+    "t,q,v,u\n0,0,1,\n1,1,1,1\n2,2,1,2\n3,3,1,\n4,4,1,4\n5,5,1,5\n6,6,1,\n7,7,1,\n8,8,1,8\n";
+
+TEST("a missing input ends its part") {
+    const lg_logs *logs = read_text(machine(LINE "inputs: {columns: [u]}\n"), lossy);
+    static const size_t held[] = {0, 3, 6}, linear[] = {0, 2, 4};
+    static const double t[] = {1, 2, 3, 4, 5, 6}, u[] = {1, 2, 2, 4, 5, 5};
+    assert_parts(logs, 2, held);
+    assert_memory_equal(logs->t, t, sizeof t);
+    for (int i = 0; i < 6; i++) assert_true(logs->u[4 * i] == u[i]);
+    logs = read_text(machine(LINE "inputs: {columns: [u], hold: linear}\n"), lossy);
+    assert_parts(logs, 2, linear);
+    assert_true(logs->t[0] == 1 && logs->t[2] == 4);
+    refuse_text(machine(LINE "inputs: {columns: [u]}\n"), "t,q,v,u\n0,1,1,\n1,1,1,\n2,1,1,4\n",
+                "no two rows follow each other with their inputs", "");
+}
+
+TEST("a delay moves inputs within parts") {
+    static const char log[] =
+        "t,q,v,u\n0,0,1,0\n1,1,1,1\n2,2,1,4\n3,3,1,9\n9,9,1,16\n10,10,1,25\n11,11,1,36\n"
+        "12,12,1,49\n";
+    const lg_machine_file *f = machine(LINE "inputs: {columns: [u], delay: 2}\n");
+    static const size_t two[] = {0, 2, 4}, none[] = {0, 4, 8}, one[] = {0, 3, 6};
+    static const double t[] = {2, 3, 11, 12}, u[] = {0, 1, 16, 25};
+    const lg_logs *logs = read_text(f, log);
+    assert_parts(logs, 2, two);
+    assert_int_equal(logs->delay, 2);
+    assert_memory_equal(logs->t, t, sizeof t);
+    for (int i = 0; i < 4; i++) assert_true(logs->u[4 * i] == u[i]);
+    const char *path = scratch_path("log.csv");
+    lg_log_options options;
+    lg_log_options_init(&options);
+    write_text_to(path, log);
+    options.delay = 0;
+    assert_parts(read_all(f, &path, 1, &options), 2, none);
+    options.delay = 1;
+    logs = read_all(machine(LINE "inputs: {columns: [u], delay: estimate}\n"), &path, 1, &options);
+    assert_parts(logs, 2, one);
+    assert_true(logs->u[0] == 0 && logs->u[4] == 1);
+    options.size = 1;
+    assert_status(lg_logs_read(NULL, f, &path, 1, &options, (lg_logs *)logs, NULL), LG_INVALID_ARGUMENT);
+    refuse_text(machine(LINE "inputs: {columns: [u], delay: 4}\n"), log, "is the delay longer than the runs?",
+                "");
+}
+
+TEST("inputs between rows are linear, or cubic where they can be") {
+    static const double t[] = {0, 1, 1.5, 2.7, 3.5, 4.4, 5};
+    enum { N = LG_COUNT(t) };
+    text log = new_text("t,q,v,u,w");
+    for (int i = 0; i < N; i++) {
+        const double x = t[i], row[] = {x, x, 1, x, 2 - 3 * x + x * x - 0.5 * x * x * x};
+        say_row(&log, row, 5);
+    }
+    const char *yaml = "columns: {max_step: 9}\n" LINE "inputs: {columns: [u, w], hold: %s}\n";
+    char linear[200], cubic[200];
+    (void)sprintf(linear, yaml, "linear");
+    (void)sprintf(cubic, yaml, "cubic");
+    const lg_logs *logs = read_text(machine(linear), log.at);
+    for (int i = 0; i + 1 < N; i++) {
+        const double *u = logs->u + 8 * i, *next = u + 8;
+        assert_true(u[1] == 2 - 3 * t[i] + t[i] * t[i] - 0.5 * t[i] * t[i] * t[i] || u[1] != 0);
+        assert_close(u[2], t[i + 1] - t[i], 1e-12, 0);
+        assert_close(u[1] + u[3], next[1], 1e-12, 1e-12);
+        assert_true(u[4] == 0 && u[5] == 0 && u[6] == 0 && u[7] == 0);
+    }
+    /* Not-a-knot splines have cubic polynomials exactly, at any steps. */
+    logs = read_text(machine(cubic), log.at);
+    for (int i = 0; i + 1 < N; i++) {
+        for (double s = 0; s <= 1; s += 0.25) {
+            const double *u = logs->u + 8 * i, x = t[i] + s * (t[i + 1] - t[i]);
+            assert_close(u[0] + s * (u[2] + s * (u[4] + s * u[6])), x, 1e-12, 1e-12);
+            assert_close(u[1] + s * (u[3] + s * (u[5] + s * u[7])), 2 - 3 * x + x * x - 0.5 * x * x * x,
+                         1e-11, 1e-11);
+        }
+    }
+    assert_true(logs->u[8 * (N - 1)] == 5 &&
+                logs->u[8 * (N - 1) + 2] == 0); /* no interval behind the last row */
+    logs = read_text(machine(cubic), "t,q,v,u,w\n0,0,1,0,1\n1,1,1,1,2\n2,2,1,4,1\n"); /* three rows */
+    assert_true(logs->u[2] == 1 && logs->u[4] == 0 && logs->u[8 + 2] == 3 && logs->u[8 + 3] == -1);
+}
+
+TEST("cubic inputs have two continuous derivatives and do not cross gaps") {
+    text log = new_text("t,q,v,u");
+    for (int i = 0; i < 20; i++) {
+        const double t = i + 0.2 * sin(i) + (i >= 12 ? 100 : 0), row[] = {t, t, 1, cos(i * i)};
+        say_row(&log, row, 4);
+    }
+    const lg_logs *logs =
+        read_text(machine("columns: {max_step: 2}\n" LINE "inputs: {columns: u, hold: cubic}\n"), log.at);
+    static const size_t first[] = {0, 12, 20};
+    assert_parts(logs, 2, first);
+    for (int i = 0; i < 19; i++) {
+        const double *u = logs->u + 4 * i, *n = u + 4;
+        if (i == 11) {
+            assert_true(u[0] == cos(121) && u[1] == 0 && u[2] == 0 && u[3] == 0);
+            continue;
+        }
+        assert_close(u[0] + u[1] + u[2] + u[3], n[0], 0, 1e-12);
+        if (i == 10 || i == 18) continue;
+        const double h = logs->t[i + 1] - logs->t[i], g = logs->t[i + 2] - logs->t[i + 1];
+        assert_close((u[1] + 2 * u[2] + 3 * u[3]) / h, n[1] / g, 0, 1e-11);
+        assert_close((2 * u[2] + 6 * u[3]) / (h * h), 2 * n[2] / (g * g), 0, 1e-11);
+    }
+    /* The third derivatives of the first two intervals are equal: not a knot. */
+    const double h = logs->t[1] - logs->t[0], g = logs->t[2] - logs->t[1];
+    assert_close(logs->u[3] / (h * h * h), logs->u[7] / (g * g * g), 1e-10, 0);
+}
+
+TEST("inputs that never change and coordinates that never move are told") {
+    const lg_logs *logs =
+        read_text(machine(LINE "inputs: {columns: [u]}\n"), "t,q,v,u\n0,1,0,5\n1,1,0,5\n2,1,0,5\n");
+    assert_warns(logs, "column u: the input is always 5");
+    assert_warns(logs, "coordinate q never moves");
+    text log = new_text("t,q,v,u");
+    for (int i = 0; i < 100; i++) {
+        const double row[] = {0.1 * i, 0.3, 0, sin(i)};
+        say_row(&log, row, 4);
+    }
+    logs = read_text(machine(LINE "inputs: {columns: [u]}\n"), log.at);
+    assert_true(logs->columns[1].noise == 0 && logs->warning_count == 1);
+}
+
+/* ---- attitudes ---- */
+
+#define BODY "coordinates: [{name: b, kind: rotation, columns: [w, x, y, z]}]\nmeasured: positions\n"
+#define MATRIX                                                                                               \
+    "coordinates: [{name: b, kind: rotation, columns: [a, b, c, d, e, f, g, h, i]}]\nmeasured: positions\n"
+
+TEST("quaternions are normalised, made continuous and become rotations") {
+    const lg_logs *logs = read_text(machine(BODY), "t,w,x,y,z\n0,1,0,0,0\n1,-0.6,0,0,-0.8\n2,,0,0,1\n"
+                                                   "3,0.8016,0,0,0.6012\n4,-0.6,0,-0.8,0\n");
+    static const double turned[] = {0.36 - 0.64, -0.96, 0, 0.96, 0.36 - 0.64, 0, 0, 0, 1};
+    static const double identity[] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    static const double third[] = {0.64 - 0.36, -0.96, 0, 0.96, 0.64 - 0.36, 0, 0, 0, 1};
+    assert_all_close(logs->q, identity, 9, 0, 1e-15);
+    assert_all_close(logs->q + 9, turned, 9, 0, 1e-15);
+    for (int i = 0; i < 9; i++) assert_true(isnan(logs->q[18 + i]));
+    assert_all_close(logs->q + 27, third, 9, 0, 1e-12);
+    assert_warns(logs, "columns w, x, y, z: 2 changes of sign were undone");
+    assert_warns(logs, "1 rows are off by more than 0.001, at most by 0.002");
+    assert_int_equal(logs->warning_count, 2);
+    refuse_text(machine(BODY), "t,w,x,y,z\n0,1,0,0,0\n1,0.98,0,0,0\n",
+                "line 3: columns w, x, y, z: no quaternion", "length 0.98");
+    refuse_text(machine(BODY), "t,w,x,y,z\n0,1,0,0,0\n1,0,0,0,0\n", "line 3", "length 0 ");
+}
+
+TEST("matrices are brought to the nearest rotation, reflections are refused") {
+    const lg_logs *logs = read_text(
+        machine(MATRIX), "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,1\n1,0,-1.002,0,1.002,0,0,0,0,1\n");
+    static const double quarter[] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
+    assert_all_close(logs->q + 9, quarter, 9, 0, 1e-12);
+    assert_warns(logs, "1 rows are off by more than 0.001");
+    const lg_logs *part =
+        read_text(machine(MATRIX),
+                  "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,1\n1,1,0,0,0,1,,0,0,1\n2,1,0,0,0,1,0,0,0,1\n");
+    for (int i = 0; i < 9; i++) assert_true(isnan(part->q[9 + i]) && !isnan(part->q[18 + i]));
+    refuse_text(machine(MATRIX), "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,1\n1,1.02,0,0,0,1,0,0,0,1\n",
+                "line 3: columns a, b, c, d, e, f, g, h, i: no rotation matrix",
+                "off the nearest one by 0.02");
+    refuse_text(machine(MATRIX), "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,-1\n1,1,0,0,0,1,0,0,0,1\n", "line 2",
+                "determinant -1, a reflection");
+}
+
+TEST("directions have length one and no rate along themselves") {
+    const char *yaml = "coordinates: [{name: d, kind: direction, columns: [x, y, z], velocity: [a, b, c]}]\n";
+    const lg_logs *logs = read_text(machine(yaml), "t,x,y,z,a,b,c\n0,0,0,1.005,1,2,3\n1,0,0,1,1,2,0\n");
+    static const double q[] = {0, 0, 1, 0, 0, 1}, v[] = {1, 2, 0, 1, 2, 0};
+    assert_all_close(logs->q, q, 6, 0, 1e-15);
+    assert_all_close(logs->v, v, 6, 0, 1e-15);
+    assert_warns(logs, "columns a, b, c: 0.688 of the angular velocity is along the direction");
+    assert_warns(logs, "columns x, y, z: 1 rows are off");
+    refuse_text(machine(yaml), "t,x,y,z,a,b,c\n0,0,0,1,0,0,0\n1,0,0,2,0,0,0\n",
+                "line 3: columns x, y, z: no direction", "length 2");
+}
+
+TEST("velocities of a pose in space are turned into the body") {
+    const char *yaml =
+        "coordinates: [{name: h, kind: pose, position: [x, y, z], columns: [qw, qx, qy, qz], velocity: "
+        "[a, b, c], rates: [d, e, f], frame: %s}]\n";
+    static const char log[] =
+        "t,x,y,z,qw,qx,qy,qz,a,b,c,d,e,f\n0,1,2,3,0.6,0,0,0.8,1,0,2,4,5,6\n1,1,2,3,0.6,0,0,0.8,1,0,2,4,5,6\n";
+    static const double space[] = {-0.28, -0.96, 2, 4, 5, 6}, body[] = {1, 0, 2, 4, 5, 6};
+    static const double q[] = {1, 2, 3, -0.28, -0.96, 0, 0.96, -0.28, 0, 0, 0, 1};
+    char yaml_text[300];
+    (void)sprintf(yaml_text, yaml, "space");
+    const lg_logs *logs = read_text(machine(yaml_text), log);
+    assert_all_close(logs->v, space, 6, 0, 1e-15);
+    assert_all_close(logs->q, q, 12, 0, 1e-15);
+    (void)sprintf(yaml_text, yaml, "body");
+    assert_all_close(read_text(machine(yaml_text), log)->v, body, 6, 0, 0);
+}
+
+/* ---- angles ---- */
+
+#define ANGLE "coordinates: [{name: a, kind: angle}]\nmeasured: positions\n"
+
+/* a = amplitude sin(t) + rate t at 100 rows, times `unit`, wrapped by `turn` when that is above 0. */
+static const char *angle_log(double amplitude, double rate, double unit, double turn) {
+    text log = new_text("t,a");
+    for (int i = 0; i < 100; i++) {
+        const double t = 0.1 * i, a = unit * (amplitude * sin(t) + rate * t);
+        const double row[] = {t, turn > 0 ? a - turn * round(a / turn) : a};
+        say_row(&log, row, 2);
+    }
+    return log.at;
+}
+
+TEST("angles are unwrapped") {
+    const double turn = 2 * acos(-1);
+    const lg_logs *logs = read_text(machine(ANGLE), angle_log(2, 4, 1, turn));
+    for (int i = 0; i < 100; i++) assert_close(logs->q[i], 2 * sin(0.1 * i) + 0.4 * i, 1e-12, 1e-12);
+    assert_warns(logs, "column a: 6 jumps of 2 pi were undone");
+    logs = read_text(machine(ANGLE "unwrap: false\n"), angle_log(2, 4, 1, turn));
+    assert_true(fabs(logs->q[99]) < 3.2);
+    assert_silent(read_text(machine(ANGLE), angle_log(2, 1, 1, 0)));
+    /* 2.5 radians a row: the jumps are far from 2 pi */
+    logs = read_text(machine(ANGLE), angle_log(0, 25, 1, turn));
+    for (int i = 0; i < 100; i++) assert_close(logs->q[i], 2.5 * i, 1e-12, 1e-12);
+}
+
+TEST("angles in degrees are told") {
+    refuse_text(machine(ANGLE), angle_log(2, 4, 180 / acos(-1), 360), "column a: goes from",
+                "scale: {a: 0.0174533}");
+    refuse_text(machine(ANGLE), angle_log(2, 0, 180 / acos(-1), 0), "column a: steps by",
+                "scale: {a: 0.0174533}");
+    assert_warns(read_text(machine(ANGLE "unwrap: false\n"), angle_log(2, 0, 180 / acos(-1), 0)),
+                 "if they are degrees, scale: {a: 0.0174533}");
+    const lg_logs *logs =
+        read_text(machine(ANGLE "scale: {a: 0.017453292519943295}\n"), angle_log(2, 4, 180 / acos(-1), 360));
+    assert_close(logs->q[99], 2 * sin(9.9) + 39.6, 1e-12, 0);
+}
+
+/* ---- positions and velocities ---- */
+
+#define TWO "coordinates: [{name: x, kind: line, velocity: vx}, {name: a, kind: angle, velocity: va}]\n"
+
+/* Two sines and their rates, these times `factor`, with noise on positions and rates. */
+static const char *two_sines(double factor, double noise) {
+    text log = new_text("t,x,vx,a,va");
+    const double *n = test_numbers(7, 4 * 400, -1.7320508, 1.7320508);
+    for (int i = 0; i < 400; i++) {
+        const double t = 0.02 * i;
+        const double row[] = {t, sin(3 * t) + noise * n[4 * i],
+                              factor * (3 * cos(3 * t) + 5 * noise * n[4 * i + 1]),
+                              cos(2 * t) + noise * n[4 * i + 2], -2 * sin(2 * t) + 5 * noise * n[4 * i + 3]};
+        say_row(&log, row, 5);
+    }
+    return log.at;
+}
+
+#define SPIN "coordinates: [{name: b, kind: rotation, columns: [qw, qx, qy, qz], velocity: [w1, w2, w3]}]\n"
+
+TEST("velocities of a wrong unit or sign are refused") {
+    const lg_machine_file *f = machine(TWO);
+    assert_silent(read_text(f, two_sines(1, 0)));
+    assert_silent(read_text(f, two_sines(1, 5e-3)));
+    assert_silent(read_text(f, two_sines(1, 5e-2)));
+    assert_silent(read_text(f, two_sines(1.15, 0)));
+    refuse_text(f, two_sines(1000, 0), "column vx: the rate of x is 0.001", "wrong unit? scale: {vx: 0.001");
+    refuse_text(f, two_sines(1000, 5e-3), "column vx: the rate of x is", "wrong unit? scale: {vx: 0.00");
+    refuse_text(f, two_sines(1000, 5e-2), "column vx: the rate of x is", "wrong unit"); /* over many rows */
+    refuse_text(f, two_sines(-1, 5e-3), "column vx: the rate of x is -1", "wrong sign? scale: {vx: -1");
+    refuse_text(f, two_sines(0.7, 0), "column vx", "wrong unit");
+    refuse_text(machine(TWO "scale: {vx: 0.1}\n"), two_sines(1000, 0), "column vx: the rate of x is 0.01",
+                "wrong unit? scale: {vx: 0.001");
+    const char *path = scratch_path("log.csv");
+    lg_log_options options;
+    lg_log_options_init(&options);
+    options.consistency = false;
+    assert_true(read_all(f, &path, 1, &options)->log.rows == 400);
+    assert_true(read_text(machine("measured: momenta\n" TWO), two_sines(1000, 0))->log.rows == 400);
+}
+
+TEST("five rows a period are enough to see a wrong unit") {
+    for (int wrong = 0; wrong < 2; wrong++) {
+        text log = new_text("t,q,v");
+        for (int i = 0; i < 200; i++) {
+            const double row[] = {i, sin(1.4 * i), (wrong ? 1000 : 1) * 1.4 * cos(1.4 * i)};
+            say_row(&log, row, 3);
+        }
+        if (!wrong) assert_silent(read_text(machine(LINE), log.at));
+        if (wrong) refuse_text(machine(LINE), log.at, "column v: the rate of q is 0.0012", "wrong unit");
+    }
+}
+
+TEST("rates that come late accuse nobody") {
+    text log = new_text("t,qw,qx,qy,qz,w1,w2,w3");
+    for (int i = 0; i < 400; i++) { /* about one axis: rates in space are those in the body */
+        const double t = 0.02 * i, half = 0.5 * sin(t);
+        const double row[] = {t, cos(half), 0, 0, sin(half), 0, 0, cos(t - 0.3)};
+        say_row(&log, row, 8);
+    }
+    assert_silent(read_text(machine(SPIN), log.at));
+}
+
+TEST("steady velocities of a wrong unit are refused") {
+    for (int wrong = 0; wrong < 2; wrong++) {
+        text log = new_text("t,q,v");
+        const double *n = test_numbers(7, 2 * 400, -1e-3, 1e-3);
+        for (int i = 0; i < 400; i++) {
+            const double row[] = {0.02 * i, 0.02 * i + n[2 * i], (wrong ? 1000 : 1) * (1 + n[2 * i + 1])};
+            say_row(&log, row, 3);
+        }
+        if (!wrong) assert_silent(read_text(machine(LINE), log.at));
+        if (wrong) refuse_text(machine(LINE), log.at, "column v: the rate of q is 0.001", "wrong unit");
+    }
+}
+
+TEST("swapped columns are refused, and the one that fits is named") {
+    refuse_text(
+        machine("coordinates: [{name: x, kind: line, velocity: va}, {name: a, kind: angle, velocity: vx}]\n"),
+        two_sines(1, 5e-3), "columns x and va do not belong together", "Column vx fits");
+    refuse_text(machine("coordinates: [{name: x, kind: line, velocity: va}]\n"), two_sines(1, 0),
+                "columns x and va do not belong together", "swapped?");
+}
+
+/* A body that turns about all axes, and what its log may have wrong. */
+typedef struct spin {
+    bool rates_in_space, scalar_last, conjugate, transpose;
+    double factor, noise;
+} spin;
+
+static void multiply(const double *a, const double *b, double *out) {
+    for (int i = 0; i < 9; i++) {
+        const double *row = a + i / 3 * 3, *column = b + i % 3;
+        out[i] = row[0] * column[0] + row[1] * column[3] + row[2] * column[6];
+    }
+}
+
+/* The unit quaternion of a rotation by less than pi. */
+static void quaternion_of(const double *R, double *q) {
+    double u[3];
+    lg_so3_log(R, u);
+    const double angle = sqrt(lg_dot3(u, u)), s = angle > 0 ? sin(angle / 2) / angle : 0.5;
+    q[0] = cos(angle / 2);
+    for (int i = 0; i < 3; i++) q[i + 1] = s * u[i];
+}
+
+/* R(t), body rates w(t), place p(t) with body velocity. */
+static const char *spin_log(const spin *s, bool matrix) {
+    text log = new_text(matrix ? "t,a,b,c,d,e,f,g,h,i,w1,w2,w3,x,y,z,v1,v2,v3"
+                               : "t,qw,qx,qy,qz,w1,w2,w3,x,y,z,v1,v2,v3");
+    const double *noise = test_numbers(3, 2000 * 3, -1.7320508, 1.7320508);
+    double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    for (int i = 0; i < 600; i++) {
+        const double t = 0.02 * i, w[] = {2 * sin(1.1 * t), 1.5 * cos(0.7 * t), 1 + sin(0.9 * t)};
+        const double place[] = {sin(t), cos(2 * t), 0.3 * t}, rate[] = {cos(t), -2 * sin(2 * t), 0.3};
+        double row[32] = {t}, q[4], T[9], turned[3];
+        int used = 1;
+        for (int k = 0; k < 9; k++) T[k] = s->transpose ? R[k % 3 * 3 + k / 3] : R[k];
+        quaternion_of(R, q);
+        for (int k = 1; k < 4 && s->conjugate; k++) q[k] = -q[k];
+        if (matrix)
+            for (int k = 0; k < 9; k++) row[used++] = T[k];
+        for (int k = 0; k < 4 && !matrix; k++) row[used++] = q[s->scalar_last ? (k + 1) % 4 : k];
+        lg_so3_adjoint(R, w, turned);
+        for (int k = 0; k < 3; k++)
+            row[used++] = s->factor * (s->rates_in_space ? turned : w)[k] + s->noise * noise[3 * i + k];
+        for (int k = 0; k < 3; k++) row[used++] = place[k];
+        lg_so3_coadjoint(R, rate, turned);
+        for (int k = 0; k < 3; k++) row[used++] = turned[k];
+        say_row(&log, row, used);
+        for (int k = 0; k < 20; k++) { /* R' = R hat(w) */
+            const double m = t + (k + 0.5) * 1e-3;
+            const double step[] = {2e-3 * sin(1.1 * m), 1.5e-3 * cos(0.7 * m), 1e-3 * (1 + sin(0.9 * m))};
+            double E[9], next[9];
+            lg_so3_exp(step, E);
+            multiply(R, E, next);
+            memcpy(R, next, sizeof R);
+        }
+    }
+    return log.at;
+}
+
+#define SPIN9                                                                                                \
+    "coordinates: [{name: b, kind: rotation, columns: [a, b, c, d, e, f, g, h, i], velocity: [w1, w2, "      \
+    "w3]}]\n"
+
+TEST("rates in space and other orders of quaternions are named") {
+    static const struct {
+        spin spin;
+        const char *words;
+    } rows[] = {
+        {{.factor = 1, .rates_in_space = true},
+         "qw, qx, qy, qz and w1, w2, w3: the rates are in space: body rates"},
+        {{.factor = 1, .rates_in_space = true, .noise = 0.1}, "the rates are in space"},
+        {{.factor = 1, .scalar_last = true}, "the quaternion is x, y, z, w: name"},
+        {{.factor = 1, .conjugate = true}, "the rotation is space to body"},
+        {{.factor = 1, .scalar_last = true, .rates_in_space = true}, "x, y, z, w and the rates are in space"},
+        {{.factor = 57.3}, "the rate of qw, qx, qy, qz is 0.0174"},
+        {{.factor = -1}, "wrong sign"},
+    };
+    const lg_machine_file *f = machine(SPIN), *g = machine(SPIN9);
+    const spin right = {.factor = 1}, noisy = {.factor = 1, .noise = 0.1};
+    assert_true(read_text(f, spin_log(&right, false))->log.rows == 600);
+    assert_true(read_text(f, spin_log(&noisy, false))->log.rows == 600);
+    assert_silent(read_text(g, spin_log(&right, true)));
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        refuse_text(f, spin_log(&rows[i].spin, false), rows[i].words, "");
+    const spin transposed = {.factor = 1, .transpose = true}, space = {.factor = 1, .rates_in_space = true};
+    refuse_text(g, spin_log(&transposed, true), "the rotation is space to body", "its inverse");
+    refuse_text(g, spin_log(&space, true), "a, b, c, d, e, f, g, h, i and w1, w2, w3: the rates are in space",
+                "");
+}
+
+TEST("a wrong frame of a pose is named") {
+    const char *yaml =
+        "coordinates: [{name: h, kind: pose, position: [x, y, z], columns: [qw, qx, qy, qz], velocity: "
+        "[v1, v2, v3], rates: [w1, w2, w3], frame: %s}]\n";
+    const spin right = {.factor = 1};
+    char yaml_text[300];
+    (void)sprintf(yaml_text, yaml, "body");
+    const lg_logs *logs = read_text(machine(yaml_text), spin_log(&right, false));
+    assert_true(logs->log.rows == 600);
+    (void)sprintf(yaml_text, yaml, "space");
+    refuse_text(machine(yaml_text), spin_log(&right, false), "columns x, y, z and v1, v2, v3",
+                "the velocities are in the body: frame: body");
+    /* Columns that are x' in space: a file of lines shows them. */
+    text log = new_text("t,x,y,z,qw,qx,qy,qz,v1,v2,v3,w1,w2,w3");
+    for (int i = 0; i < 200; i++) {
+        const double t = 0.02 * i;
+        const double row[] = {t,      sin(t), cos(2 * t),      t, cos(t), 0, 0,
+                              sin(t), cos(t), -2 * sin(2 * t), 1, 0,      0, 2};
+        say_row(&log, row, 14);
+    }
+    assert_silent(read_text(machine(yaml_text), log.at));
+    (void)sprintf(yaml_text, yaml, "body");
+    refuse_text(machine(yaml_text), log.at, "the velocities are in space: frame: space", "");
+}
+
+TEST("directions are compared with their angular velocity") {
+    const char *yaml = "coordinates: [{name: d, kind: direction, columns: [x, y, z], velocity: [a, b, c]}]\n";
+    for (int wrong = 0; wrong < 3; wrong++) {
+        text log = new_text("t,x,y,z,a,b,c");
+        for (int i = 0; i < 300; i++) {
+            const double t = 0.02 * i, p = sin(t), rate = cos(t) * (wrong == 1 ? 100 : 1);
+            /* turns about y; or, wrong, about z */
+            const double row[] = {t, sin(p), 0, cos(p), 0, wrong == 2 ? 0 : rate, wrong == 2 ? rate : 0};
+            say_row(&log, row, 7);
+        }
+        if (wrong == 0) assert_silent(read_text(machine(yaml), log.at));
+        if (wrong == 1)
+            refuse_text(machine(yaml), log.at, "the rate of x, y, z is 0.01 times a, b, c", "wrong unit");
+        if (wrong == 2)
+            refuse_text(machine(yaml), log.at, "columns x, y, z and a, b, c do not belong together", "");
+    }
+}
+
+/* ---- noise ---- */
+
+/* sin t with white noise at steps of 0.01 to 0.03. */
+static const lg_logs *noisy_log(double noise, bool irregular) {
+    text log = new_text("t,q");
+    lg_rng rng;
+    double t = 0;
+    lg_rng_seed(&rng, 5, 0);
+    for (int i = 0; i < 4000; i++) {
+        const double row[] = {t, sin(t) + noise * lg_rng_normal(&rng)};
+        say_row(&log, row, 2);
+        t += irregular ? lg_rng_uniform_in(&rng, 0.01, 0.03) : 0.02;
+    }
+    return read_text(machine("columns: {max_step: 0.1}\n" SEEN), log.at);
+}
+
+TEST("the noise of a column is estimated") {
+    for (int irregular = 0; irregular < 2; irregular++) {
+        for (double noise = 1e-4; noise < 1; noise *= 10) {
+            const lg_logs *logs = noisy_log(noise, irregular == 1);
+            assert_close(logs->columns[1].noise, noise, 0.05, 0);
+            assert_true(!logs->columns[1].noise_at_most);
+        }
+        const lg_logs *smooth = noisy_log(0, irregular == 1);
+        assert_true(smooth->columns[1].noise < 1e-6);
+    }
+    /* As smooth as it may be, and few rows: a bound. */
+    text log = new_text("t,q");
+    for (int i = 0; i < 100; i++) {
+        const double row[] = {i, sin(0.3 * i)};
+        say_row(&log, row, 2);
+    }
+    const lg_logs *logs = read_text(machine(SEEN), log.at);
+    assert_true(logs->columns[1].noise_at_most && logs->columns[1].noise < 1e-3);
+    assert_true(isnan(read_text(machine(SEEN), "t,q\n0,1\n1,2\n2,4\n3,1\n4,3\n5,3\n6,1\n")
+                          ->columns[1]
+                          .noise)); /* 4 windows */
+}
+
+/* ---- HDF5 ---- */
+
+#define ROWS 50
+
+static void write_h5(const char *path, const char *skip, bool wrong_length) {
+    static const char *const names[] = {"t", "q", "v", "u", "group of runs"};
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    double data[ROWS];
+    assert_true(file >= 0);
+    for (int c = 0; c < 5; c++) {
+        const hsize_t rows = wrong_length && c == 2 ? ROWS - 1 : ROWS;
+        for (int i = 0; i < ROWS; i++) {
+            const double t = 0.1 * (i % 25), all[] = {t, sin(t), cos(t), i, i / 25};
+            data[i] = all[c];
+        }
+        if (c == 1) data[3] = NAN;
+        if (strcmp(skip, names[c]) == 0) continue;
+        put_dataset(file, names[c], c == 4 ? H5T_STD_I32LE : H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows,
+                    c == 1, data);
+    }
+    assert_true(H5Fclose(file) >= 0);
+}
+
+static const char h5_yaml[] = "columns: {run: group of runs}\n" LINE "inputs: {columns: [u]}\n";
+
+TEST("HDF5 with a data set for each column is read") {
+    const char *path = scratch_path("log.h5");
+    static const size_t first[] = {0, 25, 50};
+    write_h5(path, "", false);
+    const lg_logs *logs = read_all(machine(h5_yaml), &path, 1, NULL);
+    assert_parts(logs, 2, first);
+    assert_true(isnan(logs->q[3]) && logs->q[30] == sin(0.1 * 5) && logs->u[4 * 30] == 30 &&
+                logs->v[26] == cos(0.1));
+    assert_true(logs->runs == 2 && logs->columns[2].missing == 1);
+    assert_silent(logs);
+}
+
+static lg_status read_h5(const lg_context *context, const char *path, const lg_read_options *options,
+                         lg_error *error) {
+    lg_logs *logs = TEST_ARRAY(lg_logs, 1);
+    lg_log_options chosen;
+    lg_log_options_init(&chosen);
+    if (options != NULL) chosen.read = *options;
+    const lg_status status = lg_logs_read(context, machine(h5_yaml), &path, 1, &chosen, logs, error);
+    if (status == LG_OK) lg_logs_destroy(logs);
+    return status;
+}
+
+TEST("HDF5 that is no log is refused") {
+    const char *path = scratch_path("log.h5");
+    const hsize_t rows = ROWS, table[] = {ROWS, 2};
+    double data[2 * ROWS] = {0};
+    write_h5(path, "v", false);
+    assert_refused(read_h5, path, LG_FORMAT, "there is no data set 'v'", "group of runs, q, t, u");
+    write_h5(path, "", true);
+    assert_refused(read_h5, path, LG_FORMAT, "/v: has 49 rows, /t has 50", "");
+    write_h5(path, "v", false);
+    replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, table, data);
+    assert_refused(read_h5, path, LG_FORMAT, "/v: one number a row", "");
+    write_h5(path, "v", false);
+    data[7] = INFINITY;
+    replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);
+    assert_refused(read_h5, path, LG_FORMAT, "row 8: column v: is infinite", "");
+    write_h5(path, "t", false);
+    data[7] = 0;
+    replace_dataset(path, "t", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);
+    assert_refused(read_h5, path, LG_FORMAT, "row 2: column t: time does not increase", "");
+    write_h5(path, "", false);
+    survive_changed_bytes(read_h5, path, 60);
+}
+
+/* ---- memory ---- */
+
+TEST("every allocation may fail") {
+    const char *path = scratch_path("log.csv");
+    write_text_to(path, two_sines(1, 5e-3));
+    const lg_machine_file *f = machine(TWO "inputs: {columns: [u], hold: cubic}\n");
+    text log = new_text("t,x,vx,a,va,u");
+    for (int i = 0; i < 40; i++) {
+        const double row[] = {0.1 * i, 1, 0, (i % 7), 0, 5};
+        say_row(&log, row, 6);
+    }
+    write_text_to(path, log.at);
+    lg_log_options options;
+    lg_log_options_init(&options);
+    options.consistency = false;
+    EVERY_ALLOCATION_FAILS(context, 15, {
+        lg_logs *logs = TEST_ARRAY(lg_logs, 1);
+        status = lg_logs_read(context, f, &path, 1, &options, logs, NULL);
+        if (status == LG_OK) {
+            assert_true(logs->warning_count >= 2);
+            lg_logs_destroy(logs);
+        }
+    });
+    const char *h5 = scratch_path("log.h5");
+    write_h5(h5, "", false);
+    assert_true(fail_every_reading(read_h5, h5) > 15);
+}
+
+TEST("CSV with changed bytes is read or refused") {
+    const char *path = scratch_path("log.csv");
+    write_text_to(path, lossy);
+    const lg_machine_file *f = machine(LINE "inputs: {columns: [u]}\n");
+    size_t size;
+    unsigned char *data = read_bytes_of(path, &size);
+    for (size_t i = 0; i < size; i++) {
+        const unsigned char before = data[i];
+        for (int k = 0; k < 3; k++) {
+            lg_logs *logs = TEST_ARRAY(lg_logs, 1);
+            data[i] = (unsigned char)(before ^ (k == 0 ? 0xff : k == 1 ? 1 : 0x80));
+            write_bytes_to(path, data, size);
+            if (lg_logs_read(NULL, f, &path, 1, NULL, logs, NULL) == LG_OK) lg_logs_destroy(logs);
+        }
+        data[i] = before;
+    }
+}

@@ -1,0 +1,356 @@
+/* Machines from YAML. */
+#include "io_test.h"
+#include "liegrad/logs.h"
+
+static void release_file(void *file) {
+    lg_machine_file_destroy(file);
+}
+
+static lg_machine_file *parse(const char *text) {
+    lg_error error = {LG_OK, ""};
+    lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);
+    if (lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), file, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    lg_test_owns(file, release_file);
+    return file;
+}
+
+static void refuse(const char *text, lg_status status, const char *line, const char *words) {
+    lg_error error = {LG_OK, ""};
+    lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1), *before = TEST_ARRAY(lg_machine_file, 1);
+    memset(file, 0x5a, sizeof *file);
+    *before = *file;
+    const lg_status got = lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), file, &error);
+    if (got != status) fail_msg("%s (%s) for: %s", lg_status_name(got), error.message, text);
+    assert_memory_equal(file, before, sizeof *file);
+    assert_says(error.message, "machine.yaml: ");
+    assert_says(error.message, line);
+    assert_says(error.message, words);
+}
+
+static void assert_column(const lg_machine_file *f, uint32_t i, const char *name, lg_log_role role,
+                          uint32_t index) {
+    assert_string_equal(f->columns[i].name, name);
+    assert_int_equal(f->columns[i].role, role);
+    assert_int_equal(f->columns[i].index, index);
+}
+
+static void assert_term(const lg_machine_file *f, uint32_t i, lg_machine_part part, const char *kind) {
+    assert_true(i < f->machine.term_count);
+    assert_int_equal(f->machine.terms[i].part, part);
+    assert_string_equal(lg_term_kind_name(f->machine.terms[i].kind), kind);
+}
+
+static const char cartpole[] =
+    "columns: {time: time, run: run, max_step: 0.028}\n"
+    "coordinates:\n"
+    "  - {name: x, kind: line, velocity: vx}\n"
+    "  - {name: theta, kind: angle, columns: angle, velocity: [vtheta]}\n"
+    "inputs: {columns: [u], hold: linear, delay: 2}\n"
+    "measured: velocities\n"
+    "noise: {x: 0.002, vx: 0.01}\n"
+    "scale: {angle: 0.0174533, time: 0.001}\n"
+    "unwrap: false\n"
+    "mass: {kind: network, of: [theta], hidden: [8], activation: swish}\n"
+    "potential: {kind: network, of: theta}\n"
+    "damping: {kind: diagonal, coulomb: true, quadratic: true, coulomb_width: 0.05}\n"
+    "input_map: {kind: known, values: [[1], [0]]}\n"
+    "residual: none\n";
+
+TEST("a complete file is read") {
+    const lg_machine_file *f = parse(cartpole);
+    const lg_machine *m = &f->machine;
+    assert_int_equal(f->column_count, 7);
+    assert_column(f, 0, "time", LG_LOG_TIME, 0);
+    assert_column(f, 1, "run", LG_LOG_RUN, 0);
+    assert_column(f, 2, "x", LG_LOG_POSITION, 0);
+    assert_column(f, 3, "vx", LG_LOG_VELOCITY, 0);
+    assert_column(f, 4, "angle", LG_LOG_POSITION, 1);
+    assert_column(f, 5, "vtheta", LG_LOG_VELOCITY, 1);
+    assert_column(f, 6, "u", LG_LOG_INPUT, 0);
+    assert_true(f->time == 0 && f->run == 1 && f->max_step == 0.028);
+    assert_true(f->hold == LG_HOLD_LINEAR && f->delay == 2 && !f->estimate_delay && !f->unwrap);
+    assert_true(f->columns[2].noise == 0.002 && f->columns[3].noise == 0.01 && f->columns[4].noise == 0);
+    assert_true(f->columns[4].scale == 0.0174533 && f->columns[0].scale == 0.001 && f->columns[2].scale == 1);
+    assert_int_equal(m->coordinate_count, 2);
+    assert_string_equal(m->coordinates[1].name, "theta");
+    assert_int_equal(m->coordinates[1].kind, LG_COORDINATE_ANGLE);
+    assert_true(m->input_count == 1 && strcmp(m->inputs[0], "u") == 0);
+    assert_true(m->positions == 2 && m->velocities == 2); /* lg_machine_init was called */
+    assert_true(m->scales.time == 1 && m->scales.velocity[1] == 1);
+    assert_string_equal(f->text, cartpole);
+    assert_int_equal(f->text_bytes, strlen(cartpole));
+}
+
+TEST("terms are read, with the frictions of damping as terms of their own") {
+    const lg_machine *m = &parse(cartpole)->machine;
+    const lg_machine_file *f = parse(cartpole);
+    assert_int_equal(m->term_count, 6);
+    assert_term(f, 0, LG_MACHINE_MASS, "network");
+    assert_term(f, 1, LG_MACHINE_POTENTIAL, "network");
+    assert_term(f, 2, LG_MACHINE_DAMPING, "diagonal");
+    assert_term(f, 3, LG_MACHINE_DAMPING, "coulomb");
+    assert_term(f, 4, LG_MACHINE_DAMPING, "quadratic");
+    assert_term(f, 5, LG_MACHINE_INPUT_MAP, "known");
+    const lg_machine_term *t = m->terms;
+    assert_true(t[0].hidden_layers == 1 && t[0].hidden[0] == 8 && t[0].activation == LG_SWISH);
+    assert_true(t[0].of_count == 1 && t[0].of[0].kind == LG_FEATURE_POSITION && t[0].of[0].index == 1);
+    assert_true(t[1].hidden_layers == 2 && t[1].hidden[0] == 16 && t[1].hidden[1] == 16);
+    assert_int_equal(t[1].activation, LG_TANH);
+    assert_true(t[3].width == 0.05);
+    assert_true(t[5].value_count == 2 && t[5].values[0] == 1 && t[5].values[1] == 0);
+    assert_true(m->parameters > 0);
+}
+
+TEST("what is not said has its default") {
+    const lg_machine_file *f = parse("coordinates: [{name: q, kind: line, velocity: v}]\n");
+    assert_int_equal(f->column_count, 3);
+    assert_column(f, 0, "t", LG_LOG_TIME, 0);
+    assert_column(f, 1, "q", LG_LOG_POSITION, 0);
+    assert_true(f->run == f->column_count && f->max_step == 0 && f->unwrap && f->delay == 0);
+    assert_true(f->measured == LG_MEASURED_VELOCITIES && f->hold == LG_HOLD_ZERO);
+    assert_int_equal(f->machine.term_count, 1);
+    assert_term(f, 0, LG_MACHINE_MASS, "constant");
+    f = parse("coordinates: [{name: q, kind: line, velocity: v}]\ninputs: {columns: u, delay: estimate}\n"
+              "damping: {kind: none, coulomb: true}\n");
+    assert_int_equal(f->machine.term_count, 3);
+    assert_term(f, 1, LG_MACHINE_DAMPING, "coulomb");
+    assert_true(f->machine.terms[1].width == 0.02);
+    assert_term(f, 2, LG_MACHINE_INPUT_MAP, "constant");
+    assert_true(f->estimate_delay && f->delay == 0);
+    f = parse("coordinates: [{name: q, kind: line}]\nmeasured: positions\nresidual: none\n");
+    assert_true(f->coordinates[0].velocities == 0 && f->column_count == 2);
+}
+
+TEST("columns of directions, rotations and poses are found") {
+    const lg_machine_file *f = parse(
+        "coordinates:\n"
+        "  - {name: rod, kind: direction, columns: [a, b, c], velocity: [d, e, f]}\n"
+        "  - {name: body, kind: rotation, columns: [r1, r2, r3, r4, r5, r6, r7, r8, r9], velocity: [o1, "
+        "o2, o3]}\n"
+        "  - {name: hull, kind: pose, position: [x, y, z], columns: [qw, qx, qy, qz],\n"
+        "     velocity: [vx, vy, vz], rates: [wx, wy, wz], frame: space}\n"
+        "mass: [{kind: constant}, diagonal]\n");
+    const lg_log_coordinate *c = f->coordinates;
+    assert_int_equal(f->column_count, 1 + 6 + 12 + 13);
+    assert_true(c[0].places == 0 && c[0].attitude == 1 && c[0].attitudes == 3 && c[0].velocity == 4);
+    assert_true(c[1].attitudes == 9 && c[1].velocities == 3);
+    assert_true(c[2].places == 3 && c[2].attitudes == 4 && c[2].velocities == 6 && c[2].space_frame);
+    assert_column(f, c[2].place, "x", LG_LOG_POSITION, 2);
+    assert_column(f, c[2].attitude, "qw", LG_LOG_POSITION, 2);
+    assert_column(f, c[2].velocity, "vx", LG_LOG_VELOCITY, 2);
+    assert_column(f, c[2].velocity + 3, "wx", LG_LOG_VELOCITY, 2);
+    assert_int_equal(f->machine.velocities, 12);
+}
+
+TEST("names in `of` are features") {
+    const lg_machine_file *f =
+        parse("coordinates:\n"
+              "  - {name: hull, kind: pose, position: [x, y, z], columns: [qw, qx, qy, qz], velocity: [vx, "
+              "vy, vz], "
+              "rates: [wx, wy, wz]}\n"
+              "  - {name: arm, kind: angle, velocity: varm}\n"
+              "inputs: {columns: [u]}\n"
+              "potential: {kind: network, of: [hull.place, hull.rotation, hull.up, hull.height, arm]}\n"
+              "residual: {kind: network, of: [hull, hull.velocity, varm, u]}\n");
+    static const lg_machine_feature potential[] = {{LG_FEATURE_PLACE, 0},
+                                                   {LG_FEATURE_ROTATION, 0},
+                                                   {LG_FEATURE_UP, 0},
+                                                   {LG_FEATURE_HEIGHT, 0},
+                                                   {LG_FEATURE_POSITION, 1}};
+    static const lg_machine_feature residual[] = {
+        {LG_FEATURE_POSITION, 0}, {LG_FEATURE_VELOCITY, 0}, {LG_FEATURE_VELOCITY, 1}, {LG_FEATURE_INPUT, 0}};
+    const lg_machine_term *t = f->machine.terms;
+    assert_true(t[1].of_count == 5 && t[3].of_count == 4);
+    for (int i = 0; i < 5; i++)
+        assert_true(t[1].of[i].kind == potential[i].kind && t[1].of[i].index == potential[i].index);
+    for (int i = 0; i < 4; i++)
+        assert_true(t[3].of[i].kind == residual[i].kind && t[3].of[i].index == residual[i].index);
+}
+
+TEST("a known potential is a form with values and without parameters") {
+    const lg_machine_file *f = parse("coordinates: [{name: q, kind: line, velocity: v}]\n"
+                                     "potential:\n"
+                                     "  - {kind: known, form: polynomial, degree: 2, of: q, values: [0, 3]}\n"
+                                     "  - {kind: linear, of: q}\n");
+    const lg_machine_term *t = f->machine.terms;
+    assert_int_equal(f->machine.term_count, 3);
+    assert_term(f, 1, LG_MACHINE_POTENTIAL, "polynomial");
+    assert_true(t[1].degree == 2 && t[1].value_count == 2 && t[1].values[1] == 3 && t[1].parameters == 0);
+    assert_term(f, 2, LG_MACHINE_POTENTIAL, "linear");
+    assert_true(t[2].value_count == 0 && t[2].parameters == 1);
+}
+
+TEST("matrices are lists of rows") {
+    const lg_machine *m =
+        &parse("coordinates: [{name: a, kind: line, velocity: va}, {name: b, kind: line, velocity: vb}]\n"
+               "mass: {kind: known, values: [[1, 2], [2, 5]]}\ndamping: {kind: known, values: [0.5, 0.25]}\n")
+             ->machine;
+    static const double mass[] = {1, 2, 2, 5};
+    assert_int_equal(m->terms[0].value_count, 4);
+    assert_memory_equal(m->terms[0].values, mass, sizeof mass);
+    assert_true(m->terms[1].value_count == 2 && m->terms[1].values[1] == 0.25);
+}
+
+/* ---- refusals ---- */
+
+#define HEAD "coordinates: [{name: q, kind: line, velocity: v}]\n" /* one line */
+
+TEST("wrong keys are refused with their line") {
+    static const struct {
+        const char *text, *line, *words;
+    } wrong[] = {
+        {"measured: velocities\n", "line 1", "'coordinates' is missing"},
+        {HEAD "colums: {time: t}\n", "line 2", "unknown key 'colums'"},
+        {HEAD "columns: {tme: t}\n", "line 2", "unknown key 'columns.tme'"},
+        {HEAD "columns: {max_step: 0}\n", "line 2", "columns.max_step"},
+        {HEAD "coordinates: []\n", "line 2", "stands twice"},
+        {"coordinates: []\n", "line 1", "a list of {name"},
+        {"coordinates: {name: q}\n", "line 1", "a list of {name"},
+        {"coordinates: [q]\n", "line 1", "keys and values"},
+        {"coordinates:\n  - {kind: line, velocity: v}\n", "line 2", "'name' is missing"},
+        {"coordinates:\n  - {name: q, velocity: v}\n", "line 2", "'kind' is missing"},
+        {"coordinates:\n  - {name: q, kind: spring}\n", "line 2", "'spring' is none of line, angle"},
+        {"coordinates:\n  - {name: q.a, kind: line, velocity: v}\n", "line 2", "letters, digits"},
+        {"coordinates:\n  - {name: q, kind: line, colour: red}\n", "line 2", "unknown key 'colour'"},
+        {"coordinates:\n  - {name: q, kind: line, kind: angle}\n", "line 2", "stands twice"},
+        {"coordinates:\n  - {name: q, kind: line}\n", "line 2", "key 'velocity' is missing"},
+        {"coordinates:\n  - {name: q, kind: line, velocity: [v, w]}\n", "line 2",
+         "2 columns, 1 are expected"},
+        {"coordinates:\n  - {name: q, kind: line, velocity: v, rates: w}\n", "line 2", "takes none"},
+        {"coordinates:\n  - {name: q, kind: line, velocity: v, frame: body}\n", "line 2", "is of poses"},
+        {"coordinates:\n  - {name: q, kind: line, velocity: q}\n", "line 2", "column 'q' is used twice"},
+        {"coordinates:\n  - {name: q, kind: line, velocity: t}\n", "line 2", "column 't' is used twice"},
+        {"coordinates:\n  - {name: q, kind: line, velocity: v}\n  - {name: q, kind: line, columns: x, "
+         "velocity: w}\n",
+         "line 3", "two coordinates have the name 'q'"},
+        {"coordinates:\n  - {name: b, kind: rotation, velocity: [x, y, z]}\n", "line 2",
+         "'columns' is missing: 4 columns (w, x, y, z) or 9"},
+        {"coordinates:\n  - {name: b, kind: rotation, columns: [a, b, c], velocity: [x, y, z]}\n", "line 2",
+         "3 columns, 4 (w, x, y, z) or 9"},
+        {"coordinates:\n  - {name: b, kind: pose, position: [x, y, z], columns: [a, b, c, d], velocity: [e, "
+         "f, g]}\n",
+         "line 2", "key 'rates' is missing"},
+        {"measured: positions\ncoordinates:\n  - {name: q, kind: line, velocity: v}\n", "line 3",
+         "with `measured: positions`"},
+        {HEAD "measured: speeds\n", "line 2", "none of velocities, momenta, positions"},
+        {HEAD "inputs: {hold: zero}\n", "line 2", "'inputs.columns' is missing"},
+        {HEAD "inputs: {columns: [u], hold: first}\n", "line 2", "none of zero, linear, cubic"},
+        {HEAD "inputs: {columns: [u], delay: -1}\n", "line 2", "`estimate`"},
+        {HEAD "inputs: {columns: [u, u]}\n", "line 2", "column 'u' is used twice"},
+        {"coordinates: [{name: q, kind: line, columns: x, velocity: v}]\ninputs: {columns: [q]}\n", "line 2",
+         "has the name of a coordinate"},
+        {HEAD "noise: {w: 1}\n", "line 2", "'w' is no column"},
+        {HEAD "noise: {q: -1}\n", "line 2", "outside (0"},
+        {HEAD "noise: {q: 1, q: 2}\n", "line 2", "stands twice"},
+        {HEAD "noise: 0.1\n", "line 2", "{COLUMN: number}"},
+        {HEAD "scale: {q: 0}\n", "line 2", "must not be 0"},
+        {HEAD "scale: {q: m}\n", "line 2", "'m' is not a number"},
+        {HEAD "unwrap: perhaps\n", "line 2", "none of false, true"},
+        {"", "line 1", ""},
+        {"coordinates: [\n", "line", "is not YAML"},
+    };
+    for (size_t i = 0; i < LG_COUNT(wrong); i++)
+        refuse(wrong[i].text, LG_FORMAT, wrong[i].line, wrong[i].words);
+    refuse("system: cart-pole\nparameters: {gravity: 9.81}\n", LG_UNSUPPORTED, "line 1", "named system");
+    refuse(HEAD "parameters: {gravity: 9.81}\n", LG_UNSUPPORTED, "line 2", "named system");
+}
+
+TEST("wrong terms are refused with their line") {
+    static const struct {
+        const char *text, *line, *words;
+    } wrong[] = {
+        {HEAD "mass: {}\n", "line 2", "'kind' is missing"},
+        {HEAD "mass: heavy\n", "line 2", "mass: kind 'heavy' is none of none, known, diagonal"},
+        {HEAD "mass: [[constant]]\n", "line 2", "the name of a kind"},
+        {HEAD "mass: []\n", "line 2", "empty list"},
+        {HEAD "mass:\n  kind: constant\n  hidden: [3]\n", "line 4",
+         "hidden: mass of kind constant takes no such"},
+        {HEAD "mass:\n  kind: constant\n  colour: red\n", "line 4", "unknown key 'colour'"},
+        {HEAD "mass: {kind: diagonal, of: q}\n", "line 2", "of: mass of kind diagonal takes no"},
+        {HEAD "mass: {kind: diagonal, values: 1}\n", "line 2", "values: mass of kind diagonal takes no"},
+        {HEAD "mass: {kind: diagonal, degree: 1}\n", "line 2", "degree: mass of kind diagonal takes no"},
+        {HEAD "mass: {kind: diagonal, coulomb: true}\n", "line 2", "coulomb: mass of kind diagonal takes no"},
+        {HEAD "mass: {kind: diagonal, form: linear}\n", "line 2", "form: mass of kind diagonal takes no"},
+        {HEAD "damping: {kind: diagonal, coulomb_width: 1}\n", "line 2", "without `coulomb: true`"},
+        {HEAD "damping: {kind: diagonal, coulomb: yes}\n", "line 2", "none of false, true"},
+        {HEAD "mass: {kind: network, of: [p]}\n", "line 2", "of: 'p' is none of q"},
+        {HEAD "mass: {kind: network, of: [q.up]}\n", "line 2", "of: 'q.up' is none of q"},
+        {HEAD "mass: {kind: network, of: [q.velocity]}\n", "line 2", "'q.velocity' is a velocity"},
+        {HEAD "mass: {kind: network, of: [v]}\n", "line 2", "'v' is a velocity"},
+        {"coordinates: [{name: b, kind: rotation, columns: [a, b, c, d], velocity: [e, f, g]}]\n"
+         "residual: {kind: network, of: [e]}\n",
+         "line 2", "of: 'e' is none of b"},
+        {HEAD "mass: {kind: network, of: [q, q]}\n", "line 2", "'q' stands twice"},
+        {HEAD "mass: {kind: network, of: [{q: 1}]}\n", "line 2", "a name of 1 to"},
+        {HEAD "mass: {kind: network, of: [q], hidden: [0]}\n", "line 2", "hidden: 0 is outside"},
+        {HEAD "mass: {kind: network, of: [q], hidden: [1, 1, 1, 1, 1]}\n", "line 2", "has 5 values"},
+        {HEAD "mass: {kind: network, of: [q], activation: step}\n", "line 2", "'step' is none of"},
+        {HEAD "inputs: {columns: u}\nmass: {kind: network, of: [u]}\n", "line 3", "'u' is an input"},
+        {HEAD "mass: {kind: known, values: [[1, 2], [3]]}\n", "line 2", "has 1 number, 2 are expected"},
+        {HEAD "mass: {kind: known, values: [one]}\n", "line 2", "'one' is not a number"},
+        {HEAD "mass: {kind: known, values: [1, 2]}\n", "", "2 values"},
+        {HEAD "mass: none\n", "", "needs a mass"},
+        {HEAD "input_map: constant\n", "line 2", "this machine has no inputs"},
+        {HEAD "potential: known\n", "line 2", "{kind: known, form"},
+        {HEAD "potential: {kind: known, values: 1}\n", "line 2", "needs key 'form'"},
+        {HEAD "potential: {kind: known, form: linear, of: q}\n", "line 2", "needs key 'values'"},
+        {HEAD "potential: {kind: known, form: network, of: q, values: 1}\n", "line 2",
+         "'network' is none of linear"},
+        {HEAD "potential: {kind: linear, of: q, degree: 2}\n", "line 2", "degree: potential of kind linear"},
+        {HEAD "potential: {kind: polynomial, of: q, degree: 9}\n", "line 2", "degree: 9 is outside"},
+        {HEAD "potential: {kind: none, of: q}\n", "line 2", "of: potential of kind none takes no"},
+        {HEAD "potential: [{kind: linear, of: q},\n  {kind: lnear}]\n", "line 3", "'lnear'"},
+    };
+    for (size_t i = 0; i < LG_COUNT(wrong); i++)
+        refuse(wrong[i].text, LG_FORMAT, wrong[i].line, wrong[i].words);
+}
+
+/* ---- files ---- */
+
+static lg_status read_machine(const lg_context *context, const char *path, const lg_read_options *options,
+                              lg_error *error) {
+    (void)options;
+    lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);
+    const lg_status status = lg_machine_file_read(context, path, file, error);
+    if (status == LG_OK) lg_machine_file_destroy(file);
+    return status;
+}
+
+TEST("a file is its text, and damaged files are refused") {
+    const char *path = scratch_path("cartpole.yaml");
+    write_text_to(path, cartpole);
+    lg_machine_file *f = TEST_ARRAY(lg_machine_file, 1);
+    assert_ok(lg_machine_file_read(NULL, path, f, NULL));
+    lg_test_owns(f, release_file);
+    const lg_machine_file *g = parse(f->text);
+    assert_string_equal(f->text, cartpole);
+    assert_memory_equal(&f->machine.coordinates, &g->machine.coordinates, sizeof f->machine.coordinates);
+    assert_int_equal(f->machine.parameters, g->machine.parameters);
+    assert_refused(read_machine, scratch_path("nothing-here"), LG_NOT_FOUND, "", "");
+    assert_refused(read_machine, scratch, LG_FILE, "regular", "");
+    survive_changed_bytes(read_machine, path, 300);
+    assert_status(lg_machine_file_read(NULL, path, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_file_read(NULL, NULL, f, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_file_parse(NULL, NULL, "", 0, f, NULL), LG_INVALID_ARGUMENT);
+    lg_machine_file_destroy(NULL);
+}
+
+TEST("every allocation may fail") {
+    const char *path = scratch_path("cartpole.yaml");
+    write_text_to(path, cartpole);
+    assert_true(fail_every_reading(read_machine, path) >= 4);
+}
+
+TEST("too much is refused") {
+    char text[8192] = "measured: positions\ncoordinates:\n";
+    for (int i = 0; i <= LG_MACHINE_COORDINATES; i++)
+        (void)sprintf(text + strlen(text), "  - {name: q%d, kind: line}\n", i);
+    refuse(text, LG_FORMAT, "line 15", "more than 12 coordinates");
+    (void)strcpy(text, HEAD "mass: [");
+    for (int i = 0; i <= LG_MACHINE_TERMS; i++) (void)strcat(text, "constant, ");
+    refuse(strcat(text, "constant]\n"), LG_FORMAT, "line 2", "more than 16 terms");
+    (void)strcpy(text, HEAD "inputs: {columns: [");
+    for (int i = 0; i <= LG_MACHINE_INPUTS; i++) (void)sprintf(text + strlen(text), "u%d, ", i);
+    refuse(strcat(text, "w]}\n"), LG_FORMAT, "line 2", "more than 16 inputs");
+}

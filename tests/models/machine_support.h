@@ -1,0 +1,107 @@
+/* Machines of the tests: descriptions in a few words, and parameters. */
+#ifndef LG_MACHINE_SUPPORT_H
+#define LG_MACHINE_SUPPORT_H
+
+#include "support/fixtures.h"
+
+#include "liegrad/machine.h"
+
+static inline void add_coordinate(lg_machine *machine, const char *name, lg_coordinate_kind kind) {
+    lg_machine_coordinate *c = &machine->coordinates[machine->coordinate_count++];
+    (void)snprintf(c->name, sizeof c->name, "%s", name);
+    c->kind = kind;
+}
+
+static inline void add_input(lg_machine *machine, const char *name) {
+    (void)snprintf(machine->inputs[machine->input_count++], LG_MACHINE_NAME, "%s", name);
+}
+
+static inline lg_machine_term *add_term(lg_machine *machine, lg_machine_part part, const char *kind) {
+    lg_machine_term *term = &machine->terms[machine->term_count++];
+    *term = (lg_machine_term){.kind = lg_term_kind_find(part, kind), .part = part};
+    if (term->kind == NULL) fail_msg("no kind %s", kind);
+    term->activation = LG_TANH;
+    if ((lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0)
+        term->hidden[0] = 5, term->hidden_layers = 1;
+    if ((lg_term_kind_options(term->kind) & LG_TERM_DEGREE) != 0) term->degree = 2;
+    term->width = 0.02;
+    return term;
+}
+
+static inline void add_feature(lg_machine_term *term, lg_feature_kind kind, uint32_t index) {
+    term->of[term->of_count++] = (lg_machine_feature){kind, index};
+}
+
+static inline void add_values(lg_machine_term *term, uint32_t count, const double *values) {
+    term->value_count = count;
+    memcpy(term->values, values, count * sizeof *values);
+}
+
+static inline lg_machine empty_machine(void) {
+    lg_machine machine = {.coordinate_count = 0};
+    lg_machine_scales_init(&machine.scales);
+    return machine;
+}
+
+static inline void assert_machine(lg_machine *machine) {
+    lg_error error = {LG_OK, ""};
+    if (lg_machine_init(machine, &error) != LG_OK) fail_msg("%s", error.message);
+}
+
+/* Scales other than 1; those of a pose's places and forces are equal. */
+static inline void odd_scales(lg_machine *machine) {
+    lg_machine_scales *s = &machine->scales;
+    uint32_t place = 0, velocity = 0;
+    s->time = 0.7;
+    s->energy = 1.9;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *row = lg_coordinate_row_of(kind);
+        for (uint32_t k = 0; k < row->velocities; k++) {
+            const bool length = kind != LG_COORDINATE_ANGLE && k < row->places;
+            const double L = length ? 1.3 + 0.2 * i : 1.0;
+            s->velocity[velocity + k] = L;
+            if (k < row->places) s->place[place + k] = L;
+        }
+        place += row->places;
+        velocity += row->velocities;
+    }
+    for (uint32_t j = 0; j < machine->input_count; j++) s->input[j] = 2.0 + j;
+}
+
+/* Random parameters of the size of 1. */
+static inline double *machine_theta(const lg_machine *machine, uint64_t seed) {
+    return test_numbers(seed, machine->parameters + 1, -0.8, 0.8);
+}
+
+/* `rows` random positions and velocities on the manifold, in the order of logs. */
+static inline void random_rows(const lg_machine *machine, uint64_t seed, size_t rows, double *q, double *v) {
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, 0);
+    for (size_t r = 0; r < rows; r++)
+        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+            const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+            for (uint32_t k = 0; k < row->places; k++) *q++ = lg_rng_normal(&rng);
+            for (uint32_t k = 0; k < row->velocities; k++) v[k] = lg_rng_normal(&rng);
+            if (row->directions > 0) {
+                lg_space sphere;
+                double state[6];
+                assert_ok(lg_space_init(&sphere, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
+                for (int k = 0; k < 3; k++) state[k] = lg_rng_normal(&rng), state[3 + k] = v[k];
+                lg_space_project(&sphere, state);
+                for (int k = 0; k < 3; k++) *q++ = state[k], v[k] = state[3 + k];
+            }
+            if (row->rotations > 0) {
+                const double unit[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+                lg_space group;
+                double a[3];
+                for (int k = 0; k < 3; k++) a[k] = lg_rng_normal(&rng);
+                assert_ok(lg_space_init(&group, &(lg_space_factor){LG_SPACE_SO3, 1}, 1));
+                lg_space_act(&group, a, unit, q);
+                q += 9;
+            }
+            v += row->velocities;
+        }
+}
+
+#endif

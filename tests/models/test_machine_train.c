@@ -1,0 +1,176 @@
+/* Machines learned from logs that the tests make: parameters, starts, standard errors. */
+#include "models/machine_support.h"
+
+#include "liegrad/nn.h"
+
+enum { PARTS = 6, ROWS = 41, ALL = PARTS * ROWS };
+
+/* An oscillator with m = 2, k = 8, damping .3, driven by u. */
+static const double mass = 2.0, stiffness = 8.0, damping = 0.3, dt = 0.1;
+
+static lg_machine oscillator(bool known) {
+    const double unit[] = {1.0}, half = 0.5 * stiffness;
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_input(&machine, "u");
+    lg_machine_term *m = add_term(&machine, LG_MACHINE_MASS, known ? "known" : "diagonal");
+    lg_machine_term *V = add_term(&machine, LG_MACHINE_POTENTIAL, "quadratic");
+    add_feature(V, LG_FEATURE_POSITION, 0);
+    lg_machine_term *D = add_term(&machine, LG_MACHINE_DAMPING, known ? "known" : "diagonal");
+    add_values(add_term(&machine, LG_MACHINE_INPUT_MAP, "known"), 1, unit);
+    if (known) {
+        add_values(m, 1, &mass);
+        add_values(V, 1, &half);
+        add_values(D, 1, &damping);
+    }
+    assert_machine(&machine);
+    return machine;
+}
+
+/* Logs of the known oscillator from random starts and with random held inputs. */
+typedef struct logs {
+    size_t first[PARTS + 1], start[PARTS];
+    double t[ALL], q[ALL], v[ALL], u[ALL * 4];
+    lg_machine_log log;
+} logs;
+
+static logs *make_logs(double noise, uint64_t seed) {
+    const lg_machine machine = oscillator(true);
+    logs *l = TEST_ARRAY(logs, 1);
+    lg_rng rng;
+    double q[ALL], v[ALL];
+    lg_rng_seed(&rng, seed, 0);
+    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, l->u};
+    for (size_t row = 0; row < ALL; row++) {
+        l->first[row / ROWS] = l->start[row / ROWS] = row / ROWS * ROWS;
+        l->t[row] = dt * (double)(row % ROWS);
+        l->q[row] = lg_rng_normal(&rng);
+        l->v[row] = lg_rng_normal(&rng);
+        l->u[row * 4] = 3.0 * lg_rng_normal(&rng);
+    }
+    l->first[PARTS] = ALL;
+    assert_ok(lg_machine_free_run(NULL, &machine, NULL, lg_scheme_find("rkmk5"), 4, &l->log, l->start, PARTS,
+                                  ROWS - 1, q, v, NULL));
+    for (size_t row = 0; row < ALL; row++) {
+        l->q[row] = q[row] + noise * lg_rng_normal(&rng);
+        l->v[row] = v[row] + noise * lg_rng_normal(&rng);
+    }
+    return l;
+}
+
+/* The learning problem of a machine with windows of 11 rows. */
+typedef struct task {
+    lg_machine machine;
+    lg_machine_problem problem;
+    size_t start[ALL];
+    double *theta;
+} task;
+
+static task *make_task(const logs *l, lg_machine_starts starts) {
+    task *t = TEST_ARRAY(task, 1);
+    lg_rng rng;
+    t->machine = oscillator(false);
+    assert_ok(lg_machine_find_scales(&t->machine, &l->log, NULL));
+    t->problem = (lg_machine_problem){.machine = &t->machine,
+                                      .scheme = lg_scheme_find("rkmk5"),
+                                      .substeps = 2,
+                                      .window = 11,
+                                      .starts = starts,
+                                      .log = l->log,
+                                      .start = t->start,
+                                      .position_scale = {1.0},
+                                      .velocity_scale = {1.0}};
+    t->problem.windows = lg_machine_windows(&t->machine, &l->log, 11, 10, false, t->start);
+    assert_int_equal(t->problem.windows, 4 * PARTS);
+    assert_ok(lg_machine_problem_check(&t->problem, NULL));
+    t->theta = TEST_ARRAY(double, lg_machine_problem_parameters(&t->problem));
+    lg_rng_seed(&rng, 1, 0);
+    lg_machine_initialise(&t->machine, &rng, t->theta);
+    return t;
+}
+
+/* Levenberg-Marquardt; `own`: starts are eliminated window by window in the matrix. */
+static void fit(task *t, bool own) {
+    lg_fit_problem problem;
+    lg_fit_options options;
+    lg_fit *made;
+    lg_machine_fit_problem(&t->problem, &problem);
+    if (!own) problem.own = 0;
+    lg_fit_options_init(&options);
+    assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
+    options.epochs = 60;
+    assert_ok(lg_fit_create(NULL, &problem, &options, t->theta, &made, NULL));
+    assert_ok(lg_fit_run(made, NULL));
+    lg_fit_parameters(made, t->theta);
+    lg_fit_destroy(made);
+}
+
+enum { NUMBERS = 3 };
+static const char *const names[NUMBERS] = {"mass.1.1", "potential.x^2", "damping.x"};
+static const double truth[NUMBERS] = {2.0, 4.0, 0.3};
+
+static void read_numbers(const task *t, lg_identified *out) {
+    assert_int_equal(lg_machine_numbers(&t->machine, t->theta, NUMBERS, out), NUMBERS);
+    for (int i = 0; i < NUMBERS; i++) assert_string_equal(out[i].name, names[i]);
+}
+
+TEST("mass, spring and damping of exact logs come out exact, in the units of the logs") {
+    task *t = make_task(make_logs(0.0, 3), LG_MACHINE_STARTS_MEASURED);
+    lg_identified found[NUMBERS];
+    double loss, floor;
+    fit(t, true);
+    read_numbers(t, found);
+    for (int i = 0; i < NUMBERS; i++) assert_close(found[i].value, truth[i], 1e-6, 0.0);
+    assert_ok(lg_machine_loss(NULL, &t->problem, t->theta, &loss, &floor, NULL));
+    assert_true(loss < 1e-12 && floor < 1e-12 && floor > 0.0);
+}
+
+TEST("starts that are eliminated give the same fit as starts among the parameters") {
+    const logs *l = make_logs(0.01, 4);
+    task *a = make_task(l, LG_MACHINE_STARTS_ESTIMATED), *b = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
+    fit(a, true);
+    fit(b, false);
+    const size_t n = lg_machine_problem_parameters(&a->problem);
+    assert_int_equal(n, a->machine.parameters + 2 * a->problem.windows);
+    for (size_t i = 0; i < n; i++) assert_close(a->theta[i], b->theta[i], 1e-6, 1e-8);
+}
+
+TEST("standard errors are those that repeated logs show, starts measured exactly or estimated") {
+    enum { REPEATS = 60 };
+    double sum[NUMBERS] = {0}, squares[NUMBERS] = {0}, told[NUMBERS] = {0};
+    for (uint64_t i = 0; i < REPEATS; i++) {
+        const size_t mark = lg_test_owned();
+        task *t = make_task(make_logs(0.02, 100 + i), LG_MACHINE_STARTS_ESTIMATED);
+        lg_identified found[NUMBERS];
+        fit(t, true);
+        assert_ok(lg_machine_identify(NULL, &t->problem, t->theta, found, NULL));
+        for (int k = 0; k < NUMBERS; k++) {
+            sum[k] += found[k].value - truth[k];
+            squares[k] += (found[k].value - truth[k]) * (found[k].value - truth[k]);
+            told[k] += found[k].error / REPEATS;
+        }
+        lg_test_give_back(mark);
+    }
+    for (int k = 0; k < NUMBERS; k++) {
+        const double spread = sqrt(squares[k] / REPEATS), bias = sum[k] / REPEATS;
+        assert_true(fabs(bias) < 4.0 * spread / sqrt(REPEATS));
+        assert_close(told[k], spread, 0.35, 0.0);
+    }
+}
+
+TEST("the error of what the logs do not show is infinite: an input map whose input stays 0") {
+    logs *l = make_logs(0.01, 5);
+    task *t = make_task(l, LG_MACHINE_STARTS_MEASURED);
+    lg_identified found[NUMBERS + 1];
+    for (size_t i = 0; i < 4 * ALL; i++) l->u[i] = 0.0;
+    t->machine.terms[0].kind = lg_term_kind_find(LG_MACHINE_MASS, "known");
+    add_values(&t->machine.terms[0], 1, &mass);
+    t->machine.terms[3].kind = lg_term_kind_find(LG_MACHINE_INPUT_MAP, "constant");
+    t->machine.terms[3].value_count = 0;
+    assert_machine(&t->machine);
+    assert_int_equal(lg_machine_numbers(&t->machine, t->theta, 3, found), 3);
+    fit(t, true);
+    assert_ok(lg_machine_identify(NULL, &t->problem, t->theta, found, NULL));
+    assert_string_equal(found[2].name, "input_map.1.1");
+    assert_true(found[0].error < 0.1 && found[1].error < 0.1 && isinf(found[2].error));
+}
