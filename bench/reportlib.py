@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import statistics
+import subprocess
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
@@ -16,6 +17,15 @@ def spread(values, show):
     """The median, and least and largest where there are several."""
     middle = show(statistics.median(values))
     return middle if len(values) == 1 else "%s (%s to %s)" % (middle, show(min(values)), show(max(values)))
+
+
+def processor(bench):
+    """What the figures were measured on, with the kernels that lg-bench chose."""
+    text = subprocess.run(["lscpu"], stdout=subprocess.PIPE, text=True, env=dict(os.environ, LC_ALL="C")).stdout
+    said = dict(line.split(":", 1) for line in text.splitlines() if ":" in line)
+    name, family, model, count = (said.get(key, "?").strip() for key in ("Model name", "CPU family", "Model", "CPU(s)"))
+    kernels = lib.Ours(bench)("node", "--repeats", 1)["kernels"]
+    return "%s (family %s, model %s), %s processors; %s" % (name, family, model, count, kernels)
 
 
 class Study:

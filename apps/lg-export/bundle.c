@@ -62,7 +62,7 @@ int export_bundle(const app *self, export_source *source, lg_program *program, b
     }
     if (status == LG_OK) status = lg_program_write_c(program, &how, &c, &error);
     if (status == LG_OK) {
-        for (size_t i = 0; i < count; i++) functions[i].work = c->work[i];
+        for (size_t i = 0; i < count; i++) functions[i].work = c->work[i], functions[i].depth = c->depth[i];
         take_texts(source, c);
     }
     lg_c_source_destroy(c);

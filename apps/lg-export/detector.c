@@ -15,8 +15,9 @@ enum { GOLDEN_STREAM = 0x64657463, STACK = 1024, CALLS = 2 };
 
 static int add_code(const app *self, export_source *source, const lg_model_file *file) {
     const lg_detector *model = &file->detector.run.model;
-    export_function functions[] = {
-        {"value", "eval", 0, false}, {"grad", "grad", 0, false}, {"probability", "probability", 0, false}};
+    export_function functions[] = {{.function = "value", .name = "eval"},
+                                   {.function = "grad", .name = "grad"},
+                                   {.function = "probability", .name = "probability"}};
     const size_t scores = (model->classes + 7) / 8 * 8;
     lg_program *program = NULL;
     lg_error error = {LG_OK, ""};

@@ -146,8 +146,8 @@ void export_golden_write(const export_source *source, text *to);
  * always declares these two. */
 typedef struct export_function {
     const char *function, *name;
-    size_t work; /* out: reals of work memory that it needs */
-    bool hidden; /* static: for the fragments after it */
+    size_t work, depth; /* out: reals of work memory that it needs; operations one after another */
+    bool hidden;        /* static: for the fragments after it */
 } export_function;
 /* Adds the code, arrays and weights of the functions; `compact` as in lg_c_options. Returns an exit code; on
  * failure a message has been printed. */
@@ -156,12 +156,36 @@ int export_bundle(const app *self, export_source *source, lg_program *program, b
 /* Replaces all parameters of the program by their rounded values. */
 lg_status export_round_parameters(const export_source *source, lg_program *program);
 
+/* ---- what Hamiltonians and machines share (hamiltonian.c) ---- */
+
+/* Schemes without an explicit step on the space: a sentence and APP_EXIT_USAGE. */
+int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme);
+/* "state (6)     words" */
+void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
+void export_tell_scheme(text *about, const lg_scheme *scheme, size_t evaluations, const char *what);
+/* NAME_hamiltonian, NAME_field, NAME_step. */
+extern const char export_motion_declarations[];
+/* The training data's dt, halved until no golden state moves by more than its own length: a model that is too
+ * fast for dt would be compared where steps multiply rounding. The first `field` numbers of each golden extra
+ * are the field. */
+double export_golden_step(const export_source *source, double dt, size_t field);
+/* Step and input (m) of the self-test, and its fragment. */
+void export_write_motion(export_source *source, const double *input, size_t m, double h,
+                         const char *fragment);
+
+/* By how much a function of the program multiplies rounding, seen in the library's own single precision at
+ * `points` inputs, one behind the other, numbers of single precision: the largest error over its eps times
+ * the depth; infinite or NaN where single precision cannot hold the results. (program.c) */
+lg_status export_amplification(lg_program *program, size_t function, const double *x, size_t points,
+                               size_t depth, double *out, lg_error *error);
+
 /* ---- kinds (one file each; golden vectors included) ---- */
 
 /* These return an exit code; on failure a message has been printed. The caller sets `source->options`. */
 int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source);
 int export_surrogate(const app *self, const lg_model_file *file, export_source *source);
 int export_detector(const app *self, const lg_model_file *file, export_source *source);
+int export_machine(const app *self, const lg_model_file *file, export_source *source);
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
 /* All functions of a program under their own names; destroys it. `path`: of the model's file. */

@@ -64,7 +64,7 @@ static bool find_condition(export_source *source, const lg_hamiltonian *model, c
 /* ---- what NAME.h says ---- */
 
 /* "state (6)     words" */
-static void tell_numbers(text *about, const char *what, size_t count, const char *words) {
+void export_tell_numbers(text *about, const char *what, size_t count, const char *words) {
     char label[32];
     (void)snprintf(label, sizeof label, "%s (%zu)", what, count);
     lg_text_add(about, "%-12s  %s\n", label, words);
@@ -83,7 +83,7 @@ static void tell_state(text *about, const lg_hamiltonian *model) {
     lg_text_add(&words, "%s", groups > 0 && model->n > groups ? " ..." : "");
     if (family->manifold != NULL)
         lg_text_add(&words, ", %s%s", groups > 0 ? "each with " : "", family->manifold);
-    tell_numbers(about, "state", lg_hamiltonian_state_dim(model), words.data);
+    export_tell_numbers(about, "state", lg_hamiltonian_state_dim(model), words.data);
     lg_text_destroy(&words);
 }
 
@@ -99,9 +99,9 @@ static void tell_model(export_source *source, const lg_hamiltonian *model) {
     (void)snprintf(input, sizeof input, "%s%sNULL for none",
                    family->input_meaning != NULL ? family->input_meaning : "",
                    family->input_meaning != NULL ? "; " : "");
-    tell_numbers(about, "input", m, m > 0 ? input : "none: NULL");
-    tell_numbers(about, "field", d,
-                 family->field_meaning != NULL ? family->field_meaning : "an element of the algebra");
+    export_tell_numbers(about, "input", m, m > 0 ? input : "none: NULL");
+    export_tell_numbers(about, "field", d,
+                        family->field_meaning != NULL ? family->field_meaning : "an element of the algebra");
     export_units(source, "those of the training data");
     lg_text_add(about, "time          as in the dt of the training data\n");
     if (family->manifold != NULL)
@@ -115,10 +115,9 @@ static const char *scheme_name(const lg_scheme *scheme) {
     return scheme->name != NULL ? scheme->name : "a scheme without a name";
 }
 
-static void tell_scheme(text *about, const lg_scheme *scheme, size_t evaluations) {
+void export_tell_scheme(text *about, const lg_scheme *scheme, size_t evaluations, const char *what) {
     lg_text_add(about, "step          %s, order %d: %zu evaluation%s of the %s\n", scheme_name(scheme),
-                scheme->order, evaluations, evaluations == 1 ? "" : "s",
-                scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field");
+                scheme->order, evaluations, evaluations == 1 ? "" : "s", what);
 }
 
 static void tell_test_set(text *about, const lg_hamiltonian_file *file) {
@@ -171,7 +170,7 @@ static void tell_training(text *about, const lg_hamiltonian_file *file) {
     tell_test(about, file);
 }
 
-static const char declarations[] =
+const char export_motion_declarations[] =
     "/* H(state) = NAME_eval */\n"
     "NAME_real NAME_hamiltonian(const NAME_real *state, NAME_real *work);\n"
     "\n"
@@ -187,7 +186,8 @@ static const char declarations[] =
 static void tell(export_source *source, const lg_hamiltonian_file *file, size_t evaluations) {
     const lg_hamiltonian *model = &file->run.model;
     tell_model(source, model);
-    tell_scheme(&source->about, source->options->scheme, evaluations);
+    export_tell_scheme(&source->about, source->options->scheme, evaluations,
+                       source->options->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field");
     if (source->condition > 1.0)
         lg_text_add(
             &source->about,
@@ -202,7 +202,7 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, size_t 
     export_size(source, "STATE_SIZE", lg_hamiltonian_state_dim(model), "numbers in state, next and field");
     export_size(source, "INPUT_SIZE", lg_hamiltonian_input_dim(model), "numbers in an input");
     export_size(source, "STEP_EVALUATIONS", evaluations, "of the network's gradient in a step");
-    lg_text_add_named(&source->declarations, source->options->name, declarations);
+    lg_text_add_named(&source->declarations, source->options->name, export_motion_declarations);
 }
 
 /* ---- golden vectors ---- */
@@ -213,16 +213,14 @@ static double norm(const double *x, size_t n) {
     return sqrt(sum);
 }
 
-/* The training data's dt, halved until no golden state moves by more than its own length: a model that is too
- * fast for dt would be compared where steps multiply rounding. */
-static double golden_step(const export_source *source, double dt) {
+double export_golden_step(const export_source *source, double dt, size_t field) {
     const export_golden *golden = &source->golden;
     const size_t n = source->inputs;
     double h = dt > 0.0 && dt <= 1.0 ? dt : 0.01;
     for (int halved = 0; halved < 60; halved++) {
         bool fits = true;
         for (size_t i = 0; i < golden->count; i++)
-            fits = fits && h * norm(golden->extra + 2 * n * i, n) <= norm(golden->x + n * i, n);
+            fits = fits && h * norm(golden->extra + golden->extras * i, field) <= norm(golden->x + n * i, n);
         if (fits) break;
         h *= 0.5;
     }
@@ -240,7 +238,7 @@ static lg_status compute_golden(const export_source *source, const lg_model *mod
         lg_model_jacobian(model, x, golden->y + i, golden->jacobian + i * n, work);
         status = lg_model_field(model, x, input, golden->extra + 2 * n * i, work);
     }
-    *h = golden_step(source, dt);
+    *h = export_golden_step(source, dt, n);
     for (size_t i = 0; i < golden->count && status == LG_OK; i++)
         status = lg_step(stepper, 0.0, *h, golden->x + i * n, input, golden->extra + (2 * i + 1) * n);
     return status;
@@ -260,14 +258,15 @@ static void draw_golden(export_source *source, const lg_hamiltonian *model, doub
     for (size_t i = 0; i < m; i++) input[i] = export_round(options, lg_rng_uniform_in(&rng, -1.0, 1.0));
 }
 
-static void write_golden(export_source *source, const double *input, size_t m, double h) {
+void export_write_motion(export_source *source, const double *input, size_t m, double h,
+                         const char *fragment) {
     static const double none = 0.0;
     lg_text_add(&source->test, "static const real golden_step = ");
     lg_text_add_real(&source->test, source->options->dtype, h);
     lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", m > 0 ? m : 1);
     lg_text_add_reals(&source->test, source->options->dtype, 4, m > 0 ? input : &none, m > 0 ? m : 1);
     lg_text_add(&source->test, "};\n");
-    export_test_code(source, "test_hamiltonian");
+    export_test_code(source, fragment);
 }
 
 static lg_status golden_vectors(export_source *source, const lg_hamiltonian_file *trained,
@@ -281,7 +280,7 @@ static lg_status golden_vectors(export_source *source, const lg_hamiltonian_file
     draw_golden(source, &trained->run.model, input, m);
     lg_status status = lg_model_stepper_init(model, scheme, &stepper, memory, bytes);
     if (status == LG_OK) status = compute_golden(source, model, trained->run.dt, input, work, stepper, &h);
-    if (status == LG_OK) write_golden(source, input, m, h);
+    if (status == LG_OK) export_write_motion(source, input, m, h, "test_hamiltonian");
     free(work);
     free(memory);
     free(input);
@@ -290,13 +289,10 @@ static lg_status golden_vectors(export_source *source, const lg_hamiltonian_file
 
 /* ---- code ---- */
 
-/* Schemes without an explicit step on the model's space: a sentence and APP_EXIT_USAGE. */
-static int check_scheme(const app *self, const lg_hamiltonian *model, const lg_scheme *scheme) {
+int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme) {
     lg_error error = {LG_OK, ""};
-    lg_space space;
-    (void)lg_hamiltonian_space(model->family, model->n, &space);
     if (lg_scheme_check(scheme, &error) != LG_OK) return app_usage(self, "%s", error.message);
-    const bool flat = lg_space_is_abelian(&space), separable = model->family->force != NULL;
+    const bool flat = lg_space_is_abelian(space);
     const bool lie = scheme->kind == LG_SCHEME_RKMK || scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
     if ((lie && (flat || !scheme->ambient)) || (scheme->kind == LG_SCHEME_SPLITTING && separable))
         return APP_EXIT_OK;
@@ -383,7 +379,9 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
     const char *path = self->arguments[0];
     lg_error error = {LG_OK, ""};
     lg_program *program;
-    int code = check_scheme(self, model, source->options->scheme);
+    lg_space space;
+    (void)lg_hamiltonian_space(model->family, model->n, &space);
+    int code = export_check_scheme(self, &space, model->family->force != NULL, source->options->scheme);
     if (code != APP_EXIT_OK) return code;
     if (!find_condition(source, model, trained->theta))
         return app_fail(self, LG_FORMAT,

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "liegrad/machine_model.h"
+
 typedef struct export_values {
     const char *out, *name, *scheme, *functions;
     bool compact;
@@ -28,10 +30,12 @@ static const app_option options[] = {
                    "or f32"),
     APP_ROW_TEXT(
         export_values, scheme, "scheme", "NAME",
-        "Hamiltonians: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file (default: "
-        "the family's)"),
-    APP_ROW_TEXT(export_values, functions, "functions", "NAMES",
-                 "Programs: functions to export, separated by commas (default: all)"),
+        "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
+        "(default: the family's; of a machine that of its training)"),
+    APP_ROW_TEXT(
+        export_values, functions, "functions", "NAMES",
+        "Programs: functions to export, separated by commas (default: all). Machines: linearise adds "
+        "NAME_linearise, which takes several times the code and work memory"),
     APP_ROW_FLAG(export_values, compact, "compact",
                  "Programs: write loops for small tensors too, not straight code; this gives less, slower "
                  "code"),
@@ -113,15 +117,26 @@ static void hash_model(job *j) {
 
 /* ---- kinds ---- */
 
+static const lg_scheme *scheme_of_hamiltonian(const lg_model_file *file) {
+    return lg_scheme_find(file->hamiltonian.run.model.family->scheme);
+}
+
+static const lg_scheme *scheme_of_machine(const lg_model_file *file) {
+    return file->machine->run.scheme;
+}
+
 static const struct {
     const char *name;
     int (*build)(const app *self, const lg_model_file *file, export_source *source);
-} kinds[LG_MODEL_KIND_COUNT] = {[LG_MODEL_HAMILTONIAN] = {"hamiltonian", export_hamiltonian},
-                                [LG_MODEL_SURROGATE] = {"surrogate", export_surrogate},
-                                [LG_MODEL_DETECTOR] = {"detector", export_detector}};
+    const lg_scheme *(*scheme)(const lg_model_file *file); /* the default; NULL: no steps */
+} kinds[LG_MODEL_KIND_COUNT] = {
+    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", export_hamiltonian, scheme_of_hamiltonian},
+    [LG_MODEL_SURROGATE] = {"surrogate", export_surrogate, NULL},
+    [LG_MODEL_DETECTOR] = {"detector", export_detector, NULL},
+    [LG_MODEL_MACHINE] = {"machine_model", export_machine, scheme_of_machine}};
 
 static int refuse_scheme(const job *j) {
-    return app_usage(j->self, "--scheme is for Hamiltonians; %s is a %s", j->path, j->kind);
+    return app_usage(j->self, "--scheme is for Hamiltonians and machines; %s is a %s", j->path, j->kind);
 }
 
 static int build_model(job *j) {
@@ -131,11 +146,10 @@ static int build_model(job *j) {
     const lg_model_kind kind = j->file.kind;
     j->kind = kinds[kind].name;
     j->source.parameters = lg_model_parameters(j->file.model);
-    if (kind == LG_MODEL_HAMILTONIAN && j->options.scheme == NULL)
-        j->options.scheme = lg_scheme_find(j->file.hamiltonian.run.model.family->scheme);
-    const int code = kind != LG_MODEL_HAMILTONIAN && given.scheme != NULL
-                         ? refuse_scheme(j)
-                         : kinds[kind].build(j->self, &j->file, &j->source);
+    const bool steps = kinds[kind].scheme != NULL;
+    if (steps && j->options.scheme == NULL) j->options.scheme = kinds[kind].scheme(&j->file);
+    const int code =
+        !steps && given.scheme != NULL ? refuse_scheme(j) : kinds[kind].build(j->self, &j->file, &j->source);
     lg_model_file_destroy(&j->file);
     return code;
 }
@@ -147,10 +161,10 @@ static bool is_exported(const char *kind) {
 }
 
 static int refuse_kind(const job *j, const char *kind) {
-    (void)app_fail(
-        j->self, LG_FORMAT,
-        "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, classifier or program",
-        j->path, kind);
+    (void)app_fail(j->self, LG_FORMAT,
+                   "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, machine_model, "
+                   "classifier or program",
+                   j->path, kind);
     return APP_EXIT_FILE;
 }
 
@@ -162,7 +176,8 @@ static int build(job *j) {
     if (!is_exported(kind)) return refuse_kind(j, kind);
     export_read_units(j->self, j->path, &j->options);
     const bool program = strcmp(kind, "program") == 0;
-    if (!program && (given.functions != NULL || given.compact))
+    const bool machine = strcmp(kind, kinds[LG_MODEL_MACHINE].name) == 0;
+    if ((!program && given.compact) || (!program && !machine && given.functions != NULL))
         return app_usage(j->self, "--functions and --compact are for programs; %s is a %s", j->path, kind);
     if (!program && strcmp(kind, "classifier") != 0) return build_model(j);
     j->kind = program ? "program" : "classifier";
@@ -262,8 +277,11 @@ int main(int argc, char **argv) {
              "libm (and memcpy, memmove and memset if the compiler inserts them), allocates nothing, keeps "
              "no state and works in the caller's memory. NAME.h describes the inputs and outputs of the "
              "functions with order and units.\n\nAll models except programs: NAME_eval, NAME_grad (gradient "
-             "or Jacobian by the inputs). Hamiltonians: NAME_hamiltonian, NAME_field, NAME_step. Surrogates "
-             "of beams: NAME_curve. Detectors and classifiers: NAME_classify, NAME_class_names; classifiers "
+             "or Jacobian by the inputs). Hamiltonians and machines: NAME_hamiltonian, NAME_field, "
+             "NAME_step; "
+             "machines also NAME_state, NAME_positions, NAME_velocities, with --functions linearise "
+             "NAME_linearise. Surrogates of beams: NAME_curve. "
+             "Detectors and classifiers: NAME_classify, NAME_class_names; classifiers "
              "also NAME_features. Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
              "make test compares the code with golden vectors of the library, make stack checks the stated "
              "bound on the stack, and make size shows the size of the objects.",

@@ -54,16 +54,16 @@ typedef struct evaluation {
     bool single;
 } evaluation;
 
-static lg_status open_evaluation(const job *j, size_t function, lg_dtype dtype, evaluation *e,
+static lg_status open_evaluation(const lg_program *program, size_t function, lg_dtype dtype, evaluation *e,
                                  lg_error *error) {
     lg_plan_options options;
     lg_plan_options_init(&options);
     options.dtype = dtype;
     options.most_work = SELF_TEST_WORK;
     *e = (evaluation){.single = dtype == LG_F32};
-    e->in = lg_program_inputs(j->program, function, &e->ins);
-    e->out = lg_program_outputs(j->program, function, &e->outs);
-    const lg_status status = lg_plan_create(j->program, function, &options, &e->plan, error);
+    e->in = lg_program_inputs(program, function, &e->ins);
+    e->out = lg_program_outputs(program, function, &e->outs);
+    const lg_status status = lg_plan_create(program, function, &options, &e->plan, error);
     if (status == LG_OK) e->work = app_alloc(lg_plan_work_size(e->plan), 1);
     return status;
 }
@@ -140,35 +140,41 @@ static double amplification(const evaluation *wide, const evaluation *narrow, co
     return worst / ((double)FLT_EPSILON * (double)(depth > 0 ? depth : 1));
 }
 
-/* By how much the function multiplies rounding, seen in the library's own single precision; at least 1. The
- * inputs are numbers of single precision for both. */
-static int find_condition(job *j, size_t function, size_t depth) {
+lg_status export_amplification(lg_program *program, size_t function, const double *x, size_t points,
+                               size_t depth, double *out, lg_error *error) {
     evaluation wide, narrow;
-    lg_error error = {LG_OK, ""};
-    lg_rng rng;
-    j->condition = 1;
-    lg_status status = open_evaluation(j, function, LG_F64, &wide, &error);
-    if (status != LG_OK) return failed(j, status, &error);
-    status = open_evaluation(j, function, LG_F32, &narrow, &error);
+    LG_TRY(open_evaluation(program, function, LG_F64, &wide, error));
+    const lg_status status = open_evaluation(program, function, LG_F32, &narrow, error);
     if (status == LG_OK) {
-        const size_t ins = total(wide.in, wide.ins);
-        double *x = app_alloc(CONDITION_POINTS * ins, sizeof *x);
-        lg_rng_seed(&rng, j->source->options->seed, GOLDEN_STREAM + 1);
-        for (size_t p = 0, at = 0; p < CONDITION_POINTS; p++)
-            for (size_t i = 0; i < wide.ins; i++) at += draw(j, &wide.in[i], &rng, x + at);
-        for (size_t i = 0; i < CONDITION_POINTS * ins; i++) x[i] = (double)(float)x[i];
-        const double found = amplification(&wide, &narrow, x, CONDITION_POINTS, depth);
-        if (isfinite(found) && found > 1) j->condition = ceil(found);
+        *out = amplification(&wide, &narrow, x, points, depth);
         close_evaluation(&narrow);
-        free(x);
-        if (!isfinite(found) && j->source->options->dtype == LG_F32)
-            status = app_error(
-                &error, LG_NOT_FINITE,
-                "%s: function '%s' gives numbers that are not finite in single precision, at random "
-                "points of its inputs: export it with --dtype f64",
-                j->source->options->file, lg_program_function_name(j->program, function));
     }
     close_evaluation(&wide);
+    return status;
+}
+
+/* The condition of the function at random inputs; at least 1. */
+static int find_condition(job *j, size_t function, size_t depth) {
+    size_t ins;
+    double found = 1;
+    lg_error error = {LG_OK, ""};
+    lg_rng rng;
+    const lg_port *in = lg_program_inputs(j->program, function, &ins);
+    const size_t numbers = CONDITION_POINTS * total(in, ins);
+    double *x = app_alloc(numbers, sizeof *x);
+    lg_rng_seed(&rng, j->source->options->seed, GOLDEN_STREAM + 1);
+    for (size_t p = 0, at = 0; p < CONDITION_POINTS; p++)
+        for (size_t i = 0; i < ins; i++) at += draw(j, &in[i], &rng, x + at);
+    for (size_t i = 0; i < numbers; i++) x[i] = (double)(float)x[i];
+    lg_status status = export_amplification(j->program, function, x, CONDITION_POINTS, depth, &found, &error);
+    free(x);
+    j->condition = isfinite(found) && found > 1 ? ceil(found) : 1;
+    if (status == LG_OK && !isfinite(found) && j->source->options->dtype == LG_F32)
+        status =
+            app_error(&error, LG_NOT_FINITE,
+                      "%s: function '%s' gives numbers that are not finite in single precision, at random "
+                      "points of its inputs: export it with --dtype f64",
+                      j->source->options->file, lg_program_function_name(j->program, function));
     return status == LG_OK ? APP_EXIT_OK : failed(j, status, &error);
 }
 
@@ -214,7 +220,7 @@ static int add_function(job *j, size_t index, text *table, size_t *largest) {
     lg_rng rng;
     int code = find_condition(j, function, depth);
     if (code != APP_EXIT_OK) return code;
-    const lg_status status = open_evaluation(j, function, LG_F64, &e, &error);
+    const lg_status status = open_evaluation(j->program, function, LG_F64, &e, &error);
     if (status != LG_OK) return failed(j, status, &error);
     const size_t ins = total(e.in, e.ins), outs = total(e.out, e.outs), golden = (size_t)options->golden;
     double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);

@@ -1,5 +1,5 @@
 /* Machines and logs of a command. */
-#include "lg-identify/identify.h"
+#include "lg-identify/runs.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -44,6 +44,29 @@ static int read_logs(app *self, const char *const *paths, size_t count, size_t t
     return APP_EXIT_OK;
 }
 
+/* ---- delay ---- */
+
+/* Reads the logs with delays of 0 to 8 rows, and again with that of the least error. */
+static int estimate_delay(app *self, const char *const *paths, size_t count, size_t training,
+                          identify_data *out) {
+    enum { MOST = 8 };
+    double least = (double)INFINITY;
+    int64_t best = 0;
+    for (int64_t delay = 0; delay <= MOST; delay++) {
+        lg_logs_destroy(&out->logs);
+        const int code = read_logs(self, paths, count, training, delay, out);
+        if (code != APP_EXIT_OK) return code;
+        const double error = identify_unexplained(&out->file.machine, &out->training);
+        if (!(error < least)) continue;
+        least = error;
+        best = delay;
+    }
+    lg_logs_destroy(&out->logs);
+    app_warn(self, "the inputs act %lld rows after they are logged, as far as a quadratic model can tell",
+             (long long)best);
+    return read_logs(self, paths, count, training, best, out);
+}
+
 int identify_read(app *self, const char *machine, const char *const *paths, size_t count, const char *more,
                   identify_data *out) {
     lg_error error = {LG_OK, ""};
@@ -54,7 +77,8 @@ int identify_read(app *self, const char *machine, const char *const *paths, size
     char *list = more != NULL ? app_format("%s", more) : NULL;
     memcpy(all, paths, count * sizeof *paths);
     const size_t total = count + (list != NULL ? cut(list, all + count, MOST_LOGS - count) : 0);
-    const int code = read_logs(self, all, total, count, -1, out);
+    const int code = out->file.estimate_delay ? estimate_delay(self, all, total, count, out)
+                                              : read_logs(self, all, total, count, -1, out);
     free(list);
     return code;
 }

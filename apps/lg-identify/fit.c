@@ -4,7 +4,8 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "lg-identify/identify.h"
+#include "lg-identify/runs.h"
+#include "lg-identify/fit.h"
 
 /* ---- settings ---- */
 
@@ -15,26 +16,18 @@ static const app_option options[] = {
                  "Logs that are not trained on: the parameters of the best epoch on them are the result"),
     APP_ROW_END};
 
-static lg_machine_model_run run;
+static lg_machine_model_run run; /* all that determines the result */
 static const app_settings settings[] = {{lg_machine_model_hyperparameters, &run, sizeof run}, {.rows = NULL}};
 
-typedef struct training {
-    identify_data data;
-    double position_noise[LG_MACHINE_COORDINATES], velocity_noise[LG_MACHINE_COORDINATES];
-    lg_machine_problem problem;
-    size_t *start;
-    lg_fit_problem fit_problem;
-    lg_fit *fit;
-} training;
-
-static training state;
+static training state = {.run = &run};
 
 /* ---- data and run ---- */
 
 static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
     training *t = user;
     const size_t logs = (size_t)self->argument_count - 1;
-    const int code = identify_read(self, path, self->arguments + 1, logs, given.validation, &t->data);
+    int code = identify_read(self, path, self->arguments + 1, logs, given.validation, &t->data);
+    if (code == APP_EXIT_OK) code = identify_refuse_momenta(self, &t->data.file, path);
     if (code != APP_EXIT_OK) return code;
     identify_noise(&t->data, t->position_noise, t->velocity_noise);
     lg_machine_log_sha256(&t->data.file.machine, &t->data.logs.log, sha256);
@@ -42,17 +35,17 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
     return APP_EXIT_OK;
 }
 
-static bool is_noisy(const training *t) {
-    bool noisy = false;
-    for (uint32_t i = 0; i < t->data.file.machine.coordinate_count; i++)
-        noisy = noisy || t->position_noise[i] > 0.0 || t->velocity_noise[i] > 0.0;
-    return noisy;
+static uint32_t at_most(size_t rows, uint32_t wanted) {
+    return rows >= 2 && rows < wanted ? (uint32_t)rows : wanted;
 }
 
-static bool has_network(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if ((lg_term_kind_options(machine->terms[i].kind) & LG_TERM_HIDDEN) != 0) return true;
-    return false;
+/* Rows of the longest part without a gap. */
+static size_t longest_part(const training *t) {
+    const lg_machine_log *log = &t->data.training;
+    size_t longest = 0;
+    for (size_t p = 0; p < log->parts; p++)
+        if (log->first[p + 1] - log->first[p] > longest) longest = log->first[p + 1] - log->first[p];
+    return longest;
 }
 
 /* Windows touch; they overlap where there would be too few. */
@@ -82,12 +75,12 @@ static void choose_settings(const app *self, const training *t) {
     const bool positions = t->data.file.measured == LG_MEASURED_POSITIONS, noisy = is_noisy(t) || positions;
     if (!app_given(self, "starts"))
         run.starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
-    if (!app_given(self, "window")) run.window = positions ? 200 : noisy ? 20 : 5;
+    if (!app_given(self, "window")) run.window = at_most(longest_part(t), positions ? 60 : noisy ? 20 : 5);
     if (!app_given(self, "substeps")) run.substeps = 1;
     if (!app_given(self, "stride") || run.stride == 0) run.stride = find_stride(t);
-    const bool lm = !has_network(&run.machine), few = count_parameters(t) <= DENSE;
+    const bool lm = are_few(&run.machine), dense = count_parameters(t) <= DENSE;
     if (!app_given(self, "method"))
-        (void)lg_fit_plan_parse(lm ? "lm" : few ? "ssbroyden" : "lbfgs", &run.training.plan, NULL);
+        (void)lg_fit_plan_parse(lm ? "lm" : dense ? "ssbroyden" : "lbfgs", &run.training.plan, NULL);
     if (!app_given(self, "epochs")) run.training.epochs = lm ? 100 : 3000;
 }
 
@@ -123,11 +116,6 @@ static void set_loss_scales(const training *t) {
     }
 }
 
-static void take_loss_scales(training *t) {
-    memcpy(t->problem.position_scale, run.position_scale, sizeof run.position_scale);
-    memcpy(t->problem.velocity_scale, run.velocity_scale, sizeof run.velocity_scale);
-}
-
 static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
     const training *t = user;
     run.machine = t->data.file.machine;
@@ -141,10 +129,12 @@ static lg_status describe(void *user, app *self, const void *stored, lg_error *e
         const lg_machine_model_run *before = stored;
         memcpy(run.position_scale, before->position_scale, sizeof run.position_scale);
         memcpy(run.velocity_scale, before->velocity_scale, sizeof run.velocity_scale);
-        return LG_OK;
+    } else {
+        choose_settings(self, t);
+        set_loss_scales(t);
     }
-    choose_settings(self, t);
-    set_loss_scales(t);
+    run.windows = lg_machine_windows(&run.machine, &t->data.training, run.window, run.stride,
+                                     t->data.file.measured == LG_MEASURED_POSITIONS, NULL);
     return LG_OK;
 }
 
@@ -154,9 +144,7 @@ static int prepare(void *user, app *self) {
     const lg_machine_log *log = &t->data.logs.log;
     const bool positions = t->data.file.measured == LG_MEASURED_POSITIONS;
     t->start = app_alloc(log->rows, sizeof *t->start);
-    const size_t all = lg_machine_windows(&run.machine, log, run.window, run.stride, positions, t->start),
-                 train = lg_machine_windows(&run.machine, &t->data.training, run.window, run.stride,
-                                            positions, NULL);
+    const size_t all = lg_machine_windows(&run.machine, log, run.window, run.stride, positions, t->start);
     t->problem = (lg_machine_problem){.machine = &run.machine,
                                       .scheme = run.scheme,
                                       .substeps = run.substeps,
@@ -165,107 +153,13 @@ static int prepare(void *user, app *self) {
                                       .log = *log,
                                       .windows = all,
                                       .start = t->start,
-                                      .validation = all - train};
-    run.windows = train;
+                                      .validation = all - run.windows};
     take_loss_scales(t);
     const lg_status status = lg_machine_problem_check(&t->problem, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
 }
 
 /* ---- the fit ---- */
-
-/* A fit of windows that are shorter, from the machine's parameters theta to theta. */
-static lg_status fit_short(const app *self, const training *t, const lg_fit_options *how, uint32_t window,
-                           lg_machine_starts starts, double *theta, lg_error *error) {
-    enum { EPOCHS = 200 };
-    const bool network = has_network(&run.machine);
-    const bool estimated = starts == LG_MACHINE_STARTS_ESTIMATED;
-    lg_machine_problem problem = t->problem;
-    lg_fit_problem fit_problem;
-    lg_fit_options chosen = *how;
-    lg_fit *fit;
-    problem.starts = starts;
-    problem.window = window < run.window ? window : run.window;
-    problem.windows -= problem.validation;
-    problem.validation = 0;
-    lg_machine_fit_problem(&problem, &fit_problem);
-    lg_training_apply(&run.training, &chosen);
-    (void)lg_fit_plan_parse(!network ? "lm" : estimated ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
-    chosen.epochs = network ? EPOCHS : EPOCHS / 4;
-    chosen.seconds = how->seconds / 8;
-    chosen.validation = 0;
-    chosen.keep_best = false;
-    chosen.patience = chosen.stop_after = chosen.checkpoint_every = 0;
-    chosen.checkpoint = NULL;
-    chosen.on_epoch = NULL;
-    double *all = app_alloc(fit_problem.parameters, sizeof *all);
-    memcpy(all, theta, run.machine.parameters * sizeof *all);
-    lg_status status = lg_fit_create(self->context, &fit_problem, &chosen, all, &fit, error);
-    if (status == LG_OK) {
-        status = lg_fit_run(fit, error);
-        if (status == LG_OK) lg_fit_parameters(fit, all);
-        lg_fit_destroy(fit);
-    }
-    if (status == LG_OK) memcpy(theta, all, run.machine.parameters * sizeof *all);
-    free(all);
-    return status;
-}
-
-/* Positions that do not follow from the velocities as well as velocities can be predicted (other programs'
- * integrators, sensors with a lag) count less: their errors in units of the scale become those of the
- * velocities. *changed: a scale grew. */
-static lg_status balance(const app *self, training *t, const double *theta, bool *changed, lg_error *error) {
-    static const double tolerated = 2.0;
-    identify_residual found[LG_MACHINE_COORDINATES];
-    const identify_model model = {&run.machine, theta, run.scheme, run.substeps};
-    LG_TRY(identify_residuals(self, &model, &t->problem, found, error));
-    *changed = false;
-    for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
-        const double q = found[i].position / run.position_scale[i],
-                     v = found[i].velocity / run.velocity_scale[i];
-        if (!(q > tolerated * v && v > 0.0) || t->position_noise[i] > 0.0) continue;
-        run.position_scale[i] *= q / v;
-        *changed = true;
-    }
-    take_loss_scales(t);
-    return LG_OK;
-}
-
-/* Short windows first: parameters from which longer ones can be predicted. */
-static lg_status warm_up(const app *self, training *t, const lg_fit_options *how, double *theta,
-                         lg_error *error) {
-    enum { ROUNDS = 4 };
-    static const uint32_t growing[] = {6, 15, 50};
-    bool changed = true;
-    if (t->data.file.measured == LG_MEASURED_POSITIONS) {
-        for (size_t i = 0; i < LG_COUNT(growing); i++)
-            LG_TRY(fit_short(self, t, how, growing[i], LG_MACHINE_STARTS_ESTIMATED, theta, error));
-        return LG_OK;
-    }
-    for (int round = 0; round < ROUNDS && changed; round++) {
-        LG_TRY(fit_short(self, t, how, is_noisy(t) ? 5 : 2, LG_MACHINE_STARTS_MEASURED, theta, error));
-        LG_TRY(balance(self, t, theta, &changed, error));
-    }
-    return LG_OK;
-}
-
-/* Steps between two rows, where they are not given: the error of the steps is small against what the
- * parameters that short windows gave leave of the loss, or below all that matters. */
-static lg_status find_substeps(const app *self, training *t, const double *theta, lg_error *error) {
-    enum { MOST = 4 };
-    static const double enough = 1e-10, part = 1e-2;
-    lg_machine_problem problem = t->problem;
-    double loss = 0, floor = 0;
-    if (app_given(self, "substeps")) return LG_OK;
-    problem.starts = LG_MACHINE_STARTS_MEASURED;
-    for (run.substeps = 1; run.substeps < MOST; run.substeps++) {
-        problem.substeps = run.substeps;
-        LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
-        if (floor <= fmax(enough, part * loss)) break;
-    }
-    t->problem.substeps = run.substeps;
-    return LG_OK;
-}
 
 static lg_status create(void *user, app *self, const lg_fit_options *how, lg_fit **fit, lg_error *error) {
     training *t = user;
@@ -278,7 +172,6 @@ static lg_status create(void *user, app *self, const lg_fit_options *how, lg_fit
     const double begin = app_seconds();
     const bool fresh = train_given_files.resume == NULL;
     lg_status status = fresh ? warm_up(self, t, how, theta, error) : LG_OK;
-    if (status == LG_OK && fresh) status = find_substeps(self, t, theta, error);
     lg_training_apply(&run.training, &chosen);
     if (t->problem.validation > 0) chosen.keep_best = true;
     if (how->seconds > 0) chosen.seconds = fmax(how->seconds - (app_seconds() - begin), 1e-3);
@@ -384,14 +277,27 @@ static void report(const training *t, const train_session *session, double loss,
     app_json_end(&json);
 }
 
-/* A number that its error exceeds. */
+/* The largest value among numbers with the same first word, "mass" of "mass.1.2". */
+static double largest_alike(const lg_identified *numbers, size_t count, size_t i) {
+    const size_t word = strcspn(numbers[i].name, ".");
+    double largest = 0.0;
+    for (size_t k = 0; k < count; k++)
+        if (strncmp(numbers[k].name, numbers[i].name, word + 1) == 0)
+            largest = fmax(largest, fabs(numbers[k].value));
+    return largest;
+}
+
+/* A number that its error exceeds, unless both are next to nothing beside the others of its kind. */
 static void warn_of_numbers(const app *self, const lg_identified *numbers, size_t count) {
-    for (size_t i = 0; i < count; i++)
-        if (numbers[i].error > 0 && !(numbers[i].error <= fabs(numbers[i].value)))
-            app_warn(self,
-                     "the logs do not determine %s: %.3g with a standard error of %.2g; give it as "
-                     "known, or move the machine in other ways",
-                     numbers[i].name, numbers[i].value, numbers[i].error);
+    static const double nothing = 0.02;
+    for (size_t i = 0; i < count; i++) {
+        const double error = numbers[i].error;
+        if (error <= fabs(numbers[i].value) || error < nothing * largest_alike(numbers, count, i)) continue;
+        app_warn(self,
+                 "the logs do not determine %s: %.3g with a standard error of %.2g; give it as "
+                 "known, or move the machine in other ways",
+                 numbers[i].name, numbers[i].value, error);
+    }
 }
 
 static int finish(void *user, train_session *session) {

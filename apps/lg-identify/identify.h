@@ -7,7 +7,8 @@
 #include "common/train.h"
 #include "liegrad/machine_model.h"
 
-extern const app_command check_command, fit_command, evaluate_command, predict_command;
+extern const app_command check_command, fit_command, evaluate_command, predict_command, generate_command,
+    demo_command;
 
 /* ---- logs (data.c) ---- */
 
@@ -73,6 +74,13 @@ typedef struct identify_residual {
 lg_status identify_residuals(const app *self, const identify_model *model, const lg_machine_problem *problem,
                              identify_residual *out, lg_error *error);
 
+/* Runs of `steps` intervals from rows `start`: q (count, steps + 1, positions), v (count, steps + 1,
+ * velocities). */
+typedef lg_status identify_runner(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                                  size_t steps, double *q, double *v, lg_error *error);
+lg_status identify_horizon_errors_of(const lg_machine *machine, identify_runner *runner, void *user,
+                                     const lg_machine_log *log, double seconds, size_t every,
+                                     identify_horizon *out, lg_error *error);
 lg_status identify_horizon_errors(const app *self, const identify_model *model, const lg_machine_log *log,
                                   double seconds, size_t every, identify_horizon *out, lg_error *error);
 

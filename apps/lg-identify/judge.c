@@ -146,28 +146,55 @@ static void judge_all(const judging *j, identify_horizon *out) {
     free(own);
 }
 
-lg_status identify_horizon_errors(const app *self, const identify_model *model, const lg_machine_log *log,
-                                  double seconds, size_t every, identify_horizon *out, lg_error *error) {
+/* A prediction that is not finite is not left out: its errors overflow. */
+static void count_as_infinite(double *x, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(x[i])) x[i] = 1e300;
+}
+
+lg_status identify_horizon_errors_of(const lg_machine *machine, identify_runner *runner, void *user,
+                                     const lg_machine_log *log, double seconds, size_t every,
+                                     identify_horizon *out, lg_error *error) {
     const size_t steps = most_steps(log, seconds);
     *out = (identify_horizon){.seconds = seconds};
     for (int e = 0; e < IDENTIFY_ERRORS; e++)
         out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
     size_t *start = app_alloc(log->rows, sizeof *start);
     lg_status status = LG_OK;
-    out->starts = steps > 0 ? find_starts(model->machine, log, steps, every, start) : 0;
+    out->starts = steps > 0 ? find_starts(machine, log, steps, every, start) : 0;
     if (out->starts > 0) {
         const size_t points = out->starts * (steps + 1);
-        double *q = app_alloc(points * model->machine->positions, sizeof *q),
-               *v = app_alloc(points * model->machine->velocities, sizeof *v);
-        status = lg_machine_free_run(self->context, model->machine, model->theta, model->scheme,
-                                     model->substeps, log, start, out->starts, steps, q, v, error);
-        const judging j = {model->machine, log, steps, out->starts, start, q, v, seconds};
+        double *q = app_alloc(points * machine->positions, sizeof *q),
+               *v = app_alloc(points * machine->velocities, sizeof *v);
+        status = runner(user, log, start, out->starts, steps, q, v, error);
+        count_as_infinite(q, points * machine->positions);
+        count_as_infinite(v, points * machine->velocities);
+        const judging j = {machine, log, steps, out->starts, start, q, v, seconds};
         if (status == LG_OK) judge_all(&j, out);
         free(q);
         free(v);
     }
     free(start);
     return status;
+}
+
+typedef struct model_runner {
+    const app *app;
+    const identify_model *model;
+} model_runner;
+
+static lg_status run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                           size_t steps, double *q, double *v, lg_error *error) {
+    const model_runner *r = user;
+    const identify_model *model = r->model;
+    return lg_machine_free_run(r->app->context, model->machine, model->theta, model->scheme, model->substeps,
+                               log, start, count, steps, q, v, error);
+}
+
+lg_status identify_horizon_errors(const app *self, const identify_model *model, const lg_machine_log *log,
+                                  double seconds, size_t every, identify_horizon *out, lg_error *error) {
+    model_runner runner = {self, model};
+    return identify_horizon_errors_of(model->machine, run_model, &runner, log, seconds, every, out, error);
 }
 
 /* ---- residuals of windows ---- */

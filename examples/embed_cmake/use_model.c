@@ -14,7 +14,8 @@
 /* Everything that the loop touches, allocated before it. */
 typedef struct session {
     const lg_model *model;
-    int chain; /* a Hamiltonian of pendulum chains: states lie on a manifold */
+    int chain;     /* a Hamiltonian of pendulum chains: states lie on a manifold */
+    int conserved; /* without an input: Hamiltonians; machines are damped */
     size_t inputs, outputs, calls;
     double *x, *dx, *y, *near, *jacobian;
     void *work;
@@ -154,8 +155,8 @@ static void predict(session *self) {
     lg_model_eval(self->model, self->x, energy + 1, self->work);
     (void)printf("after %zu steps of %s: energy changed by %.1e, off the manifold by %.1e\n", self->calls,
                  scheme->name, energy[1] - energy[0], worst);
-    check(self, fabs(energy[1] - energy[0]) <= 1e-6 * (1.0 + fabs(energy[0])) && worst <= 1e-12,
-          "steps do not keep energy and manifold");
+    const int kept = fabs(energy[1] - energy[0]) <= 1e-6 * (1.0 + fabs(energy[0]));
+    check(self, (kept || !self->conserved) && worst <= 1e-12, "steps do not keep energy and manifold");
     double *field = reserve(self->inputs * sizeof *field);
     begin = now();
     for (size_t n = 0; n < self->calls && status == LG_OK; n++)
@@ -184,6 +185,7 @@ int main(int argc, char **argv) {
     session self = {.model = model,
                     .chain = file.kind == LG_MODEL_HAMILTONIAN &&
                              file.hamiltonian.run.model.family == lg_hamiltonian_family_find("chain"),
+                    .conserved = file.kind == LG_MODEL_HAMILTONIAN,
                     .inputs = lg_model_inputs(model),
                     .outputs = lg_model_outputs(model),
                     .calls = (size_t)calls};

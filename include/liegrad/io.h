@@ -481,7 +481,9 @@ LG_API lg_status lg_program_load(const lg_context *context, const char *path, co
 LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
                               char *kind, size_t size, lg_error *error);
 
-/* A model file of any of these kinds, loaded for use in a control program. */
+/* A model file of any of these kinds, or of a machine (liegrad/machine_model.h), loaded for use in a control
+ * program. */
+struct lg_machine_model_file;
 typedef struct lg_model_file {
     lg_model_kind kind;
     lg_model *model;
@@ -489,6 +491,7 @@ typedef struct lg_model_file {
         lg_hamiltonian_file hamiltonian;
         lg_surrogate_file surrogate;
         lg_detector_file detector;
+        struct lg_machine_model_file *machine; /* owned */
     };
 } lg_model_file;
 /* Loads a model file of any of these kinds. Errors: those of the kind's own loader; LG_FORMAT for a kind that

@@ -41,6 +41,7 @@
 #include "liegrad/export.h"
 #include "liegrad/integrators.h"
 #include "liegrad/nn.h"
+#include "liegrad/program.h"
 #include "liegrad/random.h"
 #include "liegrad/status.h"
 #include "liegrad/tape.h"
@@ -86,7 +87,7 @@ typedef struct lg_machine_coordinate {
 
 /* ---- features: what a term sees of state and input ---- */
 
-typedef enum lg_feature_kind {
+typedef enum lg_machine_sight {
     LG_FEATURE_POSITION, /* NAME: line q; angle sin q, cos q; direction q; rotation R; pose x, R */
     LG_FEATURE_PLACE,    /* NAME.place: x of a pose */
     LG_FEATURE_ROTATION, /* NAME.rotation: R of a pose */
@@ -94,10 +95,10 @@ typedef enum lg_feature_kind {
     LG_FEATURE_HEIGHT, /* NAME.height: line q; angle sin q, cos q; direction q_3; rotation R^T e3; pose x_3 */
     LG_FEATURE_VELOCITY, /* NAME.velocity */
     LG_FEATURE_INPUT     /* name of the input */
-} lg_feature_kind;
+} lg_machine_sight;
 
 typedef struct lg_machine_feature {
-    lg_feature_kind kind;
+    lg_machine_sight kind;
     uint32_t index; /* of the coordinate, or of the input */
 } lg_machine_feature;
 
@@ -305,6 +306,26 @@ LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                      const lg_machine_log *log, const size_t *start, size_t count,
                                      size_t steps, double *positions, double *velocities, lg_error *error);
+
+/* ---- functions in the units of the log ---- */
+
+/* The machine as a bundle (liegrad/program.h) with parameter theta (absent where there is none) and the
+ * functions
+ *   value      (x) -> y           H
+ *   grad       (x) -> y, g        H and dH/dx in the ambient space
+ *   field      (x, u) -> f        the algebra element of lg_machine_space
+ *   velocity   (x, u) -> f        x' in the ambient space
+ *   jac_velocity (x, u) -> jac_f_x, jac_f_u
+ *   momenta    (q, v) -> x        the state of positions and velocities in the order of logs
+ *   velocities (x) -> v           back
+ *   positions  (x) -> q
+ *   step       (x, u, h) -> next  one step of `scheme` (NULL: cf4), u held; not projected
+ * with x (state), u (inputs; absent without inputs), h (1), q (positions), v (velocities), all in the units
+ * of the log: momenta in those of dL/dv. Scales are numbers of the program. Nothing is borrowed. Errors:
+ * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical one where there are
+ * directions or rotations). */
+LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
+                                    const lg_scheme *scheme, lg_program **out, lg_error *error);
 
 LG_END_DECLS
 

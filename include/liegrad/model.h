@@ -1,6 +1,6 @@
-/* A trained model in a control loop: one handle for learned Hamiltonians, surrogates and detectors, evaluated
- * without a tape in the caller's memory. The library is liegrad. Only lg_model_load is in liegrad_io, because
- * it reads HDF5.
+/* A trained model in a control loop: one handle for learned Hamiltonians, surrogates, detectors and machines,
+ * evaluated without a tape in the caller's memory. The library is liegrad. Only lg_model_load is in
+ * liegrad_io, because it reads HDF5.
  *
  *   lg_model_file file;                                            (liegrad/io.h)
  *   lg_model_load(NULL, "pendulum.h5", NULL, &file, &error);
@@ -22,6 +22,8 @@
  *   surrogate, continuous  (s, q0 v0 qN vN), 9 -> q(s), 2. Column 0 of the Jacobian is the tangent v(s).
  *   surrogate, angle       (s, q0 v0 qN vN), 9 -> theta(s), 1. Column 0 is the curvature.
  *   detector               window as recorded (channels, length) -> logits (outputs of its network)
+ *   machine                state of lg_machine_space (places; q p of each direction; R of each rotation;
+ *                          momenta), in the units of the log -> H (1)
  *
  * The gradient of a Hamiltonian is that of lg_hamiltonian_record_gradient: the gradient of the extension of H
  * to the ambient space. The field of the extension gives the flow on the manifold. ReLU and max pooling have
@@ -36,14 +38,20 @@
 #include "liegrad/export.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/integrators.h"
+#include "liegrad/machine.h"
 #include "liegrad/series.h"
 #include "liegrad/status.h"
 #include "liegrad/surrogate.h"
 
 LG_BEGIN_DECLS
 
-typedef enum lg_model_kind { LG_MODEL_HAMILTONIAN, LG_MODEL_SURROGATE, LG_MODEL_DETECTOR } lg_model_kind;
-#define LG_MODEL_KIND_COUNT 3
+typedef enum lg_model_kind {
+    LG_MODEL_HAMILTONIAN,
+    LG_MODEL_SURROGATE,
+    LG_MODEL_DETECTOR,
+    LG_MODEL_MACHINE
+} lg_model_kind;
+#define LG_MODEL_KIND_COUNT 4
 
 /* An immutable handle with plans (liegrad/program.h) of the functions that it needs. It is made by
  * lg_model_load or from descriptions that their own init functions have filled. Errors: those of
@@ -56,6 +64,8 @@ LG_API lg_status lg_model_create_surrogate(const lg_context *context, const lg_s
 LG_API lg_status lg_model_create_detector(const lg_context *context, const lg_detector *detector,
                                           const lg_scaler *scaler, const double *theta, lg_model **out,
                                           lg_error *error);
+LG_API lg_status lg_model_create_machine(const lg_context *context, const lg_machine *machine,
+                                         const double *theta, lg_model **out, lg_error *error);
 LG_API void lg_model_destroy(lg_model *model); /* NULL is fine */
 
 LG_API lg_model_kind lg_model_kind_of(const lg_model *model);
@@ -70,7 +80,7 @@ LG_API void lg_model_eval(const lg_model *model, const double *x, double *y, voi
 LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y, double *jacobian,
                               void *work);
 
-/* ---- Hamiltonians in a loop (other kinds: sizes 0, LG_UNSUPPORTED) ----
+/* ---- Hamiltonians and machines in a loop (other kinds: sizes 0, LG_UNSUPPORTED) ----
  *
  * State, input, field and tangent coordinates follow from the row of the model's family
  * (lg_hamiltonian_family). `factor` and `layout` give the state, `forces` and `field` the input u and the
@@ -78,16 +88,20 @@ LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y,
  *   chain      u = (tau_1, ..., tau_k), 3k: spatial torques about the links' own joints, conjugate to their
  *              angular velocities; p_i' gets tau_i x q_i, the algebra element eta_i gets tau_i
  *   separable  u = forces (n): p' = -dV/dq + u
+ *
+ * Machines: the state and the algebra element are those of lg_machine_space, u are the inputs of the log; all
+ * in the units of the log.
  */
 LG_API size_t lg_model_input_dim(const lg_model *model); /* m = forces n; chain 3k, separable n */
-/* With input (m) or NULL: the algebra element of the space; chain (xi_i, eta_i), 6k, separable (q', p'),
- * 2n. */
+/* With input (m) or NULL, which is zero: the algebra element of the space; chain (xi_i, eta_i), 6k, separable
+ * (q', p'), 2n; machines (places', xi eta of each direction, R Omega of each rotation, momenta'). */
 LG_API lg_status lg_model_field(const lg_model *model, const double *state, const double *input,
                                 double *field, void *work);
 
-/* The learned system for an integrator: lg_hamiltonian_space (chain (T*S^2)^k, separable R^2n), field, and
- * force and velocity if the family has them; the stepper's `input` is u. `user` (filled too), `model` and
- * `work` (lg_model_work_size bytes) must outlive the use of `ode`. LG_INVALID_ARGUMENT: user or ode NULL. */
+/* The learned system for an integrator: lg_hamiltonian_space (chain (T*S^2)^k, separable R^2n) or
+ * lg_machine_space, field, and force and velocity if a family has them; the stepper's `input` is u. `user`
+ * (filled too), `model` and `work` (lg_model_work_size bytes) must outlive the use of `ode`.
+ * LG_INVALID_ARGUMENT: user or ode NULL. */
 typedef struct lg_model_user {
     const lg_model *model;
     void *work;
@@ -113,16 +127,32 @@ LG_API lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *s
  * and orthogonal to q_i, c_i = (a_1, a_2, b_1, b_2) means
  *   dq_i = a_1 e_1 + a_2 e_2,  dp_i = b_1 e_1 + b_2 e_2 - q_i (dq_i.p_i);  a_j = e_j.dq_i, b_j = e_j.dp_i.
  * e_1 is the coordinate axis of the smallest |component| of q_i, made orthogonal to q_i; e_2 = q_i x e_1.
+ * Machines have, in the order of the state, places as they are, 4 numbers of each direction as a link of a
+ * chain, 3 of each rotation and momenta as they are. Those of a rotation are a rotation vector a in the body:
+ * dR = R hat(a), the vector of the skew part of R^T dR.
  */
 LG_API size_t lg_model_tangent_dim(const lg_model *model); /* r */
-/* c' = A c + B du to first order at (state, input), with the frame e_1, e_2 held fixed (this neglects nothing
- * at an equilibrium). A (r, r), B (r, m), basis (d, r); each may be NULL; input (m) may be NULL: zero. The
- * derivatives of the field are exact: they use second derivatives of the network, not differences. */
+/* c' = A c + B du to first order at (state, input), with the frames e_1, e_2 and R held fixed (at an
+ * equilibrium this neglects nothing). A (r, r), B (r, m), basis (d, r); each may be NULL; input (m) may be
+ * NULL, which is zero. The derivatives of the field are exact: they use second derivatives of the network,
+ * not differences. */
 LG_API lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input,
                                     double *A, double *B, double *basis, void *work);
-/* The coordinates c (r) of `other` - `state`; for chains a_j and b_j above, in the frame at `state`. */
+/* The coordinates c (r) of `other` - `state`; for chains a_j and b_j above, in the frame at `state`. Of
+ * rotations S = other and R = state it is 1/2 vee(R^T S - S^T R): the axis times the sine of the angle. */
 LG_API lg_status lg_model_deviation(const lg_model *model, const double *state, const double *other,
                                     double *c, void *work);
+
+/* ---- machines: states and what a log has (other kinds: LG_UNSUPPORTED) ----
+ *
+ * Positions and velocities in the order and units of the log (liegrad/machine.h): positions of each
+ * coordinate (R row-major), velocities of each coordinate. The state has momenta instead of velocities. */
+LG_API lg_status lg_model_machine_state(const lg_model *model, const double *positions,
+                                        const double *velocities, double *state, void *work);
+LG_API lg_status lg_model_machine_velocities(const lg_model *model, const double *state, double *velocities,
+                                             void *work);
+LG_API lg_status lg_model_machine_positions(const lg_model *model, const double *state, double *positions,
+                                            void *work);
 
 LG_END_DECLS
 

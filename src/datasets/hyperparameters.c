@@ -275,7 +275,7 @@ const lg_hyperparameter lg_machine_model_hyperparameters[] = {
             .otherwise = "1 to 4, so that the steps' error is small against the loss", .unit = "n",
             .meaning = "Integrator steps between two rows"),
     MACHINE("window", U32, window, .low = 2, .high = LG_MACHINE_WINDOW,
-            .otherwise = "5; 20 with noise, 200 where positions alone are measured", .unit = "M",
+            .otherwise = "5; 20 with noise, 60 where positions alone are measured", .unit = "M",
             .meaning = "Rows of a window: predictions start at its first row"),
     MACHINE("stride", U32, stride, .high = 1e9,
             .otherwise = "M - 1: windows touch; where this gives fewer than 2000 windows, less", .unit = "n",

@@ -14,6 +14,7 @@ enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000 };
 #define FITS        0.9  /* correlation of columns that belong together */
 #define FITS_WELL   0.99 /* nothing else is tried */
 #define UNRELATED   0.5
+#define DEGREE      0.0174532925199433
 #define STEADY      1e-12 /* variances relative to squares */
 #define ABOVE_NOISE 25    /* variances of what moves, over those of its noise */
 #define MOST_ANGLE  0.5   /* radians over a span: changes of attitude add up only when they are small */
@@ -229,20 +230,41 @@ static void names_of(const check *c, uint32_t first, uint32_t count, lg_log_name
     for (uint32_t i = 0; i < count; i++) lg_log_add_name(names, c->table->machine->columns[first + i].name);
 }
 
+/* An angle that moves 180/pi times as fast as its rate: degrees. */
+static bool is_degrees(const check *c, const fit *f) {
+    const lg_log_column *q = &c->table->machine->columns[c->position];
+    return c->positions == 1 &&
+           c->table->machine->machine.coordinates[q->index].kind == LG_COORDINATE_ANGLE &&
+           fabs(fabs(f->slope) * DEGREE - 1) < 0.05;
+}
+
+/* " or {x: 0.001}": a line's or angle's position may be what is in another unit. */
+static void other_scale(const check *c, const fit *f, char *text, size_t size) {
+    const lg_log_column *q = &c->table->machine->columns[c->position];
+    text[0] = '\0';
+    if (c->positions == 1) (void)snprintf(text, size, " or {%s: %.6g}", q->name, q->scale / f->slope);
+}
+
 static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
     const lg_log_column *column = &c->table->machine->columns[c->velocity];
     lg_log_names q, v;
-    char scale[200] = "";
+    char scale[200] = "", other[LG_LOG_NAME + 32];
     size_t used = 0;
     names_of(c, c->position, c->positions, &q);
     names_of(c, c->velocity, c->velocities, &v);
+    if (is_degrees(c, f))
+        return lg_fail(error, LG_FORMAT,
+                       "%s: column %s: it moves %.4g times as fast as %s says: degrees? scale: {%s: %.6g}",
+                       lg_shown_path(c->table->paths[0]), q.text, f->slope, v.text, q.text,
+                       (f->slope < 0 ? -DEGREE : DEGREE) * c->table->machine->columns[c->position].scale);
     for (uint32_t i = 0; i < c->velocities && used < sizeof scale; i++)
         used += (size_t)snprintf(scale + used, sizeof scale - used, "%s%s: %.6g", i > 0 ? ", " : "",
                                  column[i].name, f->slope * column[i].scale);
+    other_scale(c, f, other, sizeof other);
     return lg_fail(error, LG_FORMAT,
-                   "%s: column%s %s: the rate of %s is %.4g times %s: wrong %s? scale: {%s}",
+                   "%s: column%s %s: the rate of %s is %.4g times %s: wrong %s? scale: {%s}%s",
                    lg_shown_path(c->table->paths[0]), c->velocities > 1 ? "s" : "", v.text, q.text, f->slope,
-                   v.text, f->slope < 0 ? "sign" : "unit", scale);
+                   v.text, f->slope < 0 ? "sign" : "unit", scale, other);
 }
 
 static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_error *error) {

@@ -64,7 +64,7 @@ static bool is_true(const lg_key_value *value) {
 #define BIT(kind) (1U << (kind))
 static const struct {
     const char *suffix;
-    lg_feature_kind kind;
+    lg_machine_sight kind;
     unsigned kinds;
 } suffixes[] = {
     {"", LG_FEATURE_POSITION, ~0U},

@@ -3,6 +3,7 @@
 
 #include "core/core.h"
 #include "datasets/h5.h"
+#include "liegrad/machine_model.h"
 
 /* ---- the kinds: load into a file structure, make a model of it, release ---- */
 
@@ -48,6 +49,31 @@ static void free_detector(lg_model_file *file) {
     lg_detector_file_destroy(&file->detector);
 }
 
+/* A machine's file is large: it has memory of its own. */
+static lg_status load_machine(const lg_context *context, const char *path, const lg_read_options *options,
+                              lg_model_file *out, lg_error *error) {
+    lg_machine_model_file *made = lg_alloc(context, 1, sizeof *made);
+    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a machine");
+    const lg_status status = lg_model_load_machine_model(context, path, options, made, error);
+    if (status == LG_OK)
+        out->machine = made;
+    else
+        lg_free(context, made);
+    return status;
+}
+
+static lg_status make_machine(const lg_context *context, lg_model_file *file, lg_error *error) {
+    return lg_model_create_machine(context, &file->machine->run.machine, file->machine->theta, &file->model,
+                                   error);
+}
+
+static void free_machine(lg_model_file *file) {
+    if (file->machine == NULL) return;
+    const lg_context *context = file->machine->context;
+    lg_machine_model_file_destroy(file->machine);
+    lg_free(context, file->machine);
+}
+
 typedef struct kind_row {
     const char *name; /* attribute `kind` */
     lg_status (*load)(const lg_context *context, const char *path, const lg_read_options *options,
@@ -60,6 +86,7 @@ static const kind_row rows[LG_MODEL_KIND_COUNT] = {
     [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, make_hamiltonian, free_hamiltonian},
     [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, make_surrogate, free_surrogate},
     [LG_MODEL_DETECTOR] = {"detector", load_detector, make_detector, free_detector},
+    [LG_MODEL_MACHINE] = {"machine_model", load_machine, make_machine, free_machine},
 };
 
 /* ---- what is no model ---- */
@@ -72,6 +99,7 @@ static const struct {
     {"checkpoint", "it is the checkpoint of an unfinished training"},
     {"surrogate-checkpoint", "it is the checkpoint of an unfinished training"},
     {"detector-checkpoint", "it is the checkpoint of an unfinished training"},
+    {"machine-checkpoint", "it is the checkpoint of an unfinished training"},
     {"classifier", "it is a classical classifier, which lg_classifier_load reads"},
     {"program", "it is a program of functions, which lg_program_load reads"},
     {"trajectories", "it holds data, trajectories"},
@@ -84,9 +112,10 @@ static const struct {
 static lg_status refuse(const char *path, const char *kind, lg_error *error) {
     size_t i = 0;
     while (others[i].kind != NULL && strcmp(others[i].kind, kind) != 0) i++;
-    return lg_fail(error, LG_FORMAT,
-                   "%s: attribute kind is '%s', expected hamiltonian, surrogate or detector: %s",
-                   lg_shown_path(path), kind, others[i].what);
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector or machine_model: %s",
+        lg_shown_path(path), kind, others[i].what);
 }
 
 /* ---- outside ---- */

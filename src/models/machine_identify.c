@@ -8,7 +8,7 @@
 #include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
-enum { MOST_WINDOWS = 512, CHUNK = 64 };
+enum { MOST_WINDOWS = 512, LEAST_WINDOWS = 48, MOST_SWEEPS = 60000, CHUNK = 64 };
 
 /* J^T J (n, n) of the machine's parameters, the starts of the windows eliminated; the sum of squares. */
 typedef struct normal {
@@ -82,7 +82,10 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
 
 static lg_status add_all(normal *s, lg_tape *tape) {
     const size_t windows = s->problem->windows - s->problem->validation;
-    const size_t used = windows < MOST_WINDOWS ? windows : MOST_WINDOWS;
+    /* Windows times columns bound the work; many parameters need rows enough, too. */
+    size_t wanted = MOST_SWEEPS / (s->n + s->starts);
+    wanted = wanted > MOST_WINDOWS ? MOST_WINDOWS : wanted < LEAST_WINDOWS ? LEAST_WINDOWS : wanted;
+    const size_t used = windows < wanted ? windows : wanted;
     uint32_t samples[CHUNK];
     for (size_t first = 0; first < used; first += CHUNK) {
         const size_t count = used - first < CHUNK ? used - first : CHUNK;

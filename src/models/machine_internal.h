@@ -83,6 +83,12 @@ lg_var lg_machine_record_values(lg_tape *tape, const lg_machine_term *term, uint
 /* Columns first .. first + count - 1 of x (B, n); x itself when these are all. */
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count);
 
+/* ---- functions (machine_program.c) ---- */
+
+/* lg_machine_program without step. */
+lg_status lg_machine_bundle(const lg_context *context, const lg_machine *machine, const double *theta,
+                            lg_program **out, lg_error *error);
+
 /* ---- windows (machine_step.c) ---- */
 
 /* The equation of a machine over intervals of logs: rows of a batch have their own lengths and inputs. */

@@ -19,17 +19,40 @@ static void turn_between(const double *A, const double *B, double *out) {
     for (int i = 0; i < 3; i++) out[i] = s > 0.0 ? half[i] * angle / s : 0.0;
 }
 
-/* The velocity of a coordinate between two rows h apart, from positions a and b, all in the log's units. */
-static void difference(const lg_coordinate_row *row, const double *a, const double *b, double h,
-                       double *out) {
+/* The derivative at `row` of the polynomial through rows first .. last of one number of positions. */
+static double slope(const lg_machine_log *log, const double *q, size_t stride, size_t first, size_t last,
+                    size_t row) {
+    double sum = 0.0;
+    for (size_t j = first; j <= last; j++) {
+        double weight = 0.0; /* of the j-th Lagrange polynomial's derivative */
+        for (size_t k = first; k <= last; k++) {
+            if (k == j) continue;
+            double product = 1.0 / (log->t[j] - log->t[k]);
+            for (size_t l = first; l <= last; l++)
+                if (l != j && l != k) product *= (log->t[row] - log->t[l]) / (log->t[j] - log->t[l]);
+            weight += product;
+        }
+        sum += weight * q[j * stride];
+    }
+    return sum;
+}
+
+/* The velocity of a coordinate in a row, from positions of rows first .. last around it. */
+static void difference(const lg_machine *machine, const lg_machine_log *log, uint32_t i, size_t first,
+                       size_t last, size_t row, double *out) {
+    const lg_coordinate_row *kind = lg_coordinate_row_of(machine->coordinates[i].kind);
+    const size_t n = machine->positions, at = lg_machine_offsets_of(machine, i).position;
+    const size_t before = row > first ? row - 1 : row, after = row < last ? row + 1 : row;
+    const double *a = log->q + before * n + at, *b = log->q + after * n + at, *q = log->q + row * n + at;
+    const double h = log->t[after] - log->t[before];
     double x[3] = {0, 0, 0};
-    for (uint32_t k = 0; k < row->places; k++) x[k] = (b[k] - a[k]) / h;
-    if (row->rotations > 0) {
-        const double *A = a + row->places;
-        for (uint32_t k = 0; k < row->places; k++) out[k] = A[k] * x[0] + A[3 + k] * x[1] + A[6 + k] * x[2];
-        turn_between(A, b + row->places, out + row->places);
-        for (uint32_t k = row->places; k < row->velocities; k++) out[k] /= h;
-    } else if (row->directions > 0) {
+    for (uint32_t k = 0; k < kind->places; k++) x[k] = slope(log, log->q + at + k, n, first, last, row);
+    if (kind->rotations > 0) {
+        const double *R = q + kind->places;
+        for (uint32_t k = 0; k < kind->places; k++) out[k] = R[k] * x[0] + R[3 + k] * x[1] + R[6 + k] * x[2];
+        turn_between(a + kind->places, b + kind->places, out + kind->places);
+        for (uint32_t k = kind->places; k < kind->velocities; k++) out[k] /= h;
+    } else if (kind->directions > 0) {
         for (int k = 0; k < 3; k++) {
             const int l = (k + 1) % 3, m = (k + 2) % 3;
             out[k] = (a[l] * b[m] - a[m] * b[l]) / h;
@@ -39,7 +62,8 @@ static void difference(const lg_coordinate_row *row, const double *a, const doub
     }
 }
 
-static size_t part_end(const lg_machine_log *log, size_t row) {
+/* Up to two rows on both sides of a row, in its part. */
+static void neighbours(const lg_machine_log *log, size_t row, size_t *first, size_t *last) {
     size_t low = 0, high = log->parts;
     while (high - low > 1) {
         const size_t middle = low + (high - low) / 2;
@@ -48,7 +72,8 @@ static size_t part_end(const lg_machine_log *log, size_t row) {
         else
             high = middle;
     }
-    return log->first[low + 1];
+    *first = row < log->first[low] + 2 ? log->first[low] : row - 2;
+    *last = row + 3 > log->first[low + 1] ? log->first[low + 1] - 1 : row + 2;
 }
 
 /* The velocity of coordinate i in a row, from positions where it was not measured; 0 where these are missing,
@@ -64,12 +89,10 @@ static void velocity_in(const lg_machine *machine, const lg_machine_log *log, si
         memcpy(out, v, kind->velocities * sizeof *out);
         return;
     }
-    if (row + 1 < part_end(log, row)) {
-        const double *q = log->q + row * machine->positions + at.position;
-        difference(kind, q, q + machine->positions, log->t[row + 1] - log->t[row], out);
-    } else {
-        for (uint32_t k = 0; k < kind->velocities; k++) out[k] = 0.0;
-    }
+    size_t first, last;
+    neighbours(log, row, &first, &last);
+    for (uint32_t k = 0; k < kind->velocities; k++) out[k] = 0.0;
+    if (last > first) difference(machine, log, i, first, last, row, out);
     for (uint32_t k = 0; k < kind->velocities; k++)
         if (isnan(out[k])) out[k] = 0.0;
 }

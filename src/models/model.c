@@ -3,13 +3,15 @@
 
 #include "core/core.h"
 #include "models/hamiltonian_internal.h"
+#include "models/machine_internal.h"
 #include "models/model_internal.h"
 
 /* ---- functions ---- */
 
 static const char *const function_names[LG_MODEL_FUNCTIONS] = {
-    [LG_MODEL_VALUE] = "value", [LG_MODEL_GRADIENT] = "grad", [LG_MODEL_FIELD] = "field",
-    [LG_MODEL_FORCE] = "force", [LG_MODEL_DRIFT] = "drift",   [LG_MODEL_LINEAR] = "jac_velocity",
+    [LG_MODEL_VALUE] = "value",   [LG_MODEL_GRADIENT] = "grad",         [LG_MODEL_FIELD] = "field",
+    [LG_MODEL_FORCE] = "force",   [LG_MODEL_DRIFT] = "drift",           [LG_MODEL_LINEAR] = "jac_velocity",
+    [LG_MODEL_STATE] = "momenta", [LG_MODEL_VELOCITIES] = "velocities", [LG_MODEL_POSITIONS] = "positions",
 };
 
 /* Makes plans of the functions that the bundle has, and finds the largest work. */
@@ -27,9 +29,9 @@ static lg_status make_plans(lg_model *model, const lg_program *bundle, lg_error 
     return LG_OK;
 }
 
-/* Makes a model from a bundle with value and grad, and destroys the bundle. `hamiltonian`: NULL for other
- * kinds. */
-static lg_status create(const lg_context *context, lg_model_kind kind, const lg_hamiltonian *hamiltonian,
+/* Makes a model from a bundle with value and grad, and destroys the bundle. `motion`: NULL for what does not
+ * move. */
+static lg_status create(const lg_context *context, lg_model_kind kind, const lg_model_motion *motion,
                         lg_program *bundle, lg_model **out, lg_error *error) {
     lg_model *made = lg_alloc(context, 1, sizeof *made);
     lg_status status = LG_OUT_OF_MEMORY;
@@ -37,11 +39,12 @@ static lg_status create(const lg_context *context, lg_model_kind kind, const lg_
         (void)lg_fail(error, status, "no memory for a model");
     } else {
         *made = (lg_model){.context = context, .kind = kind};
-        if (hamiltonian != NULL) made->hamiltonian = *hamiltonian;
+        if (motion != NULL) made->motion = *motion;
         status = make_plans(made, bundle, error);
     }
     if (status == LG_OK) {
-        made->parameters = lg_shape_count(lg_program_parameter(bundle, 0).shape);
+        if (lg_program_parameters(bundle) > 0)
+            made->parameters = lg_shape_count(lg_program_parameter(bundle, 0).shape);
         made->inputs = lg_plan_input_count(made->plan[LG_MODEL_VALUE], 0);
         made->outputs = lg_plan_output_count(made->plan[LG_MODEL_VALUE], 0);
         made->work = made->plan_work + lg_model_linear_work_size(made);
@@ -56,8 +59,19 @@ static lg_status create(const lg_context *context, lg_model_kind kind, const lg_
 lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamiltonian *hamiltonian,
                                       const double *theta, lg_model **out, lg_error *error) {
     lg_program *bundle;
+    lg_model_motion motion;
+    LG_TRY(lg_model_hamiltonian_motion(hamiltonian, &motion));
     LG_TRY(lg_hamiltonian_bundle(context, hamiltonian, theta, &bundle, error));
-    return create(context, LG_MODEL_HAMILTONIAN, hamiltonian, bundle, out, error);
+    return create(context, LG_MODEL_HAMILTONIAN, &motion, bundle, out, error);
+}
+
+lg_status lg_model_create_machine(const lg_context *context, const lg_machine *machine, const double *theta,
+                                  lg_model **out, lg_error *error) {
+    lg_program *bundle;
+    lg_model_motion motion;
+    LG_TRY(lg_model_machine_motion(machine, &motion));
+    LG_TRY(lg_machine_bundle(context, machine, theta, &bundle, error));
+    return create(context, LG_MODEL_MACHINE, &motion, bundle, out, error);
 }
 
 lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogate *surrogate,

@@ -1,23 +1,44 @@
-/* A learned Hamiltonian in a loop: its field with an input, and steps along it. */
+/* Learned Hamiltonians and machines in a loop: the field with an input, and steps along it. */
 #include "core/core.h"
 #include "models/model_internal.h"
-
-static bool is_hamiltonian(const lg_model *model) {
-    return model != NULL && model->kind == LG_MODEL_HAMILTONIAN;
-}
 
 /* ---- the field ---- */
 
 size_t lg_model_input_dim(const lg_model *model) {
-    return is_hamiltonian(model) ? lg_hamiltonian_input_dim(&model->hamiltonian) : 0;
+    return lg_model_moves(model) ? model->motion.forces : 0;
 }
 
 lg_status lg_model_field(const lg_model *model, const double *state, const double *input, double *field,
                          void *work) {
-    if (!is_hamiltonian(model)) return LG_UNSUPPORTED;
+    if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
     lg_model_run(model, LG_MODEL_FIELD, x, &field, work);
     return LG_OK;
+}
+
+/* ---- states of machines and numbers of logs ---- */
+
+static lg_status convert(const lg_model *model, lg_model_function function, const double *const *x, double *y,
+                         void *work) {
+    if (model == NULL || model->plan[function] == NULL) return LG_UNSUPPORTED;
+    lg_model_run(model, function, x, &y, work);
+    return LG_OK;
+}
+
+lg_status lg_model_machine_state(const lg_model *model, const double *positions, const double *velocities,
+                                 double *state, void *work) {
+    const double *const x[] = {positions, velocities};
+    return convert(model, LG_MODEL_STATE, x, state, work);
+}
+
+lg_status lg_model_machine_velocities(const lg_model *model, const double *state, double *velocities,
+                                      void *work) {
+    return convert(model, LG_MODEL_VELOCITIES, &state, velocities, work);
+}
+
+lg_status lg_model_machine_positions(const lg_model *model, const double *state, double *positions,
+                                     void *work) {
+    return convert(model, LG_MODEL_POSITIONS, &state, positions, work);
 }
 
 /* ---- for an integrator ---- */
@@ -44,10 +65,9 @@ static lg_status ode_drift(void *user, double t, const double *p, const double *
 }
 
 lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work) {
-    if (!is_hamiltonian(model)) return LG_UNSUPPORTED;
+    if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     if (user == NULL || ode == NULL) return LG_INVALID_ARGUMENT;
-    lg_ode made = {.field = ode_field, .user = user};
-    LG_TRY(lg_hamiltonian_space(model->hamiltonian.family, model->hamiltonian.n, &made.space));
+    lg_ode made = {.space = model->motion.space, .field = ode_field, .user = user};
     if (model->plan[LG_MODEL_FORCE] != NULL) {
         LG_TRY(lg_space_init_rn(&made.space, made.space.dim));
         made.force = ode_force;

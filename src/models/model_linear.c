@@ -1,4 +1,4 @@
-/* Linearisation of a learned Hamiltonian's field in coordinates of the tangent space.
+/* Linearisation of the field of a learned Hamiltonian or machine in coordinates of the tangent space.
  *
  * With y' = f(y, u) in ambient coordinates, basis (d, r) and C its coordinates, C basis = I:
  *   A = C df/dy basis,  B = C df/du.
@@ -8,12 +8,8 @@
 #include "core/core.h"
 #include "models/model_internal.h"
 
-static bool is_hamiltonian(const lg_model *model) {
-    return model != NULL && model->kind == LG_MODEL_HAMILTONIAN;
-}
-
 size_t lg_model_tangent_dim(const lg_model *model) {
-    return is_hamiltonian(model) ? (size_t)model->hamiltonian.family->tangent * model->hamiltonian.n : 0;
+    return lg_model_moves(model) ? model->motion.tangent : 0;
 }
 
 /* Arrays that follow the plans' work, in doubles. */
@@ -50,31 +46,13 @@ const double *lg_model_no_input(const lg_model *model, void *work) {
     return zeros;
 }
 
-/* The basis of the model's row, or the identity on R^d. */
-static void fill_basis(const lg_model *model, const double *state, double *basis) {
-    const size_t d = model->inputs;
-    if (model->hamiltonian.family->basis != NULL) {
-        model->hamiltonian.family->basis(model->hamiltonian.n, state, basis);
-        return;
-    }
-    memset(basis, 0, d * d * sizeof *basis);
-    for (size_t i = 0; i < d; i++) basis[i * d + i] = 1.0;
-}
-
-static void fill_coordinates(const lg_model *model, const double *state, const double *vector, double *c) {
-    if (model->hamiltonian.family->coordinates != NULL)
-        model->hamiltonian.family->coordinates(model->hamiltonian.n, state, vector, c);
-    else
-        memcpy(c, vector, model->inputs * sizeof *c);
-}
-
 /* out (r, columns) = C matrix (d, columns) */
 static void to_coordinates(const lg_model *model, const double *state, const double *matrix, size_t columns,
                            const linear_parts *w, double *out) {
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     for (size_t j = 0; j < columns; j++) {
         for (size_t i = 0; i < d; i++) w->velocity[i] = matrix[i * columns + j];
-        fill_coordinates(model, state, w->velocity, w->c);
+        model->motion.coordinates(model, state, w->velocity, w->c);
         for (size_t i = 0; i < r; i++) out[i * columns + j] = w->c[i];
     }
 }
@@ -88,21 +66,21 @@ static void fill_A(const lg_model *model, const double *state, const linear_part
             for (size_t k = 0; k < d; k++) sum += w->jx[i * d + k] * w->basis[k * r + j];
             w->velocity[i] = sum;
         }
-        fill_coordinates(model, state, w->velocity, w->c);
+        model->motion.coordinates(model, state, w->velocity, w->c);
         for (size_t i = 0; i < r; i++) A[i * r + j] = w->c[i];
     }
 }
 
 lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input, double *A,
                              double *B, double *basis, void *work) {
-    if (!is_hamiltonian(model)) return LG_UNSUPPORTED;
+    if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const size_t d = model->inputs, m = lg_model_input_dim(model), r = lg_model_tangent_dim(model);
     size_t doubles;
     const linear_parts w = parts_of(model, work, &doubles);
     const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
     double *const y[] = {A != NULL ? w.jx : NULL, m > 0 && B != NULL ? w.ju : NULL};
     lg_model_run(model, LG_MODEL_LINEAR, x, y, work);
-    fill_basis(model, state, w.basis);
+    model->motion.basis(model, state, w.basis);
     if (A != NULL) fill_A(model, state, &w, A);
     if (B != NULL) to_coordinates(model, state, w.ju, m, &w, B);
     if (basis != NULL) memcpy(basis, w.basis, d * r * sizeof *basis);
@@ -111,10 +89,10 @@ lg_status lg_model_linearise(const lg_model *model, const double *state, const d
 
 lg_status lg_model_deviation(const lg_model *model, const double *state, const double *other, double *c,
                              void *work) {
-    if (!is_hamiltonian(model)) return LG_UNSUPPORTED;
+    if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     size_t doubles;
     const linear_parts w = parts_of(model, work, &doubles);
     for (size_t i = 0; i < model->inputs; i++) w.velocity[i] = other[i] - state[i];
-    fill_coordinates(model, state, w.velocity, c);
+    model->motion.coordinates(model, state, w.velocity, c);
     return LG_OK;
 }

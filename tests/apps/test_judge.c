@@ -417,4 +417,30 @@ TEST("a study judges each of its models") {
         }
 }
 
+/* ---- data that no Hamiltonian explains ---- */
+
+/* Momenta lose `loss` of themselves from point to point. */
+static void damp(lg_trajectories *data, double loss) {
+    for (size_t i = 0; i < data->count * data->points; i++)
+        for (size_t k = 3; k < 6; k++) data->data[i * 6 + k] *= pow(1.0 - loss, (double)(i % data->points));
+}
+
+TEST("training says that damped data are not conservative, and says nothing of others, noisy or not") {
+    static const struct {
+        const char *generate;
+        double loss;
+        bool told;
+    } rows[] = {{"chain1.yaml --trajectories 150 --points 5 --t-end 0.4 --seed 2", 0.0, false},
+                {"chain1.yaml --trajectories 150 --points 5 --t-end 0.4 --seed 2 --noise 0.03", 0.0, false},
+                {"chain1.yaml --trajectories 150 --points 5 --t-end 0.4 --seed 2", 0.01, true},
+                {"chain1.yaml --trajectories 150 --points 5 --t-end 0.4 --seed 2 --noise 0.03", 0.02, true}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_trajectories *data = generate(rows[i].generate, "plain.h5");
+        damp(data, rows[i].loss);
+        write_data("damped.h5", data);
+        cli_expect(lg, "train damped.h5 --out damped-model.h5 --epochs 200", 0, "parameters", &result);
+        assert_int_equal(strstr(result.err, "not conservative") != NULL, rows[i].told);
+    }
+}
+
 TEST_GROUP(setup, cli_end)

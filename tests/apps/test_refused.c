@@ -670,7 +670,9 @@ static const refusal export[] = {
     {"{missing.h5 empty.h5 foreign.h5 /dev/null . hollow.h5 hollow-classifier.h5} --out o", 3, "%"},
     {"data.h5 --out o", 3, "trajectories"},
     {"check.h5 --out o", 3, "checkpoint"},
-    {"odd.h5 --out o", 3, "'poem', expected hamiltonian, surrogate, detector, classifier or program"},
+    {"odd.h5 --out o", 3,
+     "'poem', expected hamiltonian, surrogate, detector, machine_model, "
+     "classifier or program"},
     {"pendulum.h5 --out foreign.h5", 3, "foreign.h5: cannot be written: Not a directory"},
     {"pendulum.h5 --out nowhere/o", 3, "nowhere/o: cannot be written: No such file"},
     {"pendulum.h5 --out pendulum.h5/o", 3, "Not a directory"},

@@ -58,6 +58,7 @@ TEST("every command has help, every executable a version") {
         {"lg-hamiltonian", "generate train evaluate predict study demo", "Commands:"},
         {"lg-elastica", "solve generate train evaluate predict search", "Commands:"},
         {"lg-anomaly", "generate feed train evaluate search watch", "Commands:"},
+        {"lg-identify", "check fit evaluate predict generate demo", "Commands:"},
         {"lg-simulate", "", "--work-precision"},
         {"lg-export", "", "NAME_step"},
     };

@@ -404,7 +404,9 @@ typedef struct kind_row {
     fresh_fn fresh; /* the example that is made bad */
 } kind_row;
 
-static const kind_row kinds[LG_MODEL_KIND_COUNT];
+/* Machines, which have no presets and a text instead of numbers: test_machine_files.c. */
+enum { KIND_COUNT = LG_MODEL_MACHINE };
+static const kind_row kinds[KIND_COUNT];
 
 /* Numbers of examples, those of every family included. */
 static inline size_t examples_of(const kind_row *k) {
@@ -481,7 +483,7 @@ KIND_FUNCTIONS(detector, DETECTOR)
             fresh_##k                                                                                        \
     }
 
-static const kind_row kinds[LG_MODEL_KIND_COUNT] = {
+static const kind_row kinds[KIND_COUNT] = {
     [LG_MODEL_HAMILTONIAN] = KIND_ROW(hamiltonian, "checkpoint", 0, 2, 9, 8),
     [LG_MODEL_SURROGATE] = KIND_ROW(surrogate, "surrogate-checkpoint", 1, 0, 8, 6),
     [LG_MODEL_DETECTOR] = KIND_ROW(detector, "detector-checkpoint", 1, 0, 12, 8),

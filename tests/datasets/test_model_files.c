@@ -5,7 +5,7 @@
 #include "datasets/run.h"
 #include "liegrad/ops.h"
 
-#define EACH_KIND(k) (const kind_row *k = kinds; k < kinds + LG_MODEL_KIND_COUNT; k++)
+#define EACH_KIND(k) (const kind_row *k = kinds; k < kinds + KIND_COUNT; k++)
 
 static lg_model_kind number_of(const kind_row *k) {
     return (lg_model_kind)(k - kinds);

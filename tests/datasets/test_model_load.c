@@ -50,7 +50,7 @@ static lg_model *model_of(const lg_model_file *file) {
 }
 
 TEST("a file of any kind loads as a model and as what its own loader reads") {
-    for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++) {
+    for (int kind = 0; kind < KIND_COUNT; kind++) {
         const char *path = fresh((lg_model_kind)kind);
         lg_model_file file, own = {.kind = (lg_model_kind)kind};
         assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
@@ -86,7 +86,7 @@ TEST("a freed file is zero and may be freed again") {
     memset(&file, 0, sizeof file);
     lg_model_file_destroy(&file); /* a zeroed one */
     lg_model_file_destroy(NULL);
-    for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++) {
+    for (int kind = 0; kind < KIND_COUNT; kind++) {
         assert_ok(lg_model_load(NULL, fresh((lg_model_kind)kind), NULL, &file, NULL));
         lg_model_file_destroy(&file);
         assert_memory_equal(&file, &zero, sizeof file);
@@ -134,9 +134,9 @@ TEST("files of other programs, and one kind that says that it is another, are re
     static const damage rows[] = {{"@format", TEXT("keras"), LG_FORMAT, "~does not say"},
                                   {"@kind", GONE, LG_FORMAT, "~does not say"},
                                   {"@format_version", WHOLE(LG_FORMAT_VERSION + 1), LG_VERSION, ""}};
-    for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++) {
+    for (int kind = 0; kind < KIND_COUNT; kind++) {
         refuse_damage(read_any, kinds[kind].fresh, rows, LG_COUNT(rows));
-        for (int other = 0; other < LG_MODEL_KIND_COUNT; other++) {
+        for (int other = 0; other < KIND_COUNT; other++) {
             const char *path = fresh((lg_model_kind)kind);
             replace_text(path, "/", "kind", kinds[other].name);
             if (kind == other)
@@ -154,6 +154,6 @@ TEST("a missing file or argument is refused") {
 }
 
 TEST("every allocation may fail, and nothing leaks") {
-    for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++)
+    for (int kind = 0; kind < KIND_COUNT; kind++)
         assert_true(fail_every_reading(read_any, fresh((lg_model_kind)kind)) >= 2);
 }

@@ -28,7 +28,7 @@ static inline lg_machine_term *add_term(lg_machine *machine, lg_machine_part par
     return term;
 }
 
-static inline void add_feature(lg_machine_term *term, lg_feature_kind kind, uint32_t index) {
+static inline void add_feature(lg_machine_term *term, lg_machine_sight kind, uint32_t index) {
     term->of[term->of_count++] = (lg_machine_feature){kind, index};
 }
 
@@ -102,6 +102,58 @@ static inline void random_rows(const lg_machine *machine, uint64_t seed, size_t 
             }
             v += row->velocities;
         }
+}
+
+/* ---- one machine with every kind of coordinate ---- */
+
+static inline void see_everything(const lg_machine *machine, lg_machine_term *term, bool moving,
+                                  bool inputs) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        add_feature(term, LG_FEATURE_POSITION, i);
+        if (moving) add_feature(term, LG_FEATURE_VELOCITY, i);
+    }
+    if (inputs) add_feature(term, LG_FEATURE_INPUT, 0);
+}
+
+/* Line, angle, direction, rotation, pose. */
+static inline lg_machine all_coordinates(void) {
+    lg_machine machine = empty_machine();
+    for (int kind = 0; kind < LG_COORDINATE_KIND_COUNT; kind++)
+        add_coordinate(&machine, lg_coordinate_row_of((lg_coordinate_kind)kind)->name,
+                       (lg_coordinate_kind)kind);
+    add_input(&machine, "u");
+    add_input(&machine, "w");
+    odd_scales(&machine);
+    return machine;
+}
+
+static inline double *some_values(uint32_t count) {
+    return test_numbers(count, count, 0.3, 1.2);
+}
+
+/* The values that a term of this kind may have. */
+static inline uint32_t fitting_values(const lg_machine *machine, const lg_machine_term *term) {
+    if (term->part == LG_MACHINE_INPUT_MAP) return machine->velocities * machine->input_count;
+    return machine->velocities;
+}
+
+/* A machine with one term of the kind, a mass and a potential. */
+static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part part) {
+    lg_machine machine = all_coordinates();
+    machine.velocities = 14;
+    add_term(&machine, LG_MACHINE_MASS, "diagonal");
+    see_everything(&machine, add_term(&machine, LG_MACHINE_POTENTIAL, "network"), false, false);
+    lg_machine_term *term = add_term(&machine, part, lg_term_kind_name(kind));
+    const uint32_t options = lg_term_kind_options(kind);
+    if ((options & LG_TERM_OF) != 0 && (options & LG_TERM_HIDDEN) == 0)
+        add_feature(term, LG_FEATURE_POSITION, 1), add_feature(term, LG_FEATURE_HEIGHT, 4);
+    else if ((options & LG_TERM_OF) != 0)
+        see_everything(&machine, term, (options & LG_TERM_MOVING) != 0, part == LG_MACHINE_RESIDUAL);
+    if ((options & LG_TERM_KNOWN) != 0)
+        add_values(term, fitting_values(&machine, term), some_values(fitting_values(&machine, term)));
+    if (part != LG_MACHINE_INPUT_MAP) add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
+    assert_machine(&machine);
+    return machine;
 }
 
 #endif

@@ -2,58 +2,7 @@
  * coordinate and of term. */
 #include "models/machine_support.h"
 
-enum { ROWS = 3, MOST = ROWS * (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES) };
-
-/* ---- one machine with every kind of coordinate ---- */
-
-static void see_everything(const lg_machine *machine, lg_machine_term *term, bool moving, bool inputs) {
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        add_feature(term, LG_FEATURE_POSITION, i);
-        if (moving) add_feature(term, LG_FEATURE_VELOCITY, i);
-    }
-    if (inputs) add_feature(term, LG_FEATURE_INPUT, 0);
-}
-
-/* Line, angle, direction, rotation, pose. */
-static lg_machine all_coordinates(void) {
-    lg_machine machine = empty_machine();
-    for (int kind = 0; kind < LG_COORDINATE_KIND_COUNT; kind++)
-        add_coordinate(&machine, lg_coordinate_row_of((lg_coordinate_kind)kind)->name,
-                       (lg_coordinate_kind)kind);
-    add_input(&machine, "u");
-    add_input(&machine, "w");
-    odd_scales(&machine);
-    return machine;
-}
-
-static double *some_values(uint32_t count) {
-    return test_numbers(count, count, 0.3, 1.2);
-}
-
-/* The values that a term of this kind may have. */
-static uint32_t fitting_values(const lg_machine *machine, const lg_machine_term *term) {
-    if (term->part == LG_MACHINE_INPUT_MAP) return machine->velocities * machine->input_count;
-    return machine->velocities;
-}
-
-/* A machine with one term of the kind, a mass and a potential. */
-static lg_machine machine_with(const lg_term_kind *kind, lg_machine_part part) {
-    lg_machine machine = all_coordinates();
-    machine.velocities = 14;
-    add_term(&machine, LG_MACHINE_MASS, "diagonal");
-    see_everything(&machine, add_term(&machine, LG_MACHINE_POTENTIAL, "network"), false, false);
-    lg_machine_term *term = add_term(&machine, part, lg_term_kind_name(kind));
-    const uint32_t options = lg_term_kind_options(kind);
-    if ((options & LG_TERM_OF) != 0 && (options & LG_TERM_HIDDEN) == 0)
-        add_feature(term, LG_FEATURE_POSITION, 1), add_feature(term, LG_FEATURE_HEIGHT, 4);
-    else if ((options & LG_TERM_OF) != 0)
-        see_everything(&machine, term, (options & LG_TERM_MOVING) != 0, part == LG_MACHINE_RESIDUAL);
-    if ((options & LG_TERM_KNOWN) != 0)
-        add_values(term, fitting_values(&machine, term), some_values(fitting_values(&machine, term)));
-    if (part != LG_MACHINE_INPUT_MAP) add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
-    assert_machine(&machine);
-    return machine;
-}
+enum { MOST_NUMBERS = 128, ROWS = 3, MOST = ROWS * (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES) };
 
 /* The machine on a tape with random rows. */
 typedef struct setting {
@@ -68,7 +17,9 @@ static setting *record(const lg_machine *machine) {
     setting *s = TEST_ARRAY(setting, 1);
     s->tape = test_tape(LG_F64);
     const lg_var theta =
-        lg_parameter(s->tape, lg_shape1((uint32_t)machine->parameters), machine_theta(machine, 5));
+        machine->parameters == 0
+            ? LG_NONE
+            : lg_parameter(s->tape, lg_shape1((uint32_t)machine->parameters), machine_theta(machine, 5));
     assert_ok(lg_machine_bind(s->tape, machine, theta, &s->vars));
     assert_ok(lg_machine_space(machine, &s->space));
     random_rows(machine, 7, ROWS, s->q, s->v);
@@ -139,6 +90,55 @@ TEST("damping of every kind takes energy away at any parameters, and moves what 
             lg_machine_record_force(s->tape, &s->vars, LG_MACHINE_DAMPING, s->parts, s->velocities, s->u);
         assert_ok(lg_read(s->tape, lg_rowdot(s->tape, s->velocities, f), ROWS, power));
         for (int r = 0; r < ROWS; r++) assert_true(power[r] < -1e-4);
+    }
+}
+
+/* ---- numbers in the units of logs ---- */
+
+/* Kinds whose numbers are the values of the same kind, or of another one. */
+static const struct {
+    lg_machine_part part;
+    const char *kind, *known;
+} exchanged[] = {
+    {LG_MACHINE_POTENTIAL, "linear", "linear"},       {LG_MACHINE_POTENTIAL, "gravity", "gravity"},
+    {LG_MACHINE_POTENTIAL, "quadratic", "quadratic"}, {LG_MACHINE_POTENTIAL, "polynomial", "polynomial"},
+    {LG_MACHINE_DAMPING, "diagonal", "known"},        {LG_MACHINE_DAMPING, "coulomb", "coulomb"},
+    {LG_MACHINE_DAMPING, "quadratic", "quadratic"},   {LG_MACHINE_INPUT_MAP, "constant", "known"},
+};
+
+/* What the term does at some rows: the energy, or the force of its part. */
+static void effect_of(const lg_machine *machine, lg_machine_part part, double *out) {
+    setting *s = record(machine);
+    const lg_var y = part == LG_MACHINE_POTENTIAL
+                         ? lg_machine_record_energy(s->tape, &s->vars, s->parts)
+                         : lg_machine_record_force(s->tape, &s->vars, part, s->parts, s->velocities, s->u);
+    assert_ok(lg_read(s->tape, y, lg_shape_count(lg_var_shape(s->tape, y)), out));
+}
+
+TEST("numbers given back as values of known terms do the same, at any scales") {
+    for (size_t i = 0; i < LG_COUNT(exchanged); i++) {
+        lg_machine free = all_coordinates();
+        lg_identified numbers[MOST_NUMBERS];
+        double before[MOST] = {0}, after[MOST] = {0}, masses[14];
+        for (int k = 0; k < 14; k++) masses[k] = 1.0;
+        add_values(add_term(&free, LG_MACHINE_MASS, "known"), 14, masses);
+        lg_machine_term *term = add_term(&free, exchanged[i].part, exchanged[i].kind);
+        if ((lg_term_kind_options(term->kind) & LG_TERM_OF) != 0)
+            add_feature(term, LG_FEATURE_POSITION, 0), add_feature(term, LG_FEATURE_POSITION, 4);
+        if (exchanged[i].part != LG_MACHINE_INPUT_MAP)
+            add_values(add_term(&free, LG_MACHINE_INPUT_MAP, "known"), 28, some_values(28));
+        assert_machine(&free);
+        const size_t count = lg_machine_numbers(&free, machine_theta(&free, 5), MOST_NUMBERS, numbers);
+        assert_true(count > 0 && count == free.parameters && count <= MOST_NUMBERS);
+        lg_machine known = free;
+        known.terms[1].kind = lg_term_kind_find(exchanged[i].part, exchanged[i].known);
+        known.terms[1].value_count = (uint32_t)count;
+        for (size_t k = 0; k < count; k++) known.terms[1].values[k] = numbers[k].value;
+        assert_machine(&known);
+        assert_int_equal(known.parameters, 0);
+        effect_of(&free, exchanged[i].part, before);
+        effect_of(&known, exchanged[i].part, after);
+        assert_all_close(after, before, MOST, 1e-12, 1e-13);
     }
 }
 

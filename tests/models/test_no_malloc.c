@@ -1,5 +1,6 @@
 /* A steady training step calls no malloc; what control code calls of a model, and curves, allocate nothing
  * and take no lock. Plans: test_plan.c. */
+#include "models/machine_support.h"
 #include "models/model_support.h"
 #include "models/series_support.h"
 #include "models/surrogate_support.h"
@@ -176,6 +177,41 @@ TEST("a Hamiltonian in a loop allocates nothing and takes no lock") {
     lg_hamiltonian_initialise(&model, &rng, theta);
     const moving s = put_in_motion(build_from(&model, theta), 1);
     count_motion(&s);
+}
+
+TEST("a machine with every kind of coordinate in a loop allocates nothing and takes no lock") {
+    enum { STATE = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
+    double q[STATE], v[STATE], y[STATE], out[STATE], u[2] = {0.3, -0.4};
+    if (!lg_count_available()) skip();
+    const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
+    built b = {.model = NULL};
+    assert_ok(lg_model_create_machine(NULL, &machine, machine_theta(&machine, 4), &b.model, NULL));
+    b = ready_to_run(b);
+    const lg_model *model = b.model;
+    const size_t d = lg_model_inputs(model), r = lg_model_tangent_dim(model);
+    double *A = room(r * r), *B = room(2 * r), *basis = room(d * r);
+    lg_model_user user;
+    lg_ode ode;
+    lg_status status[7] = {LG_CHECK_FAILED};
+    random_rows(&machine, 2, 1, q, v);
+    count_function(&b);
+    assert_no_malloc_no_lock(status[0] = lg_model_machine_state(model, q, v, y, b.work));
+    assert_no_malloc_no_lock(status[1] = lg_model_machine_velocities(model, y, out, b.work));
+    assert_no_malloc_no_lock(status[2] = lg_model_machine_positions(model, y, out, b.work));
+    assert_no_malloc_no_lock(status[3] = lg_model_field(model, y, u, out, b.work));
+    assert_no_malloc_no_lock(status[4] = lg_model_linearise(model, y, u, A, B, basis, b.work));
+    assert_no_malloc_no_lock(status[5] = lg_model_deviation(model, y, y, out, b.work));
+    assert_no_malloc_no_lock(status[6] = lg_model_ode(model, &ode, &user, b.work));
+    for (int i = 0; i < 7; i++) assert_ok(status[i]);
+    lg_stepper *stepper = NULL;
+    lg_status stepped = LG_CHECK_FAILED;
+    const size_t bytes = lg_model_stepper_size(model, lg_scheme_find("cf4"));
+    void *memory = test_work(bytes);
+    assert_ok(lg_model_stepper_init(model, lg_scheme_find("cf4"), &stepper, memory, bytes));
+    for (int n = 0; n < 4; n++) {
+        assert_no_malloc_no_lock(stepped = lg_step(stepper, 0.0, 0.01, y, n < 2 ? u : NULL, y));
+        assert_ok(stepped);
+    }
 }
 
 TEST("surrogates and detectors in a loop, and curves, allocate nothing and take no lock") {

@@ -1,0 +1,285 @@
+/* lg-identify check: what is in the logs. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "lg-identify/runs.h"
+#include "liegrad/geometry.h"
+
+typedef struct check_values {
+    const char *plot;
+} check_values;
+
+static const app_option options[] = {
+    APP_ROW_TEXT(check_values, plot, "plot", "FILE.svg|.png", "Draw all columns of the first run"),
+    APP_ROW_END};
+
+static check_values values;
+
+/* ---- positions and velocities ---- */
+
+/* The change of a coordinate from a row to the next, and what the mean of both velocities makes of it. */
+typedef struct motion {
+    double moved, missed; /* sums of squares */
+    size_t count;
+} motion;
+
+static void add_motion(motion *m, double change, double integral) {
+    if (!isfinite(change) || !isfinite(integral)) return;
+    m->moved += change * change;
+    m->missed += (change - integral) * (change - integral);
+    m->count++;
+}
+
+static void add_step(const lg_coordinate_row *row, const double *a, const double *b, const double *va,
+                     const double *vb, double h, bool angle, motion *m) {
+    double change[3] = {0}, mean[3], turn[9];
+    const double *A = a + row->places, *B = b + row->places, *rate_a = va, *rate_b = vb;
+    for (uint32_t k = 0; k < row->places; k++) {
+        const double moved = angle ? identify_wrap(b[k] - a[k]) : b[k] - a[k];
+        const double speed_a = row->rotations > 0 ? lg_dot3(A + 3 * k, va) : va[k],
+                     speed_b = row->rotations > 0 ? lg_dot3(B + 3 * k, vb) : vb[k];
+        add_motion(m, moved, h * (speed_a + speed_b) / 2);
+    }
+    if (row->rotations == 0 && row->directions == 0) return;
+    rate_a += row->velocities - 3, rate_b += row->velocities - 3;
+    if (row->directions > 0) {
+        lg_cross3(a, b, change);
+    } else {
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                turn[3 * r + c] = A[r] * B[c] + A[3 + r] * B[3 + c] + A[6 + r] * B[6 + c];
+        lg_so3_log(turn, change);
+    }
+    for (int k = 0; k < 3; k++) mean[k] = h * (rate_a[k] + rate_b[k]) / 2;
+    for (int k = 0; k < 3; k++) add_motion(m, change[k], mean[k]);
+}
+
+/* How much of the motion of each coordinate its velocity does not explain: a part of its root mean square. */
+static void compare_motions(const identify_data *data, double *out) {
+    const lg_machine *machine = &data->file.machine;
+    const lg_machine_log *log = &data->logs.log;
+    motion found[LG_MACHINE_COORDINATES] = {{0, 0, 0}};
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++) {
+            const double *q = log->q + row * machine->positions, *v = log->v + row * machine->velocities;
+            for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+                const lg_coordinate_kind kind = machine->coordinates[i].kind;
+                const lg_coordinate_row *each = lg_coordinate_row_of(kind);
+                add_step(each, q, q + machine->positions, v, v + machine->velocities,
+                         log->t[row + 1] - log->t[row], kind == LG_COORDINATE_ANGLE, &found[i]);
+                q += lg_coordinate_positions(kind), v += each->velocities;
+            }
+        }
+    const bool compared = data->file.measured == LG_MEASURED_VELOCITIES;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        out[i] = compared && found[i].moved > 0 ? sqrt(found[i].missed / found[i].moved) : (double)NAN;
+}
+
+/* ---- excitation ---- */
+
+enum { MOST_SEEN = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
+
+/* What an input may be a linear function of: positions, velocities, other inputs, 1. */
+static size_t fill_seen(const lg_machine *machine, const lg_machine_log *log, size_t row, bool velocities,
+                        uint32_t input, double *x) {
+    size_t n = 0;
+    const size_t m = machine->input_count;
+    for (size_t k = 0; k < machine->positions; k++) x[n++] = log->q[row * machine->positions + k];
+    for (size_t k = 0; k < machine->velocities && velocities; k++)
+        x[n++] = log->v[row * machine->velocities + k];
+    for (size_t k = 0; k < m; k++)
+        if (k != input) x[n++] = log->u[row * 4 * m + k];
+    x[n++] = 1;
+    return n;
+}
+
+/* The part of an input that state and other inputs do not give, of its standard deviation; NaN: it is
+ * constant. */
+static double own_part(const lg_machine *machine, const lg_machine_log *log, bool velocities,
+                       uint32_t input) {
+    double *matrix = app_alloc(MOST_SEEN * MOST_SEEN, sizeof *matrix), right[MOST_SEEN] = {0}, x[MOST_SEEN],
+           given[MOST_SEEN];
+    double mean = 0, square = 0;
+    size_t n = 0, count = 0;
+    for (size_t row = 0; row < log->rows; row++) {
+        bool finite = true;
+        const double u = log->u[row * 4 * machine->input_count + input];
+        n = fill_seen(machine, log, row, velocities, input, x);
+        for (size_t i = 0; i < n; i++) finite = finite && isfinite(x[i]);
+        if (!finite) continue;
+        for (size_t i = 0; i < n; i++) {
+            for (size_t j = 0; j < n; j++) matrix[i * n + j] += x[i] * x[j];
+            right[i] += x[i] * u;
+        }
+        mean += u, square += u * u, count++;
+    }
+    const double variance = square - mean * mean / (double)count;
+    memcpy(given, right, sizeof given);
+    for (size_t i = 0; i < n; i++) matrix[i * n + i] *= 1 + 1e-12;
+    for (size_t i = 0; i < n; i++)
+        if (matrix[i * n + i] <= 0) matrix[i * n + i] = 1;
+    double explained = 0;
+    const bool solved = count > 2 * n && variance > 1e-12 * square && identify_solve(matrix, n, right, 1);
+    for (size_t i = 0; i < n; i++) explained += given[i] * right[i];
+    free(matrix);
+    return solved ? sqrt(fmax(0, (square - explained) / variance)) : (double)NAN;
+}
+
+static void warn_of_inputs(const app *self, const identify_data *data) {
+    static const double least = 1e-3;
+    const lg_machine *machine = &data->file.machine;
+    for (uint32_t k = 0; k < machine->input_count; k++) {
+        const double part =
+            own_part(machine, &data->logs.log, data->file.measured == LG_MEASURED_VELOCITIES, k);
+        if (part < least)
+            app_warn(
+                self,
+                "column %s: the input is a linear function of the state and the other inputs (all but %.1g "
+                "of it): feedback, or a copy; what it does cannot be told from damping and potential",
+                machine->inputs[k], part);
+    }
+}
+
+/* Many gaps are rows that jitter. */
+static void warn_of_gaps(const app *self, const lg_logs *logs) {
+    enum { OFTEN = 50 };
+    if (OFTEN * logs->gaps > logs->rows_read)
+        app_warn(
+            self,
+            "%zu of %zu steps are longer than %.4g s and count as gaps, which leave %zu parts: if the rows "
+            "jitter, columns: {max_step: ...} says how long a step may be (the median is %.4g s)",
+            logs->gaps, logs->rows_read, logs->max_step, logs->log.parts, logs->dt_median);
+}
+
+/* The common factor of masses, potential, damping and input map. */
+static void warn_of_gauge(const app *self, const lg_machine *machine) {
+    if (machine->normalised)
+        app_warn(self,
+                 "nothing that is given fixes the scale of the forces: the first mass is taken as 1, and "
+                 "the others are ratios to it (give an input map or a mass as known to fix it)");
+    if (machine->free_gauge)
+        app_warn(self,
+                 "nothing that is given fixes the scale of the forces: mass, potential, damping and input "
+                 "map are known up to a common factor (give an input map or a mass as known to fix it)");
+}
+
+/* ---- report ---- */
+
+static bool is_value(const lg_log_column *column) {
+    return identify_is_state(column) || column->role == LG_LOG_INPUT;
+}
+
+static void report_json(const app *self, const identify_data *data, const double *motions) {
+    app_json json;
+    const lg_logs *logs = &data->logs;
+    app_json_begin(&json);
+    app_json_size(&json, "files", logs->files);
+    app_json_size(&json, "runs", logs->runs);
+    app_json_size(&json, "rows", logs->rows_read);
+    app_json_size(&json, "rows_kept", logs->log.rows);
+    app_json_size(&json, "parts", logs->log.parts);
+    app_json_real(&json, "dt_median", logs->dt_median);
+    app_json_real(&json, "dt_max", logs->dt_max);
+    app_json_real(&json, "max_step", logs->max_step);
+    app_json_size(&json, "gaps", logs->gaps);
+    app_json_size(&json, "delay", logs->delay);
+    app_json_open(&json, "columns", '{');
+    for (uint32_t c = 0; c < data->file.column_count; c++) {
+        const lg_log_statistics *s = &logs->columns[c];
+        if (!is_value(&data->file.columns[c])) continue;
+        app_json_open(&json, data->file.columns[c].name, '{');
+        app_json_real(&json, "min", s->low);
+        app_json_real(&json, "max", s->high);
+        app_json_real(&json, "noise", s->noise);
+        app_json_bool(&json, "noise_at_most", s->noise_at_most);
+        app_json_size(&json, "missing", s->missing);
+        app_json_close(&json, '}');
+    }
+    app_json_close(&json, '}');
+    app_json_open(&json, "kinematics", '{');
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
+        app_json_real(&json, data->file.machine.coordinates[i].name, motions[i]);
+    app_json_close(&json, '}');
+    app_json_warnings(&json, self);
+    app_json_end(&json);
+}
+
+static void show_columns(const identify_data *data) {
+    static const char *const head[] = {"column", "smallest", "largest", "noise", "missing"};
+    app_table table;
+    app_table_begin(&table, LG_COUNT(head));
+    for (size_t c = 0; c < LG_COUNT(head); c++) app_table_cell(&table, "%s", head[c]);
+    for (uint32_t c = 0; c < data->file.column_count; c++) {
+        const lg_log_statistics *s = &data->logs.columns[c];
+        if (!is_value(&data->file.columns[c])) continue;
+        app_table_cell(&table, "%s", data->file.columns[c].name);
+        app_table_cell(&table, "%.6g", s->low);
+        app_table_cell(&table, "%.6g", s->high);
+        app_table_cell(&table, "%s%.2g", s->noise_at_most ? "< " : "", s->noise);
+        app_table_cell(&table, "%zu", s->missing);
+    }
+    app_table_end(&table, stdout);
+}
+
+static void report(const identify_data *data, const double *motions) {
+    const lg_logs *logs = &data->logs;
+    (void)printf("%u %s, %u %s, %zu rows, of which %zu in %zu parts without a gap\n", logs->files,
+                 logs->files == 1 ? "file" : "files", logs->runs, logs->runs == 1 ? "run" : "runs",
+                 logs->rows_read, logs->log.rows, logs->log.parts);
+    (void)printf("a row every %.4g s (median), at most %.4g s; %zu gaps, longer than %.4g s\n",
+                 logs->dt_median, logs->dt_max, logs->gaps, logs->max_step);
+    show_columns(data);
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
+        if (!isnan(motions[i]))
+            (void)printf("%s: its velocity explains its motion from row to row up to %.2g of it\n",
+                         data->file.machine.coordinates[i].name, motions[i]);
+}
+
+/* ---- the command ---- */
+
+static int draw(const app *self, const identify_data *data) {
+    lg_error error = {LG_OK, ""};
+    const lg_logs *logs = &data->logs;
+    size_t parts = 1;
+    while (parts < logs->log.parts && logs->part_run[parts] == logs->part_run[0]) parts++;
+    const lg_status status = identify_draw_run(self, values.plot, "First run of the log", &data->file,
+                                               &logs->log, parts, NULL, NULL, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
+}
+
+static int run_check(app *self) {
+    identify_data data = {.training_parts = 0};
+    double motions[LG_MACHINE_COORDINATES];
+    const app_path paths[] = {{"plot", values.plot, APP_DRAWN}};
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    if (code != APP_EXIT_OK) return code;
+    code = identify_read(self, self->arguments[0], self->arguments + 1, (size_t)self->argument_count - 1,
+                         NULL, &data);
+    if (code == APP_EXIT_OK) {
+        compare_motions(&data, motions);
+        warn_of_gaps(self, &data.logs);
+        warn_of_inputs(self, &data);
+        warn_of_gauge(self, &data.file.machine);
+        if (values.plot != NULL) code = draw(self, &data);
+    }
+    if (code == APP_EXIT_OK && self->json) report_json(self, &data, motions);
+    if (code == APP_EXIT_OK && !self->json) report(&data, motions);
+    identify_release(&data);
+    return code;
+}
+
+const app_command check_command = {
+    .name = "check",
+    .arguments = "MACHINE.yaml LOG...",
+    .summary = "Say what is in the logs, and whether the columns are what the machine says",
+    .details =
+        "Logs that cannot be what MACHINE.yaml says (swapped columns, wrong units, two clocks) end with "
+        "exit code 3 and a sentence that names file, column and remedy. What is merely not determined "
+        "by them is a warning.",
+    .options = options,
+    .values = &values,
+    .arguments_min = 2,
+    .arguments_max = APP_ARGUMENTS,
+    .run = run_check};

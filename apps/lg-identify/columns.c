@@ -1,0 +1,211 @@
+/* States in the columns of a log, and how far they are from those of the training data. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-identify/runs.h"
+
+double identify_wrap(double angle) {
+    const double turn = 6.283185307179586;
+    return angle - turn * round(angle / turn);
+}
+
+bool identify_is_state(const lg_log_column *column) {
+    return column->role == LG_LOG_POSITION || column->role == LG_LOG_VELOCITY;
+}
+
+bool identify_is_wrapped(const lg_machine_file *file, uint32_t column) {
+    const lg_log_column *c = &file->columns[column];
+    return c->role == LG_LOG_POSITION && file->machine.coordinates[c->index].kind == LG_COORDINATE_ANGLE;
+}
+
+int identify_refuse_momenta(const app *self, const lg_machine_file *file, const char *path) {
+    if (file->measured != LG_MEASURED_MOMENTA) return APP_EXIT_OK;
+    return app_fail(self, LG_UNSUPPORTED,
+                    "%s: measured: momenta is not possible here: log velocities, or positions alone", path);
+}
+
+/* ---- attitudes ---- */
+
+/* The quaternion (w, x, y, z) of R, from its largest number on. */
+static void quaternion_of(const double *R, double out[4]) {
+    const double trace = R[0] + R[4] + R[8];
+    const double squares[4] = {1 + trace, 1 + 2 * R[0] - trace, 1 + 2 * R[4] - trace, 1 + 2 * R[8] - trace};
+    const double odd[3] = {R[7] - R[5], R[2] - R[6], R[3] - R[1]};
+    const double even[3][3] = {
+        {0, R[1] + R[3], R[2] + R[6]}, {R[1] + R[3], 0, R[5] + R[7]}, {R[2] + R[6], R[5] + R[7], 0}};
+    int most = 0;
+    for (int i = 1; i < 4; i++)
+        if (squares[i] > squares[most]) most = i;
+    const double twice = sqrt(squares[most]);
+    out[most] = twice / 2;
+    for (int i = 0; i < 4; i++) {
+        if (i == most) continue;
+        out[i] = (most == 0 ? odd[i - 1] : i == 0 ? odd[most - 1] : even[most - 1][i - 1]) / (2 * twice);
+    }
+}
+
+static void put_attitude(const lg_log_coordinate *at, const double *position, const double *before,
+                         double *columns) {
+    double *to = columns + at->attitude;
+    if (at->attitudes != 4) {
+        memcpy(to, position, at->attitudes * sizeof *to);
+        return;
+    }
+    double dot = 0, x[4];
+    quaternion_of(position, x);
+    for (int i = 0; before != NULL && i < 4; i++) dot += x[i] * before[at->attitude + (uint32_t)i];
+    for (int i = 0; i < 4; i++) to[i] = dot < 0 ? -x[i] : x[i];
+}
+
+static void put_velocity(const lg_log_coordinate *at, const double *R, const double *v, double *columns) {
+    double *to = columns + at->velocity;
+    memcpy(to, v, at->velocities * sizeof *to);
+    for (int i = 0; at->space_frame && i < 3; i++)
+        to[i] = R[3 * i] * v[0] + R[3 * i + 1] * v[1] + R[3 * i + 2] * v[2];
+}
+
+void identify_to_columns(const lg_machine_file *file, const double *q, const double *v, const double *before,
+                         double *columns) {
+    for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
+        const lg_log_coordinate *at = &file->coordinates[i];
+        const lg_coordinate_kind kind = file->machine.coordinates[i].kind;
+        memcpy(columns + at->place, q, at->places * sizeof *columns);
+        if (at->attitudes > 0) put_attitude(at, q + at->places, before, columns);
+        if (at->velocities > 0) put_velocity(at, q + at->places, v, columns);
+        q += lg_coordinate_positions(kind);
+        v += lg_coordinate_row_of(kind)->velocities;
+    }
+}
+
+/* ---- errors ---- */
+
+void identify_column_errors(const lg_machine_file *file, const lg_machine_log *log, const double *q,
+                            const double *v, double *out) {
+    const lg_machine *machine = &file->machine;
+    double logged[LG_LOG_COLUMNS], predicted[LG_LOG_COLUMNS], sum[LG_LOG_COLUMNS] = {0};
+    size_t count[LG_LOG_COLUMNS] = {0};
+    for (size_t row = 0; row < log->rows; row++) {
+        const double *at = q + row * machine->positions;
+        if (isnan(at[0]) && isnan(v[row * machine->velocities])) continue;
+        identify_to_columns(file, log->q + row * machine->positions, log->v + row * machine->velocities, NULL,
+                            logged);
+        identify_to_columns(file, at, v + row * machine->velocities, logged, predicted);
+        for (uint32_t c = 0; c < file->column_count; c++) {
+            if (!identify_is_state(&file->columns[c]) || isnan(logged[c])) continue;
+            const double error = predicted[c] - logged[c];
+            const double wrapped = identify_is_wrapped(file, c) ? identify_wrap(error) : error;
+            sum[c] += isfinite(wrapped) ? wrapped * wrapped : INFINITY;
+            count[c]++;
+        }
+    }
+    for (uint32_t c = 0; c < file->column_count; c++)
+        out[c] = count[c] > 0 ? sqrt(sum[c] / (double)count[c]) : (double)NAN;
+}
+
+/* ---- range ---- */
+
+/* The numbers of a range: positions, velocities, inputs, each with a name and whether it is an angle. */
+typedef struct number {
+    char name[LG_LOG_NAME + 32];
+    bool angle, used;
+} number;
+
+/* Whether a term sees the position of the coordinate. */
+static bool is_seen(const lg_machine *machine, uint32_t coordinate) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        for (uint32_t k = 0; k < machine->terms[i].of_count; k++) {
+            const lg_machine_feature *of = &machine->terms[i].of[k];
+            const bool position = of->kind != LG_FEATURE_VELOCITY && of->kind != LG_FEATURE_INPUT;
+            if (position && of->index == coordinate) return true;
+        }
+    return false;
+}
+
+static void name_numbers(const lg_machine_file *file, number *out) {
+    const lg_machine *machine = &file->machine;
+    number *position = out, *velocity = out + machine->positions, *input = velocity + machine->velocities;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_coordinate *c = &machine->coordinates[i];
+        const lg_log_coordinate *at = &file->coordinates[i];
+        const uint32_t count = lg_coordinate_positions(c->kind),
+                       rates = lg_coordinate_row_of(c->kind)->velocities;
+        for (uint32_t k = 0; k < count; k++, position++) {
+            const bool same = k < at->places || at->attitudes != 4;
+            const uint32_t column = k < at->places ? at->place + k : at->attitude + k - at->places;
+            position->used = is_seen(machine, i);
+            position->angle = c->kind == LG_COORDINATE_ANGLE;
+            if (same)
+                (void)snprintf(position->name, sizeof position->name, "column %s",
+                               file->columns[column].name);
+            else
+                (void)snprintf(position->name, sizeof position->name, "R%u%u of %s", (k - at->places) / 3 + 1,
+                               (k - at->places) % 3 + 1, c->name);
+        }
+        for (uint32_t k = 0; k < rates; k++, velocity++) {
+            velocity->used = true;
+            if (at->velocities > 0)
+                (void)snprintf(velocity->name, sizeof velocity->name, "column %s",
+                               file->columns[at->velocity + k].name);
+            else
+                (void)snprintf(velocity->name, sizeof velocity->name, "velocity %u of %s", k + 1, c->name);
+        }
+    }
+    for (uint32_t k = 0; k < machine->input_count; k++, input++) {
+        input->used = true;
+        (void)snprintf(input->name, sizeof input->name, "column %s", machine->inputs[k]);
+    }
+}
+
+/* How far x is outside; an angle may be turned. */
+static double outside(double x, double low, double high, bool angle) {
+    const double turn = 6.283185307179586;
+    if (angle && high - low >= 0.97 * turn) return 0;
+    if (angle) x -= turn * round((x - 0.5 * (low + high)) / turn);
+    return x < low ? low - x : x > high ? x - high : 0;
+}
+
+typedef struct extent {
+    double beyond[LG_MACHINE_RANGE], at[LG_MACHINE_RANGE];
+} extent;
+
+static void look(const lg_machine_range *range, const number *numbers, const double *values, size_t count,
+                 size_t first, extent *out) {
+    for (size_t k = 0; k < count; k++) {
+        const size_t i = first + k;
+        if (!numbers[i].used || !isfinite(values[k]) || !(range->low[i] <= range->high[i])) continue;
+        const double by = outside(values[k], range->low[i], range->high[i], numbers[i].angle);
+        if (by > out->beyond[i]) out->beyond[i] = by, out->at[i] = values[k];
+    }
+}
+
+static void look_at_rows(const lg_machine_range *range, const number *numbers, const lg_machine *machine,
+                         size_t rows, const double *q, const double *v, extent *out) {
+    for (size_t row = 0; row < rows && q != NULL; row++)
+        look(range, numbers, q + row * machine->positions, machine->positions, 0, out);
+    for (size_t row = 0; row < rows && v != NULL; row++)
+        look(range, numbers, v + row * machine->velocities, machine->velocities, machine->positions, out);
+}
+
+void identify_warn_range(const app *self, const lg_machine_model_run *run, const lg_machine_file *file,
+                         const lg_machine_log *log, const double *q, const double *v) {
+    static const double tolerated = 0.02; /* of the range: the noise of a log */
+    const lg_machine *machine = &file->machine;
+    const size_t total = machine->positions + machine->velocities + machine->input_count;
+    number *numbers = app_alloc(total, sizeof *numbers);
+    extent *found = app_alloc(1, sizeof *found);
+    name_numbers(file, numbers);
+    look_at_rows(&run->range, numbers, machine, log->rows, log->q, log->v, found);
+    look_at_rows(&run->range, numbers, machine, log->rows, q, v, found);
+    for (size_t row = 0; row < log->rows && machine->input_count > 0; row++)
+        look(&run->range, numbers, log->u + row * 4 * machine->input_count, machine->input_count,
+             machine->positions + machine->velocities, found);
+    for (size_t i = 0; i < total; i++) {
+        const double low = run->range.low[i], high = run->range.high[i], span = high - low;
+        if (!(found->beyond[i] > 0) || !(found->beyond[i] > tolerated * span)) continue;
+        app_warn(self, "%s goes to %.4g, which is %.3g outside the training data (%.4g to %.4g)",
+                 numbers[i].name, found->at[i], found->beyond[i], low, high);
+    }
+    free(found);
+    free(numbers);
+}

@@ -1,0 +1,531 @@
+/* lg-identify generate: logs of a machine whose terms are all known. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "lg-identify/runs.h"
+#include "liegrad/geometry.h"
+
+typedef struct generate_values {
+    const char *out, *inputs, *plot;
+    app_reals amplitude, noise, spread;
+    double t_end, dt, hold_time, highest;
+    uint64_t runs;
+} generate_values;
+
+static const app_option options[] = {
+    APP_ROW_TEXT(generate_values, out, "out", "LOG.csv", "Write the log"),
+    APP_ROW_TEXT(generate_values, inputs, "inputs", "multisine|steps|none|FILE.csv",
+                 "What the inputs do (default multisine); a file has the columns of time and inputs"),
+    APP_ROW_REALS(
+        generate_values, amplitude, "amplitude", "A,A,...",
+        "Of each input, or one for all (default 1): largest step; twice the root mean square of a multisine",
+        NULL),
+    APP_ROW_POSITIVE(generate_values, hold_time, "hold-time", "S",
+                     "Length of a step in seconds (default 25 rows)"),
+    APP_ROW_POSITIVE(generate_values, highest, "highest", "F",
+                     "Highest frequency of a multisine in Hz (default one period in 25 rows)"),
+    APP_ROW_REALS(
+        generate_values, noise, "noise", "SIGMA[,SIGMA]",
+        "Standard deviation of the noise of positions (radians), and of velocities (default the same); "
+        "not given: the machine's `noise`",
+        NULL),
+    APP_ROW_REALS(generate_values, spread, "start-spread", "S[,S]",
+                  "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
+                  NULL),
+    APP_ROW_SIZE(generate_values, runs, "runs", "n", 1, 1e6, "Runs (default 10)"),
+    APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T",
+                     "Length of a run in seconds (default 10, or the file's)"),
+    APP_ROW_POSITIVE(generate_values, dt, "dt", "H", "Seconds from a row to the next (default 0.02)"),
+    APP_ROW_TEXT(generate_values, plot, "plot", "FILE.svg|.png", "Draw the first run"),
+    APP_ROW_END};
+
+static generate_values values = {.inputs = "multisine", .runs = 10, .dt = 0.02};
+
+/* A log in the making: runs of `rows` rows each, inputs for `delay` further rows. */
+typedef struct making {
+    lg_machine_file file;
+    size_t runs, rows, delay;
+    double t_end;
+    double *given; /* (runs, rows + delay, inputs) */
+    size_t *first;
+    double *t, *q, *v, *u;
+    double *run_q, *run_v; /* what the machine does */
+    identify_data inputs;  /* FILE */
+    uint32_t substeps;
+    double accuracy;
+} making;
+
+/* ---- inputs ---- */
+
+static double amplitude_of(size_t input) {
+    const size_t n = values.amplitude.count;
+    return n == 0 ? 1 : values.amplitude.values[n == 1 ? 0 : input];
+}
+
+static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
+    enum { SINES = 8 };
+    const size_t inputs = m->file.machine.input_count;
+    const double highest = values.highest > 0 ? values.highest : 1 / (25 * values.dt),
+                 each = amplitude_of(input) / 2 * sqrt(2.0 / SINES);
+    for (int s = 0; s < SINES; s++) {
+        const double rate = 6.283185307179586 * lg_rng_uniform_in(rng, 0.05, 1) * highest,
+                     phase = lg_rng_uniform_in(rng, 0, 6.283185307179586);
+        for (size_t row = 0; row < m->rows + m->delay; row++)
+            out[row * inputs] += each * sin(rate * values.dt * (double)row + phase);
+    }
+}
+
+static void steps(const making *m, lg_rng *rng, size_t input, double *out) {
+    const size_t inputs = m->file.machine.input_count;
+    const double seconds = values.hold_time > 0 ? values.hold_time : 25 * values.dt, a = amplitude_of(input);
+    const size_t each = (size_t)fmax(1, round(seconds / values.dt));
+    double level = 0;
+    for (size_t row = 0; row < m->rows + m->delay; row++) {
+        if (row % each == 0) level = lg_rng_uniform_in(rng, -a, a);
+        out[row * inputs] = level;
+    }
+}
+
+static void nothing(const making *m, lg_rng *rng, size_t input, double *out) {
+    (void)m;
+    (void)rng;
+    (void)input;
+    (void)out;
+}
+
+static const struct {
+    const char *name;
+    void (*fill)(const making *m, lg_rng *rng, size_t input, double *out);
+} forms[] = {{"multisine", multisine}, {"steps", steps}, {"none", nothing}};
+
+/* A machine file that takes the inputs' columns for positions: FILE is read as a log. */
+static char *inputs_text(const lg_machine_file *file) {
+    const bool runs = file->run < file->column_count;
+    char *text = app_format("columns: {time: '%s'%s%s%s}\nmeasured: positions\ncoordinates:\n",
+                            file->columns[file->time].name, runs ? ", run: '" : "",
+                            runs ? file->columns[file->run].name : "", runs ? "'" : "");
+    for (uint32_t c = 0, k = 0; c < file->column_count; c++) {
+        if (file->columns[c].role != LG_LOG_INPUT) continue;
+        char *longer =
+            app_format("%s  - {name: c%u, kind: line, columns: '%s'}\n", text, k++, file->columns[c].name);
+        free(text);
+        text = longer;
+    }
+    return text;
+}
+
+static int read_inputs(app *self, making *m) {
+    lg_error error = {LG_OK, ""};
+    lg_log_options how;
+    char *text = inputs_text(&m->file);
+    lg_log_options_init(&how);
+    lg_status status =
+        lg_machine_file_parse(self->context, self->arguments[0], text, strlen(text), &m->inputs.file, &error);
+    free(text);
+    if (status == LG_OK)
+        status =
+            lg_logs_read(self->context, &m->inputs.file, &values.inputs, 1, &how, &m->inputs.logs, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, values.inputs);
+    const lg_machine_log *log = &m->inputs.logs.log;
+    const double length = log->t[log->first[1] - 1] - log->t[0];
+    if (!app_given(self, "t-end")) m->t_end = length;
+    if (m->t_end > length * (1 + 1e-9) + values.dt)
+        return app_fail(self, LG_FORMAT,
+                        "%s: its first part without a gap is %.4g s long, a run %.4g s: --t-end",
+                        values.inputs, length, m->t_end);
+    return APP_EXIT_OK;
+}
+
+/* The file's inputs at the times of the rows: held, or on the line between two rows. */
+static void take_inputs(const making *m, size_t run) {
+    const lg_machine_log *log = &m->inputs.logs.log;
+    const size_t inputs = m->file.machine.input_count, end = log->first[1], all = m->rows + m->delay;
+    size_t at = 0;
+    for (size_t row = 0; row < all; row++) {
+        const double t = log->t[0] + values.dt * (double)row;
+        while (at + 1 < end && log->t[at + 1] <= t + 1e-9 * values.dt) at++;
+        const double h = at + 1 < end ? log->t[at + 1] - log->t[at] : 1,
+                     s = fmin(1, fmax(0, (t - log->t[at]) / h));
+        for (uint32_t c = 0, k = 0; c < m->file.column_count; c++) {
+            const lg_log_column *column = &m->file.columns[c];
+            if (column->role != LG_LOG_INPUT) continue;
+            const double a = log->q[at * inputs + k], b = at + 1 < end ? log->q[(at + 1) * inputs + k] : a;
+            const double value = m->file.hold == LG_HOLD_ZERO ? a : a + s * (b - a);
+            m->given[(run * all + row) * inputs + column->index] = column->scale * value;
+            k++;
+        }
+    }
+}
+
+static int fill_inputs(app *self, making *m) {
+    const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay;
+    size_t form = 0;
+    while (form < LG_COUNT(forms) && strcmp(forms[form].name, values.inputs) != 0) form++;
+    for (size_t run = 0; run < m->runs; run++) {
+        lg_rng rng;
+        lg_rng_seed(&rng, self->seed, 2 * run + 1);
+        for (size_t k = 0; k < inputs && form < LG_COUNT(forms); k++)
+            forms[form].fill(m, &rng, k, m->given + run * all * inputs + k);
+        if (form == LG_COUNT(forms)) take_inputs(m, run);
+    }
+    return APP_EXIT_OK;
+}
+
+/* ---- what acts between rows ---- */
+
+/* Second derivatives, times h^2, of the not-a-knot spline through n >= 4 equidistant values. */
+static void bend(const double *y, size_t stride, size_t n, double *bent, double *work) {
+    for (size_t i = 1; i + 1 < n; i++)
+        bent[i] = 6 * (y[(i + 1) * stride] - 2 * y[i * stride] + y[(i - 1) * stride]);
+    bent[1] /= 6, bent[n - 2] /= 6;
+    if (n > 4) {
+        bent[2] -= bent[1], bent[n - 3] -= bent[n - 2];
+        work[2] = 4;
+        for (size_t i = 3; i + 2 < n; i++) {
+            work[i] = 4 - 1 / work[i - 1];
+            bent[i] -= bent[i - 1] / work[i - 1];
+        }
+        for (size_t i = n - 3; i >= 2; i--) bent[i] = (bent[i] - (i + 3 < n ? bent[i + 1] : 0)) / work[i];
+    }
+    bent[0] = 2 * bent[1] - bent[2];
+    bent[n - 1] = 2 * bent[n - 2] - bent[n - 3];
+}
+
+/* Coefficients of one input of one run. */
+static void fill_hold(const making *m, size_t run, size_t input, double *bent, double *work) {
+    const size_t inputs = m->file.machine.input_count;
+    const double *y = m->given + run * (m->rows + m->delay) * inputs + input;
+    double *u = m->u + run * m->rows * 4 * inputs + input;
+    const bool cubic = m->file.hold == LG_HOLD_CUBIC && m->rows >= 4;
+    if (cubic) bend(y, inputs, m->rows, bent, work);
+    for (size_t row = 0; row < m->rows; row++, u += 4 * inputs) {
+        u[0] = y[row * inputs];
+        if (m->file.hold == LG_HOLD_ZERO || row + 1 == m->rows) continue;
+        u[inputs] = y[(row + 1) * inputs] - y[row * inputs];
+        if (!cubic) continue;
+        u[inputs] -= (2 * bent[row] + bent[row + 1]) / 6;
+        u[2 * inputs] = bent[row] / 2;
+        u[3 * inputs] = (bent[row + 1] - bent[row]) / 6;
+    }
+}
+
+static void fill_log(making *m) {
+    double *bent = app_alloc(m->rows, sizeof *bent), *work = app_alloc(m->rows, sizeof *work);
+    for (size_t run = 0; run < m->runs; run++) {
+        m->first[run] = run * m->rows;
+        for (size_t row = 0; row < m->rows; row++) m->t[run * m->rows + row] = values.dt * (double)row;
+        for (size_t k = 0; k < m->file.machine.input_count; k++) fill_hold(m, run, k, bent, work);
+    }
+    m->first[m->runs] = m->runs * m->rows;
+    free(bent);
+    free(work);
+}
+
+/* ---- starts and noise ---- */
+
+/* `by` of one or two numbers: that of positions or velocities; NaN: not given. */
+static double one_of(const app_reals *by, bool velocity) {
+    if (by->count == 0) return (double)NAN;
+    return by->values[velocity && by->count > 1 ? 1 : 0];
+}
+
+/* Moves a state by normal numbers of the given sizes, for each coordinate. */
+static void scatter(const lg_machine *machine, lg_rng *rng, const double *position, const double *velocity,
+                    double *q, double *v) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        double turn[3], turned[9];
+        for (uint32_t k = 0; k < row->places; k++) q[k] += position[i] * lg_rng_normal(rng);
+        for (int k = 0; k < 3; k++) turn[k] = position[i] * lg_rng_normal(rng);
+        if (row->directions > 0) {
+            lg_so3_exp_act(turn, q, turned);
+            memcpy(q, turned, 3 * sizeof *q);
+        }
+        if (row->rotations > 0) {
+            lg_so3_exp_multiply(turn, q + row->places, turned);
+            memcpy(q + row->places, turned, sizeof turned);
+        }
+        for (uint32_t k = 0; k < row->velocities; k++) v[k] += velocity[i] * lg_rng_normal(rng);
+        if (row->directions > 0) {
+            const double along = lg_dot3(v, q);
+            for (int k = 0; k < 3; k++) v[k] -= along * q[k];
+        }
+        q += lg_coordinate_positions(machine->coordinates[i].kind);
+        v += row->velocities;
+    }
+}
+
+static void fill_starts(const app *self, making *m) {
+    const lg_machine *machine = &m->file.machine;
+    double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        position[i] = values.spread.count > 0 ? one_of(&values.spread, false) : 1;
+        velocity[i] = values.spread.count > 0 ? one_of(&values.spread, true) : 1;
+    }
+    for (size_t run = 0; run < m->runs; run++) {
+        double *q = m->q + run * m->rows * machine->positions,
+               *v = m->v + run * m->rows * machine->velocities, *at = q;
+        lg_rng rng;
+        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+            const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+            if (row->directions > 0) at[2] = 1;
+            for (uint32_t k = 0; k < 9 * row->rotations; k += 4) at[row->places + k] = 1;
+            at += lg_coordinate_positions(machine->coordinates[i].kind);
+        }
+        lg_rng_seed(&rng, self->seed, 2 * run);
+        scatter(machine, &rng, position, velocity, q, v);
+    }
+}
+
+/* Standard deviations of the coordinates: of the command line, or the largest of the machine's columns. */
+static void find_noise(const making *m, double *position, double *velocity) {
+    const lg_machine_file *file = &m->file;
+    for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
+        position[i] = velocity[i] = 0;
+        for (uint32_t c = 0; c < file->column_count; c++) {
+            const lg_log_column *column = &file->columns[c];
+            if (!identify_is_state(column) || column->index != i) continue;
+            double *to = column->role == LG_LOG_VELOCITY ? velocity : position;
+            const bool quaternion =
+                to == position && file->coordinates[i].attitudes == 4 && c >= file->coordinates[i].attitude;
+            to[i] = fmax(to[i], column->noise * (quaternion ? 2 : 1));
+        }
+        if (values.noise.count == 0) continue;
+        position[i] = one_of(&values.noise, false);
+        velocity[i] = one_of(&values.noise, true);
+    }
+}
+
+static void add_noise(const app *self, making *m) {
+    const lg_machine *machine = &m->file.machine;
+    double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
+    lg_rng rng;
+    find_noise(m, position, velocity);
+    lg_rng_seed(&rng, self->seed, UINT64_C(1) << 40);
+    for (size_t row = 0; row < m->runs * m->rows; row++)
+        scatter(machine, &rng, position, velocity, m->run_q + row * machine->positions,
+                m->run_v + row * machine->velocities);
+}
+
+/* ---- the motion ---- */
+
+static double largest_difference(const double *a, const double *b, size_t n) {
+    double most = 0;
+    for (size_t i = 0; i < n; i++) {
+        const double by = fabs(a[i] - b[i]) / (1 + fabs(a[i]));
+        most = isfinite(by) ? fmax(most, by) : INFINITY;
+    }
+    return most;
+}
+
+/* Substeps are doubled until the motion stands. */
+static lg_status integrate(const app *self, making *m, lg_error *error) {
+    enum { MOST = 512 };
+    static const double wanted = 1e-10;
+    const lg_machine *machine = &m->file.machine;
+    const lg_scheme *scheme = lg_scheme_find("rkmk5");
+    const size_t points = m->runs * m->rows, nq = points * machine->positions,
+                 nv = points * machine->velocities;
+    const lg_machine_log log = {points, m->runs, m->first, m->t, m->q, m->v, m->u};
+    double *before_q = app_alloc(nq, sizeof *before_q), *before_v = app_alloc(nv, sizeof *before_v);
+    lg_status status = LG_OK;
+    m->accuracy = INFINITY;
+    for (m->substeps = 2; status == LG_OK; m->substeps *= 2) {
+        status = lg_machine_free_run(self->context, machine, NULL, scheme, m->substeps, &log, m->first,
+                                     m->runs, m->rows - 1, m->run_q, m->run_v, error);
+        if (status == LG_OK && m->substeps > 2)
+            m->accuracy =
+                fmax(largest_difference(m->run_q, before_q, nq), largest_difference(m->run_v, before_v, nv));
+        if (m->accuracy <= wanted || m->substeps >= MOST) break;
+        memcpy(before_q, m->run_q, nq * sizeof *before_q);
+        memcpy(before_v, m->run_v, nv * sizeof *before_v);
+    }
+    free(before_q);
+    free(before_v);
+    if (status != LG_OK) return status;
+    if (!isfinite(m->accuracy))
+        return app_error(error, LG_NOT_FINITE,
+                         "the motion is not finite: smaller --dt, --amplitude or --start-spread");
+    if (m->accuracy > 1e-6)
+        app_warn(self,
+                 "with %u steps between two rows the motion is known to %.1e only: chaotic, or --dt is long",
+                 m->substeps, m->accuracy);
+    return LG_OK;
+}
+
+/* ---- the file ---- */
+
+static void put_row(FILE *stream, const making *m, size_t run, size_t row, double *columns) {
+    const lg_machine_file *file = &m->file;
+    const size_t at = run * m->rows + row, inputs = file->machine.input_count;
+    identify_to_columns(file, m->run_q + at * file->machine.positions,
+                        m->run_v + at * file->machine.velocities, row > 0 ? columns : NULL, columns);
+    columns[file->time] = values.dt * (double)row;
+    if (file->run < file->column_count) columns[file->run] = (double)run;
+    for (uint32_t c = 0; c < file->column_count; c++) {
+        const lg_log_column *column = &file->columns[c];
+        if (column->role == LG_LOG_INPUT) /* what is logged acts `delay` rows later */
+            columns[c] = m->given[(run * (m->rows + m->delay) + row + m->delay) * inputs + column->index];
+        (void)fprintf(stream, "%s%.17g", c > 0 ? "," : "",
+                      column->role == LG_LOG_RUN ? columns[c] : columns[c] / column->scale);
+    }
+    (void)fputc('\n', stream);
+}
+
+static lg_status write_log(const making *m, lg_error *error) {
+    app_file file;
+    double columns[LG_LOG_COLUMNS];
+    app_file_begin(&file, values.out);
+    for (uint32_t c = 0; c < m->file.column_count; c++)
+        (void)fprintf(file.stream, "%s%s", c > 0 ? "," : "", m->file.columns[c].name);
+    (void)fputc('\n', file.stream);
+    for (size_t run = 0; run < m->runs; run++)
+        for (size_t row = 0; row < m->rows; row++) put_row(file.stream, m, run, row, columns);
+    return app_file_end(&file, error);
+}
+
+static void report(const app *self, const making *m) {
+    app_json json;
+    if (!self->json) {
+        (void)printf(
+            "%s: %zu runs of %zu rows, one every %g s; %u steps between two rows, accurate to %.1e\n",
+            values.out, m->runs, m->rows, values.dt, m->substeps, m->accuracy);
+        return;
+    }
+    app_json_begin(&json);
+    app_json_size(&json, "runs", m->runs);
+    app_json_size(&json, "rows", m->runs * m->rows);
+    app_json_real(&json, "dt", values.dt);
+    app_json_size(&json, "substeps", m->substeps);
+    app_json_real(&json, "accuracy", m->accuracy);
+    app_json_size(&json, "seed", self->seed);
+    app_json_text(&json, "out", values.out);
+    app_json_warnings(&json, self);
+    app_json_end(&json);
+}
+
+/* ---- the command ---- */
+
+/* A scene is a machine of which everything is known. */
+static int refuse_unknown(const app *self, const lg_machine_file *file, const char *path) {
+    for (uint32_t i = 0; i < file->machine.term_count; i++) {
+        const lg_machine_term *term = &file->machine.terms[i];
+        if (term->parameters > 0)
+            return app_fail(
+                self, LG_FORMAT,
+                "%s: %s: a term of kind '%s' is to be learned; a scene's terms are known: {kind: known, "
+                "values: ...}",
+                path, lg_machine_part_name(term->part), lg_term_kind_name(term->kind));
+    }
+    if (values.runs > 1 && file->run >= file->column_count)
+        return app_fail(self, LG_FORMAT,
+                        "%s: %llu runs need a column that tells them apart, columns: {run: ...}; or --runs 1",
+                        path, (unsigned long long)values.runs);
+    return identify_refuse_momenta(self, file, path);
+}
+
+static int check_options(const app *self, const lg_machine_file *file) {
+    const size_t n = values.amplitude.count;
+    if (n > 1 && n != file->machine.input_count)
+        return app_usage(self, "--amplitude: %zu numbers, but the machine has %u inputs", n,
+                         file->machine.input_count);
+    if (values.noise.count > 2) return app_usage(self, "--noise: one number or two");
+    if (values.spread.count > 2) return app_usage(self, "--start-spread: one number or two");
+    for (size_t i = 0; i < values.noise.count; i++)
+        if (values.noise.values[i] < 0)
+            return app_usage(self, "--noise: a standard deviation is not negative");
+    return APP_EXIT_OK;
+}
+
+static void allocate(making *m) {
+    const lg_machine *machine = &m->file.machine;
+    const size_t points = m->runs * m->rows;
+    m->given = app_alloc(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
+    m->first = app_alloc(m->runs + 1, sizeof *m->first);
+    m->t = app_alloc(points, sizeof *m->t);
+    m->q = app_alloc(points * machine->positions, sizeof *m->q);
+    m->v = app_alloc(points * machine->velocities, sizeof *m->v);
+    m->u = app_alloc(points * 4 * machine->input_count + 1, sizeof *m->u);
+    m->run_q = app_alloc(points * machine->positions, sizeof *m->run_q);
+    m->run_v = app_alloc(points * machine->velocities, sizeof *m->run_v);
+}
+
+static void making_end(making *m) {
+    free(m->given);
+    free(m->first);
+    free(m->t);
+    free(m->q);
+    free(m->v);
+    free(m->u);
+    free(m->run_q);
+    free(m->run_v);
+    identify_release(&m->inputs);
+    lg_machine_file_destroy(&m->file);
+}
+
+static int make(app *self, making *m) {
+    lg_error error = {LG_OK, ""};
+    int code = APP_EXIT_OK;
+    bool form = m->file.machine.input_count == 0;
+    m->t_end = values.t_end > 0 ? values.t_end : 10;
+    for (size_t i = 0; i < LG_COUNT(forms); i++) form = form || strcmp(forms[i].name, values.inputs) == 0;
+    if (!form) code = read_inputs(self, m);
+    if (code != APP_EXIT_OK) return code;
+    m->rows = (size_t)floor(m->t_end / values.dt + 1 + 1e-9);
+    m->runs = (size_t)values.runs;
+    m->delay = m->file.delay;
+    if (m->rows < 2) return app_usage(self, "--t-end %g is shorter than --dt %g", m->t_end, values.dt);
+    allocate(m);
+    code = fill_inputs(self, m);
+    if (code != APP_EXIT_OK) return code;
+    fill_log(m);
+    fill_starts(self, m);
+    lg_status status = integrate(self, m, &error);
+    if (status != LG_OK)
+        return app_fail(self, status, "%s: %s", self->arguments[0], app_sentence(status, &error));
+    add_noise(self, m);
+    status = write_log(m, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
+    const lg_machine_log log = {m->runs * m->rows, m->runs, m->first, m->t, m->run_q, m->run_v, m->u};
+    if (values.plot != NULL)
+        status = identify_draw_run(self, values.plot, "First run", &m->file, &log, 1, NULL, NULL, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, values.plot);
+    report(self, m);
+    return APP_EXIT_OK;
+}
+
+static int run_generate(app *self) {
+    lg_error error = {LG_OK, ""};
+    making m = {.runs = 0};
+    bool form = false;
+    for (size_t i = 0; i < LG_COUNT(forms); i++) form = form || strcmp(forms[i].name, values.inputs) == 0;
+    const app_path paths[] = {{"out", values.out, APP_WRITTEN},
+                              {"plot", values.plot, APP_DRAWN},
+                              {"inputs", form ? NULL : values.inputs, APP_READ}};
+    if (values.out == NULL) return app_usage(self, "--out LOG.csv is missing");
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    if (code != APP_EXIT_OK) return code;
+    const lg_status status = lg_machine_file_read(self->context, self->arguments[0], &m.file, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
+    code = refuse_unknown(self, &m.file, self->arguments[0]);
+    if (code == APP_EXIT_OK) code = check_options(self, &m.file);
+    if (code == APP_EXIT_OK) code = make(self, &m);
+    making_end(&m);
+    return code;
+}
+
+const app_command generate_command = {
+    .name = "generate",
+    .arguments = "SCENE.yaml",
+    .summary = "Make a log of a machine whose terms are all known",
+    .details =
+        "SCENE.yaml is a machine file: masses, damping and input map of kind known with their values, "
+        "potentials {kind: known, form: ..., of: ..., values: ...}. Starts are drawn around 0 (attitudes: "
+        "around 1, directions: around e3) with --start-spread and --seed.",
+    .options = options,
+    .values = &values,
+    .arguments_min = 1,
+    .arguments_max = 1,
+    .run = run_generate};

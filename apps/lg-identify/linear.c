@@ -1,0 +1,146 @@
+/* A linear model beside the machine: v' = A (q, v, u, 1), fitted to the logs that it is judged on. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-identify/runs.h"
+#include "liegrad/geometry.h"
+
+enum { MOST_FEATURES = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
+
+struct identify_linear {
+    const lg_machine *machine;
+    size_t features;
+    double A[MOST_FEATURES * LG_MACHINE_VELOCITIES]; /* (features, velocities) */
+};
+
+static void input_at(const lg_machine *machine, const lg_machine_log *log, size_t row, double s,
+                     double *out) {
+    const size_t m = machine->input_count;
+    for (size_t k = 0; k < m; k++) {
+        const double *u = log->u + row * 4 * m + k;
+        out[k] = u[0] + s * (u[m] + s * (u[2 * m] + s * u[3 * m]));
+    }
+}
+
+static void fill(const lg_machine *machine, const double *q, const double *v, const double *u, double *x) {
+    memcpy(x, q, machine->positions * sizeof *x);
+    memcpy(x + machine->positions, v, machine->velocities * sizeof *x);
+    x += machine->positions + machine->velocities;
+    if (machine->input_count > 0) memcpy(x, u, machine->input_count * sizeof *x);
+    x[machine->input_count] = 1;
+}
+
+/* ---- the fit: changes of velocity over an interval against the mean of its ends ---- */
+
+static void add_interval(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t n,
+                         double *matrix, double *right) {
+    double a[MOST_FEATURES], b[MOST_FEATURES], u[LG_MACHINE_INPUTS], x[MOST_FEATURES];
+    const size_t nq = machine->positions, nv = machine->velocities;
+    const double *va = log->v + row * nv, *vb = va + nv, h = log->t[row + 1] - log->t[row];
+    if (machine->input_count > 0) input_at(machine, log, row, 0.5, u);
+    fill(machine, log->q + row * nq, va, u, a);
+    fill(machine, log->q + (row + 1) * nq, vb, u, b);
+    for (size_t i = 0; i < n; i++) {
+        x[i] = 0.5 * (a[i] + b[i]);
+        if (!isfinite(x[i])) return;
+    }
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j <= i; j++) matrix[i * n + j] += x[i] * x[j];
+        for (size_t k = 0; k < nv; k++) right[i * nv + k] += x[i] * (vb[k] - va[k]) / h;
+    }
+}
+
+identify_linear *identify_linear_create(const lg_machine *machine, const lg_machine_log *log) {
+    identify_linear *linear = app_alloc(1, sizeof *linear);
+    const size_t n = machine->positions + machine->velocities + machine->input_count + 1;
+    double *matrix = app_alloc(n * n, sizeof *matrix);
+    *linear = (identify_linear){.machine = machine, .features = n};
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++)
+            add_interval(machine, log, row, n, matrix, linear->A);
+    bool empty = true;
+    for (size_t i = 0; i < n; i++) empty = empty && !(matrix[i * n + i] > 0);
+    for (size_t i = 0; i < n; i++) matrix[i * n + i] += 1e-10 * matrix[i * n + i] + 1e-200;
+    const bool solved = !empty && identify_solve(matrix, n, linear->A, machine->velocities);
+    for (size_t i = 0; i < n * machine->velocities && !solved; i++) linear->A[i] = (double)NAN;
+    free(matrix);
+    return linear;
+}
+
+void identify_linear_destroy(identify_linear *linear) {
+    free(linear);
+}
+
+/* ---- runs ---- */
+
+static void slope(const identify_linear *linear, const double *q, const double *v, const double *u,
+                  double *dq, double *dv) {
+    const lg_machine *machine = linear->machine;
+    const size_t nv = machine->velocities;
+    double x[MOST_FEATURES];
+    fill(machine, q, v, u, x);
+    for (size_t k = 0; k < nv; k++) dv[k] = 0;
+    for (size_t i = 0; i < linear->features; i++)
+        for (size_t k = 0; k < nv; k++) dv[k] += linear->A[i * nv + k] * x[i];
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const double *R = q + row->places, *rate = v + row->velocities - 3;
+        for (uint32_t k = 0; k < row->places; k++) dq[k] = row->rotations > 0 ? lg_dot3(R + 3 * k, v) : v[k];
+        if (row->directions > 0) lg_cross3(v, q, dq);
+        for (int r = 0; r < 3 && row->rotations > 0; r++)
+            lg_cross3(R + 3 * r, rate, dq + row->places + 3 * r);
+        q += lg_coordinate_positions(machine->coordinates[i].kind);
+        dq += lg_coordinate_positions(machine->coordinates[i].kind);
+        v += row->velocities;
+    }
+}
+
+static void project(const lg_machine *machine, double *q) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        if (row->rotations > 0) lg_so3_project(q + row->places);
+        if (row->directions > 0) {
+            const double norm = sqrt(lg_dot3(q, q));
+            for (int k = 0; k < 3; k++) q[k] /= norm;
+        }
+        q += lg_coordinate_positions(machine->coordinates[i].kind);
+    }
+}
+
+/* One step of RK4 from q, v at the row. */
+static void advance(const identify_linear *linear, const lg_machine_log *log, size_t row, double *q,
+                    double *v) {
+    static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1 / 6.0, 1 / 3.0, 1 / 3.0, 1 / 6.0};
+    const lg_machine *machine = linear->machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    const double h = log->t[row + 1] - log->t[row];
+    double sum[MOST_FEATURES] = {0}, d[MOST_FEATURES] = {0}, y[MOST_FEATURES], u[LG_MACHINE_INPUTS];
+    for (int stage = 0; stage < 4; stage++) {
+        for (size_t k = 0; k < nq; k++) y[k] = q[k] + h * at[stage] * d[k];
+        for (size_t k = 0; k < nv; k++) y[nq + k] = v[k] + h * at[stage] * d[nq + k];
+        if (machine->input_count > 0) input_at(machine, log, row, at[stage], u);
+        slope(linear, y, y + nq, u, d, d + nq);
+        for (size_t k = 0; k < nq + nv; k++) sum[k] += h * weight[stage] * d[k];
+    }
+    for (size_t k = 0; k < nq; k++) q[k] += sum[k];
+    for (size_t k = 0; k < nv; k++) v[k] += sum[nq + k];
+    project(machine, q);
+}
+
+lg_status identify_linear_run(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                              size_t steps, double *q, double *v, lg_error *error) {
+    const identify_linear *linear = user;
+    const size_t nq = linear->machine->positions, nv = linear->machine->velocities;
+    (void)error;
+    for (size_t i = 0; i < count; i++, q += (steps + 1) * nq, v += (steps + 1) * nv) {
+        memcpy(q, log->q + start[i] * nq, nq * sizeof *q);
+        memcpy(v, log->v + start[i] * nv, nv * sizeof *v);
+        for (size_t step = 0; step < steps; step++) {
+            memcpy(q + (step + 1) * nq, q + step * nq, nq * sizeof *q);
+            memcpy(v + (step + 1) * nv, v + step * nv, nv * sizeof *v);
+            advance(linear, log, start[i] + step, q + (step + 1) * nq, v + (step + 1) * nv);
+        }
+    }
+    return LG_OK;
+}

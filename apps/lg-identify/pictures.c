@@ -1,0 +1,375 @@
+/* Pictures of logs, predictions and what was learned: panels beside each other and below. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "lg-identify/runs.h"
+
+enum {
+    IN_ROW = 3,
+    WIDTH = 430,
+    HEIGHT = 290,
+    MOST_ROWS = 1000, /* of a run that are drawn */
+    GRID = 121,
+    BINS = 60
+};
+static const char *const colours[] = {"#1f5fa8", "#2c8a5a", "#8a4fa8", "#a8871f", "#444444",
+                                      "#a83f5f", "#3fa0a8", "#6b8a2c", "#5f5fa8"};
+static const char *const pale[] = {"#9fc2ea", "#a6d6bd", "#d3b6e2", "#e2d39a", "#bbbbbb",
+                                   "#e2a9b8", "#a9dde2", "#c9dba3", "#b9b9e2"};
+
+/* ---- groups of columns that share a panel ---- */
+
+typedef struct group {
+    char title[LG_MACHINE_NAME + 24];
+    uint32_t first, count; /* columns of the machine file */
+} group;
+
+static void add_group(group *groups, size_t *n, const char *what, const char *name, uint32_t first,
+                      uint32_t count) {
+    if (count == 0) return;
+    (void)snprintf(groups[*n].title, sizeof groups[*n].title, "%s%s%s", name, *what != '\0' ? ": " : "",
+                   what);
+    groups[*n].first = first, groups[*n].count = count;
+    ++*n;
+}
+
+/* Positions, attitudes, velocities of each coordinate; then inputs, one panel for all. */
+static size_t find_groups(const lg_machine_file *file, bool inputs, group *groups) {
+    size_t n = 0;
+    uint32_t first = file->column_count, count = 0;
+    for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
+        const lg_log_coordinate *at = &file->coordinates[i];
+        const char *name = file->machine.coordinates[i].name;
+        add_group(groups, &n, "", name, at->place, at->places);
+        add_group(groups, &n, at->attitudes == 3 ? "direction" : "attitude", name, at->attitude,
+                  at->attitudes);
+        add_group(groups, &n, "velocity", name, at->velocity, at->velocities);
+    }
+    for (uint32_t c = 0; c < file->column_count; c++)
+        if (file->columns[c].role == LG_LOG_INPUT) {
+            if (count == 0) first = c;
+            count++;
+        }
+    if (inputs) add_group(groups, &n, "", "inputs", first, count);
+    return n;
+}
+
+/* ---- data ---- */
+
+static void put_row(FILE *stream, const lg_machine_file *file, const lg_machine_log *log, size_t row,
+                    const double *q, const double *v, double *logged) {
+    const size_t nq = file->machine.positions, nv = file->machine.velocities, m = file->machine.input_count;
+    double predicted[LG_LOG_COLUMNS];
+    identify_to_columns(file, log->q + row * nq, log->v + row * nv, logged, logged);
+    for (uint32_t c = 0; c < file->column_count; c++)
+        if (file->columns[c].role == LG_LOG_INPUT) logged[c] = log->u[row * 4 * m + file->columns[c].index];
+    for (uint32_t c = 0; c < file->column_count; c++) predicted[c] = (double)NAN;
+    if (q != NULL) identify_to_columns(file, q + row * nq, v + row * nv, logged, predicted);
+    (void)fprintf(stream, "%.9g", log->t[row]);
+    for (uint32_t c = 0; c < file->column_count; c++) (void)fprintf(stream, " %.7g", logged[c]);
+    for (uint32_t c = 0; c < file->column_count; c++) (void)fprintf(stream, " %.7g", predicted[c]);
+    (void)fputc('\n', stream);
+}
+
+/* The first parts as one block; a blank line breaks curves at gaps. */
+static void put_run(FILE *stream, const lg_machine_file *file, const lg_machine_log *log, size_t parts,
+                    const double *q, const double *v) {
+    size_t rows = 0;
+    double logged[LG_LOG_COLUMNS] = {0}; /* of the row before: signs of quaternions go on */
+    for (size_t p = 0; p < parts; p++) {
+        for (size_t row = log->first[p]; row < log->first[p + 1] && rows < MOST_ROWS; row++, rows++)
+            put_row(stream, file, log, row, q, v, logged);
+        (void)fputc('\n', stream);
+    }
+    (void)fputc('\n', stream);
+}
+
+/* ---- panels ---- */
+
+static lg_status begin(app_plot *plot, const char *picture, size_t panels, const char *title,
+                       lg_error *error) {
+    const size_t columns = panels < IN_ROW ? panels : (size_t)IN_ROW;
+    const size_t rows = (panels + columns - 1) / columns;
+    const lg_status status = app_plot_begin(plot, picture, WIDTH * (int)columns, HEIGHT * (int)rows + 40);
+    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", picture);
+    (void)fprintf(
+        plot->script.stream,
+        "set multiplot layout %zu,%zu title \"%s\" noenhanced\nset key below center horizontal maxrows 2 "
+        "noenhanced samplen 1.5\n"
+        "set title noenhanced\nset xlabel noenhanced\nset offsets graph 0, graph 0, graph 0.12, graph "
+        "0.05\nset lmargin 9\n",
+        rows, columns, title);
+    return LG_OK;
+}
+
+static lg_status end(const app *self, app_plot *plot, lg_error *error) {
+    bool drawn;
+    (void)fputs("unset multiplot\n", plot->script.stream);
+    return app_plot_end(self, plot, &drawn, error);
+}
+
+static void put_group(FILE *script, const lg_machine_file *file, const group *g, bool predicted) {
+    const bool held = file->columns[g->first].role == LG_LOG_INPUT && file->hold == LG_HOLD_ZERO;
+    (void)fprintf(script, "set title '%s'\nset xlabel 't (s)'\nset ylabel ''\nplot ", g->title);
+    for (uint32_t k = 0; k < g->count; k++) {
+        const uint32_t column = g->first + k;
+        const size_t colour = k % LG_COUNT(colours);
+        const char *thin = predicted && g->count == 1 ? "#d1641f" : colours[colour];
+        (void)fprintf(script, "%sdatafile index 0 using 1:%u with %s lw %s lc rgb '%s' title '%s'",
+                      k > 0 ? ", " : "", column + 2, held ? "steps" : "lines", predicted ? "4" : "1.5",
+                      predicted ? pale[colour] : colours[colour], file->columns[column].name);
+        if (predicted)
+            (void)fprintf(script, ", datafile index 0 using 1:%u with lines lw 1.2 lc rgb '%s' title '%s'",
+                          column + 2 + file->column_count, thin, k + 1 == g->count ? "predicted" : "");
+    }
+    (void)fputc('\n', script);
+}
+
+lg_status identify_draw_run(const app *self, const char *picture, const char *title,
+                            const lg_machine_file *file, const lg_machine_log *log, size_t parts,
+                            const double *q, const double *v, lg_error *error) {
+    app_plot plot;
+    group groups[3 * LG_MACHINE_COORDINATES + 1];
+    const size_t count = find_groups(file, true, groups);
+    LG_TRY(begin(&plot, picture, count, title, error));
+    put_run(plot.data.stream, file, log, parts, q, v);
+    for (size_t i = 0; i < count; i++)
+        put_group(plot.script.stream, file, &groups[i],
+                  q != NULL && file->columns[groups[i].first].role != LG_LOG_INPUT);
+    return end(self, &plot, error);
+}
+
+/* ---- what was learned ---- */
+
+/* A number of velocity; of lines and angles its position too. */
+typedef struct axis {
+    char name[LG_MACHINE_NAME + 12];
+    bool scalar, angle, seen; /* seen: the potential depends on it */
+    uint32_t position, velocity;
+    double low, high, slow, fast; /* ranges of both in the log */
+} axis;
+
+static bool potential_sees(const lg_machine *machine, uint32_t coordinate) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        for (uint32_t k = 0; k < machine->terms[i].of_count; k++)
+            if (machine->terms[i].part == LG_MACHINE_POTENTIAL && machine->terms[i].of[k].index == coordinate)
+                return true;
+    return false;
+}
+
+static size_t find_axes(const lg_machine *machine, axis *axes) {
+    size_t n = 0;
+    uint32_t position = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_coordinate *c = &machine->coordinates[i];
+        const uint32_t rates = lg_coordinate_row_of(c->kind)->velocities;
+        for (uint32_t k = 0; k < rates; k++, n++) {
+            axes[n] = (axis){.scalar = rates == 1,
+                             .angle = c->kind == LG_COORDINATE_ANGLE,
+                             .seen = rates == 1 && potential_sees(machine, i),
+                             .position = position,
+                             .velocity = (uint32_t)n};
+            if (rates == 1)
+                (void)snprintf(axes[n].name, sizeof axes[n].name, "%s", c->name);
+            else
+                (void)snprintf(axes[n].name, sizeof axes[n].name, "%s.%u", c->name, k + 1);
+        }
+        position += lg_coordinate_positions(c->kind);
+    }
+    return n;
+}
+
+static bool has_part(const lg_machine *machine, lg_machine_part part) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == part) return true;
+    return false;
+}
+
+static double column_mean(const double *x, size_t rows, size_t stride, double *low, double *high) {
+    double sum = 0;
+    size_t count = 0;
+    *low = INFINITY, *high = -INFINITY;
+    for (size_t i = 0; i < rows; i++) {
+        const double value = x[i * stride];
+        if (!isfinite(value)) continue;
+        sum += value, count++;
+        *low = fmin(*low, value), *high = fmax(*high, value);
+    }
+    return count > 0 ? sum / (double)count : 0;
+}
+
+/* A state to look around from: means of lines and angles, the first complete row of the rest. */
+static void find_middle(const identify_drawing *d, axis *axes, size_t count, double *q) {
+    const lg_machine *machine = d->model->machine;
+    const lg_machine_log *log = d->log;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    size_t row = 0;
+    for (size_t k = 0; row + 1 < log->rows && k < nq; k++)
+        if (isnan(log->q[row * nq + k])) row++, k = 0;
+    memcpy(q, log->q + row * nq, nq * sizeof *q);
+    for (size_t i = 0; i < count; i++) {
+        axis *a = &axes[i];
+        if (a->scalar) q[a->position] = column_mean(log->q + a->position, log->rows, nq, &a->low, &a->high);
+        (void)column_mean(log->v + a->velocity, log->rows, nv, &a->slow, &a->fast);
+        if (!(a->slow < a->fast)) (void)column_mean(d->v + a->velocity, log->rows, nv, &a->slow, &a->fast);
+        if (a->angle && a->high - a->low > 6.3) a->low = -3.141592653589793, a->high = 3.141592653589793;
+    }
+}
+
+/* The share of rows in each bin, as a strip along the axis. */
+static void put_density(FILE *stream, const double *x, size_t rows, size_t stride, double low, double high,
+                        bool angle) {
+    size_t bins[BINS] = {0}, most = 1;
+    for (size_t i = 0; i < rows; i++) {
+        const double value =
+            angle ? identify_wrap(x[i * stride] - 0.5 * (low + high)) + 0.5 * (low + high) : x[i * stride];
+        if (!(value >= low && value <= high)) continue;
+        const size_t bin = (size_t)fmin(BINS - 1, (value - low) / (high - low) * BINS);
+        if (++bins[bin] > most) most = bins[bin];
+    }
+    for (int i = 0; i < BINS; i++)
+        (void)fprintf(stream, "%.7g %.7g\n", low + (high - low) * (i + 0.5) / BINS,
+                      (double)bins[i] / (double)most);
+    (void)fputs("\n\n", stream);
+}
+
+/* A curve (GRID) over low..high, from its value in the middle of what is `level`led. */
+static void put_curve(FILE *stream, double low, double high, const double *y, size_t stride, bool level) {
+    double least = INFINITY;
+    for (size_t i = 0; i < GRID; i++) least = fmin(least, y[i * stride]);
+    for (size_t i = 0; i < GRID; i++)
+        (void)fprintf(stream, "%.7g %.7g\n", low + (high - low) * (double)i / (GRID - 1),
+                      y[i * stride] - (level ? least : 0));
+    (void)fputs("\n\n", stream);
+}
+
+static void put_learned(FILE *script, size_t block, const char *title, const char *xlabel,
+                        const char *ylabel) {
+    (void)fprintf(
+        script,
+        "set title '%s'\nset xlabel '%s'\nset ylabel '%s'\nset y2range [0:6]\n"
+        "plot datafile index %zu using 1:2 axes x1y2 with boxes fs solid 1 noborder lc rgb '#c8d6c8' "
+        "title 'rows of the log', datafile index %zu using 1:2 with lines lw 2 lc rgb '#d1641f' title "
+        "'learned'\nunset y2range\n",
+        title, xlabel, ylabel, block, block + 1);
+}
+
+typedef struct slices {
+    double *q, *v, *potential, *damping;
+} slices;
+
+static lg_status put_potential(const app *self, const identify_drawing *d, const axis *a,
+                               const double *middle, slices *s, app_plot *plot, size_t *block,
+                               lg_error *error) {
+    const lg_machine *machine = d->model->machine;
+    const size_t nq = machine->positions;
+    char title[LG_MACHINE_NAME + 64];
+    for (size_t i = 0; i < GRID; i++) {
+        memcpy(s->q + i * nq, middle, nq * sizeof *s->q);
+        s->q[i * nq + a->position] = a->low + (a->high - a->low) * (double)i / (GRID - 1);
+    }
+    LG_TRY(identify_values(self, d->model, GRID, s->q, s->v, s->potential, NULL, error));
+    put_density(plot->data.stream, d->log->q + a->position, d->log->rows, nq, a->low, a->high, a->angle);
+    put_curve(plot->data.stream, a->low, a->high, s->potential, 1, true);
+    (void)snprintf(title, sizeof title, "potential along %.43s, from its least", a->name);
+    put_learned(plot->script.stream, *block, title, a->name, "");
+    *block += 2;
+    return LG_OK;
+}
+
+static lg_status put_friction(const app *self, const identify_drawing *d, const axis *a, const double *middle,
+                              slices *s, app_plot *plot, size_t *block, lg_error *error) {
+    const lg_machine *machine = d->model->machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    char title[LG_MACHINE_NAME + 64], xlabel[LG_MACHINE_NAME + 32];
+    memset(s->v, 0, GRID * nv * sizeof *s->v);
+    for (size_t i = 0; i < GRID; i++) {
+        memcpy(s->q + i * nq, middle, nq * sizeof *s->q);
+        s->v[i * nv + a->velocity] = a->slow + (a->fast - a->slow) * (double)i / (GRID - 1);
+    }
+    LG_TRY(identify_values(self, d->model, GRID, s->q, s->v, NULL, s->damping, error));
+    const bool measured = d->file->measured != LG_MEASURED_POSITIONS;
+    put_density(plot->data.stream, (measured ? d->log->v : d->v) + a->velocity, d->log->rows, nv, a->slow,
+                a->fast, false);
+    put_curve(plot->data.stream, a->slow, a->fast, s->damping + a->velocity, nv, false);
+    (void)snprintf(title, sizeof title, "friction force on %.43s", a->name);
+    (void)snprintf(xlabel, sizeof xlabel, "velocity of %.43s", a->name);
+    put_learned(plot->script.stream, *block, title, xlabel, "");
+    *block += 2;
+    return LG_OK;
+}
+
+static lg_status put_slices(const app *self, const identify_drawing *d, axis *axes, size_t count,
+                            app_plot *plot, size_t block, lg_error *error) {
+    const lg_machine *machine = d->model->machine;
+    double middle[LG_MACHINE_POSITIONS];
+    lg_status status = LG_OK;
+    slices s = {app_alloc(GRID * machine->positions, sizeof(double)),
+                app_alloc(GRID * machine->velocities, sizeof(double)), app_alloc(GRID, sizeof(double)),
+                app_alloc(GRID * machine->velocities, sizeof(double))};
+    find_middle(d, axes, count, middle);
+    for (size_t i = 0; i < count && status == LG_OK; i++) {
+        if (axes[i].seen) status = put_potential(self, d, &axes[i], middle, &s, plot, &block, error);
+        if (status == LG_OK && has_part(machine, LG_MACHINE_DAMPING))
+            status = put_friction(self, d, &axes[i], middle, &s, plot, &block, error);
+    }
+    free(s.q);
+    free(s.v);
+    free(s.potential);
+    free(s.damping);
+    return status;
+}
+
+/* Errors of the model and of "nothing changes" against the horizon. */
+static void put_horizons(const identify_drawing *d, app_plot *plot) {
+    FILE *script = plot->script.stream;
+    const char *separator = "";
+    for (size_t i = 0; i < d->horizon_count; i++) {
+        (void)fprintf(plot->data.stream, "%.7g", d->horizons[i].seconds);
+        for (int e = 0; e < IDENTIFY_ERRORS; e++)
+            (void)fprintf(plot->data.stream, " %.7g %.7g", d->horizons[i].pooled[e],
+                          d->horizons[i].unchanged[e]);
+        (void)fputc('\n', plot->data.stream);
+    }
+    (void)fputs("\n\n", plot->data.stream);
+    (void)fputs("set title 'error against horizon, root mean square'\nset xlabel 'horizon (s)'\nset ylabel "
+                "''\nset logscale xy\n"
+                "set format y '10^{%L}'\nset ytics 1e-12,100\nplot ",
+                script);
+    for (int e = 0; e < IDENTIFY_ERRORS; e++) {
+        if (!isfinite(d->horizons[0].pooled[e])) continue;
+        (void)fprintf(
+            script,
+            "%sdatafile index 1 using 1:%d with linespoints lw 1.8 pt 7 ps 0.4 lc rgb '%s' title '%s', "
+            "datafile index 1 using 1:%d with lines lw 2 dt 3 lc rgb '%s' title '%s'",
+            separator, 2 + 2 * e, colours[e], identify_error_names[e], 3 + 2 * e, pale[e],
+            *separator == '\0' ? "unchanged (dotted)" : "");
+        separator = ", ";
+    }
+    if (*separator == '\0') (void)fputs("1 notitle", script);
+    (void)fputs("\nunset logscale xy\nset format y\nset ytics autofreq\n", script);
+}
+
+lg_status identify_draw_evaluation(const app *self, const char *picture, const identify_drawing *d,
+                                   lg_error *error) {
+    app_plot plot;
+    group groups[3 * LG_MACHINE_COORDINATES + 1];
+    axis axes[LG_MACHINE_VELOCITIES];
+    const lg_machine *machine = d->model->machine;
+    const size_t count = find_groups(d->file, false, groups), lines = find_axes(machine, axes);
+    size_t panels = count + 1 + (has_part(machine, LG_MACHINE_DAMPING) ? lines : 0);
+    for (size_t i = 0; i < lines; i++) panels += axes[i].seen;
+    LG_TRY(begin(&plot, picture, panels,
+                 "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
+                 error));
+    put_run(plot.data.stream, d->file, d->log, d->parts, d->q, d->v);
+    for (size_t i = 0; i < count; i++) put_group(plot.script.stream, d->file, &groups[i], true);
+    put_horizons(d, &plot);
+    const lg_status status = put_slices(self, d, axes, lines, &plot, 2, error);
+    if (status == LG_OK) return end(self, &plot, error);
+    app_file_discard(&plot.data);
+    app_file_discard(&plot.script);
+    return status;
+}

@@ -1,0 +1,130 @@
+/* What check, predict, evaluate and generate share beside identify.h: states in a log's own columns, runs of
+ * all parts, starts from positions alone, ranges. */
+#ifndef LG_APPS_IDENTIFY_RUNS_H
+#define LG_APPS_IDENTIFY_RUNS_H
+
+#include "lg-identify/identify.h"
+
+/* ---- states in columns (columns.c) ---- */
+
+/* Positions and velocities of a row in the columns of the log, scaled as the machine works (not yet divided
+ * by the columns' scale); other columns stay as they are. `before`: the columns of a row whose quaternion's
+ * sign is kept (may be `columns`), or NULL. */
+void identify_to_columns(const lg_machine_file *file, const double *q, const double *v, const double *before,
+                         double *columns);
+bool identify_is_wrapped(const lg_machine_file *file, uint32_t column); /* an angle in radians */
+bool identify_is_state(const lg_log_column *column);                    /* a position or velocity */
+double identify_wrap(double angle);
+
+/* Root mean squares of predicted minus logged columns, from the rows at which `q` is not NaN; NaN: nothing to
+ * compare. Rows of `out`: columns of the file. */
+void identify_column_errors(const lg_machine_file *file, const lg_machine_log *log, const double *q,
+                            const double *v, double *out);
+
+/* Warns of each column in which the rows (those of the log, and those of q and v that are not NaN) leave the
+ * range of the training data. */
+void identify_warn_range(const app *self, const lg_machine_model_run *run, const lg_machine_file *file,
+                         const lg_machine_log *log, const double *q, const double *v);
+
+/* Momenta cannot be predicted in columns: tells, and returns an exit code. */
+int identify_refuse_momenta(const app *self, const lg_machine_file *file, const char *path);
+
+/* ---- runs (runs.c) ---- */
+
+/* Runs from rows start[0..count-1] to the ends of their parts; q (rows, positions) and v (rows, velocities)
+ * are NaN where nothing is predicted. */
+lg_status identify_free_runs(const app *self, const identify_model *model, const lg_machine_log *log,
+                             const size_t *start, size_t count, double *q, double *v, lg_error *error);
+
+/* The first complete row of each part at or after row `from` of the part (without velocities: with all
+ * positions); returns how many parts have one. */
+size_t identify_first_rows(const lg_machine *machine, const lg_machine_log *log, size_t from, bool positions,
+                           size_t *out);
+
+#define IDENTIFY_START_ROWS 50
+/* Least-squares states at row[i] from the positions of this and the following rows, 50 in all or fewer at
+ * the end of a part: q (count, positions), v (count, velocities); at the last of these rows last_q, last_v
+ * (may be NULL). */
+lg_status identify_estimate_starts(const app *self, const identify_model *model, const lg_machine_log *log,
+                                   const size_t *row, size_t count, double *q, double *v, double *last_q,
+                                   double *last_v, lg_error *error);
+
+/* identify_horizon_errors of a log with positions alone: the 50 rows up to a start estimate its state. */
+lg_status identify_position_horizon_errors(const app *self, const identify_model *model,
+                                           const lg_machine_log *log, double seconds, size_t every,
+                                           identify_horizon *out, lg_error *error);
+
+/* identify_free_runs with starts that are estimated where `positions` alone are measured. */
+lg_status identify_run_log(const app *self, const identify_model *model, const lg_machine_log *log,
+                           const size_t *start, size_t count, bool positions, double *q, double *v,
+                           lg_error *error);
+
+/* A x = b for symmetric positive definite A (n, n), b (n, columns): x replaces b. False: it is not. */
+bool identify_solve(double *a, size_t n, double *b, size_t columns);
+
+/* ---- delay of the inputs (delay.c) ---- */
+
+/* Mean square of the accelerations that are left of those between two rows by a polynomial of degree 2 in
+ * positions (sines and cosines of angles), velocities and inputs, fitted to these logs. */
+double identify_unexplained(const lg_machine *machine, const lg_machine_log *log);
+
+/* ---- comparisons (linear.c, balance.c) ---- */
+
+/* v' = A (q, v, u, 1), fitted to all rows of these logs; without velocities its runs are NaN. */
+typedef struct identify_linear identify_linear;
+identify_linear *identify_linear_create(const lg_machine *machine, const lg_machine_log *log);
+void identify_linear_destroy(identify_linear *linear);
+/* A run as in identify_runner. */
+lg_status identify_linear_run(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                              size_t steps, double *q, double *v, lg_error *error);
+
+/* Sums over all intervals of the log, in the unit of energy: H at the end minus H at the start of each
+ * interval is the work of the inputs, of damping and residual, and what the model does not explain. */
+typedef struct identify_energy {
+    double change, inputs, damping, residual, left;
+    double left_size; /* sum of absolute values */
+    double moved;     /* sum of absolute values of the change */
+} identify_energy;
+
+/* Residuals of one interval's prediction, for each column: correlation of neighbours, the Ljung-Box statistic
+ * of 10 lags and its probability for white residuals. */
+typedef struct identify_whiteness {
+    double rms, lag1, ljung_box, probability;
+} identify_whiteness;
+
+lg_status identify_balance(const app *self, const identify_model *model, const lg_machine_file *file,
+                           const lg_machine_log *log, identify_energy *energy, identify_whiteness *whiteness,
+                           lg_error *error);
+
+/* The same of a run, where it is predicted. */
+void identify_run_whiteness(const lg_machine_file *file, const lg_machine_log *log, const double *q,
+                            const double *v, identify_whiteness *out);
+
+/* ---- forces and potential along a coordinate (balance.c) ---- */
+
+/* Values of V or of a force at `count` states in the order of logs. Any of the outputs may be NULL. potential
+ * (count); damping (count, velocities). */
+lg_status identify_values(const app *self, const identify_model *model, size_t count, const double *q,
+                          const double *v, double *potential, double *damping, lg_error *error);
+
+/* ---- pictures (pictures.c) ---- */
+
+/* Each column of the log's first run against time; q, v (rows, ...) predicted, or NULL. */
+lg_status identify_draw_run(const app *self, const char *picture, const char *title,
+                            const lg_machine_file *file, const lg_machine_log *log, size_t parts,
+                            const double *q, const double *v, lg_error *error);
+
+/* What evaluate --plot draws. */
+typedef struct identify_drawing {
+    const identify_model *model;
+    const lg_machine_file *file;
+    const lg_machine_log *log;
+    size_t parts;        /* of the first run */
+    const double *q, *v; /* predicted, as the log's rows */
+    const identify_horizon *horizons;
+    size_t horizon_count;
+} identify_drawing;
+lg_status identify_draw_evaluation(const app *self, const char *picture, const identify_drawing *drawing,
+                                   lg_error *error);
+
+#endif

@@ -1,0 +1,207 @@
+/* Fits of short windows, before that of lg-identify fit. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "lg-identify/fit.h"
+
+bool is_noisy(const training *t) {
+    bool noisy = false;
+    for (uint32_t i = 0; i < t->data.file.machine.coordinate_count; i++)
+        noisy = noisy || t->position_noise[i] > 0.0 || t->velocity_noise[i] > 0.0;
+    return noisy;
+}
+
+bool are_few(const lg_machine *machine) {
+    enum { FEW = 60 };
+    return machine->parameters <= FEW;
+}
+
+void take_loss_scales(training *t) {
+    memcpy(t->problem.position_scale, t->run->position_scale, sizeof t->problem.position_scale);
+    memcpy(t->problem.velocity_scale, t->run->velocity_scale, sizeof t->problem.velocity_scale);
+}
+
+/* ---- a machine without the networks that other terms can do without ---- */
+
+static bool is_network(const lg_machine_term *term) {
+    return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
+}
+
+/* Whether term i is a network beside another term of its part, or a residual. */
+static bool is_spare(const lg_machine *machine, uint32_t i) {
+    const lg_machine_term *term = &machine->terms[i];
+    bool beside = term->part == LG_MACHINE_RESIDUAL;
+    for (uint32_t j = 0; j < machine->term_count; j++)
+        beside = beside || (machine->terms[j].part == term->part && !is_network(&machine->terms[j]));
+    return beside && is_network(term);
+}
+
+/* The machine without its spare networks; from[i]: the term that its term i is. */
+typedef struct plain_machine {
+    lg_machine machine;
+    uint32_t from[LG_MACHINE_TERMS];
+} plain_machine;
+
+static lg_status make_plain(const lg_machine *machine, plain_machine *out, lg_error *error) {
+    out->machine = *machine;
+    out->machine.term_count = 0;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        if (is_spare(machine, i)) continue;
+        out->from[out->machine.term_count] = i;
+        out->machine.terms[out->machine.term_count++] = machine->terms[i];
+    }
+    return lg_machine_init(&out->machine, error);
+}
+
+/* Copies the parameters of the plain machine's terms to the machine's theta, or back. */
+static void copy_parameters(const lg_machine *machine, const plain_machine *plain, double *theta, double *own,
+                            bool back) {
+    for (uint32_t i = 0; i < plain->machine.term_count; i++) {
+        const lg_machine_term *term = &plain->machine.terms[i];
+        double *all = theta + machine->terms[plain->from[i]].offset;
+        memcpy(back ? own + term->offset : all, back ? all : own + term->offset,
+               term->parameters * sizeof *own);
+    }
+}
+
+/* Spare networks begin with next to nothing: their last layers are scaled down. */
+static void quieten(const lg_machine *machine, double *theta) {
+    static const double quiet = 1e-2;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if (!is_spare(machine, i)) continue;
+        for (size_t k = lg_mlp_weight_offset(&term->net, term->net.layers - 1); k < term->parameters; k++)
+            theta[term->offset + k] *= quiet;
+    }
+}
+
+/* ---- fits ---- */
+
+/* So few rows do not tell a start that was not measured: it is the derivative of positions. */
+enum { SHORTEST = 3 };
+
+/* A fit of windows of `window` rows at most. theta, in and out: the parameters of `machine`, then with
+ * positions alone those of the starts. */
+static lg_status fit_short(const app *self, const training *t, const lg_fit_options *how,
+                           const lg_machine *machine, uint32_t window, double *theta, lg_error *error) {
+    enum { EPOCHS = 200 };
+    const bool few = are_few(machine);
+    const bool estimated = t->data.file.measured == LG_MEASURED_POSITIONS && window > SHORTEST;
+    lg_machine_problem problem = t->problem;
+    lg_fit_problem fit_problem;
+    lg_fit_options chosen = *how;
+    lg_fit *fit;
+    problem.machine = machine;
+    problem.starts = estimated ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
+    problem.window = window < t->run->window ? window : t->run->window;
+    lg_machine_fit_problem(&problem, &fit_problem);
+    lg_training_apply(&t->run->training, &chosen);
+    (void)lg_fit_plan_parse(few ? "lm" : estimated ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
+    chosen.epochs = few ? EPOCHS / 4 : EPOCHS;
+    chosen.seconds = how->seconds / 8;
+    chosen.validation = 0;
+    chosen.keep_best = false;
+    chosen.patience = chosen.stop_after = chosen.checkpoint_every = 0;
+    chosen.checkpoint = NULL;
+    chosen.on_epoch = NULL;
+    lg_status status = lg_fit_create(self->context, &fit_problem, &chosen, theta, &fit, error);
+    if (status != LG_OK) return status;
+    status = lg_fit_run(fit, error);
+    if (status == LG_OK) lg_fit_parameters(fit, theta);
+    lg_fit_destroy(fit);
+    return status;
+}
+
+/* Positions that do not follow from the velocities as well as velocities can be predicted (other programs'
+ * integrators, sensors with a lag) count less: their errors in units of the scale become those of the
+ * velocities. *changed: a scale grew. */
+static lg_status balance(const app *self, training *t, const lg_machine *machine, const double *theta,
+                         bool *changed, lg_error *error) {
+    static const double tolerated = 2.0;
+    identify_residual found[LG_MACHINE_COORDINATES];
+    lg_machine_model_run *run = t->run;
+    const identify_model model = {machine, theta, run->scheme, run->substeps};
+    LG_TRY(identify_residuals(self, &model, &t->problem, found, error));
+    *changed = false;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const double q = found[i].position / run->position_scale[i],
+                     v = found[i].velocity / run->velocity_scale[i];
+        if (!(q > tolerated * v && v > 0.0) || t->position_noise[i] > 0.0) continue;
+        run->position_scale[i] *= q / v;
+        *changed = true;
+    }
+    take_loss_scales(t);
+    return LG_OK;
+}
+
+/* Windows that grow, or one-step windows again and again until the scales of the loss stand. */
+static lg_status fit_windows(const app *self, training *t, const lg_fit_options *how,
+                             const lg_machine *machine, double *theta, lg_error *error) {
+    enum { ROUNDS = 4 };
+    static const uint32_t growing[] = {SHORTEST, 15, 50};
+    bool changed = true;
+    if (t->data.file.measured == LG_MEASURED_POSITIONS) {
+        for (size_t i = 0; i < LG_COUNT(growing); i++)
+            LG_TRY(fit_short(self, t, how, machine, growing[i], theta, error));
+        return LG_OK;
+    }
+    for (int round = 0; round < ROUNDS && changed; round++) {
+        LG_TRY(fit_short(self, t, how, machine, is_noisy(t) ? 5 : 2, theta, error));
+        LG_TRY(balance(self, t, machine, theta, &changed, error));
+    }
+    return LG_OK;
+}
+
+/* Steps between two rows, where they are not given: the error of the steps is small against what the
+ * parameters that short windows gave leave of the loss, or below all that matters. */
+static lg_status find_substeps(const app *self, training *t, const lg_machine *machine, const double *theta,
+                               lg_error *error) {
+    enum { MOST = 4 };
+    static const double enough = 1e-10, part = 1e-2;
+    lg_machine_problem problem = t->problem;
+    double loss = 0, floor = 0;
+    if (app_given(self, "substeps")) return LG_OK;
+    problem.machine = machine;
+    if (t->data.file.measured != LG_MEASURED_POSITIONS) problem.starts = LG_MACHINE_STARTS_MEASURED;
+    for (t->run->substeps = 1; t->run->substeps < MOST; t->run->substeps++) {
+        problem.substeps = t->run->substeps;
+        LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
+        if (floor <= fmax(enough, part * loss)) break;
+    }
+    t->problem.substeps = t->run->substeps;
+    return LG_OK;
+}
+
+static lg_status fit_plain(const app *self, training *t, const lg_fit_options *how,
+                           const plain_machine *plain, double *own, lg_error *error) {
+    if (plain->machine.parameters > 0) LG_TRY(fit_windows(self, t, how, &plain->machine, own, error));
+    return find_substeps(self, t, &plain->machine, own, error);
+}
+
+/* Numbers of all starts, where short windows find them. */
+static size_t start_numbers(const training *t) {
+    if (t->data.file.measured != LG_MEASURED_POSITIONS) return 0;
+    return lg_machine_problem_parameters(&t->problem) - t->run->machine.parameters;
+}
+
+lg_status warm_up(const app *self, training *t, const lg_fit_options *how, double *theta, lg_error *error) {
+    const lg_machine *machine = &t->run->machine;
+    const size_t starts = start_numbers(t);
+    plain_machine *plain = app_alloc(1, sizeof *plain);
+    double *own = app_alloc(machine->parameters + starts + 1, sizeof *own);
+    lg_status status = make_plain(machine, plain, error);
+    if (status == LG_OK) {
+        copy_parameters(machine, plain, theta, own, true);
+        status = fit_plain(self, t, how, plain, own, error);
+    }
+    if (status == LG_OK) {
+        copy_parameters(machine, plain, theta, own, false);
+        memcpy(theta + machine->parameters, own + plain->machine.parameters, starts * sizeof *own);
+        quieten(machine, theta);
+    }
+    free(own);
+    free(plain);
+    return status;
+}

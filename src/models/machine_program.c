@@ -1,0 +1,253 @@
+/* A learned machine as a bundle of functions in the units of the log. What is recorded in scaled units has
+ * its inputs divided by factors and its results multiplied by them; steps are taken in the log's units. */
+#include <math.h>
+
+#include "core/core.h"
+#include "integrators/taped_internal.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+/* Numbers of a state: those of positions and velocities together. */
+enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
+
+typedef struct recording {
+    const lg_machine *machine;
+    const lg_scheme *scheme; /* NULL: no step */
+    lg_space space;
+    /* A number of the log is the scaled one times its factor. */
+    double state[MOST], field[MOST], positions[LG_MACHINE_POSITIONS], velocities[LG_MACHINE_VELOCITIES];
+} recording;
+
+/* ---- factors ---- */
+
+/* Of the states' parts: p = dL/dv has E T/L, and what changes it in time E/L. */
+static void fill_state(recording *r) {
+    const lg_machine *machine = r->machine;
+    const lg_machine_scales *s = &machine->scales;
+    double *state = r->state, *field = r->field;
+    for (uint32_t k = 0; k < machine->places; k++) {
+        *state++ = s->place[k];
+        *field++ = s->place[k] / s->time;
+    }
+    for (uint32_t k = 0; k < 6 * machine->directions; k++) {
+        const bool turns = k % 6 < 3;
+        *state++ = turns ? 1.0 : s->energy * s->time;
+        *field++ = turns ? 1.0 / s->time : s->energy;
+    }
+    for (uint32_t k = 0; k < 9 * machine->rotations; k++) *state++ = 1.0;
+    for (uint32_t k = 0; k < 3 * machine->rotations; k++) *field++ = 1.0 / s->time;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const double *L = s->velocity + lg_machine_offsets_of(machine, i).velocity;
+        for (uint32_t k = 0; row->directions == 0 && k < row->velocities; k++) {
+            *state++ = s->energy * s->time / L[k];
+            *field++ = s->energy / L[k];
+        }
+    }
+}
+
+static void fill_log(recording *r) {
+    const lg_machine *machine = r->machine;
+    const lg_machine_scales *s = &machine->scales;
+    for (uint32_t k = 0; k < machine->positions; k++) r->positions[k] = 1.0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const uint32_t places = lg_coordinate_row_of(machine->coordinates[i].kind)->places;
+        for (uint32_t k = 0; k < places; k++) r->positions[at.position + k] = s->place[at.place + k];
+    }
+    for (uint32_t k = 0; k < machine->velocities; k++) r->velocities[k] = s->velocity[k] / s->time;
+}
+
+/* x (B, n) times one factor each, or divided by it; x itself where all are 1. */
+static lg_var times(lg_tape *tape, lg_var x, const double *factors, uint32_t n, bool divided) {
+    double by[MOST];
+    bool any = false;
+    for (uint32_t k = 0; k < n; k++) {
+        by[k] = divided ? 1.0 / factors[k] : factors[k];
+        any = any || factors[k] != 1.0;
+    }
+    return any ? lg_mul(tape, x, lg_input_f64(tape, lg_shape2(1, n), by)) : x;
+}
+
+/* ---- functions ---- */
+
+static lg_status bind(const recording *r, lg_tape *tape, const lg_var *theta, lg_machine_vars *vars) {
+    return lg_machine_bind(tape, r->machine, r->machine->parameters > 0 ? theta[0] : LG_NONE, vars);
+}
+
+/* Parameters and the parts of a state of the log. */
+static lg_status open_state(const recording *r, lg_tape *tape, const lg_var *theta, lg_var x,
+                            lg_machine_vars *vars, lg_var *parts) {
+    LG_TRY(bind(r, tape, theta, vars));
+    return lg_taped_split(tape, &r->space, times(tape, x, r->state, (uint32_t)r->space.dim, true), parts);
+}
+
+static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
+    const lg_var H = lg_machine_record_energy(tape, &vars, parts);
+    y[0] = times(tape, H, &r->machine->scales.energy, 1, false);
+    return lg_tape_status(tape);
+}
+
+static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    LG_TRY(value(user, tape, theta, x, y));
+    return lg_grad(tape, y[0], x, 1, y + 1);
+}
+
+static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    const uint32_t m = r->machine->input_count;
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
+    LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
+    const lg_var u = m > 0 ? times(tape, x[1], r->machine->scales.input, m, true) : LG_NONE;
+    LG_TRY(lg_machine_record_field(tape, &vars, parts, u, algebra));
+    y[0] = times(tape, lg_taped_join_algebra(tape, &r->space, algebra), r->field,
+                 (uint32_t)r->space.algebra_dim, false);
+    return lg_tape_status(tape);
+}
+
+/* Inputs: x, then u where the machine has inputs. */
+static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_var algebra[LG_TAPED_MAX_PARTS], parts[LG_TAPED_MAX_PARTS], rate[LG_TAPED_MAX_PARTS];
+    (void)theta;
+    LG_TRY(lg_taped_split_algebra(tape, &r->space, lg_program_call(tape, "field", 0, x), algebra));
+    LG_TRY(lg_taped_split(tape, &r->space, x[0], parts));
+    LG_TRY(lg_taped_generator(tape, &r->space, algebra, parts, rate));
+    y[0] = lg_taped_join(tape, &r->space, rate);
+    return lg_tape_status(tape);
+}
+
+static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                            lg_var *algebra) {
+    const lg_space *space = user;
+    const lg_var in[2] = {lg_taped_join(tape, space, y), input};
+    (void)t;
+    return lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", 0, in), algebra);
+}
+
+static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    const bool forced = r->machine->input_count > 0;
+    lg_taped_ode ode = {.space = r->space, .field = call_field};
+    const lg_taped_interval over = {.h_rows = forced ? x[2] : x[1], .input = forced ? x[1] : LG_NONE};
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    (void)theta;
+    ode.user = &ode.space;
+    LG_TRY(lg_taped_split(tape, &r->space, x[0], parts));
+    LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
+    y[0] = lg_taped_join(tape, &r->space, parts);
+    return lg_tape_status(tape);
+}
+
+static lg_status momenta(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    LG_TRY(bind(r, tape, theta, &vars));
+    const lg_var q = times(tape, x[0], r->positions, r->machine->positions, true),
+                 v = times(tape, x[1], r->velocities, r->machine->velocities, true);
+    LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));
+    y[0] = times(tape, lg_taped_join(tape, &r->space, parts), r->state, (uint32_t)r->space.dim, false);
+    return lg_tape_status(tape);
+}
+
+static lg_status velocities(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
+    const lg_var v = lg_machine_record_velocities(tape, &vars, parts);
+    y[0] = times(tape, v, r->velocities, r->machine->velocities, false);
+    return lg_tape_status(tape);
+}
+
+static lg_status positions(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
+    const lg_var q = lg_machine_record_positions(tape, &vars, parts);
+    y[0] = times(tape, q, r->positions, r->machine->positions, false);
+    return lg_tape_status(tape);
+}
+
+/* ---- the bundle ---- */
+
+/* A port with random numbers up to the smallest factor, so that none is far outside of the scales. */
+static lg_port port_of(const char *name, const double *factors, uint32_t n) {
+    double least = INFINITY;
+    for (uint32_t k = 0; k < n; k++) least = fmin(least, factors[k]);
+    return (lg_port){.name = name, .shape = lg_shape1(n), .low = -least, .high = least};
+}
+
+enum { MOST_FUNCTIONS = 8 };
+
+static lg_status build(const lg_context *context, recording *r, const double *theta, lg_program **out,
+                       lg_error *error) {
+    const lg_machine *machine = r->machine;
+    const uint32_t m = machine->input_count;
+    const size_t inputs = m > 0 ? 2 : 1;
+    const double T = machine->scales.time;
+    const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = 0.001 * T, .high = 0.05 * T};
+    lg_port in[3] = {port_of("x", r->state, (uint32_t)r->space.dim)};
+    if (m > 0) in[1] = port_of("u", machine->scales.input, m);
+    in[inputs] = h;
+    const lg_port logged[2] = {port_of("q", r->positions, machine->positions),
+                               port_of("v", r->velocities, machine->velocities)};
+    const lg_port energy[2] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, next = {.name = "next"};
+    const lg_port state = {.name = "x"};
+    lg_function_spec functions[MOST_FUNCTIONS] = {
+        {"value", in, 1, energy, 1, value, r},
+        {"grad", in, 1, energy, 2, gradient, r},
+        {"field", in, inputs, &rate, 1, field, r},
+        {"velocity", in, inputs, &rate, 1, velocity, r},
+        {"momenta", logged, 2, &state, 1, momenta, r},
+        {"velocities", in, 1, &logged[1], 1, velocities, r},
+        {"positions", in, 1, &logged[0], 1, positions, r},
+        {"step", in, inputs + 1, &next, 1, step, r},
+    };
+    const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)machine->parameters), theta};
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.parameters = &weights;
+    spec.parameter_count = machine->parameters > 0 ? 1 : 0;
+    spec.functions = functions;
+    spec.function_count = r->scheme != NULL ? MOST_FUNCTIONS : MOST_FUNCTIONS - 1;
+    spec.description = "a learned machine with inputs and damping, in the units of its log";
+    return lg_program_build(context, &spec, out, error);
+}
+
+static lg_status make(const lg_context *context, const lg_machine *machine, const double *theta,
+                      const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    recording r = {.machine = machine, .scheme = scheme};
+    lg_derivative jacobian;
+    lg_program *made;
+    LG_TRY(lg_machine_space(machine, &r.space));
+    fill_state(&r);
+    fill_log(&r);
+    LG_TRY(build(context, &r, theta, &made, error));
+    lg_derivative_init(&jacobian);
+    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
+    jacobian.function = "velocity";
+    const lg_status status = lg_program_derive(made, &jacobian, error);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_program_destroy(made);
+    return status;
+}
+
+lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
+                             const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    return make(context, machine, theta, scheme != NULL ? scheme : lg_scheme_find("cf4"), out, error);
+}
+
+lg_status lg_machine_bundle(const lg_context *context, const lg_machine *machine, const double *theta,
+                            lg_program **out, lg_error *error) {
+    return make(context, machine, theta, NULL, out, error);
+}

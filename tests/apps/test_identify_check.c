@@ -1,0 +1,269 @@
+/* lg-identify check: what is in logs, what is refused, what is a warning. */
+#include "identify_support.h"
+
+static cli result;
+
+/* ---- a log: x = sin t, y = .5 cos 3t, theta = .8 sin 2t, an attitude about e3 by t ---- */
+
+enum { ROWS = 200, COLUMNS = 14 };
+#define DT 0.02
+static const char *const names[COLUMNS] = {"t",  "x",  "vx", "y",  "vy", "theta", "w",
+                                           "qw", "qx", "qy", "qz", "wx", "wy",    "wz"};
+enum { T, X, VX, Y, VY, THETA, W, QW, QX, QY, QZ, WX, WY, WZ };
+
+typedef struct sheet {
+    double cells[ROWS][COLUMNS], u[ROWS];
+} sheet;
+
+static double noise(size_t i) { /* of size 1, without a pattern */
+    const double x = sin(12.9898 * (double)i) * 43758.5453;
+    return sqrt(12) * (x - floor(x) - 0.5);
+}
+
+static sheet *good_sheet(void) {
+    sheet *s = TEST_ARRAY(sheet, 1);
+    for (size_t i = 0; i < ROWS; i++) {
+        const double t = DT * (double)i;
+        double *c = s->cells[i];
+        c[T] = t, c[X] = sin(t), c[VX] = cos(t), c[Y] = 0.5 * cos(3 * t), c[VY] = -1.5 * sin(3 * t);
+        c[THETA] = 0.8 * sin(2 * t), c[W] = 1.6 * cos(2 * t);
+        c[QW] = cos(t / 2), c[QZ] = sin(t / 2), c[WZ] = 1;
+        s->u[i] = sin(7 * t) + 0.3 * sin(11 * t * t);
+    }
+    return s;
+}
+
+static void write_sheet(const char *name, const sheet *s) {
+    enum { SIZE = 1 << 18 };
+    char *text = lg_test_memory(SIZE);
+    size_t used = 0;
+    for (int k = 0; k < COLUMNS; k++) used += (size_t)snprintf(text + used, SIZE - used, "%s,", names[k]);
+    used += (size_t)snprintf(text + used, SIZE - used, "u\n");
+    for (size_t i = 0; i < ROWS; i++) {
+        for (int k = 0; k < COLUMNS; k++)
+            used += (size_t)snprintf(text + used, SIZE - used, isnan(s->cells[i][k]) ? "," : "%.12g,",
+                                     s->cells[i][k]);
+        used += (size_t)snprintf(text + used, SIZE - used, "%.12g\n", s->u[i]);
+    }
+    cli_write(name, text);
+}
+
+static const char machine[] =
+    "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+    "  - {name: y, kind: line, velocity: vy}\n  - {name: theta, kind: angle, velocity: w}\n"
+    "  - {name: body, kind: rotation, columns: [qw, qx, qy, qz], velocity: [wx, wy, wz]}\n"
+    "inputs: {columns: [u]}\nmass: diagonal\ninput_map: {kind: known, values: [[1],[0],[0],[0],[0],[0]]}\n";
+
+static int setup(void **state) {
+    if (cli_begin() != 0) return -1;
+    cli_write("machine.yaml", machine);
+    cli_write("swapped.yaml", "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vy}\n"
+                              "  - {name: y, kind: line, velocity: vx}\ninputs: {columns: [u]}\n");
+    return 0;
+}
+
+/* ---- what is there ---- */
+
+TEST("check reports files, rows, steps, gaps and the range of each column") {
+    sheet *s = good_sheet();
+    s->cells[50][X] = (double)NAN;
+    for (size_t i = 100; i < ROWS; i++) s->cells[i][T] += 5 * DT; /* a gap; the motion goes on as if none */
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv", "files 1, runs 1, rows 200, parts 2, gaps 1, delay 0",
+             &result);
+    assert_close(json_number(result.out, "dt_median"), DT, 1e-9, 0);
+    assert_close(json_number(result.out, "dt_max"), 6 * DT, 1e-9, 0);
+    const char *columns = json_find(result.out, "columns");
+    json_expect(json_find(columns, "x"), "missing 1, noise <1e-6, noise_at_most true");
+    assert_close(json_number(json_find(columns, "theta"), "max"), 0.8, 1e-3, 0);
+    assert_close(json_number(json_find(columns, "theta"), "min"), -0.8, 1e-3, 0);
+    json_expect(json_find(columns, "u"), "min <-1, max >1");
+    assert_null(json_find(columns, "t"));
+    cli_expect(identify, "check machine.yaml log.csv", 0, "2 parts without a gap", &result);
+}
+
+TEST("check finds the noise of a column, and what velocities leave of the motion") {
+    sheet *s = good_sheet();
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv", "warnings []", &result);
+    const char *motion = json_find(result.out, "kinematics");
+    json_expect(motion, "x <1e-3, y <1e-2, theta <1e-2, body <1e-3");
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][X] += 0.01 * noise(i);
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    assert_close(json_number(json_find(json_find(result.out, "columns"), "x"), "noise"), 0.01, 0.2, 0);
+    /* a step of .02 against the difference of two numbers that are off by .01 */
+    assert_close(json_number(json_find(result.out, "kinematics"), "x"), sqrt(2) * 0.01 / (0.02 * 0.71), 0.5,
+                 0);
+}
+
+TEST("check draws every column of the first run") {
+    write_sheet("log.csv", good_sheet());
+    cli_expect(identify, "check machine.yaml log.csv --plot log.svg", 0, "200 rows", &result);
+    char text[16384];
+    (void)cli_read("log.gp", text, sizeof text);
+    for (int k = 1; k < COLUMNS; k++) assert_says(text, names[k]);
+    assert_true(cli_exists("log.svg") && cli_exists("log.dat"));
+}
+
+/* ---- what is hopeless: exit code 3, file, column and remedy; nothing is learned from it either ---- */
+
+static void expect_hopeless(const char *yaml, const sheet *s, const char *const *words) {
+    static const char *const commands[] = {"check %s bad.csv", "fit %s bad.csv --out never.h5"};
+    write_sheet("bad.csv", s);
+    for (size_t i = 0; i < LG_COUNT(commands); i++) {
+        char line[128];
+        (void)snprintf(line, sizeof line, commands[i], yaml);
+        cli_expect(identify, line, 3, "bad.csv: ", &result);
+        for (const char *const *word = words; *word != NULL; word++) assert_says(result.err, *word);
+        assert_string_equal(result.out, "");
+        assert_false(cli_exists("never.h5"));
+    }
+}
+#define WORDS(...)                                                                                           \
+    (const char *const[]) {                                                                                  \
+        __VA_ARGS__, NULL                                                                                    \
+    }
+
+TEST("swapped columns are refused with the one that fits") {
+    expect_hopeless("swapped.yaml", good_sheet(), WORDS("columns x and vy", "Column vx fits"));
+}
+
+TEST("degrees and other units are refused with a scale") {
+    sheet *s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][THETA] *= 57.295779513;
+    expect_hopeless("machine.yaml", s, WORDS("theta", "degrees? scale: {theta: 0.0174"));
+    s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][X] *= 1000;
+    expect_hopeless("machine.yaml", s, WORDS("the rate of x", "scale: {vx: 1000", "or {x: 0.00"));
+    s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][T] *= 1000;
+    expect_hopeless("machine.yaml", s, WORDS("scale: "));
+}
+
+TEST("two clocks are refused with the line") {
+    sheet *s = good_sheet();
+    for (size_t i = 120; i < ROWS; i++) s->cells[i][T] -= 1.5;
+    expect_hopeless("machine.yaml", s, WORDS("line 122", "column t", "time does not increase", "run"));
+}
+
+TEST("a column without a value is refused") {
+    sheet *s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][VY] = (double)NAN;
+    expect_hopeless("machine.yaml", s, WORDS("column vy", "no value"));
+}
+
+TEST("quaternions off the sphere are refused with their line") {
+    sheet *s = good_sheet();
+    for (int k = QW; k <= QZ; k++) s->cells[77][k] *= 1.3;
+    expect_hopeless("machine.yaml", s, WORDS("line 79", "qw, qx, qy, qz", "length 1.3"));
+}
+
+TEST("wrong calls are refused") {
+    static const cli_bad rows[] = {
+        {"check", 2, "lg-identify check"},
+        {"check machine.yaml", 2, "lg-identify check"},
+        {"check machine.yaml none.csv", 3, "none.csv"},
+        {"check none.yaml log.csv", 3, "none.yaml"},
+        {"check machine.yaml log.csv --plot picture.pdf", 2, "picture.pdf"},
+        {"predict empty.h5 log.csv --out p.csv", 3, "empty.h5"},
+        {"predict empty.h5 log.csv", 2, "--out"},
+        {"evaluate empty.h5 log.csv --horizons=-1", 2, "horizons"},
+        {"evaluate foreign.h5 log.csv", 3, "foreign.h5"},
+        {"generate machine.yaml --out g.csv", 3, "mass"},
+        {"generate machine.yaml", 2, "--out"},
+    };
+    write_sheet("log.csv", good_sheet());
+    cli_expect_refused(identify, rows, LG_COUNT(rows), &result);
+    assert_false(cli_exists("g.csv") || cli_exists("p.csv"));
+}
+
+/* ---- what is merely not determined: a warning ---- */
+
+TEST("constant inputs, feedback, coordinates that never move and a free scale are warnings") {
+    sheet *s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = 2;
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    assert_says(result.err, "column u: the input is always 2");
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = 3 * s->cells[i][Y] - 0.5 * s->cells[i][VX] + 1;
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    assert_says(result.err, "column u: the input is a linear function of the state");
+    s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][Y] = 4, s->cells[i][VY] = 0;
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    assert_says(result.err, "coordinate y never moves");
+    cli_write("free.yaml", "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+                           "inputs: {columns: [u]}\n");
+    cli_json(identify, "check free.yaml log.csv", "files 1", &result);
+    assert_says(result.err, "scale of the forces");
+}
+
+TEST("rows that jitter are told from gaps by a warning that names max_step") {
+    sheet *s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][T] += 0.35 * DT * sin((double)(i * i));
+    write_sheet("log.csv", s);
+    cli_write("line.yaml",
+              "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line}\nmeasured: positions\n"
+              "mass: {kind: known, values: [1]}\n");
+    cli_json(identify, "check line.yaml log.csv", "gaps >4", &result);
+    assert_says(result.err, "columns: {max_step: ...}");
+    cli_write("line.yaml", "columns: {time: t, max_step: 0.04}\ncoordinates:\n  - {name: x, kind: line}\n"
+                           "measured: positions\nmass: {kind: known, values: [1]}\n");
+    cli_json(identify, "check line.yaml log.csv", "gaps 0, parts 1, warnings []", &result);
+}
+
+TEST("momenta are refused where velocities are needed, and are not taken for them") {
+    write_sheet("log.csv", good_sheet());
+    cli_write(
+        "momenta.yaml",
+        "columns: {time: t}\nmeasured: momenta\ncoordinates:\n"
+        "  - {name: x, kind: line, velocity: vx}\nmass: {kind: known, values: [3]}\ndamping: diagonal\n");
+    cli_expect(identify, "check momenta.yaml log.csv", 0, "200 rows", &result);
+    cli_expect(identify, "fit momenta.yaml log.csv --out never.h5", 2, "measured: momenta", &result);
+}
+
+TEST("both signs of a quaternion are one rotation, which is said") {
+    sheet *s = good_sheet();
+    for (size_t i = 40; i < 90; i++)
+        for (int k = QW; k <= QZ; k++) s->cells[i][k] *= -1;
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    assert_says(result.err, "q and -q are one rotation");
+    json_expect(json_find(result.out, "kinematics"), "body <1e-3");
+}
+
+/* ---- delay ---- */
+
+/* x'' = u - .4 x' - 4 x with u held, logged `late` rows before it acts: steps of a thousandth of a row. */
+static void write_driven(const char *name, size_t late) {
+    enum { SIZE = 1 << 16, FINE = 1000 };
+    char *text = lg_test_memory(SIZE);
+    double x = 0.3, v = 0.0;
+    size_t used = (size_t)snprintf(text, SIZE, "t,x,vx,u\n");
+    for (size_t i = 0; i < ROWS; i++) {
+        const double h = 5 * DT / FINE, u = 3 * noise(i);
+        used += (size_t)snprintf(text + used, SIZE - used, "%.12g,%.12g,%.12g,%.12g\n", 5 * DT * (double)i, x,
+                                 v, 3 * noise(i + late));
+        for (int k = 0; k < FINE; k++) {
+            v += h * (u - 0.4 * v - 4 * x);
+            x += h * v;
+        }
+    }
+    cli_write(name, text);
+}
+
+TEST("a delay of the inputs is estimated") {
+    static const char *const expected[] = {"delay 0", "delay 1", "delay 4"};
+    static const size_t late[] = {0, 1, 4};
+    cli_write("driven.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}]\n"
+                             "inputs: {columns: [u], delay: estimate}\n");
+    for (size_t i = 0; i < LG_COUNT(late); i++) {
+        write_driven("driven.csv", late[i]);
+        cli_json(identify, "check driven.yaml driven.csv", expected[i], &result);
+    }
+}
+
+TEST_GROUP(setup, cli_end)

@@ -1,0 +1,210 @@
+/* ctest-labels: slow
+ * lg-identify fit from the command line: numbers with errors, the same bits, resumption, Ctrl-C, what is not
+ * determined, the demo. */
+#include "identify_support.h"
+
+static cli result;
+
+static void run(const char *format, ...) __attribute__((format(printf, 1, 2)));
+static void run(const char *format, ...) {
+    char line[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    cli_expect(identify, line, 0, "", &result);
+}
+
+static const char network_machine[] =
+    OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: network, of: x, hidden: [6]}\ndamping: diagonal\n"
+                       "input_map: {kind: known, values: [[1]]}\n";
+
+static int setup(void **state) {
+    if (cli_begin() != 0) return -1;
+    cli_write("scene.yaml", oscillator_scene);
+    cli_write("machine.yaml", oscillator_machine);
+    cli_write("network.yaml", network_machine);
+    run("generate scene.yaml --runs 6 --t-end 6 --out train.csv");
+    run("generate scene.yaml --runs 10 --t-end 10 --noise 0.01 --out noisy.csv");
+    return 0;
+}
+
+/* ---- numbers ---- */
+
+static const struct {
+    const char *name;
+    double truth;
+} truths[] = {{"mass.1.1", 2}, {"potential.x^2", 2.5}, {"damping.x", 0.3}};
+
+/* Each within so many of its standard errors, which are below a part of it. */
+static void expect_numbers(double errors, double part, double floor) {
+    const char *numbers = json_find(result.out, "identified");
+    for (size_t i = 0; i < LG_COUNT(truths); i++) {
+        const char *number = json_find(numbers, truths[i].name);
+        if (number == NULL) fail_msg("%s is not identified: %s", truths[i].name, result.out);
+        const double error = json_number(number, "error");
+        assert_true(error >= 0 && error < part * truths[i].truth);
+        assert_close(json_number(number, "value"), truths[i].truth, 0, errors * error + floor);
+    }
+}
+
+TEST("generate, then fit: the numbers of a linear oscillator, within their stated errors") {
+    cli_json(identify, "fit machine.yaml train.csv --out m.h5", "windows >100, parameters 3", &result);
+    expect_numbers(0, 1e-4, 1e-5);
+    cli_json(identify, "fit machine.yaml noisy.csv --out m.h5", "windows >100, parameters 3", &result);
+    expect_numbers(4, 0.02, 0);
+    /* The errors are no larger than they need be: at least one number is off by a quarter of its own. */
+    const char *numbers = json_find(result.out, "identified");
+    double most = 0;
+    for (size_t i = 0; i < LG_COUNT(truths); i++) {
+        const char *number = json_find(numbers, truths[i].name);
+        most =
+            fmax(most, fabs(json_number(number, "value") - truths[i].truth) / json_number(number, "error"));
+    }
+    assert_true(most > 0.25);
+}
+
+TEST("logs for validation are not trained on, and are reported") {
+    run("generate scene.yaml --runs 2 --t-end 6 --seed 8 --out other.csv");
+    cli_json(identify, "fit network.yaml train.csv --validation other.csv --out m.h5 --epochs 60",
+             "validation >0", &result);
+    const double windows = json_number(result.out, "windows");
+    cli_json(identify, "fit network.yaml train.csv --out m.h5 --epochs 5", "validation null", &result);
+    assert_close(json_number(result.out, "windows"), windows, 0, 0);
+}
+
+/* ---- bits ---- */
+
+static void expect_theta(const char *a, const char *b, bool same) {
+    const lg_machine_model_file *x = cli_machine_model(a), *y = cli_machine_model(b);
+    assert_int_equal(x->parameters, y->parameters);
+    const bool equal = memcmp(x->theta, y->theta, x->parameters * sizeof *x->theta) == 0;
+    if (equal != same) fail_msg("%s and %s %s", a, b, equal ? "are the same" : "differ");
+}
+
+TEST("the same seed gives the same bits on any threads, in one run or resumed, and another seed gives "
+     "others") {
+    static const char *const options[] = {"--method ssbroyden", "--method lbfgs --starts estimated",
+                                          "--method adam:20"};
+    for (size_t i = 0; i < LG_COUNT(options); i++) {
+        char line[256];
+        run("fit network.yaml train.csv --epochs 20 --threads 1 --seed 4 --out one.h5 %s", options[i]);
+        run("fit network.yaml train.csv --epochs 20 --threads 2 --seed 4 --out two.h5 %s", options[i]);
+        run("fit network.yaml train.csv --epochs 20 --threads 2 --seed 5 --out other.h5 %s", options[i]);
+        (void)snprintf(
+            line, sizeof line,
+            "fit network.yaml train.csv --epochs 20 --seed 4 --stop-after 7 --checkpoint c.h5 --out "
+            "half.h5 %s",
+            options[i]);
+        cli_json(identify, line, "epochs 7", &result);
+        cli_json(identify, "fit network.yaml train.csv --resume c.h5 --out resumed.h5", "epochs 20", &result);
+        expect_theta("one.h5", "two.h5", true);
+        expect_theta("one.h5", "resumed.h5", true);
+        expect_theta("one.h5", "other.h5", false);
+        expect_theta("one.h5", "half.h5", false);
+    }
+    cli_expect(identify, "fit network.yaml noisy.csv --resume c.h5 --out r.h5", 2, "c.h5", &result);
+    cli_expect(identify, "fit network.yaml train.csv --resume c.h5 --window 9 --out r.h5", 2, "window",
+               &result);
+    assert_false(cli_exists("r.h5"));
+}
+
+TEST("Ctrl-C saves the state of a fit, and leaves no model") {
+    const cli_child child = cli_start(
+        identify,
+        "fit network.yaml train.csv --method adam --epochs 1000000 --checkpoint-every 1 --out never.h5", 0);
+    cli_wait_for("never.h5.checkpoint");
+    cli_interrupt(child, &result);
+    assert_says(result.err, "--resume never.h5.checkpoint");
+    assert_false(cli_exists("never.h5"));
+    cli_json(identify, "fit network.yaml train.csv --resume never.h5.checkpoint --stop-after 1 --out now.h5",
+             "epochs >0", &result);
+}
+
+TEST("a full disk is told, and no part of a model is left") {
+    cli_expect_limited(identify, "fit machine.yaml train.csv --out big.h5", 4096, 3, "big.h5", &result);
+    assert_false(cli_exists("big.h5"));
+    cli_expect_limited(identify, "generate scene.yaml --out big.csv", 4096, 3, "big.csv", &result);
+    assert_false(cli_exists("big.csv"));
+    assert_int_equal(cli_count_files("tmp"), 0);
+}
+
+/* ---- what the logs do not determine: a warning and exit code 0 ---- */
+
+TEST("constant inputs leave their map undetermined, which is said") {
+    cli_write("map.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
+                                             "potential: {kind: quadratic, of: x}\ndamping: diagonal\n");
+    run("generate scene.yaml --inputs none --runs 3 --t-end 6 --out still.csv");
+    cli_json(identify, "fit map.yaml still.csv --out m.h5", "loss <1e-8", &result);
+    assert_says(result.err, "column u: the input is always 0");
+    assert_says(result.err, "input_map.1.1");
+}
+
+TEST("a coordinate that never moves is named") {
+    enum { SIZE = 1 << 15 };
+    char *text = lg_test_memory(SIZE);
+    size_t used = (size_t)snprintf(text, SIZE, "t,x,vx,y,vy\n");
+    for (int i = 0; i < 300; i++)
+        used += (size_t)snprintf(text + used, SIZE - used, "%.6g,%.12g,%.12g,1,0\n", 0.02 * i, sin(0.02 * i),
+                                 cos(0.02 * i));
+    cli_write("y.csv", text);
+    cli_write("y.yaml", "coordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+                        "  - {name: y, kind: line, velocity: vy}\nmass: diagonal\n"
+                        "potential: {kind: quadratic, of: x}\n");
+    cli_json(identify, "fit y.yaml y.csv --out m.h5", "loss <1e-6", &result);
+    assert_says(result.err, "coordinate y never moves");
+}
+
+TEST("a free mass with a free input map is fitted in a gauge that is told") {
+    cli_write("free.yaml", OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: quadratic, of: x}\n"
+                                              "damping: diagonal\ninput_map: constant\n");
+    cli_json(identify, "fit free.yaml train.csv --out m.h5", "loss <1e-8, gauge \"", &result);
+    assert_says(result.err, "factor");
+    const char *numbers = json_find(result.out, "identified");
+    assert_close(json_number(json_find(numbers, "mass.1.1"), "value"), 1, 1e-12, 0);
+    assert_close(json_number(json_find(numbers, "input_map.1.1"), "value"), 0.5, 1e-4, 0);
+    assert_close(json_number(json_find(numbers, "potential.x^2"), "value"), 1.25, 1e-4, 0);
+    assert_close(json_number(json_find(numbers, "damping.x"), "value"), 0.15, 1e-4, 0);
+}
+
+/* ---- the demo ---- */
+
+TEST("the demo learns a body from a log and controls the true one with it") {
+    run("demo --out shown --seconds 600 --epochs 40 --json");
+    json_expect(result.out, "starts 20, arrived 20, potential <0.1");
+    const char *numbers = json_find(result.out, "identified");
+    static const char *const names[] = {"mass.1.1", "mass.2.2", "mass.3.3", "damping.body.1"};
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        const char *number = json_find(numbers, names[i]);
+        assert_close(json_number(number, "value"), json_number(number, "truth"), 0.05, 0);
+    }
+    static const char *const files[] = {"machine.yaml", "train.csv", "model.h5", "learned.svg",
+                                        "predicted.csv"};
+    for (size_t i = 0; i < LG_COUNT(files); i++) {
+        char path[64];
+        (void)snprintf(path, sizeof path, "shown/%s", files[i]);
+        if (!cli_exists(path)) fail_msg("%s is not there", path);
+    }
+    run("demo --help");
+}
+
+static int finish(void **state) {
+    static const char *const names[] = {"truth.yaml", "machine.yaml", "train.csv",
+                                        "test.csv",   "model.h5",     "predicted.csv"};
+    static const char *const pictures[] = {"log", "fit", "learned", "predicted"};
+    static const char *const endings[] = {"svg", "dat", "gp"};
+    char path[1024], name[64];
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        (void)snprintf(name, sizeof name, "shown/%s", names[i]);
+        cli_path(name, path, sizeof path);
+        (void)unlink(path);
+    }
+    for (size_t i = 0; i < LG_COUNT(pictures) * LG_COUNT(endings); i++) {
+        (void)snprintf(name, sizeof name, "shown/%s.%s", pictures[i / 3], endings[i % 3]);
+        cli_path(name, path, sizeof path);
+        (void)unlink(path);
+    }
+    return cli_end(state);
+}
+
+TEST_GROUP(setup, finish)

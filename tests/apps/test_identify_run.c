@@ -1,0 +1,449 @@
+/* lg-identify generate, predict, evaluate: against motions that are known in closed form. */
+#include "identify_support.h"
+
+static cli result;
+
+enum { ROOM = 4096 };
+
+/* x'' = -x, no input that matters */
+static const char unit_machine[] =
+    "columns: {time: t, run: run}\ncoordinates:\n"
+    "  - {name: x, kind: line, velocity: vx}\nmass: {kind: known, values: [1]}\n"
+    "potential: {kind: quadratic, of: x}\n";
+
+static const char body_scene[] =
+    "columns: {time: t, run: run}\ncoordinates:\n"
+    "  - {name: body, kind: rotation, columns: [qw, qx, qy, qz], velocity: [wx, wy, wz]}\n"
+    "inputs: {columns: [a, b, c]}\nmass: {kind: known, values: [0.5, 0.6, 0.3]}\n"
+    "potential: {kind: known, form: linear, of: body.up, values: [0.1, -0.2, 1]}\n"
+    "damping: {kind: known, values: [0.1, 0.12, 0.08]}\n"
+    "input_map: {kind: known, values: [[1,0,0],[0,1,0],[0,0,1]]}\n";
+static const char body_machine[] =
+    "columns: {time: t, run: run}\ncoordinates:\n"
+    "  - {name: body, kind: rotation, columns: [qw, qx, qy, qz], velocity: [wx, wy, wz]}\n"
+    "inputs: {columns: [a, b, c]}\nmass: diagonal\npotential: {kind: linear, of: body.up}\n"
+    "damping: diagonal\ninput_map: {kind: known, values: [[1,0,0],[0,1,0],[0,0,1]]}\n";
+
+/* Degrees, milliseconds, inputs that act two rows later. */
+#define CRANE                                                                                                \
+    "columns: {time: ms, run: run}\ncoordinates:\n"                                                          \
+    "  - {name: s, kind: angle, columns: deg, velocity: rate}\n"                                             \
+    "inputs: {columns: [u], delay: 2}\nscale: {ms: 0.001, deg: 0.017453292519943295, u: 10}\n"               \
+    "input_map: {kind: known, values: [[1]]}\n"
+static const char crane_scene[] =
+    CRANE "mass: {kind: known, values: [3]}\ndamping: {kind: known, values: [1]}\n"
+          "potential: {kind: known, form: gravity, of: s, values: [0, -20]}\n";
+static const char crane_machine[] = CRANE "mass: diagonal\ndamping: diagonal\n"
+                                          "potential: {kind: gravity, of: s}\n";
+
+static void run(const char *format, ...) __attribute__((format(printf, 1, 2)));
+static void run(const char *format, ...) {
+    char line[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    cli_expect(identify, line, 0, "", &result);
+}
+
+static const double *column(const char *name, const char *of, size_t *rows) {
+    double *out = TEST_ARRAY(double, ROOM);
+    *rows = csv_column(name, of, out, ROOM);
+    return out;
+}
+
+static int setup(void **state) {
+    if (cli_begin() != 0) return -1;
+    cli_write("unit.yaml", unit_machine);
+    cli_write("scene.yaml", oscillator_scene);
+    cli_write("machine.yaml", oscillator_machine);
+    cli_write("body-scene.yaml", body_scene);
+    cli_write("body.yaml", body_machine);
+    cli_write("crane-scene.yaml", crane_scene);
+    cli_write("crane.yaml", crane_machine);
+    return 0;
+}
+
+/* ---- generate ---- */
+
+TEST("generated motions are those of the equations") {
+    size_t rows;
+    run("generate scene.yaml --inputs none --runs 2 --t-end 5 --dt 0.05 --out free.csv");
+    const double *t = column("free.csv", "t", &rows), *x = column("free.csv", "x", &rows),
+                 *v = column("free.csv", "vx", &rows), *u = column("free.csv", "u", &rows);
+    assert_int_equal(rows, 202);
+    /* x'' + 2 d x' + w^2 x = 0 with d = .075, w^2 = 2.5 */
+    const double d = 0.075, w = sqrt(2.5 - d * d);
+    for (size_t i = 0; i < rows; i++) {
+        const size_t start = i / 101 * 101;
+        const double a = x[start], b = (v[start] + d * a) / w, e = exp(-d * t[i]), c = cos(w * t[i]),
+                     s = sin(w * t[i]);
+        assert_close(x[i], e * (a * c + b * s), 0, 1e-9);
+        assert_close(v[i], e * (w * (b * c - a * s) - d * (a * c + b * s)), 0, 1e-9);
+        assert_close(u[i], 0, 0, 0);
+    }
+    assert_true(fabs(x[0] - x[101]) > 1e-3);
+}
+
+TEST("held inputs push as long as they are held") {
+    size_t rows;
+    cli_write("pulse.csv", "t,run,u\n0,0,0\n1,0,3\n2,0,0\n3,0,0\n4,0,0\n");
+    cli_write("mass.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
+                                              "input_map: {kind: known, values: [[1]]}\n");
+    run("generate mass.yaml --inputs pulse.csv --runs 1 --dt 0.125 --start-spread 0 --out pushed.csv");
+    const double *t = column("pushed.csv", "t", &rows), *v = column("pushed.csv", "vx", &rows),
+                 *u = column("pushed.csv", "u", &rows);
+    assert_int_equal(rows, 33);
+    for (size_t i = 0; i < rows; i++) {
+        assert_close(v[i], t[i] < 1 ? 0 : 1.5 * fmin(1, t[i] - 1), 0, 1e-12);
+        assert_close(u[i], t[i] >= 1 && t[i] < 2 ? 3 : 0, 0, 0);
+    }
+}
+
+TEST("noise has the size that is asked for, the same seed gives the same bytes") {
+    size_t rows;
+    double off = 0, slow = 0;
+    char a[65536 * 2], b[65536 * 2];
+    run("generate scene.yaml --runs 4 --t-end 8 --out clean.csv");
+    run("generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out noisy.csv");
+    run("generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out again.csv --threads 1");
+    assert_true(cli_read("noisy.csv", a, sizeof a) == cli_read("again.csv", b, sizeof b));
+    assert_int_equal(strcmp(a, b), 0);
+    run("generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out again.csv --seed 2");
+    (void)cli_read("again.csv", b, sizeof b);
+    assert_int_not_equal(strcmp(a, b), 0);
+    const double *x = column("clean.csv", "x", &rows), *y = column("noisy.csv", "x", &rows);
+    const double *v = column("clean.csv", "vx", &rows), *w = column("noisy.csv", "vx", &rows);
+    for (size_t i = 0; i < rows; i++) off += pow(x[i] - y[i], 2), slow += pow(v[i] - w[i], 2);
+    assert_close(sqrt(off / (double)rows), 0.01, 0.08, 0);
+    assert_close(sqrt(slow / (double)rows), 0.05, 0.08, 0);
+}
+
+TEST("steps are held, and inputs are within their amplitude") {
+    size_t rows, changes = 0;
+    run("generate scene.yaml --inputs steps --amplitude 4 --hold-time 0.5 --runs 1 --out s.csv");
+    const double *u = column("s.csv", "u", &rows);
+    for (size_t i = 0; i < rows; i++) {
+        assert_true(fabs(u[i]) <= 4);
+        if (i > 0 && i % 25 != 0) assert_close(u[i], u[i - 1], 0, 0);
+        changes += i > 0 && u[i] != u[i - 1];
+    }
+    assert_int_equal(changes, 20);
+}
+
+TEST("a scene is refused when something of it is unknown, or runs cannot be told apart") {
+    cli_expect(identify, "generate machine.yaml --out g.csv", 3, "machine.yaml: mass: ", &result);
+    cli_write("one.yaml",
+              "coordinates:\n  - {name: x, kind: line, velocity: v}\nmass: {kind: known, values: [1]}\n");
+    cli_expect(identify, "generate one.yaml --out g.csv", 3, "--runs 1", &result);
+    run("generate one.yaml --out g.csv --runs 1");
+    cli_expect(identify, "generate scene.yaml --out g.csv --amplitude 1,2", 2, "--amplitude: 2 numbers",
+               &result);
+    cli_expect(identify, "generate scene.yaml --out g.csv --inputs none.csv", 3, "none.csv", &result);
+}
+
+/* ---- predict ---- */
+
+/* The predicted file is a log of the machine, with the times and inputs of the other one. */
+static void expect_log(const char *yaml, const char *log, const char *predicted, const char *const *same,
+                       const char *const *near, double tolerance) {
+    size_t rows, more;
+    char line[256];
+    (void)snprintf(line, sizeof line, "check %s %s", yaml, predicted);
+    cli_json(identify, line, "gaps 0", &result);
+    for (; *same != NULL; same++) {
+        const double *a = column(log, *same, &rows), *b = column(predicted, *same, &more);
+        assert_int_equal(rows, more);
+        assert_all_close(b, a, rows, 1e-14, 1e-12);
+    }
+    for (; *near != NULL; near++) {
+        const double *a = column(log, *near, &rows), *b = column(predicted, *near, &more);
+        assert_all_close(b, a, rows, 0, tolerance);
+    }
+}
+
+TEST("the CSV of predict reads back, in quaternions, with the inputs of the log") {
+    run("generate body-scene.yaml --runs 3 --t-end 3 --inputs steps --out train.csv");
+    run("generate body-scene.yaml --runs 2 --t-end 3 --seed 4 --out test.csv");
+    run("fit body.yaml train.csv --out body.h5");
+    cli_json(identify, "predict body.h5 test.csv --out p.csv --plot p.svg", "rows 302, runs 2", &result);
+    expect_log("body.yaml", "test.csv", "p.csv", (const char *const[]){"t", "run", "a", "b", "c", NULL},
+               (const char *const[]){"qw", "qx", "qy", "qz", "wx", "wy", "wz", NULL}, 2e-4);
+    json_expect(json_find(result.out, "kinematics"), "body <1e-2");
+    assert_true(cli_exists("p.svg"));
+}
+
+TEST("predict scales columns back, and shifts delayed inputs back") {
+    size_t rows, more;
+    run("generate crane-scene.yaml --runs 2 --t-end 4 --amplitude 20 --out train.csv");
+    run("fit crane.yaml train.csv --out crane.h5");
+    cli_json(identify, "check crane.yaml train.csv", "delay 2, dt_median 0.02", &result);
+    run("predict crane.h5 train.csv --out p.csv");
+    const double *a = column("train.csv", "deg", &rows), *b = column("p.csv", "deg", &more);
+    const double *ta = column("train.csv", "ms", &rows), *tb = column("p.csv", "ms", &more);
+    const double *ua = column("train.csv", "u", &rows), *ub = column("p.csv", "u", &more);
+    assert_int_equal(rows, 402);
+    assert_int_equal(more, 398); /* the first two rows of each run have no input */
+    for (size_t i = 0; i < more; i++) {
+        const size_t at = i + 2 + (i >= 199 ? 2 : 0);
+        assert_close(tb[i], ta[at], 1e-12, 1e-9);
+        assert_close(b[i], a[at], 0, 1e-3); /* degrees */
+        const bool known = i % 199 < 197;   /* what acts behind the end is not there */
+        assert_true(isnan(ub[i]) == !known);
+        if (known) assert_close(ub[i], ua[at], 1e-12, 1e-12);
+    }
+}
+
+TEST("runs begin at the row that is asked for, and gaps end them") {
+    size_t rows;
+    run("generate scene.yaml --runs 3 --t-end 5 --noise 0 --out train.csv");
+    run("fit machine.yaml train.csv --out m.h5");
+    run("generate scene.yaml --runs 1 --t-end 4 --out one.csv --seed 3");
+    cli_json(identify, "predict m.h5 one.csv --start 40 --out p.csv", "rows 161, runs 1", &result);
+    const double *t = column("p.csv", "t", &rows);
+    assert_close(t[0], 0.8, 1e-12, 0);
+    cli_expect(identify, "predict m.h5 one.csv --start 200 --out p.csv", 2, "row 200", &result);
+}
+
+TEST("predict and evaluate warn of columns that leave the training data, and of no others") {
+    run("generate scene.yaml --runs 4 --t-end 8 --out train.csv --start-spread 0.5");
+    run("fit machine.yaml train.csv --out m.h5");
+    identify_run_quietly("predict m.h5 train.csv --out p.csv", &result);
+    run("generate scene.yaml --runs 1 --t-end 8 --out far.csv --amplitude 1 --start-spread 9 --seed 5");
+    run("predict m.h5 far.csv --out p.csv");
+    assert_says(result.err, "column x goes to ");
+    assert_says(result.err, "outside the training data");
+    run("evaluate m.h5 far.csv");
+    assert_says(result.err, "column vx goes to ");
+}
+
+/* ---- evaluate, against numbers computed here ---- */
+
+enum { POINTS = 201 };
+#define STEP 0.05
+#define OFF  0.01
+
+/* x = cos t, every other row but the first is logged OFF too high; v = -sin t. */
+static void write_wrong(const char *name) {
+    enum { SIZE = 1 << 15 };
+    char *text = lg_test_memory(SIZE);
+    size_t used = (size_t)snprintf(text, SIZE, "run,t,x,vx\n");
+    for (int i = 0; i < POINTS; i++)
+        used += (size_t)snprintf(text + used, SIZE - used, "0,%.17g,%.17g,%.17g\n", STEP * i,
+                                 cos(STEP * i) + (i % 2 == 1 ? OFF : 0), -sin(STEP * i));
+    cli_write(name, text);
+}
+
+static void learn_unit(void) {
+    cli_write("unit-scene.yaml",
+              "columns: {time: t, run: run}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+              "mass: {kind: known, values: [1]}\n"
+              "potential: {kind: known, form: quadratic, of: x, values: [0.5]}\n");
+    run("generate unit-scene.yaml --runs 3 --t-end 8 --dt 0.05 --out train.csv");
+    run("fit unit.yaml train.csv --out unit.h5 --substeps 4");
+}
+
+TEST("errors of free runs and of a machine that stands still are those computed here") {
+    double still = 0, moving = 0;
+    learn_unit();
+    write_wrong("wrong.csv");
+    cli_json(identify, "evaluate unit.h5 wrong.csv --horizons 10 --every 1000 --metric relative",
+             "window_loss >0", &result);
+    const char *runs = json_find(result.out, "free_run");
+    assert_close(json_number(runs, "x"), OFF * sqrt(100.0 / POINTS), 1e-5, 0);
+    assert_true(json_number(runs, "vx") < 1e-6);
+    const char *horizon = strchr(json_find(result.out, "horizons"), '{');
+    json_expect(horizon, "seconds 10, starts 1, angle null, rotation null, velocity <1e-6");
+    assert_close(json_number(horizon, "line"), OFF * sqrt(100.0 / 200), 1e-5, 0);
+    for (int i = 1; i < POINTS; i++) {
+        still += pow(cos(STEP * i) + (i % 2 == 1 ? OFF : 0) - 1, 2) / 200;
+        moving += pow(sin(STEP * i), 2) / 200;
+    }
+    assert_close(json_number(json_find(horizon, "unchanged"), "line"), sqrt(still), 1e-9, 0);
+    assert_close(json_number(json_find(horizon, "unchanged"), "velocity"), sqrt(moving), 1e-9, 0);
+    /* the machine is linear: the linear model's own fit to these logs is nearly as good */
+    assert_true(json_number(json_find(horizon, "linear"), "line") < 0.02);
+    double mean = 0;
+    for (int i = 0; i < POINTS; i++) {
+        const double off = i % 2 == 1 ? OFF : 0, x = cos(STEP * i), v = 2 * sin(STEP * i);
+        mean += log(off / sqrt((2 * x + off) * (2 * x + off) + v * v) + 1e-8) / POINTS;
+    }
+    assert_close(json_number(result.out, "relative"), exp(mean), 0.5,
+                 0); /* the rounding of rows without error */
+    cli_expect(identify, "evaluate unit.h5 wrong.csv", 0, "free run", &result);
+}
+
+TEST("relative errors are geometric means over time, then over parts") {
+    learn_unit();
+    write_wrong("wrong.csv");
+    /* all rows too high by a part that is far above rounding */
+    enum { SIZE = 1 << 15 };
+    char *text = lg_test_memory(SIZE);
+    size_t used = (size_t)snprintf(text, SIZE, "run,t,x,vx\n");
+    double mean[2] = {0, 0};
+    for (int part = 0; part < 2; part++)
+        for (int i = 0; i < 41; i++) {
+            const double off = i == 0 ? 0 : 0.002 * (part + 1) * (2 + sin(40.0 * i)), x = cos(STEP * i),
+                         v = -sin(STEP * i);
+            used += (size_t)snprintf(text + used, SIZE - used, "%d,%.17g,%.17g,%.17g\n", part, STEP * i,
+                                     x + off, v);
+            mean[part] += log(off / sqrt((2 * x + off) * (2 * x + off) + 4 * v * v) + 1e-8) / 41;
+        }
+    cli_write("two.csv", text);
+    cli_json(identify, "evaluate unit.h5 two.csv --horizons 1 --metric relative", "relative >0", &result);
+    assert_close(json_number(result.out, "relative"), exp((mean[0] + mean[1]) / 2), 1e-3, 0);
+    assert_close(json_number(result.out, "relative_worst"), exp(fmax(mean[0], mean[1])), 1e-3, 0);
+    cli_json(identify, "evaluate unit.h5 two.csv --horizons 1", "window_loss >0", &result);
+    assert_null(json_find(result.out, "relative"));
+}
+
+TEST("the energy balance adds up, and finds the true change, work and damping") {
+    size_t rows;
+    run("generate scene.yaml --runs 1 --t-end 10 --out log.csv");
+    run("generate scene.yaml --runs 4 --t-end 10 --out train.csv --seed 2");
+    run("fit machine.yaml train.csv --out m.h5");
+    cli_json(identify, "evaluate m.h5 log.csv --plot e.svg", "window_loss <1e-10", &result);
+    const char *energy = json_find(result.out, "energy");
+    const double *x = column("log.csv", "x", &rows), *v = column("log.csv", "vx", &rows),
+                 *u = column("log.csv", "u", &rows);
+    double work = 0, lost = 0;
+    for (size_t i = 0; i + 1 < rows; i++) work += u[i] * (x[i + 1] - x[i]);
+    for (size_t i = 0; i + 1 < rows; i++)
+        lost -= 0.3 * 0.02 * (v[i] * v[i] + v[i] * v[i + 1] + v[i + 1] * v[i + 1]) / 3;
+    const double change = 2.5 * (pow(x[rows - 1], 2) - x[0] * x[0]) + pow(v[rows - 1], 2) - v[0] * v[0];
+    assert_close(json_number(energy, "change"), change, 1e-4, 1e-6);
+    assert_close(json_number(energy, "inputs"), work, 1e-3, 1e-5);
+    assert_close(json_number(energy, "damping"), lost, 2e-3, 0);
+    assert_close(json_number(energy, "residual"), 0, 0, 0);
+    json_expect(energy, "left_size <1e-4, change_size >1");
+    assert_close(json_number(energy, "change"),
+                 json_number(energy, "inputs") + json_number(energy, "damping") + json_number(energy, "left"),
+                 1e-9, 1e-9);
+    assert_true(cli_exists("e.svg"));
+}
+
+TEST("the noise of rows makes neighbouring residuals of one step opposite, a wrong model makes them alike") {
+    run("generate scene.yaml --runs 4 --t-end 10 --out train.csv");
+    run("fit machine.yaml train.csv --out m.h5");
+    run("generate scene.yaml --runs 4 --t-end 10 --noise 0.02 --out noisy.csv");
+    cli_json(identify, "evaluate m.h5 noisy.csv --horizons 1", "window_loss >0", &result);
+    const char *white = json_find(json_find(result.out, "whiteness"), "x");
+    json_expect(white, "lag1 <-0.4, lag1 >-0.6, probability <1e-6, rms >0.02, rms <0.04");
+    /* twice the damping */
+    cli_write(
+        "wrong.yaml", OSCILLATOR_COLUMNS
+        "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [2.5]}\n"
+        "damping: {kind: known, values: [0.6]}\ninput_map: {kind: known, values: [[1]]}\n");
+    run("generate wrong.yaml --runs 4 --t-end 10 --out wrong.csv");
+    cli_json(identify, "evaluate m.h5 wrong.csv --horizons 1", "window_loss >0", &result);
+    json_expect(json_find(json_find(result.out, "whiteness"), "vx"), "lag1 >0.8, probability <1e-6");
+}
+
+TEST("with positions alone starts are estimated from 50 rows that are not scored") {
+    cli_write("positions-scene.yaml",
+              "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
+              "inputs: {columns: [u]}\nmass: {kind: known, values: [2]}\n"
+              "potential: {kind: known, form: quadratic, of: x, values: [2.5]}\n"
+              "damping: {kind: known, values: [0.3]}\ninput_map: {kind: known, values: [[1]]}\n");
+    cli_write(
+        "positions.yaml",
+        "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
+        "inputs: {columns: [u]}\nmass: {kind: known, values: [2]}\npotential: {kind: quadratic, of: x}\n"
+        "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
+    run("generate positions-scene.yaml --runs 3 --t-end 10 --out train.csv");
+    run("fit positions.yaml train.csv --out m.h5");
+    run("generate positions-scene.yaml --runs 2 --t-end 10 --out test.csv --seed 3 --noise 0.001");
+    cli_json(identify, "evaluate m.h5 test.csv --horizons 2", "energy {", &result);
+    const double rms = json_number(json_find(result.out, "free_run"), "x");
+    assert_true(rms > 0.0008 && rms < 0.0013);
+    const char *horizon = strchr(json_find(result.out, "horizons"), '{');
+    json_expect(horizon, "starts >10, line <0.0015, line >0.0008, velocity null");
+    json_expect(json_find(json_find(result.out, "whiteness"), "x"), "lag1 <0.5, rms <0.0013");
+    cli_json(identify, "predict m.h5 test.csv --out p.csv", "rows 1002, runs 2", &result);
+    run("check positions.yaml p.csv");
+}
+
+TEST("a model that is no better than a simple guess is warned of") {
+    cli_write(
+        "stiff.yaml", OSCILLATOR_COLUMNS
+        "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [90]}\n"
+        "damping: {kind: known, values: [0.3]}\ninput_map: {kind: known, values: [[1]]}\n");
+    run("generate scene.yaml --runs 4 --t-end 6 --out train.csv");
+    run("fit machine.yaml train.csv --out m.h5");
+    identify_run_quietly("evaluate m.h5 train.csv", &result);
+    run("generate stiff.yaml --runs 4 --t-end 6 --out stiff.csv --start-spread 0.1,0.1");
+    cli_json(identify, "evaluate m.h5 stiff.csv --horizons 1,2", "window_loss >0", &result);
+    assert_says(result.err, "at 1 s the model's error of line");
+    assert_says(result.err, "of a linear model");
+    assert_null(strstr(result.err, "at 2 s"));
+}
+
+TEST("rows that estimate a start are not scored") {
+    enum { SIZE = 1 << 16 };
+    char *text = lg_test_memory(SIZE);
+    size_t used = (size_t)snprintf(text, SIZE, "run,t,x\n");
+    cli_write("still.yaml", "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n"
+                            "  - {name: x, kind: line}\nmass: {kind: known, values: [1]}\n"
+                            "potential: {kind: quadratic, of: x}\n");
+    for (int bad = 0; bad < 2; bad++) {
+        used = (size_t)snprintf(text, SIZE, "run,t,x\n");
+        for (int i = 0; i < 500; i++)
+            used += (size_t)snprintf(text + used, SIZE - used, "0,%.17g,%.17g\n", STEP * i,
+                                     cos(STEP * i) + (bad && i < 50 ? (i % 2 == 0 ? 0.2 : -0.2) : 0));
+        cli_write(bad ? "bad.csv" : "good.csv", text);
+    }
+    run("fit still.yaml good.csv --out m.h5");
+    cli_json(identify, "evaluate m.h5 bad.csv --horizons 1", "window_loss *", &result);
+    const double rms = json_number(json_find(result.out, "free_run"), "x");
+    assert_true(rms > 1e-4 && rms < 0.02); /* all rows: .063 */
+}
+
+TEST("angles are compared modulo turns") {
+    enum { SIZE = 1 << 16 };
+    char *text = lg_test_memory(SIZE);
+    size_t used = (size_t)snprintf(text, SIZE, "t,a\n");
+    for (int i = 0; i < 400; i++) { /* a'' = -.1 a' from a' = 1.5: two turns; wrapped */
+        const double a = 15 * (1 - exp(-0.1 * STEP * i)), turn = 6.283185307179586;
+        used +=
+            (size_t)snprintf(text + used, SIZE - used, "%.17g,%.17g\n", STEP * i, a - turn * floor(a / turn));
+        if (i == 99) cli_write("lap.csv", text);
+    }
+    cli_write("wrapped.csv", text);
+    cli_write("spin.yaml", "unwrap: false\nmeasured: positions\ncoordinates:\n  - {name: a, kind: angle}\n"
+                           "mass: {kind: known, values: [1]}\ndamping: diagonal\n");
+    run("fit spin.yaml lap.csv --window 50 --out lap.h5");
+    cli_json(identify, "evaluate lap.h5 wrapped.csv --horizons 2", "window_loss *", &result);
+    json_expect(json_find(result.out, "free_run"), "a <1e-2");
+}
+
+/* A pose whose velocity is logged in space beside a direction; smooth inputs. */
+#define FERRY                                                                                                \
+    "columns: {time: t, run: run}\ncoordinates:\n"                                                           \
+    "  - {name: hull, kind: pose, position: [x, y, z], columns: [qw, qx, qy, qz], velocity: [vx, vy, vz],\n" \
+    "     rates: [wx, wy, wz], frame: space}\n"                                                              \
+    "  - {name: rod, kind: direction, columns: [dx, dy, dz], velocity: [ax, ay, az]}\n"                      \
+    "inputs: {columns: [f, s], hold: cubic}\n"                                                               \
+    "input_map: {kind: known, values: [[1,0],[0,0],[0,1],[0,0],[0,1],[0.2,0],[1,0],[0,1],[0,0]]}\n"
+
+TEST("poses with velocities in space, directions and smooth inputs go through all commands") {
+    cli_write("ferry-scene.yaml",
+              FERRY "mass: {kind: known, values: [2, 2, 2, 0.5, 0.6, 0.3, 1, 1, 1]}\n"
+                    "potential: {kind: known, form: linear, of: rod, values: [0, 0, 3]}\n");
+    cli_write("ferry.yaml", FERRY "mass: diagonal\npotential: {kind: linear, of: rod}\n");
+    run("generate ferry-scene.yaml --runs 2 --t-end 2 --out ferry.csv");
+    cli_json(identify, "check ferry.yaml ferry.csv", "warnings []", &result);
+    json_expect(json_find(result.out, "kinematics"), "hull <1e-2, rod <1e-2");
+    cli_json(identify, "fit ferry.yaml ferry.csv --out ferry.h5", "loss <1e-10", &result);
+    assert_close(json_number(json_find(json_find(result.out, "identified"), "mass.4.4"), "value"), 0.5, 1e-4,
+                 0);
+    cli_json(identify, "evaluate ferry.h5 ferry.csv --horizons 1 --plot ferry.svg", "window_loss <1e-10",
+             &result);
+    const char *errors = json_find(result.out, "free_run");
+    json_expect(errors, "x <1e-4, qw <1e-4, vx <1e-4, wy <1e-4, dz <1e-4, ax <1e-4");
+    json_expect(json_find(result.out, "energy"), "left_size <1e-3, change_size >0.1");
+    run("predict ferry.h5 ferry.csv --out run.csv");
+    expect_log("ferry.yaml", "ferry.csv", "run.csv", (const char *const[]){"t", "run", "f", "s", NULL},
+               (const char *const[]){"x", "y", "z", "vx", "vy", "vz", "wx", "dx", "ay", NULL}, 1e-3);
+}
+
+TEST_GROUP(setup, cli_end)
