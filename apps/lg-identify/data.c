@@ -101,10 +101,10 @@ void identify_release(identify_data *data) {
 
 /* ---- noise ---- */
 
-/* The largest noise of columns first .. first + count - 1. What is less than a millionth of their range is
- * rounding of the log. */
+/* The largest noise of columns first .. first + count - 1. What is less than 2e-4 of their range is left to
+ * the loss: starts need not be unknown for it, and uneven steps can feign it. */
 static double noise_of(const identify_data *data, uint32_t first, uint32_t count) {
-    static const double rounding = 1e-6;
+    static const double small = 2e-4;
     double range = 0.0, estimated = 0.0, given = 0.0;
     for (uint32_t c = first; c < first + count; c++) {
         const lg_log_statistics *found = &data->logs.columns[c];
@@ -112,7 +112,7 @@ static double noise_of(const identify_data *data, uint32_t first, uint32_t count
         if (!found->noise_at_most) estimated = fmax(estimated, found->noise);
         given = fmax(given, data->file.columns[c].noise);
     }
-    return given > 0.0 ? given : estimated > rounding * range ? estimated : 0.0;
+    return given > 0.0 ? given : estimated > small * range ? estimated : 0.0;
 }
 
 void identify_noise(const identify_data *data, double *position, double *velocity) {

@@ -72,6 +72,7 @@ static size_t count_parameters(const training *t) {
 /* What is not given: how measured best, docs/reports/machines.md. */
 static void choose_settings(const app *self, const training *t) {
     enum { DENSE = 4000 };
+    static const double prior = 0.3;
     const bool positions = t->data.file.measured == LG_MEASURED_POSITIONS, noisy = is_noisy(t) || positions;
     if (!app_given(self, "starts"))
         run.starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
@@ -81,6 +82,7 @@ static void choose_settings(const app *self, const training *t) {
     const bool lm = are_few(&run.machine), dense = count_parameters(t) <= DENSE;
     if (!app_given(self, "method"))
         (void)lg_fit_plan_parse(lm ? "lm" : dense ? "ssbroyden" : "lbfgs", &run.training.plan, NULL);
+    if (!app_given(self, "prior")) run.training.prior = lm ? 0.0 : prior;
     if (!app_given(self, "epochs")) run.training.epochs = lm ? 100 : 3000;
 }
 
@@ -333,6 +335,7 @@ static int finish(void *user, train_session *session) {
 static const train_task task = {.kind = &lg_run_machine_model,
                                 .settings = settings,
                                 .training = &run.training,
+                                .prior = true,
                                 .user = &state,
                                 .read = read_data,
                                 .describe = describe,

@@ -159,7 +159,7 @@ static lg_status fit_windows(const app *self, training *t, const lg_fit_options 
 static lg_status find_substeps(const app *self, training *t, const lg_machine *machine, const double *theta,
                                lg_error *error) {
     enum { MOST = 4 };
-    static const double enough = 1e-10, part = 1e-2;
+    static const double enough = 1e-11, part = 1e-2;
     lg_machine_problem problem = t->problem;
     double loss = 0, floor = 0;
     if (app_given(self, "substeps")) return LG_OK;

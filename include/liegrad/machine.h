@@ -174,7 +174,7 @@ typedef struct lg_machine {
     uint32_t places, directions, rotations; /* numbers on R^n, and copies of S^2 and SO(3) */
     uint32_t momenta;                       /* on R^n: those of all coordinates but directions */
     uint32_t positions, velocities;         /* numbers in a log */
-    size_t parameters;
+    size_t parameters, weights;             /* of theta: those of networks come first */
 } lg_machine;
 
 LG_API void lg_machine_scales_init(lg_machine_scales *scales);

@@ -243,17 +243,23 @@ static void find_gauge(lg_machine *machine) {
     machine->free_gauge = !given && !machine->normalised;
 }
 
+/* The parameters of networks, or of the other terms, from `offset` on; returns where they end. */
+static size_t place_parameters(lg_machine *machine, bool networks, size_t offset) {
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        if ((machine->terms[i].kind->outputs != NULL) != networks) continue;
+        machine->terms[i].offset = offset;
+        offset += machine->terms[i].parameters;
+    }
+    return offset;
+}
+
 lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
     LG_TRY(count_coordinates(machine, error));
     LG_TRY(check_names(machine, error));
     find_gauge(machine);
-    size_t offset = 0;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        LG_TRY(set_term(machine, &machine->terms[i], error));
-        machine->terms[i].offset = offset;
-        offset += machine->terms[i].parameters;
-    }
-    machine->parameters = offset;
+    for (uint32_t i = 0; i < machine->term_count; i++) LG_TRY(set_term(machine, &machine->terms[i], error));
+    machine->weights = place_parameters(machine, true, 0);
+    machine->parameters = place_parameters(machine, false, machine->weights);
     if (machine->input_count > 0 && !has_part(machine, LG_MACHINE_INPUT_MAP) &&
         !has_part(machine, LG_MACHINE_RESIDUAL))
         return lg_fail(error, LG_INVALID_ARGUMENT, "there are inputs, but no input_map");

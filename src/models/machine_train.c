@@ -351,8 +351,9 @@ void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *o
                             .user = (void *)(uintptr_t)problem, /* only read */
                             .validation = problem->validation,
                             .own = estimated(problem) ? start_numbers(problem->machine) : 0,
-                            .observations = observations(problem),
-                            .weights = problem->machine->parameters};
+                            /* The prior is for weights of networks. */
+                            .observations = problem->machine->weights > 0 ? observations(problem) : 0,
+                            .weights = problem->machine->weights};
 }
 
 /* ---- means over all windows ---- */
