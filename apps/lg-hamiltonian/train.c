@@ -43,6 +43,11 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
             "%s: first points were off the manifold by up to %.2g and are brought back; --starts estimated "
             "takes them as unknown",
             path, state->data.starts_off);
+    if (state->data.guessed)
+        app_warn(self,
+                 "%s: gives neither attribute system nor layout: its %u numbers a point are taken for states "
+                 "of %s (%s)",
+                 path, state->data.state_dim, state->data.family->name, state->data.family->formula);
     warn_of_inputs(self, path, &state->data);
     memcpy(sha256, state->data.sha256, LG_SHA256_TEXT);
     return APP_EXIT_OK;

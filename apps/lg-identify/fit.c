@@ -69,6 +69,10 @@ static size_t count_parameters(const training *t) {
     return machine->parameters + starts * (machine->positions + machine->velocities);
 }
 
+static bool ends_with_lm(const lg_fit_plan *plan) {
+    return plan->phases > 0 && plan->phase[plan->phases - 1].method == LG_FIT_LM;
+}
+
 /* What is not given: how measured best, docs/reports/machines.md. */
 static void choose_settings(const app *self, const training *t) {
     enum { DENSE = 4000 };
@@ -82,7 +86,7 @@ static void choose_settings(const app *self, const training *t) {
     const bool lm = are_few(&run.machine), dense = count_parameters(t) <= DENSE;
     if (!app_given(self, "method"))
         (void)lg_fit_plan_parse(lm ? "lm" : dense ? "ssbroyden" : "lbfgs", &run.training.plan, NULL);
-    if (!app_given(self, "prior")) run.training.prior = lm ? 0.0 : prior;
+    if (!app_given(self, "prior")) run.training.prior = ends_with_lm(&run.training.plan) ? 0.0 : prior;
     if (!app_given(self, "epochs")) run.training.epochs = lm ? 100 : 3000;
 }
 

@@ -101,7 +101,7 @@ static lg_status fit_short(const app *self, const training *t, const lg_fit_opti
     (void)lg_fit_plan_parse(few ? "lm" : estimated ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
     chosen.epochs = few ? EPOCHS / 4 : EPOCHS;
     chosen.seconds = how->seconds / 8;
-    chosen.validation = 0;
+    chosen.validation = chosen.prior = 0;
     chosen.keep_best = false;
     chosen.patience = chosen.stop_after = chosen.checkpoint_every = 0;
     chosen.checkpoint = NULL;

@@ -150,6 +150,7 @@ typedef struct lg_trajectories {
     double *data;                        /* (N, M, d) */
     double *hamiltonian;                 /* (N), energies of the starts, or NULL */
     double *inputs;                      /* (N, M-1, m), or NULL */
+    bool guessed;      /* the file gives neither system nor layout: the family is the first that fits */
     double starts_off; /* how far first points were off the manifold before they were brought back */
     lg_system *truth;  /* the system that made them, or NULL: unknown; owned */
     char sha256[LG_SHA256_TEXT]; /* of t, data and inputs as little-endian doubles, one after the other; set

@@ -323,10 +323,14 @@ static lg_status check_system(read_call *call, lg_error *error) {
     const layout_kind kind = parse_layout(layout);
     if (kind == LAYOUT_UNKNOWN)
         return lg_fail(error, LG_FORMAT, "%s: attribute layout: expected 'q1 p1 q2 p2 ...' or 'q p'", shown);
-    if (known == NULL && out->system[0] != '\0' && kind == LAYOUT_NONE)
+    const bool named = out->system[0] != '\0', listed = lg_system_parameters(out->system, NULL) != NULL;
+    if (known == NULL && named && kind == LAYOUT_NONE)
         return lg_fail(error, LG_FORMAT,
-                       "%s: attribute system: '%s' is unknown; then attribute layout is needed", shown,
-                       out->system);
+                       listed ? "%s: attribute system: no family of learned Hamiltonians takes '%s'; "
+                                "lg-identify learns other machines"
+                              : "%s: attribute system: '%s' is unknown; then attribute layout is needed",
+                       shown, out->system);
+    out->guessed = !named && kind == LAYOUT_NONE;
     out->family = known != NULL ? known : guess_family(out, layout);
     LG_TRY(check_size(out, shown, known_n, error));
     out->n = out->state_dim / numbers_per_copy(out->family);

@@ -215,6 +215,12 @@ static bool has_part(const lg_machine *machine, lg_machine_part part) {
     return false;
 }
 
+bool lg_machine_mass_moves(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->moving) return true;
+    return false;
+}
+
 /* Every direction has a mass. */
 static lg_status check_mass(const lg_machine *machine, lg_error *error) {
     bool directions = machine->directions == 0;

@@ -56,6 +56,10 @@ uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_t
 lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
                                   const lg_machine_seen *seen);
 
+bool lg_machine_mass_moves(const lg_machine *machine); /* M depends on the state */
+/* M of the momenta on R^n, (B, n, n) or (1, n, n). */
+lg_var lg_machine_record_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
+
 /* Monomials of `least` <= degree <= `most` in f variables, in the order of the variables' indices: a list of
  * factors each, ended by UINT32_MAX. */
 #define LG_MACHINE_MONOMIALS 128

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
 typedef struct list {
@@ -111,6 +112,40 @@ static void constant_mass(list *l, const lg_machine *machine, const lg_machine_t
             put(l, product(L, n, i, j) * mass_unit(machine, at[i], at[j]), "mass.%u.%u", at[i] + 1,
                 at[j] + 1);
     direction_masses(l, machine, theta, lg_triangle(n));
+}
+
+/* A mass that is a network, with the other masses: M at the reference, where places are 0, directions e3 and
+ * attitudes 1. */
+static lg_status moving_mass(lg_tape *tape, const lg_machine *machine, const double *theta, double *m) {
+    double q[LG_MACHINE_POSITIONS] = {0.0}, v[LG_MACHINE_VELOCITIES] = {0.0};
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        double *at = q + lg_machine_offsets_of(machine, i).position;
+        if (row->directions > 0) at[2] = 1.0;
+        for (uint32_t k = 0; k < 3 && row->rotations > 0; k++) at[row->places + 4 * k] = 1.0;
+    }
+    const lg_var parameters = lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta);
+    LG_TRY(lg_machine_bind(tape, machine, parameters, &vars));
+    LG_TRY(lg_machine_record_state(tape, &vars, lg_input_f64(tape, lg_shape2(1, machine->positions), q),
+                                   lg_input_f64(tape, lg_shape2(1, machine->velocities), v), parts));
+    return lg_read(tape, lg_machine_record_mass(tape, &vars, parts),
+                   (size_t)machine->momenta * machine->momenta, m);
+}
+
+static void put_moving_mass(list *l, const lg_machine *machine, const double *theta) {
+    uint32_t at[LG_MACHINE_VELOCITIES];
+    double m[LG_MACHINE_VALUES] = {0.0};
+    lg_tape *tape = NULL;
+    const uint32_t n = momentum_velocities(machine, at);
+    lg_status status = lg_tape_create(NULL, NULL, &tape);
+    if (status == LG_OK) status = moving_mass(tape, machine, theta, m);
+    lg_tape_destroy(tape);
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = i; j < n; j++)
+            put(l, status == LG_OK ? m[i * n + j] * mass_unit(machine, at[i], at[j]) : (double)NAN,
+                "mass.%u.%u", at[i] + 1, at[j] + 1);
 }
 
 /* ---- potentials ---- */
@@ -255,8 +290,11 @@ static const struct {
 
 size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room, lg_identified *out) {
     list l = {0, room, out};
+    const bool moving = lg_machine_mass_moves(machine);
+    if (moving && theta != NULL) put_moving_mass(&l, machine, theta);
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
+        if (moving && term->part == LG_MACHINE_MASS) continue;
         for (size_t r = 0; r < LG_COUNT(rows) && term->value_count == 0; r++)
             if (rows[r].part == term->part && strcmp(rows[r].kind, term->kind->name) == 0)
                 rows[r].put(&l, machine, term, theta + term->offset);

@@ -15,19 +15,14 @@ static lg_var plus(lg_tape *tape, lg_var sum, lg_var more) {
     return lg_is_none(sum) ? more : lg_add(tape, sum, more);
 }
 
-static bool mass_moves(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->moving) return true;
-    return false;
-}
-
-/* M (B or 1, n, n). */
-static lg_var record_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
+/* The sum of the terms of one part, or LG_NONE. */
+static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
+                     const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     lg_var sum = LG_NONE;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_term_kind *kind = machine->terms[i].kind;
-        if (kind->part == LG_MACHINE_MASS) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
+        if (kind->part == part) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
     }
     return sum;
 }
@@ -54,8 +49,8 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
     }
     const uint32_t n = machine->momenta;
     if (machine->directions > 0) vars->direction_mass = record_direction_mass(tape, vars);
-    if (n > 0 && !mass_moves(machine)) {
-        const lg_var m = record_mass(tape, vars, NULL);
+    if (n > 0 && !lg_machine_mass_moves(machine)) {
+        const lg_var m = sum_of(tape, vars, LG_MACHINE_MASS, NULL);
         vars->mass = lg_reshape(tape, m, lg_shape2(n, n));
         vars->inverse = lg_reshape(tape, lg_spd_solve(tape, m, unit_matrix(tape, n)), lg_shape2(n, n));
     }
@@ -124,7 +119,7 @@ static uint32_t rows_of(lg_tape *tape, const lg_var *parts) {
 /* M of the state (B or 1, n, n), or LG_NONE where it is bound. */
 static lg_var moving_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
     const bool bound = vars->machine->momenta == 0 || !lg_is_none(vars->mass);
-    return bound ? LG_NONE : record_mass(tape, vars, seen);
+    return bound ? LG_NONE : sum_of(tape, vars, LG_MACHINE_MASS, seen);
 }
 
 /* p = M v and v = M^-1 p, (B, n). */
@@ -212,6 +207,11 @@ static lg_var velocities_with(lg_tape *tape, const lg_machine_vars *vars, lg_var
     return with_directions(tape, vars->machine, v, direction_rates(tape, vars, parts), rows_of(tape, parts));
 }
 
+lg_var lg_machine_record_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
+    return sum_of(tape, vars, LG_MACHINE_MASS, &seen);
+}
+
 lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
     const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
     return velocities_with(tape, vars, moving_mass(tape, vars, &seen), parts);
@@ -219,21 +219,11 @@ lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars *vars, 
 
 /* ---- energy and forces ---- */
 
-static lg_var record_potential(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    lg_var sum = LG_NONE;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_term_kind *kind = machine->terms[i].kind;
-        if (kind->part == LG_MACHINE_POTENTIAL) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
-    }
-    return sum;
-}
-
 lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
     const lg_machine_places at = lg_machine_parts(vars->machine);
     const uint32_t rows = rows_of(tape, parts);
     const lg_machine_seen seen = {.parts = parts, .rows = rows};
-    const lg_var V = record_potential(tape, vars, &seen);
+    const lg_var V = sum_of(tape, vars, LG_MACHINE_POTENTIAL, &seen);
     lg_var twice = LG_NONE;
     if (at.m >= 0) {
         const lg_var v = by_mass(tape, vars, moving_mass(tape, vars, &seen), parts[at.m]);
@@ -248,21 +238,10 @@ lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, cons
     return lg_is_none(V) ? T : lg_add(tape, T, V);
 }
 
-static lg_var force_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
-                       const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    lg_var sum = LG_NONE;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_term_kind *kind = machine->terms[i].kind;
-        if (kind->part == part) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
-    }
-    return sum;
-}
-
 lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
                                const lg_var *parts, lg_var velocities, lg_var u) {
     const lg_machine_seen seen = {.parts = parts, .v = velocities, .u = u, .rows = rows_of(tape, parts)};
-    return force_of(tape, vars, part, &seen);
+    return sum_of(tape, vars, part, &seen);
 }
 
 /* The sum of all forces (B, velocities), or LG_NONE. */
@@ -270,7 +249,7 @@ static lg_var all_forces(lg_tape *tape, const lg_machine_vars *vars, const lg_ma
     lg_var f = LG_NONE;
     for (uint32_t part = LG_MACHINE_DAMPING; part < LG_MACHINE_PART_COUNT; part++) {
         if (part == LG_MACHINE_INPUT_MAP && lg_is_none(seen->u)) continue;
-        const lg_var more = force_of(tape, vars, (lg_machine_part)part, seen);
+        const lg_var more = sum_of(tape, vars, (lg_machine_part)part, seen);
         if (!lg_is_none(more)) f = plus(tape, f, more);
     }
     return f;
@@ -295,7 +274,7 @@ static lg_status conservative_force(lg_tape *tape, const lg_machine_vars *vars, 
         y[outputs] = M;
         cotangent[outputs++] = lg_scale(tape, lg_matmul_nt(tape, column, column), 0.5);
     }
-    const lg_var V = record_potential(tape, vars, seen);
+    const lg_var V = sum_of(tape, vars, LG_MACHINE_POTENTIAL, seen);
     if (!lg_is_none(V)) {
         y[outputs] = V;
         cotangent[outputs++] = lg_full(tape, lg_shape2(seen->rows, 1), -1.0);

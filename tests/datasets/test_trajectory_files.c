@@ -188,6 +188,7 @@ TEST("attributes that follow from the data may be missing") {
         delete_attribute(path, "/", names[i]);
         const lg_trajectories *data = read_trajectories(path);
         assert_true(data->family == &lg_hamiltonian_chain && data->n == 2);
+        assert_int_equal(data->guessed, i >= 2); /* without system and layout */
     }
     delete_link(path, "hamiltonian");
     delete_link(path, "inputs");
@@ -196,6 +197,9 @@ TEST("attributes that follow from the data may be missing") {
     /* Attributes on the data set; a system of the user's own with a layout. */
     replace_text(path, "trajectories", "system", "double spherical pendulum on a cart");
     assert_refused(read_and_free, path, LG_FORMAT, "system", "layout");
+    replace_text(path, "trajectories", "system", "quadrotors");
+    assert_refused(read_and_free, path, LG_FORMAT, "system", "lg-identify");
+    replace_text(path, "trajectories", "system", "double spherical pendulum on a cart");
     replace_text(path, "trajectories", "layout", "q1 p1 q2 p2");
     assert_string_equal(read_trajectories(path)->system, "double spherical pendulum on a cart");
 }
