@@ -39,7 +39,6 @@ static int read_logs(app *self, const char *const *paths, size_t count, size_t t
     const lg_status status =
         lg_logs_read(self->context, &out->file, paths, count, &options, &out->logs, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, paths[0]);
-    tell_warnings(self, &out->logs);
     split(out, training);
     return APP_EXIT_OK;
 }
@@ -80,6 +79,7 @@ int identify_read(app *self, const char *machine, const char *const *paths, size
     const int code = out->file.estimate_delay ? estimate_delay(self, all, total, count, out)
                                               : read_logs(self, all, total, count, -1, out);
     free(list);
+    if (code == APP_EXIT_OK) tell_warnings(self, &out->logs);
     return code;
 }
 
@@ -91,7 +91,9 @@ int identify_read_logs(app *self, const lg_machine_model_file *model, const char
     const lg_status status = lg_machine_file_parse(self->context, self->arguments[0], run->text,
                                                    strlen(run->text), &out->file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    return read_logs(self, paths, count, count, run->delay, out);
+    const int code = read_logs(self, paths, count, count, run->delay, out);
+    if (code == APP_EXIT_OK) tell_warnings(self, &out->logs);
+    return code;
 }
 
 void identify_release(identify_data *data) {

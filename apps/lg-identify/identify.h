@@ -12,7 +12,7 @@ extern const app_command check_command, fit_command, evaluate_command, predict_c
 
 /* ---- logs (data.c) ---- */
 
-/* A machine and its logs; `first` of the logs are for training, the others for validation. */
+/* A machine and its logs: first those for training, then those for validation. */
 typedef struct identify_data {
     lg_machine_file file;
     lg_logs logs;

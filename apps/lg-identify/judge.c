@@ -1,5 +1,5 @@
 /* Errors of free runs. */
-#include "lg-identify/identify.h"
+#include "lg-identify/runs.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -33,11 +33,6 @@ static double angle_of(const double *a, const double *b, int count, double diame
     return 2.0 * asin(fmin(1.0, sqrt(square) / diameter));
 }
 
-static double wrapped(double angle) {
-    const double turn = 6.283185307179586;
-    return angle - turn * round(angle / turn);
-}
-
 /* Adds the errors of one point; NaN of the data is left out, NaN of the prediction is infinite. */
 static void add_point(const lg_machine *machine, const double *q, const double *v, const double *given_q,
                       const double *given_v, sums *out) {
@@ -46,7 +41,7 @@ static void add_point(const lg_machine *machine, const double *q, const double *
         const lg_coordinate_row *row = lg_coordinate_row_of(kind);
         for (uint32_t k = 0; k < row->places; k++)
             add(&out[kind == LG_COORDINATE_ANGLE ? ERROR_ANGLE : ERROR_LINE],
-                kind == LG_COORDINATE_ANGLE ? wrapped(q[k] - given_q[k]) : q[k] - given_q[k]);
+                kind == LG_COORDINATE_ANGLE ? identify_wrap(q[k] - given_q[k]) : q[k] - given_q[k]);
         if (row->directions > 0) add(&out[ERROR_DIRECTION], angle_of(q, given_q, 3, 2.0));
         if (row->rotations > 0 && !isnan(given_q[row->places]))
             add(&out[ERROR_ROTATION], angle_of(q + row->places, given_q + row->places, 9, sqrt(8.0)));
@@ -63,7 +58,7 @@ double identify_position_loss(const lg_machine *machine, const double *a, const 
         const lg_coordinate_row *row = lg_coordinate_row_of(kind);
         double square = 0.0, angle = 0.0;
         for (uint32_t k = 0; k < row->places; k++) {
-            const double e = kind == LG_COORDINATE_ANGLE ? wrapped(a[k] - b[k]) : a[k] - b[k];
+            const double e = kind == LG_COORDINATE_ANGLE ? identify_wrap(a[k] - b[k]) : a[k] - b[k];
             square += isnan(b[k]) ? 0.0 : e * e / row->places;
         }
         if (row->directions > 0 && !isnan(b[0])) angle = angle_of(a, b, 3, 2.0);

@@ -176,6 +176,18 @@ lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials,
 
 /* ---- matrices ---- */
 
+lg_var lg_machine_unit_matrix(lg_tape *tape, uint32_t n) {
+    double unit[LG_MACHINE_VALUES] = {0.0};
+    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
+    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
+}
+
+void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    (void)term;
+    fits[0] = machine->velocities;
+    fits[1] = (size_t)machine->velocities * machine->velocities;
+}
+
 /* Row k of S (triangle, n n) has the 1 of packed number k. */
 static lg_var selection(lg_tape *tape, uint32_t n) {
     void *values;

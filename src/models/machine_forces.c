@@ -18,12 +18,6 @@ static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
     return machine->velocities;
 }
 
-static void square(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    (void)term;
-    fits[0] = machine->velocities;
-    fits[1] = (size_t)machine->velocities * machine->velocities;
-}
-
 static void one_value_each(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
     (void)term;
     fits[0] = fits[1] = machine->velocities;
@@ -224,7 +218,7 @@ static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t te
 const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .part = LG_MACHINE_DAMPING,
                                                 .options = LG_TERM_VALUES | LG_TERM_KNOWN,
-                                                .values = square,
+                                                .values = lg_machine_square_values,
                                                 .record = known_damping},
                                                {.name = "diagonal",
                                                 .part = LG_MACHINE_DAMPING,

@@ -77,6 +77,9 @@ lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials,
 static inline uint32_t lg_triangle(uint32_t n) {
     return n * (n + 1) / 2;
 }
+lg_var lg_machine_unit_matrix(lg_tape *tape, uint32_t n); /* (1, n, n) */
+/* lg_term_kind.values of a matrix of velocities, or its diagonal. */
+void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
 /* packed (B, triangle) -> (B, n, n); `positive`: the diagonal is exp of its numbers. */
 lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive);
 /* Values of a term as a matrix (rows, columns) of scaled numbers: each times left[i] right[j]; a single row

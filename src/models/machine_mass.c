@@ -25,12 +25,6 @@ static double unit_mass(const lg_machine *machine, uint32_t i, uint32_t j) {
 
 /* ---- known ---- */
 
-static void square(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    (void)term;
-    fits[0] = machine->velocities;
-    fits[1] = (size_t)machine->velocities * machine->velocities;
-}
-
 static double known_mass(const lg_machine *machine, const lg_machine_term *term, uint32_t i, uint32_t j) {
     const uint32_t n = machine->velocities;
     const bool diagonal = term->value_count == n;
@@ -94,18 +88,12 @@ static lg_var numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
     return lg_reshape(tape, lg_slice(tape, all, 0, first, count), lg_shape2(1, count));
 }
 
-static lg_var unit_matrix(lg_tape *tape, uint32_t n) {
-    double unit[LG_MACHINE_VALUES] = {0.0};
-    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
-    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
-}
-
 static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                        const lg_machine_seen *seen) {
     const uint32_t n = vars->machine->momenta;
     const lg_var m = lg_exp(tape, numbers(tape, vars, term, 0, n));
     (void)seen;
-    return lg_mul(tape, lg_reshape(tape, m, lg_shape3(1, 1, n)), unit_matrix(tape, n));
+    return lg_mul(tape, lg_reshape(tape, m, lg_shape3(1, 1, n)), lg_machine_unit_matrix(tape, n));
 }
 
 static lg_var direction_masses(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t first) {
@@ -151,7 +139,7 @@ static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
 const lg_term_kind lg_machine_mass_kinds[] = {{.name = "known",
                                                .part = LG_MACHINE_MASS,
                                                .options = LG_TERM_VALUES | LG_TERM_KNOWN,
-                                               .values = square,
+                                               .values = lg_machine_square_values,
                                                .record = known,
                                                .directions = known_directions},
                                               {.name = "diagonal",

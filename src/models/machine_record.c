@@ -5,12 +5,6 @@
 
 /* ---- parameters ---- */
 
-static lg_var unit_matrix(lg_tape *tape, uint32_t n) {
-    double unit[LG_MACHINE_VALUES] = {0.0};
-    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
-    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
-}
-
 static lg_var plus(lg_tape *tape, lg_var sum, lg_var more) {
     return lg_is_none(sum) ? more : lg_add(tape, sum, more);
 }
@@ -52,7 +46,8 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
     if (n > 0 && !lg_machine_mass_moves(machine)) {
         const lg_var m = sum_of(tape, vars, LG_MACHINE_MASS, NULL);
         vars->mass = lg_reshape(tape, m, lg_shape2(n, n));
-        vars->inverse = lg_reshape(tape, lg_spd_solve(tape, m, unit_matrix(tape, n)), lg_shape2(n, n));
+        vars->inverse =
+            lg_reshape(tape, lg_spd_solve(tape, m, lg_machine_unit_matrix(tape, n)), lg_shape2(n, n));
     }
     return lg_tape_status(tape);
 }

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
@@ -13,10 +14,7 @@ static void turn_between(const double *A, const double *B, double *out) {
     double C[9];
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) C[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
-    const double half[3] = {0.5 * (C[7] - C[5]), 0.5 * (C[2] - C[6]), 0.5 * (C[3] - C[1])};
-    const double s = sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
-    const double angle = atan2(s, 0.5 * (C[0] + C[4] + C[8] - 1.0));
-    for (int i = 0; i < 3; i++) out[i] = s > 0.0 ? half[i] * angle / s : 0.0;
+    lg_so3_log(C, out);
 }
 
 /* The derivative at `row` of the polynomial through rows first .. last of one number of positions. */

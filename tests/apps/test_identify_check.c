@@ -242,11 +242,11 @@ static void write_driven(const char *name, size_t late) {
     enum { SIZE = 1 << 16, FINE = 1000 };
     char *text = lg_test_memory(SIZE);
     double x = 0.3, v = 0.0;
-    size_t used = (size_t)snprintf(text, SIZE, "t,x,vx,u\n");
+    size_t used = (size_t)snprintf(text, SIZE, "t,x,vx,u,k\n");
     for (size_t i = 0; i < ROWS; i++) {
         const double h = 5 * DT / FINE, u = 3 * noise(i);
-        used += (size_t)snprintf(text + used, SIZE - used, "%.12g,%.12g,%.12g,%.12g\n", 5 * DT * (double)i, x,
-                                 v, 3 * noise(i + late));
+        used += (size_t)snprintf(text + used, SIZE - used, "%.12g,%.12g,%.12g,%.12g,1\n", 5 * DT * (double)i,
+                                 x, v, 3 * noise(i + late));
         for (int k = 0; k < FINE; k++) {
             v += h * (u - 0.4 * v - 4 * x);
             x += h * v;
@@ -255,14 +255,17 @@ static void write_driven(const char *name, size_t late) {
     cli_write(name, text);
 }
 
-TEST("a delay of the inputs is estimated") {
+TEST("a delay of the inputs is estimated, and what is wrong with the log is told once") {
     static const char *const expected[] = {"delay 0", "delay 1", "delay 4"};
     static const size_t late[] = {0, 1, 4};
     cli_write("driven.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}]\n"
-                             "inputs: {columns: [u], delay: estimate}\n");
+                             "inputs: {columns: [u, k], delay: estimate}\n");
     for (size_t i = 0; i < LG_COUNT(late); i++) {
         write_driven("driven.csv", late[i]);
         cli_json(identify, "check driven.yaml driven.csv", expected[i], &result);
+        const char *told = strstr(result.err, "the input is always");
+        assert_non_null(told);
+        assert_null(strstr(told + 1, "the input is always"));
     }
 }
 
