@@ -25,6 +25,17 @@ typedef struct lg_machine_seen {
     uint32_t rows;
 } lg_machine_seen;
 
+/* Numbers with names (machine_numbers.c): those counted, of which `room` are kept. */
+typedef struct lg_number_list {
+    size_t count, room;
+    lg_identified *out;
+} lg_number_list;
+typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
+                             const double *theta);
+lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential,
+    lg_numbers_diagonal_damping, lg_numbers_constant_damping, lg_numbers_coulomb, lg_numbers_quadratic,
+    lg_numbers_constant_map;
+
 /* A row of the table of terms. `record` gives, by part:
  *   mass       M of the momenta on R^n, (B, n, n) or (1, n, n)
  *   potential  V (B, 1)
@@ -41,6 +52,7 @@ struct lg_term_kind {
     lg_var (*record)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
     /* Masses of the directions (1, directions, 1); NULL: the term has none. */
     lg_var (*directions)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
+    lg_term_numbers *numbers; /* the term's parameters (theta: its own) in the units of logs; NULL: none */
     /* How many values are fitting: one of two numbers. NULL: none. */
     void (*values)(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
     bool heights;         /* sees heights where positions are listed */

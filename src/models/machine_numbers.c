@@ -8,12 +8,8 @@
 #include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
-typedef struct list {
-    size_t count, room;
-    lg_identified *out;
-} list;
-
-static void __attribute__((format(printf, 3, 4))) put(list *l, double value, const char *format, ...) {
+static void __attribute__((format(printf, 3, 4)))
+put(lg_number_list *l, double value, const char *format, ...) {
     va_list arguments;
     if (l->count < l->room) {
         lg_identified *each = &l->out[l->count];
@@ -63,7 +59,8 @@ static double mass_number(const lg_machine *machine, const double *theta, uint32
     return index == held ? 0.0 : theta[index - 1];
 }
 
-static void direction_masses(list *l, const lg_machine *machine, const double *theta, uint32_t first) {
+static void direction_masses(lg_number_list *l, const lg_machine *machine, const double *theta,
+                             uint32_t first) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         if (lg_coordinate_row_of(machine->coordinates[i].kind)->directions == 0) continue;
         const uint32_t k = lg_machine_offsets_of(machine, i).velocity;
@@ -72,8 +69,8 @@ static void direction_masses(list *l, const lg_machine *machine, const double *t
     }
 }
 
-static void diagonal_mass(list *l, const lg_machine *machine, const lg_machine_term *term,
-                          const double *theta) {
+void lg_numbers_diagonal_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                              const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
     const uint32_t n = momentum_velocities(machine, at);
     (void)term;
@@ -99,8 +96,8 @@ static double product(const double *L, uint32_t n, uint32_t i, uint32_t j) {
     return sum;
 }
 
-static void constant_mass(list *l, const lg_machine *machine, const lg_machine_term *term,
-                          const double *theta) {
+void lg_numbers_constant_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                              const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
     double packed[LG_MACHINE_VALUES] = {0.0}, L[LG_MACHINE_VALUES];
     const uint32_t n = momentum_velocities(machine, at);
@@ -134,7 +131,7 @@ static lg_status moving_mass(lg_tape *tape, const lg_machine *machine, const dou
                    (size_t)machine->momenta * machine->momenta, m);
 }
 
-static void put_moving_mass(list *l, const lg_machine *machine, const double *theta) {
+static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
     double m[LG_MACHINE_VALUES] = {0.0};
     lg_tape *tape = NULL;
@@ -195,8 +192,8 @@ static double coefficient_unit(const double *scales, const uint32_t *factor) {
     return unit;
 }
 
-static void polynomial_potential(list *l, const lg_machine *machine, const lg_machine_term *term,
-                                 const double *theta) {
+void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                          const double *theta) {
     double scales[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
     lg_monomials monomials;
     const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
@@ -220,7 +217,7 @@ static double drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int p
     return s->energy / s->velocity[i] / (power == 0 ? 1.0 : power == 1 ? speed : speed * speed);
 }
 
-static void drag_numbers(list *l, const lg_machine *machine, const char *name, int power,
+static void drag_numbers(lg_number_list *l, const lg_machine *machine, const char *name, int power,
                          const double *theta) {
     for (uint32_t i = 0; i < machine->velocities; i++) {
         char of[48];
@@ -229,26 +226,26 @@ static void drag_numbers(list *l, const lg_machine *machine, const char *name, i
     }
 }
 
-static void diagonal_damping(list *l, const lg_machine *machine, const lg_machine_term *term,
-                             const double *theta) {
+void lg_numbers_diagonal_damping(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                                 const double *theta) {
     (void)term;
     drag_numbers(l, machine, "damping", 1, theta);
 }
 
-static void coulomb_damping(list *l, const lg_machine *machine, const lg_machine_term *term,
-                            const double *theta) {
+void lg_numbers_coulomb(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                        const double *theta) {
     (void)term;
     drag_numbers(l, machine, "coulomb", 0, theta);
 }
 
-static void quadratic_damping(list *l, const lg_machine *machine, const lg_machine_term *term,
-                              const double *theta) {
+void lg_numbers_quadratic(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                          const double *theta) {
     (void)term;
     drag_numbers(l, machine, "quadratic", 2, theta);
 }
 
-static void constant_damping(list *l, const lg_machine *machine, const lg_machine_term *term,
-                             const double *theta) {
+void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                                 const double *theta) {
     double L[LG_MACHINE_VALUES];
     const uint32_t n = machine->velocities;
     (void)term;
@@ -258,8 +255,8 @@ static void constant_damping(list *l, const lg_machine *machine, const lg_machin
             put(l, product(L, n, i, j) * drag_unit(machine, i, j, 1), "damping.%u.%u", i + 1, j + 1);
 }
 
-static void constant_map(list *l, const lg_machine *machine, const lg_machine_term *term,
-                         const double *theta) {
+void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                             const double *theta) {
     const uint32_t m = machine->input_count;
     (void)term;
     for (uint32_t i = 0; i < machine->velocities; i++)
@@ -268,36 +265,17 @@ static void constant_map(list *l, const lg_machine *machine, const lg_machine_te
                 "input_map.%u.%u", i + 1, j + 1);
 }
 
-/* ---- the table ---- */
-
-static const struct {
-    lg_machine_part part;
-    const char *kind;
-    void (*put)(list *l, const lg_machine *machine, const lg_machine_term *term, const double *theta);
-} rows[] = {
-    {LG_MACHINE_MASS, "diagonal", diagonal_mass},
-    {LG_MACHINE_MASS, "constant", constant_mass},
-    {LG_MACHINE_POTENTIAL, "linear", polynomial_potential},
-    {LG_MACHINE_POTENTIAL, "gravity", polynomial_potential},
-    {LG_MACHINE_POTENTIAL, "quadratic", polynomial_potential},
-    {LG_MACHINE_POTENTIAL, "polynomial", polynomial_potential},
-    {LG_MACHINE_DAMPING, "diagonal", diagonal_damping},
-    {LG_MACHINE_DAMPING, "constant", constant_damping},
-    {LG_MACHINE_DAMPING, "coulomb", coulomb_damping},
-    {LG_MACHINE_DAMPING, "quadratic", quadratic_damping},
-    {LG_MACHINE_INPUT_MAP, "constant", constant_map},
-};
+/* ---- all ---- */
 
 size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room, lg_identified *out) {
-    list l = {0, room, out};
+    lg_number_list l = {0, room, out};
     const bool moving = lg_machine_mass_moves(machine);
     if (moving && theta != NULL) put_moving_mass(&l, machine, theta);
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         if (moving && term->part == LG_MACHINE_MASS) continue;
-        for (size_t r = 0; r < LG_COUNT(rows) && term->value_count == 0; r++)
-            if (rows[r].part == term->part && strcmp(rows[r].kind, term->kind->name) == 0)
-                rows[r].put(&l, machine, term, theta + term->offset);
+        if (term->value_count == 0 && term->kind->numbers != NULL)
+            term->kind->numbers(&l, machine, term, theta + term->offset);
     }
     return l.count;
 }
