@@ -1,5 +1,5 @@
-/* Machines, every kind of term of the table: energy and field with respect to state, parameters and input;
- * the training loss with starts measured and estimated. */
+/* Machines, every kind of term and every system of the tables: energy and field with respect to state,
+ * parameters and input; the training loss with starts measured and estimated. */
 #include <string.h>
 
 #include "common/app.h"
@@ -167,10 +167,47 @@ static void add_row(const lg_machine *machine, question what, lg_machine_starts 
         .name = s->name, .inputs = (uint32_t)inputs, .arguments = s->arguments, .build = build, .user = s};
 }
 
+/* All parameters of the system are unknown. */
+static bool make_system(const lg_grey_system *system, lg_machine *out) {
+    static const double start = 9.0;
+    static const bool unknown = true;
+    const uint32_t wanted = lg_grey_system_coordinates(system), count = wanted > 0 ? wanted : 2;
+    *out = (lg_machine){.input_count = 1};
+    lg_machine_scales_init(&out->scales);
+    for (uint32_t i = 0; i < count; i++) {
+        const char name[] = {(char)('a' + i), '\0'};
+        add_coordinate(out, name, lg_grey_system_coordinate(system, i));
+    }
+    (void)snprintf(out->inputs[0], sizeof out->inputs[0], "u");
+    if (lg_machine_set_system(out, lg_grey_system_name(system), NULL) != LG_OK) return false;
+    for (const lg_parameter_entry *p = lg_grey_system_parameters(system); p->key != NULL; p++) {
+        const bool given = p->fallback == NULL && p->rule != LG_PARAMETER_POSITIVE;
+        if (lg_machine_set_parameter(out, p->key, given ? p->count : 0, &start, &unknown, NULL) != LG_OK)
+            return false;
+    }
+    (void)add_term(out, LG_MACHINE_INPUT_MAP, lg_term_kind_find(LG_MACHINE_INPUT_MAP, "constant"));
+    return lg_machine_init(out, NULL) == LG_OK;
+}
+
+static void add_system(const lg_grey_system *system) {
+    static const char *const names[] = {[ENERGY] = "energy", [FIELD] = "field"};
+    lg_machine machine;
+    char label[64];
+    if (!make_system(system, &machine)) return;
+    for (int what = ENERGY; what <= FIELD; what++) {
+        (void)snprintf(label, sizeof label, "%s, %s", lg_grey_system_name(system), names[what]);
+        add_row(&machine, (question)what, LG_MACHINE_STARTS_MEASURED, label);
+    }
+}
+
 static void add_kind(lg_machine_part part, const lg_term_kind *kind) {
     lg_machine machine;
     char label[64];
     if (!make_machine(part, kind, &machine)) return;
+    if (part == LG_MACHINE_BIAS) {
+        add_row(&machine, LOSS, LG_MACHINE_STARTS_MEASURED, "loss with biases");
+        return;
+    }
     (void)snprintf(label, sizeof label, "%s %s, field", lg_machine_part_name(part), lg_term_kind_name(kind));
     add_row(&machine, FIELD, LG_MACHINE_STARTS_MEASURED, label);
     if (part > LG_MACHINE_POTENTIAL) return;
@@ -184,6 +221,8 @@ static void add_all(void) {
     for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++)
         for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++)
             add_kind((lg_machine_part)part, kind);
+    const lg_grey_system *system;
+    for (size_t i = 0; (system = lg_grey_system_at(i)) != NULL; i++) add_system(system);
     if (!make_machine(LG_MACHINE_DAMPING, lg_term_kind_find(LG_MACHINE_DAMPING, "diagonal"), &machine))
         return;
     add_row(&machine, LOSS, LG_MACHINE_STARTS_MEASURED, "loss");

@@ -213,6 +213,15 @@ void warn_of_inputs(const app *self, const char *path, const lg_trajectories *da
                  data->input_dim);
 }
 
+void warn_of_few(const app *self, const lg_trajectories *data, size_t parameters) {
+    const double numbers = (double)data->count * (double)(data->points - 1) * data->state_dim;
+    if (numbers >= (double)parameters) return;
+    app_warn(self,
+             "%.0f numbers are given, fewer than the %zu parameters that are learned: they fit these data, "
+             "not the system; take %.0f trajectories or more, or smaller --hidden",
+             numbers, parameters, ceil((double)parameters / numbers * (double)data->count));
+}
+
 lg_status save_model(const app *self, const char *path, const learner *trained, const double *theta,
                      lg_error *error) {
     lg_hamiltonian_file file;

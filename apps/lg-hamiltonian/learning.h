@@ -66,6 +66,9 @@ lg_status warn_of_drift(const app *self, const learner *trained, const double *t
 /* Learned systems are autonomous: says so when the data come with inputs. */
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data);
 
+/* Says so when the data have fewer numbers than there are parameters. */
+void warn_of_few(const app *self, const lg_trajectories *data, size_t parameters);
+
 /* The model with the state of its fit; `theta` has lg_hamiltonian_parameters numbers. */
 lg_status save_model(const app *app, const char *path, const learner *trained, const double *theta,
                      lg_error *error);

@@ -77,11 +77,13 @@ static lg_status ask_chunk(lg_tape *tape, const identify_model *model, const ask
         status = lg_read(tape, lg_machine_record_energy(tape, &vars, parts), count, a->energy + first);
         for (size_t r = 0; r < count; r++) a->energy[first + r] *= machine->scales.energy;
     }
+    const lg_var rates = status == LG_OK ? lg_machine_record_rates(tape, &vars, parts) : LG_NONE;
+    if (status == LG_OK) status = lg_read(tape, rates, count * nv, v);
     for (int k = 0; k < POWERS && status == LG_OK; k++) {
         const bool force = a->damping != NULL && powered[k] == LG_MACHINE_DAMPING;
         if (a->power == NULL && !force) continue;
         status =
-            read_force(tape, machine, lg_machine_record_force(tape, &vars, powered[k], parts, speed, inputs),
+            read_force(tape, machine, lg_machine_record_force(tape, &vars, powered[k], parts, rates, inputs),
                        v, count, work, a->power != NULL ? a->power + first * POWERS + k : NULL,
                        force ? a->damping + first * nv : NULL);
     }

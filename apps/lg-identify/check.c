@@ -6,6 +6,7 @@
 #include "core/core.h"
 #include "lg-identify/runs.h"
 #include "liegrad/geometry.h"
+#include "liegrad/minimise.h"
 
 typedef struct check_values {
     const char *plot;
@@ -117,11 +118,9 @@ static double own_part(const lg_machine *machine, const lg_machine_log *log, boo
     }
     const double variance = square - mean * mean / (double)count;
     memcpy(given, right, sizeof given);
-    for (size_t i = 0; i < n; i++) matrix[i * n + i] *= 1 + 1e-12;
-    for (size_t i = 0; i < n; i++)
-        if (matrix[i * n + i] <= 0) matrix[i * n + i] = 1;
     double explained = 0;
-    const bool solved = count > 2 * n && variance > 1e-12 * square && identify_solve(matrix, n, right, 1);
+    const bool solved = count > 2 * n && variance > 1e-12 * square &&
+                        lg_normal_equations(n, 1, 1e-12, matrix, right) == LG_OK;
     for (size_t i = 0; i < n; i++) explained += given[i] * right[i];
     free(matrix);
     return solved ? sqrt(fmax(0, (square - explained) / variance)) : (double)NAN;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "lg-identify/runs.h"
+#include "liegrad/minimise.h"
 
 enum {
     MOST_NUMBERS = 2 * LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS,
@@ -60,7 +61,7 @@ static bool interval(const lg_machine *machine, const lg_machine_log *log, size_
 /* Sums of the normal equations, or with `A` of the squares that are left. */
 typedef struct regression {
     size_t n, nv;
-    double *matrix, *right, *A, left, rows;
+    double *matrix, *right, *A, left, rows; /* (n, n); (nv, n), A too */
 } regression;
 
 static void add(regression *r, const double *x, const double *y) {
@@ -68,13 +69,13 @@ static void add(regression *r, const double *x, const double *y) {
     if (r->A == NULL) {
         for (size_t i = 0; i < r->n; i++) {
             for (size_t j = 0; j <= i; j++) r->matrix[i * r->n + j] += x[i] * x[j];
-            for (size_t k = 0; k < r->nv; k++) r->right[i * r->nv + k] += x[i] * y[k];
+            for (size_t k = 0; k < r->nv; k++) r->right[k * r->n + i] += x[i] * y[k];
         }
         return;
     }
     for (size_t k = 0; k < r->nv; k++) {
         double e = y[k];
-        for (size_t i = 0; i < r->n; i++) e -= x[i] * r->A[i * r->nv + k];
+        for (size_t i = 0; i < r->n; i++) e -= x[i] * r->A[k * r->n + i];
         r->left += e * e;
     }
 }
@@ -96,9 +97,8 @@ double identify_unexplained(const lg_machine *machine, const lg_machine_log *log
     r.matrix = app_alloc(r.n * r.n, sizeof *r.matrix);
     r.right = app_alloc(r.n * r.nv, sizeof *r.right);
     pass(machine, log, &r);
-    for (size_t i = 0; i < r.n; i++) r.matrix[i * r.n + i] += 1e-9 * r.matrix[i * r.n + i] + 1e-200;
     double left = (double)NAN;
-    if (r.rows > 0 && identify_solve(r.matrix, r.n, r.right, r.nv)) {
+    if (r.rows > 0 && lg_normal_equations(r.n, r.nv, 1e-9, r.matrix, r.right) == LG_OK) {
         r.A = r.right;
         pass(machine, log, &r);
         left = r.left / r.rows;

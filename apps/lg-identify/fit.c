@@ -198,12 +198,14 @@ static void release(void *user) {
 
 /* ---- result ---- */
 
-static lg_status save(const app *self, const training *t, const double *theta, lg_error *error) {
+static lg_status save(const app *self, const training *t, const double *theta, const double *spread,
+                      lg_error *error) {
     lg_machine_model_file *file = app_alloc(1, sizeof *file);
     file->run = run;
     file->parameters = run.machine.parameters;
     file->provenance = app_provenance(self, run.training.seed);
     file->theta = (double *)(uintptr_t)theta; /* only read */
+    file->spread = (double *)(uintptr_t)spread;
     const lg_status status =
         lg_model_save_machine_model(self->context, train_given_files.out, file, t->fit, error);
     free(file);
@@ -211,12 +213,6 @@ static lg_status save(const app *self, const training *t, const double *theta, l
 }
 
 /* ---- gauge ---- */
-
-static const char *gauge(const lg_machine *machine) {
-    if (machine->normalised) return "one mass is 1 in the units of the logs";
-    if (machine->free_gauge) return "nothing";
-    return "the values given in the machine's file";
-}
 
 /* Mass, potential, damping and input map are known up to a common factor. */
 static void warn_of_gauge(const app *self, const lg_machine *machine) {
@@ -226,7 +222,7 @@ static void warn_of_gauge(const app *self, const lg_machine *machine) {
             "nothing in the machine's file fixes the common factor of mass, potential, damping and "
             "input map: one mass, that without an error below, is set to 1; give a mass or the input map "
             "to fix it");
-    if (machine->free_gauge)
+    if (machine->free_gauge && machine->grey.system == NULL)
         app_warn(self,
                  "nothing fixes the common factor of mass, potential, damping and input map: only their "
                  "ratios mean something; give the input map, or a mass that is known or constant");
@@ -241,6 +237,21 @@ static void put_identified(app_json *json, const lg_identified *numbers, size_t 
         app_json_real(json, "error", numbers[i].error);
         app_json_close(json, '}');
     }
+    app_json_close(json, '}');
+}
+
+static const double strong = 0.9; /* correlations that are told */
+
+/* {"a,b": r} */
+static void put_correlations(app_json *json, const lg_identification *of, size_t count) {
+    app_json_open(json, "correlations", '{');
+    for (size_t i = 0; i < count; i++)
+        for (size_t j = i + 1; j < count; j++) {
+            char both[2 * LG_IDENTIFIED_NAME + 2];
+            const double r = of->correlations[i * count + j];
+            (void)snprintf(both, sizeof both, "%s,%s", of->numbers[i].name, of->numbers[j].name);
+            if (fabs(r) > strong) app_json_real(json, both, r);
+        }
     app_json_close(json, '}');
 }
 
@@ -259,7 +270,22 @@ static void show_identified(const lg_identified *numbers, size_t count) {
     app_table_end(&table, stdout);
 }
 
-static void report(const training *t, const train_session *session, double loss, const lg_identified *numbers,
+/* The number of open directions in which several numbers move. */
+static size_t open_together(const lg_identification *of, size_t count) {
+    size_t several = 0;
+    for (size_t k = 0; k < of->open_count; k++)
+        several += lg_identification_sentence(of, count, k, NULL, 0) > 1;
+    return several;
+}
+
+static const char *gauge(const lg_machine *machine, const lg_identification *of, size_t count) {
+    if (machine->normalised) return "one mass is 1 in the units of the logs";
+    if (machine->free_gauge || (machine->grey.system != NULL && open_together(of, count) > 0))
+        return "nothing";
+    return "the values given in the machine's file";
+}
+
+static void report(const training *t, const train_session *session, double loss, const lg_identification *of,
                    size_t count) {
     app_json json;
     const lg_fit *fit = t->fit;
@@ -269,7 +295,7 @@ static void report(const training *t, const train_session *session, double loss,
         (void)printf("%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e, floor %.1e, %.1f s\n",
                      train_given_files.out, run.machine.parameters, (unsigned long long)run.windows,
                      (unsigned long long)done, loss, session->floor, session->seconds);
-        show_identified(numbers, count);
+        show_identified(of->numbers, count);
         return;
     }
     app_json_begin(&json);
@@ -277,34 +303,61 @@ static void report(const training *t, const train_session *session, double loss,
     app_json_real(&json, "validation", validation);
     app_json_size(&json, "windows", run.windows);
     app_json_size(&json, "parameters", run.machine.parameters);
-    put_identified(&json, numbers, count);
-    app_json_text(&json, "gauge", gauge(&run.machine));
+    put_identified(&json, of->numbers, count);
+    put_correlations(&json, of, count);
+    app_json_text(&json, "gauge", gauge(&run.machine, of, count));
     train_json(session, &json);
     app_json_end(&json);
 }
 
-/* The largest value among numbers with the same first word, "mass" of "mass.1.2". */
+/* Numbers of one kind have the same first word: "mass" of "mass.1.2", "I" of the label "I2". */
+static bool are_alike(const char *a, const char *b) {
+    size_t word = strcspn(a, ".");
+    if (a[word] == '\0')
+        while (word > 1 && strchr("0123456789", a[word - 1]) != NULL) word--;
+    return strncmp(a, b, word) == 0 && strcspn(b, ".0123456789") <= word;
+}
+
 static double largest_alike(const lg_identified *numbers, size_t count, size_t i) {
-    const size_t word = strcspn(numbers[i].name, ".");
     double largest = 0.0;
     for (size_t k = 0; k < count; k++)
-        if (strncmp(numbers[k].name, numbers[i].name, word + 1) == 0)
-            largest = fmax(largest, fabs(numbers[k].value));
+        if (are_alike(numbers[i].name, numbers[k].name)) largest = fmax(largest, fabs(numbers[k].value));
     return largest;
 }
 
+/* Whether an open direction of several numbers moves number i, or one like it. */
+static bool is_open(const lg_identification *of, size_t count, size_t i) {
+    for (size_t k = 0; k < of->open_count; k++)
+        for (size_t j = 0; j < count; j++)
+            if (of->open[k * count + j] != 0.0 && are_alike(of->numbers[i].name, of->numbers[j].name) &&
+                lg_identification_sentence(of, count, k, NULL, 0) > 1)
+                return true;
+    return false;
+}
+
+static void warn_of_open(const app *self, const lg_identification *of, size_t count) {
+    char text[512];
+    for (size_t k = 0; k < of->open_count; k++)
+        if (lg_identification_sentence(of, count, k, text, sizeof text) > 1) app_warn(self, "%s", text);
+}
+
 /* A number that its error exceeds, unless both are next to nothing beside the others of its kind. */
-static void warn_of_numbers(const app *self, const lg_identified *numbers, size_t count) {
+static void warn_of_numbers(const app *self, const lg_identification *of, size_t count) {
     static const double nothing = 0.02;
+    const lg_identified *numbers = of->numbers;
     for (size_t i = 0; i < count; i++) {
         const double error = numbers[i].error;
         if (error <= fabs(numbers[i].value) || error < nothing * largest_alike(numbers, count, i)) continue;
+        if (is_open(of, count, i)) continue;
         app_warn(self,
                  "the logs do not determine %s: %.3g with a standard error of %.2g; give it as "
                  "known, or move the machine in other ways",
                  numbers[i].name, numbers[i].value, error);
     }
 }
+
+/* Parameters up to which a model keeps their covariance. */
+enum { MOST_SPREAD = 256 };
 
 static int finish(void *user, train_session *session) {
     training *t = user;
@@ -315,22 +368,27 @@ static int finish(void *user, train_session *session) {
     lg_status status = lg_machine_loss(self->context, &t->problem, theta, &loss, &session->floor, &error);
     if (status == LG_OK && !isfinite(loss)) status = LG_NOT_FINITE;
     int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
+    const size_t count = lg_machine_numbers(&run.machine, theta, 0, NULL), n = run.machine.parameters;
+    lg_identification of = {.numbers = app_alloc(count + 1, sizeof *of.numbers),
+                            .correlations = app_alloc(count * count + 1, sizeof *of.correlations),
+                            .open = app_alloc(count * count + 1, sizeof *of.open),
+                            .spread = n <= MOST_SPREAD ? app_alloc(n * n, sizeof *of.spread) : NULL};
     if (code == APP_EXIT_OK) {
-        status = save(self, t, theta, &error);
-        if (status != LG_OK) code = app_fail_file(self, status, &error, train_given_files.out);
-    }
-    const size_t count = lg_machine_numbers(&run.machine, theta, 0, NULL);
-    lg_identified *numbers = app_alloc(count + 1, sizeof *numbers);
-    if (code == APP_EXIT_OK) {
-        status = lg_machine_identify(self->context, &t->problem, theta, numbers, &error);
+        status = lg_machine_identify(self->context, &t->problem, theta, &of, &error);
         if (status != LG_OK) code = app_fail(self, status, "%s", app_sentence(status, &error));
+        status = save(self, t, theta, status == LG_OK && count > 0 ? of.spread : NULL, &error);
+        if (status != LG_OK) code = app_fail_file(self, status, &error, train_given_files.out);
     }
     free(theta);
     if (code == APP_EXIT_OK) warn_of_gauge(self, &run.machine);
-    if (code == APP_EXIT_OK) warn_of_numbers(self, numbers, count);
+    if (code == APP_EXIT_OK) warn_of_open(self, &of, count);
+    if (code == APP_EXIT_OK) warn_of_numbers(self, &of, count);
     if (code == APP_EXIT_OK) code = train_draw(session);
-    if (code == APP_EXIT_OK) report(t, session, loss, numbers, count);
-    free(numbers);
+    if (code == APP_EXIT_OK) report(t, session, loss, &of, count);
+    free(of.numbers);
+    free(of.correlations);
+    free(of.open);
+    free(of.spread);
     return code;
 }
 

@@ -5,13 +5,14 @@
 
 #include "lg-identify/runs.h"
 #include "liegrad/geometry.h"
+#include "liegrad/minimise.h"
 
 enum { MOST_FEATURES = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
 
 struct identify_linear {
     const lg_machine *machine;
     size_t features;
-    double A[MOST_FEATURES * LG_MACHINE_VELOCITIES]; /* (features, velocities) */
+    double A[LG_MACHINE_VELOCITIES * MOST_FEATURES]; /* (velocities, features) */
 };
 
 static void input_at(const lg_machine *machine, const lg_machine_log *log, size_t row, double s,
@@ -47,7 +48,7 @@ static void add_interval(const lg_machine *machine, const lg_machine_log *log, s
     }
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j <= i; j++) matrix[i * n + j] += x[i] * x[j];
-        for (size_t k = 0; k < nv; k++) right[i * nv + k] += x[i] * (vb[k] - va[k]) / h;
+        for (size_t k = 0; k < nv; k++) right[k * n + i] += x[i] * (vb[k] - va[k]) / h;
     }
 }
 
@@ -59,10 +60,9 @@ identify_linear *identify_linear_create(const lg_machine *machine, const lg_mach
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++)
             add_interval(machine, log, row, n, matrix, linear->A);
-    bool empty = true;
-    for (size_t i = 0; i < n; i++) empty = empty && !(matrix[i * n + i] > 0);
-    for (size_t i = 0; i < n; i++) matrix[i * n + i] += 1e-10 * matrix[i * n + i] + 1e-200;
-    const bool solved = !empty && identify_solve(matrix, n, linear->A, machine->velocities);
+    const bool empty = !(matrix[n * n - 1] > 0); /* the square of the feature 1 */
+    const bool solved =
+        !empty && lg_normal_equations(n, machine->velocities, 1e-10, matrix, linear->A) == LG_OK;
     for (size_t i = 0; i < n * machine->velocities && !solved; i++) linear->A[i] = (double)NAN;
     free(matrix);
     return linear;
@@ -82,7 +82,7 @@ static void slope(const identify_linear *linear, const double *q, const double *
     fill(machine, q, v, u, x);
     for (size_t k = 0; k < nv; k++) dv[k] = 0;
     for (size_t i = 0; i < linear->features; i++)
-        for (size_t k = 0; k < nv; k++) dv[k] += linear->A[i * nv + k] * x[i];
+        for (size_t k = 0; k < nv; k++) dv[k] += linear->A[k * linear->features + i] * x[i];
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
         const double *R = q + row->places, *rate = v + row->velocities - 3;

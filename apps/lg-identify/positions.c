@@ -11,46 +11,50 @@ typedef struct positions_runner {
     const lg_machine_log *log;
 } positions_runner;
 
+enum { BEFORE = IDENTIFY_START_ROWS - 1 }; /* rows before a start */
+
+/* Of runs over `before` and `steps` intervals the last steps + 1 points. */
+static void keep_ends(const double *runs, size_t count, size_t before, size_t steps, size_t n, double *out) {
+    for (size_t i = 0; i < count; i++)
+        memcpy(out + i * (steps + 1) * n, runs + (i * (before + steps + 1) + before) * n,
+               (steps + 1) * n * sizeof *out);
+}
+
 static lg_status run_from_positions(void *user, const lg_machine_log *log, const size_t *start, size_t count,
                                     size_t steps, double *q, double *v, lg_error *error) {
     const positions_runner *r = user;
     const identify_model *model = r->model;
-    const size_t nq = model->machine->positions, nv = model->machine->velocities;
-    lg_machine_log copy = *log;
+    const size_t nq = model->machine->positions, nv = model->machine->velocities,
+                 points = count * (BEFORE + steps + 1);
+    identify_started begun;
     size_t *from = app_alloc(count, sizeof *from);
-    double *own_q = app_alloc(log->rows * nq, sizeof *own_q),
-           *own_v = app_alloc(log->rows * nv, sizeof *own_v),
-           *first = app_alloc(2 * count * (nq + nv), sizeof *first);
-    double *first_v = first + count * nq, *last_q = first_v + count * nv, *last_v = last_q + count * nq;
-    for (size_t i = 0; i < count; i++) from[i] = start[i] - (IDENTIFY_START_ROWS - 1);
-    lg_status status =
-        identify_estimate_starts(r->app, model, r->log, from, count, first, first_v, last_q, last_v, error);
-    for (size_t i = 0; i < count; i++) {
-        memcpy(own_q + start[i] * nq, last_q + i * nq, nq * sizeof *own_q);
-        memcpy(own_v + start[i] * nv, last_v + i * nv, nv * sizeof *own_v);
-    }
-    copy.q = own_q, copy.v = own_v;
+    double *all_q = app_alloc(points * nq, sizeof *all_q), *all_v = app_alloc(points * nv, sizeof *all_v);
+    (void)log;
+    for (size_t i = 0; i < count; i++) from[i] = start[i] - BEFORE;
+    lg_status status = identify_with_starts(r->app, model, r->log, from, count, &begun, error);
     if (status == LG_OK)
-        status = lg_machine_free_run(r->app->context, model->machine, model->theta, model->scheme,
-                                     model->substeps, &copy, start, count, steps, q, v, error);
+        status =
+            lg_machine_free_run(r->app->context, model->machine, model->theta, model->scheme, model->substeps,
+                                &begun.log, from, count, BEFORE + steps, all_q, all_v, error);
+    keep_ends(all_q, count, BEFORE, steps, nq, q);
+    keep_ends(all_v, count, BEFORE, steps, nv, v);
+    identify_started_release(&begun);
     free(from);
-    free(own_q);
-    free(own_v);
-    free(first);
+    free(all_q);
+    free(all_v);
     return status;
 }
 
 /* Velocities are there, as 0, where a run can start. */
 static double *mark_starts(const lg_machine *machine, const lg_machine_log *log, size_t every) {
-    const size_t nq = machine->positions, nv = machine->velocities;
+    const size_t nv = machine->velocities;
     double *v = app_alloc(log->rows * nv, sizeof *v);
     for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row < log->first[p + 1]; row += every) {
-            bool complete = row >= log->first[p] + IDENTIFY_START_ROWS - 1;
-            for (size_t k = 0; complete && k < nq; k++)
-                complete = !isnan(log->q[(row - IDENTIFY_START_ROWS + 1) * nq + k]);
-            for (size_t k = 0; complete && k < nv; k++) v[row * nv + k] = 0;
+            const bool starts =
+                row >= log->first[p] + BEFORE && lg_machine_log_complete(machine, log, row - BEFORE, true);
+            for (size_t k = 0; starts && k < nv; k++) v[row * nv + k] = 0;
         }
     return v;
 }

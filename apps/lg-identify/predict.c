@@ -9,6 +9,7 @@
 typedef struct predict_values {
     const char *out, *plot;
     uint64_t start, substeps;
+    bool bands;
 } predict_values;
 
 static const app_option options[] = {
@@ -18,6 +19,8 @@ static const app_option options[] = {
                  "Begin at row n of each part without a gap, from 0; the next complete one is taken"),
     APP_ROW_SIZE(predict_values, substeps, "substeps", "n", 1, 1e6,
                  "Steps between two rows (default the model's)"),
+    APP_ROW_FLAG(predict_values, bands, "bands",
+                 "Add columns NAME.sd: the standard deviation that the uncertainty of the parameters makes"),
     APP_ROW_TEXT(predict_values, plot, "plot", "FILE.svg|.png", "Draw the first run, logged and predicted"),
     APP_ROW_END};
 
@@ -28,6 +31,7 @@ typedef struct prediction {
     identify_data data;
     size_t *start, runs, rows;
     double *q, *v; /* as the log's rows */
+    double *bands; /* (rows, columns of the machine's file): standard deviations; NULL: not wanted */
     double error[LG_LOG_COLUMNS];
     bool finite;
 } prediction;
@@ -52,6 +56,11 @@ static lg_status predict(app *self, prediction *p, lg_error *error) {
     p->q = app_alloc(log->rows * machine->positions, sizeof *p->q);
     p->v = app_alloc(log->rows * machine->velocities, sizeof *p->v);
     LG_TRY(identify_run_log(self, &model, log, p->start, p->runs, positions, p->q, p->v, error));
+    if (values.bands) {
+        p->bands = app_alloc(log->rows * p->data.file.column_count, sizeof *p->bands);
+        LG_TRY(identify_bands(self, &model, p->file->spread, &p->data.file, log, p->start, p->runs, positions,
+                              p->q, p->v, p->bands, error));
+    }
     identify_column_errors(&p->data.file, log, p->q, p->v, p->error);
     identify_warn_range(self, run, &p->data.file, log, p->q, p->v);
     return LG_OK;
@@ -71,6 +80,8 @@ static void put_head(FILE *stream, const lg_machine_file *file) {
     bool first = true;
     for (uint32_t c = 0; c < file->column_count; c++, first = false)
         (void)fprintf(stream, "%s%s", first ? "" : ",", file->columns[c].name);
+    for (uint32_t c = 0; c < file->column_count && values.bands; c++)
+        if (identify_is_state(&file->columns[c])) (void)fprintf(stream, ",%s.sd", file->columns[c].name);
     (void)fputc('\n', stream);
 }
 
@@ -104,6 +115,11 @@ static void put_row(FILE *stream, prediction *p, size_t row, size_t end, uint32_
         else
             put_number(stream, columns[c] / column->scale);
         if (identify_is_state(column)) p->finite = p->finite && isfinite(columns[c]);
+    }
+    for (uint32_t c = 0; c < file->column_count && values.bands; c++) {
+        if (!identify_is_state(&file->columns[c])) continue;
+        (void)fputc(',', stream);
+        put_number(stream, p->bands[row * file->column_count + c] / fabs(file->columns[c].scale));
     }
     (void)fputc('\n', stream);
     p->rows++;
@@ -163,10 +179,17 @@ static void report(const app *self, const prediction *p) {
 
 static int predict_and_write(app *self, prediction *p) {
     lg_error error = {LG_OK, ""};
+    lg_status status;
     int code = identify_read_logs(self, p->file, self->arguments + 1, 1, &p->data);
     if (code == APP_EXIT_OK) code = identify_refuse_momenta(self, &p->data.file, self->arguments[0]);
     if (code != APP_EXIT_OK) return code;
-    lg_status status = predict(self, p, &error);
+    if (values.bands && p->file->spread == NULL)
+        return app_fail(
+            self, LG_UNSUPPORTED,
+            "%s: has no covariance of its parameters for --bands: it has more than 256 of them, or none "
+            "that the logs determine",
+            self->arguments[0]);
+    status = predict(self, p, &error);
     if (status != LG_OK)
         return app_fail(self, status, "%s: %s", self->arguments[1], app_sentence(status, &error));
     p->finite = true;
@@ -199,6 +222,7 @@ static int run_predict(app *self) {
     free(p.start);
     free(p.q);
     free(p.v);
+    free(p.bands);
     if (status == LG_OK) lg_machine_model_file_destroy(file);
     free(file);
     return code;

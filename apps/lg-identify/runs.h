@@ -42,12 +42,16 @@ size_t identify_first_rows(const lg_machine *machine, const lg_machine_log *log,
                            size_t *out);
 
 #define IDENTIFY_START_ROWS 50
-/* Least-squares states at row[i] from the positions of this and the following rows, 50 in all or fewer at
- * the end of a part: q (count, positions), v (count, velocities); at the last of these rows last_q, last_v
- * (may be NULL). */
-lg_status identify_estimate_starts(const app *self, const identify_model *model, const lg_machine_log *log,
-                                   const size_t *row, size_t count, double *q, double *v, double *last_q,
-                                   double *last_v, lg_error *error);
+/* A log that has states at some rows, and at these alone: q (rows, positions) and v (rows, velocities). */
+typedef struct identify_started {
+    lg_machine_log log;
+    double *q, *v;
+} identify_started;
+/* The states at row[0..count-1] from the positions of 50 rows each, fewer at the end of a part. Released in
+ * any case. */
+lg_status identify_with_starts(const app *self, const identify_model *model, const lg_machine_log *log,
+                               const size_t *row, size_t count, identify_started *out, lg_error *error);
+void identify_started_release(identify_started *started);
 
 /* identify_horizon_errors of a log with positions alone: the 50 rows up to a start estimate its state. */
 lg_status identify_position_horizon_errors(const app *self, const identify_model *model,
@@ -59,8 +63,14 @@ lg_status identify_run_log(const app *self, const identify_model *model, const l
                            const size_t *start, size_t count, bool positions, double *q, double *v,
                            lg_error *error);
 
-/* A x = b for symmetric positive definite A (n, n), b (n, columns): x replaces b. False: it is not. */
-bool identify_solve(double *a, size_t n, double *b, size_t columns);
+/* ---- bands (bands.c) ---- */
+
+/* Standard deviations (rows, columns of the file) of predictions q and v from these starts, from 40 runs with
+ * parameters theta + W x, x of N(0, 1), W the model's `spread`. */
+lg_status identify_bands(const app *self, const identify_model *model, const double *spread,
+                         const lg_machine_file *file, const lg_machine_log *log, const size_t *start,
+                         size_t count, bool positions, const double *q, const double *v, double *out,
+                         lg_error *error);
 
 /* ---- delay of the inputs (delay.c) ---- */
 

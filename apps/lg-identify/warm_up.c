@@ -23,22 +23,23 @@ void take_loss_scales(training *t) {
     memcpy(t->problem.velocity_scale, t->run->velocity_scale, sizeof t->problem.velocity_scale);
 }
 
-/* ---- a machine without the networks that other terms can do without ---- */
+/* ---- a machine without residuals and networks that other terms can do without ---- */
 
 static bool is_network(const lg_machine_term *term) {
     return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
 }
 
-/* Whether term i is a network beside another term of its part, or a residual. */
+/* Whether term i is a residual, or a network beside another term of its part. */
 static bool is_spare(const lg_machine *machine, uint32_t i) {
     const lg_machine_term *term = &machine->terms[i];
-    bool beside = term->part == LG_MACHINE_RESIDUAL;
+    if (term->part == LG_MACHINE_RESIDUAL) return true;
+    bool beside = false;
     for (uint32_t j = 0; j < machine->term_count; j++)
         beside = beside || (machine->terms[j].part == term->part && !is_network(&machine->terms[j]));
     return beside && is_network(term);
 }
 
-/* The machine without its spare networks; from[i]: the term that its term i is. */
+/* The machine without its spare terms; from[i]: the term that its term i is. */
 typedef struct plain_machine {
     lg_machine machine;
     uint32_t from[LG_MACHINE_TERMS];
@@ -71,7 +72,7 @@ static void quieten(const lg_machine *machine, double *theta) {
     static const double quiet = 1e-2;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        if (!is_spare(machine, i)) continue;
+        if (!is_spare(machine, i) || !is_network(term)) continue; /* polynomials begin at 0 */
         for (size_t k = lg_mlp_weight_offset(&term->net, term->net.layers - 1); k < term->parameters; k++)
             theta[term->offset + k] *= quiet;
     }
@@ -85,7 +86,8 @@ enum { SHORTEST = 3 };
 /* A fit of windows of `window` rows at most. theta, in and out: the parameters of `machine`, then with
  * positions alone those of the starts. */
 static lg_status fit_short(const app *self, const training *t, const lg_fit_options *how,
-                           const lg_machine *machine, uint32_t window, double *theta, lg_error *error) {
+                           const lg_machine *machine, const lg_scheme *scheme, uint32_t window, double *theta,
+                           lg_error *error) {
     enum { EPOCHS = 200 };
     const bool few = are_few(machine);
     const bool estimated = t->data.file.measured == LG_MEASURED_POSITIONS && window > SHORTEST;
@@ -94,6 +96,7 @@ static lg_status fit_short(const app *self, const training *t, const lg_fit_opti
     lg_fit_options chosen = *how;
     lg_fit *fit;
     problem.machine = machine;
+    problem.scheme = scheme;
     problem.starts = estimated ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     problem.window = window < t->run->window ? window : t->run->window;
     lg_machine_fit_problem(&problem, &fit_problem);
@@ -136,19 +139,64 @@ static lg_status balance(const app *self, training *t, const lg_machine *machine
     return LG_OK;
 }
 
+/* The loss of one-step windows. */
+static lg_status short_loss(const app *self, const training *t, const lg_machine *machine,
+                            const double *theta, double *loss, lg_error *error) {
+    lg_machine_problem problem = t->problem;
+    problem.machine = machine;
+    problem.starts = LG_MACHINE_STARTS_MEASURED;
+    problem.window = t->data.file.measured == LG_MEASURED_POSITIONS ? SHORTEST : 2;
+    return lg_machine_loss(self->context, &problem, theta, loss, NULL, error);
+}
+
+/* The parameters of the system: those of its mass. */
+static void copy_system(const lg_machine *machine, const double *from, double *to) {
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if (strcmp(lg_term_kind_name(term->kind), "system") == 0)
+            memcpy(to + term->offset, from + term->offset, term->parameters * sizeof *to);
+    }
+}
+
+/* Parameters of a system may start so far off that it is too stiff for a step. A step of Euler's is linear in
+ * the acceleration: no start is too far. What it takes for damping is its own error, so that the system's
+ * parameters alone are kept, where they are better. */
+static lg_status approach(const app *self, const training *t, const lg_fit_options *how,
+                          const lg_machine *machine, double *theta, lg_error *error) {
+    double before = 0, after = 0;
+    if (machine->grey.system == NULL) return LG_OK;
+    const size_t n = machine->parameters;
+    double *own = app_alloc(n + 1, sizeof *own), *start = app_alloc(n + 1, sizeof *start);
+    memcpy(own, theta, n * sizeof *own);
+    lg_status status = short_loss(self, t, machine, theta, &before, error);
+    if (status == LG_OK)
+        status = fit_short(self, t, how, machine, lg_scheme_find("lie-euler"),
+                           t->data.file.measured == LG_MEASURED_POSITIONS ? SHORTEST : 2, own, error);
+    if (status == LG_OK) {
+        memcpy(start, theta, n * sizeof *start);
+        copy_system(machine, own, start);
+        status = short_loss(self, t, machine, start, &after, error);
+    }
+    if (status == LG_OK && isfinite(after) && !(after > before)) memcpy(theta, start, n * sizeof *start);
+    free(own);
+    free(start);
+    return status;
+}
+
 /* Windows that grow, or one-step windows again and again until the scales of the loss stand. */
 static lg_status fit_windows(const app *self, training *t, const lg_fit_options *how,
                              const lg_machine *machine, double *theta, lg_error *error) {
     enum { ROUNDS = 4 };
     static const uint32_t growing[] = {SHORTEST, 15, 50};
     bool changed = true;
+    LG_TRY(approach(self, t, how, machine, theta, error));
     if (t->data.file.measured == LG_MEASURED_POSITIONS) {
         for (size_t i = 0; i < LG_COUNT(growing); i++)
-            LG_TRY(fit_short(self, t, how, machine, growing[i], theta, error));
+            LG_TRY(fit_short(self, t, how, machine, t->run->scheme, growing[i], theta, error));
         return LG_OK;
     }
     for (int round = 0; round < ROUNDS && changed; round++) {
-        LG_TRY(fit_short(self, t, how, machine, is_noisy(t) ? 5 : 2, theta, error));
+        LG_TRY(fit_short(self, t, how, machine, t->run->scheme, is_noisy(t) ? 5 : 2, theta, error));
         LG_TRY(balance(self, t, machine, theta, &changed, error));
     }
     return LG_OK;

@@ -174,7 +174,7 @@ typedef enum lg_scheme_kind {
      * Newton's method solves it to rounding. The order is 2 for theta = 1/2, otherwise 1. Steps of implicit
      * kinds keep nothing from the step before. */
     LG_SCHEME_SLGI,
-    LG_SCHEME_VARIATIONAL, /* ode.step */
+    LG_SCHEME_VARIATIONAL, /* ode.step; machines have one of their own (liegrad/machine.h) */
     LG_SCHEME_KINDS
 } lg_scheme_kind;
 
@@ -235,7 +235,7 @@ typedef struct lg_scheme {
  * - forest-ruth: Forest and Ruth (1990), order 4, 3 forces a step
  * - blanes-moan: SRKN_6^b of Blanes and Moan (2002), order 4 with a small error, 6 forces a step
  * Variational:
- * - variational: the integrator of the system
+ * - variational: the integrator of the system, or of machines (liegrad/machine.h)
  * Lie group methods. dexpinv is exact, except in lie-heun and rkmk4-2c, which have none (truncation 0):
  * - lie-euler
  * - lie-heun: k_2 = f(exp(h k_1) y), y1 = exp(h/2 (k_1 + k_2)) y

@@ -14,17 +14,24 @@
  *                                                                 p = M omega x q with one number M,
  *                                                                 q' = omega x q,
  *                                                                 p' = omega x p + (dV/dq x q + f) x q
+ *                                                                 of a chain of k see below
  *   rotation   R, body to space         Omega in the body         R' = R hat(Omega),
  *                                                                 m' = m x Omega + sum_i r_i x dH/dr_i + f
  *   pose       x in space, R            w = R^T x', Omega, body   x' = R w, l' = l x Omega - R^T dH/dx + f_l,
  *                                                                 m' = m x Omega + l x w
  *                                                                      + sum_i r_i x dH/dr_i + f_m
  *
+ * The directions of a chain have one constant mass matrix m (k, k): p_i = P_i sum_j m_ij q_j' with
+ * P_i = I - q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
+ *   p_i' = omega_i x p_i + (dV/dq_i x q_i - lambda_i q_i' x q_i + q_i' x p_i + f_i) x q_i.
+ *
  * f are the forces other than -dH/dq, in the order of the velocities: of a direction 3 torques in space, of a
  * rotation 3 torques in the body, of a pose 3 forces, then 3 torques, in the body.
  *
  * M, V, D, B and r are sums of terms, rows of a table (lg_term_kind_at): what is known is given, the rest is
- * learned. M and D are positive (semi)definite by construction, so that damping takes energy away.
+ * learned. M and D are positive (semi)definite by construction, so that damping takes energy away. Constant
+ * biases of sensors are a part of their own: logs have positions (lines, angles, places of poses) and
+ * velocities with them.
  *
  * States of integrators have all positions of lines, angles and poses (in the order of the coordinates), then
  * q and p of the directions, the rotations R of rotations and poses, and the momenta of all coordinates but
@@ -40,6 +47,7 @@
 #include "liegrad/context.h"
 #include "liegrad/export.h"
 #include "liegrad/integrators.h"
+#include "liegrad/mechanics.h"
 #include "liegrad/nn.h"
 #include "liegrad/program.h"
 #include "liegrad/random.h"
@@ -57,6 +65,7 @@ LG_BEGIN_DECLS
 #define LG_MACHINE_TERMS       16
 #define LG_MACHINE_FEATURES    16 /* listed in one term */
 #define LG_MACHINE_VALUES      (LG_MACHINE_VELOCITIES * LG_MACHINE_VELOCITIES)
+#define LG_MACHINE_PARAMETERS  32 /* numbers of a named system's parameters */
 
 /* ---- coordinates ---- */
 
@@ -109,9 +118,10 @@ typedef enum lg_machine_part {
     LG_MACHINE_POTENTIAL,
     LG_MACHINE_DAMPING,
     LG_MACHINE_INPUT_MAP,
-    LG_MACHINE_RESIDUAL
+    LG_MACHINE_RESIDUAL,
+    LG_MACHINE_BIAS /* of sensors: what logs have is true + bias */
 } lg_machine_part;
-#define LG_MACHINE_PART_COUNT 5
+#define LG_MACHINE_PART_COUNT 6
 LG_API const char *lg_machine_part_name(lg_machine_part part); /* "mass", "input_map"; else NULL */
 
 /* A row of the table of terms; docs/machines.md lists them. `options` is a sum of LG_TERM_*. */
@@ -147,6 +157,30 @@ typedef struct lg_machine_term {
     size_t offset, parameters; /* in theta */
 } lg_machine_term;
 
+/* ---- machines of a named system: M and V by formulas with parameters ---- */
+
+/* A row of the table of systems; docs/machines.md lists them. */
+typedef struct lg_grey_system lg_grey_system;
+LG_API const lg_grey_system *lg_grey_system_at(size_t index); /* NULL beyond */
+LG_API const char *lg_grey_system_name(const lg_grey_system *system);
+/* Ended by a key NULL: those of lg_system_parameters; of systems that have none there, of their own. */
+LG_API const lg_parameter_entry *lg_grey_system_parameters(const lg_grey_system *system);
+/* Kind of coordinate `index` of a machine of this system with `count` coordinates, and the number of
+ * coordinates that it wants: 0, any from 1 on. */
+LG_API lg_coordinate_kind lg_grey_system_coordinate(const lg_grey_system *system, uint32_t index);
+LG_API uint32_t lg_grey_system_coordinates(const lg_grey_system *system);
+
+/* The system of a machine: all numbers of its parameters, in the order of the table and in the units of the
+ * log. Of an unknown number `start` is where learning begins: theta holds log(number/start) of a positive
+ * one, (number - start)/scale of another one, with the largest |start| of its parameter as the scale (1 where
+ * all are 0), and of a unit vector the two numbers of a rotation across the start, in radians. */
+typedef struct lg_machine_grey {
+    const lg_grey_system *system; /* static; NULL: the machine has terms alone */
+    uint32_t count;
+    double start[LG_MACHINE_PARAMETERS]; /* NaN: must be given yet */
+    bool unknown[LG_MACHINE_PARAMETERS];
+} lg_machine_grey;
+
 /* ---- the machine ---- */
 
 typedef struct lg_machine_scales {
@@ -166,10 +200,11 @@ typedef struct lg_machine {
     char inputs[LG_MACHINE_INPUTS][LG_MACHINE_NAME];
     lg_machine_term terms[LG_MACHINE_TERMS];
     lg_machine_scales scales;
+    lg_machine_grey grey; /* filled by lg_machine_set_system */
     /* Filled by lg_machine_init. Velocities alone give M, V, D and B up to a common factor. It is fixed by a
-     * term with values. Else one mass is 1 in the log's units (normalised) where the mass is one constant
-     * or diagonal term: of a diagonal one that of the velocity that moves most, else the first. Else nothing
-     * fixes it (free_gauge). */
+     * term with values or a known number of a system (not by every one: lg_machine_identify). Else one mass
+     * is 1 in the log's units (normalised) where the mass is one constant or diagonal term: of a diagonal one
+     * that of the velocity that moves most, else the first. Else nothing fixes it (free_gauge). */
     bool normalised, free_gauge;
     uint32_t places, directions, rotations; /* numbers on R^n, and copies of S^2 and SO(3) */
     uint32_t momenta;                       /* on R^n: those of all coordinates but directions */
@@ -181,6 +216,17 @@ LG_API void lg_machine_scales_init(lg_machine_scales *scales);
 /* Errors, with a sentence: LG_INVALID_ARGUMENT (no coordinate, too many, a term that does not fit its part or
  * the coordinates, a wrong number of values, features or widths; names that are not unique). */
 LG_API lg_status lg_machine_init(lg_machine *machine, lg_error *error);
+/* Before lg_machine_init, to a machine that has its coordinates: adds the terms of the system, a mass and
+ * where it has one a potential; its numbers are known and have their defaults. Errors, with a sentence:
+ * LG_NOT_FOUND (no such system, or one that has no machine), LG_INVALID_ARGUMENT (other coordinates than the
+ * system has, a second system, too many terms). */
+LG_API lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error *error);
+/* The numbers of one parameter, by its key: `count` of them, or 0 for all with their defaults. A number that
+ * is NaN has its default, or where it is unknown and positive 1. `unknown` (count; of 0 one for all; NULL:
+ * known). Errors, with a sentence: LG_INVALID_ARGUMENT (an unknown key, a wrong count, a number against its
+ * rule, a number without a default, a unit vector of which only a part is unknown). */
+LG_API lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t count,
+                                          const double *values, const bool *unknown, lg_error *error);
 LG_API lg_status lg_machine_space(const lg_machine *machine, lg_space *space);
 /* Numbers of the features of a term: how many inputs its network has. */
 LG_API uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
@@ -196,24 +242,29 @@ typedef struct lg_machine_vars {
     const lg_machine *machine;
     lg_var theta[LG_MACHINE_TERMS];    /* slices; LG_NONE without parameters */
     lg_mlp_vars net[LG_MACHINE_TERMS]; /* of networks */
+    lg_var grey;                       /* (numbers) of a system, in the units of the log; LG_NONE */
     lg_var mass, inverse;              /* (momenta, momenta), or LG_NONE where M depends on q */
-    lg_var direction_mass;             /* (1, directions, 1), or LG_NONE */
+    lg_var direction_mass;             /* (1, directions, 1), or LG_NONE; of a chain (1, k, k) */
+    lg_var direction_inverse;          /* of a chain (1, k, k) */
+    lg_var bias;                       /* (1, positions + velocities), or LG_NONE */
 } lg_machine_vars;
 LG_API lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta,
                                  lg_machine_vars *vars);
 
 /* From positions and velocities in the order of logs, (B, positions) and (B, velocities), to the parts of a
- * state (liegrad/taped.h), and back. */
+ * state (liegrad/taped.h), and back. Logs have biases, states have not. */
 LG_API lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
                                          lg_var velocities, lg_var *parts);
 LG_API lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 LG_API lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* H (B, 1). */
 LG_API lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
+/* v of the state (B, velocities), without biases. */
+LG_API lg_var lg_machine_record_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* Forces f of one part, (B, velocities): LG_MACHINE_DAMPING (-D v), LG_MACHINE_INPUT_MAP (B u) or
- * LG_MACHINE_RESIDUAL; LG_NONE when there is none. u (B, inputs) or LG_NONE. */
+ * LG_MACHINE_RESIDUAL; LG_NONE when there is none. rates: v; u (B, inputs) or LG_NONE. */
 LG_API lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
-                                      const lg_var *parts, lg_var velocities, lg_var u);
+                                      const lg_var *parts, lg_var rates, lg_var u);
 /* The field: an algebra element. */
 LG_API lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
                                          lg_var u, lg_var *algebra);
@@ -233,11 +284,33 @@ typedef struct lg_machine_log {
      * 0 <= s <= 1; a held input has u_0 alone. NULL without inputs. */
     const double *u;
 } lg_machine_log;
+/* The part in which a row lies. */
+LG_API size_t lg_machine_log_part(const lg_machine_log *log, size_t row);
+/* Whether all positions of a row are there, and all velocities unless `positions_only`. */
+LG_API bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_log *log, size_t row,
+                                    bool positions_only);
 
 /* Sets the scales by the log: T from the root mean squares of velocities and accelerations, L = T times that
  * of a line's velocity, U those of the inputs, E so that masses are around 1. lg_machine_init must have been
  * called; its results stay. LG_INVALID_ARGUMENT: nothing moves. */
 LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error);
+
+/* ---- steps ----
+ *
+ * Steps over intervals are those of an explicit Lie group scheme (LG_SCHEME_RKMK, LG_SCHEME_COMMUTATOR_FREE),
+ * or of LG_SCHEME_VARIATIONAL, of order 2: kick, drift, kick.
+ *
+ *   kick    p1 = p0 + h/2 f(q, (v0 + v1)/2, u), f: all forces, -dV/dq among them, u at the start of the step
+ *           for the first kick and at its end for the second. It is implicit where f depends on v. The
+ *           kinetic energy changes by h/2 (v0 + v1)/2 . f: damping never adds to it.
+ *   drift   free motion: lines, angles and directions exactly, bodies by the variational integrator with the
+ *           discrete Lagrangian h/2 v^T M v, g1 = g0 exp(h v) on SO(3) or SE(3):
+ *             p0 = (dexp_{h v}^-1)^T M v,  p1 = Ad_{exp(h v)}^T p0
+ *           It is implicit in v. Momenta in space are constant to rounding.
+ *
+ * Without forces but -dV/dq the steps are symplectic and symmetric. M may be full and couple coordinates, but
+ * must not depend on the state: else LG_UNSUPPORTED. Newton's method solves what is implicit, row by row; a
+ * row without a solution is NaN. First and second derivatives are exact. */
 
 /* ---- training ---- */
 
@@ -254,6 +327,7 @@ typedef struct lg_machine_problem {
     uint32_t substeps; /* >= 1 steps between two rows */
     uint32_t window;   /* M >= 2 */
     lg_machine_starts starts;
+    const double *theta; /* NULL, or known parameters of the machine: the starts alone are learned */
     lg_machine_log log;
     size_t windows;
     const size_t *start;                           /* (windows), rows; all of a window lies in one part */
@@ -266,10 +340,11 @@ typedef struct lg_machine_problem {
  * unless `positions_only`). `out` (NULL: only counts) has room for log->rows. */
 LG_API size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, uint32_t window,
                                  uint32_t stride, bool positions_only, size_t *out);
+/* Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme). */
 LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *error);
-/* Parameters of the fit: theta, then with estimated starts for each window the offsets of its start, (places,
- * directions 3, rotations 3, velocities) in units of the scales times
- * the root of the number of windows. `problem` is borrowed. */
+/* Parameters of the fit: theta unless it is known, then with estimated starts for each window the offsets of
+ * its start, (places, directions 3, rotations 3, velocities) in units of the scales times the root of the
+ * number of windows. `problem` is borrowed. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
 /* The loss of all windows but the validation part; `floor`: of it, the part that the steps make. */
@@ -278,10 +353,11 @@ LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_pro
 
 /* ---- identified numbers ---- */
 
-/* A number with a meaning, in the units of the log: "mass.1.2" (of velocities 1 and 2, counted through the
+/* A number with a meaning, in the units of the log: an unknown one of a system by its label, "m1"; "mass.1.2"
+ * (of velocities 1 and 2, counted through the
  * coordinates), "damping.x" or "damping.body.3" (diagonal; also "coulomb.x", "quadratic.x"), "damping.1.2"
- * (constant), "input_map.2.1", "potential.x^2", "potential.sin(theta)". Where
- * a mass is a network: M where places and angles are 0, directions e3 and attitudes 1. `error` is one
+ * (constant), "input_map.2.1", "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3".
+ * Where a mass is a network: M where places and angles are 0, directions e3 and attitudes 1. `error` is one
  * standard deviation, from the Gauss-Newton matrix of at most 512 windows and the noise that the residuals
  * show; infinite: the data do not determine it. */
 #define LG_IDENTIFIED_NAME 96
@@ -292,21 +368,50 @@ typedef struct lg_identified {
 /* The values of a machine's numbers alone; returns how many there are, at most `room` are written. */
 LG_API size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room,
                                  lg_identified *out);
-/* With errors. theta: parameters of the fit, with starts. Weights of networks have the prior N(0, 1). `out`
- * has room for all of lg_machine_numbers. Errors: LG_OUT_OF_MEMORY, the tape's. */
+/* What logs say of the N numbers of lg_machine_numbers; the caller's memory. */
+typedef struct lg_identification {
+    lg_identified *numbers; /* (N) with errors */
+    double *correlations;   /* (N, N) of the errors, 0 where one is 0 or infinite; NULL: not wanted */
+    /* Directions in which numbers can move together while the logs stay the same to their noise: relative
+     * changes, (N, N) of which `open_count` rows are filled, each with the largest change 1; every row moves
+     * one number that no other row moves. NULL: not wanted. */
+    double *open;
+    size_t open_count;
+    /* W (P, P), P the machine's parameters: W W^T is the covariance of theta, so that theta + W x with x of
+     * N(0, 1) is a machine that the logs allow; 0 where it could not be found. NULL: not wanted. */
+    double *spread;
+} lg_identification;
+/* theta: parameters of the fit, with starts; problem->theta is NULL. Weights of networks have the prior
+ * N(0, 1). Errors: LG_OUT_OF_MEMORY, the tape's. */
 LG_API lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
-                                     const double *theta, lg_identified *out, lg_error *error);
+                                     const double *theta, lg_identification *out, lg_error *error);
+/* A row of `open` in words: "m and L appear only as a product: give one of them". Returns how many numbers
+ * move in it; `text` has room for `size` bytes. */
+LG_API size_t lg_identification_sentence(const lg_identification *of, size_t count, size_t row, char *text,
+                                         size_t size);
 
 /* ---- predictions ---- */
 
 /* Free runs from rows start[0..count-1] over `steps` intervals each, all within one part: positions
  * (count, steps + 1, positions) and velocities (count, steps + 1, velocities) in the units of the log, either
- * may be NULL; the first point is the logged one. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, the tape's.
+ * may be NULL; the first point is the logged one. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme),
+ * LG_OUT_OF_MEMORY, the tape's.
  * A run that is not finite goes on as NaN. */
 LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine,
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                      const lg_machine_log *log, const size_t *start, size_t count,
                                      size_t steps, double *positions, double *velocities, lg_error *error);
+
+/* The states at rows start[0..count-1], all positions of which are there, whose runs fit the logs best: over
+ * `window` rows each, at the end of a part over those that are left, at least 2. The machine's scales weigh
+ * positions and velocities. positions (count, positions) and velocities (count, velocities) are in the units
+ * of the log. A state whose run is not finite stays at the logged positions and their difference quotients.
+ * Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, the tape's. */
+LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine *machine,
+                                            const double *theta, const lg_scheme *scheme, uint32_t substeps,
+                                            const lg_machine_log *log, const size_t *start, size_t count,
+                                            uint32_t window, double *positions, double *velocities,
+                                            lg_error *error);
 
 /* ---- functions in the units of the log ---- */
 
@@ -320,11 +425,11 @@ LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine
  *   momenta    (q, v) -> x        the state of positions and velocities in the order of logs
  *   velocities (x) -> v           back
  *   positions  (x) -> q
- *   step       (x, u, h) -> next  one step of `scheme` (NULL: cf4), u held; not projected
+ *   step       (x, u, h) -> next  one step of the explicit `scheme` (NULL: cf4), u held; not projected
  * with x (state), u (inputs; absent without inputs), h (1), q (positions), v (velocities), all in the units
  * of the log: momenta in those of dL/dv. Scales are numbers of the program. Nothing is borrowed. Errors:
  * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical one where there are
- * directions or rotations). */
+ * directions or rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, lg_program **out, lg_error *error);
 

@@ -39,6 +39,7 @@ typedef struct lg_machine_model_file {
     lg_machine_model_run run;
     size_t parameters; /* run.machine.parameters */
     double *theta;     /* (parameters), in the machine's scaled units */
+    double *spread;    /* (parameters, parameters), of lg_identification; NULL: not known */
     size_t epochs_done;
     double *history[LG_FIT_SERIES_COUNT]; /* as in lg_hamiltonian_file */
     lg_provenance provenance;

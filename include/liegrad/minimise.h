@@ -50,8 +50,9 @@ typedef enum lg_minimise_end {
     LG_MINIMISE_EVALUATIONS,    /* options.evaluations */
     LG_MINIMISE_SECONDS,        /* options.seconds */
     LG_MINIMISE_GRADIENT,       /* max |g_i| <= options.gradient_tolerance */
-    LG_MINIMISE_SLOW,           /* 200 iterations lowered f by less than 1e-4 of it */
-    LG_MINIMISE_ROUNDING,       /* no step lowers f, and g agrees with f; lg_minimise: 30 steps did not */
+    LG_MINIMISE_SLOW,           /* 200 iterations (LM: 20) lowered f by less than 1e-4 of it */
+    LG_MINIMISE_ROUNDING,       /* no step lowers f, and g agrees with f; lg_minimise: 30 steps did not; LM: a
+                                 * step would lower f by less than 1e-16 of it */
     LG_MINIMISE_CANCELLED,      /* the context's flag, or the objective's LG_CANCELLED */
     LG_MINIMISE_UNBOUNDED,      /* f falls without end along a direction */
     LG_MINIMISE_NOT_FINITE,     /* f or g is NaN or infinite at the start */
@@ -74,6 +75,9 @@ typedef struct lg_minimise_options {
      * lg_least_squares: J with r along a line at the start, 2 evaluations, 8 before it is called wrong. */
     bool check;
     bool slow; /* true: LG_MINIMISE_SLOW ends */
+    /* Levenberg-Marquardt: the last blocks x block variables are blocks of `block` of which no two meet in a
+     * residual. They are eliminated: the cost grows with their number, not its cube. 0, 0. */
+    size_t blocks, block;
     /* Of lg_minimise alone. */
     uint64_t evaluations; /* 10000 */
     double seconds;       /* 0: no limit */
@@ -110,6 +114,13 @@ LG_API lg_status lg_least_squares(const lg_context *context, size_t n, size_t m,
                                   void *user, const lg_minimise_options *options, double *x,
                                   double *covariance, lg_minimise_result *result, lg_error *error);
 
+/* The least |A x - y|^2 for each of `columns` vectors y at once, from sums over rows: the lower triangle of
+ * matrix = A^T A (n, n), which is overwritten, and right = A^T y (columns, n), which becomes x. The diagonal
+ * is first raised by `ridge` times itself, 1e-12 or more: columns of A that are combinations of others to
+ * rounding share what is theirs, one of zeros gets 0. LG_CHECK_FAILED: the matrix is not positive definite
+ * (NaN is not either); both are overwritten. */
+LG_API lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *matrix, double *right);
+
 /* ---- ask and tell: the caller evaluates, and may save the state between any two evaluations ---- */
 
 typedef struct lg_minimiser lg_minimiser;
@@ -123,7 +134,10 @@ LG_API void lg_minimiser_destroy(lg_minimiser *minimiser); /* NULL is fine */
 LG_API const double *lg_minimiser_point(const lg_minimiser *minimiser);
 /* Takes f and g (n, copied) at that point. Returns whether x was replaced by this point. */
 LG_API bool lg_minimiser_tell(lg_minimiser *minimiser, double value, const double *gradient);
-/* The same for LG_MINIMISE_LM, with the Gauss-Newton matrix 2 J^T J (n, n) of f. */
+/* The same for LG_MINIMISE_LM, with the Gauss-Newton matrix 2 J^T J of f. With blocks: its first p = n -
+ * blocks block rows and columns (p, p), the rows of the others in the first columns (blocks block, p), the
+ * blocks (blocks, block, block), one after the other: lg_minimise_matrix_length numbers. */
+LG_API size_t lg_minimise_matrix_length(size_t n, const lg_minimise_options *options);
 LG_API bool lg_minimiser_tell_squares(lg_minimiser *minimiser, double value, const double *gradient,
                                       const double *matrix);
 /* The lowest point accepted so far (n), borrowed. */

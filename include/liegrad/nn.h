@@ -159,6 +159,13 @@ typedef struct lg_fit_problem {
      * sample, a row of r (count, ...), depend on the numbers before these and on its own. LG_FIT_LM then
      * takes one forward sweep for number k of all samples together. */
     size_t own;
+    /* NULL, or what LG_FIT_LM takes in place of forward sweeps over `residuals`: r (count rows) and its
+     * Jacobian J (count rows, columns), columns for the parameters that all samples share, then for the
+     * sample's own ones, at `theta`. *loss, J^T r and J^T J are those of `residuals`; what is normal to all
+     * columns may be left out of r. The tape is for work. */
+    lg_status (*linearise)(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
+                           size_t count, size_t batch, double *loss, double *r, double *jacobian);
+    size_t rows;         /* of linearise, for each sample */
     size_t observations; /* numbers of the training part that the loss is the mean square error of, for the
                           * prior; 0: unknown, and there is no prior */
     size_t weights;      /* so many numbers at the start of theta have the prior; 0: all */
@@ -180,7 +187,7 @@ typedef enum lg_fit_method {
     LG_FIT_ADAM,      /* batches in a new order in each epoch */
     LG_FIT_SSBROYDEN, /* liegrad/minimise.h on the loss of all training samples: an epoch is one evaluation */
     LG_FIT_LBFGS,
-    LG_FIT_LM /* of the problem's residuals; the Jacobian takes a forward sweep a parameter */
+    LG_FIT_LM /* of the problem's residuals; a parameter takes a forward sweep, or all `linearise` */
 } lg_fit_method;
 #define LG_FIT_METHOD_COUNT 4
 LG_API const char *

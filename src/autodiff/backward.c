@@ -11,6 +11,7 @@
  * else is measured while it is near.
  */
 #include "autodiff/op_rows.h"
+#include "autodiff/rows.h"
 #include "autodiff/sweep.h"
 
 #include <math.h>
@@ -83,6 +84,7 @@ typedef struct lg_sweep {
     uint8_t *reach;
     uint8_t *owned;     /* the block is the pool's, not the caller's or a parent's */
     double *bound;      /* of the norm of the caller's memory; NULL when nobody asks */
+    lg_rows *rows;      /* NULL: all rows together */
     uint64_t unbounded; /* bit k: the step in work writes input k's adjoint by itself; not in the bound yet */
 } lg_sweep;
 
@@ -277,6 +279,7 @@ static void unrecorded_step(lg_tape *tape, lg_sweep *sweep, uint32_t i, void *bl
         if (need[k] && !lg_is_none(out[k]))
             contribute(tape, sweep, in[k].index, out[k], unshared(tape, out, inputs, k));
     }
+    if (sweep->rows != NULL && tape->status == LG_OK) lg_rows_add(tape, sweep->rows, i, g);
     drop_temporaries(tape, before);
 }
 
@@ -338,24 +341,39 @@ static void seed(lg_tape *tape, lg_sweep *sweep, lg_var y) {
     drop_temporaries(tape, before);
 }
 
+/* The gradients of rows with respect to `theta`: each row's in (count, elements). */
+typedef struct apart {
+    lg_var theta;
+    size_t count;
+    double *gradient;
+} apart;
+
 static void sweep_back(lg_tape *tape, lg_sweep *sweep, lg_var y, const lg_var *wrt, size_t n,
-                       void *const *grad, bool added) {
+                       void *const *grad, bool added, const apart *rows) {
     const size_t length = (size_t)sweep->range.hi - sweep->range.lo + 1;
+    if (rows != NULL) {
+        lg_mark_reach(tape, sweep->range, &rows->theta, 1, sweep->reach);
+        sweep->rows =
+            lg_rows_open(tape, sweep->range, rows->theta, rows->count, rows->gradient, sweep->reach);
+    }
+    if (tape->status != LG_OK) return;
     lg_mark_reach(tape, sweep->range, wrt, n, sweep->reach);
     open_targets(tape, sweep, wrt, n, grad, added);
-    if (tape->status != LG_OK) return;
-    tape->unrecorded = true;
-    seed(tape, sweep, y);
-    unrecorded_sweep(tape, sweep, wrt, n);
-    for (size_t at = 0; at < length; at++)
-        if (sweep->owned[at])
-            lg_pool_give(tape, sweep->block[at], node_bytes(tape, sweep->range.lo + (uint32_t)at));
-    for (size_t i = 0; i < n; i++) clear_rest(&sweep->targets[i]);
-    tape->unrecorded = false;
+    if (tape->status == LG_OK) {
+        tape->unrecorded = true;
+        seed(tape, sweep, y);
+        unrecorded_sweep(tape, sweep, wrt, n);
+        for (size_t at = 0; at < length; at++)
+            if (sweep->owned[at])
+                lg_pool_give(tape, sweep->block[at], node_bytes(tape, sweep->range.lo + (uint32_t)at));
+        for (size_t i = 0; i < n; i++) clear_rest(&sweep->targets[i]);
+        tape->unrecorded = false;
+    }
+    if (sweep->rows != NULL) lg_rows_close(tape, sweep->rows);
 }
 
 static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad, bool added,
-                          double *bound) {
+                          double *bound, const apart *rows) {
     if (!lg_valid_list(tape, &y, 1, "backward") || !lg_valid_list(tape, wrt, n, "backward"))
         return tape->status;
     if (tape->unrecorded) {
@@ -364,6 +382,7 @@ static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, 
     }
     if (n == 0) return LG_OK;
     lg_sweep sweep = {.range = lg_range_of(&y, 1, wrt, n), .bound = bound};
+    if (rows != NULL && rows->theta.index < sweep.range.lo) sweep.range.lo = rows->theta.index;
     const size_t length = (size_t)sweep.range.hi - sweep.range.lo + 1;
     const size_t each = sizeof *sweep.block + sizeof *sweep.lent + sizeof *sweep.reach + sizeof *sweep.owned;
     const size_t bytes = length * each + n * sizeof *sweep.targets;
@@ -374,21 +393,33 @@ static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, 
     sweep.lent = (uint32_t *)(sweep.targets + n);
     sweep.reach = (uint8_t *)(sweep.lent + length);
     sweep.owned = sweep.reach + length;
-    sweep_back(tape, &sweep, y, wrt, n, grad, added);
+    sweep_back(tape, &sweep, y, wrt, n, grad, added, rows);
     lg_pool_give(tape, sweep.block, bytes);
     return tape->status;
 }
 
 lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad) {
-    return backward(tape, y, wrt, n, grad, true, NULL);
+    return backward(tape, y, wrt, n, grad, true, NULL, NULL);
 }
 
 lg_status lg_backward_set(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad) {
-    return backward(tape, y, wrt, n, grad, false, NULL);
+    return backward(tape, y, wrt, n, grad, false, NULL, NULL);
 }
 
 lg_status lg_backward_set_bounded(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad,
                                   double *bound) {
     *bound = 0.0;
-    return backward(tape, y, wrt, n, grad, false, bound);
+    return backward(tape, y, wrt, n, grad, false, bound, NULL);
+}
+
+lg_status lg_backward_rows(lg_tape *tape, lg_var y, lg_var x, double *grad, lg_var theta, size_t count,
+                           double *gradients) {
+    const apart rows = {theta, count, gradients};
+    void *const into[] = {grad};
+    if (!lg_valid_list(tape, &theta, 1, "backward")) return tape->status;
+    if (tape->k->dtype != LG_F64 || tape->nodes[theta.index].inputs > 0) {
+        lg_tape_fail(tape, LG_UNSUPPORTED, "backward", "rows are of double leaves");
+        return tape->status;
+    }
+    return backward(tape, y, &x, 1, into, false, NULL, &rows);
 }

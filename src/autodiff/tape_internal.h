@@ -12,9 +12,10 @@
 #include "liegrad/tape.h"
 
 enum {
-    LG_NODE_POOLED = 1,  /* the value is a pool block that the node owns (unrecorded mode only) */
-    LG_NODE_VIEW = 2,    /* the value lies inside parent 0's value, attr.i[3] elements in, contiguous */
-    LG_NODE_NO_VALUE = 4 /* the value was overwritten by a fused operation; only handles to it remain */
+    LG_NODE_POOLED = 1,   /* the value is a pool block that the node owns (unrecorded mode only) */
+    LG_NODE_VIEW = 2,     /* the value lies inside parent 0's value, attr.i[3] elements in, contiguous */
+    LG_NODE_NO_VALUE = 4, /* the value was overwritten by a fused operation; only handles to it remain */
+    LG_NODE_ROWS = 8      /* a leaf whose first axis is the rows of a batch: lg_tape_mark_rows */
 };
 
 typedef struct lg_node {
@@ -204,6 +205,15 @@ void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, cons
  */
 lg_status lg_backward_set_bounded(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad,
                                   double *bound);
+
+/* Says that the first axis of a leaf is the rows of a batch. */
+void lg_tape_mark_rows(lg_tape *tape, lg_var leaf);
+/* The gradients of each row: y is a sum over `count` rows that do not meet, x a variable and theta a leaf,
+ * rank 1, that all rows share. What does not depend on a marked leaf is the same for all rows. grad (elements
+ * of x) and gradients (count, elements of theta) are set. Double tapes. Errors also: LG_UNSUPPORTED (rows
+ * meet). */
+lg_status lg_backward_rows(lg_tape *tape, lg_var y, lg_var x, double *grad, lg_var theta, size_t count,
+                           double *gradients);
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v);
 /* a + b where LG_NONE is zero */

@@ -56,6 +56,9 @@ enum {
     KEY_NOISE,
     KEY_SCALE,
     KEY_UNWRAP,
+    KEY_SYSTEM,
+    KEY_FORM,
+    KEY_PARAMETERS,
     KEY_PARTS, /* one for each part, in the order of lg_machine_part */
     KEY_COUNT = KEY_PARTS + LG_MACHINE_PART_COUNT
 };
@@ -74,11 +77,15 @@ static const lg_key keys[KEY_COUNT] = {
     [KEY_NOISE] = {.name = "noise", .type = LG_KEY_BLOCK},
     [KEY_SCALE] = {.name = "scale", .type = LG_KEY_BLOCK},
     [KEY_UNWRAP] = {.name = "unwrap", .type = LG_KEY_NAME, .name_of = lg_name_truth},
+    [KEY_SYSTEM] = {.name = "system", .type = LG_KEY_TEXT},
+    [KEY_FORM] = {.name = "form", .type = LG_KEY_TEXT},
+    [KEY_PARAMETERS] = {.name = "parameters", .type = LG_KEY_BLOCK},
     [KEY_PARTS + LG_MACHINE_MASS] = {.name = "mass", .type = LG_KEY_BLOCK},
     [KEY_PARTS + LG_MACHINE_POTENTIAL] = {.name = "potential", .type = LG_KEY_BLOCK},
     [KEY_PARTS + LG_MACHINE_DAMPING] = {.name = "damping", .type = LG_KEY_BLOCK},
     [KEY_PARTS + LG_MACHINE_INPUT_MAP] = {.name = "input_map", .type = LG_KEY_BLOCK},
     [KEY_PARTS + LG_MACHINE_RESIDUAL] = {.name = "residual", .type = LG_KEY_BLOCK},
+    [KEY_PARTS + LG_MACHINE_BIAS] = {.name = "bias", .type = LG_KEY_BLOCK},
 };
 
 enum { OF_NAME, OF_KIND, OF_COLUMNS, OF_POSITION, OF_VELOCITY, OF_RATES, OF_FRAME, OF_COUNT };
@@ -360,21 +367,6 @@ static lg_status read_numbers(reading *r, const lg_key *key, const lg_key_value 
 
 /* ---- the file ---- */
 
-/* `system:` and `parameters:` are the grey-box form. */
-static lg_status refuse_grey_box(reading *r) {
-    static const lg_key grey[] = {{.name = "system", .type = LG_KEY_BLOCK},
-                                  {.name = "parameters", .type = LG_KEY_BLOCK}};
-    for (size_t i = 0; i < LG_COUNT(grey); i++) {
-        lg_key_value value;
-        if (!lg_yaml_has(r->yaml, grey[i].name)) continue;
-        LG_TRY(lg_yaml_name(r->yaml, &grey[i], &value, r->error));
-        return lg_yaml_fail(r->yaml, value.line, LG_UNSUPPORTED, r->error,
-                            "%s: machines of a named system are not learned yet: give coordinates and terms",
-                            grey[i].name);
-    }
-    return LG_OK;
-}
-
 static lg_status finish_machine(reading *r) {
     lg_error inner = {LG_OK, ""};
     lg_machine *m = &r->out->machine;
@@ -388,7 +380,6 @@ static lg_status finish_machine(reading *r) {
 static lg_status read_machine(reading *r, lg_key_value *values) {
     const lg_key_set set = {keys, KEY_COUNT, values};
     lg_machine_file *out = r->out;
-    LG_TRY(refuse_grey_box(r));
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "", r->error));
     if (values[KEY_MEASURED].line != 0) out->measured = (lg_log_measured)values[KEY_MEASURED].real[0];
     out->unwrap = values[KEY_UNWRAP].line == 0 || values[KEY_UNWRAP].real[0] == 1;
@@ -400,6 +391,7 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     LG_TRY(read_numbers(r, &keys[KEY_NOISE], &values[KEY_NOISE], offsetof(lg_log_column, noise), 0));
     LG_TRY(read_numbers(r, &keys[KEY_SCALE], &values[KEY_SCALE], offsetof(lg_log_column, scale), -DBL_MAX));
     out->run = values[KEY_RUN].line != 0 ? 1 : out->column_count;
+    LG_TRY(lg_machine_read_system(r, &values[KEY_SYSTEM], &values[KEY_FORM], &values[KEY_PARAMETERS]));
     for (int part = 0; part < LG_MACHINE_PART_COUNT; part++)
         LG_TRY(lg_machine_read_terms(r, (lg_machine_part)part, &values[KEY_PARTS + part]));
     return finish_machine(r);

@@ -1,4 +1,5 @@
-/* Between machine_file.c, which reads coordinates and columns, and machine_terms.c, which reads terms. */
+/* Between machine_file.c, which reads coordinates and columns, machine_grey.c, which reads the system, and
+ * machine_terms.c, which reads terms. */
 #ifndef LG_MACHINE_READING_H
 #define LG_MACHINE_READING_H
 
@@ -20,5 +21,9 @@ lg_status lg_machine_texts(lg_machine_reading *r, const void *node, const char *
 
 /* The terms of one part; `value` is the key's, absent when its line is 0. */
 lg_status lg_machine_read_terms(lg_machine_reading *r, lg_machine_part part, const lg_key_value *value);
+
+/* `system`, `form` and `parameters`; each absent when its line is 0. */
+lg_status lg_machine_read_system(lg_machine_reading *r, const lg_key_value *system, const lg_key_value *form,
+                                 const lg_key_value *parameters);
 
 #endif

@@ -299,8 +299,9 @@ static lg_status read_one(reading *r, lg_machine_part part, const yaml_node_t *n
 
 lg_status lg_machine_read_terms(reading *r, lg_machine_part part, const lg_key_value *value) {
     lg_machine_term *term = NULL;
-    const bool constant =
-        part == LG_MACHINE_MASS || (part == LG_MACHINE_INPUT_MAP && r->out->machine.input_count > 0);
+    const lg_machine *machine = &r->out->machine;
+    const bool constant = (part == LG_MACHINE_MASS && machine->grey.system == NULL) ||
+                          (part == LG_MACHINE_INPUT_MAP && machine->input_count > 0);
     if (value->line == 0) return constant ? add_term(r, part, 0, "constant", &term) : LG_OK;
     const yaml_node_t *node = value->node;
     if (node->type != YAML_SEQUENCE_NODE) return read_one(r, part, node);

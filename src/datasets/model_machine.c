@@ -202,19 +202,31 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
 
 /* ---- the rest of the file ---- */
 
+static const char spread_name[] = "spread";
+
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
-    (void)h5, (void)user, (void)fitted, (void)error;
-    return LG_OK;
+    const lg_machine_model_file *file = user;
+    const uint64_t dims[2] = {file->parameters, file->parameters};
+    (void)fitted;
+    if (file->spread == NULL) return LG_OK;
+    return lg_h5_put(h5, spread_name, LG_ELEMENT_F64, 2, dims, file->spread, error);
 }
 
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
-    (void)h5, (void)user, (void)error;
-    return LG_OK;
+    lg_machine_model_file *file = user;
+    uint64_t dims[4];
+    if (!lg_h5_has(h5, spread_name)) return LG_OK;
+    LG_TRY(lg_as_format(lg_h5_get_doubles(h5, spread_name, 2, dims, &file->spread, error), error));
+    if (dims[0] == file->parameters && dims[1] == file->parameters) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu x %llu values for %zu parameters",
+                   lg_shown_path(h5->path), spread_name, (unsigned long long)dims[0],
+                   (unsigned long long)dims[1], file->parameters);
 }
 
 void lg_machine_model_file_destroy(lg_machine_model_file *file) {
     if (file == NULL) return;
     lg_free(file->context, file->theta);
+    lg_free(file->context, file->spread);
     lg_history_destroy(file->context, file->history);
     *file = (lg_machine_model_file){.context = NULL};
 }

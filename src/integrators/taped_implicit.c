@@ -118,8 +118,7 @@ typedef struct newton {
     double *seed;    /* (B, n) */
 } newton;
 
-/* In place, by Gauss-Jordan with row pivots; false when singular. `swaps` n numbers. */
-static bool invert(size_t n, double *a, double *swaps) {
+bool lg_taped_invert(size_t n, double *a, double *swaps) {
     for (size_t c = 0; c < n; c++) {
         size_t best = c;
         for (size_t i = c + 1; i < n; i++)
@@ -180,7 +179,7 @@ static bool improve(const problem *s, newton *w, double *moved, double *size) {
     for (size_t b = 0; b < s->batch; b++) {
         double *x = w->x + b * n, *inverse = w->inverse + b * n * n;
         const double *r = w->r + b * n;
-        if (!invert(n, inverse, w->column)) return false;
+        if (!lg_taped_invert(n, inverse, w->column)) return false;
         for (size_t i = 0; i < n; i++) {
             double change = 0.0;
             for (size_t j = 0; j < n; j++) change += inverse[i * n + j] * r[j];

@@ -38,6 +38,9 @@ lg_status lg_taped_project(lg_tape *tape, const lg_space *manifold, const lg_var
 /* from + weight by */
 lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by);
 
+/* The inverse of a (n, n) in place, by Gauss-Jordan with row pivots; false: singular. `swaps`: n numbers. */
+bool lg_taped_invert(size_t n, double *a, double *swaps);
+
 /* One step of LG_SCHEME_IMPLICIT or LG_SCHEME_SLGI; `out` may be `y`. */
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                  const lg_taped_span *over, const lg_parts *y, lg_parts *out);

@@ -46,6 +46,7 @@ const lg_kernels TABLE = {
     .size = sizeof(real),
     .fill = fill,
     .axpy = axpy,
+    .outer = outer,
     .combine = combine,
     .convert_in = convert_in,
     .convert_out = convert_out,

@@ -146,7 +146,8 @@ typedef struct lg_kernels {
     size_t size; /* sizeof(double) or sizeof(float) */
 
     void (*fill)(size_t n, double value, void *y);
-    void (*axpy)(size_t n, double c, const void *x, void *y); /* y += c x */
+    void (*axpy)(size_t n, double c, const void *x, void *y);                 /* y += c x */
+    void (*outer)(size_t m, size_t n, const void *u, const void *v, void *y); /* y (m, n) += u v^T */
     /* y = a u + b v + c y */
     void (*combine)(size_t n, double a, const void *u, double b, const void *v, double c, void *y);
     void (*convert_in)(size_t n, const double *x, void *y);  /* from double */

@@ -26,5 +26,8 @@ extern void dgesdd_(const char *jobz, const int *m, const int *n, double *a, con
 extern void dormqr_(const char *side, const char *trans, const int *m, const int *n, const int *k,
                     const double *a, const int *lda, const double *tau, double *c, const int *ldc,
                     double *work, const int *lwork, int *info);
+/* C := alpha A A' + beta C, one triangle of C (n, n), A (n, k); BLAS. */
+extern void dsyrk_(const char *uplo, const char *trans, const int *n, const int *k, const double *alpha,
+                   const double *a, const int *lda, const double *beta, double *c, const int *ldc);
 
 #endif

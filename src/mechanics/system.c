@@ -78,23 +78,33 @@ static lg_status fail_row(const char *name, const char *form, lg_error *error) {
     return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; it has %s", name, form, known.text);
 }
 
-static lg_status fail_key(const lg_system_row *row, const char *key, lg_error *error) {
+static lg_status fail_key(const char *system, const lg_parameter_entry *table, const char *key,
+                          lg_error *error) {
     list_text known = {.length = 0};
-    for (const lg_parameter_entry *p = row->parameters; p->key; p++) list_add(&known, p->key);
+    for (const lg_parameter_entry *p = table; p->key; p++) list_add(&known, p->key);
     if (known.length == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has none", row->name,
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has none", system,
                        key ? key : "(null)");
-    return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has %s", row->name,
+    return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has %s", system,
                    key ? key : "(null)", known.text);
 }
 
 /* ---- parameters ---- */
 
-static size_t numbers_of(const lg_parameter_entry *parameter, size_t links) {
+size_t lg_parameter_numbers(const lg_parameter_entry *parameter, size_t links) {
     return parameter->count > 0 ? parameter->count : links;
 }
 
-static lg_status check_rule(const lg_parameter_entry *p, const double *x, size_t n, lg_error *error) {
+lg_status lg_parameter_find(const char *system, const lg_parameter_entry *table, const char *key,
+                            const lg_parameter_entry **out, lg_error *error) {
+    const lg_parameter_entry *p = table;
+    while (p->key && !same(p->key, key)) p++;
+    if (!p->key) return fail_key(system, table, key, error);
+    *out = p;
+    return LG_OK;
+}
+
+lg_status lg_parameter_check(const lg_parameter_entry *p, const double *x, size_t n, lg_error *error) {
     double square = 0.0;
     for (size_t i = 0; i < n; i++) {
         char place[32] = "";
@@ -126,9 +136,8 @@ static lg_status check_keys(const lg_system_row *row, const lg_system_options *o
         return lg_fail(error, LG_INVALID_ARGUMENT, "the parameters of %s are NULL", row->name);
     for (size_t i = 0; i < options->parameter_count; i++) {
         const lg_named_values *given = &options->parameters[i];
-        const lg_parameter_entry *p = row->parameters;
-        while (p->key && !same(p->key, given->key)) p++;
-        if (!p->key) return fail_key(row, given->key, error);
+        const lg_parameter_entry *p = NULL;
+        LG_TRY(lg_parameter_find(row->name, row->parameters, given->key, &p, error));
         if (given_for(options, given->key) != given)
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s is given twice", p->key);
     }
@@ -138,7 +147,7 @@ static lg_status check_keys(const lg_system_row *row, const lg_system_options *o
 static lg_status check_parameter(const lg_system_row *row, const lg_system_options *options,
                                  const lg_parameter_entry *p, size_t links, lg_error *error) {
     const lg_named_values *given = given_for(options, p->key);
-    const size_t n = numbers_of(p, links);
+    const size_t n = lg_parameter_numbers(p, links);
     if (!given && !p->fallback)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the parameter \"%s\" (%s) must be given", row->name,
                        p->key, p->meaning);
@@ -147,20 +156,21 @@ static lg_status check_parameter(const lg_system_row *row, const lg_system_optio
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu number%s given, expected %zu%s", p->key,
                        given->values ? given->count : 0, given->values && given->count == 1 ? "" : "s", n,
                        p->count == 0 ? ", one a link" : "");
-    return check_rule(p, given->values, n, error);
+    return lg_parameter_check(p, given->values, n, error);
 }
 
 static void copy_parameter(const lg_system_options *options, const lg_parameter_entry *p, size_t links,
                            double *out) {
     const lg_named_values *given = given_for(options, p->key);
-    for (size_t i = 0; i < numbers_of(p, links); i++)
+    for (size_t i = 0; i < lg_parameter_numbers(p, links); i++)
         out[i] = given ? given->values[i] : p->fallback[p->count > 0 ? i : 0];
 }
 
 /* Offset of the numbers of parameter `index`. Beyond the last parameter: the count of all numbers. */
 static size_t parameter_offset(const lg_system_row *row, size_t links, size_t index) {
     size_t at = 0;
-    for (size_t i = 0; i < index && row->parameters[i].key; i++) at += numbers_of(&row->parameters[i], links);
+    for (size_t i = 0; i < index && row->parameters[i].key; i++)
+        at += lg_parameter_numbers(&row->parameters[i], links);
     return at;
 }
 
@@ -170,18 +180,22 @@ const double *lg_system_parameter(const lg_system *system, size_t index) {
 
 lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var parameters, size_t index) {
     return lg_slice(tape, parameters, 0, (uint32_t)parameter_offset(system->row, system->links, index),
-                    (uint32_t)numbers_of(&system->row->parameters[index], system->links));
+                    (uint32_t)lg_parameter_numbers(&system->row->parameters[index], system->links));
 }
 
-void lg_system_parameter_label(const lg_system *system, size_t index, char *text) {
-    const lg_parameter_entry *p = system->row->parameters;
-    while (p->key && index >= numbers_of(p, system->links)) index -= numbers_of(p++, system->links);
+void lg_parameter_label(const lg_parameter_entry *table, size_t links, size_t index, char *text) {
+    const lg_parameter_entry *p = table;
+    while (p->key && index >= lg_parameter_numbers(p, links)) index -= lg_parameter_numbers(p++, links);
     if (!p->key)
         text[0] = '\0';
     else if (p->count == 1)
-        (void)snprintf(text, 32, "%s", p->label);
+        (void)snprintf(text, LG_PARAMETER_LABEL, "%s", p->label);
     else
-        (void)snprintf(text, 32, "%s%zu", p->label, index + 1);
+        (void)snprintf(text, LG_PARAMETER_LABEL, "%s%zu", p->label, index + 1);
+}
+
+void lg_system_parameter_label(const lg_system *system, size_t index, char *text) {
+    lg_parameter_label(system->row->parameters, system->links, index, text);
 }
 
 /* ---- layout ---- */

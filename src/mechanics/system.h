@@ -81,6 +81,19 @@ const double *lg_system_parameter(const lg_system *system, size_t index);
 /* The same on a tape: the slice of `parameters`, shape (count). */
 lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var parameters, size_t index);
 
+/* ---- tables of parameters, ended by a key NULL ---- */
+
+/* Numbers of one parameter. */
+size_t lg_parameter_numbers(const lg_parameter_entry *parameter, size_t links);
+/* LG_INVALID_ARGUMENT: there is no such key; the sentence names `system` and lists the keys. */
+lg_status lg_parameter_find(const char *system, const lg_parameter_entry *table, const char *key,
+                            const lg_parameter_entry **out, lg_error *error);
+/* Numbers against the rule of their parameter. */
+lg_status lg_parameter_check(const lg_parameter_entry *p, const double *x, size_t n, lg_error *error);
+/* "m2", of all numbers of the table counted together; empty beyond. */
+#define LG_PARAMETER_LABEL 32
+void lg_parameter_label(const lg_parameter_entry *table, size_t links, size_t index, char *text);
+
 /* `field` and `taped` of a separable system on R^2n, y = (q, p), from its halves: y' = (velocity(p),
  * force(q)). */
 lg_status lg_separable_field(void *user, double t, const double *y, const double *input, double *out);

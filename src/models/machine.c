@@ -62,13 +62,13 @@ lg_status lg_machine_space(const lg_machine *machine, lg_space *space) {
 /* ---- terms ---- */
 
 const char *lg_machine_part_name(lg_machine_part part) {
-    static const char *const names[LG_MACHINE_PART_COUNT] = {"mass", "potential", "damping", "input_map",
-                                                             "residual"};
+    static const char *const names[LG_MACHINE_PART_COUNT] = {"mass",      "potential", "damping",
+                                                             "input_map", "residual",  "bias"};
     return (uint32_t)part < LG_MACHINE_PART_COUNT ? names[part] : NULL;
 }
 
 static const lg_term_kind *const tables[] = {lg_machine_mass_kinds, lg_machine_potential_kinds,
-                                             lg_machine_force_kinds};
+                                             lg_machine_force_kinds, lg_machine_bias_kinds};
 
 const lg_term_kind *lg_term_kind_at(lg_machine_part part, size_t index) {
     for (size_t t = 0; t < LG_COUNT(tables); t++)
@@ -137,6 +137,8 @@ static bool feature_fits(const lg_machine *machine, const lg_machine_term *term,
     if (of.index >= (input ? machine->input_count : machine->coordinate_count)) return false;
     if (input) return term->part == LG_MACHINE_RESIDUAL;
     const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
+    if (term->part == LG_MACHINE_BIAS && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_PLACE)
+        return of.kind == LG_FEATURE_POSITION && row->directions == 0 && row->rotations == 0;
     switch (of.kind) {
     case LG_FEATURE_PLACE:
         return row->places > 0 && row->rotations > 0;
@@ -217,7 +219,7 @@ static bool has_part(const lg_machine *machine, lg_machine_part part) {
 
 bool lg_machine_mass_moves(const lg_machine *machine) {
     for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->moving) return true;
+        if (machine->terms[i].kind->moving != NULL && machine->terms[i].kind->moving(machine)) return true;
     return false;
 }
 
@@ -236,16 +238,17 @@ static lg_status check_mass(const lg_machine *machine, lg_error *error) {
 
 /* What fixes the common factor of M, V, D and B. */
 static void find_gauge(lg_machine *machine) {
-    bool given = false, moving = false;
+    const bool grey = machine->grey.system != NULL;
+    bool given = lg_grey_known(machine), moving = false;
     uint32_t masses = 0;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         given = given || term->value_count > 0;
         if (term->part != LG_MACHINE_MASS) continue;
         masses++;
-        moving = moving || (term->kind != NULL && term->kind->moving);
+        moving = moving || (term->kind != NULL && term->kind->moving != NULL);
     }
-    machine->normalised = !given && !moving && masses == 1;
+    machine->normalised = !given && !grey && !moving && masses == 1;
     machine->free_gauge = !given && !machine->normalised;
 }
 
@@ -262,6 +265,7 @@ static size_t place_parameters(lg_machine *machine, bool networks, size_t offset
 lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
     LG_TRY(count_coordinates(machine, error));
     LG_TRY(check_names(machine, error));
+    LG_TRY(lg_grey_check(machine, error));
     find_gauge(machine);
     for (uint32_t i = 0; i < machine->term_count; i++) LG_TRY(set_term(machine, &machine->terms[i], error));
     machine->weights = place_parameters(machine, true, 0);

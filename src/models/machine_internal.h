@@ -34,12 +34,16 @@ typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, co
                              const double *theta);
 lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential,
     lg_numbers_diagonal_damping, lg_numbers_constant_damping, lg_numbers_coulomb, lg_numbers_quadratic,
-    lg_numbers_constant_map;
+    lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey;
+/* Appends a number. */
+void __attribute__((format(printf, 3, 4)))
+lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
 
 /* A row of the table of terms. `record` gives, by part:
  *   mass       M of the momenta on R^n, (B, n, n) or (1, n, n)
  *   potential  V (B, 1)
- *   damping, input map, residual   forces (B, velocities) */
+ *   damping, input map, residual   forces (B, velocities)
+ *   bias       (1, positions + velocities), added to what logs have */
 struct lg_term_kind {
     const char *name;
     lg_machine_part part;
@@ -55,11 +59,54 @@ struct lg_term_kind {
     lg_term_numbers *numbers; /* the term's parameters (theta: its own) in the units of logs; NULL: none */
     /* How many values are fitting: one of two numbers. NULL: none. */
     void (*values)(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
-    bool heights;         /* sees heights where positions are listed */
-    bool moving;          /* M depends on the state */
+    bool heights;                              /* sees heights where positions are listed */
+    bool (*moving)(const lg_machine *machine); /* M depends on the state; NULL: it does not */
     uint32_t least, most; /* degrees of a potential's monomials; most 0: the term's degree */
 };
-extern const lg_term_kind lg_machine_mass_kinds[], lg_machine_potential_kinds[], lg_machine_force_kinds[];
+extern const lg_term_kind lg_machine_mass_kinds[], lg_machine_potential_kinds[], lg_machine_force_kinds[],
+    lg_machine_bias_kinds[];
+
+/* ---- systems (machine_grey.c, machine_grey_rows.c) ---- */
+
+/* What the functions of a row see: B rows in the units of the log. */
+typedef struct lg_grey_view {
+    uint32_t rows;
+    lg_var parameters; /* (P), in the order of the table */
+    lg_var x, q, R;    /* (B, places), (B, k, 3), (B, 1, 9); LG_NONE where M does not depend on them */
+    uint32_t links;    /* k */
+} lg_grey_view;
+
+/* M of the momenta on R^n (B or 1, n, n), M of the directions (1, k, k), V (B, 1), in the units of the log.
+ */
+struct lg_grey_system {
+    const char *name;
+    const lg_parameter_entry *parameters; /* NULL: those of lg_system_parameters */
+    uint32_t count;                       /* coordinates; 0: any number of the first kind */
+    lg_coordinate_kind coordinates[2];
+    unsigned seen; /* bits of the coordinates on which M or V depends */
+    bool moving;   /* M depends on the state */
+    lg_var (*mass)(lg_tape *tape, const lg_grey_view *at);
+    lg_var (*directions)(lg_tape *tape, const lg_grey_view *at);
+    lg_var (*potential)(lg_tape *tape, const lg_grey_view *at); /* NULL: none */
+};
+extern const lg_grey_system lg_grey_systems[]; /* ended by a name NULL */
+/* Systems of lg-simulate that are no machines, and why; ended by a name NULL. */
+typedef struct lg_grey_refused {
+    const char *name, *why;
+} lg_grey_refused;
+extern const lg_grey_refused lg_grey_refusals[];
+
+/* The terms that lg_machine_set_system adds. */
+extern const lg_term_kind lg_grey_mass_kind, lg_grey_potential_kind;
+lg_status lg_grey_check(const lg_machine *machine, lg_error *error);
+/* The numbers (P) from the parameters of its mass term (LG_NONE: none is unknown). */
+lg_var lg_grey_record(lg_tape *tape, const lg_machine *machine, lg_var theta);
+bool lg_grey_known(const lg_machine *machine); /* there is a system with a known number */
+/* The geometric mean of the masses at the start, in energies of the log's units; 0: no system. */
+double lg_grey_energy(const lg_machine *machine);
+
+/* One row at the reference, where places are 0, directions e3, attitudes 1 and velocities 0. */
+lg_status lg_machine_record_reference(lg_tape *tape, const lg_machine_vars *vars, lg_var *parts);
 
 /* Numbers of one feature, and their scales: a number of the log is the scaled one times its scale. */
 uint32_t lg_machine_feature_count(const lg_machine *machine, lg_machine_feature feature);
@@ -69,6 +116,10 @@ lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, cons
                                   const lg_machine_seen *seen);
 
 bool lg_machine_mass_moves(const lg_machine *machine); /* M depends on the state */
+/* The unit mass of velocities i and j in scaled numbers. */
+double lg_machine_unit_mass(const lg_machine *machine, uint32_t i, uint32_t j);
+/* Velocities whose momenta are on R^n, in order; those of the directions, the first of 3 each. */
+uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list);
 /* M of the momenta on R^n, (B, n, n) or (1, n, n). */
 lg_var lg_machine_record_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 
@@ -102,13 +153,50 @@ lg_var lg_machine_record_values(lg_tape *tape, const lg_machine_term *term, uint
 /* Columns first .. first + count - 1 of x (B, n); x itself when these are all. */
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count);
 
+/* The parameters of the machine on a tape; LG_NONE where it has none. */
+static inline lg_var lg_machine_parameter(lg_tape *tape, const lg_machine *machine, const double *theta) {
+    return machine->parameters > 0 ? lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta)
+                                   : LG_NONE;
+}
+/* The potential's forces in the order of the velocities, (B, velocities); LG_NONE: no potential. */
+lg_var lg_machine_record_pull(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
+/* The momenta change by an impulse (B, velocities). */
+void lg_machine_push(lg_tape *tape, const lg_machine *machine, lg_var impulse, lg_var *parts);
+
 /* ---- functions (machine_program.c) ---- */
 
 /* lg_machine_program without step. */
 lg_status lg_machine_bundle(const lg_context *context, const lg_machine *machine, const double *theta,
                             lg_program **out, lg_error *error);
 
-/* ---- windows (machine_step.c) ---- */
+/* ---- relations of numbers (machine_relations.c) ---- */
+
+/* Eigenvalues (n, rising) and eigenvectors, the columns of the symmetric matrix (n, n) one after the other in
+ * its place. False: no convergence, or no memory. */
+bool lg_machine_eigen(const lg_context *context, size_t n, double *matrix, double *values);
+/* covariance (N, N) of relative changes of the numbers: fills correlations and open of `out`; it is spoiled.
+ */
+lg_status lg_machine_relate(const lg_context *context, size_t count, double *covariance,
+                            lg_identification *out);
+
+/* ---- intervals (machine_step.c) ---- */
+
+/* Equations r(x) = 0 of independent rows, x and r (B, n): records r at x. */
+typedef lg_status (*lg_row_equations)(void *user, lg_tape *tape, lg_var x, lg_var *r);
+/* x near `first` (B, n) by Newton's method; values are around 1. First and second derivatives of *x are
+ * exact. Rows without a solution are NaN. The equations may use variables made before, and must keep none. */
+lg_status lg_machine_root(lg_tape *tape, lg_row_equations equations, void *user, lg_var first, lg_var *x);
+
+/* A step of LG_SCHEME_VARIATIONAL (machine_variational.c), its length h, times `rows` (B, 1) unless that is
+ * LG_NONE; inputs (B, inputs) at its start and end, or LG_NONE. `parts` move on. */
+typedef struct lg_machine_span {
+    double h;
+    lg_var rows, u[2];
+} lg_machine_span;
+lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_span *over,
+                                      lg_var *parts);
+/* What keeps a machine from LG_SCHEME_VARIATIONAL, a sentence; NULL: nothing. */
+const char *lg_machine_variational_fault(const lg_machine *machine);
 
 /* The equation of a machine over intervals of logs: rows of a batch have their own lengths and inputs. */
 typedef struct lg_machine_flow {
@@ -124,5 +212,31 @@ lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow,
  * velocities); missing numbers are 0, and a missing velocity is the difference quotient of positions. */
 void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log, const size_t *at,
                             size_t count, double *positions, double *velocities);
+/* One row of scaled numbers in the units of the log. */
+void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities);
+
+/* ---- windows (machine_starts.c, machine_train.c, machine_jacobian.c) ---- */
+
+static inline bool lg_machine_starts_estimated(const lg_machine_problem *problem) {
+    return problem->starts == LG_MACHINE_STARTS_ESTIMATED;
+}
+/* Parameters of the fit before those of the starts. */
+static inline size_t lg_machine_shared(const lg_machine_problem *problem) {
+    return problem->theta == NULL ? problem->machine->parameters : 0;
+}
+/* Parameters of a start: places, 3 for each direction, 3 for each rotation, velocities. */
+uint32_t lg_machine_start_numbers(const lg_machine *machine);
+/* The state from positions and velocities (B, ...) that move by the parameters (B, numbers) of their
+ * starts. */
+lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *problem,
+                                 const lg_machine_vars *vars, lg_var numbers, lg_var positions,
+                                 lg_var velocities, lg_var *parts);
+/* Weights of the numbers of one row: factor/scale where a number is there, in scaled units. */
+void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
+                          double *velocities);
+/* lg_fit_problem.linearise of windows, and its rows for each. */
+lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
+                               size_t count, size_t batch, double *loss, double *r, double *jacobian);
+size_t lg_machine_linearised_rows(const lg_machine_problem *problem);
 
 #endif

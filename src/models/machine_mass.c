@@ -5,8 +5,7 @@
 #include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
-/* Velocities whose momenta are on R^n, in order; those of the directions, the first of 3 each. */
-static uint32_t velocities_of(const lg_machine *machine, bool directions, uint32_t *list) {
+uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
@@ -17,8 +16,7 @@ static uint32_t velocities_of(const lg_machine *machine, bool directions, uint32
     return count;
 }
 
-/* The unit mass of velocity i in scaled numbers. */
-static double unit_mass(const lg_machine *machine, uint32_t i, uint32_t j) {
+double lg_machine_unit_mass(const lg_machine *machine, uint32_t i, uint32_t j) {
     const lg_machine_scales *s = &machine->scales;
     return s->velocity[i] * s->velocity[j] / (s->energy * s->time * s->time);
 }
@@ -29,14 +27,14 @@ static double known_mass(const lg_machine *machine, const lg_machine_term *term,
     const uint32_t n = machine->velocities;
     const bool diagonal = term->value_count == n;
     const double value = diagonal ? (i == j ? term->values[i] : 0.0) : term->values[i * n + j];
-    return value * unit_mass(machine, i, j);
+    return value * lg_machine_unit_mass(machine, i, j);
 }
 
 static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     uint32_t list[LG_MACHINE_VELOCITIES];
     double m[LG_MACHINE_VALUES];
-    const uint32_t n = velocities_of(machine, false, list);
+    const uint32_t n = lg_machine_mass_velocities(machine, false, list);
     (void)seen;
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < n; j++)
@@ -48,7 +46,7 @@ static lg_var known_directions(lg_tape *tape, const lg_machine_vars *vars, uint3
     const lg_machine *machine = vars->machine;
     uint32_t list[LG_MACHINE_VELOCITIES];
     double m[LG_MACHINE_VELOCITIES];
-    const uint32_t n = velocities_of(machine, true, list);
+    const uint32_t n = lg_machine_mass_velocities(machine, true, list);
     for (uint32_t i = 0; i < n; i++) m[i] = known_mass(machine, &machine->terms[term], list[i], list[i]);
     return lg_input_f64(tape, lg_shape3(1, n, 1), m);
 }
@@ -124,6 +122,11 @@ static uint32_t triangle_outputs(const lg_machine *machine) {
     return lg_triangle(machine->momenta);
 }
 
+static bool always(const lg_machine *machine) {
+    (void)machine;
+    return true;
+}
+
 static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                       const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
@@ -159,5 +162,5 @@ const lg_term_kind lg_machine_mass_kinds[] = {{.name = "known",
                                                .options = LG_TERM_OF | LG_TERM_HIDDEN,
                                                .outputs = triangle_outputs,
                                                .record = network,
-                                               .moving = true},
+                                               .moving = always},
                                               {.name = NULL}};

@@ -8,8 +8,7 @@
 #include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
-static void __attribute__((format(printf, 3, 4)))
-put(lg_number_list *l, double value, const char *format, ...) {
+void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
     va_list arguments;
     if (l->count < l->room) {
         lg_identified *each = &l->out[l->count];
@@ -34,22 +33,32 @@ static void velocity_name(const lg_machine *machine, uint32_t k, char *text, siz
         (void)snprintf(text, size, "%s.%u", machine->coordinates[i].name, number);
 }
 
-/* ---- mass ---- */
+/* ---- biases ---- */
 
-/* Velocities of the momenta on R^n, in order. */
-static uint32_t momentum_velocities(const lg_machine *machine, uint32_t *out) {
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        for (uint32_t k = 0; k < row->velocities && row->directions == 0; k++) out[count++] = first + k;
+void lg_numbers_bias(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                     const double *theta) {
+    const lg_machine_scales *s = &machine->scales;
+    for (uint32_t i = 0; i < term->of_count; i++) {
+        const lg_machine_feature of = term->of[i];
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
+        const char *name = machine->coordinates[of.index].name;
+        const bool velocity = of.kind == LG_FEATURE_VELOCITY;
+        const uint32_t count = velocity ? row->velocities : row->places;
+        for (uint32_t k = 0; k < count; k++) {
+            const double unit = velocity ? s->velocity[at.velocity + k] / s->time : s->place[at.place + k];
+            if (count == 1)
+                lg_numbers_put(l, *theta++ * unit, "bias.%s%s", name, velocity ? ".velocity" : "");
+            else
+                lg_numbers_put(l, *theta++ * unit, "bias.%s%s.%u", name, velocity ? ".velocity" : "", k + 1);
+        }
     }
-    return count;
 }
 
+/* ---- mass ---- */
+
 static double mass_unit(const lg_machine *machine, uint32_t i, uint32_t j) {
-    const lg_machine_scales *s = &machine->scales;
-    return s->energy * s->time * s->time / (s->velocity[i] * s->velocity[j]);
+    return 1.0 / lg_machine_unit_mass(machine, i, j);
 }
 
 /* The numbers of a diagonal or constant mass; one may be held at 0. */
@@ -64,19 +73,19 @@ static void direction_masses(lg_number_list *l, const lg_machine *machine, const
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         if (lg_coordinate_row_of(machine->coordinates[i].kind)->directions == 0) continue;
         const uint32_t k = lg_machine_offsets_of(machine, i).velocity;
-        put(l, exp(mass_number(machine, theta, first++)) * mass_unit(machine, k, k), "mass.%u.%u", k + 1,
-            k + 1);
+        lg_numbers_put(l, exp(mass_number(machine, theta, first++)) * mass_unit(machine, k, k), "mass.%u.%u",
+                       k + 1, k + 1);
     }
 }
 
 void lg_numbers_diagonal_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                               const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
-    const uint32_t n = momentum_velocities(machine, at);
+    const uint32_t n = lg_machine_mass_velocities(machine, false, at);
     (void)term;
     for (uint32_t i = 0; i < n; i++)
-        put(l, exp(mass_number(machine, theta, i)) * mass_unit(machine, at[i], at[i]), "mass.%u.%u",
-            at[i] + 1, at[i] + 1);
+        lg_numbers_put(l, exp(mass_number(machine, theta, i)) * mass_unit(machine, at[i], at[i]),
+                       "mass.%u.%u", at[i] + 1, at[i] + 1);
     direction_masses(l, machine, theta, n);
 }
 
@@ -100,33 +109,24 @@ void lg_numbers_constant_mass(lg_number_list *l, const lg_machine *machine, cons
                               const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
     double packed[LG_MACHINE_VALUES] = {0.0}, L[LG_MACHINE_VALUES];
-    const uint32_t n = momentum_velocities(machine, at);
+    const uint32_t n = lg_machine_mass_velocities(machine, false, at);
     (void)term;
     for (uint32_t i = 0; i < lg_triangle(n); i++) packed[i] = mass_number(machine, theta, i);
     unpack(packed, n, true, L);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
-            put(l, product(L, n, i, j) * mass_unit(machine, at[i], at[j]), "mass.%u.%u", at[i] + 1,
-                at[j] + 1);
+            lg_numbers_put(l, product(L, n, i, j) * mass_unit(machine, at[i], at[j]), "mass.%u.%u", at[i] + 1,
+                           at[j] + 1);
     direction_masses(l, machine, theta, lg_triangle(n));
 }
 
-/* A mass that is a network, with the other masses: M at the reference, where places are 0, directions e3 and
- * attitudes 1. */
+/* A mass that is a network, with the other masses, at the reference. */
 static lg_status moving_mass(lg_tape *tape, const lg_machine *machine, const double *theta, double *m) {
-    double q[LG_MACHINE_POSITIONS] = {0.0}, v[LG_MACHINE_VELOCITIES] = {0.0};
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS];
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        double *at = q + lg_machine_offsets_of(machine, i).position;
-        if (row->directions > 0) at[2] = 1.0;
-        for (uint32_t k = 0; k < 3 && row->rotations > 0; k++) at[row->places + 4 * k] = 1.0;
-    }
     const lg_var parameters = lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta);
     LG_TRY(lg_machine_bind(tape, machine, parameters, &vars));
-    LG_TRY(lg_machine_record_state(tape, &vars, lg_input_f64(tape, lg_shape2(1, machine->positions), q),
-                                   lg_input_f64(tape, lg_shape2(1, machine->velocities), v), parts));
+    LG_TRY(lg_machine_record_reference(tape, &vars, parts));
     return lg_read(tape, lg_machine_record_mass(tape, &vars, parts),
                    (size_t)machine->momenta * machine->momenta, m);
 }
@@ -135,14 +135,14 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
     uint32_t at[LG_MACHINE_VELOCITIES];
     double m[LG_MACHINE_VALUES] = {0.0};
     lg_tape *tape = NULL;
-    const uint32_t n = momentum_velocities(machine, at);
+    const uint32_t n = lg_machine_mass_velocities(machine, false, at);
     lg_status status = lg_tape_create(NULL, NULL, &tape);
     if (status == LG_OK) status = moving_mass(tape, machine, theta, m);
     lg_tape_destroy(tape);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
-            put(l, status == LG_OK ? m[i * n + j] * mass_unit(machine, at[i], at[j]) : (double)NAN,
-                "mass.%u.%u", at[i] + 1, at[j] + 1);
+            lg_numbers_put(l, status == LG_OK ? m[i * n + j] * mass_unit(machine, at[i], at[j]) : (double)NAN,
+                           "mass.%u.%u", at[i] + 1, at[j] + 1);
 }
 
 /* ---- potentials ---- */
@@ -203,8 +203,8 @@ void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg
     for (uint32_t i = 0; i < monomials.count; i++) {
         char name[64];
         monomial_name(machine, term, monomials.factor[i], name, sizeof name);
-        put(l, theta[i] * machine->scales.energy * coefficient_unit(scales, monomials.factor[i]),
-            "potential.%s", name);
+        lg_numbers_put(l, theta[i] * machine->scales.energy * coefficient_unit(scales, monomials.factor[i]),
+                       "potential.%s", name);
     }
 }
 
@@ -222,7 +222,7 @@ static void drag_numbers(lg_number_list *l, const lg_machine *machine, const cha
     for (uint32_t i = 0; i < machine->velocities; i++) {
         char of[48];
         velocity_name(machine, i, of, sizeof of);
-        put(l, theta[i] * theta[i] * drag_unit(machine, i, i, power), "%s.%s", name, of);
+        lg_numbers_put(l, theta[i] * theta[i] * drag_unit(machine, i, i, power), "%s.%s", name, of);
     }
 }
 
@@ -252,7 +252,8 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
     unpack(theta, n, false, L);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
-            put(l, product(L, n, i, j) * drag_unit(machine, i, j, 1), "damping.%u.%u", i + 1, j + 1);
+            lg_numbers_put(l, product(L, n, i, j) * drag_unit(machine, i, j, 1), "damping.%u.%u", i + 1,
+                           j + 1);
 }
 
 void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
@@ -261,19 +262,26 @@ void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const
     (void)term;
     for (uint32_t i = 0; i < machine->velocities; i++)
         for (uint32_t j = 0; j < m; j++)
-            put(l, theta[i * m + j] * drag_unit(machine, i, i, 0) / machine->scales.input[j],
-                "input_map.%u.%u", i + 1, j + 1);
+            lg_numbers_put(l, theta[i * m + j] * drag_unit(machine, i, i, 0) / machine->scales.input[j],
+                           "input_map.%u.%u", i + 1, j + 1);
 }
 
 /* ---- all ---- */
 
+/* Of masses with a network beside them M at the reference tells, but for the numbers of a system. */
+static bool has_network_mass(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->outputs != NULL) return true;
+    return false;
+}
+
 size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room, lg_identified *out) {
     lg_number_list l = {0, room, out};
-    const bool moving = lg_machine_mass_moves(machine);
-    if (moving && theta != NULL) put_moving_mass(&l, machine, theta);
+    const bool network = has_network_mass(machine);
+    if (network && theta != NULL) put_moving_mass(&l, machine, theta);
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        if (moving && term->part == LG_MACHINE_MASS) continue;
+        if (network && term->part == LG_MACHINE_MASS && term->kind != &lg_grey_mass_kind) continue;
         if (term->value_count == 0 && term->kind->numbers != NULL)
             term->kind->numbers(&l, machine, term, theta + term->offset);
     }

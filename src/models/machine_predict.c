@@ -19,22 +19,10 @@ typedef struct runs {
 
 static lg_status begin(lg_tape *tape, const runs *r, lg_machine_vars *vars, lg_machine_flow *flow) {
     lg_tape_reset(tape);
-    const uint32_t n = (uint32_t)r->machine->parameters;
-    const lg_var theta = n > 0 ? lg_parameter(tape, lg_shape1(n), r->theta) : LG_NONE;
+    const lg_var theta = lg_machine_parameter(tape, r->machine, r->theta);
     LG_TRY(lg_machine_bind(tape, r->machine, theta, vars));
     *flow = (lg_machine_flow){.vars = vars, .scheme = r->scheme, .substeps = r->substeps};
     return lg_machine_space(r->machine, &flow->space);
-}
-
-/* Positions of the log from scaled ones. */
-static void unscale(const lg_machine *machine, double *q, double *v) {
-    const lg_machine_scales *s = &machine->scales;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const uint32_t places = lg_coordinate_row_of(machine->coordinates[i].kind)->places;
-        for (uint32_t k = 0; k < places; k++) q[at.position + k] *= s->place[at.place + k];
-    }
-    for (uint32_t k = 0; k < machine->velocities; k++) v[k] *= s->velocity[k] / s->time;
 }
 
 /* Reads point `step` of all runs from the parts, and keeps their state. */
@@ -48,7 +36,7 @@ static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow,
     LG_TRY(lg_read(tape, lg_machine_record_positions(tape, flow->vars, parts), r->count * nq, q));
     LG_TRY(lg_read(tape, lg_machine_record_velocities(tape, flow->vars, parts), r->count * nv, v));
     for (size_t i = 0; i < r->count; i++) {
-        unscale(machine, q + i * nq, v + i * nv);
+        lg_machine_unscale_row(machine, q + i * nq, v + i * nv);
         const size_t at = i * (r->steps + 1) + step;
         if (r->positions != NULL) memcpy(r->positions + at * nq, q + i * nq, nq * sizeof *q);
         if (r->velocities != NULL) memcpy(r->velocities + at * nv, v + i * nv, nv * sizeof *v);

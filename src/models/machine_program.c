@@ -227,6 +227,11 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     recording r = {.machine = machine, .scheme = scheme};
     lg_derivative jacobian;
     lg_program *made;
+    if (scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "%s finds its step by iteration, which no program has; take cf4, rkmk4 or another "
+                       "explicit Lie group scheme",
+                       scheme->name);
     LG_TRY(lg_machine_space(machine, &r.space));
     fill_state(&r);
     fill_log(&r);

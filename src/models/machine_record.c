@@ -1,6 +1,5 @@
 /* Machines: states, energy and field on a tape, in scaled units. */
-#include "core/core.h"
-#include "liegrad/ops.h"
+#include "autodiff/tape_internal.h"
 #include "models/machine_internal.h"
 
 /* ---- parameters ---- */
@@ -21,15 +20,28 @@ static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part
     return sum;
 }
 
+/* (1, k, 1), or (1, k, k) where a term couples the directions. */
 static lg_var record_direction_mass(lg_tape *tape, const lg_machine_vars *vars) {
     const lg_machine *machine = vars->machine;
+    const uint32_t k = machine->directions;
+    const bool coupled = machine->grey.system != NULL && k > 1;
     lg_var sum = LG_NONE;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_term_kind *kind = machine->terms[i].kind;
-        if (kind->part == LG_MACHINE_MASS && kind->directions != NULL)
-            sum = plus(tape, sum, kind->directions(tape, vars, i));
+        if (kind->part != LG_MACHINE_MASS || kind->directions == NULL) continue;
+        lg_var m = kind->directions(tape, vars, i);
+        if (coupled && lg_var_shape(tape, m).dims[2] == 1)
+            m = lg_mul(tape, m, lg_machine_unit_matrix(tape, k));
+        sum = plus(tape, sum, m);
     }
     return sum;
+}
+
+/* The parameters of the system. */
+static lg_var grey_theta(const lg_machine_vars *vars) {
+    uint32_t i = 0;
+    while (vars->machine->terms[i].kind != &lg_grey_mass_kind) i++;
+    return vars->theta[i];
 }
 
 lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta, lg_machine_vars *vars) {
@@ -41,8 +53,13 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
         if (term->kind->outputs != NULL)
             LG_TRY(lg_mlp_bind(tape, &term->net, theta, term->offset, &vars->net[i]));
     }
+    if (machine->grey.system != NULL) vars->grey = lg_grey_record(tape, machine, grey_theta(vars));
     const uint32_t n = machine->momenta;
+    vars->bias = sum_of(tape, vars, LG_MACHINE_BIAS, NULL);
     if (machine->directions > 0) vars->direction_mass = record_direction_mass(tape, vars);
+    if (machine->directions > 1 && machine->grey.system != NULL)
+        vars->direction_inverse =
+            lg_spd_solve(tape, vars->direction_mass, lg_machine_unit_matrix(tape, machine->directions));
     if (n > 0 && !lg_machine_mass_moves(machine)) {
         const lg_var m = sum_of(tape, vars, LG_MACHINE_MASS, NULL);
         vars->mass = lg_reshape(tape, m, lg_shape2(n, n));
@@ -133,6 +150,31 @@ static lg_var by_mass(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_v
     return lg_reshape(tape, lg_spd_solve(tape, M, column), shape);
 }
 
+/* ---- directions: q' and p (B, k, 3) ---- */
+
+static bool are_coupled(const lg_machine_vars *vars) {
+    return !lg_is_none(vars->direction_inverse);
+}
+
+/* p_i = P_i sum_j m_ij q_j' */
+static lg_var direction_momenta(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var velocity) {
+    if (!are_coupled(vars)) return lg_mul(tape, velocity, vars->direction_mass);
+    const lg_var p = lg_matmul(tape, vars->direction_mass, velocity);
+    return lg_sub(tape, p, lg_mul(tape, lg_rowdot(tape, q, p), q));
+}
+
+/* q' = W (p - lambda q), W = m^-1 and (W o q q^T) lambda = q.(W p), so that q.q' = 0. */
+static lg_var coupled_velocity(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var p) {
+    const lg_var W = vars->direction_inverse;
+    const lg_var along = lg_rowdot(tape, q, lg_matmul(tape, W, p));
+    const lg_var lambda = lg_spd_solve(tape, lg_mul(tape, W, lg_matmul_nt(tape, q, q)), along);
+    return lg_matmul(tape, W, lg_sub(tape, p, lg_mul(tape, lambda, q)));
+}
+
+static lg_var direction_velocity(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var p) {
+    return are_coupled(vars) ? coupled_velocity(tape, vars, q, p) : lg_div(tape, p, vars->direction_mass);
+}
+
 /* Positions (B, positions) of a log to the parts x, q, R. */
 static void split_positions(lg_tape *tape, const lg_machine *machine, lg_var positions, lg_var *parts) {
     lg_var x[LG_MACHINE_COORDINATES], q[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
@@ -151,8 +193,27 @@ static void split_positions(lg_tape *tape, const lg_machine *machine, lg_var pos
     if (at.R >= 0) parts[at.R] = stack(tape, R, Rs, rows, 9);
 }
 
-lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
-                                  lg_var velocities, lg_var *parts) {
+/* The biases of positions or of velocities, (1, numbers), or LG_NONE. */
+static lg_var bias_of(lg_tape *tape, const lg_machine_vars *vars, bool velocities) {
+    const lg_machine *machine = vars->machine;
+    if (lg_is_none(vars->bias)) return vars->bias;
+    return velocities ? lg_slice(tape, vars->bias, 1, machine->positions, machine->velocities)
+                      : lg_slice(tape, vars->bias, 1, 0, machine->positions);
+}
+
+static lg_var without_bias(lg_tape *tape, const lg_machine_vars *vars, bool velocities, lg_var x) {
+    const lg_var bias = bias_of(tape, vars, velocities);
+    return lg_is_none(bias) ? x : lg_sub(tape, x, bias);
+}
+
+static lg_var with_bias(lg_tape *tape, const lg_machine_vars *vars, bool velocities, lg_var x) {
+    const lg_var bias = bias_of(tape, vars, velocities);
+    return lg_is_none(bias) ? x : lg_add(tape, x, bias);
+}
+
+/* The state from true positions and velocities. */
+static lg_status record_true_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
+                                   lg_var velocities, lg_var *parts) {
     const lg_machine *machine = vars->machine;
     const lg_machine_places at = lg_machine_parts(machine);
     split_positions(tape, machine, positions, parts);
@@ -163,12 +224,32 @@ lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg
     }
     if (at.p >= 0) {
         const lg_var omega = rates(tape, machine, velocities, true);
-        parts[at.p] = lg_mul(tape, lg_cross(tape, omega, parts[at.q]), vars->direction_mass);
+        parts[at.p] = direction_momenta(tape, vars, parts[at.q], lg_cross(tape, omega, parts[at.q]));
     }
     return lg_tape_status(tape);
 }
 
-lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
+                                  lg_var velocities, lg_var *parts) {
+    return record_true_state(tape, vars, without_bias(tape, vars, false, positions),
+                             without_bias(tape, vars, true, velocities), parts);
+}
+
+lg_status lg_machine_record_reference(lg_tape *tape, const lg_machine_vars *vars, lg_var *parts) {
+    const lg_machine *machine = vars->machine;
+    double q[LG_MACHINE_POSITIONS] = {0.0}, v[LG_MACHINE_VELOCITIES] = {0.0};
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        double *at = q + lg_machine_offsets_of(machine, i).position;
+        if (row->directions > 0) at[2] = 1.0;
+        for (uint32_t k = 0; k < 3 && row->rotations > 0; k++) at[row->places + 4 * k] = 1.0;
+    }
+    return record_true_state(tape, vars, lg_input_f64(tape, lg_shape2(1, machine->positions), q),
+                             lg_input_f64(tape, lg_shape2(1, machine->velocities), v), parts);
+}
+
+/* Positions of the state, without biases. */
+static lg_var true_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
     const lg_machine *machine = vars->machine;
     const lg_machine_places at = lg_machine_parts(machine);
     const uint32_t rows = rows_of(tape, parts);
@@ -189,11 +270,15 @@ lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, c
     return count == 1 ? all[0] : lg_concat(tape, all, count, 1);
 }
 
-/* omega = q x p/M, (B, directions, 3). */
+lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    return with_bias(tape, vars, false, true_positions(tape, vars, parts));
+}
+
+/* omega = q x q', (B, directions, 3). */
 static lg_var direction_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
     const lg_machine_places at = lg_machine_parts(vars->machine);
     if (at.q < 0) return LG_NONE;
-    return lg_div(tape, lg_cross(tape, parts[at.q], parts[at.p]), vars->direction_mass);
+    return lg_cross(tape, parts[at.q], direction_velocity(tape, vars, parts[at.q], parts[at.p]));
 }
 
 static lg_var velocities_with(lg_tape *tape, const lg_machine_vars *vars, lg_var M, const lg_var *parts) {
@@ -208,8 +293,7 @@ lg_var lg_machine_record_mass(lg_tape *tape, const lg_machine_vars *vars, const 
 }
 
 lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
-    const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
-    return velocities_with(tape, vars, moving_mass(tape, vars, &seen), parts);
+    return with_bias(tape, vars, true, lg_machine_record_rates(tape, vars, parts));
 }
 
 /* ---- energy and forces ---- */
@@ -225,7 +309,8 @@ lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, cons
         twice = lg_rowdot(tape, parts[at.m], v);
     }
     if (at.p >= 0) {
-        const lg_var each = lg_div(tape, lg_rownorm2(tape, parts[at.p]), vars->direction_mass);
+        const lg_var each =
+            lg_rowdot(tape, parts[at.p], direction_velocity(tape, vars, parts[at.q], parts[at.p]));
         const lg_var all = lg_reshape(tape, each, lg_shape2(rows, vars->machine->directions));
         twice = plus(tape, twice, lg_sum_axis(tape, all, 1, true));
     }
@@ -233,16 +318,21 @@ lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, cons
     return lg_is_none(V) ? T : lg_add(tape, T, V);
 }
 
+lg_var lg_machine_record_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
+    return velocities_with(tape, vars, moving_mass(tape, vars, &seen), parts);
+}
+
 lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
-                               const lg_var *parts, lg_var velocities, lg_var u) {
-    const lg_machine_seen seen = {.parts = parts, .v = velocities, .u = u, .rows = rows_of(tape, parts)};
+                               const lg_var *parts, lg_var rates, lg_var u) {
+    const lg_machine_seen seen = {.parts = parts, .v = rates, .u = u, .rows = rows_of(tape, parts)};
     return sum_of(tape, vars, part, &seen);
 }
 
 /* The sum of all forces (B, velocities), or LG_NONE. */
 static lg_var all_forces(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
     lg_var f = LG_NONE;
-    for (uint32_t part = LG_MACHINE_DAMPING; part < LG_MACHINE_PART_COUNT; part++) {
+    for (uint32_t part = LG_MACHINE_DAMPING; part <= LG_MACHINE_RESIDUAL; part++) {
         if (part == LG_MACHINE_INPUT_MAP && lg_is_none(seen->u)) continue;
         const lg_var more = sum_of(tape, vars, (lg_machine_part)part, seen);
         if (!lg_is_none(more)) f = plus(tape, f, more);
@@ -272,7 +362,8 @@ static lg_status conservative_force(lg_tape *tape, const lg_machine_vars *vars, 
     const lg_var V = sum_of(tape, vars, LG_MACHINE_POTENTIAL, seen);
     if (!lg_is_none(V)) {
         y[outputs] = V;
-        cotangent[outputs++] = lg_full(tape, lg_shape2(seen->rows, 1), -1.0);
+        cotangent[outputs] = lg_full(tape, lg_shape2(seen->rows, 1), -1.0);
+        lg_tape_mark_rows(tape, cotangent[outputs++]);
     }
     if (outputs == 0) return lg_tape_status(tape);
     for (size_t i = 0; i < LG_COUNT(positions); i++)
@@ -297,6 +388,7 @@ static lg_var turned(lg_tape *tape, lg_var R, lg_var w, uint32_t rows, bool back
 
 /* What the equations of one coordinate see. */
 typedef struct body {
+    const lg_machine_vars *vars;
     const lg_machine *machine;
     lg_machine_places at;
     const lg_var *parts, *g;
@@ -304,13 +396,18 @@ typedef struct body {
     uint32_t rows;
 } body;
 
+/* sum_i r_i x g_i of rotation k, (B, 3) */
+static lg_var moment_of(lg_tape *tape, const body *b, uint32_t k) {
+    const lg_var R = rotation_matrix(tape, b->parts[b->at.R], k, b->rows);
+    const lg_var g = rotation_matrix(tape, b->g[b->at.R], k, b->rows);
+    return lg_sum_axis(tape, lg_cross(tape, R, g), 1, false);
+}
+
 /* m x Omega + f_m - sum_i r_i x g_i for rotation k; m and Omega: (B, 3). */
 static lg_var torque(lg_tape *tape, const body *b, uint32_t k, lg_var m, lg_var Omega) {
     lg_var sum = lg_cross(tape, m, Omega);
     if (lg_is_none(b->g[b->at.R])) return sum;
-    const lg_var R = rotation_matrix(tape, b->parts[b->at.R], k, b->rows);
-    const lg_var g = rotation_matrix(tape, b->g[b->at.R], k, b->rows);
-    const lg_var moment = lg_sum_axis(tape, lg_cross(tape, R, g), 1, false);
+    const lg_var moment = moment_of(tape, b, k);
     return lg_sub(tape, sum, moment);
 }
 
@@ -371,11 +468,17 @@ static void move_lines(lg_tape *tape, const body *b, lg_var *algebra) {
         algebra[b->at.m] = lg_is_none(g) ? b->f : lg_is_none(b->f) ? g : lg_add(tape, g, b->f);
 }
 
-/* xi = omega, eta = f - g x q. */
+/* xi = omega, eta = f - g x q; of a chain with dT/dq = -lambda q': + q x lambda q' + q' x p. */
 static void move_directions(lg_tape *tape, const body *b, lg_var *algebra) {
-    const lg_var omega = rates(tape, b->machine, b->v, true), g = b->g[b->at.q];
+    const lg_var omega = rates(tape, b->machine, b->v, true), g = b->g[b->at.q], q = b->parts[b->at.q];
     lg_var eta = lg_is_none(b->f) ? LG_NONE : rates(tape, b->machine, b->f, true);
-    if (!lg_is_none(g)) eta = plus(tape, eta, lg_cross(tape, b->parts[b->at.q], g));
+    if (!lg_is_none(g)) eta = plus(tape, eta, lg_cross(tape, q, g));
+    if (are_coupled(b->vars)) {
+        const lg_var v = lg_cross(tape, omega, q);
+        const lg_var lambda = lg_neg(tape, lg_rowdot(tape, q, lg_matmul(tape, b->vars->direction_mass, v)));
+        eta = plus(tape, eta, lg_cross(tape, q, lg_mul(tape, lambda, v)));
+        eta = plus(tape, eta, lg_cross(tape, v, b->parts[b->at.p]));
+    }
     algebra[b->at.q] = omega;
     algebra[b->at.p] = lg_is_none(eta) ? lg_full(tape, lg_var_shape(tape, omega), 0.0) : eta;
 }
@@ -393,13 +496,16 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
                                   lg_var *algebra) {
     const lg_machine *machine = vars->machine;
     lg_machine_seen seen = {.parts = parts, .u = u, .rows = rows_of(tape, parts)};
-    if (lg_is_none(u) && machine->input_count > 0)
+    if (lg_is_none(u) && machine->input_count > 0) {
         seen.u = lg_full(tape, lg_shape2(seen.rows, machine->input_count), 0.0);
+        lg_tape_mark_rows(tape, seen.u);
+    }
     lg_var g[LG_TAPED_MAX_PARTS];
     const lg_var M = moving_mass(tape, vars, &seen);
     seen.v = velocities_with(tape, vars, M, parts);
     LG_TRY(conservative_force(tape, vars, M, seen.v, &seen, g));
-    const body b = {.machine = machine,
+    const body b = {.vars = vars,
+                    .machine = machine,
                     .at = lg_machine_parts(machine),
                     .parts = parts,
                     .g = g,
@@ -414,4 +520,49 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
     if (machine->directions > 0) move_directions(tape, &b, algebra);
     if (machine->rotations > 0) move_rotations(tape, &b, algebra);
     return lg_tape_status(tape);
+}
+
+/* ---- forces apart from the motion ---- */
+
+/* Appends the potential's forces on coordinate i, in the order of its velocities. */
+static void pull(lg_tape *tape, const body *b, uint32_t i, lg_var *each, uint32_t *count) {
+    const lg_coordinate_row *row = lg_coordinate_row_of(b->machine->coordinates[i].kind);
+    const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
+    const lg_shape vector = lg_shape2(b->rows, 3);
+    if (row->directions > 0) {
+        const lg_var q = lg_slice(tape, b->parts[b->at.q], 1, at.direction, 1),
+                     g = lg_slice(tape, b->g[b->at.q], 1, at.direction, 1);
+        each[(*count)++] = lg_reshape(tape, lg_cross(tape, q, g), vector);
+        return;
+    }
+    lg_var force = row->places > 0 ? lg_machine_columns(tape, b->g[b->at.x], at.place, row->places) : LG_NONE;
+    if (row->places > 0 && row->rotations > 0) {
+        const lg_var R = rotation_matrix(tape, b->parts[b->at.R], at.rotation, b->rows);
+        force = turned(tape, R, force, b->rows, true);
+    }
+    if (row->places > 0) each[(*count)++] = force;
+    if (row->rotations > 0) each[(*count)++] = lg_neg(tape, moment_of(tape, b, at.rotation));
+}
+
+lg_var lg_machine_record_pull(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
+    lg_var g[LG_TAPED_MAX_PARTS], each[2 * LG_MACHINE_COORDINATES];
+    uint32_t count = 0;
+    if (conservative_force(tape, vars, LG_NONE, LG_NONE, &seen, g) != LG_OK) return LG_NONE;
+    const body b = {
+        .machine = machine, .at = lg_machine_parts(machine), .parts = parts, .g = g, .rows = seen.rows};
+    const int first = b.at.x >= 0 ? b.at.x : b.at.q >= 0 ? b.at.q : b.at.R;
+    if (lg_is_none(g[first])) return LG_NONE;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) pull(tape, &b, i, each, &count);
+    return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+}
+
+void lg_machine_push(lg_tape *tape, const lg_machine *machine, lg_var impulse, lg_var *parts) {
+    const lg_machine_places at = lg_machine_parts(machine);
+    if (at.m >= 0) parts[at.m] = lg_add(tape, parts[at.m], without_directions(tape, machine, impulse));
+    if (at.p >= 0) {
+        const lg_var torque = rates(tape, machine, impulse, true);
+        parts[at.p] = lg_add(tape, parts[at.p], lg_cross(tape, torque, parts[at.q]));
+    }
 }

@@ -183,7 +183,8 @@ lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log,
     set_lengths(machine, &size);
     for (uint32_t j = 0; j < machine->input_count; j++)
         machine->scales.input[j] = size.input[j] > 0.0 ? size.input[j] : 1.0;
-    const double energy = known_energy(machine, &size);
+    double energy = known_energy(machine, &size);
+    if (!(energy > 0.0)) energy = lg_grey_energy(machine);
     const uint32_t held = hold_mass(machine, &size);
     machine->scales.energy = energy > 0.0 ? energy : unit_energy(machine, held);
     return LG_OK;

@@ -1,13 +1,34 @@
-/* Machines: rows of logs in scaled units, and steps over their intervals. */
+/* Machines: rows of logs, also in scaled units, and steps over their intervals. */
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "autodiff/tape_internal.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
 /* ---- rows ---- */
+
+size_t lg_machine_log_part(const lg_machine_log *log, size_t row) {
+    size_t low = 0, high = log->parts;
+    while (high - low > 1) {
+        const size_t middle = low + (high - low) / 2;
+        if (log->first[middle] <= row)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_log *log, size_t row,
+                             bool positions_only) {
+    for (uint32_t i = 0; i < machine->positions; i++)
+        if (isnan(log->q[row * machine->positions + i])) return false;
+    for (uint32_t i = 0; i < machine->velocities && !positions_only; i++)
+        if (isnan(log->v[row * machine->velocities + i])) return false;
+    return true;
+}
 
 /* The rotation vector of the rotation that takes A to B, in the body of A: the vector of A^T B. */
 static void turn_between(const double *A, const double *B, double *out) {
@@ -62,16 +83,9 @@ static void difference(const lg_machine *machine, const lg_machine_log *log, uin
 
 /* Up to two rows on both sides of a row, in its part. */
 static void neighbours(const lg_machine_log *log, size_t row, size_t *first, size_t *last) {
-    size_t low = 0, high = log->parts;
-    while (high - low > 1) {
-        const size_t middle = low + (high - low) / 2;
-        if (log->first[middle] <= row)
-            low = middle;
-        else
-            high = middle;
-    }
-    *first = row < log->first[low] + 2 ? log->first[low] : row - 2;
-    *last = row + 3 > log->first[low + 1] ? log->first[low + 1] - 1 : row + 2;
+    const size_t *part = log->first + lg_machine_log_part(log, row);
+    *first = row < part[0] + 2 ? part[0] : row - 2;
+    *last = row + 3 > part[1] ? part[1] - 1 : row + 2;
 }
 
 /* The velocity of coordinate i in a row, from positions where it was not measured; 0 where these are missing,
@@ -114,6 +128,16 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
             velocity_in(machine, log, rows[r], i, v);
             for (uint32_t k = 0; k < row->velocities; k++) v[k] *= s->time / s->velocity[at.velocity + k];
         }
+}
+
+void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities) {
+    const lg_machine_scales *s = &machine->scales;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const uint32_t places = lg_coordinate_row_of(machine->coordinates[i].kind)->places;
+        for (uint32_t k = 0; k < places; k++) positions[at.position + k] *= s->place[at.place + k];
+    }
+    for (uint32_t k = 0; k < machine->velocities; k++) velocities[k] *= s->velocity[k] / s->time;
 }
 
 /* ---- intervals ---- */
@@ -177,6 +201,7 @@ static lg_var coefficients(lg_tape *tape, const lg_machine *machine, const lg_ma
     if (!any) return LG_NONE;
     const lg_var u = lg_input_buffer(tape, lg_shape2(count, m), &memory);
     if (lg_is_none(u)) return u;
+    lg_tape_mark_rows(tape, u);
     double *values = memory;
     for (uint32_t i = 0; i < count; i++)
         for (uint32_t j = 0; j < m; j++)
@@ -189,8 +214,33 @@ static lg_var lengths(lg_tape *tape, const lg_machine *machine, const lg_machine
     void *memory;
     const lg_var h = lg_input_buffer(tape, lg_shape2(count, 1), &memory);
     if (lg_is_none(h)) return h;
+    lg_tape_mark_rows(tape, h);
     for (uint32_t i = 0; i < count; i++) ((double *)memory)[i] = length_of(machine, log, at[i]);
     return h;
+}
+
+/* Steps of an explicit Lie group scheme. */
+static lg_status scheme_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
+    const lg_taped_ode ode = {.space = flow->space, .field = field, .user = over};
+    const double h = over->length / flow->substeps;
+    for (uint32_t i = 0; i < flow->substeps; i++)
+        LG_TRY(lg_taped_step(tape, flow->scheme, &ode, i * h, h, parts, parts));
+    return lg_tape_status(tape);
+}
+
+static lg_status variational_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over,
+                                   lg_var *parts) {
+    const double n = flow->substeps;
+    lg_machine_span span = {.h = over->length / n, .rows = over->h, .u = {LG_NONE, over->u[0]}};
+    const char *fault = lg_machine_variational_fault(flow->vars->machine);
+    if (fault != NULL) (void)lg_tape_fail(tape, LG_UNSUPPORTED, "variational step", fault);
+    LG_TRY(lg_tape_status(tape));
+    for (uint32_t i = 0; i < flow->substeps; i++) {
+        span.u[0] = span.u[1];
+        if (!lg_is_none(over->u[0])) span.u[1] = input_at(tape, over, (i + 1) / n);
+        LG_TRY(lg_machine_variational_step(tape, flow->vars, &span, parts));
+    }
+    return lg_tape_status(tape);
 }
 
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
@@ -203,9 +253,6 @@ lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow,
         over.h = lengths(tape, machine, log, at, count);
     for (uint32_t k = 0; k < 4 && machine->input_count > 0; k++)
         over.u[k] = coefficients(tape, machine, log, at, count, k);
-    const lg_taped_ode ode = {.space = flow->space, .field = field, .user = &over};
-    const double h = over.length / flow->substeps;
-    for (uint32_t i = 0; i < flow->substeps; i++)
-        LG_TRY(lg_taped_step(tape, flow->scheme, &ode, i * h, h, parts, parts));
-    return lg_tape_status(tape);
+    return flow->scheme->kind == LG_SCHEME_VARIATIONAL ? variational_steps(tape, flow, &over, parts)
+                                                       : scheme_steps(tape, flow, &over, parts);
 }

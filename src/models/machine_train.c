@@ -8,14 +8,6 @@
 
 /* ---- windows ---- */
 
-static bool complete(const lg_machine *machine, const lg_machine_log *log, size_t row, bool positions_only) {
-    for (uint32_t i = 0; i < machine->positions; i++)
-        if (isnan(log->q[row * machine->positions + i])) return false;
-    for (uint32_t i = 0; i < machine->velocities && !positions_only; i++)
-        if (isnan(log->v[row * machine->velocities + i])) return false;
-    return true;
-}
-
 size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, uint32_t window,
                           uint32_t stride, bool positions_only, size_t *out) {
     size_t count = 0;
@@ -23,7 +15,7 @@ size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, 
         const size_t end = log->first[p + 1];
         size_t row = log->first[p];
         while (row + window <= end) {
-            if (!complete(machine, log, row, positions_only)) {
+            if (!lg_machine_log_complete(machine, log, row, positions_only)) {
                 row++;
                 continue;
             }
@@ -35,18 +27,11 @@ size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, 
     return count;
 }
 
-static bool estimated(const lg_machine_problem *problem) {
-    return problem->starts == LG_MACHINE_STARTS_ESTIMATED;
-}
-
-/* Offsets of a start: places, 3 for each direction, 3 for each rotation, velocities. */
-static uint32_t start_numbers(const lg_machine *machine) {
-    return machine->places + 3 * machine->directions + 3 * machine->rotations + machine->velocities;
-}
-
 size_t lg_machine_problem_parameters(const lg_machine_problem *problem) {
-    const size_t starts = estimated(problem) ? problem->windows * start_numbers(problem->machine) : 0;
-    return problem->machine->parameters + starts;
+    const size_t starts = lg_machine_starts_estimated(problem)
+                              ? problem->windows * lg_machine_start_numbers(problem->machine)
+                              : 0;
+    return lg_machine_shared(problem) + starts;
 }
 
 static bool positive(const double *x, uint32_t count) {
@@ -72,13 +57,17 @@ lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *
         !positive(problem->velocity_scale, machine->coordinate_count))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the scales of the loss must be above 0");
     LG_TRY(lg_machine_space(machine, &space));
+    if (problem->scheme->kind == LG_SCHEME_VARIATIONAL) {
+        const char *fault = lg_machine_variational_fault(machine);
+        return fault == NULL ? LG_OK : lg_fail(error, LG_UNSUPPORTED, "%s", fault);
+    }
     const bool lie =
         problem->scheme->kind == LG_SCHEME_RKMK || problem->scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
     if (!lie || (problem->scheme->ambient && !lg_space_is_abelian(&space)))
         return lg_fail(
             error, LG_UNSUPPORTED,
             "%s does not stay on the manifold of this machine; take cf4, rkmk4 or another explicit "
-            "Lie group scheme",
+            "Lie group scheme, or variational",
             problem->scheme->name);
     return LG_OK;
 }
@@ -97,9 +86,8 @@ static size_t row_of(const points *p, uint32_t point, size_t sample) {
     return p->problem->start[p->samples[sample]] + point;
 }
 
-/* Weights of the numbers of one row: 1/scale where a number is there, in scaled units. */
-static void weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
-                      double *velocities) {
+void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
+                          double *velocities) {
     const lg_machine *machine = problem->machine;
     const lg_machine_scales *s = &machine->scales;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
@@ -146,70 +134,22 @@ static lg_status put_given(lg_tape *tape, const points *p, double factor, given 
             for (int i = 0; i < 4; i++)
                 each[i] = (double *)memory[i] + at * (i % 2 == 0 ? machine->positions : machine->velocities);
             lg_machine_scaled_rows(machine, &problem->log, &row, 1, each[0], each[1]);
-            weigh_row(problem, row, factor, each[2], each[3]);
+            lg_machine_weigh_row(problem, row, factor, each[2], each[3]);
         }
     return LG_OK;
 }
 
-/* ---- starts ---- */
-
-/* Offsets a (B, numbers) of the samples: parameters times the scales of the loss and the root of the number
- * of windows, so that the loss, a mean over windows, curves by about 1 in them. */
-static lg_var start_offsets(lg_tape *tape, const points *p, lg_var theta) {
-    const lg_machine_problem *problem = p->problem;
-    const lg_machine *machine = problem->machine;
-    const uint32_t numbers = start_numbers(machine), n = (uint32_t)problem->windows;
-    const double unit = sqrt((double)problem->windows);
-    double scale[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
-    const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
-                   velocities = rotations + 3 * machine->rotations;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const double q = unit * problem->position_scale[i], v = unit * problem->velocity_scale[i];
-        for (uint32_t k = 0; k < row->places; k++)
-            scale[at.place + k] = q / machine->scales.place[at.place + k];
-        for (uint32_t k = 0; k < 3 * row->directions; k++) scale[directions + 3 * at.direction + k] = q;
-        for (uint32_t k = 0; k < 3 * row->rotations; k++) scale[rotations + 3 * at.rotation + k] = q;
-        for (uint32_t k = at.velocity; k < at.velocity + row->velocities; k++)
-            scale[velocities + k] = v * machine->scales.time / machine->scales.velocity[k];
-    }
-    const lg_var all = lg_reshape(tape, lg_slice(tape, theta, 0, (uint32_t)machine->parameters, n * numbers),
-                                  lg_shape2(n, numbers));
-    return lg_mul(tape, lg_gather(tape, all, p->samples, (uint32_t)p->count),
-                  lg_input_f64(tape, lg_shape2(1, numbers), scale));
-}
-
-/* `count` copies of 3 numbers from `first` on turn R or q: exp(a) . part. */
-static lg_var turn(lg_tape *tape, lg_var a, uint32_t first, uint32_t count, lg_var part) {
-    lg_space space;
-    const uint32_t rows = lg_var_shape(tape, a).dims[0], width = lg_var_shape(tape, part).dims[2];
-    const lg_var u = lg_reshape(tape, lg_slice(tape, a, 1, first, 3 * count), lg_shape3(rows, count, 3));
-    const lg_space_factor factor = {width == 9 ? LG_SPACE_SO3 : LG_SPACE_SO3_DUAL, count};
-    lg_var out = part;
-    if (lg_space_init(&space, &factor, 1) != LG_OK) return LG_NONE;
-    (void)lg_taped_act(tape, &space, &u, &part, &out);
-    return out;
-}
-
-/* Positions (as parts) and velocities of the starts move by the offsets. */
-static lg_status move_starts(lg_tape *tape, const points *p, const lg_machine_vars *vars, lg_var theta,
-                             lg_var positions, lg_var velocities, lg_var *parts) {
-    const lg_machine *machine = p->problem->machine;
-    const lg_machine_places at = lg_machine_parts(machine);
-    const lg_var a = start_offsets(tape, p, theta);
-    const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
-                   first = rotations + 3 * machine->rotations;
-    const lg_var v = lg_add(tape, velocities, lg_slice(tape, a, 1, first, machine->velocities));
-    LG_TRY(lg_machine_record_state(tape, vars, positions, v, parts));
-    if (at.x >= 0) parts[at.x] = lg_add(tape, parts[at.x], lg_machine_columns(tape, a, 0, machine->places));
-    if (at.q >= 0) parts[at.q] = turn(tape, a, directions, machine->directions, parts[at.q]);
-    if (at.R >= 0) parts[at.R] = turn(tape, a, rotations, machine->rotations, parts[at.R]);
-    /* The momenta once more: the mass may depend on the positions. */
-    return lg_machine_record_state(tape, vars, lg_machine_record_positions(tape, vars, parts), v, parts);
-}
-
 /* ---- predictions of windows ---- */
+
+/* Parameters (B, numbers) of the samples' starts. */
+static lg_var start_parameters(lg_tape *tape, const points *p, lg_var theta) {
+    const lg_machine *machine = p->problem->machine;
+    const uint32_t numbers = lg_machine_start_numbers(machine), n = (uint32_t)p->problem->windows;
+    const lg_var all =
+        lg_reshape(tape, lg_slice(tape, theta, 0, (uint32_t)lg_machine_shared(p->problem), n * numbers),
+                   lg_shape2(n, numbers));
+    return lg_gather(tape, all, p->samples, (uint32_t)p->count);
+}
 
 enum { PARTS = 5 };
 
@@ -222,8 +162,9 @@ static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *
     size_t at[LG_FIT_CHUNK];
     given first;
     LG_TRY(put_given(tape, &starts, 1.0, &first));
-    if (estimated(problem))
-        LG_TRY(move_starts(tape, p, flow->vars, theta, first.positions, first.velocities, predicted));
+    if (lg_machine_starts_estimated(problem))
+        LG_TRY(lg_machine_move_starts(tape, problem, flow->vars, start_parameters(tape, p, theta),
+                                      first.positions, first.velocities, predicted));
     else
         LG_TRY(lg_machine_record_state(tape, flow->vars, first.positions, first.velocities, predicted));
     for (uint32_t j = 0; j + 1 < problem->window; j++) {
@@ -237,6 +178,7 @@ static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *
 
 static lg_status begin(lg_tape *tape, const lg_machine_problem *problem, lg_var theta, lg_machine_vars *vars,
                        lg_machine_flow *flow) {
+    if (problem->theta != NULL) theta = lg_machine_parameter(tape, problem->machine, problem->theta);
     LG_TRY(lg_machine_bind(tape, problem->machine, theta, vars));
     *flow = (lg_machine_flow){.vars = vars, .scheme = problem->scheme, .substeps = problem->substeps};
     return lg_machine_space(problem->machine, &flow->space);
@@ -272,7 +214,8 @@ static lg_var differences(lg_tape *tape, const points *p, const lg_machine_vars 
 }
 
 static points window_points(const lg_machine_problem *problem, const uint32_t *samples, size_t count) {
-    return (points){problem, samples, count, estimated(problem) ? 0 : 1, problem->window - 1};
+    return (points){problem, samples, count, lg_machine_starts_estimated(problem) ? 0 : 1,
+                    problem->window - 1};
 }
 
 /* sum r^2 is the mean of the loss over a batch. */
@@ -331,12 +274,12 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
 /* Numbers that are there in the training part, for the prior. */
 static size_t observations(const lg_machine_problem *problem) {
     const lg_machine *machine = problem->machine;
-    const uint32_t first = estimated(problem) ? 0 : 1;
+    const uint32_t first = lg_machine_starts_estimated(problem) ? 0 : 1;
     double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];
     size_t sum = 0;
     for (size_t w = 0; w < problem->windows - problem->validation; w++)
         for (uint32_t j = first; j < problem->window; j++) {
-            weigh_row(problem, problem->start[w] + j, 1.0, q, v);
+            lg_machine_weigh_row(problem, problem->start[w] + j, 1.0, q, v);
             for (uint32_t i = 0; i < machine->positions; i++) sum += q[i] != 0.0;
             for (uint32_t i = 0; i < machine->velocities; i++) sum += v[i] != 0.0;
         }
@@ -344,16 +287,20 @@ static size_t observations(const lg_machine_problem *problem) {
 }
 
 void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out) {
-    *out = (lg_fit_problem){.parameters = lg_machine_problem_parameters(problem),
-                            .samples = problem->windows,
-                            .loss = shard_loss,
-                            .residuals = shard_residuals,
-                            .user = (void *)(uintptr_t)problem, /* only read */
-                            .validation = problem->validation,
-                            .own = estimated(problem) ? start_numbers(problem->machine) : 0,
-                            /* The prior is for weights of networks. */
-                            .observations = problem->machine->weights > 0 ? observations(problem) : 0,
-                            .weights = problem->machine->weights};
+    /* The prior is for weights of networks. */
+    const size_t weights = problem->theta == NULL ? problem->machine->weights : 0;
+    *out = (lg_fit_problem){
+        .parameters = lg_machine_problem_parameters(problem),
+        .samples = problem->windows,
+        .loss = shard_loss,
+        .residuals = shard_residuals,
+        .linearise = lg_machine_linearise,
+        .rows = lg_machine_linearised_rows(problem),
+        .user = (void *)(uintptr_t)problem, /* only read */
+        .validation = problem->validation,
+        .own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(problem->machine) : 0,
+        .observations = weights > 0 ? observations(problem) : 0,
+        .weights = weights};
 }
 
 /* ---- means over all windows ---- */

@@ -133,11 +133,12 @@ lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options 
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: %s needs a loss that is a sum of squares; this one is not",
                            methods[method].name);
-        if (methods[method].dense && problem->parameters > MOST_DENSE)
+        const size_t own = methods[method].squares ? problem->own * problem->samples : 0;
+        if (methods[method].dense && problem->parameters - own > MOST_DENSE)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: %s takes a matrix of parameters squared, %zu are too many (at "
                            "most %d): take lbfgs, or a smaller network",
-                           methods[method].name, problem->parameters, MOST_DENSE);
+                           methods[method].name, problem->parameters - own, MOST_DENSE);
     }
     return LG_OK;
 }
@@ -149,6 +150,8 @@ lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
     lg_minimise_options_init(&options);
     options.method = (lg_minimise_method)methods[lg_fit_method_of(fit, phase)].minimise;
     options.check = false; /* the tape's gradients are checked elsewhere */
+    options.block = fit->problem.own;
+    options.blocks = fit->problem.own > 0 ? fit->problem.samples : 0;
     return options;
 }
 
@@ -197,7 +200,7 @@ static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
     *value += penalty_at(fit, theta);
     fit->k->axpy(n, decay, theta, fit->shards[0].gradient);
     fit->k->axpy(weights_of(fit), prior, theta, fit->shards[0].gradient);
-    for (size_t i = 0; i < n && takes_squares(fit); i++) fit->shards[0].matrix[i * n + i] += decay;
+    if (takes_squares(fit)) lg_fit_add_diagonal(fit, weights_of(fit), prior, decay);
     return LG_OK;
 }
 

@@ -1,5 +1,7 @@
-/* Sums of squares in training: loss, gradient and Gauss-Newton matrix of all training samples, from
- * residuals on the shards' tapes. The Jacobian comes by forward mode, a column a parameter. */
+/* Sums of squares in training: loss, gradient and Gauss-Newton matrix of all training samples. The Jacobian
+ * comes from the problem, or by forward mode on the shards' tapes, a column a parameter. The matrix is in the
+ * form of lg_minimiser_tell_squares; its part of the shared parameters is summed over shards, the rest has
+ * one place for each sample, in the first shard's. */
 #include <string.h>
 
 #include "autodiff/tape_internal.h"
@@ -15,14 +17,13 @@ static size_t columns_of(const lg_fit *fit) {
     return shared_by_all(fit) + fit->problem.own;
 }
 
-/* The Jacobian's transpose (columns, rows), then the Jacobian, the residuals, and products (columns,
- * columns). */
+/* The Jacobian (rows, columns), the residuals, and without `linearise` the Jacobian's transpose. */
 static lg_status room_for(const lg_fit *fit, lg_shard *shard, size_t rows) {
-    const size_t columns = columns_of(fit);
+    const size_t columns = columns_of(fit), copies = fit->problem.linearise != NULL ? 1 : 2;
     if (shard->rows >= rows) return LG_OK;
     lg_free(fit->context, shard->jacobian);
     shard->rows = 0;
-    shard->jacobian = lg_alloc(fit->context, rows * (2 * columns + 1) + columns * columns, sizeof(double));
+    shard->jacobian = lg_alloc(fit->context, rows * (copies * columns + 1), sizeof(double));
     if (shard->jacobian == NULL) return LG_OUT_OF_MEMORY;
     shard->rows = rows;
     return LG_OK;
@@ -48,26 +49,10 @@ static lg_status fill_columns(const lg_fit *fit, lg_tape *tape, lg_var theta, lg
     return LG_OK;
 }
 
-/* Adds 2 J^T r and 2 J^T J of `rows` rows, from columns at a stride, to the shard's: column j is parameter j
- * when it is shared, else j - shared + first. */
-static void add_rows(const lg_fit *fit, lg_shard *shard, size_t rows, size_t stride, const double *transposed,
-                     const double *residuals, size_t first, double *products) {
-    const size_t n = fit->problem.parameters, columns = columns_of(fit), shared = shared_by_all(fit);
-    double *jacobian = products + columns * columns, *gradient = (double *)(void *)shard->gradient;
-    for (size_t j = 0; j < columns; j++)
-        for (size_t row = 0; row < rows; row++) jacobian[row * columns + j] = transposed[j * stride + row];
-    fit->k->gemm(columns, columns, rows, transposed, stride, 1, jacobian, columns, products, columns, false);
-    for (size_t i = 0; i < columns; i++) {
-        const size_t at = i < shared ? i : first + i - shared;
-        gradient[at] += 2.0 * fit->k->dot(rows, transposed + i * stride, residuals);
-        for (size_t j = 0; j < columns; j++)
-            shard->matrix[at * n + (j < shared ? j : first + j - shared)] += 2.0 * products[i * columns + j];
-    }
-}
-
-/* Adds |r|^2, 2 J^T r and 2 J^T J of `count` samples to the shard's. */
-static lg_status add_chunk(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
-    const size_t n = fit->problem.parameters, columns = columns_of(fit), own = fit->problem.own;
+/* r and J (rows, columns) by forward sweeps. */
+static lg_status sweep_forward(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
+                               size_t *rows) {
+    const size_t n = fit->problem.parameters, columns = columns_of(fit);
     lg_tape *tape = shard->tape;
     lg_var r = LG_NONE;
     lg_tape_reset(tape);
@@ -76,28 +61,87 @@ static lg_status add_chunk(const lg_fit *fit, lg_shard *shard, const uint32_t *s
         fit->problem.residuals(fit->problem.user, tape, theta, samples, count, fit->training, &r);
     LG_TRY(lg_tape_status(tape));
     LG_TRY(given);
-    const size_t rows = (size_t)lg_shape_count(lg_var_shape(tape, r));
-    LG_TRY(room_for(fit, shard, rows));
-    double *transposed = shard->jacobian, *residuals = transposed + columns * rows,
-           *products = residuals + rows;
-    LG_TRY(lg_read(tape, r, rows, residuals));
-    LG_TRY(fill_columns(fit, tape, theta, r, samples, count, rows, transposed));
-    shard->loss += fit->k->dot(rows, residuals, residuals);
-    const size_t blocks = own > 0 ? count : 1, each = rows / blocks;
-    for (size_t i = 0; i < blocks; i++) {
-        const size_t first = own > 0 ? shared_by_all(fit) + samples[i] * own : 0;
-        add_rows(fit, shard, each, rows, transposed + i * each, residuals + i * each, first, products);
+    *rows = (size_t)lg_shape_count(lg_var_shape(tape, r));
+    LG_TRY(room_for(fit, shard, *rows));
+    double *residuals = shard->jacobian + columns * *rows, *transposed = residuals + *rows;
+    LG_TRY(lg_read(tape, r, *rows, residuals));
+    LG_TRY(fill_columns(fit, tape, theta, r, samples, count, *rows, transposed));
+    fit->k->transpose(columns, *rows, transposed, shard->jacobian);
+    shard->loss += fit->k->dot(*rows, residuals, residuals);
+    return LG_OK;
+}
+
+static lg_status linearise(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
+                           size_t *rows) {
+    double loss = 0.0;
+    *rows = count * fit->problem.rows;
+    LG_TRY(room_for(fit, shard, *rows));
+    LG_TRY(fit->problem.linearise(fit->problem.user, shard->tape, fit->point, samples, count, fit->training,
+                                  &loss, shard->jacobian + columns_of(fit) * *rows, shard->jacobian));
+    LG_TRY(lg_tape_status(shard->tape));
+    shard->loss += loss;
+    return LG_OK;
+}
+
+/* The upper triangle of P += J^T J, P (shared, shared), and the gradient's first part. */
+static void add_shared(const lg_fit *fit, lg_shard *shard, size_t rows, const double *jacobian,
+                       const double *residuals) {
+    enum { WIDTH = 96 };
+    const size_t columns = columns_of(fit), n = shared_by_all(fit);
+    double *gradient = (double *)(void *)shard->gradient;
+    for (size_t at = 0; at < n; at += WIDTH) {
+        const size_t width = n - at < WIDTH ? n - at : WIDTH;
+        fit->k->gemm(width, n - at, rows, jacobian + at, 1, columns, jacobian + at, columns,
+                     shard->matrix + at * n + at, n, true);
     }
+    for (size_t row = 0; row < rows; row++)
+        fit->k->axpy(n, residuals[row], jacobian + row * columns, gradient);
+}
+
+/* A sample's own rows C, block B and part of the gradient, which nobody else writes. */
+static void put_own(const lg_fit *fit, lg_shard *shard, uint32_t sample, size_t rows, const double *jacobian,
+                    const double *residuals) {
+    const size_t columns = columns_of(fit), n = shared_by_all(fit), own = fit->problem.own, at = sample * own;
+    double *C = fit->shards[0].matrix + n * n + at * n,
+           *B = fit->shards[0].matrix + n * n + fit->problem.samples * own * n + at * own,
+           *gradient = (double *)(void *)shard->gradient + n + at;
+    fit->k->gemm(own, n, rows, jacobian + n, 1, columns, jacobian, columns, C, n, false);
+    fit->k->gemm(own, own, rows, jacobian + n, 1, columns, jacobian + n, columns, B, own, false);
+    for (size_t row = 0; row < rows; row++)
+        fit->k->axpy(own, residuals[row], jacobian + row * columns + n, gradient);
+}
+
+/* Adds |r|^2, J^T r and J^T J of `count` samples to the shard's. */
+static lg_status add_chunk(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
+    const size_t columns = columns_of(fit);
+    size_t rows = 0;
+    LG_TRY((fit->problem.linearise != NULL ? linearise : sweep_forward)(fit, shard, samples, count, &rows));
+    const double *jacobian = shard->jacobian, *residuals = jacobian + columns * rows;
+    const size_t each = rows / count;
+    add_shared(fit, shard, rows, jacobian, residuals);
+    for (size_t i = 0; i < count && fit->problem.own > 0; i++)
+        put_own(fit, shard, samples[i], each, jacobian + i * each * columns, residuals + i * each);
     return LG_OK;
 }
 
 static lg_status add_shard(const lg_fit *fit, lg_shard *shard) {
-    const size_t n = fit->problem.parameters;
-    if (shard->matrix == NULL) shard->matrix = lg_alloc(fit->context, n * n, sizeof(double));
-    if (shard->matrix == NULL) return LG_OUT_OF_MEMORY;
+    const size_t n = shared_by_all(fit);
     memset(shard->matrix, 0, n * n * sizeof(double));
-    memset(shard->gradient, 0, n * sizeof(double));
+    memset(shard->gradient, 0, fit->problem.parameters * sizeof(double));
     return lg_fit_chunks(fit, shard, add_chunk);
+}
+
+/* The first shard has room for all of the matrix. */
+static lg_status make_matrices(lg_fit *fit) {
+    const size_t n = shared_by_all(fit);
+    const lg_minimise_options options = lg_fit_minimise_options(fit, fit->state.phase);
+    for (size_t i = 0; i < fit->options.shards; i++) {
+        lg_shard *shard = &fit->shards[i];
+        const size_t numbers = i > 0 ? n * n : lg_minimise_matrix_length(fit->problem.parameters, &options);
+        if (shard->matrix == NULL) shard->matrix = lg_alloc(fit->context, numbers, sizeof(double));
+        if (shard->matrix == NULL) return LG_OUT_OF_MEMORY;
+    }
+    return LG_OK;
 }
 
 static void shard_task(void *user, size_t index) {
@@ -105,14 +149,35 @@ static void shard_task(void *user, size_t index) {
     fit->shards[index].status = add_shard(fit, &fit->shards[index]);
 }
 
+/* Sums over shards; twice, and the lower triangle as the upper. */
+static void add_up(lg_fit *fit) {
+    const size_t n = shared_by_all(fit), all = fit->problem.parameters;
+    double *matrix = fit->shards[0].matrix;
+    for (size_t i = 1; i < fit->active; i++) {
+        fit->k->axpy(all, 1.0, fit->shards[i].gradient, fit->shards[0].gradient);
+        fit->k->axpy(n * n, 1.0, fit->shards[i].matrix, matrix);
+    }
+    fit->k->unary[LG_K_SCALE](all, 2.0, fit->shards[0].gradient, fit->shards[0].gradient);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < i; j++) matrix[i * n + j] = matrix[j * n + i];
+    const size_t numbers = n * n + (all - n) * (n + fit->problem.own);
+    fit->k->unary[LG_K_SCALE](numbers, 2.0, matrix, matrix);
+}
+
 lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error) {
-    const size_t n = fit->problem.parameters;
+    if (make_matrices(fit) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the Gauss-Newton matrix of %zu parameters",
+                       fit->problem.parameters);
     lg_fit_cut(fit, fit->state.order, fit->training);
     lg_thread_pool_run(fit->pool, fit->active, shard_task, fit);
     LG_TRY(lg_fit_sum_losses(fit, what, value, error));
-    for (size_t i = 1; i < fit->active; i++) {
-        fit->k->axpy(n, 1.0, fit->shards[i].gradient, fit->shards[0].gradient);
-        fit->k->axpy(n * n, 1.0, fit->shards[i].matrix, fit->shards[0].matrix);
-    }
+    add_up(fit);
     return LG_OK;
+}
+
+void lg_fit_add_diagonal(lg_fit *fit, size_t weights, double prior, double decay) {
+    const size_t n = shared_by_all(fit), own = fit->problem.own, rest = fit->problem.parameters - n;
+    double *matrix = fit->shards[0].matrix, *B = matrix + n * n + rest * n;
+    for (size_t i = 0; i < n; i++) matrix[i * n + i] += decay + (i < weights ? prior : 0.0);
+    for (size_t i = 0; i < rest; i++) B[i * own + i % own] += decay;
 }

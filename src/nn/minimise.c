@@ -5,7 +5,7 @@
 #include "liegrad/random.h"
 #include "nn/minimise_internal.h"
 
-enum { SLOW_ITERATIONS = 200, CHECK_POINTS = 4, MOST_ENDLESS = 2 };
+enum { CHECK_POINTS = 4, MOST_ENDLESS = 2 };
 static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300;
 static const double CHECK_STEP = 1e-4, CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-10;
 
@@ -22,7 +22,7 @@ static const struct {
     [LG_MINIMISE_EVALUATIONS] = {LG_OK, "the evaluations are used up"},
     [LG_MINIMISE_SECONDS] = {LG_OK, "the time is used up"},
     [LG_MINIMISE_GRADIENT] = {LG_OK, "the gradient is zero to its tolerance"},
-    [LG_MINIMISE_SLOW] = {LG_OK, "200 iterations lowered the value by less than 1e-4 of it"},
+    [LG_MINIMISE_SLOW] = {LG_OK, "many iterations lowered the value by less than 1e-4 of it"},
     [LG_MINIMISE_ROUNDING] = {LG_OK, "no step lowers the value any more: rounding is the limit"},
     [LG_MINIMISE_CANCELLED] = {LG_CANCELLED, "the caller asked to stop"},
     [LG_MINIMISE_UNBOUNDED] = {LG_NO_CONVERGENCE, "the function falls without end along a direction"},
@@ -65,6 +65,9 @@ static lg_status check_options(size_t n, const lg_minimise_options *o, lg_error 
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu variables; 1 to 2^32 - 1 are possible", n);
     if (lg_minimise_method_name(o->method) == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the method of minimisation is unknown");
+    if (o->block > 0 && o->blocks > n / o->block)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu blocks of %zu are more than %zu variables", o->blocks,
+                       o->block, n);
     if (o->memory < 1 || o->memory > 1000)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the memory of L-BFGS must be 1 to 1000 pairs");
     if (!(o->gradient_tolerance >= 0.0) || !(o->seconds >= 0.0) || o->evaluations == 0)
@@ -259,7 +262,7 @@ static void fail_search(lg_minimiser *m) {
 
 bool lg_minimise_slow(lg_minimiser *m) {
     lg_minimise_numbers *s = &m->numbers;
-    if (!m->options.slow || m->counts.iterations - m->counts.reference < SLOW_ITERATIONS) return false;
+    if (!m->options.slow || m->counts.iterations - m->counts.reference < m->row->slow) return false;
     const bool still = s->reference_value - s->value < SLOW_DECREASE * fabs(s->reference_value);
     m->counts.reference = m->counts.iterations;
     s->reference_value = s->value;

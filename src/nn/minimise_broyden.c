@@ -72,4 +72,4 @@ static void direction(lg_minimiser *m) {
 }
 
 const lg_minimise_row lg_minimise_ssbroyden = {
-    .name = "ssbroyden", .length = length, .update = update, .direction = direction};
+    .name = "ssbroyden", .slow = 200, .length = length, .update = update, .direction = direction};

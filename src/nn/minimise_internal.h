@@ -39,6 +39,7 @@ typedef struct lg_minimise_numbers {
 
 typedef struct lg_minimise_row {
     const char *name;
+    uint64_t slow; /* so many iterations without a fall of f end the run */
     /* Doubles of its memory. */
     size_t (*length)(size_t n, const lg_minimise_options *options);
     /* Takes a step: s (n) and y (n), y.s > 0, and the new gradient m->g. Then m->d = -H g. s and y may be

@@ -1,4 +1,6 @@
-/* Levenberg-Marquardt: steps of damped Gauss-Newton, the damping after Nielsen (1999). */
+/* Levenberg-Marquardt: steps of damped Gauss-Newton, the damping after Nielsen (1999). Blocks of variables
+ * that do not meet are eliminated: with A = (P C^T; C B), B of blocks, and B = L L^T, Y = L^-1 C,
+ *   (P - Y^T Y) d_p = -g_p + Y^T L^-1 g_b,  d_b = -L^-T (L^-1 g_b + Y d_p). */
 #include <math.h>
 #include <string.h>
 
@@ -6,36 +8,123 @@
 #include "nn/minimise_internal.h"
 
 enum { MOST_REFUSALS = 40 };
-static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4;
+static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16;
 
-/* memory: A, then the damped matrix, rows of n at a stride; then D (n). */
+/* ---- memory: rows of p at a stride ---- */
+
+typedef struct arrow {
+    size_t p, stride, blocks, block, rest; /* rest: blocks block */
+    double *P, *schur;                     /* (p, stride): of A; damped, what is left of it */
+    double *D;                             /* (n) */
+    double *C, *Y;                         /* (rest, stride) */
+    double *B, *L;                         /* (blocks, block, block) */
+} arrow;
+
+static arrow sizes_of(size_t n, const lg_minimise_options *o) {
+    const size_t rest = o->blocks * o->block, p = n - rest;
+    return (arrow){
+        .p = p, .stride = lg_minimise_stride(p), .blocks = o->blocks, .block = o->block, .rest = rest};
+}
+
 static size_t length(size_t n, const lg_minimise_options *options) {
-    (void)options;
-    return (2 * n + 1) * lg_minimise_stride(n);
+    const arrow a = sizes_of(n, options);
+    return 2 * (a.p + a.rest) * a.stride + lg_minimise_stride(n) + 2 * a.rest * a.block;
 }
 
-static double *damped(lg_minimiser *m) {
-    return m->curvature + m->n * lg_minimise_stride(m->n);
+size_t lg_minimise_matrix_length(size_t n, const lg_minimise_options *options) {
+    const arrow a = sizes_of(n, options);
+    return a.p * a.p + a.rest * (a.p + a.block);
 }
 
-static double *scales(lg_minimiser *m) {
-    return m->curvature + 2 * m->n * lg_minimise_stride(m->n);
+static arrow arrow_of(const lg_minimiser *m) {
+    arrow a = sizes_of(m->n, &m->options);
+    a.P = m->curvature;
+    a.schur = a.P + a.p * a.stride;
+    a.D = a.schur + a.p * a.stride;
+    a.C = a.D + lg_minimise_stride(m->n);
+    a.Y = a.C + a.rest * a.stride;
+    a.B = a.Y + a.rest * a.stride;
+    a.L = a.B + a.rest * a.block;
+    return a;
 }
 
-/* d from (A + mu D) d = -g; a parameter without influence stays. False: not positive definite. */
-static bool solve(lg_minimiser *m) {
-    const size_t n = m->n, stride = lg_minimise_stride(n);
-    const int order = (int)n, leading = (int)stride, one = 1;
-    double *system = damped(m);
-    int info = 0;
-    memcpy(system, m->curvature, n * stride * sizeof *system);
+/* ---- the step ---- */
+
+/* A parameter without influence stays. */
+static double damping_of(const lg_minimiser *m, const arrow *a, size_t i) {
+    return a->D[i] > 0.0 ? a->D[i] * m->numbers.damping : 1.0;
+}
+
+/* L of block b, its rows of Y, and L^-1 g in place of its part of d. False: not positive definite. */
+static bool eliminate(const lg_minimiser *m, const arrow *a, size_t b) {
+    const size_t n = a->block, first = b * n;
+    double *L = a->L + first * n, *d = m->d + a->p + first;
+    memcpy(L, a->B + first * n, n * n * sizeof *L);
     for (size_t i = 0; i < n; i++) {
-        const double scale = scales(m)[i];
-        system[i * stride + i] += scale > 0.0 ? scale * m->numbers.damping : 1.0;
-        m->d[i] = -m->g[i];
+        double *y = a->Y + (first + i) * a->stride;
+        memcpy(y, a->C + (first + i) * a->stride, a->p * sizeof *y);
+        L[i * n + i] += damping_of(m, a, a->p + first + i);
+        for (size_t j = 0; j <= i; j++) {
+            for (size_t k = 0; k < j; k++) L[i * n + j] -= L[i * n + k] * L[j * n + k];
+            if (j < i) {
+                L[i * n + j] /= L[j * n + j];
+                d[i] -= L[i * n + j] * d[j];
+                m->k->axpy(a->p, -L[i * n + j], a->Y + (first + j) * a->stride, y);
+            }
+        }
+        if (!(L[i * n + i] > 0.0)) return false;
+        L[i * n + i] = sqrt(L[i * n + i]);
+        d[i] /= L[i * n + i];
+        m->k->unary[LG_K_SCALE](a->p, 1.0 / L[i * n + i], y, y);
     }
-    dposv_("L", &order, &one, system, &leading, m->d, &order, &info);
-    return info == 0 && m->k->all_finite(n, m->d);
+    return true;
+}
+
+static void put_back(const lg_minimiser *m, const arrow *a, size_t b) {
+    const size_t n = a->block, first = b * n;
+    const double *L = a->L + first * n;
+    double *d = m->d + a->p + first;
+    for (size_t i = n; i-- > 0;) {
+        d[i] -= m->k->dot(a->p, a->Y + (first + i) * a->stride, m->d);
+        for (size_t j = i + 1; j < n; j++) d[i] -= L[j * n + i] * d[j];
+        d[i] /= L[i * n + i];
+    }
+}
+
+/* d from (A + mu D) d = -g. False: not positive definite. */
+static bool solve(lg_minimiser *m) {
+    const arrow a = arrow_of(m);
+    const int order = (int)a.p, leading = (int)a.stride, one = 1, rest = (int)a.rest;
+    static const double minus = -1.0, plus = 1.0;
+    int info = 0;
+    for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
+    memcpy(a.schur, a.P, a.p * a.stride * sizeof *a.schur);
+    for (size_t i = 0; i < a.p; i++) a.schur[i * a.stride + i] += damping_of(m, &a, i);
+    for (size_t b = 0; b < a.blocks; b++)
+        if (!eliminate(m, &a, b)) return false;
+    if (a.p > 0) {
+        if (rest > 0) dsyrk_("L", "N", &order, &rest, &minus, a.Y, &leading, &plus, a.schur, &leading);
+        for (size_t i = 0; i < a.rest; i++) m->k->axpy(a.p, -m->d[a.p + i], a.Y + i * a.stride, m->d);
+        dposv_("L", &order, &one, a.schur, &leading, m->d, &order, &info);
+    }
+    for (size_t b = 0; b < a.blocks && info == 0; b++) put_back(m, &a, b);
+    return info == 0 && m->k->all_finite(m->n, m->d);
+}
+
+/* f - f(x + d) as the model f + g.d + d.A d/2 foretells it. */
+static double foretold(lg_minimiser *m) {
+    const arrow a = arrow_of(m);
+    double twice = 0.0;
+    if (a.p > 0) {
+        m->k->matvec(a.p, a.stride, a.P, m->d, m->y, false);
+        twice = m->k->dot(a.p, m->d, m->y);
+    }
+    for (size_t i = 0; i < a.rest; i++) {
+        const double *block = m->d + a.p + i / a.block * a.block;
+        twice += m->d[a.p + i] * (2.0 * m->k->dot(a.p, a.C + i * a.stride, m->d) +
+                                  m->k->dot(a.block, a.B + i * a.block, block));
+    }
+    return -m->numbers.slope - 0.5 * twice;
 }
 
 static void refuse(lg_minimiser *m) {
@@ -44,35 +133,36 @@ static void refuse(lg_minimiser *m) {
     m->numbers.growth *= 2.0;
 }
 
-/* The next trial; raises the damping until there is one that differs from x. */
+/* The next trial; raises the damping until there is one that differs from x and lowers f by more than the
+ * rounding of f. */
 static void propose(lg_minimiser *m) {
     for (; m->counts.failures < MOST_REFUSALS; refuse(m)) {
         if (!solve(m)) continue;
         for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
         m->counts.stage = LG_STAGE_SEARCH;
         m->numbers.slope = m->k->dot(m->n, m->g, m->d);
-        if (memcmp(m->point, m->x, m->n * sizeof *m->x) != 0) return;
+        const bool moves = memcmp(m->point, m->x, m->n * sizeof *m->x) != 0;
+        if (moves && foretold(m) > ROUNDING * m->numbers.value) return;
         break;
     }
     lg_minimise_finish(m, lg_minimise_no_step(m));
 }
 
 static void take(lg_minimiser *m, double value, const double *gradient, const double *matrix) {
-    const size_t n = m->n, stride = lg_minimise_stride(n);
-    memcpy(m->x, m->point, n * sizeof *m->x);
-    memcpy(m->g, gradient, n * sizeof *m->g);
-    for (size_t i = 0; i < n; i++) {
-        memcpy(m->curvature + i * stride, matrix + i * n, n * sizeof *matrix);
-        scales(m)[i] = fmax(scales(m)[i], matrix[i * n + i]);
+    const arrow a = arrow_of(m);
+    const double *C = matrix + a.p * a.p, *B = C + a.rest * a.p;
+    memcpy(m->x, m->point, m->n * sizeof *m->x);
+    memcpy(m->g, gradient, m->n * sizeof *m->g);
+    for (size_t i = 0; i < a.p; i++) {
+        memcpy(a.P + i * a.stride, matrix + i * a.p, a.p * sizeof *matrix);
+        a.D[i] = fmax(a.D[i], matrix[i * a.p + i]);
     }
+    for (size_t i = 0; i < a.rest; i++) {
+        memcpy(a.C + i * a.stride, C + i * a.p, a.p * sizeof *C);
+        a.D[a.p + i] = fmax(a.D[a.p + i], B[i * a.block + i % a.block]);
+    }
+    if (a.rest > 0) memcpy(a.B, B, a.rest * a.block * sizeof *B);
     m->numbers.value = value;
-}
-
-/* f - f(x + d) as the model f + g.d + d.A d/2 foretells it. */
-static double foretold(lg_minimiser *m) {
-    const size_t n = m->n, stride = lg_minimise_stride(n);
-    m->k->matvec(n, stride, m->curvature, m->d, m->y, false);
-    return -m->numbers.slope - 0.5 * m->k->dot(n, m->d, m->y);
 }
 
 static bool tell_step(lg_minimiser *m, double value, const double *gradient, const double *matrix,
@@ -87,7 +177,7 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
     take(m, value, gradient, matrix);
     m->counts.iterations++;
     m->counts.failures = 0;
-    m->numbers.damping *= fmax(1.0 / 3.0, 1.0 - pow(2.0 * gain - 1.0, 3.0));
+    m->numbers.damping *= fmax(FASTEST_FALL, 1.0 - pow(2.0 * gain - 1.0, 3.0));
     m->numbers.growth = 2.0;
     m->numbers.high_value = 0.0;
     if (lg_minimise_flat(m))
@@ -101,8 +191,8 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
 
 bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *gradient, const double *matrix) {
     if (m->counts.stage == LG_STAGE_DONE || m->row != &lg_minimise_lm) return false;
-    const bool finite =
-        isfinite(value) && m->k->all_finite(m->n, gradient) && m->k->all_finite(m->n * m->n, matrix);
+    const bool finite = isfinite(value) && m->k->all_finite(m->n, gradient) &&
+                        m->k->all_finite(lg_minimise_matrix_length(m->n, &m->options), matrix);
     m->counts.evaluations++;
     if (m->counts.stage == LG_STAGE_SEARCH) return tell_step(m, value, gradient, matrix, finite);
     if (!finite) {
@@ -120,4 +210,4 @@ bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *grad
     return false;
 }
 
-const lg_minimise_row lg_minimise_lm = {.name = "lm", .length = length};
+const lg_minimise_row lg_minimise_lm = {.name = "lm", .slow = 20, .length = length};

@@ -253,3 +253,15 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     lg_free(context, given.r);
     return conclude(m, status, end, x, result, error);
 }
+
+lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *matrix, double *right) {
+    const int order = (int)n, many = (int)columns;
+    int info = 0;
+    for (size_t i = 0; i < n; i++) {
+        double *square = matrix + i * n + i;
+        *square = *square != 0.0 ? *square * (1.0 + ridge) : 1.0;
+    }
+    dposv_("U", &order, &many, matrix, &order, right, &order, &info); /* its upper is our lower triangle */
+    for (size_t i = 0; i < n * columns && info == 0; i++) info = !isfinite(right[i]);
+    return info == 0 ? LG_OK : LG_CHECK_FAILED;
+}

@@ -14,10 +14,11 @@ typedef struct sample {
     const char *compiler, *flags;
 } sample;
 
-static const sample samples[] = {{"all", machine_of_all_kinds, "gcc", "-O2"},
-                                 {"body", machine_of_a_body, "clang", "-O3"},
-                                 {"cart", machine_of_a_cart, "g++", "-O1"},
-                                 {"rod", machine_without_inputs, "gcc", "-O0"}};
+static const sample samples[] = {
+    {"all", machine_of_all_kinds, "gcc", "-O2"}, {"body", machine_of_a_body, "clang", "-O3"},
+    {"cart", machine_of_a_cart, "g++", "-O1"},   {"rod", machine_without_inputs, "gcc", "-O0"},
+    {"top", machine_of_a_top, "clang", "-O1"},   {"chain", machine_of_a_chain, "gcc", "-O3"},
+    {"arm", machine_of_an_arm, "gcc", "-O2"}};
 
 /* The library's side. */
 typedef struct learned {

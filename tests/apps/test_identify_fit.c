@@ -64,6 +64,18 @@ TEST("generate, then fit: the numbers of a linear oscillator, within their state
     assert_true(most > 0.25);
 }
 
+TEST("a residual explains what the other terms leave, a polynomial too: it takes nothing from them") {
+    char machine[1024];
+    (void)snprintf(machine, sizeof machine, "%sresidual: {kind: polynomial, degree: 3, of: [x, vx, u]}\n",
+                   oscillator_machine);
+    cli_write("residual.yaml", machine);
+    cli_json(identify, "fit residual.yaml train.csv --out m.h5 --epochs 20", "parameters 22", &result);
+    for (size_t i = 0; i < LG_COUNT(truths); i++) {
+        const char *number = json_find(json_find(result.out, "identified"), truths[i].name);
+        assert_close(json_number(number, "value"), truths[i].truth, 1e-3, 0);
+    }
+}
+
 TEST("logs for validation are not trained on, and are reported") {
     run("generate scene.yaml --runs 2 --t-end 6 --seed 8 --out other.csv");
     cli_json(identify, "fit network.yaml train.csv --validation other.csv --out m.h5 --epochs 60",
@@ -71,6 +83,21 @@ TEST("logs for validation are not trained on, and are reported") {
     const double windows = json_number(result.out, "windows");
     cli_json(identify, "fit network.yaml train.csv --out m.h5 --epochs 5", "validation null", &result);
     assert_close(json_number(result.out, "windows"), windows, 0, 0);
+}
+
+TEST("variational steps fit long windows, stay in the model's file, and are refused with a mass that moves") {
+    cli_json(identify,
+             "fit machine.yaml train.csv --integrator variational --window 40 --substeps 2 --out v.h5",
+             "parameters 3", &result);
+    expect_numbers(0, 0.01, 0.02);
+    assert_string_equal(cli_machine_model("v.h5")->run.scheme->name, "variational");
+    run("evaluate v.h5 train.csv --horizons 1");
+    run("predict v.h5 train.csv --out run.csv");
+    cli_write("moving.yaml",
+              OSCILLATOR_COLUMNS "mass: {kind: network, of: x}\ninput_map: {kind: known, values: [[1]]}\n");
+    cli_expect(identify, "fit moving.yaml train.csv --integrator variational --out w.h5", 2,
+               "masses that do not depend on the state", &result);
+    assert_false(cli_exists("w.h5"));
 }
 
 /* ---- bits ---- */
@@ -165,6 +192,76 @@ TEST("a free mass with a free input map is fitted in a gauge that is told") {
     assert_close(json_number(json_find(numbers, "input_map.1.1"), "value"), 0.5, 1e-4, 0);
     assert_close(json_number(json_find(numbers, "potential.x^2"), "value"), 1.25, 1e-4, 0);
     assert_close(json_number(json_find(numbers, "damping.x"), "value"), 0.15, 1e-4, 0);
+}
+
+/* ---- machines of a named system ---- */
+
+#define TOP_COLUMNS                                                                                          \
+    "columns: {run: run}\ncoordinates:\n  - {name: top, kind: rotation, columns: [a, b, c, d], "             \
+    "velocity: [wx, wy, wz]}\nsystem: heavy-top\n"
+
+TEST("generate and fit a heavy top by name: its numbers with errors, what the logs leave open, the model "
+     "predicts") {
+    static const struct {
+        const char *name;
+        double truth;
+    } expected[] = {{"L", 0.25},           {"I2", 0.4},   {"I3", 0.2},
+                    {"chi2", 0.6},         {"chi3", 0.8}, {"damping.top.1", 0.1},
+                    {"damping.top.3", 0.2}};
+    cli_write("top.yaml",
+              TOP_COLUMNS "parameters: {mass: 0.8, length: 0.25, inertia: [0.3, 0.4, 0.2], chi: [0, 0.6, "
+                          "0.8]}\ndamping: {kind: known, values: [0.1, 0.1, 0.2]}\n");
+    cli_write("learn.yaml",
+              TOP_COLUMNS "parameters: {mass: 0.8, length: {start: 0.5}, inertia: [0.3, unknown, unknown],\n"
+                          "  chi: {start: [0, 1, 0], unknown: true}}\ndamping: diagonal\n");
+    cli_write("open.yaml", TOP_COLUMNS "parameters: {mass: {start: 1}, length: {start: 0.5}, inertia: [0.3, "
+                                       "0.4, 0.2], chi: [0, 0.6, 0.8]}\ndamping: diagonal\n");
+    run("generate top.yaml --runs 6 --t-end 3 --out top.csv");
+    run("generate top.yaml --runs 6 --t-end 3 --noise 0.002,0.02 --out shaken.csv");
+    cli_json(identify, "fit learn.yaml top.csv --out top.h5", "loss <1e-8, parameters 8, gauge \"the values",
+             &result);
+    const char *numbers = json_find(result.out, "identified");
+    for (size_t i = 0; i < LG_COUNT(expected); i++)
+        assert_close(json_number(json_find(numbers, expected[i].name), "value"), expected[i].truth, 1e-6, 0);
+    cli_json(identify, "fit learn.yaml shaken.csv --out top.h5", "loss <10", &result);
+    numbers = json_find(result.out, "identified");
+    for (size_t i = 0; i < LG_COUNT(expected); i++) {
+        const double error = json_number(json_find(numbers, expected[i].name), "error");
+        assert_true(error > 0 && error < 0.1 * expected[i].truth);
+        assert_close(json_number(json_find(numbers, expected[i].name), "value"), expected[i].truth, 0,
+                     4 * error);
+    }
+    const char *correlations = json_find(result.out, "correlations");
+    assert_close(json_number(correlations, "chi2,chi3"), -1, 1e-3, 0); /* chi has length 1 */
+    cli_json(identify, "evaluate top.h5 shaken.csv --horizons 1", "", &result);
+    run("predict top.h5 top.csv --out again.csv");
+    cli_json(identify, "fit open.yaml shaken.csv --out open.h5", "loss <10, gauge \"nothing\"", &result);
+    assert_says(result.err, "m and L appear only as a product: give one of them as known");
+    assert_null(strstr(result.err, "do not determine m"));
+    cli_write("far.yaml", TOP_COLUMNS "parameters: {length: unknown, inertia: [0.3, unknown, unknown], chi: "
+                                      "unknown}\ndamping: diagonal\n"); /* of 15 kg */
+    cli_json(identify, "fit far.yaml top.csv --out far.h5", "loss <1e-8", &result);
+    numbers = json_find(result.out, "identified");
+    assert_close(json_number(json_find(numbers, "L"), "value"), 0.25 * 0.8 / 15, 1e-6, 0);
+    assert_close(json_number(json_find(numbers, "I2"), "value"), 0.4, 1e-6, 0);
+    cli_write("known.yaml", TOP_COLUMNS);
+    cli_expect(identify, "fit known.yaml top.csv --out k.h5", 2, "everything is known", &result);
+}
+
+TEST("an oscillator of 5 mg is learned from masses and springs of 1") {
+    cli_write("tiny.yaml", OSCILLATOR_COLUMNS
+              "system: oscillator\nparameters: {mass: 5.0e-6, stiffness: 2.0e-3}\n"
+              "damping: {kind: known, values: [1.0e-5]}\ninput_map: {kind: known, values: [[1]]}\n");
+    cli_write("far.yaml",
+              OSCILLATOR_COLUMNS "system: oscillator\nparameters: {mass: unknown, stiffness: unknown}\n"
+                                 "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
+    run("generate tiny.yaml --runs 4 --t-end 2 --dt 0.005 --amplitude 1e-6 --start-spread 1e-3,1e-2 --out "
+        "tiny.csv");
+    cli_json(identify, "fit far.yaml tiny.csv --out tiny.h5 --substeps 4", "parameters 3", &result);
+    const char *numbers = json_find(result.out, "identified");
+    assert_close(json_number(json_find(numbers, "m"), "value"), 5e-6, 1e-6, 0);
+    assert_close(json_number(json_find(numbers, "k"), "value"), 2e-3, 1e-6, 0);
+    assert_close(json_number(json_find(numbers, "damping.x"), "value"), 1e-5, 1e-6, 0);
 }
 
 /* ---- the demo ---- */

@@ -11,6 +11,12 @@ static const char unit_machine[] =
     "  - {name: x, kind: line, velocity: vx}\nmass: {kind: known, values: [1]}\n"
     "potential: {kind: quadratic, of: x}\n";
 
+/* Of the scene, with a network that has 321 weights. */
+static const char wide_machine[] =
+    "columns: {time: t, run: run}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+    "inputs: {columns: [u]}\nmass: diagonal\npotential: {kind: network, of: x}\n"
+    "input_map: {kind: known, values: [[1]]}\n";
+
 static const char body_scene[] =
     "columns: {time: t, run: run}\ncoordinates:\n"
     "  - {name: body, kind: rotation, columns: [qw, qx, qy, qz], velocity: [wx, wy, wz]}\n"
@@ -57,6 +63,7 @@ static int setup(void **state) {
     cli_write("unit.yaml", unit_machine);
     cli_write("scene.yaml", oscillator_scene);
     cli_write("machine.yaml", oscillator_machine);
+    cli_write("wide.yaml", wide_machine);
     cli_write("body-scene.yaml", body_scene);
     cli_write("body.yaml", body_machine);
     cli_write("crane-scene.yaml", crane_scene);
@@ -203,6 +210,27 @@ TEST("runs begin at the row that is asked for, and gaps end them") {
     const double *t = column("p.csv", "t", &rows);
     assert_close(t[0], 0.8, 1e-12, 0);
     cli_expect(identify, "predict m.h5 one.csv --start 200 --out p.csv", 2, "row 200", &result);
+}
+
+TEST("bands of a prediction are as wide as its errors, and models without a covariance say so") {
+    size_t rows, more;
+    run("generate scene.yaml --runs 4 --t-end 8 --noise 0.02 --out train.csv");
+    run("fit machine.yaml train.csv --out m.h5");
+    run("generate scene.yaml --runs 1 --t-end 8 --noise 0 --out exact.csv --seed 7");
+    run("predict m.h5 exact.csv --bands --out p.csv");
+    const double *truth = column("exact.csv", "x", &rows), *x = column("p.csv", "x", &more),
+                 *band = column("p.csv", "x.sd", &more);
+    double error = 0.0, width = 0.0;
+    assert_int_equal(rows, more);
+    assert_true(band[0] == 0.0);
+    for (size_t i = 0; i < rows; i++) {
+        assert_true(fabs(x[i] - truth[i]) <= 5.0 * band[i] + 1e-9);
+        error += (x[i] - truth[i]) * (x[i] - truth[i]);
+        width += band[i] * band[i];
+    }
+    assert_true(error > 0.02 * width && width > 0.0);
+    run("fit wide.yaml train.csv --out wide.h5 --evaluations 2");
+    cli_expect(identify, "predict wide.h5 exact.csv --bands --out p.csv", 2, "more than 256", &result);
 }
 
 TEST("predict and evaluate warn of columns that leave the training data, and of no others") {

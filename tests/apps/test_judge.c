@@ -443,4 +443,14 @@ TEST("training says that damped data are not conservative, and says nothing of o
     }
 }
 
+TEST("training says that there are fewer numbers than parameters, with the trajectories that would do") {
+    lg_trajectories *data =
+        generate("chain1.yaml --trajectories 4 --points 5 --t-end 0.4 --seed 2", "few.h5");
+    assert_int_equal(data->count, 4);
+    cli_expect(lg, "train few.h5 --out few-model.h5 --epochs 1 --hidden 20,20", 0, "", &result);
+    assert_non_null(strstr(result.err, "96 numbers are given, fewer than the"));
+    cli_expect(lg, "train plain.h5 --out few-model.h5 --epochs 1 --hidden 20,20", 0, "", &result);
+    assert_null(strstr(result.err, "fewer than the"));
+}
+
 TEST_GROUP(setup, cli_end)

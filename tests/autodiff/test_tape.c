@@ -1205,3 +1205,39 @@ TEST("the last pass cannot run inside itself; the tape is usable again after a r
     assert_ok(lg_backward(t, lg_square(t, x), &x, 1, &memory));
     assert_all_close(grad, expected, 3, 0, 0);
 }
+
+/* y = sum of tanh(x W + b) exp(c), which differs from row to row in x alone. */
+static lg_var rows_of_layer(lg_tape *t, lg_var theta, lg_var x) {
+    const lg_var W = lg_reshape(t, lg_slice(t, theta, 0, 0, 6), lg_shape2(3, 2)),
+                 b = lg_slice(t, theta, 0, 6, 2);
+    const lg_var c = lg_exp(t, lg_reshape(t, lg_slice(t, theta, 0, 8, 2), lg_shape2(1, 2)));
+    const lg_var h = lg_act(t, lg_add(t, lg_matmul(t, x, W), b), LG_TANH);
+    return lg_sum(t, lg_mul(t, h, c));
+}
+
+TEST("gradients of rows are those of each row alone, and rows that meet are refused") {
+    enum { ROWS = 4, N = 10 };
+    const double *theta = test_numbers(1, N, -1, 1), *x = test_numbers(2, ROWS * 3, -1, 1);
+    double found[ROWS * N], dx[ROWS * 3];
+    lg_tape *t = test_tape(LG_F64);
+    lg_var p = vector(t, N, theta), all = lg_input_f64(t, lg_shape2(ROWS, 3), x);
+    lg_tape_mark_rows(t, all);
+    assert_ok(lg_backward_rows(t, rows_of_layer(t, p, all), all, dx, p, ROWS, found));
+    for (int row = 0; row < ROWS; row++) {
+        double alone[N] = {0}, of_x[3] = {0};
+        void *into[2] = {alone, of_x};
+        lg_tape_reset(t);
+        p = vector(t, N, theta);
+        const lg_var one = lg_input_f64(t, lg_shape2(1, 3), x + 3 * row), wrt[2] = {p, one};
+        assert_ok(lg_backward(t, rows_of_layer(t, p, one), wrt, 2, into));
+        assert_all_close(found + row * N, alone, N, 1e-14, 1e-15);
+        assert_all_close(dx + row * 3, of_x, 3, 1e-14, 1e-15);
+    }
+    lg_tape_reset(t);
+    p = vector(t, N, theta);
+    all = lg_input_f64(t, lg_shape2(ROWS, 3), x);
+    lg_tape_mark_rows(t, all);
+    const lg_var W = lg_reshape(t, lg_slice(t, p, 0, 0, ROWS * 2), lg_shape2(ROWS, 2));
+    assert_int_equal(lg_backward_rows(t, lg_sum(t, lg_matmul_tn(t, all, W)), all, dx, p, ROWS, found),
+                     LG_UNSUPPORTED);
+}

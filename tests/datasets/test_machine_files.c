@@ -168,6 +168,20 @@ TEST("names in `of` are features") {
         assert_true(t[3].of[i].kind == residual[i].kind && t[3].of[i].index == residual[i].index);
 }
 
+TEST("a bias is of positions of lines and angles, of places and of velocities") {
+    const lg_machine_file *f =
+        parse("coordinates:\n"
+              "  - {name: arm, kind: angle, velocity: w}\n"
+              "  - {name: top, kind: rotation, columns: [a, b, c, d], velocity: [e, f, "
+              "g]}\n"
+              "mass: diagonal\n"
+              "bias: {kind: constant, of: [arm, top.velocity, w]}\n");
+    const lg_machine *m = &f->machine;
+    assert_int_equal(m->term_count, 2);
+    assert_int_equal(m->terms[1].part, LG_MACHINE_BIAS);
+    assert_int_equal(m->terms[1].parameters, 5);
+}
+
 TEST("a known potential is a form with values and without parameters") {
     const lg_machine_file *f = parse("coordinates: [{name: q, kind: line, velocity: v}]\n"
                                      "potential:\n"
@@ -252,8 +266,67 @@ TEST("wrong keys are refused with their line") {
     };
     for (size_t i = 0; i < LG_COUNT(wrong); i++)
         refuse(wrong[i].text, LG_FORMAT, wrong[i].line, wrong[i].words);
-    refuse("system: cart-pole\nparameters: {gravity: 9.81}\n", LG_UNSUPPORTED, "line 1", "named system");
-    refuse(HEAD "parameters: {gravity: 9.81}\n", LG_UNSUPPORTED, "line 2", "named system");
+}
+
+/* ---- systems ---- */
+
+#define TOP                                                                                                  \
+    "coordinates: [{name: top, kind: rotation, columns: [a, b, c, d], velocity: [e, f, g]}]\n"               \
+    "system: heavy-top\n"
+
+TEST("a system gives the machine its mass and potential, and numbers that are known or unknown") {
+    const lg_machine_file *f = parse(TOP "form: direct\nparameters:\n  inertia: [0.3, unknown, 0.5]\n"
+                                         "  mass: unknown\n  length: {start: 0.4}\n"
+                                         "  chi: {start: [0, 0, 1], unknown: true}\n"
+                                         "  gamma0: {start: [0, 0, -9], unknown: [false, false, true]}\n"
+                                         "damping: diagonal\n");
+    static const double start[11] = {0.3, 0.46875, 0.5, 15, 0.4, 0, 0, 1, 0, 0, -9};
+    static const bool unknown[11] = {0, 1, 0, 1, 1, 1, 1, 1, 0, 0, 1};
+    const lg_machine *m = &f->machine;
+    assert_int_equal(m->term_count, 3);
+    assert_term(f, 0, LG_MACHINE_MASS, "system");
+    assert_term(f, 1, LG_MACHINE_POTENTIAL, "system");
+    assert_term(f, 2, LG_MACHINE_DAMPING, "diagonal");
+    assert_string_equal(lg_grey_system_name(m->grey.system), "heavy-top");
+    assert_int_equal(m->grey.count, 11);
+    for (int i = 0; i < 11; i++)
+        assert_true(m->grey.start[i] == start[i] && m->grey.unknown[i] == unknown[i]);
+    assert_int_equal(m->parameters, 6 + 3); /* a direction has two */
+    assert_true(!m->normalised && !m->free_gauge);
+    f = parse(TOP);
+    assert_int_equal(f->machine.parameters, 0);
+    f = parse(TOP "mass: diagonal\npotential: {kind: network, of: top.up}\n");
+    assert_int_equal(f->machine.term_count, 4);
+}
+
+TEST("wrong systems and parameters are refused with their line") {
+    static const struct {
+        const char *text, *line, *words;
+    } wrong[] = {
+        {HEAD "parameters: {gravity: 9.81}\n", "line 2", "key 'system' is missing"},
+        {HEAD "form: direct\n", "line 2", "key 'system' is missing"},
+        {HEAD "system: heavy-top\n", "line 2", "its coordinates are of kind rotation"},
+        {HEAD "system: top\n", "line 2", "no machine of a system \"top\"; there are oscillator"},
+        {HEAD "system: rigid-body\n", "line 2", "take rigid-body-attitude"},
+        {HEAD "mass: system\n", "line 2", "mass: kind 'system' is none of"},
+        {TOP "form: indirect\n", "line 3", "heavy-top has no form 'indirect'"},
+        {TOP "parameters: {masse: 1}\n", "line 3", "no parameter \"masse\"; it has inertia"},
+        {TOP "parameters: {mass: 1, mass: 2}\n", "line 3", "key 'mass' stands twice"},
+        {TOP "parameters: {inertia: [1, 2]}\n", "line 3", "inertia: 2 numbers are given, 3 are expected"},
+        {TOP "parameters:\n  mass: -1\n", "line 4", "mass = -1 is not a positive number"},
+        {TOP "parameters: {mass: {start: 0, unknown: true}}\n", "line 3", "is not a positive number"},
+        {TOP "parameters: {mass: heavy}\n", "line 3", "'heavy' is not a number"},
+        {TOP "parameters: {mass: []}\n", "line 3", "1 to 32 numbers"},
+        {TOP "parameters: {mass: {unknown: true}}\n", "line 3", "'start' is missing"},
+        {TOP "parameters: {mass: {start: unknown}}\n", "line 3", "start: is a number"},
+        {TOP "parameters: {mass: {start: 1, unknown: perhaps}}\n", "line 3", "true, false, or a list"},
+        {TOP "parameters: {inertia: {start: [1, 2, 3], unknown: [true, false]}}\n", "line 3",
+         "one for each of 3 numbers"},
+        {TOP "parameters: {chi: [1, 1, 1]}\n", "line 3", "chi has length 1.73205"},
+        {TOP "parameters: 3\n", "line 3", "{KEY: ...} is expected"},
+    };
+    for (size_t i = 0; i < LG_COUNT(wrong); i++)
+        refuse(wrong[i].text, LG_FORMAT, wrong[i].line, wrong[i].words);
 }
 
 TEST("wrong terms are refused with their line") {
@@ -281,6 +354,9 @@ TEST("wrong terms are refused with their line") {
         {"coordinates: [{name: b, kind: rotation, columns: [a, b, c, d], velocity: [e, f, g]}]\n"
          "residual: {kind: network, of: [e]}\n",
          "line 2", "of: 'e' is none of b"},
+        {"coordinates: [{name: b, kind: rotation, columns: [a, b, c, d], velocity: [e, f, g]}]\n"
+         "bias: {kind: constant, of: b}\n",
+         "", "bias of kind constant: cannot depend on"},
         {HEAD "mass: {kind: network, of: [q, q]}\n", "line 2", "'q' stands twice"},
         {HEAD "mass: {kind: network, of: [{q: 1}]}\n", "line 2", "a name of 1 to"},
         {HEAD "mass: {kind: network, of: [q], hidden: [0]}\n", "line 2", "hidden: 0 is outside"},

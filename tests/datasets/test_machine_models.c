@@ -2,8 +2,9 @@
 #include "io_test.h"
 #include "support/machine_models.h"
 
-static const char *const texts[] = {machine_of_all_kinds, machine_of_a_body, machine_of_a_cart,
-                                    machine_without_inputs};
+static const char *const texts[] = {machine_of_all_kinds,   machine_of_a_body, machine_of_a_cart,
+                                    machine_without_inputs, machine_of_a_top,  machine_of_a_chain,
+                                    machine_of_an_arm};
 
 static const char *saved(size_t which) {
     const char *path = scratch_path("machine.h5");

@@ -145,7 +145,10 @@ static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part 
     see_everything(&machine, add_term(&machine, LG_MACHINE_POTENTIAL, "network"), false, false);
     lg_machine_term *term = add_term(&machine, part, lg_term_kind_name(kind));
     const uint32_t options = lg_term_kind_options(kind);
-    if ((options & LG_TERM_OF) != 0 && (options & LG_TERM_HIDDEN) == 0)
+    if (part == LG_MACHINE_BIAS)
+        add_feature(term, LG_FEATURE_POSITION, 1), add_feature(term, LG_FEATURE_PLACE, 4),
+            add_feature(term, LG_FEATURE_VELOCITY, 0), add_feature(term, LG_FEATURE_VELOCITY, 3);
+    else if ((options & LG_TERM_OF) != 0 && (options & LG_TERM_HIDDEN) == 0)
         add_feature(term, LG_FEATURE_POSITION, 1), add_feature(term, LG_FEATURE_HEIGHT, 4);
     else if ((options & LG_TERM_OF) != 0)
         see_everything(&machine, term, (options & LG_TERM_MOVING) != 0, part == LG_MACHINE_RESIDUAL);
@@ -154,6 +157,15 @@ static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part 
     if (part != LG_MACHINE_INPUT_MAP) add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
     assert_machine(&machine);
     return machine;
+}
+
+/* The mass depends on the state: the only such kind is a network. */
+static inline bool machine_moves(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == LG_MACHINE_MASS &&
+            (lg_term_kind_options(machine->terms[i].kind) & LG_TERM_HIDDEN) != 0)
+            return true;
+    return false;
 }
 
 #endif

@@ -10,7 +10,7 @@ typedef struct setting {
     lg_machine_vars vars;
     lg_space space;
     double q[MOST], v[MOST], input[ROWS * LG_MACHINE_INPUTS];
-    lg_var parts[LG_TAPED_MAX_PARTS], velocities, u;
+    lg_var parts[LG_TAPED_MAX_PARTS], velocities, rates, u;
 } setting;
 
 static setting *record(const lg_machine *machine) {
@@ -33,19 +33,21 @@ static setting *record(const lg_machine *machine) {
     if (machine->input_count > 0)
         s->u = lg_input_f64(s->tape, lg_shape2(ROWS, machine->input_count), s->input);
     s->velocities = lg_machine_record_velocities(s->tape, &s->vars, s->parts);
+    s->rates = lg_machine_record_rates(s->tape, &s->vars, s->parts);
     if (lg_tape_status(s->tape) != LG_OK) fail_msg("%s", lg_tape_message(s->tape));
     return s;
 }
 
-TEST("positions and velocities come back from the state, with every kind of mass") {
+TEST("positions and velocities come back from the state, with every kind of mass and of bias") {
     const lg_term_kind *kind;
-    for (size_t i = 0; (kind = lg_term_kind_at(LG_MACHINE_MASS, i)) != NULL; i++) {
-        const lg_machine machine = machine_with(kind, LG_MACHINE_MASS);
-        setting *s = record(&machine);
-        assert_reads(s->tape, lg_machine_record_positions(s->tape, &s->vars, s->parts),
-                     ROWS * machine.positions, s->q, 1e-14, 1e-14);
-        assert_reads(s->tape, s->velocities, ROWS * machine.velocities, s->v, 1e-11, 1e-11);
-    }
+    for (int part = LG_MACHINE_MASS; part <= LG_MACHINE_BIAS; part += LG_MACHINE_BIAS - LG_MACHINE_MASS)
+        for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
+            const lg_machine machine = machine_with(kind, (lg_machine_part)part);
+            setting *s = record(&machine);
+            assert_reads(s->tape, lg_machine_record_positions(s->tape, &s->vars, s->parts),
+                         ROWS * machine.positions, s->q, 1e-14, 1e-14);
+            assert_reads(s->tape, s->velocities, ROWS * machine.velocities, s->v, 1e-11, 1e-11);
+        }
 }
 
 /* dH/dt along the field, and the power v.f of all forces. */
@@ -58,10 +60,10 @@ static void assert_energy_balance(const lg_machine *machine) {
     const lg_var H = lg_machine_record_energy(s->tape, &s->vars, s->parts);
     assert_ok(lg_jvp(s->tape, &H, 1, s->parts, rate, parts, &change));
     lg_var power = lg_full(s->tape, lg_shape2(ROWS, 1), 0.0);
-    for (uint32_t part = LG_MACHINE_DAMPING; part < LG_MACHINE_PART_COUNT; part++) {
+    for (uint32_t part = LG_MACHINE_DAMPING; part <= LG_MACHINE_RESIDUAL; part++) {
         const lg_var f =
-            lg_machine_record_force(s->tape, &s->vars, (lg_machine_part)part, s->parts, s->velocities, s->u);
-        if (!lg_is_none(f)) power = lg_add(s->tape, power, lg_rowdot(s->tape, s->velocities, f));
+            lg_machine_record_force(s->tape, &s->vars, (lg_machine_part)part, s->parts, s->rates, s->u);
+        if (!lg_is_none(f)) power = lg_add(s->tape, power, lg_rowdot(s->tape, s->rates, f));
     }
     double expected[ROWS];
     if (lg_tape_status(s->tape) != LG_OK) fail_msg("%s", lg_tape_message(s->tape));
@@ -87,8 +89,8 @@ TEST("damping of every kind takes energy away at any parameters, and moves what 
         setting *s = record(&machine);
         double power[ROWS];
         const lg_var f =
-            lg_machine_record_force(s->tape, &s->vars, LG_MACHINE_DAMPING, s->parts, s->velocities, s->u);
-        assert_ok(lg_read(s->tape, lg_rowdot(s->tape, s->velocities, f), ROWS, power));
+            lg_machine_record_force(s->tape, &s->vars, LG_MACHINE_DAMPING, s->parts, s->rates, s->u);
+        assert_ok(lg_read(s->tape, lg_rowdot(s->tape, s->rates, f), ROWS, power));
         for (int r = 0; r < ROWS; r++) assert_true(power[r] < -1e-4);
     }
 }
@@ -111,7 +113,7 @@ static void effect_of(const lg_machine *machine, lg_machine_part part, double *o
     setting *s = record(machine);
     const lg_var y = part == LG_MACHINE_POTENTIAL
                          ? lg_machine_record_energy(s->tape, &s->vars, s->parts)
-                         : lg_machine_record_force(s->tape, &s->vars, part, s->parts, s->velocities, s->u);
+                         : lg_machine_record_force(s->tape, &s->vars, part, s->parts, s->rates, s->u);
     assert_ok(lg_read(s->tape, y, lg_shape_count(lg_var_shape(s->tape, y)), out));
 }
 

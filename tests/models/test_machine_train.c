@@ -1,6 +1,7 @@
 /* Machines learned from logs that the tests make: parameters, starts, standard errors. */
 #include "models/machine_support.h"
 
+#include "liegrad/geometry.h"
 #include "liegrad/nn.h"
 
 enum { PARTS = 6, ROWS = 41, ALL = PARTS * ROWS };
@@ -95,7 +96,10 @@ static void fit(task *t, bool own) {
     lg_fit_options options;
     lg_fit *made;
     lg_machine_fit_problem(&t->problem, &problem);
-    if (!own) problem.own = 0;
+    if (!own) {
+        problem.own = 0;
+        problem.linearise = NULL;
+    }
     lg_fit_options_init(&options);
     assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
     options.epochs = 60;
@@ -125,6 +129,30 @@ TEST("mass, spring and damping of exact logs come out exact, in the units of the
     assert_true(loss < 1e-12 && floor < 1e-12 && floor > 0.0);
 }
 
+TEST("biases of sensors come out, with measured and with estimated starts") {
+    enum { BIASES = 2 };
+    static const double bias[BIASES] = {0.3, -0.2};
+    for (int starts = 0; starts < 2; starts++) {
+        logs *l = make_logs(0.0, 3);
+        for (size_t row = 0; row < ALL; row++) l->q[row] += bias[0], l->v[row] += bias[1];
+        task *t = make_task(l, (lg_machine_starts)starts);
+        const lg_machine_scales scales = t->machine.scales;
+        lg_identified found[BIASES];
+        t->machine = oscillator(true);
+        lg_machine_term *term = add_term(&t->machine, LG_MACHINE_BIAS, "constant");
+        add_feature(term, LG_FEATURE_POSITION, 0);
+        add_feature(term, LG_FEATURE_VELOCITY, 0);
+        assert_machine(&t->machine);
+        t->machine.scales = scales;
+        for (size_t i = 0; i < lg_machine_problem_parameters(&t->problem); i++) t->theta[i] = 0.0;
+        fit(t, true);
+        assert_int_equal(lg_machine_numbers(&t->machine, t->theta, BIASES, found), BIASES);
+        assert_string_equal(found[0].name, "bias.x");
+        assert_string_equal(found[1].name, "bias.x.velocity");
+        for (int i = 0; i < BIASES; i++) assert_close(found[i].value, bias[i], 1e-6, 0.0);
+    }
+}
+
 TEST("starts that are eliminated give the same fit as starts among the parameters") {
     const logs *l = make_logs(0.01, 4);
     task *a = make_task(l, LG_MACHINE_STARTS_ESTIMATED), *b = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
@@ -135,6 +163,35 @@ TEST("starts that are eliminated give the same fit as starts among the parameter
     for (size_t i = 0; i < n; i++) assert_close(a->theta[i], b->theta[i], 1e-6, 1e-8);
 }
 
+TEST("where the machine is known, its starts alone are learned, and nothing without them") {
+    const logs *l = make_logs(0.01, 6);
+    task *all = make_task(l, LG_MACHINE_STARTS_ESTIMATED), *a = make_task(l, LG_MACHINE_STARTS_ESTIMATED),
+         *b = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
+    fit(all, true);
+    const size_t shared = all->machine.parameters, n = 2 * all->problem.windows;
+    a->problem.theta = b->problem.theta = all->theta;
+    assert_int_equal(lg_machine_problem_parameters(&a->problem), n);
+    memset(a->theta, 0, n * sizeof *a->theta);
+    memset(b->theta, 0, n * sizeof *b->theta);
+    fit(a, true);
+    fit(b, false);
+    for (size_t i = 0; i < n; i++) {
+        assert_close(a->theta[i], all->theta[shared + i], 1e-6, 1e-6);
+        assert_close(a->theta[i], b->theta[i], 1e-6, 1e-8);
+    }
+    double loss, same;
+    assert_ok(lg_machine_loss(NULL, &a->problem, a->theta, &loss, NULL, NULL));
+    assert_ok(lg_machine_loss(NULL, &all->problem, all->theta, &same, NULL, NULL));
+    assert_close(loss, same, 1e-9, 0.0);
+    a->problem.starts = LG_MACHINE_STARTS_MEASURED;
+    assert_status(lg_machine_problem_check(&a->problem, NULL), LG_INVALID_ARGUMENT);
+}
+
+static lg_status identify(const task *t, lg_identified *out) {
+    lg_identification all = {.numbers = out};
+    return lg_machine_identify(NULL, &t->problem, t->theta, &all, NULL);
+}
+
 TEST("standard errors are those that repeated logs show, starts measured exactly or estimated") {
     enum { REPEATS = 60 };
     double sum[NUMBERS] = {0}, squares[NUMBERS] = {0}, told[NUMBERS] = {0};
@@ -143,7 +200,7 @@ TEST("standard errors are those that repeated logs show, starts measured exactly
         task *t = make_task(make_logs(0.02, 100 + i), LG_MACHINE_STARTS_ESTIMATED);
         lg_identified found[NUMBERS];
         fit(t, true);
-        assert_ok(lg_machine_identify(NULL, &t->problem, t->theta, found, NULL));
+        assert_ok(identify(t, found));
         for (int k = 0; k < NUMBERS; k++) {
             sum[k] += found[k].value - truth[k];
             squares[k] += (found[k].value - truth[k]) * (found[k].value - truth[k]);
@@ -170,7 +227,125 @@ TEST("the error of what the logs do not show is infinite: an input map whose inp
     assert_machine(&t->machine);
     assert_int_equal(lg_machine_numbers(&t->machine, t->theta, 3, found), 3);
     fit(t, true);
-    assert_ok(lg_machine_identify(NULL, &t->problem, t->theta, found, NULL));
+    assert_ok(identify(t, found));
     assert_string_equal(found[2].name, "input_map.1.1");
     assert_true(found[0].error < 0.1 && found[1].error < 0.1 && isinf(found[2].error));
+}
+
+/* ---- starts of a known machine ---- */
+
+enum { RUNS = 4, RUN = 40, POINTS = RUNS * RUN, WINDOW = 30, STARTS = 4 };
+
+/* A line, a direction and a rotation that are coupled by a network, driven. */
+static lg_machine coupled(void) {
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(&machine, "d", LG_COORDINATE_DIRECTION);
+    add_coordinate(&machine, "R", LG_COORDINATE_ROTATION);
+    add_input(&machine, "u");
+    odd_scales(&machine);
+    add_term(&machine, LG_MACHINE_MASS, "diagonal");
+    see_everything(&machine, add_term(&machine, LG_MACHINE_POTENTIAL, "network"), false, false);
+    add_term(&machine, LG_MACHINE_DAMPING, "diagonal");
+    add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
+    assert_machine(&machine);
+    return machine;
+}
+
+typedef struct runs {
+    lg_machine machine;
+    const double *theta;
+    size_t first[RUNS + 1];
+    double t[POINTS], q[POINTS * LG_MACHINE_POSITIONS], v[POINTS * LG_MACHINE_VELOCITIES];
+    double true_q[POINTS * LG_MACHINE_POSITIONS], true_v[POINTS * LG_MACHINE_VELOCITIES];
+    lg_machine_log log;
+} runs;
+
+/* The positions of one row, the direction and the rotation turned by noise. */
+static void shake(lg_rng *rng, double noise, const double *q, double *out) {
+    double by[7];
+    for (int k = 0; k < 7; k++) by[k] = noise * lg_rng_normal(rng);
+    out[0] = q[0] + by[0];
+    lg_so3_exp_act(by + 1, q + 1, out + 1);
+    lg_so3_exp_multiply(by + 4, q + 4, out + 4);
+}
+
+/* Runs of the machine; the log has positions alone, with noise. */
+static runs *make_runs(double noise) {
+    runs *r = TEST_ARRAY(runs, 1);
+    lg_rng rng;
+    r->machine = coupled();
+    r->theta = machine_theta(&r->machine, 8);
+    random_rows(&r->machine, 9, POINTS, r->q, r->v);
+    for (size_t row = 0; row < POINTS; row++) {
+        r->first[row / RUN] = row / RUN * RUN;
+        r->t[row] = 0.03 * (double)(row % RUN);
+    }
+    r->first[RUNS] = POINTS;
+    r->log = (lg_machine_log){POINTS, RUNS, r->first, r->t, r->q, r->v, test_numbers(3, POINTS * 4, -1, 1)};
+    assert_ok(lg_machine_free_run(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log, r->first,
+                                  RUNS, RUN - 1, r->true_q, r->true_v, NULL));
+    lg_rng_seed(&rng, 2, 0);
+    for (size_t row = 0; row < POINTS; row++)
+        shake(&rng, noise, r->true_q + row * r->machine.positions, r->q + row * r->machine.positions);
+    for (size_t i = 0; i < POINTS * r->machine.velocities; i++) r->v[i] = (double)NAN;
+    return r;
+}
+
+/* The largest errors of the states at rows start[0..STARTS-1]. */
+static void estimate(const runs *r, const size_t *start, double *position, double *velocity) {
+    const uint32_t nq = r->machine.positions, nv = r->machine.velocities;
+    double q[STARTS * LG_MACHINE_POSITIONS], v[STARTS * LG_MACHINE_VELOCITIES];
+    lg_error error = {LG_OK, ""};
+    *position = *velocity = 0.0;
+    if (lg_machine_estimate_starts(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log, start,
+                                   STARTS, WINDOW, q, v, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    for (size_t i = 0; i < STARTS; i++) {
+        for (uint32_t k = 0; k < nq; k++)
+            *position = fmax(*position, fabs(q[i * nq + k] - r->true_q[start[i] * nq + k]));
+        for (uint32_t k = 0; k < nv; k++)
+            *velocity = fmax(*velocity, fabs(v[i * nv + k] - r->true_v[start[i] * nv + k]));
+    }
+}
+
+/* Windows of 30, 30, 12 and 2 rows: the last ones end with their parts. */
+static const size_t some_starts[STARTS] = {0, RUN + 5, 3 * RUN - 12, 4 * RUN - 2};
+
+TEST("starts of a known machine come from positions alone, also near the end of a part") {
+    double position, velocity;
+    estimate(make_runs(0.0), some_starts, &position, &velocity);
+    print_message("errors of positions %.1e, of velocities %.1e\n", position, velocity);
+    assert_true(position < 1e-8 && velocity < 1e-8);
+}
+
+TEST("many noisy rows give a start that is better than its row, and a velocity better than differences") {
+    const size_t starts[STARTS] = {0, RUN + 3, 2 * RUN + 7, 3 * RUN + 10};
+    const double noise = 1e-3;
+    double position, velocity;
+    estimate(make_runs(noise), starts, &position, &velocity);
+    print_message("errors of positions %.1e, of velocities %.1e\n", position, velocity);
+    assert_true(position < noise && velocity < 4.0 * noise);
+}
+
+TEST("a start in the last row of a part is refused, and one without a finite run keeps its guess") {
+    runs *r = make_runs(0.0);
+    double q[2 * LG_MACHINE_POSITIONS], v[2 * LG_MACHINE_VELOCITIES];
+    const size_t last = RUN - 1, both[2] = {0, RUN};
+    const uint32_t nq = r->machine.positions, nv = r->machine.velocities;
+    lg_error error = {LG_OK, ""};
+    assert_status(lg_machine_estimate_starts(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log,
+                                             &last, 1, WINDOW, q, v, &error),
+                  LG_INVALID_ARGUMENT);
+    ((double *)(uintptr_t)r->log.u)[0] = 1e200; /* held over the first interval */
+    assert_ok(lg_machine_estimate_starts(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log, both,
+                                         2, WINDOW, q, v, &error));
+    for (uint32_t k = 0; k < nq; k++) {
+        assert_close(q[k], r->q[k], 1e-12, 1e-12);
+        assert_close(q[nq + k], r->true_q[RUN * nq + k], 0.0, 1e-8);
+    }
+    for (uint32_t k = 0; k < nv; k++) {
+        assert_true(isfinite(v[k]));
+        assert_close(v[nv + k], r->true_v[RUN * nv + k], 0.0, 1e-8);
+    }
 }

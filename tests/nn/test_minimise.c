@@ -486,6 +486,31 @@ TEST("residuals that are not finite shorten the step of least squares, and at th
 }
 
 /* Microseconds for seconds and kilometres for metres: the same path. */
+TEST("normal equations find exact numbers, share between equal columns, and refuse what is no square") {
+    enum { N = 4, ROWS = 30 };
+    const double truth[2][3] = {{1.5, -2.0, 0.25}, {0.0, 1e6, 3.0}};
+    double matrix[N * N] = {0}, right[2 * N] = {0};
+    for (int row = 0; row < ROWS; row++) {
+        const double t = 0.1 * row, x[N] = {1.0, 1e-3 * t, t * t, 0.0};
+        for (int i = 0; i < N; i++) {
+            for (int j = 0; j <= i; j++) matrix[i * N + j] += x[i] * x[j];
+            for (int k = 0; k < 2; k++)
+                right[k * N + i] += x[i] * (truth[k][0] * x[0] + truth[k][1] * x[1] + truth[k][2] * x[2]);
+        }
+    }
+    assert_ok(lg_normal_equations(N, 2, 1e-14, matrix, right));
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < 3; i++) assert_close(right[k * N + i], truth[k][i], 1e-9, 1e-7);
+        assert_true(right[k * N + 3] == 0.0);
+    }
+    double equal[4] = {2.0, 0.0, 2.0, 2.0}, shared[2] = {6.0, 6.0};
+    assert_ok(lg_normal_equations(2, 1, 1e-12, equal, shared));
+    for (int i = 0; i < 2; i++) assert_close(shared[i], 1.5, 1e-3, 0.0);
+    double none[4] = {1.0, 0.0, 2.0, 1.0}, unknown[1] = {(double)NAN}, x[2] = {1.0, 1.0};
+    assert_status(lg_normal_equations(2, 1, 1e-12, none, x), LG_CHECK_FAILED);
+    assert_status(lg_normal_equations(1, 1, 1e-12, unknown, x), LG_CHECK_FAILED);
+}
+
 TEST("least squares do not depend on units") {
     decay f = make_decay(0.01, 1), g = f;
     double x[3] = {1, 0.2, 0}, y[3] = {1e-3, 0.2e-6, 0};

@@ -94,5 +94,29 @@ static const char machine_without_inputs[] =
     "mass: {kind: diagonal}\n"
     "potential: {kind: gravity}\n"
     "damping: {kind: diagonal}\n";
+/* Machines of a named system, with learned terms beside it. */
+static const char machine_of_a_top[] =
+    "coordinates: [{name: top, kind: rotation, columns: [a, b, c, d], velocity: [e, f, g]}]\n"
+    "inputs: {columns: [u]}\n"
+    "system: heavy-top\n"
+    "parameters: {mass: 0.8, length: unknown, inertia: [0.3, unknown, unknown],\n"
+    "  chi: {start: [0, 0.6, 0.8], unknown: true}}\n"
+    "damping: diagonal\n";
+static const char machine_of_a_chain[] =
+    "coordinates:\n"
+    "  - {name: upper, kind: direction, columns: [a, b, c], velocity: [d, e, f]}\n"
+    "  - {name: lower, kind: direction, columns: [g, h, i], velocity: [j, k, l]}\n"
+    "inputs: {columns: [u]}\n"
+    "system: pendulum-chain\n"
+    "parameters: {gravity: 9.81, masses: [0.8, unknown], lengths: unknown}\n"
+    "mass: {kind: known, values: [0.1, 0, 0, 0.2, 0, 0]}\n"
+    "damping: diagonal\n";
+static const char machine_of_an_arm[] =
+    "coordinates: [{name: p, kind: angle, velocity: vp}, {name: q, kind: angle, velocity: vq}]\n"
+    "inputs: {columns: [u]}\n"
+    "system: two-link-arm\n"
+    "parameters: {masses: unknown, gravity: {start: 9, unknown: true}}\n"
+    "potential: {kind: network, of: q, hidden: [4]}\n"
+    "input_map: {kind: known, values: [[1], [0]]}\n";
 
 #endif

@@ -1,0 +1,161 @@
+/* The system of a machine and its parameters from YAML. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+#include <yaml.h>
+
+#include "datasets/machine_reading.h"
+#include "datasets/names.h"
+
+typedef lg_machine_reading reading;
+
+static const char unknown_word[] = "unknown";
+
+/* One parameter while it is read: numbers (NaN: its default), and which are unknown. */
+typedef struct parameter {
+    const char *key;
+    size_t count;    /* of numbers; 0: all with their defaults */
+    size_t unknowns; /* of `unknown`; 1 stands for all */
+    double values[LG_MACHINE_PARAMETERS];
+    bool unknown[LG_MACHINE_PARAMETERS];
+} parameter;
+
+static uint32_t line_of(const yaml_node_t *node) {
+    return (uint32_t)node->start_mark.line + 1;
+}
+
+static yaml_node_t *node_at(const reading *r, int index) {
+    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
+}
+
+static bool is_word(const yaml_node_t *node, const char *word) {
+    return node->type == YAML_SCALAR_NODE && node->data.scalar.length == strlen(word) &&
+           memcmp(node->data.scalar.value, word, strlen(word)) == 0;
+}
+
+/* The items of a list, or a scalar as the only item. */
+static size_t items_of(const yaml_node_t *node) {
+    if (node->type != YAML_SEQUENCE_NODE) return 1;
+    return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
+}
+
+static const yaml_node_t *item_of(const reading *r, const yaml_node_t *node, size_t i) {
+    return node->type == YAML_SEQUENCE_NODE ? node_at(r, node->data.sequence.items.start[i]) : node;
+}
+
+static lg_status check_items(const reading *r, const char *key, const yaml_node_t *node, size_t *count) {
+    *count = items_of(node);
+    if (*count > 0 && *count <= LG_MACHINE_PARAMETERS) return LG_OK;
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: 1 to %d numbers are expected", key,
+                        LG_MACHINE_PARAMETERS);
+}
+
+/* ---- values ---- */
+
+static lg_status read_number(const reading *r, const yaml_node_t *node, parameter *p, size_t i) {
+    const lg_key key = {.name = p->key, .low = -DBL_MAX, .high = DBL_MAX};
+    const lg_key_value value = {.line = line_of(node), .node = node};
+    p->unknown[i] = is_word(node, unknown_word);
+    p->values[i] = (double)NAN;
+    if (p->unknown[i]) return LG_OK;
+    return lg_yaml_block(r->yaml, &key, &value, (const size_t[3]){1, 1, 1}, &p->values[i], NULL, r->error);
+}
+
+/* A number, a list of numbers, or the word `unknown` in place of any or all of them. */
+static lg_status read_numbers(const reading *r, const yaml_node_t *node, parameter *p) {
+    if (is_word(node, unknown_word)) {
+        p->count = 0;
+        p->unknown[0] = true;
+        return LG_OK;
+    }
+    LG_TRY(check_items(r, p->key, node, &p->count));
+    for (size_t i = 0; i < p->count; i++) LG_TRY(read_number(r, item_of(r, node, i), p, i));
+    return LG_OK;
+}
+
+/* true, false, or a list of them. */
+static lg_status read_truths(const reading *r, const yaml_node_t *node, parameter *p) {
+    LG_TRY(check_items(r, p->key, node, &p->unknowns));
+    for (size_t i = 0; i < p->unknowns; i++) {
+        const yaml_node_t *item = item_of(r, node, i);
+        p->unknown[i] = is_word(item, lg_name_truth(1));
+        if (!p->unknown[i] && !is_word(item, lg_name_truth(0)))
+            return lg_yaml_fail(r->yaml, line_of(item), LG_FORMAT, r->error,
+                                "%s: unknown: true, false, or a list of them is expected", p->key);
+    }
+    return LG_OK;
+}
+
+enum { KEY_START, KEY_UNKNOWN, KEY_COUNT };
+static const lg_key keys[KEY_COUNT] = {
+    [KEY_START] = {.name = "start", .type = LG_KEY_BLOCK, .required = true},
+    [KEY_UNKNOWN] = {.name = "unknown", .type = LG_KEY_BLOCK},
+};
+
+/* {start: ..., unknown: true} */
+static lg_status read_start(const reading *r, const yaml_node_t *node, parameter *p) {
+    lg_key_value values[KEY_COUNT] = {{.line = 0}};
+    const lg_key_set set = {keys, KEY_COUNT, values};
+    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, p->key, r->error));
+    LG_TRY(read_numbers(r, values[KEY_START].node, p));
+    if (p->count == 0)
+        return lg_yaml_fail(r->yaml, values[KEY_START].line, LG_FORMAT, r->error, "%s: start: is a number",
+                            p->key);
+    p->unknowns = 1;
+    p->unknown[0] = true;
+    if (values[KEY_UNKNOWN].line != 0) LG_TRY(read_truths(r, values[KEY_UNKNOWN].node, p));
+    if (p->unknowns != 1 && p->unknowns != p->count)
+        return lg_yaml_fail(r->yaml, values[KEY_UNKNOWN].line, LG_FORMAT, r->error,
+                            "%s: unknown: one truth, or one for each of %zu numbers, is expected", p->key,
+                            p->count);
+    for (size_t i = 1; i < p->count && p->unknowns == 1; i++) p->unknown[i] = p->unknown[0];
+    return LG_OK;
+}
+
+static lg_status read_parameter(reading *r, const char *key, const yaml_node_t *node) {
+    lg_error inner = {LG_OK, ""};
+    parameter p = {.key = key};
+    LG_TRY(node->type == YAML_MAPPING_NODE ? read_start(r, node, &p) : read_numbers(r, node, &p));
+    const lg_status status =
+        lg_machine_set_parameter(&r->out->machine, key, p.count, p.values, p.unknown, &inner);
+    if (status == LG_OK) return LG_OK;
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "parameters: %s", inner.message);
+}
+
+/* ---- the keys of the file ---- */
+
+static lg_status read_parameters(reading *r, const lg_key_value *value) {
+    const yaml_node_t *map = value->node;
+    if (map->type != YAML_MAPPING_NODE)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "parameters: {KEY: ...} is expected");
+    const yaml_node_pair_t *first = map->data.mapping.pairs.start;
+    for (const yaml_node_pair_t *pair = first; pair < map->data.mapping.pairs.top; pair++) {
+        const yaml_node_t *name = node_at(r, pair->key);
+        char key[LG_MACHINE_NAME] = "";
+        if (name->type != YAML_SCALAR_NODE || name->data.scalar.length >= sizeof key)
+            return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error, "parameters: a key is too long");
+        memcpy(key, name->data.scalar.value, name->data.scalar.length);
+        for (const yaml_node_pair_t *other = first; other < pair; other++)
+            if (is_word(node_at(r, other->key), key))
+                return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error,
+                                    "parameters: key '%s' stands twice", key);
+        LG_TRY(read_parameter(r, key, node_at(r, pair->value)));
+    }
+    return LG_OK;
+}
+
+lg_status lg_machine_read_system(reading *r, const lg_key_value *system, const lg_key_value *form,
+                                 const lg_key_value *parameters) {
+    lg_error inner = {LG_OK, ""};
+    const lg_key_value *without = form->line != 0 ? form : parameters;
+    if (system->line == 0 && without->line == 0) return LG_OK;
+    if (system->line == 0)
+        return lg_yaml_fail(r->yaml, without->line, LG_FORMAT, r->error,
+                            "key 'system' is missing, of which this is a part");
+    if (lg_machine_set_system(&r->out->machine, system->text, &inner) != LG_OK)
+        return lg_yaml_fail(r->yaml, system->line, LG_FORMAT, r->error, "system: %s", inner.message);
+    if (form->line != 0 && lg_system_parameters(system->text, form->text) == NULL)
+        return lg_yaml_fail(r->yaml, form->line, LG_FORMAT, r->error, "form: %s has no form '%.40s'",
+                            system->text, form->text);
+    return parameters->line != 0 ? read_parameters(r, parameters) : LG_OK;
+}

@@ -1,0 +1,49 @@
+/* Machines: constant biases of sensors. Logs have positions of lines, angles and poses and velocities of all
+ * coordinates with a number each added to them; states and their equations know nothing of it. */
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+/* The numbers of one row of a log, positions, then velocities, that the term's parameters are added to. */
+static uint32_t columns_of(const lg_machine *machine, const lg_machine_term *term, uint32_t *out) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < term->of_count; i++) {
+        const lg_machine_feature of = term->of[i];
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
+        const bool velocity = of.kind == LG_FEATURE_VELOCITY;
+        const uint32_t first = velocity ? machine->positions + at.velocity : at.position;
+        for (uint32_t k = 0; k < (velocity ? row->velocities : row->places); k++) out[count++] = first + k;
+    }
+    return count;
+}
+
+static size_t bias_parameters(const lg_machine *machine, const lg_machine_term *term) {
+    uint32_t columns[LG_MACHINE_FEATURES * 6];
+    return columns_of(machine, term, columns);
+}
+
+/* (1, positions + velocities) in scaled numbers. */
+static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const uint32_t n = machine->positions + machine->velocities;
+    uint32_t columns[LG_MACHINE_FEATURES * 6];
+    const uint32_t count = columns_of(machine, &machine->terms[term], columns);
+    void *memory;
+    (void)seen;
+    const lg_var place = lg_input_buffer(tape, lg_shape2(count, n), &memory);
+    if (lg_is_none(place)) return place;
+    memset(memory, 0, (size_t)count * n * sizeof(double));
+    for (uint32_t i = 0; i < count; i++) ((double *)memory)[i * n + columns[i]] = 1.0;
+    return lg_matmul(tape, lg_reshape(tape, vars->theta[term], lg_shape2(1, count)), place);
+}
+
+const lg_term_kind lg_machine_bias_kinds[] = {{.name = "constant",
+                                               .part = LG_MACHINE_BIAS,
+                                               .options = LG_TERM_OF | LG_TERM_MOVING,
+                                               .parameters = bias_parameters,
+                                               .record = record,
+                                               .numbers = lg_numbers_bias},
+                                              {.name = NULL}};

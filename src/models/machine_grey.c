@@ -1,0 +1,409 @@
+/* Machines of a named system: its parameters, and its two terms. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "mechanics/system.h"
+#include "models/machine_internal.h"
+
+/* ---- the table ---- */
+
+const lg_grey_system *lg_grey_system_at(size_t index) {
+    const lg_grey_system *system = lg_grey_systems;
+    while (system->name != NULL && index-- > 0) system++;
+    return system->name != NULL ? system : NULL;
+}
+
+const char *lg_grey_system_name(const lg_grey_system *system) {
+    return system->name;
+}
+
+const lg_parameter_entry *lg_grey_system_parameters(const lg_grey_system *system) {
+    return system->parameters != NULL ? system->parameters : lg_system_parameters(system->name, NULL);
+}
+
+lg_coordinate_kind lg_grey_system_coordinate(const lg_grey_system *system, uint32_t index) {
+    return system->coordinates[index < system->count ? index : 0];
+}
+
+uint32_t lg_grey_system_coordinates(const lg_grey_system *system) {
+    return system->count;
+}
+
+static lg_status find_system(const char *name, const lg_grey_system **out, lg_error *error) {
+    char known[200] = "";
+    size_t used = 0;
+    for (const lg_grey_system *s = lg_grey_systems; s->name != NULL; s++) {
+        if (strcmp(s->name, name) == 0) {
+            *out = s;
+            return LG_OK;
+        }
+        if (used < sizeof known)
+            used +=
+                (size_t)snprintf(known + used, sizeof known - used, "%s%s", used > 0 ? ", " : "", s->name);
+    }
+    for (const lg_grey_refused *r = lg_grey_refusals; r->name != NULL; r++)
+        if (strcmp(r->name, name) == 0) return lg_fail(error, LG_NOT_FOUND, "%s: %s", name, r->why);
+    return lg_fail(error, LG_NOT_FOUND, "there is no machine of a system \"%.40s\"; there are %s", name,
+                   known);
+}
+
+/* ---- coordinates ---- */
+
+/* "line, angle", or "direction, one or more". */
+static void describe_coordinates(const lg_grey_system *system, char *text, size_t size) {
+    size_t used = 0;
+    const uint32_t count = system->count > 0 ? system->count : 1;
+    for (uint32_t i = 0; i < count && used < size; i++)
+        used += (size_t)snprintf(text + used, size - used, "%s%s", i > 0 ? ", " : "",
+                                 lg_coordinate_row_of(system->coordinates[i])->name);
+    if (system->count == 0 && used < size) (void)snprintf(text + used, size - used, ", one or more");
+}
+
+static lg_status check_coordinates(const lg_machine *machine, const lg_grey_system *system, lg_error *error) {
+    char wanted[96];
+    bool fits =
+        machine->coordinate_count > 0 && (system->count == 0 || system->count == machine->coordinate_count);
+    for (uint32_t i = 0; i < machine->coordinate_count && fits; i++)
+        fits = machine->coordinates[i].kind == lg_grey_system_coordinate(system, i);
+    if (fits) return LG_OK;
+    describe_coordinates(system, wanted, sizeof wanted);
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "%s: its coordinates are of kind %s, in this order and no others", system->name, wanted);
+}
+
+/* ---- numbers ---- */
+
+static uint32_t links_of(const lg_machine *machine) {
+    return machine->grey.system->count == 0 ? machine->coordinate_count : 0;
+}
+
+/* Place of the first number of an entry; beyond the last one: how many numbers there are. */
+static uint32_t place_of(const lg_machine *machine, const lg_parameter_entry *entry) {
+    uint32_t at = 0;
+    const lg_parameter_entry *p = lg_grey_system_parameters(machine->grey.system);
+    for (; p->key != NULL && p != entry; p++) at += (uint32_t)lg_parameter_numbers(p, links_of(machine));
+    return at;
+}
+
+bool lg_grey_known(const lg_machine *machine) {
+    const lg_machine_grey *grey = &machine->grey;
+    bool known = false;
+    for (uint32_t i = 0; i < grey->count; i++) known = known || !grey->unknown[i];
+    return grey->system != NULL && known;
+}
+
+/* The default of a number; NaN: none. */
+static double fallback_of(const lg_parameter_entry *p, size_t i, bool unknown) {
+    if (p->fallback != NULL) return p->fallback[p->count > 0 ? i : 0];
+    return unknown && p->rule == LG_PARAMETER_POSITIVE ? 1.0 : (double)NAN;
+}
+
+static lg_status check_entry(const lg_machine *machine, const lg_parameter_entry *p, lg_error *error) {
+    const lg_machine_grey *grey = &machine->grey;
+    const uint32_t at = place_of(machine, p);
+    const size_t n = lg_parameter_numbers(p, links_of(machine));
+    size_t unknown = 0;
+    for (size_t i = at; i < at + n; i++) unknown += grey->unknown[i];
+    for (size_t i = at; i < at + n; i++)
+        if (isnan(grey->start[i]))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           grey->unknown[i] ? "%s: parameter \"%s\" (%s) has no default to start from: "
+                                              "{start: ..., unknown: true}"
+                                            : "%s: parameter \"%s\" (%s) must be given",
+                           grey->system->name, p->key, p->meaning);
+    if (p->rule == LG_PARAMETER_UNIT_VECTOR && unknown > 0 && unknown < n)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the numbers of a direction are unknown together",
+                       p->key);
+    return lg_parameter_check(p, grey->start + at, n, error);
+}
+
+lg_status lg_grey_check(const lg_machine *machine, lg_error *error) {
+    const lg_grey_system *system = machine->grey.system;
+    bool term = false;
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        term = term || machine->terms[i].kind == &lg_grey_mass_kind;
+    if (system == NULL && !term) return LG_OK;
+    if (system == NULL || !term)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a system and its terms belong together");
+    LG_TRY(check_coordinates(machine, system, error));
+    for (const lg_parameter_entry *p = lg_grey_system_parameters(system); p->key != NULL; p++)
+        LG_TRY(check_entry(machine, p, error));
+    return LG_OK;
+}
+
+lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t count, const double *values,
+                                   const bool *unknown, lg_error *error) {
+    const lg_grey_system *system = machine->grey.system;
+    const lg_parameter_entry *p = NULL;
+    if (system == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "parameters are those of a system");
+    LG_TRY(lg_parameter_find(system->name, lg_grey_system_parameters(system), key, &p, error));
+    const size_t n = lg_parameter_numbers(p, links_of(machine));
+    if (count != 0 && count != n)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu number%s given, %zu%s expected", key, count,
+                       count == 1 ? " is" : "s are", n, n == 1 ? " is" : " are");
+    lg_machine changed = *machine;
+    const uint32_t at = place_of(machine, p);
+    for (size_t i = 0; i < n; i++) {
+        const bool open = unknown != NULL && unknown[count > 0 ? i : 0];
+        const double value = count > 0 ? values[i] : (double)NAN;
+        changed.grey.unknown[at + i] = open;
+        changed.grey.start[at + i] = isnan(value) ? fallback_of(p, i, open) : value;
+    }
+    LG_TRY(check_entry(&changed, p, error));
+    machine->grey = changed.grey;
+    return LG_OK;
+}
+
+/* ---- theta: 1 for each unknown number, 2 for an unknown unit vector ---- */
+
+static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *term) {
+    const lg_machine_grey *grey = &machine->grey;
+    size_t count = 0;
+    (void)term;
+    for (uint32_t i = 0; i < grey->count; i++) count += grey->unknown[i];
+    for (const lg_parameter_entry *p = lg_grey_system_parameters(grey->system); p->key != NULL; p++)
+        count -= p->rule == LG_PARAMETER_UNIT_VECTOR && grey->unknown[place_of(machine, p)];
+    return count;
+}
+
+/* Numbers are a exp(g t) + b + t with t = theta S: of positive ones a is the start and g 1; of others b. */
+typedef struct mapping {
+    double a[LG_MACHINE_PARAMETERS], b[LG_MACHINE_PARAMETERS], g[LG_MACHINE_PARAMETERS];
+    double S[LG_MACHINE_PARAMETERS * LG_MACHINE_PARAMETERS]; /* (unknown, numbers) */
+    uint32_t used;                                           /* rows of S */
+} mapping;
+
+/* Two unit vectors across a third one. */
+static void across(const double *n, double *e, double *f) {
+    int least = 0;
+    for (int i = 1; i < 3; i++)
+        if (fabs(n[i]) < fabs(n[least])) least = i;
+    double square = 0.0;
+    for (int i = 0; i < 3; i++) {
+        e[i] = (i == least) - n[least] * n[i];
+        square += e[i] * e[i];
+    }
+    for (int i = 0; i < 3; i++) e[i] /= sqrt(square);
+    for (int i = 0; i < 3; i++) f[i] = n[(i + 1) % 3] * e[(i + 2) % 3] - n[(i + 2) % 3] * e[(i + 1) % 3];
+}
+
+static void map_entry(const lg_machine_grey *grey, const lg_parameter_entry *p, uint32_t at, size_t n,
+                      mapping *m) {
+    const bool positive = p->rule == LG_PARAMETER_POSITIVE;
+    double scale = 0.0, *rows = m->S + m->used * grey->count + at;
+    for (size_t i = at; i < at + n; i++) scale = fmax(scale, fabs(grey->start[i]));
+    for (size_t i = at; i < at + n; i++) (positive ? m->a : m->b)[i] = grey->start[i];
+    if (p->rule == LG_PARAMETER_UNIT_VECTOR) {
+        if (!grey->unknown[at]) return;
+        across(grey->start + at, rows, rows + grey->count);
+        m->used += 2;
+        return;
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (!grey->unknown[at + i]) continue;
+        m->S[m->used++ * grey->count + at + i] = positive || !(scale > 0.0) ? 1.0 : scale;
+        m->g[at + i] = positive ? 1.0 : 0.0;
+    }
+}
+
+/* Unit vectors n + t become cos|t| n + sin|t|/|t| t, the start turned by the angle |t|. */
+static lg_var turned(lg_tape *tape, const double *start, lg_var moved, uint32_t n) {
+    const lg_var from = lg_input_f64(tape, lg_shape1(n), start), t = lg_sub(tape, moved, from);
+    const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, t), 1);
+    return lg_add(tape, lg_mul(tape, lg_slice(tape, c, -1, 0, 1), from),
+                  lg_mul(tape, lg_slice(tape, c, -1, 1, 1), t));
+}
+
+static lg_var with_unit_vectors(lg_tape *tape, const lg_machine *machine, lg_var numbers) {
+    const uint32_t all = machine->grey.count;
+    for (const lg_parameter_entry *p = lg_grey_system_parameters(machine->grey.system); p->key != NULL; p++) {
+        const uint32_t at = place_of(machine, p), n = (uint32_t)p->count;
+        if (p->rule != LG_PARAMETER_UNIT_VECTOR || !machine->grey.unknown[at]) continue;
+        lg_var parts[3];
+        size_t used = 0;
+        if (at > 0) parts[used++] = lg_slice(tape, numbers, 0, 0, at);
+        parts[used++] = turned(tape, machine->grey.start + at, lg_slice(tape, numbers, 0, at, n), n);
+        if (at + n < all) parts[used++] = lg_slice(tape, numbers, 0, at + n, all - at - n);
+        numbers = lg_concat(tape, parts, used, 0);
+    }
+    return numbers;
+}
+
+lg_var lg_grey_record(lg_tape *tape, const lg_machine *machine, lg_var theta) {
+    const lg_machine_grey *grey = &machine->grey;
+    const uint32_t links = links_of(machine);
+    mapping m = {.used = 0};
+    for (const lg_parameter_entry *p = lg_grey_system_parameters(grey->system); p->key != NULL; p++)
+        map_entry(grey, p, place_of(machine, p), lg_parameter_numbers(p, links), &m);
+    const lg_shape row = lg_shape2(1, grey->count), flat = lg_shape1(grey->count);
+    if (lg_is_none(theta)) return lg_input_f64(tape, flat, grey->start);
+    const lg_var S = lg_input_f64(tape, lg_shape2(m.used, grey->count), m.S),
+                 a = lg_input_f64(tape, row, m.a), g = lg_input_f64(tape, row, m.g);
+    double other[LG_MACHINE_PARAMETERS];
+    for (uint32_t i = 0; i < grey->count; i++) other[i] = 1.0 - m.g[i];
+    const lg_var t = lg_matmul(tape, lg_reshape(tape, theta, lg_shape2(1, m.used)), S);
+    const lg_var grown = lg_mul(tape, a, lg_exp(tape, lg_mul(tape, t, g)));
+    const lg_var moved =
+        lg_add(tape, lg_input_f64(tape, row, m.b), lg_mul(tape, t, lg_input_f64(tape, row, other)));
+    return with_unit_vectors(tape, machine, lg_reshape(tape, lg_add(tape, grown, moved), flat));
+}
+
+/* ---- terms ---- */
+
+/* A number of the log is the scaled one times its scale. */
+static lg_var places_in_logs(lg_tape *tape, const lg_machine *machine, lg_var x) {
+    bool any = false;
+    for (uint32_t i = 0; i < machine->places; i++) any = any || machine->scales.place[i] != 1.0;
+    if (!any) return x;
+    return lg_mul(tape, x, lg_input_f64(tape, lg_shape2(1, machine->places), machine->scales.place));
+}
+
+static lg_grey_view view_of(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    lg_grey_view at = {.rows = 1, .parameters = vars->grey, .links = machine->directions};
+    if (seen == NULL) return at;
+    const lg_machine_places part = lg_machine_parts(machine);
+    at.rows = seen->rows;
+    if (part.x >= 0) at.x = places_in_logs(tape, machine, seen->parts[part.x]);
+    if (part.q >= 0) at.q = seen->parts[part.q];
+    if (part.R >= 0) at.R = seen->parts[part.R];
+    return at;
+}
+
+/* M of the listed velocities in scaled numbers. */
+static lg_var scaled_mass(lg_tape *tape, const lg_machine *machine, bool directions, lg_var M) {
+    uint32_t list[LG_MACHINE_VELOCITIES];
+    double unit[LG_MACHINE_VALUES];
+    const uint32_t n = lg_machine_mass_velocities(machine, directions, list);
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < n; j++) unit[i * n + j] = lg_machine_unit_mass(machine, list[i], list[j]);
+    return lg_mul(tape, M, lg_input_f64(tape, lg_shape3(1, n, n), unit));
+}
+
+static lg_var mass(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const lg_grey_view at = view_of(tape, vars, seen);
+    (void)term;
+    return scaled_mass(tape, vars->machine, false, vars->machine->grey.system->mass(tape, &at));
+}
+
+static lg_var directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    const lg_grey_view at = view_of(tape, vars, NULL);
+    (void)term;
+    return scaled_mass(tape, vars->machine, true, vars->machine->grey.system->directions(tape, &at));
+}
+
+static lg_var potential(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                        const lg_machine_seen *seen) {
+    const lg_grey_view at = view_of(tape, vars, seen);
+    (void)term;
+    return lg_scale(tape, vars->machine->grey.system->potential(tape, &at),
+                    1.0 / vars->machine->scales.energy);
+}
+
+static bool moves(const lg_machine *machine) {
+    return machine->grey.system != NULL && machine->grey.system->moving;
+}
+
+const lg_term_kind lg_grey_mass_kind = {.name = "system",
+                                        .part = LG_MACHINE_MASS,
+                                        .parameters = unknown_numbers,
+                                        .record = mass,
+                                        .directions = directions,
+                                        .numbers = lg_numbers_grey,
+                                        .moving = moves};
+const lg_term_kind lg_grey_potential_kind = {
+    .name = "system", .part = LG_MACHINE_POTENTIAL, .record = potential};
+
+/* ---- a machine gets a system ---- */
+
+static void add_term(lg_machine *machine, const lg_term_kind *kind) {
+    lg_machine_term *term = &machine->terms[machine->term_count++];
+    *term = (lg_machine_term){.kind = kind, .part = kind->part};
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        if ((machine->grey.system->seen >> i & 1U) != 0)
+            term->of[term->of_count++] = (lg_machine_feature){LG_FEATURE_POSITION, i};
+}
+
+lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error *error) {
+    const lg_grey_system *system = NULL;
+    if (machine->grey.system != NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has a system already");
+    if (machine->term_count + 2 > LG_MACHINE_TERMS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d terms", LG_MACHINE_TERMS);
+    LG_TRY(find_system(name, &system, error));
+    LG_TRY(check_coordinates(machine, system, error));
+    machine->grey = (lg_machine_grey){.system = system};
+    machine->grey.count = place_of(machine, NULL);
+    const lg_parameter_entry *p = lg_grey_system_parameters(system);
+    for (uint32_t at = 0; p->key != NULL; p++)
+        for (size_t i = 0; i < lg_parameter_numbers(p, links_of(machine)); i++)
+            machine->grey.start[at++] = fallback_of(p, i, false);
+    add_term(machine, &lg_grey_mass_kind);
+    if (system->potential != NULL) add_term(machine, &lg_grey_potential_kind);
+    return LG_OK;
+}
+
+/* ---- numbers with names ---- */
+
+void lg_numbers_grey(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
+                     const double *theta) {
+    const lg_machine_grey *grey = &machine->grey;
+    double values[LG_MACHINE_PARAMETERS];
+    lg_tape *tape = NULL;
+    if (term->parameters == 0) return;
+    lg_status status = lg_tape_create(NULL, NULL, &tape);
+    if (status == LG_OK) {
+        const lg_var own = lg_input_f64(tape, lg_shape1((uint32_t)term->parameters), theta);
+        status = lg_read(tape, lg_grey_record(tape, machine, own), grey->count, values);
+    }
+    lg_tape_destroy(tape);
+    for (uint32_t i = 0; i < grey->count; i++) {
+        char label[LG_PARAMETER_LABEL];
+        if (!grey->unknown[i]) continue;
+        lg_parameter_label(lg_grey_system_parameters(grey->system), links_of(machine), i, label);
+        lg_numbers_put(list, status == LG_OK ? values[i] : (double)NAN, "%s", label);
+    }
+}
+
+/* ---- the size of energies ---- */
+
+/* The diagonal of M at the start, times L^2/T^2, in energies of the log. */
+static lg_status read_masses(lg_tape *tape, const lg_machine *machine, uint32_t *count, double *out) {
+    lg_machine_vars vars = {.machine = machine};
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    double theta[LG_MACHINE_PARAMETERS] = {0.0}, M[LG_MACHINE_VALUES];
+    const uint32_t n = machine->momenta > 0 ? machine->momenta : machine->directions;
+    const uint32_t unknown = (uint32_t)unknown_numbers(machine, NULL);
+    *count = n;
+    vars.grey =
+        lg_grey_record(tape, machine, unknown > 0 ? lg_input_f64(tape, lg_shape1(unknown), theta) : LG_NONE);
+    lg_var all;
+    if (machine->momenta > 0) {
+        const lg_var zeros = lg_full(tape, lg_shape2(1, machine->places > 0 ? machine->places : 1), 0.0);
+        for (int i = 0; i < LG_TAPED_MAX_PARTS; i++) parts[i] = zeros;
+        const lg_machine_seen seen = {.parts = parts, .rows = 1};
+        all = mass(tape, &vars, 0, &seen);
+    } else {
+        all = directions(tape, &vars, 0);
+    }
+    LG_TRY(lg_read(tape, all, (size_t)n * n, M));
+    for (uint32_t i = 0; i < n; i++) out[i] = M[i * n + i];
+    return LG_OK;
+}
+
+double lg_grey_energy(const lg_machine *machine) {
+    lg_machine plain = *machine;
+    double masses[LG_MACHINE_VELOCITIES], logs = 0.0;
+    uint32_t n = 0;
+    lg_tape *tape = NULL;
+    if (machine->grey.system == NULL) return 0.0;
+    plain.scales.energy = 1.0;
+    lg_status status = lg_tape_create(NULL, NULL, &tape);
+    if (status == LG_OK) status = read_masses(tape, &plain, &n, masses);
+    lg_tape_destroy(tape);
+    for (uint32_t i = 0; i < n; i++) logs += log(masses[i]);
+    return status == LG_OK ? exp(logs / n) : 0.0;
+}

@@ -1,0 +1,136 @@
+/* Machines: how the errors of their numbers hang together, and what the logs leave open. */
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "kernels/lapack.h"
+#include "models/machine_internal.h"
+
+bool lg_machine_eigen(const lg_context *context, size_t n, double *matrix, double *values) {
+    const int size = (int)n;
+    double want = 0.0;
+    int iwant = 0, info = 0, query = -1;
+    dsyevd_("V", "U", &size, matrix, &size, values, &want, &query, &iwant, &query, &info);
+    const int room = (int)want, iroom = iwant;
+    double *work = lg_alloc(context, (size_t)room, sizeof *work);
+    int *iwork = lg_alloc(context, (size_t)iroom, sizeof *iwork);
+    info = work != NULL && iwork != NULL ? 0 : -1;
+    if (info == 0) dsyevd_("V", "U", &size, matrix, &size, values, work, &room, iwork, &iroom, &info);
+    lg_free(context, work);
+    lg_free(context, iwork);
+    return info == 0;
+}
+
+static void correlate(size_t n, const double *covariance, const lg_identified *numbers, double *out) {
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            const double product = covariance[i * n + i] * covariance[j * n + j];
+            const bool told = isfinite(numbers[i].error) && isfinite(numbers[j].error) && product > 0.0;
+            out[i * n + j] = i == j ? 1.0 : told ? covariance[i * n + j] / sqrt(product) : 0.0;
+        }
+}
+
+/* ---- open directions ---- */
+
+/* Of rows (m, n) makes rows that span the same, each with a number of its own: Gauss-Jordan elimination with
+ * the largest element as the pivot. What is left of rounding is 0. */
+static void reduce(size_t m, size_t n, double *rows) {
+    static const double nothing = 0.02;
+    for (size_t k = 0; k < m; k++) {
+        size_t row = k, column = 0;
+        for (size_t i = k; i < m; i++)
+            for (size_t j = 0; j < n; j++)
+                /* Among equal ones the first: earlier numbers are named by their own row. */
+                if (fabs(rows[i * n + j]) > 1.001 * fabs(rows[row * n + column])) row = i, column = j;
+        for (size_t j = 0; j < n; j++) {
+            const double swapped = rows[k * n + j];
+            rows[k * n + j] = rows[row * n + j];
+            rows[row * n + j] = swapped;
+        }
+        const double pivot = rows[k * n + column];
+        for (size_t j = 0; j < n; j++) rows[k * n + j] /= pivot;
+        for (size_t i = 0; i < m; i++) {
+            const double factor = i == k ? 0.0 : rows[i * n + column];
+            for (size_t j = 0; j < n; j++) rows[i * n + j] -= factor * rows[k * n + j];
+        }
+    }
+    for (size_t k = 0; k < m; k++) {
+        double largest = 0.0;
+        for (size_t j = 0; j < n; j++)
+            if (fabs(rows[k * n + j]) > 1.001 * fabs(largest)) largest = rows[k * n + j];
+        for (size_t j = 0; j < n; j++) {
+            rows[k * n + j] /= largest;
+            if (fabs(rows[k * n + j]) < nothing) rows[k * n + j] = 0.0;
+        }
+    }
+}
+
+lg_status lg_machine_relate(const lg_context *context, size_t count, double *covariance,
+                            lg_identification *out) {
+    /* Numbers that may be off by their own size are not determined. */
+    static const double open = 1.0;
+    if (out->correlations != NULL) correlate(count, covariance, out->numbers, out->correlations);
+    out->open_count = 0;
+    if (out->open == NULL) return LG_OK;
+    double *variances = lg_alloc(context, count, sizeof *variances);
+    if (variances == NULL) return LG_OUT_OF_MEMORY;
+    if (lg_machine_eigen(context, count, covariance, variances))
+        for (size_t k = count; k-- > 0 && variances[k] > open;)
+            memcpy(out->open + count * out->open_count++, covariance + k * count, count * sizeof *covariance);
+    lg_free(context, variances);
+    reduce(out->open_count, count, out->open);
+    return LG_OK;
+}
+
+/* ---- in words ---- */
+
+typedef struct listing {
+    char *text;
+    size_t size, used;
+} listing;
+
+static void __attribute__((format(printf, 2, 3))) add(listing *l, const char *format, ...);
+static void add(listing *l, const char *format, ...) {
+    va_list arguments;
+    if (l->used >= l->size) return;
+    va_start(arguments, format);
+    const int more = vsnprintf(l->text + l->used, l->size - l->used, format, arguments);
+    va_end(arguments);
+    l->used += more > 0 ? (size_t)more : 0;
+}
+
+/* Numbers that move, as "a, b and c"; `changes`: with their changes. */
+static void list_moving(listing *l, const lg_identified *numbers, size_t count, const double *row,
+                        size_t moving, bool changes) {
+    size_t told = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (row[i] == 0.0) continue;
+        add(l, "%s%s", told == 0 ? "" : told + 1 == moving ? " and " : ", ", numbers[i].name);
+        if (changes) add(l, " by %+.2g %%", row[i]);
+        told++;
+    }
+}
+
+size_t lg_identification_sentence(const lg_identification *of, size_t count, size_t row, char *text,
+                                  size_t size) {
+    static const double close = 0.02;
+    const double *move = of->open + row * count;
+    listing l = {text, size, 0};
+    size_t moving = 0, up = 0, down = 0;
+    for (size_t i = 0; i < count; i++) {
+        moving += move[i] != 0.0;
+        up += fabs(move[i] - 1.0) < close;
+        down += fabs(move[i] + 1.0) < close;
+    }
+    const bool equal = up == moving || down == moving, pair = moving == 2 && up == 1 && down == 1;
+    if (size > 0) text[0] = '\0';
+    list_moving(&l, of->numbers, count, move, moving, !equal && !pair);
+    add(&l, "%s: give one of them as known",
+        pair          ? " appear only as a product"
+        : !equal      ? " can change together without a trace in the logs"
+        : moving == 2 ? " appear only as a ratio"
+                      : " are determined only up to a common factor");
+    return moving;
+}

@@ -1,0 +1,257 @@
+/* Machines with a constant mass: steps that are symplectic where there are no forces but the potential's.
+ *
+ * kick (h/2) - drift (h) - kick (h/2), of order 2. docs/machines.md has the formulas.
+ *
+ * Kick: positions stand, momenta change by h/2 f(q, v, u) with all forces, v that in the middle of the change
+ * (implicit midpoint) where forces depend on it. So the kinetic energy changes by h/2 v.f; of damping that is
+ * never above 0.
+ *
+ * Drift: free motion. With M constant, lines, angles and directions move exactly, g = (x, R) by the
+ * variational integrator on the group with the discrete Lagrangian h/2 v^T M v, g1 = g0 exp(h v) (Bou-Rabee
+ * and Marsden, Hamilton-Pontryagin integrators on Lie groups, 2009):
+ *   p0 = (dexp_{h v}^-1)^T M v,  p1 = Ad_{exp(h v)}^T p0.
+ * v is found by Newton's method. Momenta in space are constant to rounding, whatever v is. Momenta of a body
+ * move as pairs (l, m) under SE(3): (dexp_u^-1)^T is dexp_{-u}^-1 of the pair (liegrad/geometry.h). */
+#include <string.h>
+
+#include "autodiff/lie.h"
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/machine_internal.h"
+
+typedef struct motion {
+    const lg_machine_vars *vars;
+    const lg_machine_span *over;
+    lg_var *parts;
+    /* Of the kick: */
+    lg_var still; /* forces that do not depend on velocities, (B, velocities), or LG_NONE */
+    lg_var u;
+} motion;
+
+const char *lg_machine_variational_fault(const lg_machine *machine) {
+    if (lg_machine_mass_moves(machine))
+        return "variational is for masses that do not depend on the state (known, diagonal, constant); take "
+               "cf4, "
+               "rkmk4 or another explicit Lie group scheme";
+    if (machine->grey.system != NULL && machine->directions > 1)
+        return "variational is for directions with a mass each; those of a chain have a matrix in common: "
+               "take "
+               "cf4, rkmk4 or another explicit Lie group scheme";
+    return NULL;
+}
+
+/* c h x; x (B, n) or (B, k, n) */
+static lg_var paced(lg_tape *tape, const lg_machine_span *over, double c, lg_var x) {
+    const lg_shape shape = lg_var_shape(tape, x);
+    const lg_var y = lg_scale(tape, x, c * over->h);
+    if (lg_is_none(over->rows)) return y;
+    const lg_var tall =
+        shape.rank == 2 ? over->rows : lg_reshape(tape, over->rows, lg_shape3(shape.dims[0], 1, 1));
+    return lg_mul(tape, y, tall);
+}
+
+static lg_var plus(lg_tape *tape, lg_var a, lg_var b) {
+    return lg_is_none(a) ? b : lg_is_none(b) ? a : lg_add(tape, a, b);
+}
+
+/* ---- kick ---- */
+
+/* Whether forces depend on velocities. */
+static bool drags(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if (term->part == LG_MACHINE_DAMPING) return true;
+        for (uint32_t k = 0; k < term->of_count; k++)
+            if (term->of[k].kind == LG_FEATURE_VELOCITY) return true;
+    }
+    return false;
+}
+
+/* The forces at velocities v, (B, velocities), or LG_NONE. */
+static lg_var forces(lg_tape *tape, const motion *s, lg_var v) {
+    lg_var sum = s->still;
+    static const lg_machine_part with_velocities[] = {LG_MACHINE_DAMPING, LG_MACHINE_RESIDUAL};
+    for (size_t i = 0; i < LG_COUNT(with_velocities); i++)
+        sum = plus(tape, sum, lg_machine_record_force(tape, s->vars, with_velocities[i], s->parts, v, s->u));
+    return sum;
+}
+
+/* v - v(p + h/4 f(v)) */
+static lg_status middle(void *user, lg_tape *tape, lg_var v, lg_var *r) {
+    const motion *s = user;
+    lg_var pushed[LG_TAPED_MAX_PARTS];
+    memcpy(pushed, s->parts, sizeof pushed);
+    lg_machine_push(tape, s->vars->machine, paced(tape, s->over, 0.25, forces(tape, s, v)), pushed);
+    *r = lg_sub(tape, v, lg_machine_record_velocities(tape, s->vars, pushed));
+    return lg_tape_status(tape);
+}
+
+/* `pull`: the potential's forces. */
+static lg_status kick(lg_tape *tape, motion *s, lg_var pull, lg_var u) {
+    lg_var v = lg_machine_record_velocities(tape, s->vars, s->parts);
+    s->u = u;
+    s->still = pull;
+    if (!lg_is_none(u))
+        s->still =
+            plus(tape, pull, lg_machine_record_force(tape, s->vars, LG_MACHINE_INPUT_MAP, s->parts, v, u));
+    if (drags(s->vars->machine)) LG_TRY(lg_machine_root(tape, middle, s, v, &v));
+    const lg_var f = forces(tape, s, v);
+    if (!lg_is_none(f)) lg_machine_push(tape, s->vars->machine, paced(tape, s->over, 0.5, f), s->parts);
+    return lg_tape_status(tape);
+}
+
+/* ---- drift ---- */
+
+/* What moves one body: -h Omega, -h w (LG_NONE: a rotation), (B, 3); its momenta m and l. */
+typedef struct screw {
+    lg_var turn, shift, m, l;
+} screw;
+
+/* v, p: (B, momenta) */
+static screw screw_of(lg_tape *tape, const motion *s, uint32_t coordinate, lg_var v, lg_var p) {
+    const lg_machine *machine = s->vars->machine;
+    const uint32_t first = lg_machine_offsets_of(machine, coordinate).momentum;
+    const bool pose = machine->coordinates[coordinate].kind == LG_COORDINATE_POSE;
+    const uint32_t turn = pose ? first + 3 : first;
+    screw out = {.turn = paced(tape, s->over, -1.0, lg_machine_columns(tape, v, turn, 3)),
+                 .m = lg_machine_columns(tape, p, turn, 3)};
+    if (pose) {
+        out.shift = paced(tape, s->over, -1.0, lg_machine_columns(tape, v, first, 3));
+        out.l = lg_machine_columns(tape, p, first, 3);
+    }
+    return out;
+}
+
+/* Coordinates whose momenta are on R^n: the momenta that `body` gives, and those of lines as they are. */
+static lg_var each_momentum(lg_tape *tape, const motion *s, lg_var v, lg_var p,
+                            void (*body)(lg_tape *, const screw *, lg_var *m, lg_var *l)) {
+    const lg_machine *machine = s->vars->machine;
+    lg_var each[2 * LG_MACHINE_COORDINATES];
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        if (row->directions > 0) continue;
+        if (row->rotations == 0) {
+            each[count++] = lg_machine_columns(tape, p, lg_machine_offsets_of(machine, i).momentum, 1);
+            continue;
+        }
+        const screw a = screw_of(tape, s, i, v, p);
+        lg_var m, l = LG_NONE;
+        body(tape, &a, &m, &l);
+        if (!lg_is_none(l)) each[count++] = l;
+        each[count++] = m;
+    }
+    return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+}
+
+/* (dexp_{h v}^-1)^T (m, l) */
+static void at_start(lg_tape *tape, const screw *a, lg_var *m, lg_var *l) {
+    if (lg_is_none(a->l)) {
+        *m = lg_so3_dexpinv_rows(tape, a->turn, a->m);
+        return;
+    }
+    *l = lg_so3_dexpinv_rows(tape, a->turn, a->l);
+    *m = lg_se3_dexpinv_rows(tape, a->turn, a->shift, a->l, a->m);
+}
+
+/* Ad_{exp(h v)}^T (m, l) */
+static void carried(lg_tape *tape, const screw *a, lg_var *m, lg_var *l) {
+    if (lg_is_none(a->l)) {
+        *m = lg_so3_exp_rows(tape, a->turn, a->m);
+        return;
+    }
+    *l = lg_so3_exp_rows(tape, a->turn, a->l);
+    *m = lg_se3_act_rows(tape, a->turn, a->shift, a->l, a->m);
+}
+
+static lg_status legendre(void *user, lg_tape *tape, lg_var v, lg_var *r) {
+    const motion *s = user;
+    const lg_var p = lg_matmul(tape, v, s->vars->mass);
+    *r = lg_sub(tape, each_momentum(tape, s, v, p, at_start), s->parts[lg_machine_parts(s->vars->machine).m]);
+    return lg_tape_status(tape);
+}
+
+/* x + R dexp_{h Omega}(h w) */
+static lg_var shifted(lg_tape *tape, const screw *a, lg_var x, lg_var R) {
+    const uint32_t rows = lg_var_shape(tape, x).dims[0];
+    const lg_var way = lg_neg(tape, lg_so3_dexp_rows(tape, lg_neg(tape, a->turn), a->shift));
+    const lg_var column = lg_reshape(tape, way, lg_shape3(rows, 3, 1));
+    return lg_add(tape, x, lg_reshape(tape, lg_matmul(tape, R, column), lg_shape2(rows, 3)));
+}
+
+/* The rows of R (B, 3, 3) turn as vectors do: r_i' = r_i x Omega. */
+static lg_var turned(lg_tape *tape, const screw *a, lg_var R) {
+    const lg_shape shape = lg_var_shape(tape, R);
+    const lg_var turn = lg_reshape(tape, a->turn, lg_shape3(shape.dims[0], 1, 3));
+    return lg_so3_exp_rows(tape, lg_broadcast_to(tape, turn, shape), R);
+}
+
+/* Places and rotations move on by v (B, momenta). */
+static void move_positions(lg_tape *tape, const motion *s, lg_var v) {
+    const lg_machine *machine = s->vars->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const uint32_t rows = lg_var_shape(tape, v).dims[0];
+    lg_var x[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
+    uint32_t xs = 0, Rs = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const lg_machine_offsets offset = lg_machine_offsets_of(machine, i);
+        if (row->directions > 0) continue;
+        const lg_var place =
+            row->places > 0 ? lg_machine_columns(tape, s->parts[at.x], offset.place, row->places) : LG_NONE;
+        if (row->rotations == 0) {
+            const lg_var way = paced(tape, s->over, 1.0, lg_machine_columns(tape, v, offset.momentum, 1));
+            x[xs++] = lg_add(tape, place, way);
+            continue;
+        }
+        const lg_var old =
+            lg_reshape(tape, lg_slice(tape, s->parts[at.R], 1, offset.rotation, 1), lg_shape3(rows, 3, 3));
+        const screw a = screw_of(tape, s, i, v, s->parts[at.m]);
+        if (row->places > 0) x[xs++] = shifted(tape, &a, place, old);
+        R[Rs++] = lg_reshape(tape, turned(tape, &a, old), lg_shape3(rows, 1, 9));
+    }
+    if (xs > 0) s->parts[at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
+    if (Rs > 0) s->parts[at.R] = Rs == 1 ? R[0] : lg_concat(tape, R, Rs, 1);
+}
+
+static lg_status move_bodies(lg_tape *tape, motion *s) {
+    const lg_machine *machine = s->vars->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const lg_var p = s->parts[at.m];
+    lg_var v = lg_matmul(tape, p, s->vars->inverse);
+    if (at.R < 0) { /* lines: p = M v */
+        s->parts[at.x] = lg_add(tape, s->parts[at.x], paced(tape, s->over, 1.0, v));
+        return lg_tape_status(tape);
+    }
+    LG_TRY(lg_machine_root(tape, legendre, s, v, &v));
+    move_positions(tape, s, v);
+    s->parts[at.m] = each_momentum(tape, s, v, p, carried);
+    return lg_tape_status(tape);
+}
+
+/* Great circles: q and p turn by h omega, omega = q x p/M. */
+static void move_directions(lg_tape *tape, const motion *s) {
+    const lg_machine_places at = lg_machine_parts(s->vars->machine);
+    const lg_var q = s->parts[at.q], p = s->parts[at.p];
+    const lg_var omega = lg_div(tape, lg_cross(tape, q, p), s->vars->direction_mass);
+    const lg_var turn = paced(tape, s->over, 1.0, omega);
+    s->parts[at.q] = lg_so3_exp_rows(tape, turn, q);
+    s->parts[at.p] = lg_so3_exp_rows(tape, turn, p);
+}
+
+lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_span *over,
+                                      lg_var *parts) {
+    const lg_machine_places at = lg_machine_parts(vars->machine);
+    lg_var moved[LG_TAPED_MAX_PARTS] = {LG_NONE};
+    motion s = {.vars = vars, .over = over, .parts = moved};
+    const int places[] = {at.x, at.q, at.p, at.R, at.m};
+    for (size_t i = 0; i < LG_COUNT(places); i++)
+        if (places[i] >= 0) moved[places[i]] = parts[places[i]];
+    LG_TRY(kick(tape, &s, lg_machine_record_pull(tape, vars, moved), over->u[0]));
+    if (at.m >= 0) LG_TRY(move_bodies(tape, &s));
+    if (at.q >= 0) move_directions(tape, &s);
+    LG_TRY(kick(tape, &s, lg_machine_record_pull(tape, vars, moved), over->u[1]));
+    for (size_t i = 0; i < LG_COUNT(places); i++)
+        if (places[i] >= 0) parts[places[i]] = moved[places[i]];
+    return lg_tape_status(tape);
+}

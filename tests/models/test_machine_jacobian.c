@@ -1,0 +1,145 @@
+/* Machines: the Jacobian of windows an interval at a time, against the tape's of their residuals. */
+#include "models/machine_support.h"
+
+#include "liegrad/nn.h"
+#include "liegrad/ops.h"
+
+enum { PARTS = 3, WINDOW = 3, ROWS = PARTS * WINDOW };
+
+typedef struct task {
+    size_t first[PARTS + 1], start[PARTS];
+    double t[ROWS], q[ROWS * LG_MACHINE_POSITIONS], v[ROWS * LG_MACHINE_VELOCITIES], *u;
+    lg_machine_problem problem;
+    lg_fit_problem fit;
+} task;
+
+/* Windows of random rows: residuals of the size of 1. Intervals differ; a velocity and a direction are
+ * missing. */
+static task *make_task(const lg_machine *machine, lg_machine_starts starts, const char *scheme,
+                       const double *theta) {
+    task *t = TEST_ARRAY(task, 1);
+    random_rows(machine, 11, ROWS, t->q, t->v);
+    for (size_t row = 0; row < ROWS; row++) {
+        t->t[row] = 0.05 * (double)row + 0.002 * (double)(row * row % 7);
+        t->first[row / WINDOW] = t->start[row / WINDOW] = row / WINDOW * WINDOW;
+    }
+    t->first[PARTS] = ROWS;
+    t->u = test_numbers(4, ROWS * 4 * (machine->input_count + 1), -1, 1);
+    t->v[2 * machine->velocities + 1] = (double)NAN;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        for (int k = 0; k < 3 && machine->coordinates[i].kind == LG_COORDINATE_DIRECTION; k++)
+            t->q[machine->positions + 2 + (uint32_t)k] = (double)NAN;
+    t->problem = (lg_machine_problem){.machine = machine,
+                                      .scheme = lg_scheme_find(scheme),
+                                      .substeps = 2,
+                                      .window = WINDOW,
+                                      .starts = starts,
+                                      .theta = theta,
+                                      .log = {ROWS, PARTS, t->first, t->t, t->q, t->v, t->u},
+                                      .windows = PARTS,
+                                      .start = t->start};
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        t->problem.position_scale[i] = 0.5 + 0.1 * i, t->problem.velocity_scale[i] = 1.5 - 0.1 * i;
+    assert_ok(lg_machine_problem_check(&t->problem, NULL));
+    lg_machine_fit_problem(&t->problem, &t->fit);
+    return t;
+}
+
+enum { DIRECTIONS = 4 };
+
+/* J d of one sample; column j < shared is parameter j, others from `first` on. */
+static void along(size_t rows, size_t columns, size_t shared, size_t first, const double *J, const double *d,
+                  double *out) {
+    for (size_t row = 0; row < rows; row++)
+        for (size_t j = 0; j < columns; j++)
+            out[row] += J[row * columns + j] * d[j < shared ? j : first + j - shared];
+}
+
+static double dot(size_t n, const double *a, const double *b) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+/* Products of r and of J d for some d among each other: those of the tape's residuals are `expected`. */
+static void assert_products(size_t rows, const double *found, size_t count, const double *expected) {
+    for (size_t i = 0; i <= DIRECTIONS; i++)
+        for (size_t j = 0; j <= DIRECTIONS; j++) {
+            if (i == 0 && j == 0) continue; /* r may lack what is normal to J */
+            const double *a = expected + i * count, *b = expected + j * count;
+            const double size = sqrt(dot(count, a, a) * dot(count, b, b)),
+                         product = dot(rows, found + i * rows, found + j * rows);
+            assert_true(size > 1e-6);
+            if (!(fabs(product - dot(count, a, b)) <= 1e-11 * size))
+                fail_msg("%zu, %zu: %.17g instead of %.17g", i, j, product, dot(count, a, b));
+        }
+}
+
+/* known: NULL, or the machine's parameters. */
+static void assert_jacobian(const lg_machine *machine, lg_machine_starts starts, const char *scheme,
+                            const double *known) {
+    static const uint32_t samples[PARTS] = {2, 0, 1};
+    task *t = make_task(machine, starts, scheme, known);
+    const size_t n = t->fit.parameters, own = t->fit.own, shared = n - own * PARTS, columns = shared + own,
+                 rows = t->fit.rows;
+    double *theta = test_numbers(6, n, -0.3, 0.3), loss = 0.0;
+    double *J = TEST_ARRAY(double, rows *PARTS *columns),
+           *found = TEST_ARRAY(double, (DIRECTIONS + 1) * rows * PARTS);
+    lg_tape *tape = test_tape(LG_F64);
+    const lg_status status =
+        t->fit.linearise(t->fit.user, tape, theta, samples, PARTS, PARTS, &loss, found, J);
+    if (status != LG_OK) fail_msg("%s", lg_tape_message(tape));
+    lg_tape_reset(tape);
+    const lg_var x = lg_parameter(tape, lg_shape1((uint32_t)n), theta);
+    lg_var all;
+    assert_ok(t->fit.residuals(t->fit.user, tape, x, samples, PARTS, PARTS, &all));
+    const size_t count = lg_shape_count(lg_var_shape(tape, all));
+    double *expected = TEST_ARRAY(double, (DIRECTIONS + 1) * count);
+    assert_ok(lg_read(tape, all, count, expected));
+    for (size_t i = 1; i <= DIRECTIONS; i++) {
+        const double *d = test_numbers(20 + i, n, -1, 1);
+        const lg_var direction = lg_input_f64(tape, lg_shape1((uint32_t)n), d);
+        lg_var change;
+        assert_ok(lg_jvp(tape, &all, 1, &x, &direction, 1, &change));
+        assert_ok(lg_read(tape, change, count, expected + i * count));
+        for (size_t s = 0; s < PARTS; s++)
+            along(rows, columns, shared, shared + own * samples[s], J + s * rows * columns, d,
+                  found + (i * PARTS + s) * rows);
+    }
+    assert_true(fabs(loss - dot(count, expected, expected)) <= 1e-11 * loss);
+    assert_products(rows * PARTS, found, count, expected);
+}
+
+TEST("the Jacobian of windows is that of the tape, with every kind of term") {
+    for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++) {
+        const lg_term_kind *kind;
+        for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
+            const lg_machine machine = machine_with(kind, (lg_machine_part)part);
+            assert_jacobian(&machine, LG_MACHINE_STARTS_MEASURED, "cf4", NULL);
+        }
+    }
+}
+
+TEST("starts are in the Jacobian, each in its own columns") {
+    const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
+    assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
+}
+
+TEST("with known parameters the Jacobian has columns of the starts alone") {
+    const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
+    assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", machine_theta(&machine, 7));
+}
+
+/* The implicit parts of steps are solved: their derivative is that of the solution. */
+TEST("of variational steps too, with every kind of term, and starts among the unknowns") {
+    for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++) {
+        const lg_term_kind *kind;
+        for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
+            const lg_machine machine = machine_with(kind, (lg_machine_part)part);
+            if (machine_moves(&machine)) continue;
+            assert_jacobian(&machine, LG_MACHINE_STARTS_MEASURED, "variational", NULL);
+        }
+    }
+    const lg_machine full = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "constant"), LG_MACHINE_MASS);
+    assert_jacobian(&full, LG_MACHINE_STARTS_ESTIMATED, "variational", NULL);
+}
