@@ -356,9 +356,6 @@ static void warn_of_numbers(const app *self, const lg_identification *of, size_t
     }
 }
 
-/* Parameters up to which a model keeps their covariance. */
-enum { MOST_SPREAD = 256 };
-
 static int finish(void *user, train_session *session) {
     training *t = user;
     const app *self = session->app;
@@ -372,7 +369,7 @@ static int finish(void *user, train_session *session) {
     lg_identification of = {.numbers = app_alloc(count + 1, sizeof *of.numbers),
                             .correlations = app_alloc(count * count + 1, sizeof *of.correlations),
                             .open = app_alloc(count * count + 1, sizeof *of.open),
-                            .spread = n <= MOST_SPREAD ? app_alloc(n * n, sizeof *of.spread) : NULL};
+                            .spread = n <= IDENTIFY_MOST_SPREAD ? app_alloc(n * n, sizeof *of.spread) : NULL};
     if (code == APP_EXIT_OK) {
         status = lg_machine_identify(self->context, &t->problem, theta, &of, &error);
         if (status != LG_OK) code = app_fail(self, status, "%s", app_sentence(status, &error));

@@ -10,6 +10,9 @@
 extern const app_command check_command, fit_command, evaluate_command, predict_command, generate_command,
     demo_command;
 
+/* Parameters up to which a model keeps their covariance. */
+#define IDENTIFY_MOST_SPREAD 256
+
 /* ---- logs (data.c) ---- */
 
 /* A machine and its logs: first those for training, then those for validation. */

@@ -186,9 +186,9 @@ static int predict_and_write(app *self, prediction *p) {
     if (values.bands && p->file->spread == NULL)
         return app_fail(
             self, LG_UNSUPPORTED,
-            "%s: has no covariance of its parameters for --bands: it has more than 256 of them, or none "
+            "%s: has no covariance of its parameters for --bands: it has more than %d of them, or none "
             "that the logs determine",
-            self->arguments[0]);
+            self->arguments[0], IDENTIFY_MOST_SPREAD);
     status = predict(self, p, &error);
     if (status != LG_OK)
         return app_fail(self, status, "%s: %s", self->arguments[1], app_sentence(status, &error));

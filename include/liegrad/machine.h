@@ -353,13 +353,13 @@ LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_pro
 
 /* ---- identified numbers ---- */
 
-/* A number with a meaning, in the units of the log: an unknown one of a system by its label, "m1"; "mass.1.2"
- * (of velocities 1 and 2, counted through the
- * coordinates), "damping.x" or "damping.body.3" (diagonal; also "coulomb.x", "quadratic.x"), "damping.1.2"
- * (constant), "input_map.2.1", "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3".
- * Where a mass is a network: M where places and angles are 0, directions e3 and attitudes 1. `error` is one
- * standard deviation, from the Gauss-Newton matrix of at most 512 windows and the noise that the residuals
- * show; infinite: the data do not determine it. */
+/* A number with a meaning, in the units of the log: an unknown one of a system by its label, "m1";
+ * "mass.1.2" (of velocities 1 and 2, counted through the coordinates), "damping.x" or "damping.body.3"
+ * (diagonal; also "coulomb.x", "quadratic.x"), "damping.1.2" (constant), "input_map.2.1", "potential.x^2",
+ * "potential.sin(theta)", "bias.x", "bias.body.velocity.3". Where a mass is a network: M where places and
+ * angles are 0, directions e3 and attitudes 1. `error` is one standard deviation, from the Gauss-Newton
+ * matrix of at most 512 windows and the noise that the residuals show; infinite: the data do not determine
+ * it. */
 #define LG_IDENTIFIED_NAME 96
 typedef struct lg_identified {
     char name[LG_IDENTIFIED_NAME];

@@ -31,12 +31,10 @@ typedef struct motion {
 const char *lg_machine_variational_fault(const lg_machine *machine) {
     if (lg_machine_mass_moves(machine))
         return "variational is for masses that do not depend on the state (known, diagonal, constant); take "
-               "cf4, "
-               "rkmk4 or another explicit Lie group scheme";
+               "cf4, rkmk4 or another explicit Lie group scheme";
     if (machine->grey.system != NULL && machine->directions > 1)
         return "variational is for directions with a mass each; those of a chain have a matrix in common: "
-               "take "
-               "cf4, rkmk4 or another explicit Lie group scheme";
+               "take cf4, rkmk4 or another explicit Lie group scheme";
     return NULL;
 }
 
@@ -82,13 +80,13 @@ static lg_status middle(void *user, lg_tape *tape, lg_var v, lg_var *r) {
     lg_var pushed[LG_TAPED_MAX_PARTS];
     memcpy(pushed, s->parts, sizeof pushed);
     lg_machine_push(tape, s->vars->machine, paced(tape, s->over, 0.25, forces(tape, s, v)), pushed);
-    *r = lg_sub(tape, v, lg_machine_record_velocities(tape, s->vars, pushed));
+    *r = lg_sub(tape, v, lg_machine_record_rates(tape, s->vars, pushed));
     return lg_tape_status(tape);
 }
 
 /* `pull`: the potential's forces. */
 static lg_status kick(lg_tape *tape, motion *s, lg_var pull, lg_var u) {
-    lg_var v = lg_machine_record_velocities(tape, s->vars, s->parts);
+    lg_var v = lg_machine_record_rates(tape, s->vars, s->parts);
     s->u = u;
     s->still = pull;
     if (!lg_is_none(u))

@@ -392,6 +392,28 @@ TEST("a run that is not finite leaves the others as they are") {
     for (int i = 0; i < 9; i++) assert_true(both_q[27 + i] == q1[9 + i]);
 }
 
+TEST("a biased gyroscope shows the same motion with its bias added") {
+    enum { STEPS = 20 };
+    static const char *const schemes[] = {"variational", "cf4"};
+    static const double bias[3] = {0.5, -0.3, 0.8};
+    const lg_machine plain = pendulum(true);
+    lg_machine biased = plain;
+    double q0[9], v0[3], shown[3];
+    add_feature(add_term(&biased, LG_MACHINE_BIAS, "constant"), LG_FEATURE_VELOCITY, 0);
+    assert_machine(&biased);
+    assert_int_equal(biased.parameters, 3);
+    random_rows(&plain, 2, 1, q0, v0);
+    for (int k = 0; k < 3; k++) shown[k] = v0[k] + bias[k];
+    for (size_t i = 0; i < LG_COUNT(schemes); i++) {
+        run a = {&plain, NULL, q0, v0, STEPS, 0.05, NULL, NULL},
+            b = {&biased, bias, q0, shown, STEPS, 0.05, NULL, NULL};
+        assert_ok(try_run(&a, schemes[i], 1, NULL));
+        assert_ok(try_run(&b, schemes[i], 1, NULL));
+        assert_all_close(b.q, a.q, 9 * (STEPS + 1), 1e-11, 1e-11);
+        for (size_t k = 0; k < 3 * (STEPS + 1); k++) assert_close(b.v[k], a.v[k] + bias[k % 3], 1e-11, 1e-11);
+    }
+}
+
 TEST("masses that depend on the state are refused with a sentence, and so are exported steps") {
     const lg_machine moving = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS),
                      still = pendulum(false);
