@@ -59,6 +59,13 @@ typedef struct export_golden {
     const char *extra_name; /* "field and step" */
 } export_golden;
 
+/* A file as it will be written. */
+typedef struct export_file {
+    char *name; /* in the folder */
+    text content;
+} export_file;
+enum { EXPORT_MOST_FILES = 16 };
+
 /* The C of a model under construction. The texts hold finished C with the model's name. */
 typedef struct export_source {
     const export_options *options;
@@ -66,7 +73,8 @@ typedef struct export_source {
     bool written; /* the library wrote arrays, and the code with its prelude, in the texts below */
     bool bundle;  /* a program: functions of its own instead of NAME_eval and NAME_grad, all of the sizes and
                      golden vectors in the texts below */
-    size_t functions; /* of a bundle */
+    size_t functions;   /* of a bundle */
+    const char *prefix; /* of its functions in C, behind NAME_: "" or "c_" */
     size_t work;      /* NAME_WORK_SIZE, in reals, enough for every function */
     size_t stack; /* NAME_STACK_SIZE: bound on the frames of functions that call each other, in bytes, gcc and
                      clang, -O0 to -O3 */
@@ -86,6 +94,10 @@ typedef struct export_source {
     size_t parameters;    /* of the model; 0: `numbers` is told */
     size_t numbers;       /* reals in NAME_weights.c */
     size_t integers;      /* ints there */
+    text products;        /* what the Makefile makes beside the objects: names, each behind a blank */
+    text rules;           /* how: rules for the end of the Makefile */
+    size_t file_count;
+    export_file files[EXPORT_MOST_FILES];
 } export_source;
 
 /* The fragments: <name>.c below code/ as text. The table ends with a row of NULL. */
@@ -188,8 +200,33 @@ int export_detector(const app *self, const lg_model_file *file, export_source *s
 int export_machine(const app *self, const lg_model_file *file, export_source *source);
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
-/* All functions of a program under their own names; destroys it. `path`: of the model's file. */
-int export_whole(const app *self, const char *path, lg_program *program, export_source *source);
+/* Functions of a program (a list with commas; NULL: all) under their own names, with source->prefix. `path`: of
+ * the model's file. */
+int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
+                 export_source *source);
+
+/* ---- targets: tools that take more than C (one file each) ---- */
+
+/* A model as a program, whatever its kind (load.c). */
+int export_load(const app *self, const char *path, const char *kind, const export_options *options,
+                lg_program **out);
+/* The functions that a target offers, a list with commas to be freed: those of --functions, or else those of
+ * `usual` (ends with NULL) that the program has; of a program that has none of them all but derivatives. NULL:
+ * a message has been printed. */
+char *export_choose(const app *self, const export_options *options, const lg_program *program,
+                    const char *const *usual);
+/* Name of a derivative of a function, to be freed; the program gets it if it has not got it yet. NULL: it
+ * cannot be had, and a warning says why. */
+char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function);
+
+typedef struct export_target {
+    const char *name;
+    /* Fills the files; an exit code, on failure a message has been printed. */
+    int (*build)(const app *self, const char *path, lg_program *program, export_source *source);
+} export_target;
+/* Ends with a row of NULL; C is none of them. */
+extern const export_target export_targets[];
+int export_casadi(const app *self, const char *path, lg_program *program, export_source *source);
 
 /* ---- the model's name in C (name.c) ---- */
 
@@ -201,14 +238,17 @@ char *export_name_from(const char *file);
 
 /* ---- files (files.c) ---- */
 
-enum { EXPORT_FILES = 5 };
-/* NAME.h, NAME.c, NAME_weights.c, NAME_test.c, Makefile; freed with free. */
-char *export_file_name(const export_options *options, size_t file);
-/* Writes the five files to folder `out`: they are composed in memory, written to a temporary folder and
- * renamed. A folder that does not exist or is empty gets all five or none. In any other folder the five are
- * replaced one by one after all are written. An existing file is replaced only if it begins with the line by
- * which lg-export marks its files for this name. A model with numbers or golden vectors that are not finite
- * is refused. Returns an exit code; on failure a message has been printed. */
+/* Adds a file, which begins with a comment that says who wrote it where its format (by the ending) has
+ * comments; other formats need the words "lg-export: NAME" in their first 500 bytes. %s in the name: the
+ * model's. */
+text *export_add_file(export_source *source, const char *name);
+/* Adds NAME.h, NAME.c, NAME_weights.c, NAME_test.c and Makefile of what `source` has. */
+void export_compose(export_source *source);
+/* Writes the files to folder `out`: to a temporary folder, then they are renamed. A folder that does not exist
+ * or is empty gets all or none. In any other folder they are replaced one by one after all are written. An
+ * existing file is replaced only if it has the words by which lg-export marks its files for this name. A model
+ * with numbers or golden vectors that are not finite is refused. Returns an exit code; on failure a message
+ * has been printed. */
 int export_write(const app *self, const export_source *source, const char *out);
 
 #endif

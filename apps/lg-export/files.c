@@ -1,4 +1,4 @@
-/* The five files: their frames, and how they reach the disk. */
+/* The files: frames of the C ones, and how all reach the disk. */
 #include "lg-export/export.h"
 
 #include <dirent.h>
@@ -200,7 +200,7 @@ static const char makefile[] =
     "CFLAGS ?= -O3 -march=native -ffp-contract=fast\n"
     "SIZE ?= size\n"
     "\n"
-    "all: NAME_.o NAME_weights.o\n"
+    "all: NAME_.o NAME_weights.o%ALL%\n"
     "\n"
     "NAME_.o: NAME_.c NAME_.h\n"
     "\t$(CC) $(CFLAGS) -c NAME_.c -o NAME_.o\n"
@@ -231,7 +231,7 @@ static const char makefile[] =
     "\t$(SIZE) NAME_.o NAME_weights.o\n"
     "\n"
     "clean:\n"
-    "\trm -f NAME_.o NAME_weights.o NAME_test NAME_stack.o NAME_stack.su\n"
+    "\trm -f NAME_.o NAME_weights.o NAME_test NAME_stack.o NAME_stack.su%ALL%\n"
     "\n"
     ".PHONY: all test stack size clean\n";
 
@@ -247,6 +247,9 @@ static void add_makefile(const export_source *source, text *to) {
         } else if (strncmp(s, "%STACK%", 7) == 0) {
             lg_text_add(to, "%zu", source->stack);
             s += 6;
+        } else if (strncmp(s, "%ALL%", 5) == 0) {
+            lg_text_add(to, "%s", or_nothing(&source->products));
+            s += 4;
         } else if (strncmp(s, "%CALLS%", 7) == 0) {
             lg_text_add(to, "%zu", source->calls);
             s += 6;
@@ -256,34 +259,52 @@ static void add_makefile(const export_source *source, text *to) {
     }
 }
 
-static const struct {
-    const char *suffix;
-    void (*add)(const export_source *source, text *to);
-} composers[EXPORT_FILES] = {{".h", add_header},
-                             {".c", add_code},
-                             {"_weights.c", add_weights},
-                             {"_test.c", add_test},
-                             {NULL, add_makefile}};
-
-char *export_file_name(const export_options *options, size_t file) {
-    if (composers[file].suffix == NULL) return app_format("Makefile");
-    return app_format("%s%s", options->name, composers[file].suffix);
+/* The Makefile, and the target's rules behind it. */
+static void add_rules(const export_source *source, text *to) {
+    add_makefile(source, to);
+    if (source->rules.length > 0) lg_text_add(to, "\n%s", source->rules.data);
 }
 
-/* The first line of each file, by which it is known again. */
-static void add_marker(const export_options *options, size_t file, text *to) {
-    const bool is_c = composers[file].suffix != NULL;
-    lg_text_add(to, "%s lg-export: %s%s\n", is_c ? "/*" : "#", options->name, is_c ? " */" : "");
+static const struct {
+    const char *name; /* %s: the model's */
+    void (*add)(const export_source *source, text *to);
+} composers[] = {{"%s.h", add_header},
+                 {"%s.c", add_code},
+                 {"%s_weights.c", add_weights},
+                 {"%s_test.c", add_test},
+                 {"Makefile", add_rules}};
+
+/* The line by which a file is known again: in its first numbers of bytes, whatever the format. */
+static void add_marker(const char *file, const char *name, text *to) {
+    const char *dot = strrchr(file, '.');
+    const bool c = dot != NULL && (strcmp(dot, ".c") == 0 || strcmp(dot, ".h") == 0);
+    if (c)
+        lg_text_add(to, "/* lg-export: %s */\n", name);
+    else if (dot != NULL && strcmp(dot, ".xml") == 0)
+        lg_text_add(to, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<!-- lg-export: %s -->\n", name);
+    else if (strcmp(file, "Makefile") == 0 || strcmp(file, "CMakeLists.txt") == 0)
+        lg_text_add(to, "# lg-export: %s\n", name);
+}
+
+text *export_add_file(export_source *source, const char *name) {
+    export_file *file = &source->files[source->file_count++];
+    file->name = app_format(name, source->options->name);
+    add_marker(file->name, source->options->name, &file->content);
+    return &file->content;
+}
+
+void export_compose(export_source *source) {
+    for (size_t i = 0; i < LG_COUNT(composers); i++)
+        composers[i].add(source, export_add_file(source, composers[i].name));
 }
 
 /* ---- the disk ---- */
 
 typedef struct place {
     const export_source *source;
-    const char *out;          /* without slashes at its end */
-    text files[EXPORT_FILES]; /* their contents */
-    bool replace;             /* `out` is a folder with files */
-    char *temporary;          /* the folder they are written in, once it exists */
+    const char *out; /* without slashes at its end */
+    bool replace;    /* `out` is a folder with files */
+    char *temporary; /* the folder they are written in, once it exists */
 } place;
 
 static lg_status place_error(const place *at, const char *what, int code, lg_error *error) {
@@ -302,46 +323,47 @@ static bool is_empty_folder(const char *path) {
     return empty;
 }
 
-/* Whether the file begins with the marker of its place: it is one of ours, for this name. */
-static bool is_ours(const place *at, size_t file, const char *path) {
-    char found[128];
-    text wanted = {.data = NULL};
-    add_marker(at->source->options, file, &wanted);
+/* Whether the file has the marker among its first bytes: it is one of ours, for this name. */
+static bool is_ours(const place *at, const char *path) {
+    char found[512];
+    char *wanted = app_format("lg-export: %s", at->source->options->name);
+    const size_t length = strlen(wanted);
     FILE *stream = fopen(path, "rb");
-    const size_t n = stream != NULL ? fread(found, 1, sizeof found, stream) : 0;
+    const size_t n = stream != NULL ? fread(found, 1, sizeof found - 1, stream) : 0;
+    found[n] = '\0';
     if (stream != NULL) (void)fclose(stream);
-    const bool ours = n >= wanted.length && memcmp(found, wanted.data, wanted.length) == 0;
-    lg_text_destroy(&wanted);
+    const char *mark = memmem(found, n, wanted, length);
+    const bool ours = mark != NULL && strchr(" \n\"\x1a", mark[length]) != NULL;
+    free(wanted);
     return ours;
 }
 
-/* One of the five names may be taken by a file that was written here before. */
+/* A name may be taken by a file that was written here before. */
 static lg_status look_at(const place *at, size_t file, lg_error *error) {
     struct stat information;
-    char *name = export_file_name(at->source->options, file), *path = app_format("%s/%s", at->out, name);
+    char *path = app_format("%s/%s", at->out, at->source->files[file].name);
     lg_status status = LG_OK;
     if (lstat(path, &information) == 0) {
         if (!S_ISREG(information.st_mode))
             status = app_error(error, LG_FILE, "%s: exists and is not a regular file", path);
-        else if (!is_ours(at, file, path))
+        else if (!is_ours(at, path))
             status = app_error(error, LG_FILE,
                                "%s: exists and was not written by lg-export for the name %s: choose another "
                                "folder for each model",
                                path, at->source->options->name);
     }
     free(path);
-    free(name);
     return status;
 }
 
-/* What stands at `out`: nothing or an empty folder, or a folder in which five names are free or ours. */
+/* What stands at `out`: nothing or an empty folder, or a folder in which the names are free or ours. */
 static lg_status look(place *at, lg_error *error) {
     struct stat information;
     if (stat(at->out, &information) != 0)
         return errno == ENOENT ? LG_OK : place_error(at, "cannot be written", errno, error);
     if (!S_ISDIR(information.st_mode)) return place_error(at, "cannot be written", ENOTDIR, error);
     at->replace = !is_empty_folder(at->out);
-    for (size_t i = 0; i < EXPORT_FILES && at->replace; i++) {
+    for (size_t i = 0; i < at->source->file_count && at->replace; i++) {
         const lg_status status = look_at(at, i, error);
         if (status != LG_OK) return status;
     }
@@ -389,12 +411,10 @@ static void sync_folder(const char *path) {
 }
 
 static lg_status write_files(place *at, lg_error *error) {
-    for (size_t i = 0; i < EXPORT_FILES; i++) {
-        char *name = export_file_name(at->source->options, i);
-        char *path = app_format("%s/%s", at->temporary, name);
-        const int code = write_whole(path, &at->files[i]);
+    for (size_t i = 0; i < at->source->file_count; i++) {
+        char *path = app_format("%s/%s", at->temporary, at->source->files[i].name);
+        const int code = write_whole(path, &at->source->files[i].content);
         free(path);
-        free(name);
         if (code != 0) return place_error(at, "cannot be written", code, error);
         if (app_interrupted())
             return app_error(error, LG_CANCELLED, "%s: stopped, nothing is written", at->out);
@@ -404,13 +424,12 @@ static lg_status write_files(place *at, lg_error *error) {
 }
 
 static lg_status rename_files(place *at, lg_error *error) {
-    for (size_t i = 0; i < EXPORT_FILES; i++) {
-        char *name = export_file_name(at->source->options, i);
+    for (size_t i = 0; i < at->source->file_count; i++) {
+        const char *name = at->source->files[i].name;
         char *from = app_format("%s/%s", at->temporary, name), *to = app_format("%s/%s", at->out, name);
         const int code = rename(from, to) == 0 ? 0 : errno;
         free(to);
         free(from);
-        free(name);
         if (code != 0) return place_error(at, "cannot be written", code, error);
     }
     (void)rmdir(at->temporary);
@@ -431,12 +450,10 @@ static lg_status rename_folder(place *at, lg_error *error) {
 
 static void remove_temporary(const place *at) {
     if (at->temporary == NULL) return;
-    for (size_t i = 0; i < EXPORT_FILES; i++) {
-        char *name = export_file_name(at->source->options, i);
-        char *path = app_format("%s/%s", at->temporary, name);
+    for (size_t i = 0; i < at->source->file_count; i++) {
+        char *path = app_format("%s/%s", at->temporary, at->source->files[i].name);
         (void)unlink(path);
         free(path);
-        free(name);
     }
     (void)rmdir(at->temporary);
 }
@@ -463,17 +480,14 @@ int export_write(const app *self, const export_source *source, const char *out) 
     for (size_t n = strlen(folder); n > 1 && folder[n - 1] == '/'; n--) folder[n - 1] = '\0';
     place at = {.source = source, .out = folder};
     bool unfit = source->weights.unfit || source->code.unfit || source->sizes.unfit || source->test.unfit;
-    for (size_t i = 0; i < EXPORT_FILES; i++) {
-        add_marker(source->options, i, &at.files[i]);
-        composers[i].add(source, &at.files[i]);
-        unfit = unfit || at.files[i].unfit;
-        if (at.files[i].failed) app_out_of_memory();
+    for (size_t i = 0; i < source->file_count; i++) {
+        unfit = unfit || source->files[i].content.unfit;
+        if (source->files[i].content.failed) app_out_of_memory();
     }
     const lg_status status = unfit                         ? refuse_unfit(source, "holds", &error)
                              : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
                                                            : put(&at, &error);
     const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, out);
-    for (size_t i = 0; i < EXPORT_FILES; i++) lg_text_destroy(&at.files[i]);
     free(folder);
     return code;
 }

@@ -391,11 +391,8 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
     const lg_status status = lg_hamiltonian_program(self->context, model, trained->theta,
                                                     source->options->scheme, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    if (!is_known(model)) {
-        source->parameters = 0; /* export_whole counts them */
-        return export_whole(self, path, program, source);
-    }
-    code = export_known(self, file, program, source);
+    code = is_known(model) ? export_known(self, file, program, source)
+                           : export_whole(self, path, program, NULL, source);
     lg_program_destroy(program);
     return code;
 }

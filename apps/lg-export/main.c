@@ -9,18 +9,19 @@
 typedef struct export_values {
     const char *out, *name, *scheme, *functions;
     bool compact;
-    int dtype;
+    int dtype, target;
     uint64_t golden;
 } export_values;
 
 static export_values given = {.dtype = 0, .golden = 8};
 
 static const char *const dtypes[] = {"f64", "f32", NULL};
+static const char *const targets[] = {"c", "casadi", NULL}; /* C, then the rows of export_targets */
 
 static const app_option options[] = {
     APP_ROW_TEXT(
         export_values, out, "out", "DIR",
-        "Folder for the five files (required); it is made if it does not exist. A folder that holds a file "
+        "Folder for the files (required); it is made if it does not exist. A folder that holds a file "
         "of these names is refused unless lg-export wrote it for the same NAME: each model needs its own "
         "folder"),
     APP_ROW_TEXT(export_values, name, "name", "NAME",
@@ -28,14 +29,18 @@ static const app_option options[] = {
     APP_ROW_CHOICE(export_values, dtype, "dtype", dtypes,
                    "Type of the numbers in the code: f64 (default) "
                    "or f32"),
+    APP_ROW_CHOICE(export_values, target, "target", targets,
+                   "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with "
+                   "first and second derivatives"),
     APP_ROW_TEXT(
         export_values, scheme, "scheme", "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
         "(default: the family's; of a machine that of its training)"),
     APP_ROW_TEXT(
         export_values, functions, "functions", "NAMES",
-        "Programs: functions to export, separated by commas (default: all). Machines: linearise adds "
-        "NAME_linearise, which takes several times the code and work memory"),
+        "Programs, and all models for another target than c: functions to export, separated by commas (default: "
+        "all; of models value, field, velocity, step). Machines in C: linearise adds NAME_linearise, which takes "
+        "several times the code and work memory"),
     APP_ROW_FLAG(export_values, compact, "compact",
                  "Programs: write loops for small tensors too, not straight code; this gives less, slower "
                  "code"),
@@ -168,13 +173,29 @@ static int refuse_kind(const job *j, const char *kind) {
     return APP_EXIT_FILE;
 }
 
+/* For other targets than C every model is a program. */
+static int build_target(job *j, const char *kind) {
+    lg_program *program;
+    if (strcmp(kind, "classifier") == 0)
+        return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone",
+                         targets[given.target], j->path);
+    j->kind = strcmp(kind, "program") == 0 ? "program" : kind;
+    j->options.compact = true;
+    int code = export_load(j->self, j->path, kind, &j->options, &program);
+    if (code != APP_EXIT_OK) return code;
+    code = export_targets[given.target - 1].build(j->self, j->path, program, &j->source);
+    lg_program_destroy(program);
+    return code;
+}
+
 static int build(job *j) {
-    char kind[64];
+    static char kind[64];
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_file_kind(j->self->context, j->path, NULL, kind, sizeof kind, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
     if (!is_exported(kind)) return refuse_kind(j, kind);
     export_read_units(j->self, j->path, &j->options);
+    if (given.target > 0) return build_target(j, kind);
     const bool program = strcmp(kind, "program") == 0;
     const bool machine = strcmp(kind, kinds[LG_MODEL_MACHINE].name) == 0;
     if ((!program && given.compact) || (!program && !machine && given.functions != NULL))
@@ -184,6 +205,12 @@ static int build(job *j) {
     if (given.scheme != NULL) return refuse_scheme(j);
     if (program) return export_program(j->self, j->path, &j->source);
     return export_classifier(j->self, j->path, &j->source);
+}
+
+static int build_c(job *j) {
+    const int code = build(j);
+    if (code == APP_EXIT_OK && given.target == 0) export_compose(&j->source);
+    return code;
 }
 
 /* ---- the result ---- */
@@ -200,11 +227,7 @@ static void report_json(const job *j, size_t parameters, size_t weights) {
     app_json_text(&json, "dtype", dtypes[given.dtype]);
     app_json_text(&json, "scheme", j->options.scheme != NULL ? j->options.scheme->name : NULL);
     app_json_open(&json, "files", '[');
-    for (size_t i = 0; i < EXPORT_FILES; i++) {
-        char *name = export_file_name(&j->options, i);
-        app_json_text(&json, NULL, name);
-        free(name);
-    }
+    for (size_t i = 0; i < j->source.file_count; i++) app_json_text(&json, NULL, j->source.files[i].name);
     app_json_close(&json, ']');
     if (j->source.bundle) {
         app_json_size(&json, "functions", j->source.functions);
@@ -230,11 +253,7 @@ static void report(const job *j) {
         return;
     }
     printf("%s, a %s in %s:\n", j->name, j->kind, dtypes[given.dtype]);
-    for (size_t i = 0; i < EXPORT_FILES; i++) {
-        char *name = export_file_name(&j->options, i);
-        printf("  %s/%s\n", given.out, name);
-        free(name);
-    }
+    for (size_t i = 0; i < j->source.file_count; i++) printf("  %s/%s\n", given.out, j->source.files[i].name);
     printf("%zu parameters; %zu bytes of weights, %zu of work, at most %zu of stack\n", parameters, weights,
            j->source.work * real_bytes(j), j->source.stack);
     if (j->options.scheme != NULL) printf("scheme of %s_step: %s\n", j->name, j->options.scheme->name);
@@ -256,9 +275,9 @@ static int export_run(app *self) {
         return app_usage(self, "--out is missing: give a folder for the files");
     int code = choose_name(&j);
     if (code == APP_EXIT_OK) code = choose_scheme(&j);
-    if (code == APP_EXIT_OK) code = build(&j);
-    if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* what is wrong with the numbers is in the file */
     if (code == APP_EXIT_OK) hash_model(&j);
+    if (code == APP_EXIT_OK) code = build_c(&j);
+    if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* what is wrong with the numbers is in the file */
     if (code == APP_EXIT_OK) code = export_write(self, &j.source, given.out);
     if (code == APP_EXIT_OK) report(&j);
     export_source_free(&j.source);

@@ -192,8 +192,8 @@ static void add_golden(job *j, const char *name, const char *what, const double 
 /* A function of one vector in and one out for the self-test. */
 static void add_run(job *j, const evaluation *e, const char *name) {
     text *to = &j->source->test;
-    lg_text_add(to, "static void run_%s(const real *x, real *y, int only, real *work) {\n    %s_%s(", name,
-                j->source->options->name, name);
+    lg_text_add(to, "static void run_%s(const real *x, real *y, int only, real *work) {\n    %s_%s%s(", name,
+                j->source->options->name, j->source->prefix, name);
     for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape))
         lg_text_add(to, "x + %zu, ", at);
     for (size_t o = 0, at = 0; o < e->outs; at += lg_shape_count(e->out[o++].shape))
@@ -313,9 +313,19 @@ static int choose(const job *j, const char *names, size_t *chosen, size_t *count
     return code;
 }
 
-static int write_code(job *j) {
+/* Names in C, where they have a prefix: the caller frees each and the array. */
+static char **prefixed(const job *j, const lg_c_options *how) {
+    char **names = app_alloc(how->function_count, sizeof *names);
+    for (size_t i = 0; i < how->function_count; i++)
+        names[i] =
+            app_format("%s%s", j->source->prefix, lg_program_function_name(j->program, how->functions[i]));
+    return names;
+}
+
+static int write_code(job *j, const char *functions) {
     const export_options *options = j->source->options;
-    size_t *chosen = app_alloc(lg_program_functions(j->program), sizeof *chosen);
+    const size_t all = lg_program_functions(j->program);
+    size_t *chosen = app_alloc(all, sizeof *chosen);
     lg_error error = {LG_OK, ""};
     lg_c_options how;
     int code = APP_EXIT_OK;
@@ -324,11 +334,17 @@ static int write_code(job *j) {
     how.dtype = options->dtype;
     how.compact = options->compact;
     how.functions = chosen;
-    if (options->functions != NULL) code = choose(j, options->functions, chosen, &how.function_count);
+    for (size_t i = 0; i < all; i++) chosen[i] = i;
+    how.function_count = all;
+    if (functions != NULL) code = choose(j, functions, chosen, &how.function_count);
+    char **names = prefixed(j, &how);
+    how.names = (const char *const *)names;
     if (code == APP_EXIT_OK) {
         const lg_status status = lg_program_write_c(j->program, &how, &j->c, &error);
         if (status != LG_OK) code = failed(j, status, &error);
     }
+    for (size_t i = 0; i < how.function_count; i++) free(names[i]);
+    free(names);
     free(chosen);
     return code;
 }
@@ -350,13 +366,16 @@ static void take_texts(job *j) {
     source->functions = j->c->functions;
 }
 
-int export_whole(const app *self, const char *path, lg_program *program, export_source *source) {
+int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
+                 export_source *source) {
     job j = {.self = self, .source = source, .program = program};
     const lg_error error = {LG_OK, ""};
+    if (source->prefix == NULL) source->prefix = "";
+    source->parameters = 0;
     for (size_t i = 0; i < lg_program_parameters(program); i++)
         source->parameters += lg_shape_count(lg_program_parameter(program, i).shape);
     const lg_status status = export_round_parameters(source, program);
-    int code = status != LG_OK ? failed(&j, status, &error) : write_code(&j);
+    int code = status != LG_OK ? failed(&j, status, &error) : write_code(&j, functions);
     if (code == APP_EXIT_OK) {
         take_texts(&j);
         code = add_test(&j);
@@ -364,7 +383,6 @@ int export_whole(const app *self, const char *path, lg_program *program, export_
         add_provenance(&j, path);
     }
     lg_c_source_destroy(j.c);
-    lg_program_destroy(program);
     return code;
 }
 
@@ -372,6 +390,8 @@ int export_program(const app *self, const char *path, export_source *source) {
     lg_error error = {LG_OK, ""};
     lg_program *program;
     const lg_status status = lg_program_load(self->context, path, NULL, &program, &error);
-    return status == LG_OK ? export_whole(self, path, program, source)
-                           : app_fail_file(self, status, &error, path);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    const int code = export_whole(self, path, program, source->options->functions, source);
+    lg_program_destroy(program);
+    return code;
 }

@@ -1,0 +1,123 @@
+/* A model of any kind as a program, and functions of it for a target. */
+#include "lg-export/export.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "liegrad/machine_model.h"
+
+/* ---- kinds ---- */
+
+static lg_status of_hamiltonian(const app *self, const lg_model_file *file, const lg_scheme *scheme,
+                                lg_program **out, lg_error *error) {
+    return lg_hamiltonian_program(self->context, &file->hamiltonian.run.model, file->hamiltonian.theta,
+                                  scheme, out, error);
+}
+
+static lg_status of_surrogate(const app *self, const lg_model_file *file, const lg_scheme *scheme,
+                              lg_program **out, lg_error *error) {
+    (void)scheme;
+    return lg_surrogate_program(self->context, &file->surrogate.run.model, file->surrogate.theta, out, error);
+}
+
+static lg_status of_detector(const app *self, const lg_model_file *file, const lg_scheme *scheme,
+                             lg_program **out, lg_error *error) {
+    (void)scheme;
+    return lg_detector_program(self->context, &file->detector.run.model, &file->detector.scaler,
+                               file->detector.theta, out, error);
+}
+
+static lg_status of_machine(const app *self, const lg_model_file *file, const lg_scheme *scheme,
+                            lg_program **out, lg_error *error) {
+    return lg_machine_program(self->context, &file->machine->run.machine, file->machine->theta,
+                              scheme != NULL ? scheme : file->machine->run.scheme, out, error);
+}
+
+static lg_status (*const programs[LG_MODEL_KIND_COUNT])(const app *self, const lg_model_file *file,
+                                                        const lg_scheme *scheme, lg_program **out,
+                                                        lg_error *error) = {
+    [LG_MODEL_HAMILTONIAN] = of_hamiltonian,
+    [LG_MODEL_SURROGATE] = of_surrogate,
+    [LG_MODEL_DETECTOR] = of_detector,
+    [LG_MODEL_MACHINE] = of_machine};
+
+int export_load(const app *self, const char *path, const char *kind, const export_options *options,
+                lg_program **out) {
+    lg_error error = {LG_OK, ""};
+    lg_model_file file;
+    lg_status status;
+    if (strcmp(kind, "program") == 0) {
+        status = lg_program_load(self->context, path, NULL, out, &error);
+    } else {
+        status = lg_model_load(self->context, path, NULL, &file, &error);
+        if (status != LG_OK) return app_fail_file(self, status, &error, path);
+        status = programs[file.kind](self, &file, options->scheme, out, &error);
+        lg_model_file_destroy(&file);
+    }
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+}
+
+/* ---- functions ---- */
+
+static bool is_derivative(const char *name) {
+    static const char *const begins[] = {"fwd1_", "adj1_", "jac_"};
+    bool is = false;
+    for (size_t i = 0; i < LG_COUNT(begins); i++)
+        is = is || strncmp(name, begins[i], strlen(begins[i])) == 0;
+    return is;
+}
+
+static void add_name(text *list, const char *name) {
+    lg_text_add(list, "%s%s", list->length > 0 ? "," : "", name);
+}
+
+char *export_choose(const app *self, const export_options *options, const lg_program *program,
+                    const char *const *usual) {
+    text list = {.data = NULL};
+    size_t at;
+    char *given = app_format("%s", options->functions != NULL ? options->functions : "");
+    const char *missing = NULL;
+    for (char *save = NULL, *name = strtok_r(given, ",", &save); name != NULL;
+         name = strtok_r(NULL, ",", &save)) {
+        if (lg_program_find(program, name, &at) == LG_OK)
+            add_name(&list, name);
+        else
+            missing = name;
+    }
+    for (size_t i = 0; options->functions == NULL && usual[i] != NULL; i++)
+        if (lg_program_find(program, usual[i], &at) == LG_OK) add_name(&list, usual[i]);
+    const bool all = options->functions == NULL && list.length == 0;
+    for (size_t i = 0; all && i < lg_program_functions(program); i++) {
+        const char *name = lg_program_function_name(program, i);
+        if (!is_derivative(name)) add_name(&list, name);
+    }
+    if (missing != NULL || list.length == 0) {
+        (void)app_usage(self, "--functions: the model has no function '%s'", missing != NULL ? missing : "");
+        lg_text_destroy(&list);
+        list.data = NULL;
+    }
+    free(given);
+    char *out = list.data != NULL ? app_format("%s", list.data) : NULL;
+    lg_text_destroy(&list);
+    return out;
+}
+
+char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function) {
+    static const char *const begins[LG_DERIVATIVE_KIND_COUNT] = {
+        [LG_DERIVATIVE_FORWARD] = "fwd1_",
+        [LG_DERIVATIVE_ADJOINT] = "adj1_",
+        [LG_DERIVATIVE_JACOBIAN] = "jac_",
+        [LG_DERIVATIVE_JACOBIAN_OF_ADJOINT] = "jac_adj1_"};
+    size_t at;
+    lg_error error = {LG_OK, ""};
+    lg_derivative what;
+    char *name = app_format("%s%s", begins[kind], function);
+    if (lg_program_find(program, name, &at) == LG_OK) return name;
+    lg_derivative_init(&what);
+    what.kind = kind;
+    what.function = function;
+    if (lg_program_derive(program, &what, &error) == LG_OK) return name;
+    app_warn(self, "%s has no %s: %s", function, name, error.message);
+    free(name);
+    return NULL;
+}
