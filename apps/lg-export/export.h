@@ -94,6 +94,9 @@ typedef struct export_source {
     size_t parameters;    /* of the model; 0: `numbers` is told */
     size_t numbers;       /* reals in NAME_weights.c */
     size_t integers;      /* ints there */
+    double *start;        /* (starts) a state at rest on the manifold, or NULL */
+    size_t starts;
+    double step;          /* between two points of the training data, 0 unknown */
     text products;        /* what the Makefile makes beside the objects: names, each behind a blank */
     text rules;           /* how: rules for the end of the Makefile */
     size_t file_count;
@@ -207,9 +210,8 @@ int export_whole(const app *self, const char *path, lg_program *program, const c
 
 /* ---- targets: tools that take more than C (one file each) ---- */
 
-/* A model as a program, whatever its kind (load.c). */
-int export_load(const app *self, const char *path, const char *kind, const export_options *options,
-                lg_program **out);
+/* A model as a program, whatever its kind, and start and step of `source` (load.c). */
+int export_load(const app *self, const char *path, const char *kind, export_source *source, lg_program **out);
 /* The functions that a target offers, a list with commas to be freed: those of --functions, or else those of
  * `usual` (ends with NULL) that the program has; of a program that has none of them all but derivatives. NULL:
  * a message has been printed. */
@@ -219,14 +221,15 @@ char *export_choose(const app *self, const export_options *options, const lg_pro
  * cannot be had, and a warning says why. */
 char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function);
 
-typedef struct export_target {
-    const char *name;
-    /* Fills the files; an exit code, on failure a message has been printed. */
-    int (*build)(const app *self, const char *path, lg_program *program, export_source *source);
-} export_target;
-/* Ends with a row of NULL; C is none of them. */
+/* Names as of --target, ending with NULL; the first one is C. */
+extern const char *const export_target_names[];
+/* What fills the files for it; NULL for C. Returns an exit code; on failure a message has been printed. */
+typedef int (*export_target)(const app *self, const char *path, lg_program *program, export_source *source);
 extern const export_target export_targets[];
 int export_casadi(const app *self, const char *path, lg_program *program, export_source *source);
+int export_fmu2(const app *self, const char *path, lg_program *program, export_source *source);
+int export_fmu3(const app *self, const char *path, lg_program *program, export_source *source);
+int export_simulink(const app *self, const char *path, lg_program *program, export_source *source);
 
 /* ---- the model's name in C (name.c) ---- */
 

@@ -41,8 +41,41 @@ static lg_status (*const programs[LG_MODEL_KIND_COUNT])(const app *self, const l
     [LG_MODEL_DETECTOR] = of_detector,
     [LG_MODEL_MACHINE] = of_machine};
 
-int export_load(const app *self, const char *path, const char *kind, const export_options *options,
-                lg_program **out) {
+/* ---- a start ---- */
+
+/* At rest: places, momenta 0; directions down, -e3; rotations 1. */
+static void add_factor(const lg_space_factor *factor, double *y) {
+    const lg_space_entry *entry = lg_space_kind_entry(factor->kind);
+    for (size_t i = 0; i < factor->count; i++, y += entry->state) {
+        if (factor->kind == LG_SPACE_TS2) y[2] = -1.0;
+        if (factor->kind == LG_SPACE_SO3 || factor->kind == LG_SPACE_SE3) y[0] = y[4] = y[8] = 1.0;
+    }
+}
+
+static void make_start(const lg_space *space, export_source *source) {
+    double *y = source->start = app_alloc(space->dim, sizeof *y);
+    source->starts = space->dim;
+    for (size_t i = 0; i < space->factors; i++) {
+        add_factor(&space->factor[i], y);
+        y += lg_space_kind_entry(space->factor[i].kind)->state * space->factor[i].count;
+    }
+}
+
+static void find_start(const lg_model_file *file, export_source *source) {
+    lg_space space;
+    lg_status status = LG_UNSUPPORTED;
+    if (file->kind == LG_MODEL_HAMILTONIAN) {
+        const lg_hamiltonian *model = &file->hamiltonian.run.model;
+        status = lg_hamiltonian_space(model->family, model->n, &space);
+        source->step = file->hamiltonian.run.dt;
+    } else if (file->kind == LG_MODEL_MACHINE) {
+        status = lg_machine_space(&file->machine->run.machine, &space);
+        source->step = file->machine->run.dt;
+    }
+    if (status == LG_OK) make_start(&space, source);
+}
+
+int export_load(const app *self, const char *path, const char *kind, export_source *source, lg_program **out) {
     lg_error error = {LG_OK, ""};
     lg_model_file file;
     lg_status status;
@@ -51,7 +84,8 @@ int export_load(const app *self, const char *path, const char *kind, const expor
     } else {
         status = lg_model_load(self->context, path, NULL, &file, &error);
         if (status != LG_OK) return app_fail_file(self, status, &error, path);
-        status = programs[file.kind](self, &file, options->scheme, out, &error);
+        status = programs[file.kind](self, &file, source->options->scheme, out, &error);
+        if (status == LG_OK) find_start(&file, source);
         lg_model_file_destroy(&file);
     }
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);

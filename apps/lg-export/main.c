@@ -16,7 +16,6 @@ typedef struct export_values {
 static export_values given = {.dtype = 0, .golden = 8};
 
 static const char *const dtypes[] = {"f64", "f32", NULL};
-static const char *const targets[] = {"c", "casadi", NULL}; /* C, then the rows of export_targets */
 
 static const app_option options[] = {
     APP_ROW_TEXT(
@@ -29,9 +28,10 @@ static const app_option options[] = {
     APP_ROW_CHOICE(export_values, dtype, "dtype", dtypes,
                    "Type of the numbers in the code: f64 (default) "
                    "or f32"),
-    APP_ROW_CHOICE(export_values, target, "target", targets,
+    APP_ROW_CHOICE(export_values, target, "target", export_target_names,
                    "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with "
-                   "first and second derivatives"),
+                   "first and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. "
+                   "make builds them in the folder"),
     APP_ROW_TEXT(
         export_values, scheme, "scheme", "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
@@ -178,12 +178,12 @@ static int build_target(job *j, const char *kind) {
     lg_program *program;
     if (strcmp(kind, "classifier") == 0)
         return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone",
-                         targets[given.target], j->path);
+                         export_target_names[given.target], j->path);
     j->kind = strcmp(kind, "program") == 0 ? "program" : kind;
     j->options.compact = true;
-    int code = export_load(j->self, j->path, kind, &j->options, &program);
+    int code = export_load(j->self, j->path, kind, &j->source, &program);
     if (code != APP_EXIT_OK) return code;
-    code = export_targets[given.target - 1].build(j->self, j->path, program, &j->source);
+    code = export_targets[given.target](j->self, j->path, program, &j->source);
     lg_program_destroy(program);
     return code;
 }

@@ -149,5 +149,7 @@ void export_source_free(export_source *source) {
         lg_text_destroy(&source->files[i].content);
     }
     source->file_count = 0;
+    free(source->start);
+    source->start = NULL;
     source->golden = (export_golden){.count = 0};
 }

@@ -1,4 +1,5 @@
 /* What exported models are for. A new target is a row here. */
 #include "lg-export/export.h"
 
-const export_target export_targets[] = {{"casadi", export_casadi}, {NULL, NULL}};
+const char *const export_target_names[] = {"c", "casadi", "fmu2", "fmu3", "simulink", NULL};
+const export_target export_targets[] = {NULL, export_casadi, export_fmu2, export_fmu3, export_simulink};

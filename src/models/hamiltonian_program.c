@@ -107,7 +107,7 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_tape_status(tape);
 }
 
-enum { MOST_FUNCTIONS = 7 };
+enum { MOST_FUNCTIONS = 7 }; /* of which a bundle for a loop has no step */
 
 static lg_status build(const lg_context *context, recording *r, const double *theta, bool in_a_loop,
                        lg_program **out, lg_error *error) {
@@ -127,7 +127,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         functions[count++] = (lg_function_spec){"force", half, 2, &rate, 1, force, r};
         functions[count++] = (lg_function_spec){"drift", half, 1, &rate, 1, drift, r};
     }
-    if (in_a_loop) functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
+    functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
     if (!in_a_loop) functions[count++] = (lg_function_spec){"step", in, inputs + 1, &next, 1, step, r};
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta};
     lg_program_spec spec;

@@ -1,0 +1,281 @@
+/* Variables and functions of a block, and the C that evaluates it. */
+#include "lg-export/block.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- variables ---- */
+
+static const lg_port *inputs_of(const block *b, const char *function, size_t *count) {
+    size_t at = 0;
+    (void)lg_program_find(b->program, function, &at);
+    return lg_program_inputs(b->program, at, count);
+}
+
+static const lg_port *outputs_of(const block *b, const char *function, size_t *count) {
+    size_t at = 0;
+    (void)lg_program_find(b->program, function, &at);
+    return lg_program_outputs(b->program, at, count);
+}
+
+static bool add_variable(block *b, const char *name, const lg_port *like, causality kind, size_t *at) {
+    if (b->count + 1 >= MOST_PORTS) return false;
+    variable *v = &b->variables[b->count];
+    *v = (variable){.at = b->numbers, .count = like != NULL ? lg_shape_count(like->shape) : 1, .kind = kind};
+    v->unit = like != NULL && like->unit != NULL && like->unit[0] != '\0' ? like->unit : NULL;
+    (void)snprintf(v->name, sizeof v->name, "%s", name);
+    b->numbers += v->count;
+    *at = b->count++;
+    return true;
+}
+
+/* The input of a function: an earlier one of this name and size, or a new one. */
+static bool add_input(block *b, const lg_port *port, size_t *at) {
+    for (size_t i = 0; i < b->count; i++) {
+        const variable *v = &b->variables[i];
+        if ((v->kind == STATE || v->kind == INPUT) && strcmp(v->name, port->name) == 0) {
+            *at = i;
+            return v->count == lg_shape_count(port->shape);
+        }
+    }
+    return add_variable(b, port->name, port, INPUT, at);
+}
+
+static void use(block *b, const char *function) {
+    lg_text_add(&b->list, "%s%s", b->list.length > 0 ? "," : "", function);
+}
+
+static void add_derivatives(block *b, part *p) {
+    use(b, p->name);
+    if (!b->derivatives) return;
+    p->forward = export_derive(b->self, b->program, LG_DERIVATIVE_FORWARD, p->name);
+    p->adjoint = export_derive(b->self, b->program, LG_DERIVATIVE_ADJOINT, p->name);
+    if (p->forward != NULL) use(b, p->forward);
+    if (p->adjoint != NULL) use(b, p->adjoint);
+}
+
+/* State and derivative come first, whatever the order of what follows. */
+static bool add_rate(block *b, const char *function) {
+    size_t ins, outs;
+    const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);
+    part *p = &b->parts[b->part_count++];
+    char name[160];
+    *p = (part){.name = app_format("%s", function), .ins = ins, .outs = 1};
+    bool fits = add_variable(b, in[0].name, &in[0], STATE, &p->in[0]);
+    (void)snprintf(name, sizeof name, "der(%s)", in[0].name);
+    fits = fits && add_variable(b, name, &in[0], DERIVATIVE, &p->out[0]);
+    for (size_t i = 1; i < ins && fits; i++) fits = add_input(b, &in[i], &p->in[i]);
+    b->variables[p->out[0]].unit = out[0].unit;
+    b->states = b->variables[0].count;
+    b->rate = true;
+    if (fits) add_derivatives(b, p);
+    return fits;
+}
+
+/* False: too many variables, or a name that means two things. */
+static bool add_outputs(block *b, const char *function) {
+    size_t ins, outs;
+    const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);
+    part *p = &b->parts[b->part_count++];
+    bool fits = ins <= MOST_PORTS && outs <= MOST_PORTS;
+    *p = (part){.name = app_format("%s", function), .ins = ins, .outs = outs};
+    for (size_t i = 0; i < ins && fits; i++) fits = add_input(b, &in[i], &p->in[i]);
+    for (size_t o = 0; o < outs && fits; o++) {
+        char name[160];
+        (void)snprintf(name, sizeof name, outs == 1 ? "%s" : "%s.%s", function, out[o].name);
+        fits = add_variable(b, name, &out[o], OUTPUT, &p->out[o]);
+    }
+    if (fits) add_derivatives(b, p);
+    return fits;
+}
+
+/* ---- which functions ---- */
+
+static bool has(const block *b, const char *function) {
+    size_t at;
+    return lg_program_find(b->program, function, &at) == LG_OK;
+}
+
+/* x' from x and inputs: one result, as long as the first input. */
+static bool is_rate(const block *b, const char *function) {
+    if (!has(b, function)) return false;
+    size_t ins, outs;
+    const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);
+    return ins >= 1 && outs == 1 && !in[0].shared && !out[0].shared &&
+           lg_shape_count(in[0].shape) == lg_shape_count(out[0].shape);
+}
+
+/* The step takes the inputs of the rate and h. */
+static bool fits_step(const block *b) {
+    if (!has(b, "step")) return false;
+    size_t ins, outs;
+    const lg_port *in = inputs_of(b, "step", &ins);
+    (void)outputs_of(b, "step", &outs);
+    const part *rate = &b->parts[0];
+    bool fits = ins == rate->ins + 1 && outs == 1 && lg_shape_count(in[ins - 1].shape) == 1;
+    for (size_t i = 0; i + 1 < ins && fits; i++)
+        fits = strcmp(in[i].name, b->variables[rate->in[i]].name) == 0;
+    return fits;
+}
+
+/* An output that needs more than the rate has, or is part of it, is none. */
+static bool is_output(const char *function, const char *rate) {
+    static const char *const parts[] = {"step", "grad", "field", "velocity", "force", "drift", "momenta", NULL};
+    for (size_t i = 0; rate != NULL && parts[i] != NULL; i++)
+        if (strcmp(parts[i], function) == 0) return false;
+    return rate == NULL || strcmp(rate, function) != 0;
+}
+
+int block_collect(block *b, bool derivatives) {
+    static const char *const rates[] = {"velocity", "field", "rate", NULL};
+    static const char *const usual[] = {"value", "positions", "velocities", NULL};
+    const char *rate = NULL;
+    size_t at;
+    b->derivatives = derivatives;
+    for (size_t i = 0; rates[i] != NULL && rate == NULL; i++)
+        if (is_rate(b, rates[i])) rate = rates[i];
+    bool fits = rate == NULL || add_rate(b, rate);
+    char *chosen = export_choose(b->self, b->source->options, b->program, usual);
+    if (chosen == NULL) return APP_EXIT_USAGE;
+    for (char *save = NULL, *name = strtok_r(chosen, ",", &save); name != NULL && fits;
+         name = strtok_r(NULL, ",", &save))
+        if (b->part_count < MOST_FUNCTIONS && is_output(name, rate)) fits = add_outputs(b, name);
+    free(chosen);
+    fits = fits && add_variable(b, "longest_step", NULL, PARAMETER, &at);
+    b->step = b->rate && fits_step(b);
+    if (b->step) use(b, "step");
+    if (!fits)
+        return app_usage(b->self,
+                         "the functions do not fit one block: at most %d variables, and an input of one name has one "
+                         "size; choose with --functions",
+                         MOST_PORTS);
+    return APP_EXIT_OK;
+}
+
+/* ---- C ---- */
+
+static void add_call(const block *b, const char *function, text *to) {
+    lg_text_add(to, "    %s_%s%s(", b->source->options->name, b->source->prefix, function);
+}
+
+static void add_arguments(const block *b, const char *array, const size_t *variables, size_t count, text *to) {
+    for (size_t i = 0; i < count; i++) lg_text_add(to, "%s + %zu, ", array, b->variables[variables[i]].at);
+}
+
+void block_add_evaluate(const block *b, text *to) {
+    lg_text_add(to, "static void evaluate(const double *r, double *out, double *work) {\n");
+    for (size_t i = 0; i < b->part_count; i++) {
+        const part *p = &b->parts[i];
+        add_call(b, p->name, to);
+        add_arguments(b, "r", p->in, p->ins, to);
+        add_arguments(b, "out", p->out, p->outs, to);
+        lg_text_add(to, "work);\n");
+    }
+    lg_text_add(to, "}\n\n");
+}
+
+bool block_has(const block *b, bool forward) {
+    bool all = true;
+    for (size_t i = 0; i < b->part_count; i++)
+        all = all && (forward ? b->parts[i].forward : b->parts[i].adjoint) != NULL;
+    return all;
+}
+
+void block_add_forward(const block *b, text *to) {
+    const bool can = block_has(b, true);
+    lg_text_add(to,
+                "/* Changes of derivatives and outputs with those of the other values, `seed`. */\n"
+                "static int forward(const double *r, const double *seed, double *out, double *work) {\n"
+                "    memcpy(out, seed, NUMBERS * sizeof *out);\n");
+    if (!can) lg_text_add(to, "    (void)r, (void)work;\n");
+    for (size_t i = 0; i < b->part_count && can; i++) {
+        const part *p = &b->parts[i];
+        add_call(b, p->forward, to);
+        add_arguments(b, "r", p->in, p->ins, to);
+        add_arguments(b, "seed", p->in, p->ins, to);
+        add_arguments(b, "out", p->out, p->outs, to);
+        lg_text_add(to, "work);\n");
+    }
+    lg_text_add(to, "    return %d;\n}\n\n", can);
+}
+
+void block_add_adjoint(const block *b, text *to) {
+    const bool can = block_has(b, false);
+    lg_text_add(to,
+                "static void add(double *to, const double *from, int count) {\n    int k;\n"
+                "    for (k = 0; k < count; k++) to[k] += from[k];\n}\n\n"
+                "/* Cotangents `seed` of derivatives and outputs, pulled back to the other values. */\n"
+                "static int adjoint(const double *r, const double *seed, double *out, double *room, double *work) "
+                "{\n    memset(out, 0, NUMBERS * sizeof *out);\n");
+    if (!can) lg_text_add(to, "    (void)r, (void)seed, (void)room, (void)work, (void)add;\n");
+    for (size_t i = 0; i < b->part_count && can; i++) {
+        const part *p = &b->parts[i];
+        add_call(b, p->adjoint, to);
+        add_arguments(b, "r", p->in, p->ins, to);
+        add_arguments(b, "seed", p->out, p->outs, to);
+        add_arguments(b, "room", p->in, p->ins, to);
+        lg_text_add(to, "work);\n");
+        for (size_t k = 0; k < p->ins; k++) {
+            const variable *v = &b->variables[p->in[k]];
+            lg_text_add(to, "    add(out + %zu, room + %zu, %zu);\n", v->at, v->at, v->count);
+        }
+    }
+    lg_text_add(to, "    return %d;\n}\n\n", can);
+}
+
+void block_add_step(const block *b, text *to) {
+    const part *rate = &b->parts[0];
+    if (!b->rate) return;
+    lg_text_add(to, "static void take_step(const double *r, double h, double *next, double *work) {\n");
+    if (b->step) {
+        add_call(b, "step", to);
+        add_arguments(b, "r", rate->in, rate->ins, to);
+        lg_text_add(to, "&h, next, work);\n}\n\n");
+        return;
+    }
+    lg_text_add(to,
+                "    static const double place[4] = {0, 0.5, 0.5, 1}, share[4] = {1, 2, 2, 1};\n"
+                "    double k[STATES], y[STATES];\n    int i, s;\n    memset(k, 0, sizeof k);\n"
+                "    memcpy(next, r, STATES * sizeof *next);\n    for (s = 0; s < 4; s++) {\n"
+                "        for (i = 0; i < STATES; i++) y[i] = r[i] + place[s] * h * k[i];\n    ");
+    add_call(b, rate->name, to);
+    lg_text_add(to, "y, ");
+    add_arguments(b, "r", rate->in + 1, rate->ins - 1, to);
+    lg_text_add(to, "k, work);\n        for (i = 0; i < STATES; i++) next[i] += share[s] * h / 6 * k[i];\n    }\n}\n\n");
+}
+
+double block_start(const block *b, size_t variable_at, size_t k) {
+    const variable *v = &b->variables[variable_at];
+    if (v->kind == PARAMETER) return b->source->step > 0 ? b->source->step : 0.01;
+    if (variable_at == 0 && b->source->starts == v->count) return b->source->start[k];
+    return 0.0;
+}
+
+void block_add_tables(const block *b, text *to) {
+    lg_text_add(to, "enum { STATES = %zu, PORTS = %zu, NUMBERS = %zu, WORK = %s_WORK_SIZE };\n", b->states, b->count,
+                b->numbers, b->source->options->name);
+    lg_text_add(to, "/* Variables: place in the array, count, causality (state, derivative, input, output, "
+                    "parameter). */\nstatic const struct {\n    int at, count, causality;\n} ports[PORTS] = {\n");
+    for (size_t i = 0; i < b->count; i++)
+        lg_text_add(to, "    {%zu, %zu, %d}, /* %s */\n", b->variables[i].at, b->variables[i].count,
+                    (int)b->variables[i].kind, b->variables[i].name);
+    lg_text_add(to, "};\nstatic const double start_values[NUMBERS] = {\n");
+    for (size_t i = 0; i < b->count; i++) {
+        for (size_t k = 0; k < b->variables[i].count; k++) {
+            lg_text_add(to, "%s", k == 0 ? "    " : " ");
+            lg_text_add_real(to, LG_F64, block_start(b, i, k));
+            lg_text_add(to, ",");
+        }
+        lg_text_add(to, "\n");
+    }
+    lg_text_add(to, "};\n\n");
+}
+
+void block_free(block *b) {
+    for (size_t i = 0; i < b->part_count; i++) {
+        free(b->parts[i].name);
+        free(b->parts[i].forward);
+        free(b->parts[i].adjoint);
+    }
+    lg_text_destroy(&b->list);
+}

@@ -1,0 +1,302 @@
+/* FMUs (fmi-standard.org, 2.0 and 3.0), model exchange and co-simulation in one file with sources. Both have
+ * exact directional derivatives from the program's forward and adjoint functions. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-export/block.h"
+
+typedef struct job {
+    block b;
+    int version;
+    char token[64];
+} job;
+
+/* ---- C ---- */
+
+static void add_source(job *j) {
+    const char *name = j->b.source->options->name;
+    text *to = export_add_file(j->b.source, "%s_fmu.c");
+    lg_text_add(to,
+                "/* The model as an FMU, FMI %d.0; %s.h says what it is. Written by lg-export. */\n"
+                "#include <float.h>\n#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"
+                "#include <stdlib.h>\n#include <string.h>\n\n#include \"%s.h\"\n\n",
+                j->version, name, name);
+    lg_text_add(to, "#define TOKEN \"%s\"\n\n", j->token);
+    block_add_tables(&j->b, to);
+    block_add_evaluate(&j->b, to);
+    block_add_forward(&j->b, to);
+    block_add_adjoint(&j->b, to);
+    block_add_step(&j->b, to);
+    lg_text_add(to, "#define HAS_STATES %d\n", j->b.rate);
+    lg_text_add(to, "%s\n%s", export_fragment_text("fmu_core"),
+                export_fragment_text(j->version == 2 ? "fmi2" : "fmi3"));
+}
+
+/* ---- XML ---- */
+
+static void add_escaped(text *to, const char *s) {
+    for (; *s != '\0'; s++) {
+        if (*s == '<')
+            lg_text_add(to, "&lt;");
+        else if (*s == '&')
+            lg_text_add(to, "&amp;");
+        else if (*s == '"')
+            lg_text_add(to, "&quot;");
+        else
+            lg_text_append(to, s, 1);
+    }
+}
+
+static void add_attribute(text *to, const char *name, const char *value) {
+    lg_text_add(to, " %s=\"", name);
+    add_escaped(to, value);
+    lg_text_add(to, "\"");
+}
+
+static void add_number(text *to, double value) {
+    lg_text_add(to, "%.17g", value);
+}
+
+static void add_units(const job *j, text *to) {
+    bool any = false;
+    for (size_t i = 0; i < j->b.count; i++) {
+        const char *unit = j->b.variables[i].unit;
+        bool known = unit == NULL;
+        for (size_t k = 0; k < i; k++)
+            known = known || (j->b.variables[k].unit != NULL && strcmp(j->b.variables[k].unit, unit) == 0);
+        if (known) continue;
+        lg_text_add(to, "%s    <Unit", any ? "" : "  <UnitDefinitions>\n");
+        add_attribute(to, "name", unit);
+        lg_text_add(to, "/>\n");
+        any = true;
+    }
+    if (any) lg_text_add(to, "  </UnitDefinitions>\n");
+}
+
+static const struct {
+    const char *causality, *variability, *initial; /* NULL: not written */
+    bool start;
+} xml[CAUSALITIES] = {[STATE] = {"local", "continuous", "exact", true},
+                      [DERIVATIVE] = {"local", "continuous", "calculated", false},
+                      [INPUT] = {"input", "continuous", NULL, true},
+                      [OUTPUT] = {"output", "continuous", "calculated", false},
+                      [PARAMETER] = {"parameter", "tunable", "exact", true}};
+
+static const char longest_step[] =
+    "Co-simulation: no internal step is longer, in units of time; the interval of the data by default";
+
+static void add_kind(text *to, const variable *v) {
+    lg_text_add(to, " causality=\"%s\" variability=\"%s\"", xml[v->kind].causality, xml[v->kind].variability);
+    if (xml[v->kind].initial != NULL) lg_text_add(to, " initial=\"%s\"", xml[v->kind].initial);
+    if (v->kind == PARAMETER) add_attribute(to, "description", longest_step);
+}
+
+/* "x[2]", "der(x[2])", "value": the name of number k. */
+static void add_scalar_name(text *to, const variable *v, size_t k) {
+    char name[200];
+    const char *close = v->kind == DERIVATIVE ? ")" : "";
+    const int stem = (int)(strlen(v->name) - strlen(close));
+    if (v->count == 1)
+        (void)snprintf(name, sizeof name, "%s", v->name);
+    else
+        (void)snprintf(name, sizeof name, "%.*s[%zu]%s", stem, v->name, k + 1, close);
+    add_attribute(to, "name", name);
+}
+
+static void add_variables2(const job *j, text *to) {
+    lg_text_add(to, "  <ModelVariables>\n");
+    for (size_t i = 0; i < j->b.count; i++) {
+        const variable *v = &j->b.variables[i];
+        for (size_t k = 0; k < v->count; k++) {
+            lg_text_add(to, "    <ScalarVariable");
+            add_scalar_name(to, v, k);
+            lg_text_add(to, " valueReference=\"%zu\"", v->at + k);
+            add_kind(to, v);
+            lg_text_add(to, "><Real");
+            if (v->unit != NULL) add_attribute(to, "unit", v->unit);
+            if (xml[v->kind].start) {
+                lg_text_add(to, " start=\"");
+                add_number(to, block_start(&j->b, i, k));
+                lg_text_add(to, "\"");
+            }
+            if (v->kind == DERIVATIVE) lg_text_add(to, " derivative=\"%zu\"", k + 1);
+            lg_text_add(to, "/></ScalarVariable>\n");
+        }
+    }
+    lg_text_add(to, "  </ModelVariables>\n");
+}
+
+/* Numbers of the kinds as <Unknown index=.../>; indices begin with 1. */
+static void add_unknowns2(const job *j, const char *element, bool derivatives, bool outputs, text *to) {
+    bool any = false;
+    for (size_t i = 0; i < j->b.count; i++) {
+        const variable *v = &j->b.variables[i];
+        const bool here = (v->kind == DERIVATIVE && derivatives) || (v->kind == OUTPUT && outputs);
+        for (size_t k = 0; k < v->count && here; k++) {
+            if (!any) lg_text_add(to, "    <%s>\n", element);
+            lg_text_add(to, "      <Unknown index=\"%zu\"/>\n", v->at + k + 1);
+            any = true;
+        }
+    }
+    if (any) lg_text_add(to, "    </%s>\n", element);
+}
+
+static void add_common(const job *j, text *to) {
+    const char *about = lg_program_description(j->b.program);
+    lg_text_add(to, "\n ");
+    add_attribute(to, "modelName", j->b.source->options->name);
+    lg_text_add(to, " %s=\"%s\"\n ", j->version == 2 ? "guid" : "instantiationToken", j->token);
+    if (about[0] != '\0') add_attribute(to, "description", about);
+    lg_text_add(to, " generationTool=\"lg-export of liegrad %s\" variableNamingConvention=\"structured\"",
+                lg_version());
+}
+
+static void add_description2(job *j, text *to) {
+    const char *name = j->b.source->options->name;
+    const char *sources[] = {"_fmu.c", ".c", "_weights.c"};
+    const bool derivatives = block_has(&j->b, true);
+    lg_text_add(to, "<fmiModelDescription fmiVersion=\"2.0\"");
+    add_common(j, to);
+    lg_text_add(to, " numberOfEventIndicators=\"0\">\n");
+    for (int co = 0; co < 2; co++) {
+        lg_text_add(to, "  <%s modelIdentifier=\"%s\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"",
+                    co ? "CoSimulation" : "ModelExchange", name);
+        lg_text_add(to, " providesDirectionalDerivative=\"%s\"%s>\n    <SourceFiles>", derivatives ? "true" : "false",
+                    co ? " canHandleVariableCommunicationStepSize=\"true\"" : "");
+        for (size_t i = 0; i < LG_COUNT(sources); i++) lg_text_add(to, "<File name=\"%s%s\"/>", name, sources[i]);
+        lg_text_add(to, "</SourceFiles>\n  </%s>\n", co ? "CoSimulation" : "ModelExchange");
+    }
+    add_units(j, to);
+    lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"1\"/>\n");
+    add_variables2(j, to);
+    lg_text_add(to, "  <ModelStructure>\n");
+    add_unknowns2(j, "Outputs", false, true, to);
+    add_unknowns2(j, "Derivatives", true, false, to);
+    add_unknowns2(j, "InitialUnknowns", true, true, to);
+    lg_text_add(to, "  </ModelStructure>\n</fmiModelDescription>\n");
+}
+
+static void add_variables3(const job *j, text *to) {
+    lg_text_add(to, "  <ModelVariables>\n");
+    for (size_t i = 0; i < j->b.count; i++) {
+        const variable *v = &j->b.variables[i];
+        lg_text_add(to, "    <Float64");
+        add_attribute(to, "name", v->name);
+        lg_text_add(to, " valueReference=\"%zu\"", i);
+        add_kind(to, v);
+        if (v->unit != NULL) add_attribute(to, "unit", v->unit);
+        if (v->kind == DERIVATIVE) lg_text_add(to, " derivative=\"0\"");
+        if (xml[v->kind].start) {
+            lg_text_add(to, " start=\"");
+            for (size_t k = 0; k < v->count; k++) {
+                lg_text_add(to, "%s", k > 0 ? " " : "");
+                add_number(to, block_start(&j->b, i, k));
+            }
+            lg_text_add(to, "\"");
+        }
+        if (v->count > 1)
+            lg_text_add(to, "><Dimension start=\"%zu\"/></Float64>\n", v->count);
+        else
+            lg_text_add(to, "/>\n");
+    }
+    lg_text_add(to,
+                "    <Float64 name=\"time\" valueReference=\"%zu\" causality=\"independent\" "
+                "variability=\"continuous\"/>\n  </ModelVariables>\n",
+                j->b.count);
+}
+
+static void add_unknowns3(const job *j, const char *element, causality kind, text *to) {
+    for (size_t i = 0; i < j->b.count; i++)
+        if (j->b.variables[i].kind == kind) lg_text_add(to, "    <%s valueReference=\"%zu\"/>\n", element, i);
+}
+
+static void add_description3(job *j, text *to) {
+    const char *derivatives = block_has(&j->b, true) ? "true" : "false", *adjoints = block_has(&j->b, false) ? "true" : "false";
+    lg_text_add(to, "<fmiModelDescription fmiVersion=\"3.0\"");
+    add_common(j, to);
+    lg_text_add(to, ">\n");
+    for (int co = 0; co < 2; co++)
+        lg_text_add(to,
+                    "  <%s modelIdentifier=\"%s\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" "
+                    "providesDirectionalDerivatives=\"%s\" providesAdjointDerivatives=\"%s\"%s/>\n",
+                    co ? "CoSimulation" : "ModelExchange", j->b.source->options->name, derivatives, adjoints,
+                    co ? " canHandleVariableCommunicationStepSize=\"true\"" : "");
+    add_units(j, to);
+    lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"1\"/>\n");
+    add_variables3(j, to);
+    lg_text_add(to, "  <ModelStructure>\n");
+    add_unknowns3(j, "Output", OUTPUT, to);
+    add_unknowns3(j, "ContinuousStateDerivative", DERIVATIVE, to);
+    add_unknowns3(j, "InitialUnknown", DERIVATIVE, to);
+    add_unknowns3(j, "InitialUnknown", OUTPUT, to);
+    lg_text_add(to, "  </ModelStructure>\n</fmiModelDescription>\n");
+    text *build = export_add_file(j->b.source, "buildDescription.xml");
+    const char *name = j->b.source->options->name;
+    lg_text_add(build,
+                "<fmiBuildDescription fmiVersion=\"3.0\">\n  <BuildConfiguration modelIdentifier=\"%s\">\n"
+                "    <SourceFileSet language=\"C99\"><SourceFile name=\"%s_fmu.c\"/><SourceFile name=\"%s.c\"/>"
+                "<SourceFile name=\"%s_weights.c\"/></SourceFileSet>\n    <Library name=\"m\"/>\n"
+                "  </BuildConfiguration>\n</fmiBuildDescription>\n",
+                name, name, name, name);
+}
+
+/* ---- Makefile ---- */
+
+static void add_rules(const job *j) {
+    const char *name = j->b.source->options->name;
+    text *to = &j->b.source->rules;
+    const bool two = j->version == 2;
+    lg_text_add(&j->b.source->products, " %s.fmu", name);
+    lg_text_add(to,
+                "# The FMU: a zip file of modelDescription.xml, the library and its sources.\n"
+                "BINARIES ?= %s\nPACK ?= $(if $(shell command -v zip),zip -q -r,cmake -E tar c --format=zip)\n\n"
+                "%s.so: %s_fmu.c %s.c %s_weights.c %s.h\n"
+                "\t$(CC) $(CFLAGS) -fPIC -shared -fvisibility=hidden %s_fmu.c %s.c %s_weights.c $(LDFLAGS) -lm -o "
+                "%s.so\n\n",
+                two ? "linux64" : "$(shell uname -m)-linux", name, name, name, name, name, name, name, name, name);
+    lg_text_add(to,
+                "%s.fmu: %s.so modelDescription.xml\n"
+                "\trm -rf %s.contents %s.fmu && mkdir -p %s.contents/binaries/$(BINARIES) %s.contents/sources\n"
+                "\tcp modelDescription.xml %s.contents && cp %s.so %s.contents/binaries/$(BINARIES)\n"
+                "\tcp %s_fmu.c %s.c %s_weights.c %s.h%s %s.contents/sources\n",
+                name, name, name, name, name, name, name, name, name, name, name, name, name,
+                two ? "" : " buildDescription.xml", name);
+    lg_text_add(to, "\tcd %s.contents && $(PACK) ../%s.fmu $$(ls)\n\trm -rf %s.contents\n", name, name, name);
+}
+
+/* A name for the instance to be asked for: the model file's SHA-256 as a guid. */
+static void make_token(job *j) {
+    const char *s = j->b.source->options->sha256[0] != '\0' ? j->b.source->options->sha256
+                                                          : "00000000000000000000000000000000";
+    (void)snprintf(j->token, sizeof j->token, "{%.8s-%.4s-%.4s-%.4s-%.12s}", s, s + 8, s + 12, s + 16, s + 20);
+}
+
+static int export_fmu(const app *self, const char *path, lg_program *program, export_source *source, int version) {
+    job *j = app_alloc(1, sizeof *j);
+    *j = (job){.b = {.self = self, .program = program, .source = source}, .version = version};
+    int code = source->options->dtype != LG_F64
+                   ? app_usage(self, "--target fmu%d: an FMU computes in double precision, --dtype f32 is not for it",
+                               version)
+                   : block_collect(&j->b, true);
+    source->prefix = "c_";
+    if (code == APP_EXIT_OK) code = export_whole(self, path, program, j->b.list.data, source);
+    if (code == APP_EXIT_OK) {
+        make_token(j);
+        add_rules(j);
+        export_compose(source);
+        add_source(j);
+        text *description = export_add_file(source, "modelDescription.xml");
+        (version == 2 ? add_description2 : add_description3)(j, description);
+    }
+    block_free(&j->b);
+    free(j);
+    return code;
+}
+
+int export_fmu2(const app *self, const char *path, lg_program *program, export_source *source) {
+    return export_fmu(self, path, program, source, 2);
+}
+
+int export_fmu3(const app *self, const char *path, lg_program *program, export_source *source) {
+    return export_fmu(self, path, program, source, 3);
+}
