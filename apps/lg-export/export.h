@@ -97,6 +97,7 @@ typedef struct export_source {
     double *start;        /* (starts) a state at rest on the manifold, or NULL */
     size_t starts;
     double step;          /* between two points of the training data, 0 unknown */
+    bool single;          /* the target chose single precision */
     text products;        /* what the Makefile makes beside the objects: names, each behind a blank */
     text rules;           /* how: rules for the end of the Makefile */
     size_t file_count;
@@ -230,6 +231,8 @@ int export_casadi(const app *self, const char *path, lg_program *program, export
 int export_fmu2(const app *self, const char *path, lg_program *program, export_source *source);
 int export_fmu3(const app *self, const char *path, lg_program *program, export_source *source);
 int export_simulink(const app *self, const char *path, lg_program *program, export_source *source);
+int export_onnx(const app *self, const char *path, lg_program *program, export_source *source);
+int export_safetensors(const app *self, const char *path, lg_program *program, export_source *source);
 
 /* ---- the model's name in C (name.c) ---- */
 

@@ -31,7 +31,8 @@ static const app_option options[] = {
     APP_ROW_CHOICE(export_values, target, "target", export_target_names,
                    "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with "
                    "first and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. "
-                   "make builds them in the folder"),
+                   "make builds them in the folder. simulink, C Function blocks and an S-function; onnx, NAME.onnx of one "
+                   "function (default value); safetensors, the weights"),
     APP_ROW_TEXT(
         export_values, scheme, "scheme", "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
@@ -215,6 +216,10 @@ static int build_c(job *j) {
 
 /* ---- the result ---- */
 
+static const char *type_of(const job *j) {
+    return dtypes[j->source.single ? 1 : given.dtype];
+}
+
 static size_t real_bytes(const job *j) {
     return j->options.dtype == LG_F32 ? sizeof(float) : sizeof(double);
 }
@@ -224,7 +229,7 @@ static void report_json(const job *j, size_t parameters, size_t weights) {
     app_json_begin(&json);
     app_json_text(&json, "name", j->name);
     app_json_text(&json, "kind", j->kind);
-    app_json_text(&json, "dtype", dtypes[given.dtype]);
+    app_json_text(&json, "dtype", type_of(j));
     app_json_text(&json, "scheme", j->options.scheme != NULL ? j->options.scheme->name : NULL);
     app_json_open(&json, "files", '[');
     for (size_t i = 0; i < j->source.file_count; i++) app_json_text(&json, NULL, j->source.files[i].name);
@@ -252,8 +257,9 @@ static void report(const job *j) {
         report_json(j, parameters, weights);
         return;
     }
-    printf("%s, a %s in %s:\n", j->name, j->kind, dtypes[given.dtype]);
+    printf("%s, a %s in %s:\n", j->name, j->kind, type_of(j));
     for (size_t i = 0; i < j->source.file_count; i++) printf("  %s/%s\n", given.out, j->source.files[i].name);
+    if (j->source.code.length == 0) return;
     printf("%zu parameters; %zu bytes of weights, %zu of work, at most %zu of stack\n", parameters, weights,
            j->source.work * real_bytes(j), j->source.stack);
     if (j->options.scheme != NULL) printf("scheme of %s_step: %s\n", j->name, j->options.scheme->name);

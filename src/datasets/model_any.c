@@ -3,6 +3,7 @@
 
 #include "core/core.h"
 #include "datasets/h5.h"
+#include "datasets/run.h"
 #include "liegrad/machine_model.h"
 
 /* ---- the kinds: load into a file structure, make a model of it, release ---- */
@@ -80,13 +81,14 @@ typedef struct kind_row {
                       lg_model_file *out, lg_error *error);
     lg_status (*make)(const lg_context *context, lg_model_file *file, lg_error *error);
     void (*release)(lg_model_file *file);
+    const lg_run_kind *run;
 } kind_row;
 
 static const kind_row rows[LG_MODEL_KIND_COUNT] = {
-    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, make_hamiltonian, free_hamiltonian},
-    [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, make_surrogate, free_surrogate},
-    [LG_MODEL_DETECTOR] = {"detector", load_detector, make_detector, free_detector},
-    [LG_MODEL_MACHINE] = {"machine_model", load_machine, make_machine, free_machine},
+    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, make_hamiltonian, free_hamiltonian, &lg_run_hamiltonian},
+    [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, make_surrogate, free_surrogate, &lg_run_surrogate},
+    [LG_MODEL_DETECTOR] = {"detector", load_detector, make_detector, free_detector, &lg_run_detector},
+    [LG_MODEL_MACHINE] = {"machine_model", load_machine, make_machine, free_machine, &lg_run_machine_model},
 };
 
 /* ---- what is no model ---- */
@@ -146,4 +148,14 @@ void lg_model_file_destroy(lg_model_file *file) {
     lg_model_destroy(file->model);
     if ((unsigned)file->kind < LG_MODEL_KIND_COUNT) rows[file->kind].release(file);
     memset(file, 0, sizeof *file);
+}
+
+/* ---- parameters ---- */
+
+bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out, const double **values) {
+    const lg_run_kind *kind = rows[file->kind].run;
+    const char *at = file->kind == LG_MODEL_MACHINE ? (const char *)file->machine : (const char *)&file->hamiltonian;
+    if (!kind->slice(at + kind->file_run, index, out)) return false;
+    *values = *(double *const *)(const void *)(at + kind->file_theta) + out->offset;
+    return true;
 }

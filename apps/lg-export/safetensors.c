@@ -1,0 +1,84 @@
+/* Safetensors (huggingface.co/docs/safetensors): 8 bytes of length, a JSON object of names, types, shapes and
+ * places, then the numbers, row-major, without gaps. Parameters of a model have the names of its file with
+ * points, those of a program their own. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-export/export.h"
+
+typedef struct job {
+    const export_options *options;
+    text header, data;
+    size_t tensors;
+} job;
+
+static void add_tensor(job *j, const char *name, uint32_t rank, const uint64_t *dims, const double *values) {
+    const bool single = j->options->dtype == LG_F32;
+    const size_t start = j->data.length;
+    size_t count = 1;
+    lg_text_add(&j->header, ",\"");
+    for (const char *s = name; *s != '\0'; s++) lg_text_append(&j->header, *s == '/' ? "." : s, 1);
+    lg_text_add(&j->header, "\":{\"dtype\":\"%s\",\"shape\":[", single ? "F32" : "F64");
+    for (uint32_t k = 0; k < rank; k++) {
+        lg_text_add(&j->header, "%s%llu", k > 0 ? "," : "", (unsigned long long)dims[k]);
+        count *= dims[k];
+    }
+    for (size_t i = 0; i < count; i++) {
+        const float narrow = (float)values[i];
+        if (!isfinite(export_round(j->options, values[i]))) j->data.unfit = true;
+        lg_text_append(&j->data, single ? (const char *)&narrow : (const char *)&values[i], single ? 4 : 8);
+    }
+    lg_text_add(&j->header, "],\"data_offsets\":[%zu,%zu]}", start, j->data.length);
+    j->tensors++;
+}
+
+static void add_model(job *j, const lg_model_file *file) {
+    lg_slice_info slice;
+    const double *values;
+    for (uint32_t i = 0; lg_model_file_slice(file, i, &slice, &values); i++)
+        add_tensor(j, slice.name, slice.rank, slice.dims, values);
+}
+
+static void add_program(job *j, const lg_program *program) {
+    for (size_t i = 0; i < lg_program_parameters(program); i++) {
+        const lg_parameter_spec p = lg_program_parameter(program, i);
+        uint64_t dims[LG_MAX_RANK];
+        for (uint32_t k = 0; k < p.shape.rank; k++) dims[k] = p.shape.dims[k];
+        add_tensor(j, p.name, p.shape.rank, dims, p.values);
+    }
+}
+
+/* The header is padded with blanks, so that the numbers are aligned. */
+static void write_file(job *j, export_source *source) {
+    text *to = export_add_file(source, "%s.safetensors");
+    lg_text_add(&j->header, "}");
+    while (j->header.length % 8 != 0) lg_text_add(&j->header, " ");
+    const uint64_t length = j->header.length;
+    for (int i = 0; i < 8; i++) {
+        const char byte = (char)(length >> 8 * i & 255);
+        lg_text_append(to, &byte, 1);
+    }
+    lg_text_append(to, j->header.data, j->header.length);
+    if (j->data.length > 0) lg_text_append(to, j->data.data, j->data.length);
+    to->unfit = j->data.unfit;
+    to->failed = to->failed || j->data.failed || j->header.failed;
+}
+
+int export_safetensors(const app *self, const char *path, lg_program *program, export_source *source) {
+    job j = {.options = source->options};
+    lg_model_file file;
+    lg_text_add(&j.header,
+                "{\"__metadata__\":{\"writer\":\"lg-export: %s\",\"layout\":\"weights are (in, out): y = x W + b\"}",
+                source->options->name);
+    if (lg_model_load(self->context, path, NULL, &file, NULL) == LG_OK) {
+        add_model(&j, &file);
+        lg_model_file_destroy(&file);
+    } else {
+        add_program(&j, program);
+    }
+    write_file(&j, source);
+    lg_text_destroy(&j.header);
+    lg_text_destroy(&j.data);
+    return APP_EXIT_OK;
+}
