@@ -118,9 +118,24 @@ static bool fits_step(const block *b) {
     return fits;
 }
 
-/* An output that needs more than the rate has, or is part of it, is none. */
+/* A function of other inputs than the rate, or for all rows of a batch, is no output unless it is asked for. */
+static bool is_usual(const block *b, const char *function) {
+    size_t ins, outs;
+    const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);
+    bool usual = true;
+    for (size_t o = 0; o < outs; o++) usual = usual && !out[o].shared;
+    for (size_t i = 0; i < ins; i++) {
+        bool known = false;
+        for (size_t k = 0; k < b->count; k++) known = known || strcmp(b->variables[k].name, in[i].name) == 0;
+        usual = usual && known;
+    }
+    return usual || !b->rate || b->source->options->functions != NULL;
+}
+
+/* Parts of the rate and the step are none. */
 static bool is_output(const char *function, const char *rate) {
-    static const char *const parts[] = {"step", "grad", "field", "velocity", "force", "drift", "momenta", NULL};
+    static const char *const parts[] = {"step",  "grad",  "field",   "velocity",
+                                        "force", "drift", "momenta", NULL};
     for (size_t i = 0; rate != NULL && parts[i] != NULL; i++)
         if (strcmp(parts[i], function) == 0) return false;
     return rate == NULL || strcmp(rate, function) != 0;
@@ -139,16 +154,18 @@ int block_collect(block *b, bool derivatives) {
     if (chosen == NULL) return APP_EXIT_USAGE;
     for (char *save = NULL, *name = strtok_r(chosen, ",", &save); name != NULL && fits;
          name = strtok_r(NULL, ",", &save))
-        if (b->part_count < MOST_FUNCTIONS && is_output(name, rate)) fits = add_outputs(b, name);
+        if (b->part_count < MOST_FUNCTIONS && is_output(name, rate) && is_usual(b, name))
+            fits = add_outputs(b, name);
     free(chosen);
     fits = fits && add_variable(b, "longest_step", NULL, PARAMETER, &at);
     b->step = b->rate && fits_step(b);
     if (b->step) use(b, "step");
     if (!fits)
-        return app_usage(b->self,
-                         "the functions do not fit one block: at most %d variables, and an input of one name has one "
-                         "size; choose with --functions",
-                         MOST_PORTS);
+        return app_usage(
+            b->self,
+            "the functions do not fit one block: at most %d variables, and an input of one name has one "
+            "size; choose with --functions",
+            MOST_PORTS);
     return APP_EXIT_OK;
 }
 
@@ -158,7 +175,8 @@ static void add_call(const block *b, const char *function, text *to) {
     lg_text_add(to, "    %s_%s%s(", b->source->options->name, b->source->prefix, function);
 }
 
-static void add_arguments(const block *b, const char *array, const size_t *variables, size_t count, text *to) {
+static void add_arguments(const block *b, const char *array, const size_t *variables, size_t count,
+                          text *to) {
     for (size_t i = 0; i < count; i++) lg_text_add(to, "%s + %zu, ", array, b->variables[variables[i]].at);
 }
 
@@ -183,10 +201,9 @@ bool block_has(const block *b, bool forward) {
 
 void block_add_forward(const block *b, text *to) {
     const bool can = block_has(b, true);
-    lg_text_add(to,
-                "/* Changes of derivatives and outputs with those of the other values, `seed`. */\n"
-                "static int forward(const double *r, const double *seed, double *out, double *work) {\n"
-                "    memcpy(out, seed, NUMBERS * sizeof *out);\n");
+    lg_text_add(to, "/* Changes of derivatives and outputs with those of the other values, `seed`. */\n"
+                    "static int forward(const double *r, const double *seed, double *out, double *work) {\n"
+                    "    memcpy(out, seed, NUMBERS * sizeof *out);\n");
     if (!can) lg_text_add(to, "    (void)r, (void)work;\n");
     for (size_t i = 0; i < b->part_count && can; i++) {
         const part *p = &b->parts[i];
@@ -201,12 +218,13 @@ void block_add_forward(const block *b, text *to) {
 
 void block_add_adjoint(const block *b, text *to) {
     const bool can = block_has(b, false);
-    lg_text_add(to,
-                "static void add(double *to, const double *from, int count) {\n    int k;\n"
-                "    for (k = 0; k < count; k++) to[k] += from[k];\n}\n\n"
-                "/* Cotangents `seed` of derivatives and outputs, pulled back to the other values. */\n"
-                "static int adjoint(const double *r, const double *seed, double *out, double *room, double *work) "
-                "{\n    memset(out, 0, NUMBERS * sizeof *out);\n");
+    lg_text_add(
+        to,
+        "static void add(double *to, const double *from, int count) {\n    int k;\n"
+        "    for (k = 0; k < count; k++) to[k] += from[k];\n}\n\n"
+        "/* Cotangents `seed` of derivatives and outputs, pulled back to the other values. */\n"
+        "static int adjoint(const double *r, const double *seed, double *out, double *room, double *work) "
+        "{\n    memset(out, 0, NUMBERS * sizeof *out);\n");
     if (!can) lg_text_add(to, "    (void)r, (void)seed, (void)room, (void)work, (void)add;\n");
     for (size_t i = 0; i < b->part_count && can; i++) {
         const part *p = &b->parts[i];
@@ -233,15 +251,16 @@ void block_add_step(const block *b, text *to) {
         lg_text_add(to, "&h, next, work);\n}\n\n");
         return;
     }
-    lg_text_add(to,
-                "    static const double place[4] = {0, 0.5, 0.5, 1}, share[4] = {1, 2, 2, 1};\n"
-                "    double k[STATES], y[STATES];\n    int i, s;\n    memset(k, 0, sizeof k);\n"
-                "    memcpy(next, r, STATES * sizeof *next);\n    for (s = 0; s < 4; s++) {\n"
-                "        for (i = 0; i < STATES; i++) y[i] = r[i] + place[s] * h * k[i];\n    ");
+    lg_text_add(to, "    static const double place[4] = {0, 0.5, 0.5, 1}, share[4] = {1, 2, 2, 1};\n"
+                    "    double k[STATES], y[STATES];\n    int i, s;\n    memset(k, 0, sizeof k);\n"
+                    "    memcpy(next, r, STATES * sizeof *next);\n    for (s = 0; s < 4; s++) {\n"
+                    "        for (i = 0; i < STATES; i++) y[i] = r[i] + place[s] * h * k[i];\n    ");
     add_call(b, rate->name, to);
     lg_text_add(to, "y, ");
     add_arguments(b, "r", rate->in + 1, rate->ins - 1, to);
-    lg_text_add(to, "k, work);\n        for (i = 0; i < STATES; i++) next[i] += share[s] * h / 6 * k[i];\n    }\n}\n\n");
+    lg_text_add(
+        to,
+        "k, work);\n        for (i = 0; i < STATES; i++) next[i] += share[s] * h / 6 * k[i];\n    }\n}\n\n");
 }
 
 double block_start(const block *b, size_t variable_at, size_t k) {
@@ -252,10 +271,11 @@ double block_start(const block *b, size_t variable_at, size_t k) {
 }
 
 void block_add_tables(const block *b, text *to) {
-    lg_text_add(to, "enum { STATES = %zu, PORTS = %zu, NUMBERS = %zu, WORK = %s_WORK_SIZE };\n", b->states, b->count,
-                b->numbers, b->source->options->name);
-    lg_text_add(to, "/* Variables: place in the array, count, causality (state, derivative, input, output, "
-                    "parameter). */\nstatic const struct {\n    int at, count, causality;\n} ports[PORTS] = {\n");
+    lg_text_add(to, "enum { STATES = %zu, PORTS = %zu, NUMBERS = %zu, WORK = %s_WORK_SIZE };\n", b->states,
+                b->count, b->numbers, b->source->options->name);
+    lg_text_add(to,
+                "/* Variables: place in the array, count, causality (state, derivative, input, output, "
+                "parameter). */\nstatic const struct {\n    int at, count, causality;\n} ports[PORTS] = {\n");
     for (size_t i = 0; i < b->count; i++)
         lg_text_add(to, "    {%zu, %zu, %d}, /* %s */\n", b->variables[i].at, b->variables[i].count,
                     (int)b->variables[i].kind, b->variables[i].name);

@@ -30,6 +30,7 @@ typedef struct job {
     lg_program *program;
     export_source *source;
     text *to;
+    bool has_zeros; /* a block without nonzeros */
     size_t entries, tables, most_in, most_out, most_zeros;
     text symbols, calls;
 } job;
@@ -49,8 +50,8 @@ static int port_named(const lg_port *ports, size_t count, const char *name) {
 }
 
 /* A column of the port's numbers; a port that the function has not got is empty. */
-static void add_column(slot *slots, size_t *count, const char *begin, const lg_port *like, const lg_port *ports,
-                       size_t port_count) {
+static void add_column(slot *slots, size_t *count, const char *begin, const lg_port *like,
+                       const lg_port *ports, size_t port_count) {
     slot *s = &slots[(*count)++];
     *s = (slot){.rows = lg_shape_count(like->shape), .columns = 1};
     (void)snprintf(s->name, sizeof s->name, "%s%s", begin, like->name);
@@ -80,8 +81,8 @@ static unsigned char *pattern_of(const job *j, const char *function, const char 
 }
 
 /* The blocks of the Jacobian of `of`: outputs in the outer loop, arguments in the inner one. */
-static void add_blocks(const job *j, entry *e, const char *of, const slot *out, size_t outs,
-                       const slot *in, size_t ins) {
+static void add_blocks(const job *j, entry *e, const char *of, const slot *out, size_t outs, const slot *in,
+                       size_t ins) {
     size_t count;
     const lg_port *ports = lg_program_outputs(j->program, find(j, e->function), &count);
     for (size_t o = 0; o < outs; o++)
@@ -90,8 +91,7 @@ static void add_blocks(const job *j, entry *e, const char *of, const slot *out, 
             *s = (slot){.rows = out[o].rows, .columns = in[i].rows};
             (void)snprintf(s->name, sizeof s->name, "jac_%s_%s", out[o].name, in[i].name);
             s->port = port_named(ports, count, s->name);
-            if (s->port >= 0)
-                s->pattern = pattern_of(j, of, out[o].name, in[i].name, s->rows * s->columns);
+            if (s->port >= 0) s->pattern = pattern_of(j, of, out[o].name, in[i].name, s->rows * s->columns);
         }
 }
 
@@ -150,6 +150,7 @@ static void write_slots(job *j, const char *what, const slot *slots, size_t coun
             lg_text_add(j->to, "nonzeros_%zu, %zu},\n", first + i, nonzeros);
         else
             lg_text_add(j->to, "%s, 0},\n", s->pattern != NULL ? "no_nonzeros" : "NULL");
+        j->has_zeros = j->has_zeros || (nonzeros == 0 && s->pattern != NULL);
     }
     lg_text_add(j->to, "};\n");
 }
@@ -160,10 +161,11 @@ static void write_call(job *j, const entry *e) {
     const size_t at = find(j, e->function);
     (void)lg_program_inputs(j->program, at, &ins);
     (void)lg_program_outputs(j->program, at, &outs);
-    lg_text_add(j->to,
-                "static void call_%zu(const casadi_real *const *x, casadi_real *const *y, casadi_real *work) {\n"
-                "    %s_%s%s(",
-                j->entries, j->source->options->name, j->source->prefix, e->function);
+    lg_text_add(
+        j->to,
+        "static void call_%zu(const casadi_real *const *x, casadi_real *const *y, casadi_real *work) {\n"
+        "    %s_%s%s(",
+        j->entries, j->source->options->name, j->source->prefix, e->function);
     for (size_t i = 0; i < ins; i++) lg_text_add(j->to, "x[%zu], ", i);
     for (size_t o = 0; o < outs; o++) lg_text_add(j->to, "y[%zu], ", o);
     lg_text_add(j->to, "work);\n}\n");
@@ -178,7 +180,8 @@ static void write_entry(job *j, const char *symbol, const entry *e) {
     write_slots(j, "out", e->out, e->outs);
     write_call(j, e);
     for (size_t o = 0; o < e->outs; o++)
-        if (e->out[o].port >= 0 && (e->out[o].pattern != NULL || (e->out[o].rows > 1 && e->out[o].columns > 1)))
+        if (e->out[o].port >= 0 &&
+            (e->out[o].pattern != NULL || (e->out[o].rows > 1 && e->out[o].columns > 1)))
             room += e->out[o].rows * e->out[o].columns;
     for (size_t i = 0; i < e->ins; i++)
         if (e->in[i].rows > j->most_zeros) j->most_zeros = e->in[i].rows;
@@ -306,11 +309,10 @@ enum { FORWARD, ADJOINT, JACOBIAN, SECOND, DERIVATIVES };
 /* Derivatives of the function, added to the program and the list of what is written. A second derivative
  * needs the adjoint. */
 static void derive(job *j, const char *function, char *derived[DERIVATIVES], text *list) {
-    static const lg_derivative_kind kinds[DERIVATIVES] = {
-        [FORWARD] = LG_DERIVATIVE_FORWARD,
-        [ADJOINT] = LG_DERIVATIVE_ADJOINT,
-        [JACOBIAN] = LG_DERIVATIVE_JACOBIAN,
-        [SECOND] = LG_DERIVATIVE_JACOBIAN_OF_ADJOINT};
+    static const lg_derivative_kind kinds[DERIVATIVES] = {[FORWARD] = LG_DERIVATIVE_FORWARD,
+                                                          [ADJOINT] = LG_DERIVATIVE_ADJOINT,
+                                                          [JACOBIAN] = LG_DERIVATIVE_JACOBIAN,
+                                                          [SECOND] = LG_DERIVATIVE_JACOBIAN_OF_ADJOINT};
     const ports f = ports_of(j, function);
     const bool shared = has_shared(&f), large = numbers_of(f.in, f.ins) > MOST_SECOND;
     lg_text_add(list, "%s%s", list->length > 0 ? "," : "", function);
@@ -346,20 +348,6 @@ static const char rules[] =
     "\t$(CC) $(CFLAGS) -fPIC -shared '-Dcasadi_int=$(CASADI_INT)' NAME_casadi.c NAME_.c NAME_weights.c "
     "$(LDFLAGS) -lm -o libNAME_.so\n";
 
-/* NAME_. in makefiles is the name with a dot. */
-static void add_rules(export_source *source) {
-    const char *name = source->options->name;
-    for (const char *s = rules, *found; *s != '\0'; s = found) {
-        found = strstr(s + 1, "NAME_");
-        if (found == NULL) found = s + strlen(s);
-        const bool here = strncmp(s, "NAME_", 5) == 0;
-        if (here) lg_text_add(&source->rules, "%s%s", name, s[5] == '.' ? "" : "_");
-        if (here) s += 5;
-        lg_text_append(&source->rules, s, (size_t)(found - s));
-    }
-    lg_text_add(&source->products, " lib%s.so", name);
-}
-
 /* The tables go to `body`, whose sizes stand before the fragment. */
 static void write_file(job *j, char **functions, char *(*derived)[DERIVATIVES], size_t count) {
     const char *name = j->source->options->name;
@@ -368,15 +356,17 @@ static void write_file(job *j, char **functions, char *(*derived)[DERIVATIVES], 
     for (size_t i = 0; i < count; i++) write_function(j, functions[i], derived[i]);
     lg_text_add(to, "/* Functions of %s.h for CasADi:\n *  ", name);
     lg_text_add(to, "%s.\n", j->symbols.data);
+    lg_text_add(
+        to,
+        " * casadi.external(\"%s_%s\", \"./lib%s.so\") loads one with its derivatives. Arguments and "
+        "results are\n * columns; rows of matrices stand one behind the other. Written by lg-export. */\n"
+        "#include <stddef.h>\n\n#include \"%s.h\"\n\n",
+        name, functions[0], name, name);
     lg_text_add(to,
-                " * casadi.external(\"%s_%s\", \"./lib%s.so\") loads one with its derivatives. Arguments and "
-                "results are\n * columns; rows of matrices stand one behind the other. Written by lg-export. */\n"
-                "#include <stddef.h>\n\n#include \"%s.h\"\n\n",
-                name, functions[0], name, name);
-    lg_text_add(to, "enum { MOST_INPUTS = %zu, MOST_OUTPUTS = %zu };\nstatic const double zeros[%zu] = {0};\n\n",
+                "enum { MOST_INPUTS = %zu, MOST_OUTPUTS = %zu };\nstatic const double zeros[%zu] = {0};\n\n",
                 j->most_in, j->most_out, j->most_zeros);
     lg_text_add_named(to, name, export_fragment_text("casadi_run"));
-    lg_text_add(to, "\nstatic const int no_nonzeros[] = {0};\n%s", body.data);
+    lg_text_add(to, "%s%s", j->has_zeros ? "\nstatic const int no_nonzeros[] = {0};\n" : "", body.data);
     lg_text_destroy(&body);
 }
 
@@ -396,7 +386,8 @@ int export_casadi(const app *self, const char *path, lg_program *program, export
     if (chosen == NULL) return APP_EXIT_USAGE;
     if (source->options->dtype != LG_F64) {
         free(chosen);
-        return app_usage(self, "--target casadi: CasADi computes in double precision, --dtype f32 is not for it");
+        return app_usage(self,
+                         "--target casadi: CasADi computes in double precision, --dtype f32 is not for it");
     }
     char **functions = app_alloc(most, sizeof *functions);
     char *(*derived)[DERIVATIVES] = app_alloc(most, sizeof *derived);
@@ -406,7 +397,7 @@ int export_casadi(const app *self, const char *path, lg_program *program, export
     source->prefix = "c_";
     const int code = export_whole(self, path, program, list.data, source);
     if (code == APP_EXIT_OK) {
-        add_rules(source);
+        export_add_rules(source, "libNAME_.so", rules);
         export_compose(source);
         write_file(&j, functions, derived, count);
     }

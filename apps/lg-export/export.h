@@ -75,7 +75,7 @@ typedef struct export_source {
                      golden vectors in the texts below */
     size_t functions;   /* of a bundle */
     const char *prefix; /* of its functions in C, behind NAME_: "" or "c_" */
-    size_t work;      /* NAME_WORK_SIZE, in reals, enough for every function */
+    size_t work;        /* NAME_WORK_SIZE, in reals, enough for every function */
     size_t stack; /* NAME_STACK_SIZE: bound on the frames of functions that call each other, in bytes, gcc and
                      clang, -O0 to -O3 */
     size_t calls; /* bound on the depth of calls; 0: `stack` bounds the sum of all frames */
@@ -96,10 +96,10 @@ typedef struct export_source {
     size_t integers;      /* ints there */
     double *start;        /* (starts) a state at rest on the manifold, or NULL */
     size_t starts;
-    double step;          /* between two points of the training data, 0 unknown */
-    bool single;          /* the target chose single precision */
-    text products;        /* what the Makefile makes beside the objects: names, each behind a blank */
-    text rules;           /* how: rules for the end of the Makefile */
+    double step;   /* between two points of the training data, 0 unknown */
+    bool single;   /* the target chose single precision */
+    text products; /* what the Makefile makes beside the objects: names, each behind a blank */
+    text rules;    /* how: rules for the end of the Makefile */
     size_t file_count;
     export_file files[EXPORT_MOST_FILES];
 } export_source;
@@ -248,6 +248,9 @@ char *export_name_from(const char *file);
  * comments; other formats need the words "lg-export: NAME" in their first 500 bytes. %s in the name: the
  * model's. */
 text *export_add_file(export_source *source, const char *name);
+/* Adds to the Makefile: what `all` makes and `clean` removes, and rules for it. NAME_. and NAME_x become the
+ * model's name. Before export_compose. */
+void export_add_rules(export_source *source, const char *products, const char *rules);
 /* Adds NAME.h, NAME.c, NAME_weights.c, NAME_test.c and Makefile of what `source` has. */
 void export_compose(export_source *source);
 /* Writes the files to folder `out`: to a temporary folder, then they are renamed. A folder that does not exist

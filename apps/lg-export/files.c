@@ -236,8 +236,8 @@ static const char makefile[] =
     ".PHONY: all test stack size clean\n";
 
 /* NAME_. is the name with a dot, NAME_x the name with _x. */
-static void add_makefile(const export_source *source, text *to) {
-    for (const char *s = makefile; *s != '\0'; s++) {
+static void add_make(const export_source *source, const char *rules, text *to) {
+    for (const char *s = rules; *s != '\0'; s++) {
         if (strncmp(s, "NAME_.", 6) == 0) {
             lg_text_add(to, "%s.", source->options->name);
             s += 5;
@@ -257,6 +257,16 @@ static void add_makefile(const export_source *source, text *to) {
             lg_text_add(to, "%c", *s);
         }
     }
+}
+
+static void add_makefile(const export_source *source, text *to) {
+    add_make(source, makefile, to);
+}
+
+void export_add_rules(export_source *source, const char *products, const char *rules) {
+    lg_text_add(&source->products, " ");
+    add_make(source, products, &source->products);
+    add_make(source, rules, &source->rules);
 }
 
 /* The Makefile, and the target's rules behind it. */

@@ -25,7 +25,7 @@ static void add_source(job *j) {
     block_add_tables(&j->b, to);
     block_add_evaluate(&j->b, to);
     block_add_forward(&j->b, to);
-    block_add_adjoint(&j->b, to);
+    if (j->version > 2) block_add_adjoint(&j->b, to); /* FMI 2.0 has none */
     block_add_step(&j->b, to);
     lg_text_add(to, "#define HAS_STATES %d\n", j->b.rate);
     lg_text_add(to, "%s\n%s", export_fragment_text("fmu_core"),
@@ -159,11 +159,14 @@ static void add_description2(job *j, text *to) {
     add_common(j, to);
     lg_text_add(to, " numberOfEventIndicators=\"0\">\n");
     for (int co = 0; co < 2; co++) {
-        lg_text_add(to, "  <%s modelIdentifier=\"%s\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"",
-                    co ? "CoSimulation" : "ModelExchange", name);
-        lg_text_add(to, " providesDirectionalDerivative=\"%s\"%s>\n    <SourceFiles>", derivatives ? "true" : "false",
+        lg_text_add(
+            to, "  <%s modelIdentifier=\"%s\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"",
+            co ? "CoSimulation" : "ModelExchange", name);
+        lg_text_add(to, " providesDirectionalDerivative=\"%s\"%s>\n    <SourceFiles>",
+                    derivatives ? "true" : "false",
                     co ? " canHandleVariableCommunicationStepSize=\"true\"" : "");
-        for (size_t i = 0; i < LG_COUNT(sources); i++) lg_text_add(to, "<File name=\"%s%s\"/>", name, sources[i]);
+        for (size_t i = 0; i < LG_COUNT(sources); i++)
+            lg_text_add(to, "<File name=\"%s%s\"/>", name, sources[i]);
         lg_text_add(to, "</SourceFiles>\n  </%s>\n", co ? "CoSimulation" : "ModelExchange");
     }
     add_units(j, to);
@@ -211,16 +214,18 @@ static void add_unknowns3(const job *j, const char *element, causality kind, tex
 }
 
 static void add_description3(job *j, text *to) {
-    const char *derivatives = block_has(&j->b, true) ? "true" : "false", *adjoints = block_has(&j->b, false) ? "true" : "false";
+    const char *derivatives = block_has(&j->b, true) ? "true" : "false",
+               *adjoints = block_has(&j->b, false) ? "true" : "false";
     lg_text_add(to, "<fmiModelDescription fmiVersion=\"3.0\"");
     add_common(j, to);
     lg_text_add(to, ">\n");
     for (int co = 0; co < 2; co++)
-        lg_text_add(to,
-                    "  <%s modelIdentifier=\"%s\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" "
-                    "providesDirectionalDerivatives=\"%s\" providesAdjointDerivatives=\"%s\"%s/>\n",
-                    co ? "CoSimulation" : "ModelExchange", j->b.source->options->name, derivatives, adjoints,
-                    co ? " canHandleVariableCommunicationStepSize=\"true\"" : "");
+        lg_text_add(
+            to,
+            "  <%s modelIdentifier=\"%s\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" "
+            "providesDirectionalDerivatives=\"%s\" providesAdjointDerivatives=\"%s\"%s/>\n",
+            co ? "CoSimulation" : "ModelExchange", j->b.source->options->name, derivatives, adjoints,
+            co ? " canHandleVariableCommunicationStepSize=\"true\"" : "");
     add_units(j, to);
     lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"1\"/>\n");
     add_variables3(j, to);
@@ -232,52 +237,53 @@ static void add_description3(job *j, text *to) {
     lg_text_add(to, "  </ModelStructure>\n</fmiModelDescription>\n");
     text *build = export_add_file(j->b.source, "buildDescription.xml");
     const char *name = j->b.source->options->name;
-    lg_text_add(build,
-                "<fmiBuildDescription fmiVersion=\"3.0\">\n  <BuildConfiguration modelIdentifier=\"%s\">\n"
-                "    <SourceFileSet language=\"C99\"><SourceFile name=\"%s_fmu.c\"/><SourceFile name=\"%s.c\"/>"
-                "<SourceFile name=\"%s_weights.c\"/></SourceFileSet>\n    <Library name=\"m\"/>\n"
-                "  </BuildConfiguration>\n</fmiBuildDescription>\n",
-                name, name, name, name);
+    lg_text_add(
+        build,
+        "<fmiBuildDescription fmiVersion=\"3.0\">\n  <BuildConfiguration modelIdentifier=\"%s\">\n"
+        "    <SourceFileSet language=\"C99\"><SourceFile name=\"%s_fmu.c\"/><SourceFile name=\"%s.c\"/>"
+        "<SourceFile name=\"%s_weights.c\"/></SourceFileSet>\n    <Library name=\"m\"/>\n"
+        "  </BuildConfiguration>\n</fmiBuildDescription>\n",
+        name, name, name, name);
 }
 
 /* ---- Makefile ---- */
 
-static void add_rules(const job *j) {
-    const char *name = j->b.source->options->name;
-    text *to = &j->b.source->rules;
-    const bool two = j->version == 2;
-    lg_text_add(&j->b.source->products, " %s.fmu", name);
-    lg_text_add(to,
-                "# The FMU: a zip file of modelDescription.xml, the library and its sources.\n"
-                "BINARIES ?= %s\nPACK ?= $(if $(shell command -v zip),zip -q -r,cmake -E tar c --format=zip)\n\n"
-                "%s.so: %s_fmu.c %s.c %s_weights.c %s.h\n"
-                "\t$(CC) $(CFLAGS) -fPIC -shared -fvisibility=hidden %s_fmu.c %s.c %s_weights.c $(LDFLAGS) -lm -o "
-                "%s.so\n\n",
-                two ? "linux64" : "$(shell uname -m)-linux", name, name, name, name, name, name, name, name, name);
-    lg_text_add(to,
-                "%s.fmu: %s.so modelDescription.xml\n"
-                "\trm -rf %s.contents %s.fmu && mkdir -p %s.contents/binaries/$(BINARIES) %s.contents/sources\n"
-                "\tcp modelDescription.xml %s.contents && cp %s.so %s.contents/binaries/$(BINARIES)\n"
-                "\tcp %s_fmu.c %s.c %s_weights.c %s.h%s %s.contents/sources\n",
-                name, name, name, name, name, name, name, name, name, name, name, name, name,
-                two ? "" : " buildDescription.xml", name);
-    lg_text_add(to, "\tcd %s.contents && $(PACK) ../%s.fmu $$(ls)\n\trm -rf %s.contents\n", name, name, name);
+static const char rules[] =
+    "# The FMU: a zip file of modelDescription.xml, the library and its sources.\n"
+    "PACK ?= $(if $(shell command -v zip),zip -q -r,cmake -E tar c --format=zip)\n\n"
+    "NAME_.so: NAME_fmu.c NAME_.c NAME_weights.c NAME_.h\n"
+    "\t$(CC) $(CFLAGS) -fPIC -shared -fvisibility=hidden NAME_fmu.c NAME_.c NAME_weights.c $(LDFLAGS) -lm "
+    "-o NAME_.so\n\n"
+    "NAME_.fmu: NAME_.so modelDescription.xml\n"
+    "\trm -rf NAME_contents NAME_.fmu && mkdir -p NAME_contents/binaries/$(BINARIES) NAME_contents/sources\n"
+    "\tcp modelDescription.xml NAME_contents && cp NAME_.so NAME_contents/binaries/$(BINARIES)\n"
+    "\tcp NAME_fmu.c NAME_.c NAME_weights.c NAME_.h $(wildcard buildDescription.xml) NAME_contents/sources\n"
+    "\tcd NAME_contents && $(PACK) ../NAME_.fmu $$(ls)\n\trm -rf NAME_contents\n";
+
+static void add_rules(job *j) {
+    lg_text_add(&j->b.source->rules, "BINARIES ?= %s\n",
+                j->version == 2 ? "linux64" : "$(shell uname -m)-linux");
+    export_add_rules(j->b.source, "NAME_.fmu NAME_.so", rules);
 }
 
 /* A name for the instance to be asked for: the model file's SHA-256 as a guid. */
 static void make_token(job *j) {
     const char *s = j->b.source->options->sha256[0] != '\0' ? j->b.source->options->sha256
-                                                          : "00000000000000000000000000000000";
-    (void)snprintf(j->token, sizeof j->token, "{%.8s-%.4s-%.4s-%.4s-%.12s}", s, s + 8, s + 12, s + 16, s + 20);
+                                                            : "00000000000000000000000000000000";
+    (void)snprintf(j->token, sizeof j->token, "{%.8s-%.4s-%.4s-%.4s-%.12s}", s, s + 8, s + 12, s + 16,
+                   s + 20);
 }
 
-static int export_fmu(const app *self, const char *path, lg_program *program, export_source *source, int version) {
+static int export_fmu(const app *self, const char *path, lg_program *program, export_source *source,
+                      int version) {
     job *j = app_alloc(1, sizeof *j);
     *j = (job){.b = {.self = self, .program = program, .source = source}, .version = version};
-    int code = source->options->dtype != LG_F64
-                   ? app_usage(self, "--target fmu%d: an FMU computes in double precision, --dtype f32 is not for it",
-                               version)
-                   : block_collect(&j->b, true);
+    int code =
+        source->options->dtype != LG_F64
+            ? app_usage(self,
+                        "--target fmu%d: an FMU computes in double precision, --dtype f32 is not for it",
+                        version)
+            : block_collect(&j->b, true);
     source->prefix = "c_";
     if (code == APP_EXIT_OK) code = export_whole(self, path, program, j->b.list.data, source);
     if (code == APP_EXIT_OK) {

@@ -40,8 +40,8 @@ static uint32_t *inputs_of(const lg_operation *op, const uint32_t *place) {
     return inputs;
 }
 
-static lg_status inline_call(graph *g, const lg_program *program, const lg_operation *op, const uint32_t *place,
-                             uint32_t *out) {
+static lg_status inline_call(graph *g, const lg_program *program, const lg_operation *op,
+                             const uint32_t *place, uint32_t *out) {
     size_t outs;
     const size_t callee = (size_t)op->whole[0].base;
     (void)lg_program_outputs(program, callee, &outs);
@@ -126,7 +126,8 @@ static void mark(graph *g) {
     for (size_t k = 0; k < g->count; k++) {
         graph_node *n = &g->nodes[k];
         n->varies = strcmp(n->op.name, "input") == 0 || has_rows(&n->op);
-        for (uint32_t i = 0; i < n->op.input_count; i++) n->varies = n->varies || g->nodes[n->op.inputs[i]].varies;
+        for (uint32_t i = 0; i < n->op.input_count; i++)
+            n->varies = n->varies || g->nodes[n->op.inputs[i]].varies;
     }
     for (size_t o = 0; o < g->output_count; o++) g->nodes[g->results[o]].needed = true;
     for (size_t k = g->count; k-- > 0;) {
@@ -137,12 +138,16 @@ static void mark(graph *g) {
 }
 
 /* The constants that are needed, as outputs of a function of a program with the same parameters. */
-static lg_status add_constants_function(const graph *g, lg_program *program, const uint32_t *which, size_t count,
-                                        lg_error *error) {
-    lg_function_image image = {.name = "export_constants", .inputs = g->inputs, .input_count = g->input_count,
-                               .output_count = count, .operation_count = g->count, .results = which};
+static lg_status add_constants_function(const graph *g, lg_program *program, const uint32_t *which,
+                                        size_t count, lg_error *error) {
+    lg_function_image image = {.name = "export_constants",
+                               .inputs = g->inputs,
+                               .input_count = g->input_count,
+                               .output_count = count,
+                               .operation_count = g->count,
+                               .results = which};
     lg_port *outputs = app_alloc(count, sizeof *outputs);
-    char (*names)[32] = app_alloc(count, sizeof *names);
+    char(*names)[32] = app_alloc(count, sizeof *names);
     image.operations = app_alloc(g->count, sizeof *image.operations);
     for (size_t k = 0; k < g->count; k++) image.operations[k] = g->nodes[k].op;
     for (size_t i = 0; i < count; i++) {
@@ -166,7 +171,8 @@ static lg_status evaluate_constants(graph *g, lg_program *program, const uint32_
     LG_TRY(lg_plan_create(program, function, NULL, &plan, error));
     double **in = app_alloc(g->input_count, sizeof *in), **out = app_alloc(count, sizeof *out);
     void *work = app_alloc(lg_plan_work_size(plan), 1);
-    for (size_t i = 0; i < g->input_count; i++) in[i] = app_alloc(lg_plan_input_count(plan, i), sizeof(double));
+    for (size_t i = 0; i < g->input_count; i++)
+        in[i] = app_alloc(lg_plan_input_count(plan, i), sizeof(double));
     for (size_t i = 0; i < count; i++) {
         graph_node *n = &g->nodes[which[i]];
         n->count = lg_plan_output_count(plan, i);
@@ -203,7 +209,8 @@ lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error 
     uint32_t *inputs = add_inputs(out);
     lg_status status = inline_function(out, program, function, inputs, out->results);
     free(inputs);
-    if (status != LG_OK) return app_error(error, status, "the function has too many operations to be written out");
+    if (status != LG_OK)
+        return app_error(error, status, "the function has too many operations to be written out");
     mark(out);
     return fold(out, program, error);
 }

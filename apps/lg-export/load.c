@@ -75,7 +75,8 @@ static void find_start(const lg_model_file *file, export_source *source) {
     if (status == LG_OK) make_start(&space, source);
 }
 
-int export_load(const app *self, const char *path, const char *kind, export_source *source, lg_program **out) {
+int export_load(const app *self, const char *path, const char *kind, export_source *source,
+                lg_program **out) {
     lg_error error = {LG_OK, ""};
     lg_model_file file;
     lg_status status;
@@ -96,8 +97,7 @@ int export_load(const app *self, const char *path, const char *kind, export_sour
 static bool is_derivative(const char *name) {
     static const char *const begins[] = {"fwd1_", "adj1_", "jac_"};
     bool is = false;
-    for (size_t i = 0; i < LG_COUNT(begins); i++)
-        is = is || strncmp(name, begins[i], strlen(begins[i])) == 0;
+    for (size_t i = 0; i < LG_COUNT(begins); i++) is = is || strncmp(name, begins[i], strlen(begins[i])) == 0;
     return is;
 }
 
@@ -137,11 +137,11 @@ char *export_choose(const app *self, const export_options *options, const lg_pro
 }
 
 char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function) {
-    static const char *const begins[LG_DERIVATIVE_KIND_COUNT] = {
-        [LG_DERIVATIVE_FORWARD] = "fwd1_",
-        [LG_DERIVATIVE_ADJOINT] = "adj1_",
-        [LG_DERIVATIVE_JACOBIAN] = "jac_",
-        [LG_DERIVATIVE_JACOBIAN_OF_ADJOINT] = "jac_adj1_"};
+    static const char *const begins[LG_DERIVATIVE_KIND_COUNT] = {[LG_DERIVATIVE_FORWARD] = "fwd1_",
+                                                                 [LG_DERIVATIVE_ADJOINT] = "adj1_",
+                                                                 [LG_DERIVATIVE_JACOBIAN] = "jac_",
+                                                                 [LG_DERIVATIVE_JACOBIAN_OF_ADJOINT] =
+                                                                     "jac_adj1_"};
     size_t at;
     lg_error error = {LG_OK, ""};
     lg_derivative what;

@@ -28,20 +28,23 @@ static const app_option options[] = {
     APP_ROW_CHOICE(export_values, dtype, "dtype", dtypes,
                    "Type of the numbers in the code: f64 (default) "
                    "or f32"),
-    APP_ROW_CHOICE(export_values, target, "target", export_target_names,
-                   "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with "
-                   "first and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. "
-                   "make builds them in the folder. simulink, C Function blocks and an S-function; onnx, NAME.onnx of one "
-                   "function (default value); safetensors, the weights"),
+    APP_ROW_CHOICE(
+        export_values, target, "target", export_target_names,
+        "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with "
+        "first and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. "
+        "make builds them in the folder. simulink, C Function blocks and an S-function; onnx, NAME.onnx of "
+        "one "
+        "function (default value); safetensors, the weights"),
     APP_ROW_TEXT(
         export_values, scheme, "scheme", "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
         "(default: the family's; of a machine that of its training)"),
-    APP_ROW_TEXT(
-        export_values, functions, "functions", "NAMES",
-        "Programs, and all models for another target than c: functions to export, separated by commas (default: "
-        "all; of models value, field, velocity, step). Machines in C: linearise adds NAME_linearise, which takes "
-        "several times the code and work memory"),
+    APP_ROW_TEXT(export_values, functions, "functions", "NAMES",
+                 "Programs, and all models for another target than c: functions to export, separated by "
+                 "commas (default: "
+                 "all; of models value, field, velocity, step). Machines in C: linearise adds "
+                 "NAME_linearise, which takes "
+                 "several times the code and work memory"),
     APP_ROW_FLAG(export_values, compact, "compact",
                  "Programs: write loops for small tensors too, not straight code; this gives less, slower "
                  "code"),
@@ -208,9 +211,17 @@ static int build(job *j) {
     return export_classifier(j->self, j->path, &j->source);
 }
 
-static int build_c(job *j) {
+/* A shared library of the C too, for programs that load it, unless the compiler is for no operating system. */
+static const char library[] =
+    "libNAME_.so: NAME_.c NAME_weights.c NAME_.h\n"
+    "\t$(CC) $(CFLAGS) -fPIC -shared NAME_.c NAME_weights.c $(LDFLAGS) -lm -o libNAME_.so\n";
+
+static int build_files(job *j) {
     const int code = build(j);
-    if (code == APP_EXIT_OK && given.target == 0) export_compose(&j->source);
+    if (code != APP_EXIT_OK || given.target > 0) return code;
+    export_add_rules(&j->source, "$(if $(findstring -none-,$(shell $(CC) -dumpmachine)),,libNAME_.so)",
+                     library);
+    export_compose(&j->source);
     return code;
 }
 
@@ -282,7 +293,7 @@ static int export_run(app *self) {
     int code = choose_name(&j);
     if (code == APP_EXIT_OK) code = choose_scheme(&j);
     if (code == APP_EXIT_OK) hash_model(&j);
-    if (code == APP_EXIT_OK) code = build_c(&j);
+    if (code == APP_EXIT_OK) code = build_files(&j);
     if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* what is wrong with the numbers is in the file */
     if (code == APP_EXIT_OK) code = export_write(self, &j.source, given.out);
     if (code == APP_EXIT_OK) report(&j);

@@ -45,8 +45,8 @@ static int real_type(const job *j) {
     return j->options->dtype == LG_F32 ? TYPE_FLOAT : TYPE_DOUBLE;
 }
 
-static void add_tensor(job *j, const char *called, int type, const int64_t *dims, size_t rank, const void *data,
-                       size_t bytes) {
+static void add_tensor(job *j, const char *called, int type, const int64_t *dims, size_t rank,
+                       const void *data, size_t bytes) {
     text tensor = {.data = NULL};
     for (size_t i = 0; i < rank; i++) proto_whole(&tensor, 1, dims[i]);
     proto_whole(&tensor, 2, type);
@@ -104,8 +104,8 @@ static void add_attribute(text *node, const attribute *a) {
     proto_message(node, 5, &message);
 }
 
-static void emit_to(job *j, const char *out, const char *type, const name *in, size_t inputs, const attribute *with,
-                    size_t attributes) {
+static void emit_to(job *j, const char *out, const char *type, const name *in, size_t inputs,
+                    const attribute *with, size_t attributes) {
     text node = {.data = NULL};
     for (size_t i = 0; i < inputs; i++) proto_text(&node, 1, in[i].text);
     proto_text(&node, 2, out);
@@ -176,8 +176,7 @@ static name for_each_row(job *j, name x, const lg_operation *op) {
     for (uint32_t k = 1; k < op->rank; k++) rest[k - 1] = op->shape[k].base;
     const attribute axis = {.name = "axis", .type = INT, .i = {0}};
     name shape = batch;
-    if (op->rank > 1)
-        shape = emit(j, "Concat", (name[]){batch, wholes(j, rest, op->rank - 1)}, 2, &axis);
+    if (op->rank > 1) shape = emit(j, "Concat", (name[]){batch, wholes(j, rest, op->rank - 1)}, 2, &axis);
     return binary(j, "Expand", x, shape);
 }
 
@@ -206,19 +205,45 @@ static bool give_unary(const operation *o, const char *type) {
     return true;
 }
 
-static bool add(const operation *o) { return give_binary(o, "Add"); }
-static bool sub(const operation *o) { return give_binary(o, "Sub"); }
-static bool mul(const operation *o) { return give_binary(o, "Mul"); }
-static bool quotient(const operation *o) { return give_binary(o, "Div"); }
-static bool larger(const operation *o) { return give_binary(o, "Max"); }
-static bool root(const operation *o) { return give_unary(o, "Sqrt"); }
-static bool exponential(const operation *o) { return give_unary(o, "Exp"); }
-static bool logarithm(const operation *o) { return give_unary(o, "Log"); }
-static bool sine(const operation *o) { return give_unary(o, "Sin"); }
-static bool cosine(const operation *o) { return give_unary(o, "Cos"); }
-static bool absolute(const operation *o) { return give_unary(o, "Abs"); }
-static bool sign(const operation *o) { return give_unary(o, "Sign"); }
-static bool identity(const operation *o) { return give_unary(o, "Identity"); }
+static bool add(const operation *o) {
+    return give_binary(o, "Add");
+}
+static bool sub(const operation *o) {
+    return give_binary(o, "Sub");
+}
+static bool mul(const operation *o) {
+    return give_binary(o, "Mul");
+}
+static bool quotient(const operation *o) {
+    return give_binary(o, "Div");
+}
+static bool larger(const operation *o) {
+    return give_binary(o, "Max");
+}
+static bool root(const operation *o) {
+    return give_unary(o, "Sqrt");
+}
+static bool exponential(const operation *o) {
+    return give_unary(o, "Exp");
+}
+static bool logarithm(const operation *o) {
+    return give_unary(o, "Log");
+}
+static bool sine(const operation *o) {
+    return give_unary(o, "Sin");
+}
+static bool cosine(const operation *o) {
+    return give_unary(o, "Cos");
+}
+static bool absolute(const operation *o) {
+    return give_unary(o, "Abs");
+}
+static bool sign(const operation *o) {
+    return give_unary(o, "Sign");
+}
+static bool identity(const operation *o) {
+    return give_unary(o, "Identity");
+}
 
 static bool at_least(const operation *o) {
     const name truth = binary(o->j, "GreaterOrEqual", o->x[0], o->x[1]);
@@ -231,15 +256,20 @@ static bool choice(const operation *o) {
 
 static bool mixture(const operation *o) {
     const name rest = binary(o->j, "Sub", number(o->j, 1), o->x[0]);
-    return give(o, binary(o->j, "Add", binary(o->j, "Mul", rest, o->x[1]), binary(o->j, "Mul", o->x[0], o->x[2])));
+    return give(
+        o, binary(o->j, "Add", binary(o->j, "Mul", rest, o->x[1]), binary(o->j, "Mul", o->x[0], o->x[2])));
 }
 
 static bool scaled(const operation *o) {
     if (o->op->reciprocal.base != 0 || o->op->reciprocal.rows != 0) return false;
     return give(o, binary(o->j, "Mul", o->x[0], number(o->j, o->op->real)));
 }
-static bool shifted(const operation *o) { return give(o, binary(o->j, "Add", o->x[0], number(o->j, o->op->real))); }
-static bool power(const operation *o) { return give(o, binary(o->j, "Pow", o->x[0], number(o->j, o->op->real))); }
+static bool shifted(const operation *o) {
+    return give(o, binary(o->j, "Add", o->x[0], number(o->j, o->op->real)));
+}
+static bool power(const operation *o) {
+    return give(o, binary(o->j, "Pow", o->x[0], number(o->j, o->op->real)));
+}
 
 static bool combination(const operation *o) {
     name sum = binary(o->j, "Mul", o->x[0], number(o->j, o->op->reals[0]));
@@ -346,8 +376,12 @@ static bool reduced(const operation *o, const char *type) {
     }
     return give(o, reshape(o->j, y, o->op->shape, o->op->rank));
 }
-static bool summed(const operation *o) { return reduced(o, "ReduceSum"); }
-static bool maximum(const operation *o) { return reduced(o, "ReduceMax"); }
+static bool summed(const operation *o) {
+    return reduced(o, "ReduceSum");
+}
+static bool maximum(const operation *o) {
+    return reduced(o, "ReduceMax");
+}
 
 static bool repeated(const operation *o) {
     if (o->op->whole[1].rows != 0) return false;
@@ -359,14 +393,16 @@ static bool repeated(const operation *o) {
 
 static bool reshaped(const operation *o) {
     int64_t shape[LG_MAX_RANK];
-    return shape_of(o->op->shape, o->op->rank, shape) && give(o, reshape(o->j, o->x[0], o->op->shape, o->op->rank));
+    return shape_of(o->op->shape, o->op->rank, shape) &&
+           give(o, reshape(o->j, o->x[0], o->op->shape, o->op->rank));
 }
 
 static bool sliced(const operation *o) {
     const lg_affine *w = o->op->whole;
     if (w[1].rows != 0 || w[2].rows != 0) return false;
     const name in[4] = {o->x[0], wholes(o->j, (int64_t[]){w[1].base}, 1),
-                        wholes(o->j, (int64_t[]){w[1].base + w[2].base}, 1), wholes(o->j, (int64_t[]){w[0].base}, 1)};
+                        wholes(o->j, (int64_t[]){w[1].base + w[2].base}, 1),
+                        wholes(o->j, (int64_t[]){w[0].base}, 1)};
     emit_to(o->j, o->out, "Slice", in, 4, NULL, 0);
     return true;
 }
@@ -408,7 +444,9 @@ static bool gathered(const operation *o) {
 static name dot(job *j, name x, name y) {
     return binary(j, "ReduceSum", binary(j, "Mul", x, y), wholes(j, (int64_t[]){-1}, 1));
 }
-static bool row_products(const operation *o) { return give(o, dot(o->j, o->x[0], o->x[1])); }
+static bool row_products(const operation *o) {
+    return give(o, dot(o->j, o->x[0], o->x[1]));
+}
 
 static bool crossed(const operation *o) {
     const int64_t next[3] = {1, 2, 0}, last[3] = {2, 0, 1};
@@ -454,8 +492,8 @@ static bool factor(const operation *o) {
     for (uint32_t r = 0; r < n; r++) {
         name row[MOST_SPD];
         for (uint32_t c = 0; c <= r; c++) {
-            const name a = binary(j, "Mul", half, binary(j, "Add", element(j, o->x[0], r, c),
-                                                         element(j, o->x[0], c, r)));
+            const name a = binary(j, "Mul", half,
+                                  binary(j, "Add", element(j, o->x[0], r, c), element(j, o->x[0], c, r)));
             const name rest = less_products(j, a, L[r], L[c], c);
             L[r][c] = c == r ? unary(j, "Sqrt", rest) : binary(j, "Div", rest, L[c][c]);
         }
@@ -474,7 +512,8 @@ static bool solve(const operation *o) {
     for (uint32_t r = 0; r < n; r++)
         for (uint32_t c = 0; c <= r; c++) L[r][c] = element(j, o->x[2], r, c);
     for (uint32_t r = 0; r < n; r++) {
-        const name b = binary(j, "Squeeze", rows_at(j, o->x[1], (int64_t[]){r}, 1, -2), wholes(j, (int64_t[]){-2}, 1));
+        const name b =
+            binary(j, "Squeeze", rows_at(j, o->x[1], (int64_t[]){r}, 1, -2), wholes(j, (int64_t[]){-2}, 1));
         y[r] = binary(j, "Div", less_products(j, b, L[r], y, r), L[r][r]);
     }
     for (uint32_t r = n; r-- > 0;) {
@@ -488,11 +527,14 @@ static bool solve(const operation *o) {
 
 /* ---- convolutions: (batch, length, channels) here, channels before the length there ---- */
 
-static name channels_first(job *j, name x) { return transpose(j, x, (const int64_t[]){0, 2, 1}, 3); }
+static name channels_first(job *j, name x) {
+    return transpose(j, x, (const int64_t[]){0, 2, 1}, 3);
+}
 
 static name convolved(const operation *o) {
     const lg_affine *w = o->op->whole;
-    name in[3] = {channels_first(o->j, o->x[0]), transpose(o->j, o->x[1], (const int64_t[]){2, 1, 0}, 3), o->x[2]};
+    name in[3] = {channels_first(o->j, o->x[0]), transpose(o->j, o->x[1], (const int64_t[]){2, 1, 0}, 3),
+                  o->x[2]};
     const attribute how[2] = {{.name = "strides", .type = INTS, .i = {w[0].base}, .count = 1},
                               {.name = "pads", .type = INTS, .i = {w[1].base, w[1].base}, .count = 2}};
     const name out = new_name(o->j);
@@ -508,7 +550,9 @@ static name pooled(job *j, const char *type, name x, int64_t size, int64_t strid
     return out;
 }
 
-static bool convolution(const operation *o) { return give(o, channels_first(o->j, convolved(o))); }
+static bool convolution(const operation *o) {
+    return give(o, channels_first(o->j, convolved(o)));
+}
 
 static bool block(const operation *o) {
     name y;
@@ -533,16 +577,47 @@ static bool max_pool(const operation *o) {
 static const struct {
     const char *name;
     bool (*translate)(const operation *o); /* false: this form of it has none in ONNX */
-} rows[] = {
-    {"add", add}, {"sub", sub}, {"mul", mul}, {"div", quotient}, {"max", larger}, {"ge", at_least},
-    {"atan2", angle}, {"select", choice}, {"mix", mixture}, {"combine", combination}, {"scale", scaled},
-    {"shift", shifted}, {"pow", power}, {"sqrt", root}, {"exp", exponential}, {"log", logarithm}, {"sin", sine},
-    {"cos", cosine}, {"abs", absolute}, {"sign", sign}, {"stop_gradient", identity}, {"act", activation},
-    {"act_derivative", activation_derivative}, {"matmul", product}, {"sum", summed}, {"max_axis", maximum},
-    {"broadcast", repeated}, {"reshape", reshaped}, {"slice", sliced}, {"pad", padded}, {"concat", joined},
-    {"permute", permuted}, {"gather", gathered}, {"rowdot", row_products}, {"cross", crossed},
-    {"spd_factor", factor}, {"spd_solve", solve},
-    {"conv1d", convolution}, {"conv1d_block", block}, {"avg_pool1d", average_pool}, {"pool_pick", max_pool}};
+} rows[] = {{"add", add},
+            {"sub", sub},
+            {"mul", mul},
+            {"div", quotient},
+            {"max", larger},
+            {"ge", at_least},
+            {"atan2", angle},
+            {"select", choice},
+            {"mix", mixture},
+            {"combine", combination},
+            {"scale", scaled},
+            {"shift", shifted},
+            {"pow", power},
+            {"sqrt", root},
+            {"exp", exponential},
+            {"log", logarithm},
+            {"sin", sine},
+            {"cos", cosine},
+            {"abs", absolute},
+            {"sign", sign},
+            {"stop_gradient", identity},
+            {"act", activation},
+            {"act_derivative", activation_derivative},
+            {"matmul", product},
+            {"sum", summed},
+            {"max_axis", maximum},
+            {"broadcast", repeated},
+            {"reshape", reshaped},
+            {"slice", sliced},
+            {"pad", padded},
+            {"concat", joined},
+            {"permute", permuted},
+            {"gather", gathered},
+            {"rowdot", row_products},
+            {"cross", crossed},
+            {"spd_factor", factor},
+            {"spd_solve", solve},
+            {"conv1d", convolution},
+            {"conv1d_block", block},
+            {"avg_pool1d", average_pool},
+            {"pool_pick", max_pool}};
 
 static bool translate(job *j, uint32_t node) {
     const lg_operation *op = &j->g->nodes[node].op;
@@ -665,7 +740,8 @@ static void choose_type(const app *self, const graph *g, export_source *source, 
         app_warn(self, "onnxruntime has no %s in double precision: --dtype f32 is for it", single);
         return;
     }
-    app_warn(self, "written in single precision: onnxruntime has no %s in double; --dtype f64 writes double", single);
+    app_warn(self, "written in single precision: onnxruntime has no %s in double; --dtype f64 writes double",
+             single);
     options->dtype = LG_F32;
     source->single = true;
 }
@@ -677,9 +753,10 @@ int export_onnx(const app *self, const char *path, lg_program *program, export_s
     graph g;
     lg_error error = {LG_OK, ""};
     if (chosen == NULL) return APP_EXIT_USAGE;
-    if (strchr(chosen, ',') != NULL) {
-        free(chosen);
-        return app_usage(self, "--target onnx: a file has one function; choose it with --functions");
+    char *comma = strchr(chosen, ',');
+    if (comma != NULL) {
+        *comma = '\0';
+        app_warn(self, "an ONNX file has one function: this one has %s; --functions chooses another", chosen);
     }
     (void)lg_program_find(program, chosen, &function);
     free(chosen);

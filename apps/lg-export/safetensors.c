@@ -68,9 +68,10 @@ static void write_file(job *j, export_source *source) {
 int export_safetensors(const app *self, const char *path, lg_program *program, export_source *source) {
     job j = {.options = source->options};
     lg_model_file file;
-    lg_text_add(&j.header,
-                "{\"__metadata__\":{\"writer\":\"lg-export: %s\",\"layout\":\"weights are (in, out): y = x W + b\"}",
-                source->options->name);
+    lg_text_add(
+        &j.header,
+        "{\"__metadata__\":{\"writer\":\"lg-export: %s\",\"layout\":\"weights are (in, out): y = x W + b\"}",
+        source->options->name);
     if (lg_model_load(self->context, path, NULL, &file, NULL) == LG_OK) {
         add_model(&j, &file);
         lg_model_file_destroy(&file);

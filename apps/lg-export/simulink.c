@@ -26,8 +26,8 @@ static void add_prototype(const block *b, const char *function, text *to) {
 
 static void add_call(const block *b, const char *function, text *to) {
     const char *name = b->source->options->name;
-    lg_text_add(to, " {\n    double work[%s_%s%s_WORK_SIZE + 1];\n    %s_%s%s(", name, b->source->prefix, function,
-                name, b->source->prefix, function);
+    lg_text_add(to, " {\n    double work[%s_%s%s_WORK_SIZE + 1];\n    %s_%s%s(", name, b->source->prefix,
+                function, name, b->source->prefix, function);
     for (int out = 0; out < 2; out++) {
         size_t count;
         const lg_port *ports = ports_of(b, function, out, &count);
@@ -39,13 +39,16 @@ static void add_call(const block *b, const char *function, text *to) {
 /* Both files of the C Function blocks: a function each, its work memory on the stack. */
 static void add_functions(const block *b) {
     const char *name = b->source->options->name;
-    text *header = export_add_file(b->source, "%s_simulink.h"), *code = export_add_file(b->source, "%s_simulink.c");
-    lg_text_add(header,
-                "/* Functions of %s.h for C Function blocks: add this header, %s_simulink.c, %s.c and %s_weights.c "
-                "to the\n * model's custom code. Work memory is on the stack. Written by lg-export. */\n"
-                "#ifndef %s_SIMULINK_H\n#define %s_SIMULINK_H\n\n",
-                name, name, name, name, name, name);
-    lg_text_add(code, "/* %s_simulink.h says what this is. */\n#include \"%s_simulink.h\"\n\n#include \"%s.h\"\n\n",
+    text *header = export_add_file(b->source, "%s_simulink.h"),
+         *code = export_add_file(b->source, "%s_simulink.c");
+    lg_text_add(
+        header,
+        "/* Functions of %s.h for C Function blocks: add this header, %s_simulink.c, %s.c and %s_weights.c "
+        "to the\n * model's custom code. Work memory is on the stack. Written by lg-export. */\n"
+        "#ifndef %s_SIMULINK_H\n#define %s_SIMULINK_H\n\n",
+        name, name, name, name, name, name);
+    lg_text_add(code,
+                "/* %s_simulink.h says what this is. */\n#include \"%s_simulink.h\"\n\n#include \"%s.h\"\n\n",
                 name, name, name);
     char *list = app_format("%s", b->list.data);
     for (char *save = NULL, *f = strtok_r(list, ",", &save); f != NULL; f = strtok_r(NULL, ",", &save)) {
@@ -61,29 +64,32 @@ static void add_functions(const block *b) {
 static void add_sfunction(const block *b) {
     const char *name = b->source->options->name;
     text *to = export_add_file(b->source, "%s_sfun.c");
-    lg_text_add(to,
-                "/* %s as an S-function: mex %s_sfun.c %s.c %s_weights.c. %s.h says what it is. Written by "
-                "lg-export. */\n#define S_FUNCTION_NAME %s_sfun\n#define S_FUNCTION_LEVEL 2\n#include <string.h>\n\n"
-                "#include \"%s.h\"\n\n",
-                name, name, name, name, name, name, name);
+    lg_text_add(
+        to,
+        "/* %s as an S-function: mex %s_sfun.c %s.c %s_weights.c. %s.h says what it is. Written by "
+        "lg-export. */\n#define S_FUNCTION_NAME %s_sfun\n#define S_FUNCTION_LEVEL 2\n#include <string.h>\n\n"
+        "#include \"%s.h\"\n\n",
+        name, name, name, name, name, name, name);
     block_add_tables(b, to);
     block_add_evaluate(b, to);
     lg_text_add(to, "#define HAS_STATES %d\n\n%s", b->rate, export_fragment_text("sfunction"));
 }
 
+static const char rules[] = "NAME_simulink.o: NAME_simulink.c NAME_simulink.h NAME_.h\n"
+                            "\t$(CC) $(CFLAGS) -c NAME_simulink.c -o NAME_simulink.o\n";
+
 int export_simulink(const app *self, const char *path, lg_program *program, export_source *source) {
     block *b = app_alloc(1, sizeof *b);
     *b = (block){.self = self, .program = program, .source = source};
-    int code = source->options->dtype != LG_F64
-                   ? app_usage(self, "--target simulink: the blocks are in double precision, --dtype f32 is not for it")
-                   : block_collect(b, false);
+    int code =
+        source->options->dtype != LG_F64
+            ? app_usage(self,
+                        "--target simulink: the blocks are in double precision, --dtype f32 is not for it")
+            : block_collect(b, false);
     source->prefix = "c_";
     if (code == APP_EXIT_OK) code = export_whole(self, path, program, b->list.data, source);
     if (code == APP_EXIT_OK) {
-        lg_text_add(&source->products, " %s_simulink.o", source->options->name);
-        lg_text_add(&source->rules, "%s_simulink.o: %s_simulink.c %s_simulink.h %s.h\n\t$(CC) $(CFLAGS) -c "
-                    "%s_simulink.c -o %s_simulink.o\n", source->options->name, source->options->name,
-                    source->options->name, source->options->name, source->options->name, source->options->name);
+        export_add_rules(source, "NAME_simulink.o", rules);
         export_compose(source);
         add_functions(b);
         add_sfunction(b);

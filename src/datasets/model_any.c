@@ -85,7 +85,8 @@ typedef struct kind_row {
 } kind_row;
 
 static const kind_row rows[LG_MODEL_KIND_COUNT] = {
-    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, make_hamiltonian, free_hamiltonian, &lg_run_hamiltonian},
+    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, make_hamiltonian, free_hamiltonian,
+                              &lg_run_hamiltonian},
     [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, make_surrogate, free_surrogate, &lg_run_surrogate},
     [LG_MODEL_DETECTOR] = {"detector", load_detector, make_detector, free_detector, &lg_run_detector},
     [LG_MODEL_MACHINE] = {"machine_model", load_machine, make_machine, free_machine, &lg_run_machine_model},
@@ -152,9 +153,11 @@ void lg_model_file_destroy(lg_model_file *file) {
 
 /* ---- parameters ---- */
 
-bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out, const double **values) {
+bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out,
+                         const double **values) {
     const lg_run_kind *kind = rows[file->kind].run;
-    const char *at = file->kind == LG_MODEL_MACHINE ? (const char *)file->machine : (const char *)&file->hamiltonian;
+    const char *at =
+        file->kind == LG_MODEL_MACHINE ? (const char *)file->machine : (const char *)&file->hamiltonian;
     if (!kind->slice(at + kind->file_run, index, out)) return false;
     *values = *(double *const *)(const void *)(at + kind->file_theta) + out->offset;
     return true;

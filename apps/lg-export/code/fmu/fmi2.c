@@ -11,7 +11,8 @@ typedef const char *fmi2String;
 typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
 typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
 typedef int fmi2StatusKind;
-typedef void (*fmi2CallbackLogger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
+typedef void (*fmi2CallbackLogger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String,
+                                   ...);
 typedef struct {
     fmi2CallbackLogger logger;
     void *(*allocateMemory)(size_t, size_t);
@@ -25,14 +26,18 @@ typedef struct {
     fmi2Real nextEventTime;
 } fmi2EventInfo;
 
-#define FMI2(name, ...)                       \
-    EXPORTED fmi2Status fmi2##name(__VA_ARGS__); \
+#define FMI2(name, ...)                                                                                      \
+    EXPORTED fmi2Status fmi2##name(__VA_ARGS__);                                                             \
     EXPORTED fmi2Status fmi2##name(__VA_ARGS__)
 
 EXPORTED const char *fmi2GetTypesPlatform(void);
-EXPORTED const char *fmi2GetTypesPlatform(void) { return "default"; }
+EXPORTED const char *fmi2GetTypesPlatform(void) {
+    return "default";
+}
 EXPORTED const char *fmi2GetVersion(void);
-EXPORTED const char *fmi2GetVersion(void) { return "2.0"; }
+EXPORTED const char *fmi2GetVersion(void) {
+    return "2.0";
+}
 
 FMI2(SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2String names[]) {
     (void)c, (void)on, (void)n, (void)names;
@@ -40,9 +45,11 @@ FMI2(SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2Strin
 }
 
 EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
-                                       const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean log);
+                                       const fmi2CallbackFunctions *callbacks, fmi2Boolean visible,
+                                       fmi2Boolean log);
 EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
-                                       const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean log) {
+                                       const fmi2CallbackFunctions *callbacks, fmi2Boolean visible,
+                                       fmi2Boolean log) {
     (void)type, (void)resources, (void)visible, (void)log;
     if (guid == NULL || strcmp(guid, TOKEN) != 0) {
         if (callbacks != NULL && callbacks->logger != NULL)
@@ -54,17 +61,32 @@ EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2Strin
 }
 
 EXPORTED void fmi2FreeInstance(fmi2Component c);
-EXPORTED void fmi2FreeInstance(fmi2Component c) { free(c); }
+EXPORTED void fmi2FreeInstance(fmi2Component c) {
+    free(c);
+}
 
-FMI2(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Real start, fmi2Boolean stops, fmi2Real stop) {
+FMI2(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Real start, fmi2Boolean stops,
+     fmi2Real stop) {
     (void)tolerance, (void)t, (void)stops, (void)stop;
     ((instance *)c)->m.time = start;
     return fmi2OK;
 }
-FMI2(EnterInitializationMode, fmi2Component c) { (void)c; return fmi2OK; }
-FMI2(ExitInitializationMode, fmi2Component c) { (void)c; return fmi2OK; }
-FMI2(Terminate, fmi2Component c) { (void)c; return fmi2OK; }
-FMI2(Reset, fmi2Component c) { reset((instance *)c); return fmi2OK; }
+FMI2(EnterInitializationMode, fmi2Component c) {
+    (void)c;
+    return fmi2OK;
+}
+FMI2(ExitInitializationMode, fmi2Component c) {
+    (void)c;
+    return fmi2OK;
+}
+FMI2(Terminate, fmi2Component c) {
+    (void)c;
+    return fmi2OK;
+}
+FMI2(Reset, fmi2Component c) {
+    reset((instance *)c);
+    return fmi2OK;
+}
 
 /* ---- values ---- */
 
@@ -90,14 +112,14 @@ FMI2(SetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fm
 }
 
 /* There are no variables of other types. */
-#define FMI2_NONE(name, type)                                                            \
-    FMI2(Get##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, type v[]) { \
-        (void)c, (void)vr, (void)v;                                                      \
-        return n == 0 ? fmi2OK : fmi2Error;                                              \
-    }                                                                                    \
-    FMI2(Set##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, const type v[]) { \
-        (void)c, (void)vr, (void)v;                                                      \
-        return n == 0 ? fmi2OK : fmi2Error;                                              \
+#define FMI2_NONE(name, type)                                                                                \
+    FMI2(Get##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, type v[]) {                    \
+        (void)c, (void)vr, (void)v;                                                                          \
+        return n == 0 ? fmi2OK : fmi2Error;                                                                  \
+    }                                                                                                        \
+    FMI2(Set##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, const type v[]) {              \
+        (void)c, (void)vr, (void)v;                                                                          \
+        return n == 0 ? fmi2OK : fmi2Error;                                                                  \
     }
 FMI2_NONE(Integer, fmi2Integer)
 FMI2_NONE(Boolean, fmi2Boolean)
@@ -163,15 +185,22 @@ FMI2(GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown
 
 /* ---- model exchange ---- */
 
-FMI2(EnterEventMode, fmi2Component c) { (void)c; return fmi2OK; }
+FMI2(EnterEventMode, fmi2Component c) {
+    (void)c;
+    return fmi2OK;
+}
 FMI2(NewDiscreteStates, fmi2Component c, fmi2EventInfo *info) {
     (void)c;
     memset(info, 0, sizeof *info);
     return fmi2OK;
 }
-FMI2(EnterContinuousTimeMode, fmi2Component c) { (void)c; return fmi2OK; }
-FMI2(CompletedIntegratorStep, fmi2Component c, fmi2Boolean final, fmi2Boolean *event, fmi2Boolean *terminate) {
-    (void)c, (void)final;
+FMI2(EnterContinuousTimeMode, fmi2Component c) {
+    (void)c;
+    return fmi2OK;
+}
+FMI2(CompletedIntegratorStep, fmi2Component c, fmi2Boolean final, fmi2Boolean *event,
+     fmi2Boolean *terminate) {
+    (void)c, (void) final;
     *event = *terminate = 0;
     return fmi2OK;
 }
@@ -209,23 +238,26 @@ FMI2(GetNominalsOfContinuousStates, fmi2Component c, fmi2Real x[], size_t n) {
 
 /* ---- co-simulation ---- */
 
-FMI2(SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer order[],
-     const fmi2Real value[]) {
+FMI2(SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+     const fmi2Integer order[], const fmi2Real value[]) {
     (void)c, (void)vr, (void)n, (void)order, (void)value;
     return fmi2Error;
 }
-FMI2(GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer order[],
-     fmi2Real value[]) {
+FMI2(GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+     const fmi2Integer order[], fmi2Real value[]) {
     (void)c, (void)vr, (void)n, (void)order, (void)value;
     return fmi2Error;
 }
 FMI2(DoStep, fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean final) {
     instance *i = (instance *)c;
-    (void)final;
+    (void) final;
     i->m.time = now;
     return advance(i, step) ? fmi2OK : fmi2Error;
 }
-FMI2(CancelStep, fmi2Component c) { (void)c; return fmi2Error; }
+FMI2(CancelStep, fmi2Component c) {
+    (void)c;
+    return fmi2Error;
+}
 FMI2(GetStatus, fmi2Component c, fmi2StatusKind kind, fmi2Status *value) {
     (void)c, (void)kind, (void)value;
     return fmi2Discard;

@@ -14,54 +14,65 @@ typedef int fmi3DependencyKind, fmi3IntervalQualifier;
 typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
 typedef void (*fmi3Callback)(void);
 
-#define FMI3(name, ...)                       \
-    EXPORTED fmi3Status fmi3##name(__VA_ARGS__); \
+#define FMI3(name, ...)                                                                                      \
+    EXPORTED fmi3Status fmi3##name(__VA_ARGS__);                                                             \
     EXPORTED fmi3Status fmi3##name(__VA_ARGS__)
 
 EXPORTED const char *fmi3GetVersion(void);
-EXPORTED const char *fmi3GetVersion(void) { return "3.0"; }
+EXPORTED const char *fmi3GetVersion(void) {
+    return "3.0";
+}
 
 FMI3(SetDebugLogging, fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String names[]) {
     (void)c, (void)on, (void)n, (void)names;
     return fmi3OK;
 }
 
-static fmi3Instance instantiate(fmi3String token, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log) {
+static fmi3Instance instantiate(fmi3String token, fmi3InstanceEnvironment environment,
+                                fmi3LogMessageCallback log) {
     if (token != NULL && strcmp(token, TOKEN) == 0) return create(NULL, NULL);
-    if (log != NULL) log(environment, fmi3Error, "error", "the instantiation token is not that of this model: " TOKEN);
+    if (log != NULL)
+        log(environment, fmi3Error, "error", "the instantiation token is not that of this model: " TOKEN);
     return NULL;
 }
 
 EXPORTED fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources,
                                                    fmi3Boolean visible, fmi3Boolean logging,
-                                                   fmi3InstanceEnvironment environment, fmi3LogMessageCallback log);
+                                                   fmi3InstanceEnvironment environment,
+                                                   fmi3LogMessageCallback log);
 EXPORTED fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources,
                                                    fmi3Boolean visible, fmi3Boolean logging,
-                                                   fmi3InstanceEnvironment environment, fmi3LogMessageCallback log) {
+                                                   fmi3InstanceEnvironment environment,
+                                                   fmi3LogMessageCallback log) {
     (void)name, (void)resources, (void)visible, (void)logging;
     return instantiate(token, environment, log);
 }
 EXPORTED fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
-                                                  fmi3Boolean visible, fmi3Boolean logging, fmi3Boolean events,
-                                                  fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-                                                  fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
-                                                  fmi3Callback update);
+                                                  fmi3Boolean visible, fmi3Boolean logging,
+                                                  fmi3Boolean events, fmi3Boolean early,
+                                                  const fmi3ValueReference required[], size_t n,
+                                                  fmi3InstanceEnvironment environment,
+                                                  fmi3LogMessageCallback log, fmi3Callback update);
 EXPORTED fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
-                                                  fmi3Boolean visible, fmi3Boolean logging, fmi3Boolean events,
-                                                  fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-                                                  fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
-                                                  fmi3Callback update) {
-    (void)name, (void)resources, (void)visible, (void)logging, (void)events, (void)early, (void)required, (void)n;
+                                                  fmi3Boolean visible, fmi3Boolean logging,
+                                                  fmi3Boolean events, fmi3Boolean early,
+                                                  const fmi3ValueReference required[], size_t n,
+                                                  fmi3InstanceEnvironment environment,
+                                                  fmi3LogMessageCallback log, fmi3Callback update) {
+    (void)name, (void)resources, (void)visible, (void)logging, (void)events, (void)early, (void)required,
+        (void)n;
     (void)update;
     return instantiate(token, environment, log);
 }
-EXPORTED fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
-                                                        fmi3Boolean visible, fmi3Boolean logging,
+EXPORTED fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token,
+                                                        fmi3String resources, fmi3Boolean visible,
+                                                        fmi3Boolean logging,
                                                         fmi3InstanceEnvironment environment,
                                                         fmi3LogMessageCallback log, fmi3Callback update,
                                                         fmi3Callback lock, fmi3Callback unlock);
-EXPORTED fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
-                                                        fmi3Boolean visible, fmi3Boolean logging,
+EXPORTED fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token,
+                                                        fmi3String resources, fmi3Boolean visible,
+                                                        fmi3Boolean logging,
                                                         fmi3InstanceEnvironment environment,
                                                         fmi3LogMessageCallback log, fmi3Callback update,
                                                         fmi3Callback lock, fmi3Callback unlock) {
@@ -70,7 +81,9 @@ EXPORTED fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3Str
     return NULL;
 }
 EXPORTED void fmi3FreeInstance(fmi3Instance c);
-EXPORTED void fmi3FreeInstance(fmi3Instance c) { free(c); }
+EXPORTED void fmi3FreeInstance(fmi3Instance c) {
+    free(c);
+}
 
 FMI3(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64 t, fmi3Float64 start,
      fmi3Boolean stops, fmi3Float64 stop) {
@@ -78,8 +91,11 @@ FMI3(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64
     ((instance *)c)->m.time = start;
     return fmi3OK;
 }
-#define FMI3_MODE(name) \
-    FMI3(name, fmi3Instance c) { (void)c; return fmi3OK; }
+#define FMI3_MODE(name)                                                                                      \
+    FMI3(name, fmi3Instance c) {                                                                             \
+        (void)c;                                                                                             \
+        return fmi3OK;                                                                                       \
+    }
 FMI3_MODE(ExitInitializationMode)
 FMI3_MODE(EnterEventMode)
 FMI3_MODE(Terminate)
@@ -88,7 +104,10 @@ FMI3_MODE(ExitConfigurationMode)
 FMI3_MODE(EnterContinuousTimeMode)
 FMI3_MODE(EnterStepMode)
 FMI3_MODE(EvaluateDiscreteStates)
-FMI3(Reset, fmi3Instance c) { reset((instance *)c); return fmi3OK; }
+FMI3(Reset, fmi3Instance c) {
+    reset((instance *)c);
+    return fmi3OK;
+}
 
 /* ---- values ---- */
 
@@ -104,11 +123,13 @@ FMI3(GetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Fl
     }
     return at == count ? fmi3OK : fmi3Error;
 }
-FMI3(SetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[], size_t count) {
+FMI3(SetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
+     size_t count) {
     instance *i = (instance *)c;
     size_t k, at = 0;
     for (k = 0; k < n; k++) {
-        if (vr[k] >= PORTS || !is_known(ports[vr[k]].at) || at + (size_t)ports[vr[k]].count > count) return fmi3Error;
+        if (vr[k] >= PORTS || !is_known(ports[vr[k]].at) || at + (size_t)ports[vr[k]].count > count)
+            return fmi3Error;
         memcpy(i->m.values + ports[vr[k]].at, value + at, (size_t)ports[vr[k]].count * sizeof *value);
         at += (size_t)ports[vr[k]].count;
     }
@@ -117,14 +138,14 @@ FMI3(SetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const 
 }
 
 /* There are no variables of other types. */
-#define FMI3_NONE(name, type)                                                                               \
+#define FMI3_NONE(name, type)                                                                                \
     FMI3(Get##name, fmi3Instance c, const fmi3ValueReference vr[], size_t n, type v[], size_t count) {       \
-        (void)c, (void)vr, (void)v, (void)count;                                                            \
-        return n == 0 ? fmi3OK : fmi3Error;                                                                 \
-    }                                                                                                       \
+        (void)c, (void)vr, (void)v, (void)count;                                                             \
+        return n == 0 ? fmi3OK : fmi3Error;                                                                  \
+    }                                                                                                        \
     FMI3(Set##name, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const type v[], size_t count) { \
-        (void)c, (void)vr, (void)v, (void)count;                                                            \
-        return n == 0 ? fmi3OK : fmi3Error;                                                                 \
+        (void)c, (void)vr, (void)v, (void)count;                                                             \
+        return n == 0 ? fmi3OK : fmi3Error;                                                                  \
     }
 FMI3_NONE(Float32, float)
 FMI3_NONE(Int8, int8_t)
@@ -137,7 +158,8 @@ FMI3_NONE(Int64, int64_t)
 FMI3_NONE(UInt64, uint64_t)
 FMI3_NONE(Boolean, fmi3Boolean)
 FMI3_NONE(String, fmi3String)
-FMI3(GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[], const fmi3Byte *v[], size_t k) {
+FMI3(GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[], const fmi3Byte *v[],
+     size_t k) {
     (void)c, (void)vr, (void)sizes, (void)v, (void)k;
     return n == 0 ? fmi3OK : fmi3Error;
 }
@@ -159,8 +181,8 @@ FMI3(GetNumberOfVariableDependencies, fmi3Instance c, fmi3ValueReference vr, siz
     (void)c, (void)vr, (void)n;
     return fmi3Error;
 }
-FMI3(GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size_t at[], fmi3ValueReference of[],
-     size_t at_of[], fmi3DependencyKind kinds[], size_t n) {
+FMI3(GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size_t at[],
+     fmi3ValueReference of[], size_t at_of[], fmi3DependencyKind kinds[], size_t n) {
     (void)c, (void)dependent, (void)at, (void)of, (void)at_of, (void)kinds, (void)n;
     return fmi3Error;
 }
@@ -230,7 +252,8 @@ FMI3(GetDirectionalDerivative, fmi3Instance c, const fmi3ValueReference unknown[
      const fmi3ValueReference known[], size_t knowns, const fmi3Float64 seed[], size_t seeds,
      fmi3Float64 sensitivity[], size_t sensitivities) {
     instance *i = (instance *)c;
-    return scatter(known, knowns, seed, seeds, i->seeds) && forward(i->m.values, i->seeds, i->results, i->work) &&
+    return scatter(known, knowns, seed, seeds, i->seeds) &&
+                   forward(i->m.values, i->seeds, i->results, i->work) &&
                    gather(unknown, unknowns, i->results, sensitivity, sensitivities)
                ? fmi3OK
                : fmi3Error;
@@ -298,7 +321,7 @@ FMI3(UpdateDiscreteStates, fmi3Instance c, fmi3Boolean *again, fmi3Boolean *term
 /* ---- model exchange ---- */
 
 FMI3(CompletedIntegratorStep, fmi3Instance c, fmi3Boolean final, fmi3Boolean *event, fmi3Boolean *terminate) {
-    (void)c, (void)final;
+    (void)c, (void) final;
     *event = *terminate = false;
     return fmi3OK;
 }
@@ -354,7 +377,7 @@ FMI3(GetOutputDerivatives, fmi3Instance c, const fmi3ValueReference vr[], size_t
 FMI3(DoStep, fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boolean final, fmi3Boolean *event,
      fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
     instance *i = (instance *)c;
-    (void)final;
+    (void) final;
     i->m.time = now;
     *event = *terminate = *early = false;
     if (!advance(i, step)) return fmi3Error;

@@ -32,7 +32,8 @@ static void mdlInitializeSizes(SimStruct *S) {
     }
     if (!ssSetNumOutputPorts(S, outputs + first)) return;
     if (first) ssSetOutputPortWidth(S, 0, STATES);
-    for (k = 0; k < outputs; k++) ssSetOutputPortWidth(S, k + first, ports[find_port(CAUSALITY_OUTPUT, k)].count);
+    for (k = 0; k < outputs; k++)
+        ssSetOutputPortWidth(S, k + first, ports[find_port(CAUSALITY_OUTPUT, k)].count);
     ssSetNumSampleTimes(S, 1);
     ssSetNumRWork(S, NUMBERS + WORK);
     ssSetOptions(S, SS_OPTION_EXCEPTION_FREE_CODE);

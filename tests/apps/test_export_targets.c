@@ -1,0 +1,394 @@
+/* What lg-export writes for other tools, built as its Makefile says and called as the tool would: CasADi externals,
+ * FMUs, Simulink functions; ONNX and safetensors files are looked at. The reference are plans of the model's program
+ * and of its derivatives. The tools themselves are asked in bench/tools. ctest-labels: slow */
+#include "../../examples/programs/programs.h"
+#include "export_support.h"
+#include "liegrad/io.h"
+
+/* ---- models ---- */
+
+static lg_program *program;
+static training how;
+
+static void release_program(void *made) {
+    lg_program_destroy(made);
+}
+
+/* NAME.h5, and `program`. */
+static void make_model(const char *name, lg_status (*make)(lg_program **out, training *t, lg_error *error)) {
+    char path[1024], file[64];
+    lg_error error = {.status = LG_OK};
+    if (make(&program, &how, &error) != LG_OK) fail_msg("%s: %s", name, error.message);
+    lg_test_owns(program, release_program);
+    (void)snprintf(file, sizeof file, "%s.h5", name);
+    cli_path(file, path, sizeof path);
+    assert_ok(lg_program_save(NULL, path, program, NULL, NULL));
+}
+
+/* Exports NAME.h5 as model `m` for a target and makes it in the folder of the target's name. */
+static void build(const char *name, const char *target) {
+    char line[512];
+    (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --target %s --golden 2", name, target, target);
+    export_run(line);
+    (void)snprintf(line, sizeof line, "make -s -C %s CFLAGS='-O1 -Wall -Wextra -Werror'", target);
+    export_expect(line);
+}
+
+static void *open_library(const char *file) {
+    char path[1024];
+    cli_path(file, path, sizeof path);
+    void *handle = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    if (handle == NULL) fail_msg("%s", dlerror());
+    return handle;
+}
+
+static void *symbol_of(void *handle, const char *name) {
+    void *found = dlsym(handle, name);
+    if (found == NULL) fail_msg("no symbol %s", name);
+    return found;
+}
+#define SYMBOL(handle, name, result, parameters, pointer)                                                    \
+    result(*pointer) parameters;                                                                             \
+    *(void **)&pointer = symbol_of(handle, name)
+
+/* ---- the library's results ---- */
+
+enum { MOST = 16, NUMBERS = 4096 };
+
+static void evaluate(const char *function, const double *const *in, double *const *out) {
+    size_t at;
+    lg_plan *plan;
+    assert_ok(lg_program_find(program, function, &at));
+    assert_ok(lg_plan_create(program, at, NULL, &plan, NULL));
+    void *work = aligned_alloc(64, (lg_plan_work_size(plan) + 127) / 64 * 64);
+    lg_plan_eval(plan, (const void *const *)in, (void *const *)out, work);
+    free(work);
+    lg_plan_destroy(plan);
+}
+
+static void derive(lg_derivative_kind kind, const char *function) {
+    lg_derivative what;
+    lg_derivative_init(&what);
+    what.kind = kind;
+    what.function = function;
+    assert_ok(lg_program_derive(program, &what, NULL));
+}
+
+/* ---- CasADi ---- */
+
+typedef struct external {
+    int (*call)(const double **arg, double **res, long long *iw, double *w, int mem);
+    long long (*n_in)(void), (*n_out)(void);
+    const char *(*name_in)(long long), *(*name_out)(long long);
+    const long long *(*sparsity_in)(long long), *(*sparsity_out)(long long);
+    int (*work)(long long *, long long *, long long *, long long *);
+    int (*checkout)(void);
+    void (*release)(int);
+} external;
+
+static external open_external(void *handle, const char *name) {
+    static const char *const ends[] = {"",          "_n_in",        "_n_out",        "_name_in",
+                                       "_name_out", "_sparsity_in", "_sparsity_out", "_work",
+                                       "_checkout", "_release"};
+    external e;
+    char words[128];
+    for (size_t i = 0; i < LG_COUNT(ends); i++) {
+        (void)snprintf(words, sizeof words, "%s%s", name, ends[i]);
+        ((void **)(void *)&e)[i] = symbol_of(handle, words);
+    }
+    return e;
+}
+
+/* {rows, columns, 1}, or compressed columns: the nonzeros of `from` as a full row-major matrix. */
+static void spread(const long long *s, const double *from, double *to) {
+    const bool dense = s[2] == 1;
+    for (long long i = 0; i < s[0] * s[1]; i++) to[i] = 0;
+    for (long long c = 0, k = 0; c < s[1]; c++) {
+        const long long end = dense ? (c + 1) * s[0] : s[2 + c + 1];
+        for (; k < end; k++) to[(dense ? k - c * s[0] : s[2 + s[1] + 1 + k]) * s[1] + c] = from[k];
+    }
+}
+
+static size_t nonzeros(const long long *s) {
+    return (size_t)(s[2] == 1 ? s[0] * s[1] : s[2 + s[1]]);
+}
+
+/* Calls it with numbers by name: `in` of the port that an argument is named after, else zeros. Results as full
+ * matrices, one behind the other in `out`; those that are declared empty count. */
+static size_t call_external(const external *e, const char *const *names, const double *const *in,
+                            size_t given, double *out) {
+    static double room[MOST][NUMBERS], w[1 << 18];
+    const double *arg[MOST];
+    double *res[MOST];
+    long long sizes[4];
+    size_t at = 0;
+    assert_int_equal(e->work(&sizes[0], &sizes[1], &sizes[2], &sizes[3]), 0);
+    assert_true(sizes[3] <= (long long)LG_COUNT(w) && e->n_out() <= MOST && e->n_in() <= MOST);
+    for (size_t i = 0; i < LG_COUNT(w); i++) w[i] = NAN;
+    for (long long i = 0; i < e->n_in(); i++) {
+        arg[i] = NULL;
+        for (size_t k = 0; k < given; k++)
+            if (strcmp(names[k], e->name_in(i)) == 0) arg[i] = in[k];
+    }
+    for (long long o = 0; o < e->n_out(); o++) res[o] = room[o];
+    const int memory = e->checkout();
+    assert_int_equal(e->call(arg, res, NULL, w, memory), 0);
+    e->release(memory);
+    for (long long o = 0; o < e->n_out(); o++) {
+        const long long *s = e->sparsity_out(o);
+        spread(s, room[o], out + at);
+        at += (size_t)(s[0] * s[1]);
+    }
+    for (long long o = 0; o < e->n_out(); o++) res[o] = NULL; /* nothing is wanted */
+    assert_int_equal(e->call(arg, res, NULL, w, memory), 0);
+    return at;
+}
+
+static const double x_at[2] = {0.3, -0.7}, u_at[1] = {0.4}, h_at[1] = {0.02}, seed[2] = {1.5, -0.25};
+
+TEST("a CasADi external and its derivatives are those of the program") {
+    static double got[NUMBERS], wanted[8][NUMBERS];
+    static const char *const names[] = {"x", "u", "h", "adj_y", "fwd_x", "fwd_u", "fwd_h"};
+    const double *const in[] = {x_at, u_at, h_at, seed, seed, u_at, h_at};
+    make_model("driven", make_driven);
+    build("driven", "casadi");
+    void *handle = open_library("casadi/libm.so");
+    double *out[8];
+    for (size_t i = 0; i < 8; i++) out[i] = wanted[i];
+    const external f = open_external(handle, "m_step"), adj = open_external(handle, "adj1_m_step"),
+                   jac = open_external(handle, "jac_m_step"), fwd = open_external(handle, "fwd1_m_step"),
+                   second = open_external(handle, "jac_adj1_m_step");
+    assert_string_equal(f.name_in(1), "u");
+    assert_null(f.name_in(3));
+    evaluate("step", in, out);
+    assert_int_equal(call_external(&f, names, in, 3, got), 2);
+    assert_all_close(got, wanted[0], 2, 1e-14, 0);
+
+    derive(LG_DERIVATIVE_ADJOINT, "step");
+    evaluate("adj1_step", in, out);
+    assert_int_equal(call_external(&adj, names, in, 4, got), 4);
+    assert_all_close(got, wanted[0], 2, 1e-13, 0);
+    assert_all_close(got + 2, wanted[1], 1, 1e-13, 0);
+    assert_all_close(got + 3, wanted[2], 1, 1e-13, 0);
+
+    derive(LG_DERIVATIVE_FORWARD, "step");
+    const double *const forward[] = {x_at, u_at, h_at, seed, u_at, h_at};
+    evaluate("fwd1_step", forward, out);
+    assert_int_equal(call_external(&fwd, names, in, 7, got), 2);
+    assert_all_close(got, wanted[0], 2, 1e-13, 0);
+
+    derive(LG_DERIVATIVE_JACOBIAN, "step");
+    evaluate("jac_step", in, out);
+    assert_int_equal(call_external(&jac, names, in, 3, got), 8);
+    assert_string_equal(jac.name_out(1), "jac_y_u");
+    assert_string_equal(jac.name_in(3), "out_y");
+    assert_int_equal(nonzeros(jac.sparsity_in(3)), 0);
+    assert_all_close(got, wanted[0], 4, 1e-13, 1e-15);
+    assert_all_close(got + 4, wanted[1], 2, 1e-13, 1e-15);
+    assert_all_close(got + 6, wanted[2], 2, 1e-13, 1e-15);
+
+    /* outputs: for adj_x, adj_u, adj_h by x, u, h, out_y (empty), adj_y */
+    derive(LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "step");
+    size_t function, count;
+    assert_ok(lg_program_find(program, "jac_adj1_step", &function));
+    const lg_port *ports = lg_program_outputs(program, function, &count);
+    static double all[MOST][NUMBERS];
+    double *results[MOST];
+    for (size_t i = 0; i < MOST; i++) results[i] = all[i];
+    evaluate("jac_adj1_step", in, results);
+    const size_t numbers = call_external(&second, names, in, 4, got);
+    assert_int_equal(second.n_out(), 15);
+    assert_int_equal(numbers, 4 * (4 + 2 + 2));
+    for (long long o = 0, at = 0; o < second.n_out(); o++) {
+        const long long *s = second.sparsity_out(o);
+        size_t port = count;
+        for (size_t i = 0; i < count; i++)
+            if (strcmp(ports[i].name, second.name_out(o)) == 0) port = i;
+        if (port < count)
+            assert_all_close(got + at, all[port], (size_t)(s[0] * s[1]), 1e-12, 1e-14);
+        else
+            assert_int_equal(nonzeros(s), 0);
+        at += s[0] * s[1];
+    }
+    assert_int_equal(dlclose(handle), 0);
+    export_expect("make -s -C casadi CFLAGS=-O1 test");
+}
+
+/* ---- FMUs ---- */
+
+static const char *token_of(const char *folder, const char *attribute) {
+    static char text[CLI_TEXT], token[64];
+    char file[128];
+    (void)snprintf(file, sizeof file, "%s/modelDescription.xml", folder);
+    assert_true(cli_read(file, text, sizeof text) > 0);
+    const char *at = strstr(text, attribute);
+    assert_non_null(at);
+    (void)snprintf(token, sizeof token, "%.38s", strchr(at, '"') + 1);
+    return token;
+}
+
+/* Value references of FMI 2.0: x 0, 1; x' 2, 3; u 4; step 5... as modelDescription.xml lists them. */
+TEST("an FMU of version 2 has the program's rate, its derivatives, steps and states") {
+    make_model("driven", make_driven);
+    build("driven", "fmu2");
+    void *handle = open_library("fmu2/m.so");
+    SYMBOL(handle, "fmi2Instantiate", void *,
+           (const char *, int, const char *, const char *, const void *, int, int), instantiate);
+    SYMBOL(handle, "fmi2SetReal", int, (void *, const unsigned *, size_t, const double *), set);
+    SYMBOL(handle, "fmi2GetReal", int, (void *, const unsigned *, size_t, double *), get);
+    SYMBOL(handle, "fmi2GetDerivatives", int, (void *, double *, size_t), derivatives);
+    SYMBOL(handle, "fmi2GetDirectionalDerivative", int,
+           (void *, const unsigned *, size_t, const unsigned *, size_t, const double *, double *),
+           directional);
+    SYMBOL(handle, "fmi2DoStep", int, (void *, double, double, int), do_step);
+    SYMBOL(handle, "fmi2GetFMUstate", int, (void *, void **), keep);
+    SYMBOL(handle, "fmi2SetFMUstate", int, (void *, void *), put_back);
+    SYMBOL(handle, "fmi2FreeFMUstate", int, (void *, void **), drop);
+    SYMBOL(handle, "fmi2FreeInstance", void, (void *), release);
+    static const unsigned known[] = {0, 1, 4}, rates[] = {2, 3};
+    const double values[3] = {x_at[0], x_at[1], u_at[0]}, direction[3] = {seed[0], seed[1], 0.5};
+    double got[2], rate[2], moved[2], next[2];
+    assert_null(instantiate("a", 0, "{wrong}", NULL, NULL, 0, 0));
+    void *instance = instantiate("a", 1, token_of("fmu2", " guid="), NULL, NULL, 0, 0), *state = NULL;
+    assert_non_null(instance);
+    assert_int_equal(set(instance, known, 3, values), 0);
+    assert_int_not_equal(set(instance, rates, 1, values), 0); /* a result */
+    assert_int_equal(derivatives(instance, got, 2), 0);
+    const double *const in[] = {x_at, u_at, h_at};
+    double *const out[] = {rate};
+    evaluate("field", in, out);
+    assert_all_close(got, rate, 2, 1e-14, 0);
+    assert_int_equal(get(instance, rates, 2, got), 0);
+    assert_all_close(got, rate, 2, 1e-14, 0);
+
+    derive(LG_DERIVATIVE_FORWARD, "field");
+    const double *const forward[] = {x_at, u_at, seed, &direction[2]};
+    double *const changes[] = {moved};
+    evaluate("fwd1_field", forward, changes);
+    assert_int_equal(directional(instance, rates, 2, known, 3, direction, got), 0);
+    assert_all_close(got, moved, 2, 1e-13, 0);
+
+    assert_int_equal(keep(instance, &state), 0);
+    assert_int_equal(do_step(instance, 0.0, h_at[0], 1), 0);
+    assert_int_equal(get(instance, known, 2, got), 0);
+    double *const after[] = {next};
+    const double small[1] = {h_at[0] / 2}; /* the longest step is 0.01 */
+    const double *const first[] = {x_at, u_at, small};
+    evaluate("step", first, after);
+    const double middle[2] = {next[0], next[1]};
+    const double *const then[] = {middle, u_at, small};
+    evaluate("step", then, after);
+    assert_all_close(got, next, 2, 1e-13, 0);
+    assert_int_equal(put_back(instance, state), 0);
+    assert_int_equal(get(instance, known, 2, got), 0);
+    assert_all_close(got, x_at, 2, 0, 0);
+    assert_int_equal(drop(instance, &state), 0);
+    assert_null(state);
+    release(instance);
+    assert_int_equal(dlclose(handle), 0);
+}
+
+/* Value references of FMI 3.0 are ports: x 0, x' 1, u 2. */
+TEST("an FMU of version 3 pulls cotangents back as the program does") {
+    make_model("driven", make_driven);
+    build("driven", "fmu3");
+    void *handle = open_library("fmu3/m.so");
+    SYMBOL(handle, "fmi3InstantiateModelExchange", void *,
+           (const char *, const char *, const char *, bool, bool, void *, void *), instantiate);
+    SYMBOL(handle, "fmi3SetFloat64", int, (void *, const unsigned *, size_t, const double *, size_t), set);
+    SYMBOL(handle, "fmi3GetFloat64", int, (void *, const unsigned *, size_t, double *, size_t), get);
+    SYMBOL(handle, "fmi3GetAdjointDerivative", int,
+           (void *, const unsigned *, size_t, const unsigned *, size_t, const double *, size_t, double *,
+            size_t),
+           adjoint);
+    SYMBOL(handle, "fmi3FreeInstance", void, (void *), release);
+    static const unsigned known[] = {0, 2}, rate_port[] = {1};
+    const double values[3] = {x_at[0], x_at[1], u_at[0]};
+    double got[3], rate[2], pulled[3];
+    void *instance =
+        instantiate("a", token_of("fmu3", "instantiationToken="), NULL, false, false, NULL, NULL);
+    assert_non_null(instance);
+    assert_int_equal(set(instance, known, 2, values, 3), 0);
+    assert_int_not_equal(set(instance, known, 2, values, 2), 0);
+    assert_int_equal(get(instance, rate_port, 1, got, 2), 0);
+    const double *const in[] = {x_at, u_at, seed};
+    double *const out[] = {rate}, *const back[] = {pulled, pulled + 2};
+    evaluate("field", in, out);
+    assert_all_close(got, rate, 2, 1e-14, 0);
+    derive(LG_DERIVATIVE_ADJOINT, "field");
+    evaluate("adj1_field", in, back);
+    assert_int_equal(adjoint(instance, rate_port, 1, known, 2, seed, 2, got, 3), 0);
+    assert_all_close(got, pulled, 3, 1e-13, 0);
+    release(instance);
+    assert_int_equal(dlclose(handle), 0);
+}
+
+/* ---- Simulink, ONNX, safetensors ---- */
+
+TEST("functions for Simulink take arrays of constant size; the S-function compiles with the documented "
+     "names") {
+    char line[512];
+    make_model("driven", make_driven);
+    build("driven", "simulink");
+    (void)snprintf(line, sizeof line,
+                   "cd simulink && cc -std=c99 -Wall -Wextra -Werror -Wno-unused-function -fPIC -shared "
+                   "-I'%s/apps/simulink' "
+                   "m_simulink.c m_sfun.c m.c m_weights.c -lm -o m.so",
+                   LG_TEST_DIR);
+    export_expect(line);
+    void *handle = open_library("simulink/m.so");
+    SYMBOL(handle, "m_field", void, (const double *, const double *, double *), field);
+    SYMBOL(handle, "stand_in_run", void, (const double *, const double *, double *, double *), run);
+    double got[2], wanted[2], state[2], rate[2];
+    const double *const in[] = {x_at, u_at};
+    double *const out[] = {wanted};
+    evaluate("field", in, out);
+    field(x_at, u_at, got);
+    assert_all_close(got, wanted, 2, 1e-14, 0);
+    run(x_at, u_at, state, rate);
+    assert_all_close(state, x_at, 2, 0, 0);
+    assert_all_close(rate, wanted, 2, 1e-14, 0);
+    assert_int_equal(dlclose(handle), 0);
+}
+
+TEST("ONNX and safetensors files say what they are; an operation without ONNX is named") {
+    static char out[EXPORT_TEXT];
+    static cli result;
+    make_model("throw", make_throw);
+    export_run("throw.h5 --out onnx --name m --target onnx");
+    export_expect("head -c 40 onnx/m.onnx | grep -qa 'lg-export: m'");
+    export_run("throw.h5 --out onnx --name m --target onnx"); /* again: ours */
+    export_run("throw.h5 --out tensors --name m --target safetensors");
+    const int code =
+        export_shell("n=$(od -An -tu8 -N8 tensors/m.safetensors); tail -c +9 tensors/m.safetensors | "
+                     "head -c $n | tr -d ' ' && test $((n % 8)) = 0",
+                     out);
+    assert_int_equal(code, 0);
+    const lg_parameter_spec first = lg_program_parameter(program, 0);
+    char words[128];
+    (void)snprintf(words, sizeof words, "\"%s\":{\"dtype\":\"F64\"", first.name);
+    assert_non_null(strstr(out, words));
+    make_model("attitude", make_attitude);
+    cli_expect("lg-export", "attitude.h5 --out no --name m --target onnx --functions step", 2,
+               "has no form in ONNX", &result);
+}
+
+TEST("single precision and missing functions are refused with a sentence") {
+    static cli result;
+    make_model("driven", make_driven);
+    static const char *const targets[] = {"casadi", "fmu2", "fmu3", "simulink"};
+    for (size_t i = 0; i < LG_COUNT(targets); i++) {
+        char line[256];
+        (void)snprintf(line, sizeof line, "driven.h5 --out no --name m --dtype f32 --target %s", targets[i]);
+        cli_expect("lg-export", line, 2, "double precision", &result);
+        (void)snprintf(line, sizeof line, "driven.h5 --out no --name m --functions nothing --target %s",
+                       targets[i]);
+        cli_expect("lg-export", line, 2, "no function 'nothing'", &result);
+    }
+}
+
+static int setup(void **state) {
+    return export_begin();
+}
+
+TEST_GROUP(setup, export_end)
