@@ -33,12 +33,12 @@ static bool add_variable(block *b, const char *name, const lg_port *like, causal
 static bool add_input(block *b, const lg_port *port, size_t *at) {
     for (size_t i = 0; i < b->count; i++) {
         const variable *v = &b->variables[i];
-        if ((v->kind == STATE || v->kind == INPUT) && strcmp(v->name, port->name) == 0) {
+        if (v->kind != OUTPUT && v->kind != DERIVATIVE && strcmp(v->name, port->name) == 0) {
             *at = i;
             return v->count == lg_shape_count(port->shape);
         }
     }
-    return add_variable(b, port->name, port, INPUT, at);
+    return add_variable(b, port->name, port, port->shared ? PARAMETER : INPUT, at);
 }
 
 static void use(block *b, const char *function) {
@@ -264,9 +264,13 @@ void block_add_step(const block *b, text *to) {
 }
 
 double block_start(const block *b, size_t variable_at, size_t k) {
+    const export_source *source = b->source;
     const variable *v = &b->variables[variable_at];
-    if (v->kind == PARAMETER) return b->source->step > 0 ? b->source->step : 0.01;
-    if (variable_at == 0 && b->source->starts == v->count) return b->source->start[k];
+    const bool shared = v->kind == PARAMETER && variable_at + 1 < b->count;
+    if (shared && b->rate && source->tunable > 0) /* one number each, behind x and x' */
+        return source->start[source->starts + variable_at - 2];
+    if (v->kind == PARAMETER && !shared) return source->step > 0 ? source->step : 0.01;
+    if (variable_at == 0 && source->starts == v->count) return source->start[k];
     return 0.0;
 }
 

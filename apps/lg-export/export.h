@@ -94,8 +94,9 @@ typedef struct export_source {
     size_t parameters;    /* of the model; 0: `numbers` is told */
     size_t numbers;       /* reals in NAME_weights.c */
     size_t integers;      /* ints there */
-    double *start;        /* (starts) a state at rest on the manifold, or NULL */
-    size_t starts;
+    double *start; /* (starts) a state at rest on the manifold, then (tunable) values of the shared inputs
+                               behind the first input; or NULL */
+    size_t starts, tunable;
     double step;   /* between two points of the training data, 0 unknown */
     bool single;   /* the target chose single precision */
     text products; /* what the Makefile makes beside the objects: names, each behind a blank */
@@ -213,6 +214,9 @@ int export_whole(const app *self, const char *path, lg_program *program, const c
 
 /* A model as a program, whatever its kind, and start and step of `source` (load.c). */
 int export_load(const app *self, const char *path, const char *kind, export_source *source, lg_program **out);
+/* A scene of lg-simulate as a program; `tunable`: its parameters are inputs (scene.c). */
+int export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
+                      lg_program **out);
 /* The functions that a target offers, a list with commas to be freed: those of --functions, or else those of
  * `usual` (ends with NULL) that the program has; of a program that has none of them all but derivatives. NULL:
  * a message has been printed. */
@@ -224,9 +228,11 @@ char *export_derive(const app *self, lg_program *program, lg_derivative_kind kin
 
 /* Names as of --target, ending with NULL; the first one is C. */
 extern const char *const export_target_names[];
-/* What fills the files for it; NULL for C. Returns an exit code; on failure a message has been printed. */
+/* What fills the files for it; NULL for C (c, package). Returns an exit code; on failure a message has been printed. */
 typedef int (*export_target)(const app *self, const char *path, lg_program *program, export_source *source);
 extern const export_target export_targets[];
+/* To the five files of C: CMakeLists.txt and package.xml. */
+void export_add_package(export_source *source);
 int export_casadi(const app *self, const char *path, lg_program *program, export_source *source);
 int export_fmu2(const app *self, const char *path, lg_program *program, export_source *source);
 int export_fmu3(const app *self, const char *path, lg_program *program, export_source *source);

@@ -85,10 +85,18 @@ static const struct {
 static const char longest_step[] =
     "Co-simulation: no internal step is longer, in units of time; the interval of the data by default";
 
-static void add_kind(text *to, const variable *v) {
-    lg_text_add(to, " causality=\"%s\" variability=\"%s\"", xml[v->kind].causality, xml[v->kind].variability);
+/* A model without outputs gives its state. */
+static bool is_output(const block *b, const variable *v) {
+    bool any = false;
+    for (size_t i = 0; i < b->count; i++) any = any || b->variables[i].kind == OUTPUT;
+    return v->kind == (any ? OUTPUT : STATE);
+}
+
+static void add_kind(const block *b, text *to, const variable *v) {
+    lg_text_add(to, " causality=\"%s\" variability=\"%s\"",
+                is_output(b, v) ? "output" : xml[v->kind].causality, xml[v->kind].variability);
     if (xml[v->kind].initial != NULL) lg_text_add(to, " initial=\"%s\"", xml[v->kind].initial);
-    if (v->kind == PARAMETER) add_attribute(to, "description", longest_step);
+    if (v == &b->variables[b->count - 1]) add_attribute(to, "description", longest_step);
 }
 
 /* "x[2]", "der(x[2])", "value": the name of number k. */
@@ -111,7 +119,7 @@ static void add_variables2(const job *j, text *to) {
             lg_text_add(to, "    <ScalarVariable");
             add_scalar_name(to, v, k);
             lg_text_add(to, " valueReference=\"%zu\"", v->at + k);
-            add_kind(to, v);
+            add_kind(&j->b, to, v);
             lg_text_add(to, "><Real");
             if (v->unit != NULL) add_attribute(to, "unit", v->unit);
             if (xml[v->kind].start) {
@@ -131,7 +139,8 @@ static void add_unknowns2(const job *j, const char *element, bool derivatives, b
     bool any = false;
     for (size_t i = 0; i < j->b.count; i++) {
         const variable *v = &j->b.variables[i];
-        const bool here = (v->kind == DERIVATIVE && derivatives) || (v->kind == OUTPUT && outputs);
+        const bool here = (v->kind == DERIVATIVE && derivatives) ||
+                          (is_output(&j->b, v) && outputs && (v->kind == OUTPUT || !derivatives));
         for (size_t k = 0; k < v->count && here; k++) {
             if (!any) lg_text_add(to, "    <%s>\n", element);
             lg_text_add(to, "      <Unknown index=\"%zu\"/>\n", v->at + k + 1);
@@ -186,7 +195,7 @@ static void add_variables3(const job *j, text *to) {
         lg_text_add(to, "    <Float64");
         add_attribute(to, "name", v->name);
         lg_text_add(to, " valueReference=\"%zu\"", i);
-        add_kind(to, v);
+        add_kind(&j->b, to, v);
         if (v->unit != NULL) add_attribute(to, "unit", v->unit);
         if (v->kind == DERIVATIVE) lg_text_add(to, " derivative=\"0\"");
         if (xml[v->kind].start) {
@@ -210,7 +219,8 @@ static void add_variables3(const job *j, text *to) {
 
 static void add_unknowns3(const job *j, const char *element, causality kind, text *to) {
     for (size_t i = 0; i < j->b.count; i++)
-        if (j->b.variables[i].kind == kind) lg_text_add(to, "    <%s valueReference=\"%zu\"/>\n", element, i);
+        if (j->b.variables[i].kind == kind || (kind == OUTPUT && is_output(&j->b, &j->b.variables[i])))
+            lg_text_add(to, "    <%s valueReference=\"%zu\"/>\n", element, i);
 }
 
 static void add_description3(job *j, text *to) {
@@ -233,7 +243,9 @@ static void add_description3(job *j, text *to) {
     add_unknowns3(j, "Output", OUTPUT, to);
     add_unknowns3(j, "ContinuousStateDerivative", DERIVATIVE, to);
     add_unknowns3(j, "InitialUnknown", DERIVATIVE, to);
-    add_unknowns3(j, "InitialUnknown", OUTPUT, to);
+    for (size_t i = 0; i < j->b.count; i++)
+        if (j->b.variables[i].kind == OUTPUT)
+            lg_text_add(to, "    <InitialUnknown valueReference=\"%zu\"/>\n", i);
     lg_text_add(to, "  </ModelStructure>\n</fmiModelDescription>\n");
     text *build = export_add_file(j->b.source, "buildDescription.xml");
     const char *name = j->b.source->options->name;

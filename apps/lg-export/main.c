@@ -34,7 +34,9 @@ static const app_option options[] = {
         "first and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. "
         "make builds them in the folder. simulink, C Function blocks and an S-function; onnx, NAME.onnx of "
         "one "
-        "function (default value); safetensors, the weights"),
+        "function (default value); safetensors, the weights; package, C with CMakeLists.txt and package.xml "
+        "for CMake and "
+        "ROS 2"),
     APP_ROW_TEXT(
         export_values, scheme, "scheme", "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
@@ -88,6 +90,10 @@ static bool has_ending(const char *path, const char *ending) {
     return n > m && strcmp(path + n - m, ending) == 0;
 }
 
+static bool is_text(const char *path) {
+    return has_ending(path, ".yaml") || has_ending(path, ".yml") || has_ending(path, ".json");
+}
+
 static int unknown_scheme(const job *j) {
     text names = {.data = NULL};
     for (size_t i = 0; i < lg_scheme_count(); i++)
@@ -102,9 +108,7 @@ static int choose_scheme(job *j) {
     if (given.scheme == NULL) return APP_EXIT_OK;
     j->options.scheme = lg_scheme_find(given.scheme);
     if (j->options.scheme != NULL) return APP_EXIT_OK;
-    if (strchr(given.scheme, '/') == NULL && !has_ending(given.scheme, ".yaml") &&
-        !has_ending(given.scheme, ".yml") && !has_ending(given.scheme, ".json"))
-        return unknown_scheme(j);
+    if (strchr(given.scheme, '/') == NULL && !is_text(given.scheme)) return unknown_scheme(j);
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_scheme_read(j->self->context, given.scheme, &j->scheme, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, given.scheme);
@@ -177,29 +181,40 @@ static int refuse_kind(const job *j, const char *kind) {
     return APP_EXIT_FILE;
 }
 
-/* For other targets than C every model is a program. */
+/* For other targets than C every model is a program, and so is a scene, whose parameters an FMU can tune. */
 static int build_target(job *j, const char *kind) {
     lg_program *program;
+    const char *target = export_target_names[given.target];
+    const bool scene = strcmp(kind, "scene") == 0;
     if (strcmp(kind, "classifier") == 0)
-        return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone",
-                         export_target_names[given.target], j->path);
+        return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone", target,
+                         j->path);
     j->kind = strcmp(kind, "program") == 0 ? "program" : kind;
     j->options.compact = true;
-    int code = export_load(j->self, j->path, kind, &j->source, &program);
+    int code = scene
+                   ? export_load_scene(j->self, j->path, strncmp(target, "fmu", 3) == 0, &j->source, &program)
+                   : export_load(j->self, j->path, kind, &j->source, &program);
     if (code != APP_EXIT_OK) return code;
     code = export_targets[given.target](j->self, j->path, program, &j->source);
     lg_program_destroy(program);
     return code;
 }
 
+static int refuse_scene(const job *j) {
+    return app_usage(j->self, "%s: a scene is exported with --target, to casadi, fmu2, fmu3, simulink",
+                     j->path);
+}
+
 static int build(job *j) {
     static char kind[64];
     lg_error error = {LG_OK, ""};
+    if (is_text(j->path))
+        return export_targets[given.target] != NULL ? build_target(j, "scene") : refuse_scene(j);
     const lg_status status = lg_file_kind(j->self->context, j->path, NULL, kind, sizeof kind, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
     if (!is_exported(kind)) return refuse_kind(j, kind);
     export_read_units(j->self, j->path, &j->options);
-    if (given.target > 0) return build_target(j, kind);
+    if (export_targets[given.target] != NULL) return build_target(j, kind);
     const bool program = strcmp(kind, "program") == 0;
     const bool machine = strcmp(kind, kinds[LG_MODEL_MACHINE].name) == 0;
     if ((!program && given.compact) || (!program && !machine && given.functions != NULL))
@@ -218,10 +233,11 @@ static const char library[] =
 
 static int build_files(job *j) {
     const int code = build(j);
-    if (code != APP_EXIT_OK || given.target > 0) return code;
+    if (code != APP_EXIT_OK || export_targets[given.target] != NULL) return code;
     export_add_rules(&j->source, "$(if $(findstring -none-,$(shell $(CC) -dumpmachine)),,libNAME_.so)",
                      library);
     export_compose(&j->source);
+    if (strcmp(export_target_names[given.target], "package") == 0) export_add_package(&j->source);
     return code;
 }
 
@@ -306,7 +322,7 @@ static int export_run(app *self) {
 int main(int argc, char **argv) {
     const app_command commands[] = {
         {.name = NULL,
-         .arguments = "MODEL.h5",
+         .arguments = "MODEL.h5 | SCENE.yaml",
          .summary = "Writes a trained model as C99 sources for control code",
          .details =
              "NAME.h, NAME.c, NAME_weights.c, NAME_test.c and a Makefile: code that is C99 and C++14, needs "

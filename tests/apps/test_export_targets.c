@@ -323,7 +323,66 @@ TEST("an FMU of version 3 pulls cotangents back as the program does") {
     assert_int_equal(dlclose(handle), 0);
 }
 
-/* ---- Simulink, ONNX, safetensors ---- */
+/* ---- scenes ---- */
+
+/* The pendulum of two links in steps of the parameter's length, against lg-simulate. */
+TEST("a scene becomes an FMU with tunable parameters") {
+    static cli result;
+    cli_write("chain.yaml",
+              "system: pendulum-chain\nform: hamiltonian\ngravity: 9.81\nmasses: [1, 1.3]\nlengths: [1, 0.8]\n"
+              "initial: {q: [[0.6, 0, -0.8], [0, 0.6, 0.8]], p: [[0, 0.1, 0], [0.2, 0, 0]]}\nt_end: 0.2\n");
+    export_run("chain.yaml --out scene --name m --target fmu3");
+    export_expect("make -s -C scene CFLAGS='-O1 -Wall -Wextra -Werror' && grep -q 'name=\"m2\"' "
+                  "scene/modelDescription.xml");
+    void *handle = open_library("scene/m.so");
+    SYMBOL(handle, "fmi3InstantiateCoSimulation", void *,
+           (const char *, const char *, const char *, bool, bool, bool, bool, const unsigned *, size_t,
+            void *, void *, void *),
+           instantiate);
+    SYMBOL(handle, "fmi3GetFloat64", int, (void *, const unsigned *, size_t, double *, size_t), get);
+    SYMBOL(handle, "fmi3DoStep", int, (void *, double, double, bool, bool *, bool *, bool *, double *),
+           do_step);
+    SYMBOL(handle, "fmi3FreeInstance", void, (void *), release);
+    static const unsigned state[] = {0}, masses[] = {3, 4};
+    bool flags[3];
+    double last, y[12], m[2];
+    void *instance = instantiate("a", token_of("scene", "instantiationToken="), NULL, false, false, false,
+                                 false, NULL, 0, NULL, NULL, NULL);
+    assert_non_null(instance);
+    assert_int_equal(get(instance, masses, 2, m, 2), 0);
+    assert_close(m[0], 1, 0, 0);
+    assert_close(m[1], 1.3, 0, 0);
+    assert_int_equal(do_step(instance, 0.0, 0.2, true, &flags[0], &flags[1], &flags[2], &last), 0);
+    assert_int_equal(get(instance, state, 1, y, 12), 0);
+    cli_expect("lg-simulate", "chain.yaml --method cf4 --steps 20 --json", 0, "\"y\": [", &result);
+    const char *at = strstr(result.out, "\"y\": [") + 6;
+    for (size_t i = 0; i < 12; i++) {
+        char *end;
+        assert_close(y[i], strtod(at, &end), 1e-10, 1e-12);
+        at = end + 1;
+    }
+    release(instance);
+    assert_int_equal(dlclose(handle), 0);
+    cli_expect("lg-export", "chain.yaml --out no", 2, "--target", &result);
+}
+
+/* ---- CMake, Simulink, ONNX, safetensors ---- */
+
+TEST("an exported package is built, installed and found by CMake") {
+    make_model("driven", make_driven);
+    export_run("driven.h5 --out package --name m --target package");
+    export_expect(
+        "xmllint --noout package/package.xml 2>/dev/null || grep -q '<build_type>cmake' package/package.xml");
+    export_expect("cmake -S package -B package-build -DCMAKE_INSTALL_PREFIX=$PWD/root && cmake --build "
+                  "package-build && "
+                  "(cd package-build && ctest) && cmake --install package-build");
+    cli_write("CMakeLists.txt",
+              "cmake_minimum_required(VERSION 3.10)\nproject(user C)\nfind_package(m 1.0 REQUIRED)\n"
+              "add_executable(user user.c)\ntarget_link_libraries(user m::m)\n");
+    cli_write("user.c", "#include <m.h>\nint main(void) { return m_WORK_SIZE > 0 ? 0 : 1; }\n");
+    export_expect("cmake -S . -B user-build -DCMAKE_PREFIX_PATH=$PWD/root && cmake --build user-build && "
+                  "./user-build/user");
+}
 
 TEST("functions for Simulink take arrays of constant size; the S-function compiles with the documented "
      "names") {

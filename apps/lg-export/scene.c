@@ -1,0 +1,116 @@
+/* Scenes of lg-simulate as programs: velocity (x, parameters) -> x' and step (x, parameters, h) -> next. Each
+ * parameter is an input that all rows share, named as in gradients (m1, L2, g), or a number of the program. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-export/export.h"
+#include "liegrad/ops.h"
+#include "liegrad/taped.h"
+
+enum { MOST_TUNABLE = 40, LABEL = 64 }; /* more parameters than that stay numbers */
+
+typedef struct recording {
+    const lg_system *system;
+    const lg_scheme *scheme;
+    size_t tunable; /* parameters that are inputs: all or none */
+} recording;
+
+static lg_var parameters_of(const recording *r, lg_tape *tape, const lg_var *x) {
+    const size_t count = lg_system_parameter_count(r->system);
+    if (r->tunable > 0) return lg_concat(tape, x + 1, (uint32_t)count, 0);
+    return lg_input_f64(tape, lg_shape1((uint32_t)count), lg_system_parameter_values(r->system));
+}
+
+static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_taped_ode ode;
+    lg_system_taped_user of;
+    lg_var parts[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
+    (void)theta;
+    LG_TRY(lg_system_taped_ode(r->system, LG_COORDINATES_LIE, parameters_of(r, tape, x), &ode, &of));
+    LG_TRY(lg_taped_split(tape, &ode.space, x[0], parts));
+    LG_TRY(ode.field(ode.user, tape, (lg_taped_time){.value = 0}, parts, LG_NONE, algebra));
+    LG_TRY(lg_taped_generator(tape, &ode.space, algebra, parts, parts));
+    y[0] = lg_taped_join(tape, &ode.space, parts);
+    return lg_tape_status(tape);
+}
+
+static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_taped_ode ode;
+    lg_system_taped_user of;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    const lg_taped_interval over = {.h_rows = x[1 + r->tunable]};
+    (void)theta;
+    LG_TRY(lg_system_taped_ode(r->system, LG_COORDINATES_LIE, parameters_of(r, tape, x), &ode, &of));
+    LG_TRY(lg_taped_split(tape, &ode.space, x[0], parts));
+    LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
+    y[0] = lg_taped_join(tape, &ode.space, parts);
+    return lg_tape_status(tape);
+}
+
+/* Ports x, parameters, h; parameters are drawn near their values. */
+static lg_status build(const app *self, recording *r, lg_program **out, lg_error *error) {
+    const size_t n = r->tunable;
+    const double *values = lg_system_parameter_values(r->system);
+    lg_port *in = app_alloc(n + 2, sizeof *in);
+    char(*names)[LABEL] = app_alloc(n, sizeof *names);
+    const lg_port rate = {.name = "f"}, next = {.name = "next"};
+    in[0] = (lg_port){.name = "x", .shape = lg_shape1((uint32_t)lg_system_dim(r->system))};
+    for (size_t i = 0; i < n; i++) {
+        lg_system_parameter_label(r->system, i, names[i]);
+        in[1 + i] = (lg_port){.name = names[i], .shape = lg_shape1(1), .shared = true};
+        in[1 + i].low = values[i];
+        in[1 + i].high =
+            values[i] + (values[i] != 0 ? 0.01 * (values[i] > 0 ? values[i] : -values[i]) : 0.01);
+    }
+    in[1 + n] = (lg_port){.name = "h", .shape = lg_shape1(1), .low = 0.001, .high = 0.01};
+    const lg_function_spec functions[] = {{"velocity", in, n + 1, &rate, 1, velocity, r},
+                                          {"step", in, n + 2, &next, 1, step, r}};
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.functions = functions;
+    spec.function_count = LG_COUNT(functions);
+    spec.description = "a system of lg-simulate";
+    const lg_status status = lg_program_build(self->context, &spec, out, error);
+    free(names);
+    free(in);
+    return status;
+}
+
+static int refuse(const app *self, const char *path, const lg_system *system) {
+    return app_fail(self, LG_FORMAT, "%s: %s depends on time, which exported functions have not got", path,
+                    lg_system_name(system));
+}
+
+/* Tunable parameters begin with the scene's values, the state with its start. */
+static void take_values(const recording *r, const lg_scene *scene, export_source *source) {
+    const size_t d = lg_system_dim(r->system);
+    source->start = app_alloc(d + r->tunable, sizeof *source->start);
+    source->starts = d;
+    source->tunable = r->tunable;
+    memcpy(source->start, scene->state, d * sizeof *scene->state);
+    memcpy(source->start + d, lg_system_parameter_values(r->system), r->tunable * sizeof *source->start);
+}
+
+int export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
+                      lg_program **out) {
+    lg_scene scene;
+    lg_error error = {LG_OK, ""};
+    lg_status status = lg_scene_read(self->context, path, "hamiltonian", &scene, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    recording r = {.system = scene.system, .scheme = source->options->scheme};
+    const size_t count = lg_system_parameter_count(scene.system);
+    if (r.scheme == NULL) r.scheme = lg_scheme_find("cf4");
+    if (tunable && count <= MOST_TUNABLE) r.tunable = count;
+    int code = strcmp(lg_system_name(scene.system), "quadrotors") == 0 ? refuse(self, path, scene.system)
+                                                                       : app_scene_start(self, &scene, path);
+    if (code == APP_EXIT_OK) code = export_check_scheme(self, lg_system_space(scene.system), false, r.scheme);
+    if (code == APP_EXIT_OK) {
+        status = build(self, &r, out, &error);
+        if (status != LG_OK) code = app_fail_file(self, status, &error, path);
+    }
+    if (code == APP_EXIT_OK) take_values(&r, &scene, source);
+    lg_scene_destroy(&scene);
+    return code;
+}
