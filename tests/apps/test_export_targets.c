@@ -328,9 +328,10 @@ TEST("an FMU of version 3 pulls cotangents back as the program does") {
 /* The pendulum of two links in steps of the parameter's length, against lg-simulate. */
 TEST("a scene becomes an FMU with tunable parameters") {
     static cli result;
-    cli_write("chain.yaml",
-              "system: pendulum-chain\nform: hamiltonian\ngravity: 9.81\nmasses: [1, 1.3]\nlengths: [1, 0.8]\n"
-              "initial: {q: [[0.6, 0, -0.8], [0, 0.6, 0.8]], p: [[0, 0.1, 0], [0.2, 0, 0]]}\nt_end: 0.2\n");
+    cli_write(
+        "chain.yaml",
+        "system: pendulum-chain\nform: hamiltonian\ngravity: 9.81\nmasses: [1, 1.3]\nlengths: [1, 0.8]\n"
+        "initial: {q: [[0.6, 0, -0.8], [0, 0.6, 0.8]], p: [[0, 0.1, 0], [0.2, 0, 0]]}\nt_end: 0.2\n");
     export_run("chain.yaml --out scene --name m --target fmu3");
     export_expect("make -s -C scene CFLAGS='-O1 -Wall -Wextra -Werror' && grep -q 'name=\"m2\"' "
                   "scene/modelDescription.xml");
