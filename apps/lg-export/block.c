@@ -118,7 +118,8 @@ static bool fits_step(const block *b) {
     return fits;
 }
 
-/* A function of other inputs than the rate, or for all rows of a batch, is no output unless it is asked for. */
+/* A function of other inputs than the rate, or for all rows of a batch, is an output if it is asked for
+ * alone. */
 static bool is_usual(const block *b, const char *function) {
     size_t ins, outs;
     const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);

@@ -37,8 +37,8 @@ typedef struct block {
     text list; /* the functions that are written */
 } block;
 
-/* Finds variables and functions of the program, and adds derivatives where `derivatives`. An exit code; on failure a
- * message has been printed. */
+/* Finds variables and functions of the program, and adds derivatives where `derivatives`. An exit code; on
+ * failure a message has been printed. */
 int block_collect(block *b, bool derivatives);
 void block_free(block *b);
 /* All functions have forward ones, or adjoint ones. */
@@ -46,9 +46,9 @@ bool block_has(const block *b, bool forward);
 /* The start of number k of a variable. */
 double block_start(const block *b, size_t variable, size_t k);
 
-/* C: enumerations and tables; evaluate(r, out, work), derivatives and outputs of the values; forward and adjoint;
- * take_step(r, h, next, work), the program's `step`, which stays on the manifold, or the classical Runge-Kutta
- * scheme where there is none. */
+/* C: enumerations and tables; evaluate(r, out, work), derivatives and outputs of the values; forward and
+ * adjoint; take_step(r, h, next, work), the program's `step`, which stays on the manifold, or the classical
+ * Runge-Kutta scheme where there is none. */
 void block_add_tables(const block *b, text *to);
 void block_add_evaluate(const block *b, text *to);
 void block_add_forward(const block *b, text *to);

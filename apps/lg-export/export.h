@@ -205,8 +205,8 @@ int export_detector(const app *self, const lg_model_file *file, export_source *s
 int export_machine(const app *self, const lg_model_file *file, export_source *source);
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
-/* Functions of a program (a list with commas; NULL: all) under their own names, with source->prefix. `path`: of
- * the model's file. */
+/* Functions of a program (a list with commas; NULL: all) under their own names, with source->prefix. `path`:
+ * of the model's file. */
 int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
                  export_source *source);
 
@@ -218,8 +218,8 @@ int export_load(const app *self, const char *path, const char *kind, export_sour
 int export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
                       lg_program **out);
 /* The functions that a target offers, a list with commas to be freed: those of --functions, or else those of
- * `usual` (ends with NULL) that the program has; of a program that has none of them all but derivatives. NULL:
- * a message has been printed. */
+ * `usual` (ends with NULL) that the program has; of a program that has none of them all but derivatives.
+ * NULL: a message has been printed. */
 char *export_choose(const app *self, const export_options *options, const lg_program *program,
                     const char *const *usual);
 /* Name of a derivative of a function, to be freed; the program gets it if it has not got it yet. NULL: it
@@ -228,7 +228,8 @@ char *export_derive(const app *self, lg_program *program, lg_derivative_kind kin
 
 /* Names as of --target, ending with NULL; the first one is C. */
 extern const char *const export_target_names[];
-/* What fills the files for it; NULL for C (c, package). Returns an exit code; on failure a message has been printed. */
+/* What fills the files for it; NULL for C (c, package). Returns an exit code; on failure a message has been
+ * printed. */
 typedef int (*export_target)(const app *self, const char *path, lg_program *program, export_source *source);
 extern const export_target export_targets[];
 /* To the five files of C: CMakeLists.txt and package.xml. */
@@ -259,11 +260,11 @@ text *export_add_file(export_source *source, const char *name);
 void export_add_rules(export_source *source, const char *products, const char *rules);
 /* Adds NAME.h, NAME.c, NAME_weights.c, NAME_test.c and Makefile of what `source` has. */
 void export_compose(export_source *source);
-/* Writes the files to folder `out`: to a temporary folder, then they are renamed. A folder that does not exist
- * or is empty gets all or none. In any other folder they are replaced one by one after all are written. An
- * existing file is replaced only if it has the words by which lg-export marks its files for this name. A model
- * with numbers or golden vectors that are not finite is refused. Returns an exit code; on failure a message
- * has been printed. */
+/* Writes the files to folder `out`: to a temporary folder, then they are renamed. A folder that does not
+ * exist or is empty gets all or none. In any other folder they are replaced one by one after all are
+ * written. An existing file is replaced only if it has the words by which lg-export marks its files for this
+ * name. A model with numbers or golden vectors that are not finite is refused. Returns an exit code; on
+ * failure a message has been printed. */
 int export_write(const app *self, const export_source *source, const char *out);
 
 #endif

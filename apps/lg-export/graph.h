@@ -1,5 +1,5 @@
-/* A function of a program as one list of operations: calls and loops are written out, what nothing needs is left out,
- * and what depends on parameters alone is a constant, computed by the library. */
+/* A function of a program as one list of operations: calls and loops are written out, what nothing needs is
+ * left out, and what depends on parameters alone is a constant, computed by the library. */
 #ifndef LG_EXPORT_GRAPH_H
 #define LG_EXPORT_GRAPH_H
 

@@ -226,7 +226,7 @@ static int build(job *j) {
     return export_classifier(j->self, j->path, &j->source);
 }
 
-/* A shared library of the C too, for programs that load it, unless the compiler is for no operating system. */
+/* A shared library of the C, for programs that load it; none where the compiler has no operating system. */
 static const char library[] =
     "libNAME_.so: NAME_.c NAME_weights.c NAME_.h\n"
     "\t$(CC) $(CFLAGS) -fPIC -shared NAME_.c NAME_weights.c $(LDFLAGS) -lm -o libNAME_.so\n";

@@ -1,5 +1,6 @@
-/* ONNX (onnx.ai, opset 13): a function of a program as a graph of standard operators. Each operation of the library
- * that has a form in ONNX is a row of the table below; what depends on parameters alone is an initializer. */
+/* ONNX (onnx.ai, opset 13): a function of a program as a graph of standard operators. Each operation of the
+ * library that has a form in ONNX is a row of the table below; what depends on parameters alone is an
+ * initializer. */
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>

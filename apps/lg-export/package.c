@@ -1,5 +1,5 @@
-/* The C of a model as a CMake package (find_package(NAME), target NAME::NAME), which ROS 2 builds too: package.xml says
- * that it is plain CMake. */
+/* The C of a model as a CMake package (find_package(NAME), target NAME::NAME), which ROS 2 builds too:
+ * package.xml says that it is plain CMake. */
 #include <ctype.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,6 @@
-/* Scenes of lg-simulate as programs: velocity (x, parameters) -> x' and step (x, parameters, h) -> next. Each
- * parameter is an input that all rows share, named as in gradients (m1, L2, g), or a number of the program. */
+/* Scenes of lg-simulate as programs: velocity (x, parameters) -> x' and step (x, parameters, h) -> next.
+ * Each parameter is an input that all rows share, named as in gradients (m1, L2, g), or a number of the
+ * program. */
 #include <stdlib.h>
 #include <string.h>
 

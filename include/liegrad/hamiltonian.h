@@ -325,6 +325,7 @@ LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_od
  *   field (x, u) -> f             as lg_hamiltonian_record_field
  *   force (q, u) -> f             -dV/dq + u, where the family has it (separable ones)
  *   drift (p) -> f                dT/dp, likewise
+ *   velocity (x, u) -> f          x', the generator of the field: a vector of the ambient space
  *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's), u held
  * with x (d), u (m), h (1), q and p (d/2). Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit
  * scheme, which finds its stage by iteration). */

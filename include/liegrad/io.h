@@ -500,8 +500,8 @@ typedef struct lg_model_file {
  * (read by lg_classifier_load), programs (read by lg_program_load). */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
-/* Part number `index` = 0, 1, ... of the parameters, as it lies below /model in the file: name, shape, and its
- * numbers (borrowed). False beyond the last. */
+/* Part number `index` = 0, 1, ... of the parameters, as it lies below /model in the file: name, shape, and
+ * its numbers (borrowed). False beyond the last. */
 LG_API bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out,
                                 const double **values);
 LG_API void lg_model_file_destroy(lg_model_file *file);

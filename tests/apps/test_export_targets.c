@@ -1,6 +1,7 @@
-/* What lg-export writes for other tools, built as its Makefile says and called as the tool would: CasADi externals,
- * FMUs, Simulink functions; ONNX and safetensors files are looked at. The reference are plans of the model's program
- * and of its derivatives. The tools themselves are asked in bench/tools. ctest-labels: slow */
+/* What lg-export writes for other tools, built as its Makefile says and called as the tool would: CasADi
+ * externals, FMUs, Simulink functions; ONNX and safetensors files are looked at. The reference are plans of
+ * the model's program and of its derivatives. The tools themselves are asked in bench/tools. ctest-labels:
+ * slow */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
 #include "liegrad/io.h"
@@ -113,8 +114,8 @@ static size_t nonzeros(const long long *s) {
     return (size_t)(s[2] == 1 ? s[0] * s[1] : s[2 + s[1]]);
 }
 
-/* Calls it with numbers by name: `in` of the port that an argument is named after, else zeros. Results as full
- * matrices, one behind the other in `out`; those that are declared empty count. */
+/* Calls it with numbers by name: `in` of the port that an argument is named after, else zeros. Results as
+ * full matrices, one behind the other in `out`; those that are declared empty count. */
 static size_t call_external(const external *e, const char *const *names, const double *const *in,
                             size_t given, double *out) {
     static double room[MOST][NUMBERS], w[1 << 18];

@@ -1,6 +1,6 @@
-/* Level-2 C MEX S-function. Input ports are the inputs in the order of the tables; output ports are the state (where
- * there is one), then the outputs. Continuous states; no parameters. The names of simstruc.h are those of
- * Simulink's documentation. */
+/* Level-2 C MEX S-function. Input ports are the inputs in the order of the tables; output ports are the
+ * state (where there is one), then the outputs. Continuous states; no parameters. The names of simstruc.h
+ * are those of Simulink's documentation. */
 #include "simstruc.h"
 
 enum { CAUSALITY_STATE, CAUSALITY_DERIVATIVE, CAUSALITY_INPUT, CAUSALITY_OUTPUT, CAUSALITY_PARAMETER };
