@@ -201,6 +201,7 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
 /* These return an exit code; on failure a message has been printed. The caller sets `source->options`. */
 int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source);
 int export_surrogate(const app *self, const lg_model_file *file, export_source *source);
+int export_table(const app *self, const lg_model_file *file, export_source *source);
 int export_detector(const app *self, const lg_model_file *file, export_source *source);
 int export_machine(const app *self, const lg_model_file *file, export_source *source);
 int export_classifier(const app *self, const char *path, export_source *source);

@@ -27,6 +27,13 @@ static lg_status of_detector(const app *self, const lg_model_file *file, const l
                                file->detector.theta, out, error);
 }
 
+static lg_status of_table(const app *self, const lg_model_file *file, const lg_scheme *scheme,
+                          lg_program **out, lg_error *error) {
+    (void)scheme;
+    return lg_table_program(self->context, &file->table.run.model, &file->table.inputs, &file->table.outputs,
+                            file->table.theta, out, error);
+}
+
 static lg_status of_machine(const app *self, const lg_model_file *file, const lg_scheme *scheme,
                             lg_program **out, lg_error *error) {
     return lg_machine_program(self->context, &file->machine->run.machine, file->machine->theta,
@@ -39,6 +46,7 @@ static lg_status (*const programs[LG_MODEL_KIND_COUNT])(const app *self, const l
     [LG_MODEL_HAMILTONIAN] = of_hamiltonian,
     [LG_MODEL_SURROGATE] = of_surrogate,
     [LG_MODEL_DETECTOR] = of_detector,
+    [LG_MODEL_TABLE] = of_table,
     [LG_MODEL_MACHINE] = of_machine};
 
 /* ---- a start ---- */

@@ -146,6 +146,7 @@ static const struct {
     [LG_MODEL_HAMILTONIAN] = {"hamiltonian", export_hamiltonian, scheme_of_hamiltonian},
     [LG_MODEL_SURROGATE] = {"surrogate", export_surrogate, NULL},
     [LG_MODEL_DETECTOR] = {"detector", export_detector, NULL},
+    [LG_MODEL_TABLE] = {"table", export_table, NULL},
     [LG_MODEL_MACHINE] = {"machine_model", export_machine, scheme_of_machine}};
 
 static int refuse_scheme(const job *j) {
@@ -174,10 +175,11 @@ static bool is_exported(const char *kind) {
 }
 
 static int refuse_kind(const job *j, const char *kind) {
-    (void)app_fail(j->self, LG_FORMAT,
-                   "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, machine_model, "
-                   "classifier or program",
-                   j->path, kind);
+    (void)app_fail(
+        j->self, LG_FORMAT,
+        "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, table, machine_model, "
+        "classifier or program",
+        j->path, kind);
     return APP_EXIT_FILE;
 }
 
@@ -333,7 +335,8 @@ int main(int argc, char **argv) {
              "NAME_step; "
              "machines also NAME_state, NAME_positions, NAME_velocities, with --functions linearise "
              "NAME_linearise. Surrogates of beams: NAME_curve. "
-             "Detectors and classifiers: NAME_classify, NAME_class_names; classifiers "
+             "Detectors, classifiers and classifications of tables: NAME_classify, NAME_class_names; "
+             "classifiers "
              "also NAME_features. Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
              "make test compares the code with golden vectors of the library, make stack checks the stated "
              "bound on the stack, and make size shows the size of the objects.",

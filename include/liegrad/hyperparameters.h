@@ -78,11 +78,11 @@ typedef struct lg_hyperparameter {
 #define LG_HYPERPARAMETER_END                                                                                \
     { .name = NULL }
 
-/* The tables of lg_hamiltonian_run, lg_surrogate_run and lg_detector_run. The method of a surrogate is its
- * network, in the order of lg_surrogate_kind. The detector has one method, bit 0; its entries with methods =
- * 0 belong to the split of the data, which the classical methods share. */
+/* The tables of lg_hamiltonian_run, lg_surrogate_run, lg_detector_run and lg_table_run. The method of a
+ * surrogate is its network, in the order of lg_surrogate_kind. The detector has one method, bit 0; its
+ * entries with methods = 0 belong to the split of the data, which the classical methods share. */
 LG_API extern const lg_hyperparameter lg_hamiltonian_hyperparameters[], lg_surrogate_hyperparameters[],
-    lg_detector_hyperparameters[];
+    lg_detector_hyperparameters[], lg_table_hyperparameters[];
 
 /* Finds an entry by its name or its name on command lines; NULL when there is none. */
 LG_API const lg_hyperparameter *lg_hyperparameter_find(const lg_hyperparameter *table, const char *name);

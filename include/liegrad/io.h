@@ -42,6 +42,7 @@
 #include "liegrad/series.h"
 #include "liegrad/status.h"
 #include "liegrad/surrogate.h"
+#include "liegrad/table.h"
 
 LG_BEGIN_DECLS
 
@@ -440,17 +441,64 @@ LG_API lg_status lg_model_load_detector(const lg_context *context, const char *p
                                         lg_error *error);
 LG_API void lg_detector_file_destroy(lg_detector_file *file);
 
+/* ---- table networks ---- */
+
+#define LG_TABLE_NAME 64 /* bytes of a column's or a class' name */
+
+/* One number for each slice of the parameters (lg_table_slice); none: 0. */
+typedef struct lg_table_decay {
+    uint32_t count;
+    double value[LG_TABLE_SLICES];
+} lg_table_decay;
+
+typedef struct lg_table_run {
+    lg_table model;
+    lg_training training; /* validation: of the rows, drawn by the seed */
+    lg_table_decay decay; /* of lg_table_problem, by slice */
+    uint64_t rows;        /* complete rows of the data */
+    char data_sha256[LG_SHA256_TEXT];
+} lg_table_run;
+
+typedef struct lg_table_file {
+    lg_table_run run;
+    size_t parameters;
+    double *theta;                      /* (parameters); stored as training.dtype */
+    lg_scaler inputs, outputs;          /* outputs: of a regression; else zeros */
+    double *low, *high;                 /* (inputs): least and largest value of the training rows; NULL */
+    char (*input_name)[LG_TABLE_NAME];  /* (inputs) */
+    char (*output_name)[LG_TABLE_NAME]; /* (outputs) columns, or the names of the classes */
+    char class_column[LG_TABLE_NAME];   /* of a classification, "" unknown */
+    double rmse, accuracy, f1;          /* on the rows it was judged on, in scaled outputs; NaN: unknown */
+    size_t epochs_done;
+    double *history[LG_FIT_SERIES_COUNT];
+    lg_provenance provenance;
+    const lg_context *context; /* whose memory the arrays are in */
+} lg_table_file;
+
+/* Kind "table": /model/layer1/weight ... as lg_table_slice names them, /scaler/{inputs, outputs}/{mean,
+ * scale}, /range/{low, high} (inputs), texts /names/{inputs, outputs}, root attributes `class_column`,
+ * `rmse`, `accuracy`, `f1`; laws as for the other kinds. A model written by hand needs `kind`, the weights,
+ * /scaler and the attributes of /model: `task` (regression, classification), `network`, `activation`,
+ * `hidden` ("32,32"), `linear`, `inputs`, `outputs`; without /names columns are "x1", "x2", ... and "y1", ...
+ * */
+LG_API lg_status lg_model_save_table(const lg_context *context, const char *path, const lg_table_file *file,
+                                     const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_model_load_table(const lg_context *context, const char *path,
+                                     const lg_read_options *options, lg_table_file *out, lg_error *error);
+LG_API void lg_table_file_destroy(lg_table_file *file);
+
 /* ---- checkpoints of unfinished trainings ---- */
 
 /* A kind of run, for the functions below, which take an lg_hamiltonian_run, lg_surrogate_run or
  * lg_detector_run by its address. The hyperparameters of each stand in liegrad/hyperparameters.h. */
 typedef struct lg_run_kind lg_run_kind;
-LG_API extern const lg_run_kind lg_run_hamiltonian, lg_run_surrogate, lg_run_detector;
+LG_API extern const lg_run_kind lg_run_hamiltonian, lg_run_surrogate, lg_run_detector, lg_run_table;
 
 /* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
  *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->
  *   lg_file_writer_commit
- * Kinds "checkpoint" (Hamiltonians), "surrogate-checkpoint", "detector-checkpoint". */
+ * Kinds "checkpoint" (Hamiltonians), "surrogate-checkpoint", "detector-checkpoint",
+ * "table-checkpoint". */
 LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
                                       const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                       lg_error *error);
@@ -492,6 +540,7 @@ typedef struct lg_model_file {
         lg_hamiltonian_file hamiltonian;
         lg_surrogate_file surrogate;
         lg_detector_file detector;
+        lg_table_file table;
         struct lg_machine_model_file *machine; /* owned */
     };
 } lg_model_file;

@@ -1,4 +1,5 @@
-/* A trained model in a control loop: one handle for learned Hamiltonians, surrogates, detectors and machines,
+/* A trained model in a control loop: one handle for learned Hamiltonians, surrogates, detectors, tables and
+ * machines,
  * evaluated without a tape in the caller's memory. The library is liegrad. Only lg_model_load is in
  * liegrad_io, because it reads HDF5.
  *
@@ -22,6 +23,7 @@
  *   surrogate, continuous  (s, q0 v0 qN vN), 9 -> q(s), 2. Column 0 of the Jacobian is the tangent v(s).
  *   surrogate, angle       (s, q0 v0 qN vN), 9 -> theta(s), 1. Column 0 is the curvature.
  *   detector               window as recorded (channels, length) -> logits (outputs of its network)
+ *   table                  a row of the input columns -> outputs in their units, or a logit a class
  *   machine                state of lg_machine_space (places; q p of each direction; R of each rotation;
  *                          momenta), in the units of the log -> H (1)
  *
@@ -42,6 +44,7 @@
 #include "liegrad/series.h"
 #include "liegrad/status.h"
 #include "liegrad/surrogate.h"
+#include "liegrad/table.h"
 
 LG_BEGIN_DECLS
 
@@ -49,9 +52,10 @@ typedef enum lg_model_kind {
     LG_MODEL_HAMILTONIAN,
     LG_MODEL_SURROGATE,
     LG_MODEL_DETECTOR,
+    LG_MODEL_TABLE,
     LG_MODEL_MACHINE
 } lg_model_kind;
-#define LG_MODEL_KIND_COUNT 4
+#define LG_MODEL_KIND_COUNT 5
 
 /* An immutable handle with plans (liegrad/program.h) of the functions that it needs. It is made by
  * lg_model_load or from descriptions that their own init functions have filled. Errors: those of
@@ -64,6 +68,9 @@ LG_API lg_status lg_model_create_surrogate(const lg_context *context, const lg_s
 LG_API lg_status lg_model_create_detector(const lg_context *context, const lg_detector *detector,
                                           const lg_scaler *scaler, const double *theta, lg_model **out,
                                           lg_error *error);
+LG_API lg_status lg_model_create_table(const lg_context *context, const lg_table *table,
+                                       const lg_scaler *inputs, const lg_scaler *outputs, const double *theta,
+                                       lg_model **out, lg_error *error);
 LG_API lg_status lg_model_create_machine(const lg_context *context, const lg_machine *machine,
                                          const double *theta, lg_model **out, lg_error *error);
 LG_API void lg_model_destroy(lg_model *model); /* NULL is fine */

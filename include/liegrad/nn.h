@@ -169,6 +169,9 @@ typedef struct lg_fit_problem {
     size_t observations; /* numbers of the training part that the loss is the mean square error of, for the
                           * prior; 0: unknown, and there is no prior */
     size_t weights;      /* so many numbers at the start of theta have the prior; 0: all */
+    /* (parameters) or NULL: decay_i/2 theta_i^2 is added to the loss of the methods other than Adam, beside
+     * the options' weight decay. Losses are reported without it. */
+    const double *decay;
     size_t chunk; /* samples on a tape at once, so that their values stay in the cache; 0: LG_FIT_CHUNK */
     /* May be NULL. *dead: a model with these parameters can learn no more. Then theta gets others to start
      * from, those of restart `number` >= 1; a pure function of its arguments. May allocate memory. A status

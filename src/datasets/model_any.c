@@ -50,6 +50,20 @@ static void free_detector(lg_model_file *file) {
     lg_detector_file_destroy(&file->detector);
 }
 
+static lg_status load_table(const lg_context *context, const char *path, const lg_read_options *options,
+                            lg_model_file *out, lg_error *error) {
+    return lg_model_load_table(context, path, options, &out->table, error);
+}
+
+static lg_status make_table(const lg_context *context, lg_model_file *file, lg_error *error) {
+    return lg_model_create_table(context, &file->table.run.model, &file->table.inputs, &file->table.outputs,
+                                 file->table.theta, &file->model, error);
+}
+
+static void free_table(lg_model_file *file) {
+    lg_table_file_destroy(&file->table);
+}
+
 /* A machine's file is large: it has memory of its own. */
 static lg_status load_machine(const lg_context *context, const char *path, const lg_read_options *options,
                               lg_model_file *out, lg_error *error) {
@@ -89,6 +103,7 @@ static const kind_row rows[LG_MODEL_KIND_COUNT] = {
                               &lg_run_hamiltonian},
     [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, make_surrogate, free_surrogate, &lg_run_surrogate},
     [LG_MODEL_DETECTOR] = {"detector", load_detector, make_detector, free_detector, &lg_run_detector},
+    [LG_MODEL_TABLE] = {"table", load_table, make_table, free_table, &lg_run_table},
     [LG_MODEL_MACHINE] = {"machine_model", load_machine, make_machine, free_machine, &lg_run_machine_model},
 };
 
@@ -102,6 +117,7 @@ static const struct {
     {"checkpoint", "it is the checkpoint of an unfinished training"},
     {"surrogate-checkpoint", "it is the checkpoint of an unfinished training"},
     {"detector-checkpoint", "it is the checkpoint of an unfinished training"},
+    {"table-checkpoint", "it is the checkpoint of an unfinished training"},
     {"machine-checkpoint", "it is the checkpoint of an unfinished training"},
     {"classifier", "it is a classical classifier, which lg_classifier_load reads"},
     {"program", "it is a program of functions, which lg_program_load reads"},
@@ -117,7 +133,7 @@ static lg_status refuse(const char *path, const char *kind, lg_error *error) {
     while (others[i].kind != NULL && strcmp(others[i].kind, kind) != 0) i++;
     return lg_fail(
         error, LG_FORMAT,
-        "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector or machine_model: %s",
+        "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, table or machine_model: %s",
         lg_shown_path(path), kind, others[i].what);
 }
 

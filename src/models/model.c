@@ -89,6 +89,14 @@ lg_status lg_model_create_detector(const lg_context *context, const lg_detector 
     return create(context, LG_MODEL_DETECTOR, NULL, bundle, out, error);
 }
 
+lg_status lg_model_create_table(const lg_context *context, const lg_table *table, const lg_scaler *inputs,
+                                const lg_scaler *outputs, const double *theta, lg_model **out,
+                                lg_error *error) {
+    lg_program *bundle;
+    LG_TRY(lg_table_program(context, table, inputs, outputs, theta, &bundle, error));
+    return create(context, LG_MODEL_TABLE, NULL, bundle, out, error);
+}
+
 void lg_model_destroy(lg_model *model) {
     if (model == NULL) return;
     for (size_t i = 0; i < LG_MODEL_FUNCTIONS; i++) lg_plan_destroy(model->plan[i]);

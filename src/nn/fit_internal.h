@@ -90,7 +90,8 @@ lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add);
 lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error);
 /* Loss, gradient and matrix of all training samples by residuals; the latter in the first shard. */
 lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error);
-/* Adds `decay` to the matrix's diagonal, `prior` to its first `weights` numbers. */
+/* Adds `decay` and the problem's own decay to the matrix's diagonal, `prior` to its first `weights` numbers.
+ */
 void lg_fit_add_diagonal(lg_fit *fit, size_t weights, double prior, double decay);
 /* Adds the gradients of all shards into that of the first one and returns its norm. */
 double lg_fit_reduce(lg_fit *fit);

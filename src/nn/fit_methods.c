@@ -168,7 +168,10 @@ static double prior_of(const lg_fit *fit) {
 
 /* Weight decay and prior: their part of the value at x. */
 static double penalty_at(const lg_fit *fit, const double *x) {
-    return 0.5 * fit->options.adam.weight_decay * fit->k->dot(fit->problem.parameters, x, x) +
+    const double *each = fit->problem.decay;
+    double sum = 0.0;
+    for (size_t i = 0; each != NULL && i < fit->problem.parameters; i++) sum += each[i] * x[i] * x[i];
+    return 0.5 * sum + 0.5 * fit->options.adam.weight_decay * fit->k->dot(fit->problem.parameters, x, x) +
            0.5 * prior_of(fit) * fit->k->dot(weights_of(fit), x, x);
 }
 
@@ -196,10 +199,13 @@ static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
         return LG_OK;
     }
     LG_TRY(status);
-    if (!(decay > 0.0 || prior > 0.0)) return LG_OK;
+    const double *each = fit->problem.decay;
+    if (!(decay > 0.0 || prior > 0.0 || each != NULL)) return LG_OK;
     *value += penalty_at(fit, theta);
     fit->k->axpy(n, decay, theta, fit->shards[0].gradient);
     fit->k->axpy(weights_of(fit), prior, theta, fit->shards[0].gradient);
+    double *gradient = (double *)(void *)fit->shards[0].gradient;
+    for (size_t i = 0; each != NULL && i < n; i++) gradient[i] += each[i] * theta[i];
     if (takes_squares(fit)) lg_fit_add_diagonal(fit, weights_of(fit), prior, decay);
     return LG_OK;
 }

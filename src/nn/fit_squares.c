@@ -178,6 +178,8 @@ lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error 
 void lg_fit_add_diagonal(lg_fit *fit, size_t weights, double prior, double decay) {
     const size_t n = shared_by_all(fit), own = fit->problem.own, rest = fit->problem.parameters - n;
     double *matrix = fit->shards[0].matrix, *B = matrix + n * n + rest * n;
-    for (size_t i = 0; i < n; i++) matrix[i * n + i] += decay + (i < weights ? prior : 0.0);
-    for (size_t i = 0; i < rest; i++) B[i * own + i % own] += decay;
+    const double *each = fit->problem.decay;
+    for (size_t i = 0; i < n; i++)
+        matrix[i * n + i] += decay + (i < weights ? prior : 0.0) + (each != NULL ? each[i] : 0.0);
+    for (size_t i = 0; i < rest; i++) B[i * own + i % own] += decay + (each != NULL ? each[n + i] : 0.0);
 }

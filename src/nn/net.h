@@ -26,6 +26,15 @@ typedef struct net_layout {
 
 void lg_net_layout(const lg_net *net, net_layout *layout);
 
+/* What a dense layer of net_layout reads, x (B, in), and gives before its activation, x W + b (B, out). */
+typedef struct lg_net_tap {
+    lg_var input, output;
+} lg_net_tap;
+/* lg_net_record; taps: NULL, or one for each dense layer, whose products and activations are then recorded
+ * apart. */
+lg_var lg_net_record_taps(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
+                          lg_net_tap *taps);
+
 /* Whether H <- (1 - Z) o U + Z o V. */
 bool lg_net_gated(const lg_net *net);
 

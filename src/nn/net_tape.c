@@ -8,6 +8,7 @@
 typedef struct bound {
     net_layout layout;
     lg_var weight[NET_MAX_DENSE], bias[NET_MAX_DENSE];
+    lg_net_tap *taps; /* may be NULL */
 } bound;
 
 static bool bind(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, bound *b) {
@@ -27,7 +28,17 @@ static bool bind(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, 
 /* ---- value ---- */
 
 static lg_var dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_activation kind) {
-    return lg_dense(tape, x, b->weight[i], b->bias[i], kind);
+    if (b->taps == NULL) return lg_dense(tape, x, b->weight[i], b->bias[i], kind);
+    const lg_var y = b->layout.dense[i].has_bias ? lg_matmul_add(tape, x, b->weight[i], b->bias[i])
+                                                 : lg_matmul(tape, x, b->weight[i]);
+    b->taps[i] = (lg_net_tap){x, y};
+    return kind == LG_IDENTITY ? y : lg_act(tape, y, kind);
+}
+
+/* h + x W of dense layer i, which has no bias. */
+static lg_var add_dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_var h) {
+    if (b->taps == NULL) return lg_matmul_add(tape, x, b->weight[i], h);
+    return lg_add(tape, dense(tape, b, i, x, LG_IDENTITY), h);
 }
 
 static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) {
@@ -42,7 +53,7 @@ static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) 
         const uint32_t step = layout->first_step + l * layout->steps;
         lg_var z = dense(tape, b, step, h, kind);
         if (net->kind == LG_NET_RESNET)
-            h = lg_matmul_add(tape, z, b->weight[step + 1], h);
+            h = add_dense(tape, b, step + 1, z, h);
         else if (gated)
             h = lg_lerp(tape, layout->steps > 1 ? dense(tape, b, step + 1, z, LG_IDENTITY) : z, head[0],
                         head[1]);
@@ -53,7 +64,12 @@ static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) 
 }
 
 lg_var lg_net_record(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x) {
-    bound b;
+    return lg_net_record_taps(tape, net, theta, offset, x, NULL);
+}
+
+lg_var lg_net_record_taps(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
+                          lg_net_tap *taps) {
+    bound b = {.taps = taps};
     return bind(tape, net, theta, offset, &b) ? apply(tape, net, &b, x) : LG_NONE;
 }
 
@@ -89,7 +105,7 @@ static lg_var apply_dual(lg_tape *tape, const lg_net *net, const bound *b, lg_va
 
 lg_status lg_net_record_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
                             lg_var dx, lg_var *y, lg_var *dy) {
-    bound b;
+    bound b = {.taps = NULL};
     if (!bind(tape, net, theta, offset, &b)) return lg_tape_status(tape);
     const lg_var both = apply_dual(tape, net, &b, lg_dual_pair(tape, x, dx));
     const lg_var value = lg_dual_half(tape, both, 0), derivative = lg_dual_half(tape, both, 1);

@@ -376,6 +376,105 @@ static inline void same_detector(const lg_detector_file *a, const lg_detector_fi
     assert_same_or_nan(a->test_mse, b->test_mse);
 }
 
+/* ---- tables ---- */
+
+typedef struct table_example {
+    lg_table_options options;
+    uint32_t inputs, outputs;
+    lg_dtype dtype;
+} table_example;
+
+static const table_example table_examples[] = {
+    {{.network = LG_NET_MLP, .activation = LG_TANH, .hidden_count = 2, .hidden = {4, 4}, .linear = true},
+     3,
+     2,
+     LG_F32},
+    {{.task = LG_TABLE_CLASSIFICATION,
+      .network = LG_NET_RESNET,
+      .activation = LG_SWISH,
+      .hidden_count = 2,
+      .hidden = {5, 5}},
+     2,
+     3,
+     LG_F64},
+    {{.network = LG_NET_MULT_AFFINE, .activation = LG_SINE, .hidden_count = 1, .hidden = {3}}, 4, 1, LG_F64},
+};
+
+static inline lg_table_run make_table_run(size_t which) {
+    const table_example *e = &table_examples[which];
+    lg_slice_info info;
+    lg_table_run run = {.training = some_training(e->dtype, 0.2), .rows = 500};
+    assert_ok(lg_table_init(&run.model, &e->options, e->inputs, e->outputs, NULL));
+    while (which != 1 && lg_table_slice(&run.model, run.decay.count, &info)) {
+        run.decay.value[run.decay.count] = 1e-5 / (1.0 + run.decay.count);
+        run.decay.count++;
+    }
+    (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
+    return run;
+}
+
+static inline lg_scaler make_table_scaler(uint32_t columns, lg_rng *rng) {
+    lg_scaler made = {
+        .channels = columns, .mean = numbers(columns, rng, LG_F64), .scale = numbers(columns, rng, LG_F64)};
+    for (uint32_t c = 0; c < columns; c++) made.scale[c] = 0.1 + fabs(made.scale[c]);
+    return made;
+}
+
+/* Example 2 has neither a range nor errors. */
+static inline void make_table(size_t which, lg_table_file *file) {
+    const table_example *e = &table_examples[which];
+    const bool regression = e->options.task == LG_TABLE_REGRESSION;
+    lg_rng rng;
+    lg_rng_seed(&rng, 7, 8);
+    *file = (lg_table_file){.run = make_table_run(which),
+                            .rmse = which == 0 ? 0.25 : NAN,
+                            .accuracy = which == 1 ? 0.75 : NAN,
+                            .f1 = which == 1 ? 0.5 : NAN,
+                            .epochs_done = EPOCHS};
+    file->parameters = lg_table_parameters(&file->run.model);
+    file->theta = numbers(file->parameters, &rng, e->dtype);
+    file->inputs = make_table_scaler(e->inputs, &rng);
+    if (regression) file->outputs = make_table_scaler(e->outputs, &rng);
+    if (!regression) (void)snprintf(file->class_column, sizeof file->class_column, "kind of soil");
+    if (which != 2) {
+        file->low = numbers(e->inputs, &rng, LG_F64);
+        file->high = numbers(e->inputs, &rng, LG_F64);
+    }
+    file->input_name = lg_alloc(NULL, e->inputs, sizeof *file->input_name);
+    file->output_name = lg_alloc(NULL, e->outputs, sizeof *file->output_name);
+    for (uint32_t c = 0; c < e->inputs; c++)
+        (void)snprintf(file->input_name[c], LG_TABLE_NAME, "column %u", c);
+    for (uint32_t c = 0; c < e->outputs; c++)
+        (void)snprintf(file->output_name[c], LG_TABLE_NAME, "\xc3\xa4 %u", c);
+    draw_history(file->history, EPOCHS, &rng);
+}
+
+static inline void same_scalers(const lg_scaler *a, const lg_scaler *b) {
+    assert_int_equal(a->channels, b->channels);
+    if (b->channels == 0) return;
+    assert_memory_equal(a->mean, b->mean, b->channels * sizeof(double));
+    assert_memory_equal(a->scale, b->scale, b->channels * sizeof(double));
+}
+
+static inline void same_table(const lg_table_file *a, const lg_table_file *b) {
+    const lg_net *net = &b->run.model.net;
+    assert_memory_equal(&a->run.model.net, net, sizeof *net);
+    assert_true(a->run.model.options.linear == b->run.model.options.linear &&
+                a->run.model.options.task == b->run.model.options.task);
+    assert_memory_equal(&a->run.decay, &b->run.decay, sizeof a->run.decay);
+    same_scalers(&a->inputs, &b->inputs);
+    same_scalers(&a->outputs, &b->outputs);
+    assert_true((a->low != NULL) == (b->low != NULL) && (a->high != NULL) == (b->high != NULL));
+    if (b->low != NULL) assert_memory_equal(a->low, b->low, net->inputs * sizeof(double));
+    if (b->high != NULL) assert_memory_equal(a->high, b->high, net->inputs * sizeof(double));
+    assert_memory_equal(a->input_name, b->input_name, net->inputs * sizeof *a->input_name);
+    assert_memory_equal(a->output_name, b->output_name, net->outputs * sizeof *a->output_name);
+    assert_string_equal(a->class_column, b->class_column);
+    assert_same_or_nan(a->rmse, b->rmse);
+    assert_same_or_nan(a->accuracy, b->accuracy);
+    assert_same_or_nan(a->f1, b->f1);
+}
+
 /* ---- the kinds ---- */
 
 /* What files of all kinds have. */
@@ -475,6 +574,7 @@ static inline const char *good_model(lg_model_kind kind, size_t which) {
 KIND_FUNCTIONS(hamiltonian, HAMILTONIAN)
 KIND_FUNCTIONS(surrogate, SURROGATE)
 KIND_FUNCTIONS(detector, DETECTOR)
+KIND_FUNCTIONS(table, TABLE)
 
 #define KIND_ROW(k, checkpoint, bad, single, loads, saves)                                                   \
     {                                                                                                        \
@@ -487,6 +587,7 @@ static const kind_row kinds[KIND_COUNT] = {
     [LG_MODEL_HAMILTONIAN] = KIND_ROW(hamiltonian, "checkpoint", 0, 2, 9, 8),
     [LG_MODEL_SURROGATE] = KIND_ROW(surrogate, "surrogate-checkpoint", 1, 0, 8, 6),
     [LG_MODEL_DETECTOR] = KIND_ROW(detector, "detector-checkpoint", 1, 0, 12, 8),
+    [LG_MODEL_TABLE] = KIND_ROW(table, "table-checkpoint", 2, 0, 12, 8),
 };
 
 #endif

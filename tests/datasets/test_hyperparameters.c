@@ -8,12 +8,13 @@ static union run {
     lg_hamiltonian_run hamiltonian;
     lg_surrogate_run surrogate;
     lg_detector_run detector;
+    lg_table_run table;
     lg_machine_model_run machine;
 } run, other;
 
 static const lg_hyperparameter *const tables[] = {lg_hamiltonian_hyperparameters,
                                                   lg_surrogate_hyperparameters, lg_detector_hyperparameters,
-                                                  lg_machine_model_hyperparameters};
+                                                  lg_table_hyperparameters, lg_machine_model_hyperparameters};
 #define EACH_ROW(row)                                                                                        \
     for (size_t table = 0; table < LG_COUNT(tables); table++)                                                \
         for (const lg_hyperparameter *row = tables[table]; row->name != NULL; row++)
@@ -55,7 +56,7 @@ static void assert_sets(const lg_hyperparameter *row, const char *text, bool goo
 TEST("the limits of a row are taken, and nothing beyond them") {
     EACH_ROW(row) {
         char text[64];
-        const bool whole = row->type != LG_HYPER_REAL;
+        const bool whole = row->type != LG_HYPER_REAL && row->type != LG_HYPER_REALS;
         static const char *const never[] = {"", " 1", "1 ", "one", "nan", "inf", "1e999", "0x1", ",1", "1,"};
         for (size_t i = 0; i < LG_COUNT(never); i++) assert_sets(row, never[i], false);
         if (row->value_name != NULL) {
@@ -108,6 +109,7 @@ TEST("lm is a method where the loss is a sum of squares, and there alone") {
     EACH_ROW(row) {
         if (row->type != LG_HYPER_PHRASE) continue;
         const bool squares = tables[table] == lg_hamiltonian_hyperparameters ||
+                             tables[table] == lg_table_hyperparameters ||
                              tables[table] == lg_machine_model_hyperparameters;
         memset(&run, 0, sizeof run);
         assert_int_equal(lg_hyperparameter_set(row, "adam:3,lm", &run, NULL),
@@ -179,6 +181,7 @@ static void put_page(FILE *page) {
     static const char *const titles[] = {"`lg-hamiltonian train`, `study` (`lg_hamiltonian_run`)",
                                          "`lg-elastica train`, `search` (`lg_surrogate_run`)",
                                          "`lg-anomaly train --method cnn`, `search` (`lg_detector_run`)",
+                                         "`lg-fit train`, `search` (`lg_table_run`)",
                                          "`lg-identify fit` (`lg_machine_model_run`)"};
     (void)fputs(page_begin, page);
     for (size_t table = 0; table < LG_COUNT(tables); table++) {

@@ -69,6 +69,7 @@ static bool slice_of(const lg_model_file *file, uint32_t i, lg_slice_info *slice
         {.name = "mass/b", .rank = 1, .dims = {2}, .offset = 50, .count = 2}};
     if (file->kind == LG_MODEL_SURROGATE) return lg_net_slice(&file->surrogate.run.model.net, i, slice);
     if (file->kind == LG_MODEL_DETECTOR) return lg_cnn_slice(&file->detector.run.model.net, i, slice);
+    if (file->kind == LG_MODEL_TABLE) return lg_table_slice(&file->table.run.model, i, slice);
     if (i < LG_COUNT(of_chain)) *slice = of_chain[i];
     return i < LG_COUNT(of_chain);
 }
@@ -132,6 +133,35 @@ TEST("a surrogate written by hand may leave out what is not needed") {
     assert_int_equal(file.run.model.options.kind, LG_SURROGATE_ANGLE);
     assert_true(file.run.model.options.boundary);
     lg_surrogate_file_destroy(&file);
+}
+
+TEST("a table network written by hand may leave out what is not needed") {
+    static const char *const links[] = {"train", "run", "names", "range", NULL};
+    static const char *const attributes[] = {"rmse", "seed", "command", "cpu", "format", NULL};
+    lg_table_file file;
+    const char *path = stripped(LG_MODEL_TABLE, 0, links, attributes);
+    assert_ok(lg_model_load_table(NULL, path, NULL, &file, NULL));
+    assert_null(file.low);
+    assert_true(isnan(file.rmse) && file.run.decay.count == 0);
+    assert_string_equal(file.input_name[2], "x3");
+    assert_string_equal(file.output_name[0], "y1");
+    lg_table_file_destroy(&file);
+}
+
+static const char *fresh_first_table(void) {
+    return good_model(LG_MODEL_TABLE, 0);
+}
+
+TEST("what is wrong in a table network is refused by name") {
+    static const damage rows[] = {
+        {"model@task", TEXT("guessing"), LG_FORMAT, "task"},
+        {"model@hidden", TEXT("4,5"), LG_FORMAT, "one width"},
+        {"scaler/inputs/mean", GONE, LG_FORMAT, "scaler/inputs/mean"},
+        {"scaler/outputs/scale", GONE, LG_FORMAT, "scaler/outputs/scale"},
+        {"run@decay", TEXT("1,2"), LG_FORMAT, "decay"},
+        {"@rmse", REAL(NAN), LG_NOT_FINITE, "rmse"},
+    };
+    refuse_damage(read_table, fresh_first_table, rows, LG_COUNT(rows));
 }
 
 TEST("a detector written by hand may leave out what is not needed") {
@@ -335,7 +365,8 @@ TEST("what is wrong in a detector is refused by name") {
     } while (0)
 
 TEST("a model that could not be read is not saved") {
-    lg_model_file h, s, d;
+    lg_model_file h, s, d, t;
+    kinds[LG_MODEL_TABLE].make(0, &t);
     kinds[LG_MODEL_HAMILTONIAN].make(0, &h);
     kinds[LG_MODEL_SURROGATE].make(1, &s);
     kinds[LG_MODEL_DETECTOR].make(1, &d);
@@ -352,7 +383,12 @@ TEST("a model that could not be read is not saved") {
         {&s.surrogate.trained[9], INFINITY, LG_MODEL_SURROGATE, &s, LG_NOT_FINITE, "/trained"},
         {&d.detector.theta[3], NAN, LG_MODEL_DETECTOR, &d, LG_NOT_FINITE, "/model/conv1/weight"},
         {&d.detector.scaler.scale[1], 0, LG_MODEL_DETECTOR, &d, LG_INVALID_ARGUMENT, ""},
-        {&d.detector.scaler.scale[1], INFINITY, LG_MODEL_DETECTOR, &d, LG_NOT_FINITE, ""}};
+        {&d.detector.scaler.scale[1], INFINITY, LG_MODEL_DETECTOR, &d, LG_NOT_FINITE, ""},
+        {&t.table.theta[2], NAN, LG_MODEL_TABLE, &t, LG_NOT_FINITE, "/model/layer1/weight"},
+        {&t.table.inputs.scale[1], 0, LG_MODEL_TABLE, &t, LG_INVALID_ARGUMENT, "/scaler/inputs/scale"},
+        {&t.table.outputs.mean[1], NAN, LG_MODEL_TABLE, &t, LG_NOT_FINITE, "/scaler/outputs/mean"},
+        {&t.table.low[2], INFINITY, LG_MODEL_TABLE, &t, LG_NOT_FINITE, "/range/low"},
+        {&t.table.rmse, INFINITY, LG_MODEL_TABLE, &t, LG_NOT_FINITE, "rmse"}};
     for (size_t i = 0; i < LG_COUNT(numbers_in_arrays); i++) {
         const double kept = *numbers_in_arrays[i].at;
         *numbers_in_arrays[i].at = numbers_in_arrays[i].bad;
@@ -403,7 +439,13 @@ TEST("a model that could not be read is not saved") {
     REFUSED(LG_MODEL_DETECTOR, d, LG_NOT_FINITE, df->accuracy = INFINITY);
     (void)snprintf(df->class_name[1], LG_SERIES_NAME, "state 4");
     REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, (void)0);
-    lg_model_file *const files[] = {&h, &s, &d};
+    lg_table_file *tf = &t.table;
+    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->parameters++);
+    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->run.model.net.inputs = 7);
+    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->run.model.options.hidden[1] = 7);
+    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->run.decay.count--);
+    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->outputs.channels = 1);
+    lg_model_file *const files[] = {&h, &s, &d, &t};
     for
         EACH_KIND(k) {
             lg_model_file *file = files[number_of(k)];
@@ -666,6 +708,7 @@ typedef union any_run {
     lg_hamiltonian_run hamiltonian;
     lg_surrogate_run surrogate;
     lg_detector_run detector;
+    lg_table_run table;
 } any_run;
 
 static any_run run_of_example(const kind_row *k, size_t which) {
@@ -673,6 +716,7 @@ static any_run run_of_example(const kind_row *k, size_t which) {
     if (number_of(k) == LG_MODEL_HAMILTONIAN) run.hamiltonian = make_hamiltonian_run(which);
     if (number_of(k) == LG_MODEL_SURROGATE) run.surrogate = make_surrogate_run(which);
     if (number_of(k) == LG_MODEL_DETECTOR) run.detector = make_detector_run(which);
+    if (number_of(k) == LG_MODEL_TABLE) run.table = make_table_run(which);
     return run;
 }
 
@@ -856,7 +900,7 @@ TEST("a checkpoint of another run is refused, and the sentence names the differe
             for (size_t t = 0; t < LG_COUNT(tables); t++)
                 for (const lg_hyperparameter *r = tables[t]; r->name != NULL; r++) {
                     any_run run = wanted;
-                    char have[128], want[128], says[320];
+                    char have[512], want[512], says[1100];
                     if (!change_row(r, &run)) continue;
                     lg_hyperparameter_show(r, &run, have, sizeof have);
                     lg_hyperparameter_show(r, &wanted, want, sizeof want);

@@ -46,6 +46,9 @@ static lg_model *model_of(const lg_model_file *file) {
     if (file->kind == LG_MODEL_DETECTOR)
         assert_ok(lg_model_create_detector(NULL, &file->detector.run.model, &file->detector.scaler,
                                            file->detector.theta, &model, NULL));
+    if (file->kind == LG_MODEL_TABLE)
+        assert_ok(lg_model_create_table(NULL, &file->table.run.model, &file->table.inputs,
+                                        &file->table.outputs, file->table.theta, &model, NULL));
     return model;
 }
 

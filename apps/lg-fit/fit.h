@@ -1,0 +1,70 @@
+/* Regression and classification of tables: what the commands share. */
+#ifndef LG_APPS_FIT_H
+#define LG_APPS_FIT_H
+
+#include "common/train.h"
+#include "liegrad/tables.h"
+
+extern const app_command train_command, evaluate_command, predict_command, search_command;
+
+/* ---- columns and rows (table.c) ---- */
+
+typedef struct column_names {
+    uint32_t count;
+    lg_table_text *name; /* freed with free */
+} column_names;
+/* "a,b,c"; usage errors for empty, long and repeated names; an exit code. */
+int parse_names(const app *self, const char *option, const char *text, column_names *out);
+bool has_name(const column_names *names, const char *name);
+void free_names(column_names *names);
+
+/* A table with the columns of a model: inputs, then the outputs of a regression. */
+typedef struct fit_table {
+    const char *path;
+    lg_table_data data;
+    uint32_t inputs, outputs; /* outputs: 0 for a classification */
+    size_t left_out;          /* rows with missing cells */
+} fit_table;
+/* Rows with missing cells are left out, which is told (`complete`), or kept. An exit code. */
+int read_table(const app *self, const char *path, const column_names *inputs, const column_names *outputs,
+               const char *class_column, bool complete, fit_table *out);
+static inline const double *table_row(const fit_table *table, size_t row) {
+    return table->data.values + row * table->data.columns;
+}
+/* Labels become numbers of the model's classes. A class that the model does not know is an error. */
+int match_classes(const app *self, fit_table *table, const lg_table_text *name, uint32_t classes);
+
+/* ---- judging (judge.c) ---- */
+
+typedef struct judgement {
+    size_t rows, outside;       /* outside: rows with an input beyond the training range by a tenth of it */
+    double *truth, *prediction; /* (rows, outputs) of a regression; of a classification NULL */
+    double *rmse, *r2;          /* (outputs); r2 NaN for a constant column */
+    double scaled_rmse;         /* over all outputs, in their scales */
+    double accuracy, f1;        /* of a classification; f1 of class 1 of two, else the mean */
+    uint64_t *confusion;        /* (classes, classes): truth by rows */
+    double log_loss;
+} judgement;
+/* Over the rows `chosen` (count; NULL: all) of a table. */
+lg_status judge_rows(const app *self, const lg_table_file *file, const fit_table *table,
+                     const uint32_t *chosen, size_t count, judgement *out, lg_error *error);
+void judgement_free(judgement *j);
+void judgement_json(app_json *json, const lg_table_file *file, const judgement *j);
+void judgement_print(const lg_table_file *file, const judgement *j);
+/* A warning for rows outside of the training range. */
+void warn_outside(const app *self, const judgement *j, const char *path, const char *model);
+/* Number of inputs of a row that are beyond the training range. */
+bool is_outside(const lg_table_file *file, const double *x);
+/* Probabilities from logits, in place. */
+void softmax(double *y, uint32_t classes);
+
+/* Predicted against true, or the table of confusion. */
+lg_status draw_judgement(const app *self, const char *picture, const lg_table_file *file, const judgement *j,
+                         lg_error *error);
+
+/* ---- training ---- */
+
+/* Runs `main_`, train_main or search_main, with the task of this program. */
+int with_task(app *self, int (*main_)(app *app, const train_task *task));
+
+#endif

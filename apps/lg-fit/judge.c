@@ -1,0 +1,208 @@
+/* Errors of a model on rows of a table. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-fit/fit.h"
+#include "liegrad/metrics.h"
+
+/* By so much of its range an input may be beyond it. */
+static const double BEYOND = 0.1;
+enum { SHOWN_CLASSES = 12 };
+
+static bool is_regression(const lg_table_file *file) {
+    return file->run.model.options.task == LG_TABLE_REGRESSION;
+}
+
+bool is_outside(const lg_table_file *file, const double *x) {
+    for (uint32_t c = 0; file->low != NULL && file->high != NULL && c < file->run.model.net.inputs; c++) {
+        const double slack = BEYOND * (file->high[c] - file->low[c]);
+        if (x[c] < file->low[c] - slack || x[c] > file->high[c] + slack) return true;
+    }
+    return false;
+}
+
+void softmax(double *y, uint32_t classes) {
+    double largest = -INFINITY, sum = 0;
+    for (uint32_t c = 0; c < classes; c++) largest = fmax(largest, y[c]);
+    for (uint32_t c = 0; c < classes; c++) sum += y[c] = exp(y[c] - largest);
+    for (uint32_t c = 0; c < classes; c++) y[c] /= sum;
+}
+
+static void sum_columns(const lg_table_file *file, judgement *j) {
+    const uint32_t outputs = file->run.model.net.outputs;
+    double scaled = 0;
+    for (uint32_t o = 0; o < outputs; o++) {
+        double mean = 0, squares = 0, spread = 0;
+        for (size_t i = 0; i < j->rows; i++) mean += j->truth[i * outputs + o] / (double)j->rows;
+        for (size_t i = 0; i < j->rows; i++) {
+            const double off =
+                (j->prediction[i * outputs + o] - j->truth[i * outputs + o]) / file->outputs.scale[o];
+            const double from = (j->truth[i * outputs + o] - mean) / file->outputs.scale[o];
+            squares += off * off / (double)j->rows;
+            spread += from * from / (double)j->rows;
+        }
+        j->rmse[o] = sqrt(squares) * file->outputs.scale[o];
+        j->r2[o] = spread > 1e-24 ? 1.0 - squares / spread : (double)NAN;
+        scaled += squares / outputs;
+    }
+    j->scaled_rmse = sqrt(scaled);
+}
+
+static void sum_classes(uint32_t classes, judgement *j) {
+    uint64_t right = 0;
+    uint32_t seen = 0;
+    double sum = 0;
+    for (uint32_t c = 0; c < classes; c++) {
+        uint64_t told = 0, is = 0;
+        for (uint32_t k = 0; k < classes; k++) {
+            is += j->confusion[c * classes + k];
+            told += j->confusion[k * classes + c];
+        }
+        const uint64_t hit = j->confusion[c * classes + c];
+        right += hit;
+        if (is + told == 0 || (classes == 2 && c == 0)) continue;
+        sum += 2.0 * (double)hit / (double)(is + told);
+        seen++;
+    }
+    j->accuracy = (double)right / (double)j->rows;
+    j->f1 = seen > 0 ? sum / seen : (double)NAN;
+}
+
+static void add_class(const lg_table_file *file, const fit_table *table, size_t row, double *y,
+                      judgement *j) {
+    const uint32_t classes = file->run.model.net.outputs, truth = table->data.label[row];
+    softmax(y, classes);
+    j->confusion[truth * classes + lg_class_of(y, classes)]++;
+    j->log_loss -= log(fmax(y[truth], 1e-300)) / (double)j->rows;
+}
+
+lg_status judge_rows(const app *self, const lg_table_file *file, const fit_table *table,
+                     const uint32_t *chosen, size_t count, judgement *out, lg_error *error) {
+    const uint32_t inputs = file->run.model.net.inputs, outputs = file->run.model.net.outputs;
+    const bool regression = is_regression(file);
+    lg_model *model = NULL;
+    *out = (judgement){.rows = chosen != NULL ? count : table->data.rows,
+                       .accuracy = (double)NAN,
+                       .f1 = (double)NAN,
+                       .scaled_rmse = (double)NAN};
+    if (out->rows == 0) return LG_OK;
+    const lg_status status = lg_model_create_table(self->context, &file->run.model, &file->inputs,
+                                                   &file->outputs, file->theta, &model, error);
+    if (status != LG_OK) return status;
+    void *work = app_alloc(lg_model_work_size(model), 1);
+    double *y = app_alloc(outputs, sizeof *y);
+    out->rmse = app_alloc(outputs, sizeof(double));
+    out->r2 = app_alloc(outputs, sizeof(double));
+    out->confusion = app_alloc(regression ? 1 : (size_t)outputs * outputs, sizeof *out->confusion);
+    if (regression) {
+        out->truth = app_alloc(out->rows * outputs, sizeof(double));
+        out->prediction = app_alloc(out->rows * outputs, sizeof(double));
+    }
+    for (size_t i = 0; i < out->rows; i++) {
+        const size_t row = chosen != NULL ? chosen[i] : i;
+        const double *x = table_row(table, row);
+        out->outside += is_outside(file, x);
+        lg_model_eval(model, x, y, work);
+        if (regression) {
+            memcpy(out->truth + i * outputs, x + inputs, outputs * sizeof *y);
+            memcpy(out->prediction + i * outputs, y, outputs * sizeof *y);
+        } else {
+            add_class(file, table, row, y, out);
+        }
+    }
+    if (regression)
+        sum_columns(file, out);
+    else
+        sum_classes(outputs, out);
+    free(y);
+    free(work);
+    lg_model_destroy(model);
+    return LG_OK;
+}
+
+void judgement_free(judgement *j) {
+    free(j->truth);
+    free(j->prediction);
+    free(j->rmse);
+    free(j->r2);
+    free(j->confusion);
+    *j = (judgement){.rows = 0};
+}
+
+void judgement_json(app_json *json, const lg_table_file *file, const judgement *j) {
+    const uint32_t outputs = file->run.model.net.outputs;
+    if (is_regression(file)) {
+        const struct {
+            const char *key;
+            const double *values;
+        } rows[] = {{"rmse", j->rmse}, {"r2", j->r2}};
+        for (size_t k = 0; k < LG_COUNT(rows); k++) {
+            app_json_open(json, rows[k].key, '{');
+            for (uint32_t o = 0; o < outputs; o++)
+                app_json_real(json, file->output_name[o],
+                              rows[k].values != NULL ? rows[k].values[o] : (double)NAN);
+            app_json_close(json, '}');
+        }
+        app_json_real(json, "scaled_rmse", j->scaled_rmse);
+    } else {
+        app_json_real(json, "accuracy", j->accuracy);
+        app_json_real(json, "f1", j->f1);
+        app_json_real(json, "log_loss", j->rows > 0 ? j->log_loss : (double)NAN);
+        app_json_open(json, "confusion", '[');
+        for (uint32_t c = 0; c < outputs && j->confusion != NULL; c++) {
+            double *row = app_alloc(outputs, sizeof *row);
+            for (uint32_t k = 0; k < outputs; k++) row[k] = (double)j->confusion[c * outputs + k];
+            app_json_reals(json, NULL, row, outputs);
+            free(row);
+        }
+        app_json_close(json, ']');
+        app_json_open(json, "classes", '[');
+        for (uint32_t c = 0; c < outputs; c++) app_json_text(json, NULL, file->output_name[c]);
+        app_json_close(json, ']');
+    }
+    app_json_size(json, "judged_rows", j->rows);
+    app_json_size(json, "outside", j->outside);
+}
+
+static void print_confusion(const lg_table_file *file, const judgement *j) {
+    const uint32_t classes = file->run.model.net.outputs;
+    app_table table;
+    if (classes > SHOWN_CLASSES) return;
+    app_table_begin(&table, classes + 1);
+    app_table_cell(&table, "true \\ told");
+    for (uint32_t c = 0; c < classes; c++) app_table_cell(&table, "%s", file->output_name[c]);
+    for (uint32_t c = 0; c < classes; c++) {
+        app_table_cell(&table, "%s", file->output_name[c]);
+        for (uint32_t k = 0; k < classes; k++)
+            app_table_cell(&table, "%llu", (unsigned long long)j->confusion[c * classes + k]);
+    }
+    app_table_end(&table, stdout);
+}
+
+void judgement_print(const lg_table_file *file, const judgement *j) {
+    app_table table;
+    if (j->rows == 0) return;
+    if (!is_regression(file)) {
+        (void)printf("accuracy %.4f, f1 %.4f on %zu rows\n", j->accuracy, j->f1, j->rows);
+        print_confusion(file, j);
+        return;
+    }
+    app_table_begin(&table, 3);
+    app_table_cell(&table, "column");
+    app_table_cell(&table, "rmse");
+    app_table_cell(&table, "r2");
+    for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
+        app_table_cell(&table, "%s", file->output_name[o]);
+        app_table_cell(&table, "%.4g", j->rmse[o]);
+        app_table_cell(&table, "%.4f", j->r2[o]);
+    }
+    app_table_end(&table, stdout);
+}
+
+void warn_outside(const app *self, const judgement *j, const char *path, const char *model) {
+    if (j->outside > 0)
+        app_warn(self,
+                 "%s: %zu of %zu rows lie outside of the training range of %s: expect large errors there",
+                 path, j->outside, j->rows, model);
+}

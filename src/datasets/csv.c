@@ -1,0 +1,216 @@
+/* Text files of rows. */
+#include "datasets/csv.h"
+
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "datasets/h5.h"
+
+enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 20, FIRST_LINE = 1 << 12 };
+
+lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {
+    return lg_fail(error, LG_FORMAT, "%s: line %zu: %s", c->shown, c->number, what);
+}
+
+lg_status lg_csv_no_memory(const lg_csv *c, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", c->shown);
+}
+
+/* ---- lines ---- */
+
+static int next_byte(lg_csv *c) {
+    if (c->block_at == c->block_used) {
+        c->block_used = fread(c->block, 1, BLOCK, c->from);
+        c->block_at = 0;
+        c->broken = ferror(c->from) != 0;
+        if (c->block_used == 0) return EOF;
+    }
+    return (unsigned char)c->block[c->block_at++];
+}
+
+static lg_status widen(lg_csv *c, lg_error *error) {
+    char *line = lg_alloc(c->context, 2 * c->room, 1);
+    if (line == NULL) return lg_csv_no_memory(c, error);
+    memcpy(line, c->line, c->length);
+    lg_free(c->context, c->line);
+    c->line = line;
+    c->room *= 2;
+    return LG_OK;
+}
+
+/* The next line without its end; *more is false behind the last one. */
+static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
+    int byte = EOF;
+    c->length = 0;
+    c->number++;
+    while ((byte = next_byte(c)) != EOF && byte != '\n') {
+        if (byte == '\0') return lg_csv_fail(c, error, "is not text: neither CSV nor HDF5");
+        if (c->length + 1 == c->room && c->room >= LONGEST_LINE)
+            return lg_csv_fail(c, error, "is longer than a million bytes");
+        if (c->length + 1 == c->room) LG_TRY(widen(c, error));
+        c->line[c->length++] = (char)byte;
+    }
+    if (c->broken) return lg_fail(error, LG_FILE, "%s: cannot be read", c->shown);
+    c->closed = byte == '\n';
+    *more = c->closed || c->length > 0;
+    while (c->length > 0 && c->line[c->length - 1] == '\r') c->length--;
+    c->line[c->length] = '\0';
+    return LG_OK;
+}
+
+/* A line that says nothing: blank, or a comment. */
+static bool is_empty(const lg_csv *c) {
+    return c->line[0] == '#' || c->line[strspn(c->line, " \t\r")] == '\0';
+}
+
+lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error) {
+    do {
+        LG_TRY(next_line(c, more, error));
+        if (c->number == 1 && strncmp(c->line, "\xef\xbb\xbf", 3) == 0)
+            memmove(c->line, c->line + 3, (c->length -= 3) + 1);
+    } while (*more && is_empty(c));
+    return LG_OK;
+}
+
+/* ---- cells ---- */
+
+static bool is_space(const lg_csv *c, char byte) {
+    return (byte == ' ' || byte == '\t') && byte != c->separator;
+}
+
+/* Unquotes in place, from behind the first quote; *at goes behind the last one. */
+static lg_status unquote(const lg_csv *c, char **at, lg_error *error) {
+    char *to = *at, *from = *at;
+    for (; *from != '\0'; from++) {
+        if (*from == '"' && from[1] != '"') break;
+        from += *from == '"';
+        *to++ = *from;
+    }
+    if (*from == '\0') return lg_csv_fail(c, error, "a quote is not closed");
+    *at = from + 1;
+    memset(to, '\0', (size_t)(from - to) + 1);
+    return LG_OK;
+}
+
+lg_status lg_csv_cell(const lg_csv *c, char **at, char **cell, lg_error *error) {
+    char *end = *at;
+    while (is_space(c, *end)) end++;
+    *cell = end;
+    if (*end == '"') {
+        end = ++*cell;
+        LG_TRY(unquote(c, &end, error));
+        while (is_space(c, *end)) end++;
+        if (*end != '\0' && *end != c->separator)
+            return lg_csv_fail(c, error, "text stands behind a closed quote");
+    } else {
+        while (*end != '\0' && *end != c->separator) end++;
+        for (char *last = end; last > *cell && is_space(c, last[-1]); last--) last[-1] = '\0';
+    }
+    *at = *end == '\0' ? NULL : end + 1;
+    *end = '\0';
+    return LG_OK;
+}
+
+/* ---- the header ---- */
+
+static char separator_of(const char *line) {
+    static const char candidates[] = {',', ';', '\t'};
+    size_t most = 0;
+    char best = ',';
+    for (size_t i = 0; i < sizeof candidates; i++) {
+        size_t count = 0;
+        bool quoted = false;
+        for (const char *at = line; *at != '\0'; at++) {
+            quoted ^= *at == '"';
+            count += !quoted && *at == candidates[i];
+        }
+        if (count > most) most = count, best = candidates[i];
+    }
+    return best;
+}
+
+static size_t count_cells(const lg_csv *c, bool *open) {
+    size_t count = 1;
+    bool quoted = false;
+    for (const char *at = c->line; *at != '\0'; at++) {
+        quoted ^= *at == '"';
+        count += !quoted && *at == c->separator;
+    }
+    *open = quoted;
+    return count;
+}
+
+lg_status lg_csv_header(lg_csv *c, lg_error *error) {
+    bool more = true, open = false;
+    LG_TRY(lg_csv_line(c, &more, error));
+    if (!more) return lg_csv_fail(c, error, "is empty: a header with the names of the columns is expected");
+    c->separator = separator_of(c->line);
+    c->cells = count_cells(c, &open);
+    return open ? lg_csv_fail(c, error, "a quote is not closed") : LG_OK;
+}
+
+/* ---- rows ---- */
+
+lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
+    bool open = false;
+    const size_t cells = count_cells(c, &open);
+    *cut = cells < c->cells && !c->closed;
+    if (*cut) return LG_OK;
+    if (open) return lg_csv_fail(c, error, "a quote is not closed");
+    if (cells == c->cells) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: line %zu: has %zu cells, the header has %zu", c->shown, c->number,
+                   cells, c->cells);
+}
+
+bool lg_csv_missing(const char *cell) {
+    static const char *const missing[] = {"", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null"};
+    for (size_t i = 0; i < LG_COUNT(missing); i++)
+        if (strcmp(cell, missing[i]) == 0) return true;
+    return false;
+}
+
+lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, double *out, lg_error *error) {
+    char show[41];
+    *out = NAN;
+    if (lg_csv_missing(cell)) return LG_OK;
+    const lg_status status = lg_number_parse(cell, out);
+    if (status == LG_OK) return LG_OK;
+    if (status == LG_OUT_OF_MEMORY) return lg_csv_no_memory(c, error);
+    (void)snprintf(show, sizeof show, "%s", cell);
+    return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber%s", c->shown, c->number,
+                   column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
+                   strchr(cell, ',') != NULL ? "; decimals stand behind a point" : "");
+}
+
+/* ---- the file ---- */
+
+static lg_status open_file(lg_csv *c, const char *what, lg_error *error) {
+    struct stat about;
+    if (c->path == NULL || *c->path == '\0')
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
+    if (stat(c->path, &about) != 0)
+        return lg_fail(error, errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE, "%s: %s",
+                       c->shown, strerror(errno));
+    if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", c->shown);
+    c->from = fopen(c->path, "rb");
+    if (c->from == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", c->shown, strerror(errno));
+    return LG_OK;
+}
+
+lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
+                      lg_error *error) {
+    *c = (lg_csv){.context = context, .path = path, .shown = lg_shown_path(path), .room = FIRST_LINE};
+    LG_TRY(open_file(c, what, error));
+    c->block = lg_alloc(context, BLOCK, 1);
+    c->line = lg_alloc(context, FIRST_LINE, 1);
+    return c->block == NULL || c->line == NULL ? lg_csv_no_memory(c, error) : LG_OK;
+}
+
+void lg_csv_close(lg_csv *c) {
+    lg_free(c->context, c->block);
+    lg_free(c->context, c->line);
+    if (c->from != NULL) (void)fclose(c->from);
+    c->from = NULL;
+}

@@ -1,0 +1,91 @@
+/* Tables as text. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/csv.h"
+#include "datasets/table_reading.h"
+
+/* Names 0, 1, 2, ... are those of a table without names, as some programs write it. */
+static bool counts_columns(const lg_table_reading *r) {
+    for (uint32_t i = 0; i < r->all.count; i++) {
+        char wanted[16];
+        (void)snprintf(wanted, sizeof wanted, "%u", i);
+        if (strcmp(r->all.name[i], wanted) != 0) return false;
+    }
+    return true;
+}
+
+static lg_status check_header(const lg_table_reading *r, const lg_csv *c, lg_error *error) {
+    uint32_t numbers = 0;
+    double value;
+    for (uint32_t i = 0; i < r->all.count; i++) numbers += lg_number_parse(r->all.name[i], &value) == LG_OK;
+    if (numbers == 0 || counts_columns(r) || (numbers == 1 && r->all.count > 2)) return LG_OK;
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: line %zu: has numbers where the names of the columns are expected: there is no header", c->shown,
+        c->number);
+}
+
+static lg_status read_header(lg_table_reading *r, lg_csv *c, lg_error *error) {
+    LG_TRY(lg_csv_header(c, error));
+    char *at = c->line, *cell = NULL;
+    while (at != NULL) {
+        LG_TRY(lg_csv_cell(c, &at, &cell, error));
+        for (const char *byte = cell; *byte != '\0'; byte++)
+            if ((unsigned char)*byte < ' ')
+                return lg_csv_fail(c, error, "is no header: it has control characters");
+        LG_TRY(lg_table_add_name(r, cell, error));
+    }
+    if (r->all.count != c->cells) return lg_csv_fail(c, error, "a quote stands inside of a cell");
+    LG_TRY(check_header(r, c, error));
+    return lg_table_find_columns(r, error);
+}
+
+/* For each cell of a row where its number goes, (cells, 2): the column of the data + 1, 0 for none; the same
+ * for the class. */
+static uint32_t *make_map(const lg_table_reading *r) {
+    uint32_t *map = lg_alloc(r->context, r->all.count, sizeof *map);
+    if (map == NULL) return NULL;
+    for (uint32_t i = 0; i < r->count; i++) map[r->at[i]] = i + 1;
+    return map;
+}
+
+static lg_status read_row(lg_table_reading *r, lg_csv *c, const uint32_t *map, lg_error *error) {
+    double *values = NULL;
+    char *at = c->line, *cell = NULL;
+    LG_TRY(lg_csv_check_row(c, &r->out.cut, error));
+    if (r->out.cut) return LG_OK;
+    LG_TRY(lg_table_add_row(r, c->number, &values, error));
+    for (uint32_t i = 0; at != NULL; i++) {
+        LG_TRY(lg_csv_cell(c, &at, &cell, error));
+        if (i == r->all.count) return lg_csv_fail(c, error, "a quote stands inside of a cell");
+        if (i == r->class_at)
+            LG_TRY(lg_table_set_label(r, r->out.rows - 1, lg_csv_missing(cell) ? "" : cell, error));
+        if (map[i] > 0) LG_TRY(lg_csv_number(c, cell, r->all.name[i], &values[map[i] - 1], error));
+    }
+    return LG_OK;
+}
+
+static lg_status read_rows(lg_table_reading *r, lg_csv *c, const uint32_t *map, lg_error *error) {
+    for (bool more = true;;) {
+        LG_TRY(lg_csv_line(c, &more, error));
+        if (!more) return LG_OK;
+        LG_TRY(read_row(r, c, map, error));
+    }
+}
+
+lg_status lg_table_read_csv(lg_table_reading *r, lg_error *error) {
+    lg_csv c;
+    uint32_t *map = NULL;
+    r->out.place = "line";
+    lg_status status = lg_csv_open(r->context, r->path, "table", &c, error);
+    if (status == LG_OK) status = read_header(r, &c, error);
+    if (status == LG_OK && !lg_table_names_only(r)) {
+        map = make_map(r);
+        status = map == NULL ? lg_table_no_memory(r, error) : read_rows(r, &c, map, error);
+    }
+    lg_free(r->context, map);
+    lg_csv_close(&c);
+    return status;
+}

@@ -1,0 +1,194 @@
+/* Tables in HDF5: data sets of the root. */
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/h5_internal.h"
+#include "datasets/table_reading.h"
+
+/* A data set with its columns of the table. */
+typedef struct source {
+    char name[LG_TABLE_NAME];
+    lg_h5_about about;
+    uint32_t first, columns;
+} source;
+
+typedef struct read_call {
+    lg_table_reading *r;
+    source *sources;
+    uint32_t count, room;
+    uint64_t rows;
+    lg_error *error;
+    lg_status status;
+} read_call;
+
+static lg_status fail(const read_call *call, const char *name, const char *what, lg_error *error) {
+    return lg_fail(error, LG_FORMAT, "%s: /%s: %s", call->r->shown, name, what);
+}
+
+/* ---- names ---- */
+
+static lg_status add_text(void *user, uint64_t index, const char *text, lg_error *error) {
+    read_call *call = user;
+    (void)index;
+    for (;;) {
+        char name[LG_TABLE_NAME];
+        const size_t length = strcspn(text, ",");
+        (void)snprintf(name, sizeof name, "%.*s", (int)(length < LG_TABLE_NAME ? length : LG_TABLE_NAME),
+                       text + strspn(text, " "));
+        LG_TRY(lg_table_add_name(call->r, name, error));
+        if (text[length] == '\0') return LG_OK;
+        text += length + 1;
+    }
+}
+
+/* Columns of a data set (rows, k) by its attribute, or numbered. */
+static lg_status name_columns(read_call *call, lg_h5 *h5, const source *s, lg_error *error) {
+    bool words = false;
+    LG_TRY(lg_h5_each_attribute_text(h5, s->name, "columns", &words, add_text, call, error));
+    if (words && call->r->all.count - s->first != s->columns)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: attribute columns has %u names for %u columns",
+                       call->r->shown, s->name, call->r->all.count - s->first, s->columns);
+    for (uint32_t i = 0; !words && i < s->columns; i++) {
+        char name[LG_TABLE_NAME + 16];
+        (void)snprintf(name, sizeof name, "%s%u", s->name, i);
+        LG_TRY(lg_table_add_name(call->r, name, error));
+    }
+    return LG_OK;
+}
+
+static lg_status widen(read_call *call, lg_error *error) {
+    const uint32_t room = call->room == 0 ? 16 : 2 * call->room;
+    source *wider = lg_alloc(call->r->context, room, sizeof *wider);
+    if (wider == NULL) return lg_table_no_memory(call->r, error);
+    if (call->count > 0) memcpy(wider, call->sources, call->count * sizeof *wider);
+    lg_free(call->r->context, call->sources);
+    call->sources = wider;
+    call->room = room;
+    return LG_OK;
+}
+
+/* One link of the root; what is no array of rows is passed over. */
+static lg_status add_source(read_call *call, lg_h5 *h5, const char *name, lg_error *error) {
+    source s = {.first = call->r->all.count, .columns = 1};
+    if (strlen(name) >= sizeof s.name) return LG_OK;
+    (void)snprintf(s.name, sizeof s.name, "%s", name);
+    if (lg_h5_look(h5, name, sizeof(double), &s.about, error) != LG_OK) return LG_OK;
+    if (s.about.kind == LG_H5_OTHER || s.about.rank < 1 || s.about.rank > 2) return LG_OK;
+    if (s.about.kind == LG_H5_WORDS && s.about.count != s.about.dims[0]) return LG_OK;
+    if (s.about.rank == 2 && (s.about.dims[1] == 0 || s.about.dims[1] > LG_TABLE_MOST_COLUMNS)) return LG_OK;
+    if (call->count == call->room) LG_TRY(widen(call, error));
+    if (s.about.rank == 2 && s.about.kind != LG_H5_WORDS) s.columns = (uint32_t)s.about.dims[1];
+    call->sources[call->count++] = s;
+    if (s.about.rank == 2 && s.columns > 1) return name_columns(call, h5, &s, error);
+    return lg_table_add_name(call->r, name, error);
+}
+
+typedef struct links {
+    char (*name)[LG_TABLE_NAME];
+    uint32_t count, room;
+} links;
+enum { MOST_LINKS = 4096 };
+
+static herr_t add_link(hid_t group, const char *name, const H5L_info_t *info, void *user) {
+    links *all = user;
+    (void)group, (void)info;
+    if (all->count < all->room) (void)snprintf(all->name[all->count++], LG_TABLE_NAME, "%s", name);
+    return 0;
+}
+
+static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
+    links all = {.room = MOST_LINKS};
+    lg_status status = LG_OK;
+    all.name = lg_alloc(call->r->context, all.room, sizeof *all.name);
+    if (all.name == NULL) return lg_table_no_memory(call->r, error);
+    lg_h5_quiet quiet = lg_quiet_begin();
+    (void)H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_link, &all);
+    lg_quiet_end(quiet);
+    for (uint32_t i = 0; i < all.count && status == LG_OK; i++)
+        status = add_source(call, h5, all.name[i], error);
+    lg_free(call->r->context, all.name);
+    if (status == LG_OK && call->r->all.count == 0)
+        return lg_fail(error, LG_FORMAT, "%s: has no data set of the root that is a column of numbers",
+                       call->r->shown);
+    return status;
+}
+
+/* ---- rows ---- */
+
+static bool is_wanted(const lg_table_reading *r, const source *s) {
+    bool wanted = r->class_at >= s->first && r->class_at < s->first + s->columns;
+    for (uint32_t i = 0; i < r->count; i++)
+        wanted = wanted || (r->at[i] >= s->first && r->at[i] < s->first + s->columns);
+    return wanted;
+}
+
+typedef struct copying {
+    read_call *call;
+    const source *source;
+    lg_status status;
+    lg_error *error;
+} copying;
+
+static lg_status store(lg_table_reading *r, size_t row, uint32_t column, double value, lg_error *error) {
+    if (column == r->class_at) LG_TRY(lg_table_set_label_number(r, row, value, error));
+    for (uint32_t i = 0; i < r->count; i++) {
+        if (r->at[i] != column) continue;
+        LG_TRY(lg_table_check_number(r, row, r->all.name[column], value, error));
+        r->out.values[row * r->out.columns + i] = value;
+    }
+    return LG_OK;
+}
+
+static void copy_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
+    copying *copy = user;
+    const uint32_t columns = copy->source->columns;
+    for (uint64_t i = 0; i < rows && copy->status == LG_OK; i++)
+        for (uint32_t c = 0; c < columns && copy->status == LG_OK; c++)
+            copy->status = store(copy->call->r, (size_t)(row + i), copy->source->first + c,
+                                 values[i * columns + c], copy->error);
+}
+
+static lg_status copy_label(void *user, uint64_t index, const char *text, lg_error *error) {
+    read_call *call = user;
+    return lg_table_set_label(call->r, (size_t)index, text, error);
+}
+
+static lg_status read_source(read_call *call, lg_h5 *h5, const source *s, lg_error *error) {
+    lg_table_reading *r = call->r;
+    copying copy = {call, s, LG_OK, error};
+    if (s->about.dims[0] != r->out.rows)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, another column has %zu", r->shown, s->name,
+                       (unsigned long long)s->about.dims[0], r->out.rows);
+    if (s->about.kind == LG_H5_WORDS) {
+        if (s->first != r->class_at) return fail(call, s->name, "does not hold numbers", error);
+        for (uint32_t i = 0; i < r->count; i++)
+            if (r->at[i] == s->first) return fail(call, s->name, "does not hold numbers", error);
+        return lg_h5_each_text(h5, s->name, copy_label, call, error);
+    }
+    LG_TRY(lg_h5_each_rows(h5, s->name, copy_rows, &copy, error));
+    return copy.status;
+}
+
+static lg_status read_file(void *user, lg_h5 *h5, lg_error *error) {
+    read_call *call = user;
+    lg_table_reading *r = call->r;
+    lg_table_reset(r);
+    call->count = 0;
+    LG_TRY(list_sources(call, h5, error));
+    LG_TRY(lg_table_find_columns(r, error));
+    if (lg_table_names_only(r)) return LG_OK;
+    for (uint32_t i = 0; i < call->count; i++) {
+        const source *s = &call->sources[i];
+        if (!is_wanted(r, s)) continue;
+        if (r->out.rows == 0) LG_TRY(lg_table_make_rows(r, s->about.dims[0], error));
+        LG_TRY(read_source(call, h5, s, error));
+    }
+    return LG_OK;
+}
+
+lg_status lg_table_read_h5(lg_table_reading *r, lg_error *error) {
+    read_call call = {.r = r};
+    const lg_status status = lg_h5_read(r->context, r->path, r->options, read_file, &call, error);
+    lg_free(r->context, call.sources);
+    return status;
+}

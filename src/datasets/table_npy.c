@@ -1,0 +1,182 @@
+/* Tables of numpy: magic, version, length of the header, a Python dictionary as text, then the numbers
+ * (https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html). */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "datasets/table_reading.h"
+
+enum { MAGIC = 8, LONGEST_HEADER = 1 << 16, MOST_BYTES = 8 };
+
+typedef struct npy {
+    FILE *from;
+    char header[LONGEST_HEADER + 1];
+    char kind; /* f, i, u, b */
+    unsigned bytes;
+    bool swapped, fortran;
+    uint64_t rows, columns;
+} npy;
+
+static lg_status fail(const lg_table_reading *r, const char *what, lg_error *error) {
+    return lg_fail(error, LG_FORMAT, "%s: %s", r->shown, what);
+}
+
+static bool big_endian(void) {
+    const uint16_t one = 1;
+    return *(const uint8_t *)(const void *)&one == 0;
+}
+
+/* ---- the header ---- */
+
+static lg_status read_header(const lg_table_reading *r, npy *n, lg_error *error) {
+    unsigned char start[MAGIC + 4];
+    if (fread(start, 1, MAGIC, n->from) != MAGIC) return fail(r, "ends within the header of numpy", error);
+    const unsigned version = start[6], wide = version == 1 ? 2 : 4;
+    if (version < 1 || version > 3) return fail(r, "is of an unknown version of numpy's format", error);
+    if (fread(start + MAGIC, 1, wide, n->from) != wide)
+        return fail(r, "ends within the header of numpy", error);
+    uint32_t length = 0;
+    for (unsigned i = wide; i-- > 0;) length = length << 8 | start[MAGIC + i];
+    if (length > LONGEST_HEADER) return fail(r, "has a header of numpy of more than 65536 bytes", error);
+    if (fread(n->header, 1, length, n->from) != length)
+        return fail(r, "ends within the header of numpy", error);
+    n->header[length] = '\0';
+    return LG_OK;
+}
+
+/* What stands behind 'key': in the dictionary; NULL: nothing. */
+static const char *value_of(const npy *n, const char *key) {
+    const char *at = strstr(n->header, key);
+    if (at == NULL) return NULL;
+    at += strlen(key);
+    return at + strspn(at, " :");
+}
+
+/* '<f8', '|b1', ... */
+static lg_status parse_type(const lg_table_reading *r, npy *n, lg_error *error) {
+    const char *at = value_of(n, "'descr'");
+    if (at == NULL || *at != '\'' || strlen(at) < 4)
+        return fail(r, "holds no plain array of numbers (descr)", error);
+    const char order = at[1];
+    n->kind = at[2];
+    n->bytes = (unsigned)(at[3] - '0');
+    n->swapped = order == (big_endian() ? '<' : '>');
+    const bool whole = (n->kind == 'i' || n->kind == 'u') &&
+                       (n->bytes == 1 || n->bytes == 2 || n->bytes == 4 || n->bytes == 8);
+    const bool real = n->kind == 'f' && (n->bytes == 4 || n->bytes == 8);
+    if (at[4] == '\'' && (whole || real || (n->kind == 'b' && n->bytes == 1))) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: holds numbers of type %.8s; f4, f8, i1 to i8, u1 to u8 and b1 are read", r->shown,
+                   at);
+}
+
+static lg_status parse_shape(const lg_table_reading *r, npy *n, lg_error *error) {
+    const char *order = value_of(n, "'fortran_order'"), *at = value_of(n, "'shape'");
+    uint64_t dims[2] = {0, 1};
+    size_t rank = 0;
+    if (order == NULL || at == NULL || *at != '(') return fail(r, "has no shape", error);
+    n->fortran = strncmp(order, "True", 4) == 0;
+    for (at++; *at != ')' && *at != '\0';) {
+        char *end;
+        const unsigned long long value = strtoull(at, &end, 10);
+        if (end == at || rank == 2)
+            return fail(r, "is not an array of one or two extents: (rows) or (rows, columns)", error);
+        dims[rank++] = value;
+        at = end + strspn(end, ", ");
+    }
+    if (rank == 0) return fail(r, "is a single number, no array", error);
+    n->rows = dims[0];
+    n->columns = dims[1];
+    if (n->rows == 0 || n->columns == 0) return fail(r, "has no numbers: one of its extents is 0", error);
+    if (n->columns > LG_TABLE_MOST_COLUMNS) return fail(r, "has more than 65536 columns", error);
+    return LG_OK;
+}
+
+/* The file has the numbers that the header promises, so that no memory is asked for in vain. */
+static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *error) {
+    struct stat about;
+    const long at = ftell(n->from);
+    if (at < 0 || fstat(fileno(n->from), &about) != 0)
+        return lg_fail(error, LG_FILE, "%s: %s", r->shown, strerror(errno));
+    const uint64_t have = (uint64_t)about.st_size - (uint64_t)at;
+    if (n->rows > have || n->rows * n->columns > have || n->rows * n->columns * n->bytes > have)
+        return lg_fail(error, LG_FORMAT, "%s: is cut off: (%llu, %llu) numbers are promised", r->shown,
+                       (unsigned long long)n->rows, (unsigned long long)n->columns);
+    return LG_OK;
+}
+
+/* ---- numbers ---- */
+
+static double number_of(const npy *n, const unsigned char *raw) {
+    unsigned char bytes[MOST_BYTES] = {0};
+    const unsigned size = n->bytes;
+    uint64_t bits = 0;
+    for (unsigned i = 0; i < size; i++) bytes[i] = raw[n->swapped ? size - 1 - i : i];
+    for (unsigned i = 0; i < size; i++) bits |= (uint64_t)bytes[i] << 8 * (big_endian() ? size - 1 - i : i);
+    if (n->kind == 'f' && size == 8) {
+        double value;
+        memcpy(&value, bytes, sizeof value);
+        return value;
+    }
+    if (n->kind == 'f') {
+        float value;
+        memcpy(&value, bytes, sizeof value);
+        return (double)value;
+    }
+    const uint64_t top = (uint64_t)1 << (8 * size - 1);
+    if (n->kind == 'i' && (bits & top) != 0) return -(double)(top - (bits & (top - 1)));
+    return (double)bits;
+}
+
+static lg_status store(lg_table_reading *r, size_t row, uint32_t column, double value, lg_error *error) {
+    if (column == r->class_at) LG_TRY(lg_table_set_label_number(r, row, value, error));
+    for (uint32_t i = 0; i < r->count; i++) {
+        if (r->at[i] != column) continue;
+        LG_TRY(lg_table_check_number(r, row, r->all.name[column], value, error));
+        r->out.values[row * r->out.columns + i] = value;
+    }
+    return LG_OK;
+}
+
+static lg_status read_numbers(lg_table_reading *r, const npy *n, lg_error *error) {
+    unsigned char raw[MOST_BYTES];
+    const uint64_t outer = n->fortran ? n->columns : n->rows, inner = n->fortran ? n->rows : n->columns;
+    LG_TRY(lg_table_make_rows(r, n->rows, error));
+    for (uint64_t a = 0; a < outer; a++)
+        for (uint64_t b = 0; b < inner; b++) {
+            if (fread(raw, 1, n->bytes, n->from) != n->bytes)
+                return fail(r, "cannot be read to its end", error);
+            LG_TRY(store(r, (size_t)(n->fortran ? b : a), (uint32_t)(n->fortran ? a : b), number_of(n, raw),
+                         error));
+        }
+    return LG_OK;
+}
+
+static lg_status read_file(lg_table_reading *r, npy *n, lg_error *error) {
+    LG_TRY(read_header(r, n, error));
+    LG_TRY(parse_type(r, n, error));
+    LG_TRY(parse_shape(r, n, error));
+    LG_TRY(check_size(r, n, error));
+    for (uint64_t c = 0; c < n->columns; c++) {
+        char name[24];
+        (void)snprintf(name, sizeof name, "c%llu", (unsigned long long)c);
+        LG_TRY(lg_table_add_name(r, name, error));
+    }
+    LG_TRY(lg_table_find_columns(r, error));
+    return lg_table_names_only(r) ? LG_OK : read_numbers(r, n, error);
+}
+
+lg_status lg_table_read_npy(lg_table_reading *r, lg_error *error) {
+    npy *n = lg_alloc(r->context, 1, sizeof *n);
+    if (n == NULL) return lg_table_no_memory(r, error);
+    n->from = fopen(r->path, "rb");
+    const lg_status status =
+        n->from != NULL ? read_file(r, n, error)
+                        : lg_fail(error, LG_FILE, "%s: cannot be read: %s", r->shown, strerror(errno));
+    if (n->from != NULL) (void)fclose(n->from);
+    lg_free(r->context, n);
+    return status;
+}

@@ -1,0 +1,283 @@
+/* Tables of numbers: names, rows, classes. */
+#include "datasets/table_reading.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "datasets/log_table.h"
+#include "datasets/names.h"
+
+enum { FIRST_NAMES = 16, FIRST_ROWS = 1024 };
+
+lg_status lg_table_no_memory(const lg_table_reading *r, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", r->shown);
+}
+
+void lg_table_names_destroy(lg_table_names *names) {
+    if (names == NULL) return;
+    lg_free(names->context, names->name);
+    *names = (lg_table_names){.count = 0};
+}
+
+void lg_table_data_destroy(lg_table_data *data) {
+    if (data == NULL) return;
+    lg_free(data->context, data->values);
+    lg_free(data->context, data->line);
+    lg_free(data->context, data->label);
+    lg_free(data->context, data->class_name);
+    *data = (lg_table_data){.rows = 0};
+}
+
+void lg_table_reset(lg_table_reading *r) {
+    lg_table_names_destroy(&r->all);
+    lg_table_data_destroy(&r->out);
+    lg_free(r->context, r->at);
+    lg_free(r->context, r->label_text);
+    r->at = NULL;
+    r->label_text = NULL;
+    r->room = 0;
+    r->row_room = 0;
+    r->all.context = r->out.context = r->context;
+    r->out.place = "row";
+}
+
+/* ---- names ---- */
+
+/* An array of `count` elements with room for `room`; NULL: no memory, the old one stays. */
+static void *widened(const lg_context *context, void *old, size_t count, size_t room, size_t size) {
+    void *wider = lg_alloc(context, room, size);
+    if (wider == NULL) return NULL;
+    if (count > 0) memcpy(wider, old, count * size);
+    lg_free(context, old);
+    return wider;
+}
+
+lg_status lg_table_add_name(lg_table_reading *r, const char *name, lg_error *error) {
+    if (r->all.count == LG_TABLE_MOST_COLUMNS)
+        return lg_fail(error, LG_FORMAT, "%s: has more than %d columns", r->shown, LG_TABLE_MOST_COLUMNS);
+    if (r->all.count == r->room) {
+        const uint32_t room = r->room == 0 ? FIRST_NAMES : 2 * r->room;
+        lg_table_text *wider = widened(r->context, r->all.name, r->all.count, room, sizeof *wider);
+        if (wider == NULL) return lg_table_no_memory(r, error);
+        r->all.name = wider;
+        r->room = room;
+    }
+    char *to = r->all.name[r->all.count++];
+    (void)snprintf(to, LG_TABLE_NAME, "%s", name);
+    (void)lg_tamed(to);
+    return LG_OK;
+}
+
+static lg_status missing_column(const lg_table_reading *r, const char *name, lg_error *error) {
+    lg_log_names have = {.used = 0};
+    for (uint32_t i = 0; i < r->all.count; i++) lg_log_add_name(&have, r->all.name[i]);
+    return lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s", r->shown, name,
+                   have.text);
+}
+
+static lg_status find_column(const lg_table_reading *r, const char *name, uint32_t *at, lg_error *error) {
+    *at = r->all.count;
+    for (uint32_t i = 0; i < r->all.count; i++) {
+        if (strcmp(r->all.name[i], name) != 0) continue;
+        if (*at < r->all.count)
+            return lg_fail(error, LG_FORMAT, "%s: column '%s' is there twice", r->shown, name);
+        *at = i;
+    }
+    return *at < r->all.count ? LG_OK : missing_column(r, name, error);
+}
+
+lg_status lg_table_find_columns(lg_table_reading *r, lg_error *error) {
+    if (lg_table_names_only(r)) return LG_OK;
+    r->at = lg_alloc(r->context, (size_t)r->count + 1, sizeof *r->at);
+    if (r->at == NULL) return lg_table_no_memory(r, error);
+    for (uint32_t i = 0; i < r->count; i++) LG_TRY(find_column(r, r->names[i], &r->at[i], error));
+    r->class_at = UINT32_MAX;
+    if (r->class_column != NULL) LG_TRY(find_column(r, r->class_column, &r->class_at, error));
+    r->out.columns = r->count;
+    return LG_OK;
+}
+
+/* ---- rows ---- */
+
+static lg_status widen_rows(lg_table_reading *r, size_t room, lg_error *error) {
+    lg_table_data *out = &r->out;
+    const size_t columns = out->columns > 0 ? out->columns : 1;
+    if (room > SIZE_MAX / sizeof(double) / columns) return lg_table_no_memory(r, error);
+    double *values = widened(r->context, out->values, out->rows * columns, room * columns, sizeof *values);
+    if (values == NULL) return lg_table_no_memory(r, error);
+    out->values = values;
+    size_t *line = widened(r->context, out->line, out->rows, room, sizeof *line);
+    if (line == NULL) return lg_table_no_memory(r, error);
+    out->line = line;
+    if (r->class_column != NULL) {
+        lg_table_text *text = widened(r->context, r->label_text, out->rows, room, sizeof *text);
+        if (text == NULL) return lg_table_no_memory(r, error);
+        r->label_text = text;
+    }
+    r->row_room = room;
+    return LG_OK;
+}
+
+lg_status lg_table_make_rows(lg_table_reading *r, uint64_t rows, lg_error *error) {
+    if (rows == 0) return lg_fail(error, LG_FORMAT, "%s: has no rows", r->shown);
+    if (rows > UINT32_MAX) return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more", r->shown);
+    LG_TRY(widen_rows(r, (size_t)rows, error));
+    r->out.rows = (size_t)rows;
+    for (size_t i = 0; i < r->out.rows; i++) r->out.line[i] = i + 1;
+    return LG_OK;
+}
+
+lg_status lg_table_add_row(lg_table_reading *r, size_t line, double **values, lg_error *error) {
+    if (r->out.rows == r->row_room)
+        LG_TRY(widen_rows(r, r->row_room == 0 ? FIRST_ROWS : 2 * r->row_room, error));
+    if (r->out.rows == UINT32_MAX) return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more", r->shown);
+    r->out.line[r->out.rows] = line;
+    *values = r->out.values + r->out.rows++ * r->out.columns;
+    return LG_OK;
+}
+
+lg_status lg_table_check_number(const lg_table_reading *r, size_t row, const char *column, double value,
+                                lg_error *error) {
+    if (!isinf(value)) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: row %zu: column %s: is infinite; nan is missing", r->shown, row + 1,
+                   column);
+}
+
+/* ---- classes ---- */
+
+/* A number is the same class in whatever form it is written. */
+lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, lg_error *error) {
+    char *to = r->label_text[row];
+    double value;
+    if (strlen(text) >= LG_TABLE_NAME)
+        return lg_fail(error, LG_FORMAT, "%s: %s %zu: column %s: a class of more than %d bytes", r->shown,
+                       r->out.place, r->out.line[row], r->class_column, LG_TABLE_NAME - 1);
+    if (*text != '\0' && lg_number_parse(text, &value) == LG_OK)
+        (void)snprintf(to, LG_TABLE_NAME, "%.15g", value == 0.0 ? 0.0 : value);
+    else
+        (void)snprintf(to, LG_TABLE_NAME, "%s", text);
+    (void)lg_tamed(to);
+    return LG_OK;
+}
+
+lg_status lg_table_set_label_number(lg_table_reading *r, size_t row, double value, lg_error *error) {
+    char text[32] = "";
+    LG_TRY(lg_table_check_number(r, row, r->class_column, value, error));
+    if (!isnan(value)) (void)snprintf(text, sizeof text, "%.15g", value);
+    return lg_table_set_label(r, row, text, error);
+}
+
+static int compare_texts(const void *a, const void *b) {
+    const char *x = a, *y = b;
+    double p, q;
+    const bool p_number = lg_number_parse(x, &p) == LG_OK, q_number = lg_number_parse(y, &q) == LG_OK;
+    if (p_number && q_number && p != q) return p < q ? -1 : 1;
+    if (p_number != q_number) return p_number ? -1 : 1;
+    return strcmp(x, y);
+}
+
+/* Place of the class, or where it would stand. */
+static uint32_t place_of(const lg_table_data *out, const char *text, bool *known) {
+    uint32_t low = 0, high = out->classes;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (compare_texts(out->class_name[middle], text) < 0)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    *known = low < out->classes && strcmp(out->class_name[low], text) == 0;
+    return low;
+}
+
+static lg_status name_classes(lg_table_reading *r, lg_error *error) {
+    lg_table_data *out = &r->out;
+    bool known;
+    if (r->class_column == NULL) return LG_OK;
+    out->class_name = lg_alloc(r->context, LG_TABLE_MOST_CLASSES, sizeof *out->class_name);
+    out->label = lg_alloc(r->context, out->rows, sizeof *out->label);
+    if (out->class_name == NULL || out->label == NULL) return lg_table_no_memory(r, error);
+    for (size_t i = 0; i < out->rows; i++) {
+        const char *text = r->label_text[i];
+        const uint32_t at = place_of(out, text, &known);
+        if (known || *text == '\0') continue;
+        if (out->classes == LG_TABLE_MOST_CLASSES)
+            return lg_fail(error, LG_FORMAT,
+                           "%s: column %s: has more than %d different values: it does not look like classes",
+                           r->shown, r->class_column, LG_TABLE_MOST_CLASSES);
+        memmove(out->class_name[at + 1], out->class_name[at], (out->classes - at) * sizeof *out->class_name);
+        memcpy(out->class_name[at], text, sizeof *out->class_name);
+        out->classes++;
+    }
+    for (size_t i = 0; i < out->rows; i++) {
+        const uint32_t at = place_of(out, r->label_text[i], &known);
+        out->label[i] = known ? at : LG_TABLE_NO_CLASS;
+    }
+    return LG_OK;
+}
+
+/* Of the numbers, then of the labels. */
+static void hash(lg_table_reading *r) {
+    lg_sha256 state;
+    lg_sha256_init(&state);
+    lg_sha256_add_doubles(&state, r->out.values, r->out.rows * r->out.columns);
+    for (size_t i = 0; r->class_column != NULL && i < r->out.rows; i++)
+        lg_sha256_add(&state, r->label_text[i], strlen(r->label_text[i]) + 1);
+    lg_sha256_finish(&state, r->out.sha256);
+}
+
+/* ---- outside ---- */
+
+static lg_status read_any(lg_table_reading *r, lg_error *error) {
+    static const unsigned char h5[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'},
+                               npy[6] = {0x93, 'N', 'U', 'M', 'P', 'Y'};
+    unsigned char first[8] = {0};
+    FILE *from = r->path != NULL ? fopen(r->path, "rb") : NULL;
+    const size_t got = from != NULL ? fread(first, 1, sizeof first, from) : 0;
+    if (from != NULL) (void)fclose(from);
+    if (got == sizeof h5 && memcmp(first, h5, sizeof h5) == 0) return lg_table_read_h5(r, error);
+    if (got >= sizeof npy && memcmp(first, npy, sizeof npy) == 0) return lg_table_read_npy(r, error);
+    return lg_table_read_csv(r, error);
+}
+
+lg_status lg_table_names_read(const lg_context *context, const char *path, const lg_read_options *options,
+                              lg_table_names *out, lg_error *error) {
+    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a table needs a name");
+    lg_table_reading r = {.context = context, .path = path, .shown = lg_shown_path(path), .options = options};
+    lg_table_reset(&r);
+    const lg_status status = read_any(&r, error);
+    if (status == LG_OK) {
+        *out = r.all;
+        r.all = (lg_table_names){.count = 0};
+    }
+    lg_table_reset(&r);
+    return status;
+}
+
+lg_status lg_table_read(const lg_context *context, const char *path, const char *const *names, uint32_t count,
+                        const char *class_column, const lg_read_options *options, lg_table_data *out,
+                        lg_error *error) {
+    if (path == NULL || names == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a table needs a name, and names of columns");
+    lg_table_reading r = {.context = context,
+                          .path = path,
+                          .shown = lg_shown_path(path),
+                          .options = options,
+                          .names = names,
+                          .count = count,
+                          .class_column = class_column};
+    lg_table_reset(&r);
+    lg_status status = read_any(&r, error);
+    if (status == LG_OK && r.out.rows == 0)
+        status = lg_fail(error, LG_FORMAT, "%s: has a header and no rows", r.shown);
+    if (status == LG_OK) status = name_classes(&r, error);
+    if (status == LG_OK) {
+        hash(&r);
+        *out = r.out;
+        r.out = (lg_table_data){.rows = 0};
+    }
+    lg_table_reset(&r);
+    return status;
+}

@@ -1,0 +1,135 @@
+/* Table networks: description, parameters, scaling. */
+#include "liegrad/table.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "models/table_internal.h"
+
+static const char *const task_names[LG_TABLE_TASK_COUNT] = {"regression", "classification"};
+
+const char *lg_table_task_name(lg_table_task task) {
+    return (unsigned)task < LG_TABLE_TASK_COUNT ? task_names[task] : NULL;
+}
+
+/* ---- description ---- */
+
+static lg_status check_widths(const lg_table_options *o, lg_error *error) {
+    if (o->hidden_count < 1 || o->hidden_count > LG_TABLE_LAYERS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u hidden layers; 1 to %d are possible", o->hidden_count,
+                       LG_TABLE_LAYERS);
+    for (uint32_t i = 1; i < o->hidden_count; i++)
+        if (o->hidden[i] != o->hidden[0])
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "hidden layers of %u and %u: they must have one width, as in 32,32", o->hidden[0],
+                           o->hidden[i]);
+    return LG_OK;
+}
+
+lg_status lg_table_init(lg_table *model, const lg_table_options *options, uint32_t inputs, uint32_t outputs,
+                        lg_error *error) {
+    if (model == NULL || options == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no model or no options");
+    if ((unsigned)options->task >= LG_TABLE_TASK_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an unknown task");
+    if (options->task == LG_TABLE_CLASSIFICATION && outputs < 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes; a classification has two at least", outputs);
+    LG_TRY(check_widths(options, error));
+    lg_table made = {.options = *options};
+    if (lg_net_init(&made.net, options->network, inputs, 0, options->hidden[0], options->hidden_count - 1,
+                    outputs, options->activation) != LG_OK)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "no network of %u inputs, %u layers of %u and %u outputs: widths are 1 to 2^20",
+                       inputs, options->hidden_count, options->hidden[0], outputs);
+    *model = made;
+    return LG_OK;
+}
+
+size_t lg_table_parameters(const lg_table *model) {
+    const size_t linear = model->options.linear ? (size_t)model->net.inputs * model->net.outputs : 0;
+    return lg_net_parameters(&model->net) + linear;
+}
+
+bool lg_table_slice(const lg_table *model, uint32_t index, lg_slice_info *out) {
+    lg_slice_info info;
+    uint32_t slices = 0;
+    if (lg_net_slice(&model->net, index, out)) return true;
+    while (lg_net_slice(&model->net, slices, &info)) slices++;
+    if (!model->options.linear || index != slices) return false;
+    *out = (lg_slice_info){.rank = 2,
+                           .dims = {model->net.inputs, model->net.outputs},
+                           .offset = lg_net_parameters(&model->net),
+                           .count = (size_t)model->net.inputs * model->net.outputs};
+    (void)snprintf(out->name, sizeof out->name, "linear/weight");
+    return true;
+}
+
+void lg_table_initialise(const lg_table *model, lg_rng *rng, double *theta) {
+    const size_t net = lg_net_parameters(&model->net);
+    lg_net_initialise(&model->net, LG_INIT_FAN_IN, rng, theta);
+    memset(theta + net, 0, (lg_table_parameters(model) - net) * sizeof *theta);
+}
+
+/* ---- scaling ---- */
+
+/* Deviations below this part of the largest value are rounding of a constant column. */
+static const double CONSTANT = 1e-13;
+
+/* In two passes, relative to the largest value, whose square may overflow. */
+static lg_status fit_column(const double *values, uint32_t columns, const uint32_t *chosen, size_t count,
+                            double *mean, double *scale) {
+    double largest = 0, sum = 0, squares = 0;
+    for (size_t i = 0; i < count; i++) {
+        const double value = values[(chosen != NULL ? chosen[i] : i) * columns];
+        if (!isfinite(value)) return LG_NOT_FINITE;
+        largest = fmax(largest, fabs(value));
+    }
+    const double unit = largest > 0 ? largest : 1.0;
+    for (size_t i = 0; i < count; i++) sum += values[(chosen != NULL ? chosen[i] : i) * columns] / unit;
+    sum /= (double)count;
+    for (size_t i = 0; i < count; i++) {
+        const double off = values[(chosen != NULL ? chosen[i] : i) * columns] / unit - sum;
+        squares += off * off;
+    }
+    const double deviation = sqrt(squares / (double)count);
+    *mean = sum * unit;
+    *scale = deviation > CONSTANT && deviation * unit > 0.0 ? deviation * unit : 1.0;
+    return LG_OK;
+}
+
+lg_status lg_table_scaler_fit(const lg_context *context, const double *values, uint32_t columns,
+                              const uint32_t *chosen, size_t count, lg_scaler *out) {
+    if (values == NULL || out == NULL || count == 0) return LG_INVALID_ARGUMENT;
+    lg_scaler made = {.channels = columns, .context = context};
+    made.mean = lg_alloc(context, columns, sizeof *made.mean);
+    made.scale = lg_alloc(context, columns, sizeof *made.scale);
+    lg_status status = made.mean == NULL || made.scale == NULL ? LG_OUT_OF_MEMORY : LG_OK;
+    for (uint32_t c = 0; c < columns && status == LG_OK; c++)
+        status = fit_column(values + c, columns, chosen, count, &made.mean[c], &made.scale[c]);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_scaler_destroy(&made);
+    return status;
+}
+
+void lg_table_samples_destroy(lg_table_samples *samples) {
+    if (samples == NULL) return;
+    lg_free(samples->context, samples->x);
+    lg_free(samples->context, samples->y);
+    lg_free(samples->context, samples->label);
+    *samples = (lg_table_samples){0};
+}
+
+/* ---- on a tape ---- */
+
+lg_var lg_table_record(lg_tape *tape, const lg_table *model, lg_var theta, lg_var z, lg_net_tap *taps) {
+    const lg_net *net = &model->net;
+    const size_t parameters = lg_net_parameters(net), linear = (size_t)net->inputs * net->outputs;
+    const lg_var y = lg_net_record_taps(tape, net, theta, 0, z, taps);
+    if (!model->options.linear) return y;
+    const lg_var flat = lg_slice(tape, theta, 0, (uint32_t)parameters, (uint32_t)linear);
+    return lg_matmul_add(tape, z, lg_reshape(tape, flat, lg_shape2(net->inputs, net->outputs)), y);
+}

@@ -1,0 +1,262 @@
+/* The evidence for weights and their priors: liegrad/table.h has the formulas. H is scaled to beta = 1 where
+ * it is factored, so noise that tends to 0 does no harm. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "kernels/kernels.h"
+#include "kernels/lapack.h"
+#include "models/table_internal.h"
+
+enum { CHUNK = 128, MOST_SLICES = 2 * NET_MAX_DENSE + 1, BURN_IN = 8, REFUSALS = 8, QUIET = 3 };
+
+/* Prior precision over noise precision, for each datum, at the start; bounds on it; no noise is below FLOOR
+ * of the outputs' deviation; damping grows by FACTOR, up to REFUSALS times in a row. The search ends after
+ * QUIET steps that change E by less than STILL of it. */
+static const double START = 1e-4, LEAST = 1e-12, MOST = 1e6, FLOOR = 1e-10, FACTOR = 4.0, STILL = 1e-5;
+
+typedef struct evidence {
+    const lg_context *context;
+    const lg_table_problem *problem;
+    const lg_kernels *k;
+    lg_tape *tape;
+    size_t n, rows, data; /* parameters; rows looked at; rows outputs */
+    uint32_t slices;
+    lg_slice_info slice[MOST_SLICES];
+    uint32_t *chosen; /* (rows) */
+    double *memory;
+    double *theta, *trial, *step;  /* (n) */
+    double *g, *trial_g;           /* (n): J^T r */
+    double *A, *trial_A, *H;       /* (n, n): J^T J; the factor */
+    double *jacobian, *r;          /* of a chunk */
+    double ratio[MOST_SLICES];     /* alpha/beta */
+    double variance;               /* 1/beta */
+    double squares, trial_squares; /* |r|^2 */
+    double gamma[MOST_SLICES], effective;
+    uint32_t evaluations;
+} evidence;
+
+/* ---- sums over the rows ---- */
+
+/* |r|^2, J^T r and the upper triangle of J^T J (row-major) at theta. */
+static lg_status look(evidence *e, const double *theta, double *squares, double *g, double *A) {
+    const uint32_t outputs = e->problem->model->net.outputs;
+    const size_t n = e->n;
+    enum { WIDTH = 96 };
+    memset(g, 0, n * sizeof *g);
+    memset(A, 0, n * n * sizeof *A);
+    *squares = 0;
+    e->evaluations++;
+    for (size_t at = 0; at < e->rows; at += CHUNK) {
+        const size_t count = e->rows - at < CHUNK ? e->rows - at : CHUNK, m = count * outputs;
+        if (lg_cancelled(e->context)) return LG_CANCELLED;
+        LG_TRY(lg_table_linearise(e->problem, e->tape, theta, e->chosen + at, count, 1.0, e->r, e->jacobian));
+        *squares += e->k->dot(m, e->r, e->r);
+        for (size_t row = 0; row < m; row++) e->k->axpy(n, e->r[row], e->jacobian + row * n, g);
+        for (size_t c = 0; c < n; c += WIDTH)
+            e->k->gemm(n - c < WIDTH ? n - c : WIDTH, n - c, m, e->jacobian + c, 1, n, e->jacobian + c, n,
+                       A + c * n + c, n, true);
+    }
+    return LG_OK;
+}
+
+/* ---- priors ---- */
+
+static double penalty(const evidence *e, const double *theta) {
+    double sum = 0;
+    for (uint32_t s = 0; s < e->slices; s++) {
+        const double *w = theta + e->slice[s].offset;
+        sum += e->ratio[s] * e->k->dot(e->slice[s].count, w, w);
+    }
+    return sum;
+}
+
+/* H/beta = J^T J + diag(ratio) (1 + damping) + damping diag(J^T J), factored. Row-major upper is LAPACK's
+ * lower triangle. */
+static bool factor(evidence *e, double damping) {
+    const int n = (int)e->n;
+    int info = 0;
+    memcpy(e->H, e->A, e->n * e->n * sizeof *e->H);
+    for (uint32_t s = 0; s < e->slices; s++)
+        for (size_t i = e->slice[s].offset; i < e->slice[s].offset + e->slice[s].count; i++) {
+            double *at = e->H + i * e->n + i;
+            *at += e->ratio[s] + damping * (*at + e->ratio[s]);
+        }
+    dpotrf_("L", &n, e->H, &n, &info);
+    return info == 0;
+}
+
+/* gamma of each slice by the diagonal of H^-1. */
+static bool count_parameters(evidence *e) {
+    const int n = (int)e->n;
+    int info = 0;
+    if (!factor(e, 0.0)) return false;
+    dpotri_("L", &n, e->H, &n, &info);
+    e->effective = 0;
+    for (uint32_t s = 0; s < e->slices && info == 0; s++) {
+        double trace = 0;
+        for (size_t i = 0; i < e->slice[s].count; i++) trace += e->H[(e->slice[s].offset + i) * (e->n + 1)];
+        e->gamma[s] = fmax((double)e->slice[s].count - e->ratio[s] * trace, 0.0);
+        e->effective += e->gamma[s];
+    }
+    return info == 0 && isfinite(e->effective);
+}
+
+/* At theta: alpha and beta once more. */
+static void estimate(evidence *e) {
+    const double data = (double)e->data;
+    if (!count_parameters(e)) return;
+    const double rest = fmax(data - e->effective, 0.02 * data);
+    e->variance = fmax(e->squares / rest, FLOOR * FLOOR);
+    for (uint32_t s = 0; s < e->slices; s++) {
+        const double *w = e->theta + e->slice[s].offset;
+        const double size = e->k->dot(e->slice[s].count, w, w);
+        const double ratio = e->variance * (e->gamma[s] + 1e-3) / fmax(size, 1e-300);
+        e->ratio[s] = fmin(fmax(ratio, LEAST), MOST * data);
+    }
+}
+
+/* log of the probability of the data for these alpha and beta, without constants of the data. */
+static double log_evidence(evidence *e) {
+    double sum =
+        -0.5 * (e->squares + penalty(e, e->theta)) / e->variance - 0.5 * (double)e->data * log(e->variance);
+    if (!factor(e, 0.0)) return (double)NAN;
+    for (size_t i = 0; i < e->n; i++) sum -= log(e->H[i * (e->n + 1)]);
+    for (uint32_t s = 0; s < e->slices; s++) sum += 0.5 * (double)e->slice[s].count * log(e->ratio[s]);
+    return sum;
+}
+
+/* ---- the search ---- */
+
+static bool solve(evidence *e, double damping) {
+    const int n = (int)e->n, one = 1;
+    int info = 0;
+    if (!factor(e, damping)) return false;
+    for (uint32_t s = 0; s < e->slices; s++)
+        for (size_t i = e->slice[s].offset; i < e->slice[s].offset + e->slice[s].count; i++)
+            e->step[i] = -e->g[i] - e->ratio[s] * e->theta[i];
+    dpotrs_("L", &n, &one, e->H, &n, e->step, &n, &info);
+    return info == 0 && e->k->all_finite(e->n, e->step);
+}
+
+static void swap(double **a, double **b) {
+    double *kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
+/* A step that lowers |r|^2 + penalty; *fall: by which part. LG_NO_CONVERGENCE: none does. */
+static lg_status advance(evidence *e, double *damping, double *fall) {
+    const double before = e->squares + penalty(e, e->theta);
+    for (uint32_t refused = 0; refused < REFUSALS; refused++, *damping *= FACTOR) {
+        if (!solve(e, *damping)) continue;
+        for (size_t i = 0; i < e->n; i++) e->trial[i] = e->theta[i] + e->step[i];
+        LG_TRY(look(e, e->trial, &e->trial_squares, e->trial_g, e->trial_A));
+        const double after = e->trial_squares + penalty(e, e->trial);
+        if (!(after < before)) continue;
+        *fall = (before - after) / before;
+        swap(&e->theta, &e->trial);
+        swap(&e->g, &e->trial_g);
+        swap(&e->A, &e->trial_A);
+        e->squares = e->trial_squares;
+        *damping = fmax(*damping / (FACTOR * FACTOR), 1e-10);
+        return LG_OK;
+    }
+    return LG_NO_CONVERGENCE;
+}
+
+static lg_status search(evidence *e, const lg_table_evidence_options *o) {
+    double damping = 1e-2, fall = 1.0, effective = 0;
+    uint32_t quiet = 0;
+    LG_TRY(look(e, e->theta, &e->squares, e->g, e->A));
+    if (!isfinite(e->squares)) return LG_NOT_FINITE;
+    for (uint32_t i = 0; e->evaluations < o->evaluations && quiet < QUIET; i++) {
+        const lg_status status = advance(e, &damping, &fall);
+        if (status == LG_NO_CONVERGENCE && i < BURN_IN) damping = 1e-2;
+        if (status != LG_OK && status != LG_NO_CONVERGENCE) return status;
+        if (status == LG_NO_CONVERGENCE) fall = 0, damping = 1e-2, quiet++;
+        if (i >= BURN_IN || o->go_on) estimate(e);
+        const bool still = fall < STILL && fabs(e->effective - effective) < 1e-2 * (1.0 + effective);
+        quiet = i > BURN_IN && still ? quiet + 1 : 0;
+        effective = e->effective;
+    }
+    estimate(e);
+    return LG_OK;
+}
+
+/* ---- memory ---- */
+
+/* `most` of the training rows at even distances. */
+static void choose_rows(evidence *e) {
+    const size_t training = e->problem->samples->training;
+    for (size_t i = 0; i < e->rows; i++) e->chosen[i] = (uint32_t)(i * training / e->rows);
+}
+
+static lg_status make_room(evidence *e) {
+    const size_t n = e->n, chunk = (size_t)CHUNK * e->problem->model->net.outputs;
+    lg_tape_options options;
+    lg_tape_options_init(&options);
+    LG_TRY(lg_tape_create(e->context, &options, &e->tape));
+    e->chosen = lg_alloc(e->context, e->rows, sizeof *e->chosen);
+    if (n > 20000) return LG_OUT_OF_MEMORY;
+    e->memory = lg_alloc(e->context, 5 * n + 3 * n * n + chunk * (n + 1), sizeof *e->memory);
+    if (e->chosen == NULL || e->memory == NULL) return LG_OUT_OF_MEMORY;
+    e->theta = e->memory;
+    e->trial = e->theta + n;
+    e->step = e->trial + n;
+    e->g = e->step + n;
+    e->trial_g = e->g + n;
+    e->A = e->trial_g + n;
+    e->trial_A = e->A + n * n;
+    e->H = e->trial_A + n * n;
+    e->jacobian = e->H + n * n;
+    e->r = e->jacobian + chunk * n;
+    return LG_OK;
+}
+
+void lg_table_evidence_options_init(lg_table_evidence_options *options) {
+    *options = (lg_table_evidence_options){.size = sizeof *options, .evaluations = 200, .rows = 4000};
+}
+
+static lg_status run(evidence *e, const lg_table_evidence_options *o, double *theta, double *decay,
+                     lg_table_evidence_result *result) {
+    LG_TRY(make_room(e));
+    choose_rows(e);
+    memcpy(e->theta, theta, e->n * sizeof *theta);
+    const size_t outputs = e->problem->model->net.outputs, all = e->problem->samples->training * outputs;
+    for (uint32_t s = 0; s < e->slices; s++)
+        e->ratio[s] = o->go_on ? 0.5 * decay[s] * (double)all : START * (double)e->data;
+    LG_TRY(search(e, o));
+    memcpy(theta, e->theta, e->n * sizeof *theta);
+    /* The loss is |r|^2 over all training numbers. */
+    for (uint32_t s = 0; s < e->slices; s++) decay[s] = 2.0 * e->ratio[s] / (double)all;
+    if (result != NULL)
+        *result =
+            (lg_table_evidence_result){e->evaluations, e->effective, sqrt(e->variance), log_evidence(e)};
+    return LG_OK;
+}
+
+lg_status lg_table_evidence(const lg_context *context, const lg_table_problem *problem,
+                            const lg_table_evidence_options *options, double *theta, double *decay,
+                            lg_table_evidence_result *result, lg_error *error) {
+    lg_table_evidence_options chosen;
+    lg_table_evidence_options_init(&chosen);
+    if (options != NULL) chosen = *options;
+    if (problem->model->options.task != LG_TABLE_REGRESSION)
+        return lg_fail(error, LG_UNSUPPORTED, "the evidence is that of a regression");
+    evidence e = {.context = context,
+                  .problem = problem,
+                  .k = lg_kernels_for(LG_F64),
+                  .n = lg_table_parameters(problem->model),
+                  .rows = problem->samples->training,
+                  .variance = 1.0};
+    if (chosen.rows > 0 && e.rows > chosen.rows) e.rows = chosen.rows;
+    e.data = e.rows * problem->model->net.outputs;
+    while (e.slices < MOST_SLICES && lg_table_slice(problem->model, e.slices, &e.slice[e.slices])) e.slices++;
+    const lg_status status = run(&e, &chosen, theta, decay, result);
+    lg_tape_destroy(e.tape);
+    lg_free(context, e.chosen);
+    lg_free(context, e.memory);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "the priors of %zu weights: %s", e.n, lg_status_sentence(status));
+}

@@ -1,0 +1,185 @@
+/* Table networks as a learning problem: loss, residuals, their Jacobian. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "models/table_internal.h"
+
+/* Samples on a tape at once. */
+enum { CHUNK = 256 };
+
+static void put(lg_dtype dtype, void *to, size_t at, const double *from, size_t n) {
+    for (size_t i = 0; i < n; i++)
+        if (dtype == LG_F64)
+            ((double *)to)[at + i] = from[i];
+        else
+            ((float *)to)[at + i] = (float)from[i];
+}
+
+/* Rows `samples` of values (.., columns). */
+static lg_var put_rows(lg_tape *tape, const double *values, uint32_t columns, const uint32_t *samples,
+                       size_t count) {
+    void *to;
+    const lg_var x = lg_input_buffer(tape, lg_shape2((uint32_t)count, columns), &to);
+    if (lg_is_none(x)) return x;
+    for (size_t i = 0; i < count; i++)
+        put(lg_tape_dtype(tape), to, i * columns, values + (size_t)samples[i] * columns, columns);
+    return x;
+}
+
+static lg_var put_classes(lg_tape *tape, const lg_table_problem *problem, const uint32_t *samples,
+                          size_t count) {
+    const uint32_t classes = problem->model->net.outputs;
+    static const double one = 1.0, zero = 0.0;
+    void *to;
+    const lg_var t = lg_input_buffer(tape, lg_shape2((uint32_t)count, classes), &to);
+    if (lg_is_none(t)) return t;
+    for (size_t i = 0; i < count; i++)
+        for (uint32_t c = 0; c < classes; c++)
+            put(lg_tape_dtype(tape), to, i * classes + c,
+                problem->samples->label[samples[i]] == c ? &one : &zero, 1);
+    return t;
+}
+
+/* f - t (count, outputs) of a regression. */
+static lg_var differences(const lg_table_problem *problem, lg_tape *tape, lg_var theta,
+                          const uint32_t *samples, size_t count) {
+    const lg_net *net = &problem->model->net;
+    const lg_var z = put_rows(tape, problem->samples->x, net->inputs, samples, count);
+    const lg_var t = put_rows(tape, problem->samples->y, net->outputs, samples, count);
+    return lg_sub(tape, lg_table_record(tape, problem->model, theta, z, NULL), t);
+}
+
+static lg_status loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                      size_t batch, lg_var *out) {
+    const lg_table_problem *problem = user;
+    const lg_net *net = &problem->model->net;
+    const double share = (double)count / (double)batch;
+    if (problem->model->options.task == LG_TABLE_REGRESSION) {
+        const lg_var r = differences(problem, tape, theta, samples, count);
+        *out = lg_scale(tape, lg_mean(tape, lg_square(tape, r)), share);
+        return lg_tape_status(tape);
+    }
+    const lg_var z = put_rows(tape, problem->samples->x, net->inputs, samples, count);
+    const lg_var f = lg_table_record(tape, problem->model, theta, z, NULL);
+    const lg_var t = put_classes(tape, problem, samples, count);
+    *out = lg_scale(tape, lg_loss_record(tape, LG_LOSS_CROSS_ENTROPY, f, t, LG_NONE), share);
+    return lg_tape_status(tape);
+}
+
+/* What r is multiplied with so that r.r is the part of the loss. */
+static double factor_of(const lg_table_problem *problem, size_t batch) {
+    return 1.0 / sqrt((double)batch * problem->model->net.outputs);
+}
+
+static lg_status residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                           size_t batch, lg_var *r) {
+    const lg_table_problem *problem = user;
+    *r = lg_scale(tape, differences(problem, tape, theta, samples, count), factor_of(problem, batch));
+    return lg_tape_status(tape);
+}
+
+/* ---- the Jacobian of the residuals ---- */
+
+/* The rows of J of one output: a layer reads `in` (count, layer->in), and the output's derivative by what it
+ * gives is `by` (count, layer->out). */
+static void fill_layer(const net_dense *layer, const double *in, const double *by, size_t count,
+                       double factor, size_t stride, double *jacobian) {
+    for (size_t i = 0; i < count; i++, in += layer->in, by += layer->out, jacobian += stride) {
+        double *weight = jacobian + layer->weight, *bias = jacobian + layer->bias;
+        for (uint32_t a = 0; a < layer->in; a++)
+            for (uint32_t b = 0; b < layer->out; b++) weight[a * layer->out + b] = factor * in[a] * by[b];
+        for (uint32_t b = 0; layer->has_bias && b < layer->out; b++) bias[b] = factor * by[b];
+    }
+}
+
+/* Column `output` of A is read from z. */
+static void fill_linear(const lg_table *model, const double *z, size_t count, uint32_t output, double factor,
+                        size_t stride, double *jacobian) {
+    const uint32_t in = model->net.inputs, out = model->net.outputs;
+    if (!model->options.linear) return;
+    double *to = jacobian + lg_net_parameters(&model->net);
+    for (size_t i = 0; i < count; i++, to += stride, z += in) {
+        memset(to, 0, (size_t)in * out * sizeof *to);
+        for (uint32_t a = 0; a < in; a++) to[a * out + output] = factor * z[a];
+    }
+}
+
+/* One sweep backwards: the rows of J of this output. */
+static lg_status fill_output(lg_tape *tape, const lg_table *model, const net_layout *layout,
+                             const lg_net_tap *taps, lg_var f, size_t count, uint32_t output, double factor,
+                             double *jacobian) {
+    const uint32_t outputs = model->net.outputs;
+    const size_t stride = lg_table_parameters(model) * outputs;
+    lg_var given[NET_MAX_DENSE], by[NET_MAX_DENSE];
+    void *units;
+    const lg_mark mark = lg_tape_mark(tape);
+    const lg_var g = lg_input_buffer(tape, lg_shape2((uint32_t)count, outputs), &units);
+    if (lg_is_none(g)) return lg_tape_status(tape);
+    memset(units, 0, count * outputs * sizeof(double));
+    for (size_t i = 0; i < count; i++) ((double *)units)[i * outputs + output] = 1.0;
+    for (uint32_t i = 0; i < layout->count; i++) given[i] = taps[i].output;
+    LG_TRY(lg_vjp(tape, &f, &g, 1, given, layout->count, by));
+    for (uint32_t i = 0; i < layout->count; i++) {
+        const double *in = lg_value(tape, taps[i].input), *slope = lg_value(tape, by[i]);
+        if (in == NULL || slope == NULL) return lg_tape_status(tape);
+        fill_layer(&layout->dense[i], in, slope, count, factor, stride, jacobian);
+    }
+    return lg_tape_rewind(tape, mark);
+}
+
+lg_status lg_table_linearise(const lg_table_problem *problem, lg_tape *tape, const double *theta,
+                             const uint32_t *samples, size_t count, double factor, double *r,
+                             double *jacobian) {
+    const lg_table *model = problem->model;
+    const size_t n = lg_table_parameters(model);
+    const uint32_t inputs = model->net.inputs, outputs = model->net.outputs;
+    net_layout layout;
+    lg_net_tap taps[NET_MAX_DENSE];
+    lg_net_layout(&model->net, &layout);
+    lg_tape_reset(tape);
+    const lg_var z = put_rows(tape, problem->samples->x, inputs, samples, count);
+    const lg_var f = lg_table_record(tape, model, lg_parameter(tape, lg_shape1((uint32_t)n), theta), z, taps);
+    LG_TRY(lg_read(tape, f, count * outputs, r));
+    for (size_t i = 0; i < count; i++)
+        for (uint32_t o = 0; o < outputs; o++)
+            r[i * outputs + o] =
+                factor * (r[i * outputs + o] - problem->samples->y[(size_t)samples[i] * outputs + o]);
+    for (uint32_t o = 0; o < outputs; o++) {
+        LG_TRY(fill_output(tape, model, &layout, taps, f, count, o, factor, jacobian + o * n));
+        fill_linear(model, lg_value(tape, z), count, o, factor, n * outputs, jacobian + o * n);
+    }
+    return LG_OK;
+}
+
+static lg_status linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
+                           size_t count, size_t batch, double *out, double *r, double *jacobian) {
+    const lg_table_problem *problem = user;
+    const size_t numbers = count * problem->model->net.outputs;
+    LG_TRY(lg_table_linearise(problem, tape, theta, samples, count, factor_of(problem, batch), r, jacobian));
+    *out = 0.0;
+    for (size_t i = 0; i < numbers; i++) *out += r[i] * r[i];
+    return LG_OK;
+}
+
+void lg_table_fit_problem(const lg_table_problem *problem, lg_fit_problem *out) {
+    /* The union only drops const: the loss only reads the problem. */
+    union {
+        const lg_table_problem *borrowed;
+        void *user;
+    } pointer = {.borrowed = problem};
+    const lg_table_samples *samples = problem->samples;
+    const bool squares = problem->model->options.task == LG_TABLE_REGRESSION;
+    const uint32_t outputs = problem->model->net.outputs;
+    *out = (lg_fit_problem){.parameters = lg_table_parameters(problem->model),
+                            .samples = samples->count,
+                            .loss = loss,
+                            .user = pointer.user,
+                            .validation = samples->count - samples->training,
+                            .residuals = squares ? residuals : NULL,
+                            .linearise = squares ? linearise : NULL,
+                            .rows = squares ? outputs : 0,
+                            .observations = squares ? samples->training * outputs : 0,
+                            .decay = problem->decay,
+                            .chunk = CHUNK};
+}

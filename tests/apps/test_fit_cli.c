@@ -1,0 +1,459 @@
+/* lg-fit: what it learns, what it predicts, and what it says of odd tables. */
+#include "cli_files.h"
+#include "datasets/h5.h"
+#include "liegrad/tables.h"
+
+OWNED(lg_table_file, lg_table_file_destroy)
+OWNED(lg_table_data, lg_table_data_destroy)
+
+static const char fit[] = "lg-fit";
+static const double turned = 6.283185307179586;
+static cli result;
+
+/* ---- tables ---- */
+
+enum { TEXT = 1 << 18 };
+typedef struct sheet {
+    char text[TEXT];
+    size_t used;
+} sheet;
+
+static void put(sheet *s, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    s->used += (size_t)vsnprintf(s->text + s->used, TEXT - s->used, format, arguments);
+    va_end(arguments);
+    assert_true(s->used < TEXT);
+}
+
+static double noise(size_t i) { /* of size 1, without a pattern */
+    const double x = sin(12.9898 * (double)(i + 1)) * 43758.5453;
+    return sqrt(12) * (x - floor(x) - 0.5);
+}
+
+/* y = sin 2a + b c, in columns of odd sizes; d says nothing. */
+static void write_smooth(const char *name, size_t first, size_t rows, double error) {
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "a,b,c,d,y,z\n");
+    for (size_t i = first; i < first + rows; i++) {
+        const double a = noise(5 * i), b = noise(5 * i + 1), c = noise(5 * i + 2);
+        put(s, "%.12g,%.12g,%.12g,%.12g,%.12g,%.12g\n", a, 1e6 * b + 3e6, 1e-7 * c, noise(5 * i + 3),
+            10 * (sin(2 * a) + b * c + error * noise(5 * i + 4)), a - b);
+    }
+    cli_write(name, s->text);
+}
+
+/* Three classes by the angle in a plane. */
+static void write_classes(const char *name, size_t first, size_t rows) {
+    static const char *const classes[] = {"\"north, far\"", "east", "7"};
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "u;v;where\n");
+    for (size_t i = first; i < first + rows; i++) {
+        const double u = noise(2 * i), v = noise(2 * i + 1), turn = 0.5 + atan2(v, u) / turned;
+        put(s, "%.9g;%.9g;%s\n", u, v, classes[(int)fmin(3 * turn, 2)]);
+    }
+    cli_write(name, s->text);
+}
+
+static int setup(void **state) {
+    if (cli_begin() != 0) return -1;
+    return 0;
+}
+
+static void need_tables(void) {
+    if (cli_exists("smooth.csv")) return;
+    write_smooth("smooth.csv", 0, 400, 0.0);
+    write_smooth("other.csv", 1000, 200, 0.0);
+    write_smooth("noisy.csv", 0, 300, 0.5);
+    write_smooth("clear.csv", 1000, 200, 0.0);
+    write_classes("classes.csv", 0, 400);
+    write_classes("more.csv", 900, 300);
+}
+
+/* The number of a column in an object of the result: "rmse", "y". */
+static double inner(const char *json, const char *key, const char *column) {
+    const char *object = json_find(json, key);
+    assert_non_null(object);
+    return json_number(object, column);
+}
+
+/* ---- regression ---- */
+
+TEST("a smooth table is learned, by names, and the error on another one is small") {
+    need_tables();
+    cli_json(fit, "train smooth.csv --inputs a,b,c,d --outputs y --test other.csv --out smooth.h5",
+             "task \"regression\", part \"test\", rows 400, train_rows 400, inputs 4, outputs 1, method "
+             "\"lm\", warnings []",
+             &result);
+    assert_true(inner(result.out, "rmse", "y") < 0.3);
+    assert_true(inner(result.out, "r2", "y") > 0.999);
+    cli_json(fit, "evaluate smooth.h5 other.csv", "judged_rows 200, outside *", &result);
+    assert_true(inner(result.out, "rmse", "y") < 0.3);
+}
+
+TEST("the noise of a table is not learned: the priors say how large it is") {
+    need_tables();
+    cli_json(fit, "train noisy.csv --inputs a,b,c,d --outputs y --test clear.csv --out noisy.h5",
+             "effective_parameters <120, noise >0.2, noise <0.5", &result);
+    /* sqrt(25 d/300) is 1.4 for 23 parameters that the data determine. */
+    assert_true(inner(result.out, "rmse", "y") < 2.5);
+    print_message("priors: rmse %.3f\n", inner(result.out, "rmse", "y"));
+    cli_json(fit,
+             "train noisy.csv --inputs a,b,c,d --outputs y --test clear.csv --out loose.h5 --weight-decay 0 "
+             "--epochs 200",
+             "evidence_evaluations 0", &result);
+    print_message("no priors: rmse %.3f\n", inner(result.out, "rmse", "y"));
+    assert_true(inner(result.out, "rmse", "y") > 3.5);
+}
+
+TEST("two outputs at once, all networks, and methods") {
+    static const char *const lines[] = {"--network resnet --hidden 12,12",
+                                        "--network mult --hidden 10",
+                                        "--network mult-affine --hidden 8,8 --activation swish",
+                                        "--hidden 20 --activation sine --linear false",
+                                        "--hidden 20 --method ssbroyden --epochs 200",
+                                        "--hidden 20 --method adam:20,lbfgs --epochs 200",
+                                        "--size 16,16 --method lbfgs --evaluations 200"};
+    need_tables();
+    for (size_t i = 0; i < LG_COUNT(lines); i++) {
+        char line[512];
+        (void)snprintf(line, sizeof line,
+                       "train smooth.csv --inputs a,b,c --outputs y,z --test other.csv --out n.h5 %s",
+                       lines[i]);
+        cli_json(fit, line, "outputs 2", &result);
+        if (!(inner(result.out, "r2", "y") > 0.97 && inner(result.out, "r2", "z") > 0.99))
+            fail_msg("%s: %s", line, result.out);
+    }
+}
+
+TEST("a widths' race chooses a size") {
+    need_tables();
+    cli_json(fit, "train smooth.csv --inputs a,b,c --outputs y --test other.csv --out n.h5 --size auto",
+             "sizes *", &result);
+    assert_true(inner(result.out, "r2", "y") > 0.99);
+}
+
+/* ---- the same bits ---- */
+
+static const lg_table_file *model_of(const char *name) {
+    char path[1024];
+    lg_table_file file;
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_model_load_table(NULL, path, NULL, &file, NULL));
+    return own_lg_table_file(file);
+}
+
+TEST("a resumed training ends in the bits of one that never stopped, whatever the threads") {
+    static const char *const methods[] = {"", "--method lbfgs --epochs 40", "--method adam --epochs 6"};
+    need_tables();
+    for (size_t i = 0; i < LG_COUNT(methods); i++) {
+        char line[512];
+        static const char common[] = "train noisy.csv --inputs a,b,c,d --outputs y --validation 0.2";
+        (void)snprintf(line, sizeof line, "%s %s --out whole.h5 --threads 1", common, methods[i]);
+        cli_expect(fit, line, 0, "", &result);
+        (void)snprintf(line, sizeof line,
+                       "%s %s --out part.h5 --stop-after 3 --checkpoint part.chk --threads 2", common,
+                       methods[i]);
+        cli_expect(fit, line, 0, "", &result);
+        (void)snprintf(line, sizeof line, "%s --out part.h5 --resume part.chk --threads 2", common);
+        cli_expect(fit, line, 0, "", &result);
+        const lg_table_file *a = model_of("whole.h5"), *b = model_of("part.h5");
+        assert_int_equal(a->parameters, b->parameters);
+        assert_memory_equal(a->theta, b->theta, a->parameters * sizeof(double));
+    }
+    cli_expect(fit,
+               "train smooth.csv --inputs a,b,c,d --outputs y --validation 0.2 --out x.h5 --resume part.chk",
+               2, "was written with rows 300, not 400", &result);
+}
+
+/* ---- classification ---- */
+
+TEST("classes with texts as names are told apart, and predicted with probabilities") {
+    static char text[1 << 16];
+    need_tables();
+    cli_json(fit, "train classes.csv --class where --test more.csv --out c.h5 --seed 3",
+             "task \"classification\", accuracy >0.93, f1 >0.93, outputs 3", &result);
+    cli_json(fit, "evaluate c.h5 more.csv", "accuracy >0.93, judged_rows 300", &result);
+    cli_json(fit, "predict c.h5 more.csv --out p.csv", "rows 300, incomplete 0", &result);
+    (void)cli_read("p.csv", text, sizeof text);
+    assert_non_null(strstr(text, "where,probability_7,probability_east,\"probability_north, far\"\n"));
+    cli_expect(fit, "train classes.csv --class where --out c.h5 --method lm", 2, "lbfgs", &result);
+}
+
+/* ---- predictions ---- */
+
+TEST("columns are found by name: swapped ones give the same numbers, missing cells give none") {
+    static char first[4096], second[4096];
+    need_tables();
+    cli_expect(fit, "train smooth.csv --inputs a,b,c --outputs y --out s.h5 --test other.csv", 0, "",
+               &result);
+    cli_write("some.csv", "a,b,c\n0.1,3e6,1e-8\n-0.5,2.5e6,-5e-8\n");
+    cli_write("swapped.csv", "c;y;more;a;b\n1e-8;9;text;0.1;3e6\n;9;text;0.1;3e6\n-5e-8;9;text;-0.5;2.5e6\n");
+    cli_expect(fit, "predict s.h5 some.csv --out p1.csv", 0, "2 rows", &result);
+    cli_expect(fit, "predict s.h5 swapped.csv --out p2.csv", 0, "3 rows", &result);
+    assert_says(result.err, "1 of 3 rows lack an input");
+    (void)cli_read("p1.csv", first, sizeof first);
+    (void)cli_read("p2.csv", second, sizeof second);
+    char *missing = strstr(second, "\n\n");
+    assert_non_null(missing);
+    memmove(missing, missing + 1, strlen(missing));
+    assert_string_equal(first, second);
+    cli_write("short.csv", "a,c\n1,2\n");
+    cli_expect(fit, "predict s.h5 short.csv", 3, "there is no column 'b'; the columns are: a, c", &result);
+    cli_write("far.csv", "a,b,c\n50,3e6,1e-8\n");
+    cli_expect(fit, "predict s.h5 far.csv", 0, "y\n", &result);
+    assert_says(result.err, "1 of 1 rows lie outside of the training range");
+    cli_expect(fit, "predict s.h5 some.csv --out some.csv", 2, "some.csv", &result);
+}
+
+/* ---- HDF5 and numpy ---- */
+
+/* A file of numpy with this header and these numbers. */
+static void write_npy(const char *name, const char *header, const void *numbers, size_t bytes) {
+    char path[1024];
+    const size_t length = strlen(header);
+    const unsigned char start[10] = {0x93, 'N', 'U', 'M', 'P', 'Y', 1, 0, (unsigned char)length, 0};
+    cli_path(name, path, sizeof path);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(start, 1, sizeof start, file), sizeof start);
+    assert_int_equal(fwrite(header, 1, length, file), length);
+    if (bytes > 0) assert_int_equal(fwrite(numbers, 1, bytes, file), bytes);
+    assert_int_equal(fclose(file), 0);
+}
+
+static const lg_table_data *table_of(const char *name, const char *const *names, uint32_t count,
+                                     const char *class_column) {
+    char path[1024];
+    lg_table_data data;
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_table_read(NULL, path, names, count, class_column, NULL, &data, NULL));
+    return own_lg_table_data(data);
+}
+
+TEST("numpy arrays of every type and order are read") {
+    static const char *const names[] = {"c2", "c0"};
+    static const double wanted[] = {3, 1, 6, -4};
+    static const double f8[] = {1, 2, 3, -4, 5, 6}, columns[] = {1, -4, 2, 5, 3, 6};
+    static const float f4[] = {1, 2, 3, -4, 5, 6};
+    static const int64_t i8[] = {1, 2, 3, -4, 5, 6};
+    static const int16_t i2[] = {1, 2, 3, -4, 5, 6};
+    static const unsigned char big[] = {0, 1, 0, 2, 0, 3, 0xff, 0xfc, 0, 5, 0, 6};
+    static const struct {
+        const char *type, *order;
+        const void *numbers;
+        size_t bytes;
+    } rows[] = {{"<f8", "False", f8, sizeof f8}, {"<f8", "True", columns, sizeof columns},
+                {"<f4", "False", f4, sizeof f4}, {"<i8", "False", i8, sizeof i8},
+                {"<i2", "False", i2, sizeof i2}, {">i2", "False", big, sizeof big}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        char header[128];
+        (void)snprintf(header, sizeof header, "{'descr': '%s', 'fortran_order': %s, 'shape': (2, 3), }\n",
+                       rows[i].type, rows[i].order);
+        write_npy("x.npy", header, rows[i].numbers, rows[i].bytes);
+        const lg_table_data *data = table_of("x.npy", names, 2, "c1");
+        assert_int_equal(data->rows, 2);
+        assert_all_close(data->values, wanted, 4, 0, 0);
+        assert_int_equal(data->classes, 2);
+        assert_string_equal(data->class_name[1], "5");
+    }
+    write_npy("line.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (6,), }\n", f8, sizeof f8);
+    assert_int_equal(table_of("line.npy", &names[1], 1, NULL)->rows, 6);
+}
+
+static void write_h5(const char *name, bool words) {
+    static const double x[] = {1, 2, 3, 4, 5, 6};
+    static const int64_t whole[] = {7, 8, 9};
+    static const char texts[3][8] = {"cat", "dog", "cat"};
+    const uint64_t rows = 3, dims[2] = {3, 2};
+    char path[1024];
+    lg_h5 *h5;
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_h5_create(NULL, path, &h5, NULL));
+    assert_ok(lg_h5_put(h5, "matrix", LG_ELEMENT_F64, 2, dims, x, NULL));
+    if (words) assert_ok(lg_h5_put_text(h5, "matrix", "columns", "left, right", NULL));
+    assert_ok(lg_h5_put(h5, "whole", LG_ELEMENT_I64, 1, &rows, whole, NULL));
+    assert_ok(lg_h5_put_texts(h5, "kind", texts[0], sizeof texts[0], 3, NULL));
+    assert_ok(lg_h5_put(h5, "short", LG_ELEMENT_F64, 1, &dims[1], x, NULL));
+    assert_ok(lg_h5_commit(h5, NULL));
+    lg_h5_close(h5);
+}
+
+TEST("HDF5 files have columns as data sets and as columns of one") {
+    static const char *const named[] = {"right", "whole"}, *const numbered[] = {"matrix1", "whole"};
+    static const double wanted[] = {2, 7, 4, 8, 6, 9};
+    write_h5("named.h5", true);
+    write_h5("numbered.h5", false);
+    for (int i = 0; i < 2; i++) {
+        const lg_table_data *data =
+            table_of(i == 0 ? "named.h5" : "numbered.h5", i == 0 ? named : numbered, 2, "kind");
+        assert_all_close(data->values, wanted, 6, 0, 0);
+        assert_int_equal(data->classes, 2);
+        assert_string_equal(data->class_name[data->label[1]], "dog");
+        assert_true(data->label[0] == data->label[2]);
+    }
+    cli_expect(fit, "train named.h5 --inputs left --outputs kind --out k.h5", 3, "does not hold numbers",
+               &result);
+    cli_expect(fit, "train named.h5 --inputs left --outputs short --out k.h5", 3, "has 2 rows", &result);
+    cli_expect(fit, "train named.h5 --inputs left --outputs gone --out k.h5", 3,
+               "the columns are: kind, left, right, short, whole", &result);
+}
+
+/* ---- odd tables ---- */
+
+typedef struct odd {
+    const char *text, *arguments; /* --out m.h5 is added */
+    int code;
+    const char *words;
+} odd;
+
+static const odd odds[] = {
+    {"", "", 3, "is empty"},
+    {"\n\n\n", "", 3, "is empty"},
+    {"# only a remark\n", "", 3, "is empty"},
+    {"a,b,y\n", "", 3, "has a header and no rows"},
+    {"a,b,y\n\n\n", "", 3, "has a header and no rows"},
+    {"a,b,y\n1,2,3\n", "", 3, "one complete row"},
+    {"a,b,y\n1,2,3\n,5,6\n", "", 3, "one complete row"},
+    {"a,b,y\n1,2,\n1,,3\n,2,3\n", "", 3, "all 3 rows have missing cells"},
+    {"a,b,y\n1,2,3\n4,5\n", "", 3, "line 3: has 2 cells, the header has 3"},
+    {"a,b,y\n1,2,3\n4,5,6,7\n", "", 3, "line 3: has 4 cells"},
+    {"a,b,y\n1,2,3\n4,many,6\n", "", 3, "line 3: column b: 'many' is not a number"},
+    {"a,b,y\n1,2,3\n4,5 m,6\n", "", 3, "line 3: column b: '5 m' is not a number"},
+    {"a;b;y\n1;2,5;3\n", "", 3, "line 2: column b: '2,5' is not a number; decimals stand behind a point"},
+    {"a,b,y\n1,2,3\n4,inf,6\n", "", 3, "line 3: column b: 'inf' is not a number"},
+    {"a,b,y\n1,2,3\n4,1e999,6\n", "", 3, "line 3: column b: '1e999' is not a finite number"},
+    {"a,b,y\n1,0x10,3\n4,5,6\n", "", 3, "'0x10' is not a number"},
+    {"1,2,3\n4,5,6\n7,8,9\n", "", 3, "line 1: has numbers where the names"},
+    {"5.1,3.5,setosa\n4.9,3,setosa\n", "", 3, "there is no header"},
+    {"a,a,y\n1,2,3\n4,5,6\n", "", 3, "column 'a' is there twice"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,q", 3, "there is no column 'q'; the columns are: a, b, y"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--outputs x", 3, "there is no column 'x'"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--class x", 3, "there is no column 'x'"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,,b", 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,a", 2, "'a' is there twice"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,y --outputs y", 2, "column y is an input and an output"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--outputs y --class b", 2, "by regression or by classification"},
+    {"y\n1\n2\n3\n", "", 3, "there is no column to learn from"},
+    {"a,k\n1,x\n2,x\n3,x\n", "--class k", 3, "one class only"},
+    {"a,k\n1,x\n2,\n3,x\n", "--class k", 3, "one class only"},
+    {"a,b,y\n1,\"2,3\n4,5,6\n", "", 3, "a quote is not closed"},
+    {"a,b,y\n1,\"2\"3,4\n4,5,6\n", "", 3, "text stands behind a closed quote"},
+    {"a\001,b,y\n1,2,3\n4,5,6\n", "", 3, "control characters"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--hidden 4,5", 2, "one width"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--decay 1,2", 2, "2 numbers; the model has"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--activation best", 2, "not one of"},
+    /* These end well. */
+    {"a,b,y\n1,2,3\n4,5,6\n", "", -1, ""},
+    {"\xef\xbb\xbf"
+     "a,b,y\r\n1,2,3\r\n4,5,6\r\n7,8,8\r\n",
+     "--inputs a,b --outputs y", -1, ""},
+    {"a\tb\ty\n1\t2\t3\n4\t5\t6\n7\t8\t8\n", "", -1, ""},
+    {"\"a, long\",b,y\n1,2,3\n4,5,6\n7,8,8\n", "--outputs y", -1, ""},
+    {"0,1,2\n1,2,3\n4,5,6\n7,8,8\n", "--outputs 2", -1, ""},
+    {",b,y\n0,2,3\n1,5,6\n2,8,8\n", "", -1, "column 1 has no name and is not used"},
+    {"a,b,y\n1,2,3\n4,5,6\n7,nan,9\n7,8,8\n", "", -1, "1 of 4 rows have missing cells"},
+    {"a,b,y\n1,2,3\n4,2,6\n7,2,8\n", "", -1, "column b is constant: it says nothing"},
+    {"a,b,y\n1,2,3\n4,5,3\n7,8,3\n", "", -1, "column y is constant"},
+    {"a,b,y\n1,2,3\n4,5,6\n1,2,3\n4,5,6\n1,2,3\n", "--validation 0.4", -1,
+     "3 rows are repetitions of others"},
+    {"a,b,y\n1,2,3\n1,2,3\n1,2,3\n1,2,3\n", "--validation 0.5", -1,
+     "in the training and in the validation part"},
+    {"a,b,y\n1e300,2,3\n-1e300,5,6\n3,8,8\n", "", -1, ""},
+    {"a,b,y\n1e-300,2,1e-300\n2e-300,5,1e-305\n3e-300,8,2e-300\n", "", -1, ""},
+    {"a,b,y\n1,2,1e300\n4,5,-1e300\n7,8,1e299\n", "", -1, ""},
+    {"a,k\n1,x\n2,y\n3,x\n4,x\n", "--class k", -1, "class 'y' has 1 row"},
+    {"a,b,y\n1,2,3\n4,5,6\n7,8", "", -1, "the last line was cut off and left out"},
+};
+
+TEST("odd tables get a sentence and an exit code, never a crash") {
+    char line[256];
+    for (size_t i = 0; i < LG_COUNT(odds); i++) {
+        const odd *o = &odds[i];
+        cli_write("odd.csv", o->text);
+        (void)snprintf(line, sizeof line, "train odd.csv %s --out m.h5", o->arguments);
+        if (o->code >= 0) {
+            cli_expect(fit, line, o->code, o->words, &result);
+            assert_false(cli_exists("m.h5"));
+            continue;
+        }
+        cli_run_limited(fit, line, 0, &result);
+        if ((result.code != 0 && result.code != 4) || strstr(result.err, o->words) == NULL)
+            fail_msg("table %zu: %s: %d\n%s%s", i, line, result.code, result.out, result.err);
+        if (cli_exists("m.h5")) cli_unlink("m.h5");
+    }
+}
+
+TEST("files that are no tables get a sentence and an exit code, too") {
+    static const struct {
+        const char *header, *words;
+    } arrays[] = {
+        {"{'descr': '<c16', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
+        {"{'descr': '|O', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
+        {"{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (2,), }\n", "descr"},
+        {"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2, 2), }\n", "one or two extents"},
+        {"{'descr': '<f8', 'fortran_order': False, 'shape': (), }\n", "single number"},
+        {"{'descr': '<f8', 'fortran_order': False, 'shape': (0, 3), }\n", "extents is 0"},
+        {"{'descr': '<f8', 'fortran_order': False, 'shape': (9, 3), }\n", "cut off"},
+        {"{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387905, 4), }\n", "cut off"},
+        {"{'fortran_order': False, 'shape': (2, 2), }\n", "descr"},
+        {"", "descr"},
+    };
+    static const double infinite[] = {1, 2, INFINITY, 4};
+    char line[256];
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
+        write_npy("odd.npy", arrays[i].header, infinite, sizeof infinite);
+        cli_expect(fit, "train odd.npy --out m.h5", 3, arrays[i].words, &result);
+    }
+    write_npy("odd.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }\n", infinite,
+              sizeof infinite);
+    cli_expect(fit, "train odd.npy --out m.h5", 3, "row 2: column c0: is infinite", &result);
+    cli_write("cut.npy", "\x93NUMPY\x01");
+    cli_expect(fit, "train cut.npy --out m.h5", 3, "ends within the header", &result);
+    static const cli_bad others[] = {
+        {"train gone.csv --out m.h5", 3, "No such file"},
+        {"train . --out m.h5", 3, "is not a regular file"},
+        {"train empty.h5 --out m.h5", 3, "is empty"},
+        {"train foreign.h5 --out m.h5", 3, "no rows"},
+        {"evaluate foreign.h5 foreign.h5", 3, "foreign.h5"},
+        {"predict gone.h5 foreign.h5", 3, "gone.h5"},
+        {"train foreign.h5", 2, "--out FILE is missing"},
+        {"train", 2, ""},
+    };
+    cli_expect_refused(fit, others, LG_COUNT(others), &result);
+    cli_write("x.csv", "a,y\n1,2\n2,3\n3,5\n");
+    static const char *const same[] = {"train x.csv --out x.csv", "train x.csv --out m.h5 --test m.h5",
+                                       "train x.csv --out m.h5 --plot m.txt"};
+    for (size_t i = 0; i < LG_COUNT(same); i++) cli_expect(fit, same[i], 2, "", &result);
+    (void)snprintf(line, sizeof line, "train x.csv --out no/folder/m.h5");
+    cli_expect(fit, line, 3, "no/folder", &result);
+}
+
+/* Every byte of a good file changed in turn, and every length: it ends with one of the exit codes. */
+TEST("damaged tables do not crash the program") {
+    static char good[512], text[512];
+    char path[1024];
+    (void)snprintf(good, sizeof good, "a,\"b\",k\n1,2,x\n2,3,y\n3,1,x\n4,5,y\n");
+    cli_path("damaged.csv", path, sizeof path);
+    const size_t length = strlen(good);
+    for (size_t i = 0; i < 2 * length; i += 3) {
+        memcpy(text, good, sizeof text);
+        if (i < length) text[i] = (char)(i % 2 == 0 ? 0xff : '"');
+        FILE *file = fopen(path, "wb");
+        assert_non_null(file);
+        const size_t bytes = i < length ? length : i - length;
+        assert_int_equal(fwrite(text, 1, bytes, file), bytes);
+        assert_int_equal(fclose(file), 0);
+        cli_run_limited(fit, "train damaged.csv --class k --out d.h5 --epochs 3", 0, &result);
+        if (result.code > 5) fail_msg("byte %zu: exit code %d\n%s", i, result.code, result.err);
+    }
+}
+
+TEST("a search finds the better width") {
+    need_tables();
+    cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [1, 12]}\nfixed: {epochs: 20}\n");
+    cli_expect(fit, "search ranges.yaml smooth.csv --trials 3 --out trials.csv", 0, "", &result);
+    assert_true(cli_exists("trials.csv"));
+}
+
+TEST_GROUP(setup, cli_end)

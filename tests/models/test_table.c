@@ -1,0 +1,292 @@
+/* Table networks: Jacobians, scaling, the evidence, the recording beside the plan. */
+#include "test_support.h"
+
+#include "liegrad/gradcheck.h"
+#include "liegrad/minimise.h"
+#include "liegrad/model.h"
+#include "liegrad/table.h"
+#include "core/core.h"
+#include "models/table_internal.h"
+#include "support/fixtures.h"
+
+OWNED(lg_table_samples, lg_table_samples_destroy)
+
+enum { ROWS = 40 };
+
+typedef struct example {
+    lg_table_options options;
+    uint32_t inputs, outputs;
+} example;
+
+#define NETWORK(kind, activation_, layers, width, linear_)                                                   \
+    {                                                                                                        \
+        .network = LG_NET_##kind, .activation = LG_##activation_, .hidden_count = layers,                    \
+        .hidden = {width, width, width}, .linear = linear_                                                   \
+    }
+static const example examples[] = {
+    {NETWORK(MLP, TANH, 1, 5, true), 3, 1},         {NETWORK(MLP, SWISH, 3, 4, false), 2, 3},
+    {NETWORK(RESNET, SIGMOID, 3, 4, true), 4, 2},   {NETWORK(MULT, TANH, 2, 5, false), 3, 2},
+    {NETWORK(MULT_AFFINE, SINE, 2, 3, true), 2, 1},
+};
+
+static lg_table make(const example *e) {
+    lg_table model;
+    assert_ok(lg_table_init(&model, &e->options, e->inputs, e->outputs, NULL));
+    return model;
+}
+
+/* y = sin of the sum and a product of the inputs, with noise; x and y of size 1. */
+static lg_table_samples *draw(const lg_table *model, size_t rows, double noise, lg_rng *rng) {
+    const uint32_t n = model->net.inputs, m = model->net.outputs;
+    lg_table_samples made = {.count = rows, .training = rows};
+    made.x = lg_alloc(NULL, rows * n, sizeof *made.x);
+    made.y = lg_alloc(NULL, rows * m, sizeof *made.y);
+    assert_true(made.x != NULL && made.y != NULL);
+    for (size_t i = 0; i < rows; i++) {
+        double sum = 0;
+        for (uint32_t c = 0; c < n; c++) sum += made.x[i * n + c] = lg_rng_normal(rng);
+        for (uint32_t o = 0; o < m; o++)
+            made.y[i * m + o] =
+                sin(sum + o) + 0.3 * made.x[i * n] * made.x[i * n + n - 1] + noise * lg_rng_normal(rng);
+    }
+    return own_lg_table_samples(made);
+}
+
+static double *parameters(const lg_table *model, lg_rng *rng) {
+    const size_t n = lg_table_parameters(model);
+    double *theta = TEST_ARRAY(double, n);
+    lg_table_initialise(model, rng, theta);
+    for (size_t i = 0; i < n; i++) theta[i] += 0.1 * lg_rng_normal(rng);
+    return theta;
+}
+
+/* By forward sweeps over the recorded residuals, which share no code with the taps. */
+TEST("the Jacobian of the residuals is that of forward sweeps, for every network") {
+    for (size_t e = 0; e < LG_COUNT(examples); e++) {
+        const lg_table model = make(&examples[e]);
+        const size_t n = lg_table_parameters(&model), m = ROWS * (size_t)model.net.outputs;
+        lg_rng rng;
+        lg_rng_seed(&rng, 5, e);
+        lg_table_samples *samples = draw(&model, ROWS, 0.1, &rng);
+        const double *theta = parameters(&model, &rng);
+        const lg_table_problem problem = {&model, samples, NULL};
+        lg_fit_problem fit;
+        uint32_t chosen[ROWS];
+        double *r = TEST_ARRAY(double, m), *J = TEST_ARRAY(double, m *n), *again = TEST_ARRAY(double, m),
+               loss;
+        lg_tape *tape = test_tape(LG_F64);
+        for (uint32_t i = 0; i < ROWS; i++) chosen[i] = (7 * i + 3) % ROWS;
+        lg_table_fit_problem(&problem, &fit);
+        assert_ok(fit.linearise(fit.user, tape, theta, chosen, ROWS, 2 * ROWS, &loss, r, J));
+        lg_tape_reset(tape);
+        lg_var given = lg_input_f64(tape, lg_shape1((uint32_t)n), theta), recorded = LG_NONE, total = LG_NONE;
+        assert_ok(fit.residuals(fit.user, tape, given, chosen, ROWS, 2 * ROWS, &recorded));
+        assert_ok(fit.loss(fit.user, tape, given, chosen, ROWS, 2 * ROWS, &total));
+        assert_ok(lg_read(tape, recorded, m, again));
+        assert_all_close(r, again, m, 1e-13, 1e-15);
+        assert_close(*(const double *)lg_value(tape, total), loss, 1e-13, 0);
+        for (size_t j = 0; j < n; j++) {
+            double *unit = TEST_ARRAY(double, n);
+            lg_var column = LG_NONE;
+            unit[j] = 1;
+            const lg_var direction = lg_input_f64(tape, lg_shape1((uint32_t)n), unit);
+            assert_ok(lg_jvp(tape, &recorded, 1, &given, &direction, 1, &column));
+            assert_ok(lg_read(tape, column, m, again));
+            for (size_t i = 0; i < m; i++) assert_close(J[i * n + j], again[i], 1e-11, 1e-14);
+        }
+    }
+}
+
+static lg_scaler some_scaler(uint32_t columns, lg_rng *rng, double size) {
+    lg_scaler made = {
+        .channels = columns, .mean = TEST_ARRAY(double, columns), .scale = TEST_ARRAY(double, columns)};
+    for (uint32_t c = 0; c < columns; c++) {
+        made.mean[c] = size * lg_rng_normal(rng);
+        made.scale[c] = size * (0.5 + lg_rng_uniform(rng));
+    }
+    return made;
+}
+
+TEST("a model scales its inputs and outputs, and its Jacobian is that of differences") {
+    for (size_t e = 0; e < LG_COUNT(examples); e++) {
+        const lg_table model = make(&examples[e]);
+        const uint32_t n = model.net.inputs, m = model.net.outputs;
+        lg_rng rng;
+        lg_rng_seed(&rng, 6, e);
+        const double *theta = parameters(&model, &rng);
+        const lg_scaler in = some_scaler(n, &rng, 1e-6), out = some_scaler(m, &rng, 1e4);
+        lg_model *handle = NULL;
+        assert_ok(lg_model_create_table(NULL, &model, &in, &out, theta, &handle, NULL));
+        void *work = test_work(lg_model_work_size(handle));
+        double x[8], z[8], y[4], f[4], J[32], up[4], down[4];
+        for (uint32_t c = 0; c < n; c++) x[c] = in.mean[c] + in.scale[c] * (z[c] = lg_rng_normal(&rng));
+        lg_model_jacobian(handle, x, y, J, work);
+        lg_tape *tape = test_tape(LG_F64);
+        const lg_var flat = lg_input_f64(tape, lg_shape1((uint32_t)lg_table_parameters(&model)), theta);
+        const lg_var row = lg_input_f64(tape, lg_shape2(1, n), z);
+        assert_ok(lg_read(tape, lg_table_record(tape, &model, flat, row, NULL), m, f));
+        for (uint32_t o = 0; o < m; o++) assert_close(y[o], out.mean[o] + out.scale[o] * f[o], 1e-12, 0);
+        for (uint32_t c = 0; c < n; c++) {
+            const double kept = x[c], step = 1e-5 * in.scale[c];
+            x[c] = kept + step;
+            lg_model_eval(handle, x, up, work);
+            x[c] = kept - step;
+            lg_model_eval(handle, x, down, work);
+            x[c] = kept;
+            for (uint32_t o = 0; o < m; o++)
+                assert_close(J[o * n + c], (up[o] - down[o]) / (2 * step), 1e-5,
+                             1e-6 * out.scale[o] / in.scale[c]);
+        }
+        lg_model_destroy(handle);
+    }
+}
+
+TEST("a scaler is fit in two passes: offsets, constants and large numbers do no harm") {
+    enum { N = 5, COLUMNS = 5 };
+    double values[N * COLUMNS];
+    static const uint32_t chosen[] = {4, 0, 2};
+    lg_scaler s;
+    for (size_t i = 0; i < N; i++) {
+        const double t = (double)i;
+        const double row[COLUMNS] = {t, 1e9 + t, 0.1, 1e300 * (t - 2), 1e-300 * t};
+        memcpy(values + i * COLUMNS, row, sizeof row);
+    }
+    assert_ok(lg_table_scaler_fit(NULL, values, COLUMNS, NULL, N, &s));
+    const double deviation = sqrt(2);
+    const double mean[] = {2, 1e9 + 2, 0.1, 0, 2e-300}, scale[] = {1, 1, 1 / deviation, 1e300, 1e-300};
+    for (size_t c = 0; c < COLUMNS; c++) {
+        assert_close(s.mean[c], mean[c], 1e-14, 1e-20);
+        assert_close(s.scale[c], deviation * scale[c], 1e-7, 0);
+    }
+    lg_scaler_destroy(&s);
+    assert_ok(lg_table_scaler_fit(NULL, values, COLUMNS, chosen, 3, &s));
+    assert_close(s.mean[0], 2, 1e-15, 0);
+    assert_close(s.scale[0], sqrt(8.0 / 3), 1e-14, 0);
+    lg_scaler_destroy(&s);
+    values[3] = NAN;
+    assert_status(lg_table_scaler_fit(NULL, values, COLUMNS, NULL, N, &s), LG_NOT_FINITE);
+    assert_status(lg_table_scaler_fit(NULL, values, COLUMNS, NULL, 0, &s), LG_INVALID_ARGUMENT);
+}
+
+/* ---- the evidence ---- */
+
+typedef struct found {
+    double decay[LG_TABLE_SLICES], *theta;
+    lg_table_evidence_result result;
+} found;
+
+static found evidence_of(const lg_table *model, const lg_table_samples *samples, uint64_t seed) {
+    found f = {.theta = TEST_ARRAY(double, lg_table_parameters(model))};
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, 9);
+    lg_table_initialise(model, &rng, f.theta);
+    const lg_table_problem problem = {model, samples, NULL};
+    assert_ok(lg_table_evidence(NULL, &problem, NULL, f.theta, f.decay, &f.result, NULL));
+    return f;
+}
+
+static double error_on(const lg_table *model, const double *theta, const lg_table_samples *samples) {
+    const size_t m = samples->count * model->net.outputs;
+    lg_tape *tape = test_tape(LG_F64);
+    double *f = TEST_ARRAY(double, m), sum = 0;
+    const lg_var z = lg_input_f64(tape, lg_shape2((uint32_t)samples->count, model->net.inputs), samples->x);
+    const lg_var flat = lg_input_f64(tape, lg_shape1((uint32_t)lg_table_parameters(model)), theta);
+    assert_ok(lg_read(tape, lg_table_record(tape, model, flat, z, NULL), m, f));
+    for (size_t i = 0; i < m; i++) sum += pow(f[i] - samples->y[i], 2) / (double)m;
+    return sqrt(sum);
+}
+
+TEST("the evidence finds the noise of the data, and a network for it that generalises") {
+    static const double noises[] = {0.5, 0.1, 0.01};
+    const example e = {NETWORK(MLP, TANH, 1, 16, true), 2, 1};
+    const lg_table model = make(&e);
+    for (size_t i = 0; i < LG_COUNT(noises); i++) {
+        lg_rng rng;
+        lg_rng_seed(&rng, 31, i);
+        const lg_table_samples *samples = draw(&model, 300, noises[i], &rng),
+                               *clear = draw(&model, 400, 0, &rng);
+        const found f = evidence_of(&model, samples, 4);
+        const double error = error_on(&model, f.theta, clear);
+        print_message("noise %.3g: found %.3g, %.1f effective of %zu, error %.3g\n", noises[i],
+                      f.result.noise, f.result.effective, lg_table_parameters(&model), error);
+        assert_close(f.result.noise, noises[i], 0.25, 0);
+        assert_true(f.result.effective > 5 && f.result.effective < (double)lg_table_parameters(&model));
+        assert_true(error < 0.5 * noises[i] + 0.02);
+    }
+}
+
+TEST("a network that is too narrow for the data has less evidence than one that fits") {
+    double evidence[2];
+    static const uint32_t widths[] = {1, 6};
+    for (size_t i = 0; i < LG_COUNT(widths); i++) {
+        const example e = {NETWORK(MLP, TANH, 1, widths[i], true), 2, 1};
+        const lg_table model = make(&e);
+        lg_rng rng;
+        lg_rng_seed(&rng, 32, 0);
+        const lg_table_samples *samples = draw(&model, 150, 0.05, &rng);
+        evidence[i] = evidence_of(&model, samples, 4).result.evidence;
+        print_message("width %u: log evidence %.1f\n", widths[i], evidence[i]);
+    }
+    assert_true(evidence[1] > evidence[0] + 20);
+}
+
+/* At the end the gradient of loss and penalty, with the decay that is returned, is small: lg_fit goes on
+ * there. */
+TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit") {
+    const example e = {NETWORK(MLP, TANH, 1, 6, true), 2, 2};
+    const lg_table model = make(&e);
+    const size_t n = lg_table_parameters(&model);
+    lg_slice_info info;
+    lg_rng rng;
+    lg_rng_seed(&rng, 33, 0);
+    const lg_table_samples *samples = draw(&model, 60, 0.5, &rng);
+    const found f = evidence_of(&model, samples, 4);
+    double *decay = TEST_ARRAY(double, n), *end = TEST_ARRAY(double, n);
+    for (uint32_t s = 0; lg_table_slice(&model, s, &info); s++)
+        for (size_t i = 0; i < info.count; i++) decay[info.offset + i] = f.decay[s];
+    const lg_table_problem problem = {&model, samples, decay};
+    lg_fit_problem learned;
+    lg_fit_options options;
+    lg_fit *fit = NULL;
+    lg_fit_options_init(&options);
+    options.plan.phases = 1;
+    lg_table_fit_problem(&problem, &learned);
+    for (int method = LG_FIT_SSBROYDEN; method < LG_FIT_METHOD_COUNT; method++) {
+        options.plan.phase[0].method = (uint32_t)method;
+        assert_ok(lg_fit_create(NULL, &learned, &options, f.theta, &fit, NULL));
+        assert_ok(lg_fit_run(fit, NULL));
+        lg_fit_parameters(fit, end);
+        const double before = lg_fit_history(fit, LG_FIT_LOSS)[0], after = lg_fit_loss(fit);
+        lg_fit_destroy(fit);
+        assert_close(after, before, 3e-3, 0);
+    }
+    /* Without the decay the same start is no minimum. */
+    learned.decay = NULL;
+    assert_ok(lg_fit_create(NULL, &learned, &options, f.theta, &fit, NULL));
+    assert_ok(lg_fit_run(fit, NULL));
+    print_message("loss %.4g with the decay, %.4g without\n", lg_fit_history(fit, LG_FIT_LOSS)[0],
+                  lg_fit_loss(fit));
+    assert_true(lg_fit_loss(fit) < 0.9 * lg_fit_history(fit, LG_FIT_LOSS)[0]);
+    lg_fit_destroy(fit);
+}
+
+TEST("what is no table network is refused with a sentence") {
+    lg_table model;
+    lg_error error = {LG_OK, ""};
+    lg_table_options options = NETWORK(MLP, TANH, 2, 4, true);
+    options.hidden[1] = 5;
+    assert_status(lg_table_init(&model, &options, 2, 1, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "one width");
+    options.hidden_count = 0;
+    assert_status(lg_table_init(&model, &options, 2, 1, &error), LG_INVALID_ARGUMENT);
+    options.hidden_count = 1;
+    options.task = LG_TABLE_CLASSIFICATION;
+    assert_status(lg_table_init(&model, &options, 2, 1, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "two at least");
+    assert_status(lg_table_init(&model, &options, 0, 2, &error), LG_INVALID_ARGUMENT);
+    assert_ok(lg_table_init(&model, &options, 2, 2, &error));
+    const lg_table_samples none = {.count = 1, .training = 1};
+    const lg_table_problem problem = {&model, &none, NULL};
+    double theta[64] = {0}, decay[LG_TABLE_SLICES];
+    assert_status(lg_table_evidence(NULL, &problem, NULL, theta, decay, NULL, &error), LG_UNSUPPORTED);
+}
