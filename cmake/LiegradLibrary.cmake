@@ -7,7 +7,7 @@
 # static link only. LIEGRAD are other libraries of the project.
 #
 # Components of an installation: runtime (shared libraries, executables, scenes, licence), development (headers,
-# archives, what CMake and pkg-config read), tools (lg-bench, lg-gradcheck), documentation.
+# archives, what CMake and pkg-config read, examples), tools (lg-bench, lg-gradcheck), documentation.
 function(liegrad_library name)
   cmake_parse_arguments(ARG "" "DESCRIPTION" "SOURCES;OBJECTS;LIEGRAD;PACKAGES;LIBRARIES" ${ARGN})
   set(packages ${ARG_PACKAGES})
@@ -30,7 +30,9 @@ function(liegrad_library name)
     add_library(liegrad::${target} ALIAS ${target})
   endforeach()
   set_target_properties(${name}_shared PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}
-    INSTALL_RPATH "$ORIGIN")
+    INSTALL_RPATH "$ORIGIN" LINK_DEPENDS ${LIEGRAD_SYMBOLS})
+  target_link_options(${name}_shared PRIVATE LINKER:--version-script=${LIEGRAD_SYMBOLS})
+  add_dependencies(${name}_shared liegrad_symbols)
   if(LIEGRAD_SANITIZE)
     target_link_options(${name}_shared PRIVATE -fsanitize=${LIEGRAD_SANITIZE})
   else()
@@ -103,7 +105,7 @@ function(liegrad_install_package)
   endif()
 endfunction()
 
-# Scenes, ranges of searches, pages and licence.
+# Scenes, ranges of searches, pages, examples and licence.
 function(liegrad_install_texts)
   set(data ${CMAKE_INSTALL_DATADIR}/liegrad)
   set(pages ${CMAKE_INSTALL_DATAROOTDIR}/doc/liegrad)
@@ -113,4 +115,6 @@ function(liegrad_install_texts)
     COMPONENT documentation)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs DESTINATION ${pages} COMPONENT documentation
     FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png")
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples DESTINATION ${pages} COMPONENT development USE_SOURCE_PERMISSIONS
+    PATTERN "build*" EXCLUDE PATTERN exported EXCLUDE)
 endfunction()

@@ -205,7 +205,8 @@ typedef struct app_json {
     bool comma;
 } app_json;
 void app_json_begin(app_json *json);
-void app_json_real(app_json *json, const char *key, double value); /* null when not finite; 17 digits */
+void app_print_real(FILE *stream, double value); /* the shortest text that reads back the same, or null */
+void app_json_real(app_json *json, const char *key, double value); /* null when not finite */
 void app_json_size(app_json *json, const char *key, uint64_t value);
 void app_json_bool(app_json *json, const char *key, bool value);
 void app_json_text(app_json *json, const char *key, const char *value); /* NULL: null */

@@ -1,6 +1,7 @@
 /* JSON, tables, progress. */
 #include "common/app.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
@@ -41,11 +42,18 @@ void app_json_quote(FILE *stream, const char *text) {
     (void)fputc('"', stream);
 }
 
-static void put_real(FILE *stream, double value) {
-    if (isfinite(value))
-        (void)fprintf(stream, "%.17g", value);
-    else
-        (void)fputs("null", stream);
+/* 15 digits, of which %g leaves the zeros at the end out, are the shortest text of a number that has one of so
+ * few; a subnormal has less digits. Below a power of two the next number is nearer than above it, so a text
+ * above it may read back the same where the nearest text of so many digits, below it, does not. */
+void app_print_real(FILE *stream, double value) {
+    char text[40] = "null";
+    bool same = !isfinite(value);
+    for (int digits = fabs(value) < DBL_MIN ? 1 : DBL_DIG; !same && digits <= DBL_DECIMAL_DIG; digits++)
+        for (int above = 0; above < 2 && !same; above++) {
+            (void)snprintf(text, sizeof text, "%.*Lg", digits, value * (1 + above * 0x1p-54L));
+            same = strtod(text, NULL) == value;
+        }
+    (void)fputs(text, stream);
 }
 
 static void put_key(app_json *json, const char *key) {
@@ -65,7 +73,7 @@ void app_json_begin(app_json *json) {
 
 void app_json_real(app_json *json, const char *key, double value) {
     put_key(json, key);
-    put_real(json->stream, value);
+    app_print_real(json->stream, value);
 }
 
 void app_json_size(app_json *json, const char *key, uint64_t value) {

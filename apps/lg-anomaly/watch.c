@@ -55,17 +55,17 @@ static lg_status judge(void *user, const float *x, bool *positive, double *score
 /* ---- verdicts ---- */
 
 static void print_json_verdict(const watching *self, const lg_verdict *v) {
-    (void)printf(
-        "{\"time\": %.17g, \"window\": %llu, \"first_sample\": %llu, \"judged\": %s, \"class\": ", self->now,
-        (unsigned long long)v->window, (unsigned long long)v->first_sample, v->judged ? "true" : "false");
+    (void)fputs("{\"time\": ", stdout);
+    app_print_real(stdout, self->now);
+    (void)printf(", \"window\": %llu, \"first_sample\": %llu, \"judged\": %s, \"class\": ",
+                 (unsigned long long)v->window, (unsigned long long)v->first_sample,
+                 v->judged ? "true" : "false");
     if (v->judged)
         app_json_quote(stdout, self->bench.model->class_name[self->bench.given]);
     else
         (void)fputs("null", stdout);
-    if (v->judged && isfinite(v->score))
-        (void)printf(", \"score\": %.17g", v->score);
-    else
-        (void)fputs(", \"score\": null", stdout);
+    (void)fputs(", \"score\": ", stdout);
+    app_print_real(stdout, v->judged ? v->score : NAN);
     (void)printf(", \"missing\": %u, \"positive_votes\": %u, \"votes\": %u, \"alarm\": %s}\n", v->missing,
                  v->positive_votes, v->votes, v->alarm ? "true" : "false");
 }
@@ -110,10 +110,13 @@ void watch_end_gap(watching *self) {
         self->gap_windows > TOLD_NOT_JUDGED ? self->gap_windows - TOLD_NOT_JUDGED : 0;
     self->gap_windows = 0;
     if (count == 0 || values.quiet) return;
-    if (self->app->json)
-        (void)printf("{\"not_judged\": %llu, \"first_time\": %.17g, \"time\": %.17g}\n", count,
-                     self->gap_first, self->now);
-    else
+    if (self->app->json) {
+        (void)printf("{\"not_judged\": %llu, \"first_time\": ", count);
+        app_print_real(stdout, self->gap_first);
+        (void)fputs(", \"time\": ", stdout);
+        app_print_real(stdout, self->now);
+        (void)fputs("}\n", stdout);
+    } else
         (void)printf("# not judged: %llu window%s more, the last ends before %.15g s\n", count,
                      count == 1 ? "" : "s", self->now + 1 / self->rate);
 }

@@ -75,6 +75,24 @@ static int setup(void **state) {
 
 /* ---- runs with known answers ---- */
 
+TEST("JSON has the shortest text of a number that reads back the same") {
+    /* The last three: subnormal, the least, and a power of two whose nearest 16 digits are another number. */
+    static const char *const texts[] = {"0.1",
+                                        "2.5",
+                                        "100000",
+                                        "1e-05",
+                                        "0.30000000000000004",
+                                        "1.2e-309",
+                                        "5e-324",
+                                        "7.174648137343064e-43"};
+    for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++) {
+        char line[128], member[64];
+        (void)snprintf(line, sizeof line, "oscillator.yaml --steps 1 --t-end %s --json", texts[i]);
+        (void)snprintf(member, sizeof member, "\"t\": %s,", texts[i]);
+        cli_expect(lg, line, 0, member, &result);
+    }
+}
+
 TEST("every method is named in the help") {
     run("--help");
     for (size_t i = 0; i < lg_scheme_count(); i++) assert_says(result.out, lg_scheme_at(i)->name);

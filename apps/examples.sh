@@ -1,0 +1,134 @@
+# The examples of the manual pages. `#: PAGE` begins those of a page: a program or one of its commands; a command without
+# examples has no page of its own. Together they are one script, which the test test_manual runs; scenes/ and searches/ are
+# those of share/liegrad.
+
+#: lg-simulate
+# A heavy top by the default method, with a picture; then 2000 equal steps of a commutator-free method.
+lg-simulate scenes/heavy-top.yaml --plot top.svg
+lg-simulate scenes/heavy-top.yaml --method cf4 --steps 2000 --out top.h5
+# The derivatives of the last position of a double pendulum by the start, the masses and the lengths.
+lg-simulate scenes/double-pendulum.yaml --gradient 1,0,0,0,0,0,0,0,0,0,0,0 --json
+
+#: lg-hamiltonian
+# From a scene to a learned model, its error and a prediction.
+lg-hamiltonian generate scenes/pendulum.yaml --out data.h5
+lg-hamiltonian train data.h5 --integrator cf4 --epochs 50 --out model.h5
+lg-hamiltonian evaluate model.h5 data.h5
+lg-hamiltonian predict model.h5 scenes/pendulum.yaml --t-end 10 --plot flow.svg
+
+#: lg-hamiltonian generate
+# Training data with noise on all points but the first, and test data without.
+lg-hamiltonian generate scenes/pendulum.yaml --noise 1e-3 --out data.h5
+lg-hamiltonian generate scenes/pendulum.yaml --trajectories 100 --points 15 --seed 2 --out test.h5
+
+#: lg-hamiltonian train
+# Adam, 50 epochs, with a table of the loss.
+lg-hamiltonian train data.h5 --epochs 50 --history loss.csv --out model.h5
+# A quasi-Newton method for three seconds.
+lg-hamiltonian train data.h5 --method ssbroyden --seconds 3 --out model.h5
+
+#: lg-hamiltonian evaluate
+lg-hamiltonian evaluate model.h5 test.h5 --plot errors.svg
+
+#: lg-hamiltonian predict
+lg-hamiltonian predict model.h5 scenes/pendulum.yaml --t-end 10 --points 500 --plot flow.svg
+
+#: lg-hamiltonian study
+# Two runs of a grid; the same line again does the next two.
+lg-hamiltonian study scenes/study-small.yaml --stop-after 2 --out study.csv
+
+#: lg-hamiltonian demo
+lg-hamiltonian demo --epochs 50 --out demo
+
+#: lg-identify
+# From the log of a machine to a controller; all files are in the folder machine.
+lg-identify demo --seconds 2 --out machine
+
+#: lg-identify check
+lg-identify check machine/machine.yaml machine/train.csv --plot log.svg
+
+#: lg-identify fit
+# Two seconds of training; the parameters that are best on another log are kept.
+lg-identify fit machine/machine.yaml machine/train.csv --validation machine/test.csv --seconds 2 --out body.h5
+
+#: lg-identify evaluate
+lg-identify evaluate body.h5 machine/test.csv --horizons 1,2 --plot learned.svg
+
+#: lg-identify predict
+lg-identify predict body.h5 machine/test.csv --out run.csv --plot run.svg
+
+#: lg-identify generate
+lg-identify generate machine/truth.yaml --runs 2 --noise 1e-3,1e-2 --out log.csv
+
+#: lg-identify demo
+lg-identify demo --seconds 2 --out machine
+
+#: lg-elastica
+# The shape of a clamped beam; then a network that gives shapes.
+lg-elastica solve --case both-ends --x 3 --plot beam.svg
+lg-elastica generate --count 100 --out curves.h5
+lg-elastica train curves.h5 --seconds 2 --out beam.h5
+lg-elastica predict beam.h5 --x 3 --solve
+
+#: lg-elastica solve
+# All shapes of lowest energy for one pair of ends, and a table of a family of shapes.
+lg-elastica solve --x 3 --branches
+lg-elastica solve --case both-ends --sweep 20 --out sweep.csv
+
+#: lg-elastica generate
+lg-elastica generate --case both --count 50 --out both.h5
+
+#: lg-elastica train
+lg-elastica train curves.h5 --network discrete --seconds 2 --out beam.h5
+
+#: lg-elastica evaluate
+lg-elastica evaluate beam.h5 curves.h5 --part test
+
+#: lg-elastica predict
+lg-elastica predict beam.h5 --x 3 --points 200 --out curve.csv
+
+#: lg-elastica search
+lg-elastica search searches/elastica-discrete.yaml curves.h5 --trials 1 --out trials.csv
+
+#: lg-anomaly
+# A detector of damage, trained on simulated recordings, watches a feed.
+lg-anomaly generate --noise 10 --runs 36 --out well.h5
+lg-anomaly train well.h5 --method logistic --out detector.h5
+lg-anomaly evaluate detector.h5 well.h5
+lg-anomaly feed --noise 10 --hours 1 | lg-anomaly watch detector.h5 --quiet
+
+#: lg-anomaly generate
+lg-anomaly generate --noise 10 --runs 36 --plot recordings.svg --out well.h5
+
+#: lg-anomaly feed
+# Two hours; the casing breaks after one.
+lg-anomaly feed --noise 10 --hours 2 --crack-at 1 --out feed.csv
+
+#: lg-anomaly train
+# A classical method, and a small convolutional network for two epochs.
+lg-anomaly train well.h5 --method svm-rbf --features cov --out detector.h5
+lg-anomaly train well.h5 --method cnn --epochs 2 --out network.h5
+
+#: lg-anomaly evaluate
+lg-anomaly evaluate detector.h5 well.h5 --part test --plot confusion.svg --picture confusion
+
+#: lg-anomaly search
+lg-anomaly search searches/anomaly.yaml well.h5 --trials 1 --out trials.csv
+
+#: lg-anomaly watch
+# The crack of the feed is after 3600 seconds.
+lg-anomaly watch detector.h5 --input feed.csv --crack-at 3600
+
+#: lg-export
+# A controller's C from a model: value, gradient, step; then its own test, which needs cc and make.
+lg-export model.h5 --name pendulum --out exported
+make -C exported test
+
+#: lg-gradcheck
+# The derivatives of one operation; then wrong ones are planted, and each has to be caught.
+lg-gradcheck --only mul
+lg-gradcheck --only mul --plant
+
+#: lg-bench
+lg-bench list
+lg-bench scalar --json

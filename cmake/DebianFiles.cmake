@@ -1,0 +1,57 @@
+# What Debian wants in its packages and nobody else: read by CPack when the components lie in CPACK_TEMPORARY_DIRECTORY, each in a
+# folder of its name. Programs and libraries lose search paths and symbols, pages are compressed, copyright and changelog
+# lie in the folder of each package.
+if(NOT CPACK_GENERATOR STREQUAL "DEB")
+  return()
+endif()
+find_program(STRIP strip REQUIRED)
+find_program(GZIP gzip REQUIRED)
+
+function(compress)
+  execute_process(COMMAND ${GZIP} -9nf ${ARGN} COMMAND_ERROR_IS_FATAL ANY)
+endfunction()
+
+string(TIMESTAMP date "%a, %d %b %Y %H:%M:%S +0000" UTC) # that of SOURCE_DATE_EPOCH if there is one
+foreach(component IN LISTS CPACK_COMPONENTS_ALL)
+  string(TOUPPER ${component} upper)
+  set(usr ${CPACK_TEMPORARY_DIRECTORY}/${component}/usr)
+  set(doc ${usr}/share/doc/${CPACK_DEBIAN_${upper}_PACKAGE_NAME})
+  file(MAKE_DIRECTORY ${doc})
+
+  file(GLOB_RECURSE binaries ${usr}/bin/* ${usr}/lib/*.so.*)
+  foreach(file IN LISTS binaries)
+    if(NOT IS_SYMLINK ${file})
+      file(RPATH_REMOVE FILE ${file})
+      execute_process(COMMAND ${STRIP} --strip-unneeded --remove-section=.comment --remove-section=.note ${file}
+        COMMAND_ERROR_IS_FATAL ANY)
+    endif()
+  endforeach()
+  file(GLOB_RECURSE archives ${usr}/lib/*.a)
+  foreach(file IN LISTS archives)
+    execute_process(COMMAND ${STRIP} --strip-debug --enable-deterministic-archives --remove-section=.comment --remove-section=.note
+      ${file} COMMAND_ERROR_IS_FATAL ANY)
+  endforeach()
+
+  file(GLOB pages ${usr}/share/man/man1/*.1)
+  if(pages)
+    compress(${pages})
+  endif()
+  file(REMOVE ${usr}/share/doc/liegrad/LICENSE) # its words are in `copyright`
+  if(EXISTS ${usr}/share/doc/liegrad/CHANGELOG.md)
+    file(RENAME ${usr}/share/doc/liegrad/CHANGELOG.md ${doc}/changelog)
+    compress(${doc}/changelog)
+  endif()
+  file(READ ${CPACK_RESOURCE_FILE_LICENSE} licence)
+  file(WRITE ${doc}/copyright "${licence}")
+  file(WRITE ${doc}/changelog.Debian "${CPACK_PACKAGE_NAME} (${CPACK_PACKAGE_VERSION}-${CPACK_DEBIAN_PACKAGE_RELEASE}) unstable; \
+urgency=medium\n\n  * Version ${CPACK_PACKAGE_VERSION}.\n\n -- ${CPACK_PACKAGE_CONTACT}  ${date}\n")
+  compress(${doc}/changelog.Debian)
+  file(CHMOD ${doc}/copyright ${doc}/changelog.Debian.gz PERMISSIONS OWNER_READ OWNER_WRITE GROUP_READ WORLD_READ)
+endforeach()
+
+file(WRITE ${CPACK_TEMPORARY_DIRECTORY}/runtime/usr/share/lintian/overrides/liegrad "\
+# Programs and libraries are one release; the name of the package is that of the programs, and who links the\n\
+# libraries depends on this version.\n\
+liegrad: package-name-doesnt-match-sonames *\n\
+# CPack writes these two scripts itself; the trigger is there too.\n\
+liegrad: maintscript-calls-ldconfig *\n")

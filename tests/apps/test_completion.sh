@@ -1,0 +1,61 @@
+# What bash completes for the programs: commands, options, choices and files, of every program and command.
+# shellcheck disable=SC2034 # COMP_WORDS is read by the completion
+set -u
+export LC_ALL=C
+status=0
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work" || exit 1
+mkdir runs
+touch model.h5 notes.txt scene.yaml
+# shellcheck source=/dev/null
+. "$LG_TEST_DIR/../apps/completion.bash"
+
+# completed WORD...: what the last word becomes.
+completed() {
+    COMP_WORDS=("$LG_BIN_DIR/$1" "${@:2}") COMP_CWORD=$(($# - 1)) COMPREPLY=()
+    _liegrad
+    printf '%s\n' ${COMPREPLY[@]+"${COMPREPLY[@]}"} | sort | paste -sd ' '
+}
+# expect RESULT WORD...
+expect() {
+    local expected=$1 found
+    shift
+    found=$(completed "$@")
+    [ "$found" = "$expected" ] || { echo "$*: '$found', not '$expected'"; status=1; }
+}
+expect 'train' lg-hamiltonian tr
+expect 'demo evaluate generate predict study train' lg-hamiltonian ''
+expect 'evaluate' lg-hamiltonian --seed 3 ev
+expect '--plot-noise= --plot-parallel= --plot=' lg-hamiltonian study --pl
+expect '--json' lg-hamiltonian --js
+expect 'cf32a cf32b cf4 cf43' lg-hamiltonian train --integrator = cf
+expect 'cf32a cf32b cf4 cf43' lg-hamiltonian train --integrator cf
+expect '--integrator=cf43' lg-hamiltonian train --integrator=cf43 --integrator=cf43
+expect 'best thesis' lg-hamiltonian train --preset =
+expect 'adam lbfgs lm ssbroyden' lg-hamiltonian train --method ''
+expect 'model.h5 runs scene.yaml' lg-hamiltonian predict ''
+expect 'runs scene.yaml' lg-simulate ''
+expect 'notes.txt' lg-hamiltonian train --out = no
+expect '' lg-hamiltonian train --epochs = ''
+expect '' lg-hamiltonian nothing --integrator = cf
+
+# Every option that --help has is completed.
+for program in "$LG_BIN_DIR"/lg-*; do
+    program=$(basename "$program")
+    for command in $("$LG_BIN_DIR/$program" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z][^ ]*\)  .*/\1/p' | head -n 6) ''; do
+        shown=$("$LG_BIN_DIR/$program" $command --help | sed -n 's/^  \{1,5\}\(-., \)\?\(--[a-z0-9-]*=\?\).*/\2/p' | sort | paste -sd ' ')
+        expect "$shown" "$program" ${command:+"$command"} -
+    done
+done
+
+# Completing a value runs no command, not of those that need no argument either: nothing is written, nothing is said.
+for program in 'lg-hamiltonian demo' 'lg-anomaly feed' lg-gradcheck; do
+    for option in $(completed $program -); do
+        completed $program "${option%=}" '' >/dev/null 2>said
+        [ ! -s said ] || { echo "$program $option:"; cat said; status=1; }
+    done
+done
+rm -f said
+[ "$(echo *)" = 'model.h5 notes.txt runs scene.yaml' ] || { echo "completion left files:" *; status=1; }
+exit $status
