@@ -4,8 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "riccati.h"
-
 /* Weights of the energy and of the vertical angular momentum in the Lyapunov function, and the size of its
  * scaled gradient at which the torque reaches its bound. */
 static const double energy_weight = 1.0, momentum_weight = 1.0, linear_range = 0.02;
@@ -32,39 +30,15 @@ double pendulum_angle(const double *state) {
 /* ---- set-up ---- */
 
 size_t controller_work_size(const lg_model *model) {
-    return lg_model_work_size(model);
+    return lg_lqr_size(model);
 }
 
-/* The equilibrium nearest to e3. At rest the field is the torque of the learned potential, p' = -dV/dq on the
- * sphere, and A c = -p' is Newton's equation; its lower left block dp'/dq is all that counts. */
-static bool find_upright(controller *self) {
-    double y[STATE] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
-    for (int iteration = 0; iteration < 30; iteration++) {
-        double f[6], A[TANGENT * TANGENT], basis[STATE * TANGENT], force[3], b[2], c[2], length = 0.0;
-        if (lg_model_field(self->model, y, NULL, f, self->work) != LG_OK ||
-            lg_model_linearise(self->model, y, NULL, A, NULL, basis, self->work) != LG_OK)
-            return false;
-        cross(f + 3, y, force); /* p' = xi x p + eta x q, p = 0 */
-        for (int j = 0; j < 2; j++) {
-            b[j] = 0.0;
-            for (int i = 0; i < 3; i++) b[j] += basis[i * TANGENT + j] * force[i];
-        }
-        const double *low = A + 2 * TANGENT;
-        const double det = low[0] * low[TANGENT + 1] - low[1] * low[TANGENT];
-        c[0] = -(low[TANGENT + 1] * b[0] - low[1] * b[1]) / det;
-        c[1] = -(low[0] * b[1] - low[TANGENT] * b[0]) / det;
-        for (int i = 0; i < 3; i++) {
-            y[i] += basis[i * TANGENT] * c[0] + basis[i * TANGENT + 1] * c[1];
-            length += y[i] * y[i];
-        }
-        for (int i = 0; i < 3; i++) y[i] /= sqrt(length);
-        if (!(pendulum_angle(y) < 0.5)) return false;
-        if (hypot(c[0], c[1]) < 1e-13) {
-            memcpy(self->upright, y, sizeof y);
-            return true;
-        }
-    }
-    return false;
+/* The equilibrium at rest nearest to e3. */
+static bool find_upright(controller *self, void *work) {
+    const double above[STATE] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
+    memcpy(self->upright, above, sizeof above);
+    return lg_model_equilibrium(self->model, NULL, self->upright, NULL, work) == LG_OK &&
+           pendulum_angle(self->upright) < 0.5;
 }
 
 /* Largest eigenvalue of the symmetric positive matrix M (3, 3), by power iteration: a lower bound, tight to
@@ -80,60 +54,54 @@ static double largest_eigenvalue(const double *M) {
     return value;
 }
 
-/* u = -gain c minimises the integral of c^T Q c + |u|^2. Under the bound the gain acts multiplied by s in (0,
+/* u = -K c minimises the integral of c^T Q c + |u|^2. Under the bound the gain acts multiplied by s in (0,
  * 1], and while s >= 1/2 c^T P c still falls (the regulator's gain margin; Anderson and Moore, Optimal
- * Control, 1990, ch. 5): on c^T P c < region, where |gain c| <= 2 torque_max. The largest |gain c|^2 on c^T P
- * c = 1 is the largest eigenvalue of B^T P B. */
-static bool design(controller *self) {
-    double G[TANGENT * TANGENT], Q[TANGENT * TANGENT] = {0.0}, BPB[TORQUE * TORQUE];
-    const double *B = self->B, *P = self->P;
-    for (int i = 0; i < TANGENT; i++)
-        for (int j = 0; j < TANGENT; j++) G[i * TANGENT + j] = dot(B + TORQUE * i, B + TORQUE * j);
+ * Control, 1990, ch. 5): on c^T P c < region, where |K c| <= 2 torque_max. The largest |K c|^2 on c^T P c = 1
+ * is the largest eigenvalue of K B = B^T P B. */
+static bool design(controller *self, void *memory, lg_error *error) {
+    double Q[TANGENT * TANGENT] = {0.0}, KB[TORQUE * TORQUE] = {0.0};
+    const double R[TORQUE * TORQUE] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    lg_lqr_options options;
     for (int i = 0; i < 2; i++) {
         Q[i * TANGENT + i] = angle_weight * self->energy_scale * self->energy_scale;
         Q[(2 + i) * TANGENT + 2 + i] = rate_weight * self->energy_scale / self->mass;
     }
-    if (!riccati_solve(TANGENT, self->A, G, Q, self->P)) return false;
+    lg_lqr_options_init(&options);
+    options.state = self->upright, options.Q = Q, options.R = R;
+    if (lg_lqr_init(self->model, &options, &self->lqr, memory, lg_lqr_size(self->model), error) != LG_OK)
+        return false;
     for (int i = 0; i < TORQUE; i++)
-        for (int j = 0; j < TANGENT; j++) {
-            double sum = 0.0;
-            for (int l = 0; l < TANGENT; l++) sum += B[l * TORQUE + i] * P[l * TANGENT + j];
-            self->gain[i * TANGENT + j] = sum;
-        }
-    for (int i = 0; i < TORQUE; i++)
-        for (int j = 0; j < TORQUE; j++) {
-            double sum = 0.0;
-            for (int l = 0; l < TANGENT; l++) sum += self->gain[i * TANGENT + l] * B[l * TORQUE + j];
-            BPB[i * TORQUE + j] = sum;
-        }
+        for (int j = 0; j < TORQUE; j++)
+            for (int l = 0; l < TANGENT; l++)
+                KB[i * TORQUE + j] += self->lqr.K[i * TANGENT + l] * self->lqr.B[l * TORQUE + j];
     const double bound = 2.0 * self->torque_max;
-    self->region = bound * bound / largest_eigenvalue(BPB);
+    self->region = bound * bound / largest_eigenvalue(KB);
     return isfinite(self->region);
 }
 
 static bool refuse(char *why, const char *sentence) {
-    (void)snprintf(why, 256, "%s", sentence);
+    (void)snprintf(why, 256, "%.255s", sentence);
     return false;
 }
 
 bool controller_init(controller *self, const lg_model *model, void *work, double torque_max, char *why) {
+    double down[STATE] = {0.0}, energy_down, A[TANGENT * TANGENT];
+    lg_error error = {LG_OK, "the Riccati equation has no solution"};
     if (lg_model_kind_of(model) != LG_MODEL_HAMILTONIAN || lg_model_inputs(model) != STATE ||
         lg_model_tangent_dim(model) != TANGENT)
         return refuse(why, "the model is not the Hamiltonian of a spherical pendulum");
-    *self = (controller){.model = model, .work = work, .torque_max = torque_max};
-    if (!find_upright(self)) return refuse(why, "the learned potential has no equilibrium near e3");
-    double down[STATE] = {0.0}, energy_down;
+    *self = (controller){.model = model, .torque_max = torque_max};
+    if (!find_upright(self, work)) return refuse(why, "the learned potential has no equilibrium near e3");
     for (int i = 0; i < 3; i++) down[i] = -self->upright[i];
     lg_model_eval(model, self->upright, &self->energy_up, work);
     lg_model_eval(model, down, &energy_down, work);
-    if (lg_model_linearise(model, self->upright, NULL, self->A, self->B, NULL, work) != LG_OK)
+    if (lg_model_linearise(model, self->upright, NULL, A, NULL, NULL, work) != LG_OK)
         return refuse(why, "the model cannot be linearised");
     self->energy_scale = 0.5 * (self->energy_up - energy_down);
-    self->mass = 1.0 / self->A[2]; /* a_1' = b_1 / m */
+    self->mass = 1.0 / A[2]; /* a_1' = b_1 / m */
     if (!(self->energy_scale > 0.0 && self->mass > 0.0) || !isfinite(self->energy_scale + self->mass))
         return refuse(why, "the learned equilibrium near e3 is not above the one opposite");
-    if (!design(self)) return refuse(why, "the Riccati equation of the linearisation has no solution");
-    return true;
+    return design(self, work, &error) || refuse(why, error.message);
 }
 
 /* ---- a control step ---- */
@@ -146,17 +114,10 @@ static void scale_to(double *x, double factor) {
 static double distance(const controller *self, const double *state, double *c) {
     double sum = 0.0;
     if (!(dot(state, self->upright) > least_cosine)) return INFINITY;
-    if (lg_model_deviation(self->model, self->upright, state, c, self->work) != LG_OK) return INFINITY;
+    if (lg_model_deviation(self->model, self->upright, state, c, self->lqr.work) != LG_OK) return INFINITY;
     for (int i = 0; i < TANGENT; i++)
-        for (int j = 0; j < TANGENT; j++) sum += c[i] * self->P[i * TANGENT + j] * c[j];
+        for (int j = 0; j < TANGENT; j++) sum += c[i] * self->lqr.P[i * TANGENT + j] * c[j];
     return sum;
-}
-
-static void balance(const controller *self, const double *c, double *torque) {
-    for (int i = 0; i < TORQUE; i++) {
-        torque[i] = 0.0;
-        for (int j = 0; j < TANGENT; j++) torque[i] -= self->gain[i * TANGENT + j] * c[j];
-    }
 }
 
 /* W = kE (H - H_up)^2/2 + kL L^2/2 with L = e3.(q x p) has W' = torque.g, g = kE (H - H_up) omega + kL L (e3
@@ -166,8 +127,8 @@ static void balance(const controller *self, const double *c, double *torque) {
 static void swing_up(const controller *self, const double *state, double *torque) {
     double field[6], about[3], g[3];
     const double *q = state, *p = state + 3;
-    torque[0] = torque[1] = torque[2] = 0.0;
-    if (lg_model_field(self->model, state, NULL, field, self->work) != LG_OK) return; /* field[0..2]: omega */
+    if (lg_model_field(self->model, state, NULL, field, self->lqr.work) != LG_OK)
+        return; /* field[0..2]: omega */
     cross(q, p, about);
     const double unit = sqrt(self->mass * self->energy_scale);
     const double energy = energy_weight * (self->energy - self->energy_up) / self->energy_scale;
@@ -185,11 +146,12 @@ static void swing_up(const controller *self, const double *state, double *torque
 
 void controller_step(controller *self, const double *state, double *torque) {
     double c[TANGENT];
-    lg_model_eval(self->model, state, &self->energy, self->work);
+    torque[0] = torque[1] = torque[2] = 0.0;
+    lg_model_eval(self->model, state, &self->energy, self->lqr.work);
     const double far = distance(self, state, c);
     self->mode = far < self->region * (self->mode == BALANCE ? 1.0 : catch_fraction) ? BALANCE : SWING_UP;
     if (self->mode == BALANCE)
-        balance(self, c, torque);
+        (void)lg_lqr_control(&self->lqr, state, torque);
     else
         swing_up(self, state, torque);
     /* The bound shrinks a torque in its own direction, by rounding too; NaN must not reach the motor. */

@@ -7,6 +7,7 @@
 
 #include <stdbool.h>
 
+#include <liegrad/control.h>
 #include <liegrad/io.h>
 
 enum { STATE = 6, TORQUE = 3, TANGENT = 4 };
@@ -15,15 +16,13 @@ typedef enum mode { SWING_UP, BALANCE } mode;
 
 typedef struct controller {
     const lg_model *model;
-    void *work; /* lg_model_work_size bytes */
     double torque_max;
     double upright[STATE]; /* where the learned potential is stationary, at rest */
     double energy_up;      /* H there */
     double energy_scale;   /* m g L as learned: half the difference to the lowest point */
     double mass;           /* |p| / |q'| as learned, m L^2 */
-    double A[TANGENT * TANGENT], B[TANGENT * TORQUE]; /* of deviations from upright */
-    double P[TANGENT * TANGENT], gain[TORQUE * TANGENT];
-    double region; /* BALANCE where c^T P c < region */
+    lg_lqr lqr;            /* about it; its memory is the caller's */
+    double region;         /* BALANCE where c^T P c < region */
     mode mode;
     double energy; /* H at the last state seen */
 } controller;

@@ -150,6 +150,19 @@ LG_API lg_status lg_model_linearise(const lg_model *model, const double *state, 
 LG_API lg_status lg_model_deviation(const lg_model *model, const double *state, const double *other,
                                     double *c, void *work);
 
+/* out: the state that a step along c (r) leads to from `state`: exp(a) . state with the algebra element a
+ * whose generator there is basis c. It is on the manifold, and its deviation is c to first order; on R^d it
+ * is state + c. LG_UNSUPPORTED, also: a family whose space has other factors than R^n, T*S^2 and SO(3). `out`
+ * may be `state`. */
+LG_API lg_status lg_model_retract(const lg_model *model, const double *state, const double *c, double *out,
+                                  void *work);
+/* Moves `state` (in/out) to the nearest place where it stays under `input` (NULL: zero): Newton's method for
+ * c' = 0, damped, where several directions are free the shortest step. *drift (may be NULL): the largest
+ * |c'_i| left. LG_NO_CONVERGENCE: |c'| stays above 1e-9 |A|_F; LG_UNSUPPORTED as lg_model_retract; `state` is
+ * then as before. */
+LG_API lg_status lg_model_equilibrium(const lg_model *model, const double *input, double *state,
+                                      double *drift, void *work);
+
 /* ---- machines: states and what a log has (other kinds: LG_UNSUPPORTED) ----
  *
  * Positions and velocities in the order and units of the log (liegrad/machine.h): positions of each

@@ -29,5 +29,33 @@ extern void dormqr_(const char *side, const char *trans, const int *m, const int
 /* C := alpha A A' + beta C, one triangle of C (n, n), A (n, k); BLAS. */
 extern void dsyrk_(const char *uplo, const char *trans, const int *n, const int *k, const double *alpha,
                    const double *a, const int *lda, const double *beta, double *c, const int *ldc);
+/* A P = L U with row exchanges; solves op(A) X = B with it (trans "N", "T"); 1/condition from it, |A|_1. */
+extern void dgetrf_(const int *m, const int *n, double *a, const int *lda, int *pivots, int *info);
+extern void dgetrs_(const char *trans, const int *n, const int *nrhs, const double *a, const int *lda,
+                    const int *pivots, double *b, const int *ldb, int *info);
+extern void dgecon_(const char *norm, const int *n, const double *a, const int *lda, const double *anorm,
+                    double *rcond, double *work, int *iwork, int *info);
+/* job "S": scale (n) powers of 2 that make rows and columns of D^-1 A D of a size; a becomes that. */
+extern void dgebal_(const char *job, const int *n, double *a, const int *lda, int *low, int *high,
+                    double *scale, int *info);
+/* A = Z T Z', T quasi triangular in its place, eigenvalues re + i im. `select` is not called for sort "N". */
+extern void dgees_(const char *jobvs, const char *sort, int (*select)(const double *, const double *),
+                   const int *n, double *a, const int *lda, int *chosen, double *re, double *im, double *vs,
+                   const int *ldvs, double *work, const int *lwork, int *bwork, int *info);
+/* The same of the pencil A - z B, z = (re + i im)/beta; sort "S": those that `select` likes come first. */
+extern void dgges_(const char *jobvsl, const char *jobvsr, const char *sort,
+                   int (*select)(const double *, const double *, const double *), const int *n, double *a,
+                   const int *lda, double *b, const int *ldb, int *chosen, double *re, double *im,
+                   double *beta, double *vsl, const int *ldvsl, double *vsr, const int *ldvsr, double *work,
+                   const int *lwork, int *bwork, int *info);
+/* Eigenvalues; left eigenvectors u^H A = z u^H, right ones A v = z v; of a pair: real part, imaginary
+ * part. */
+extern void dgeev_(const char *jobvl, const char *jobvr, const int *n, double *a, const int *lda, double *re,
+                   double *im, double *vl, const int *ldvl, double *vr, const int *ldvr, double *work,
+                   const int *lwork, int *info);
+/* op(A) X + sign X op(B) = scale C, A and B quasi triangular, X in the place of C (m, n). */
+extern void dtrsyl_(const char *trana, const char *tranb, const int *sign, const int *m, const int *n,
+                    const double *a, const int *lda, const double *b, const int *ldb, double *c,
+                    const int *ldc, double *scale, int *info);
 
 #endif

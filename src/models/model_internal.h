@@ -51,6 +51,17 @@ void lg_model_run(const lg_model *model, lg_model_function function, const doubl
                   void *work);
 /* Bytes that the functions of what moves need in addition to the plans' work. */
 size_t lg_model_linear_work_size(const lg_model *model);
+/* Coordinates c' (r) of the velocity at (state, input); input may be NULL. */
+void lg_model_drift(const lg_model *model, const double *state, const double *input, double *c, void *work);
+/* y', and its Jacobian (d, d) in the state y, in ambient coordinates. */
+void lg_model_velocity(const lg_model *model, const double *state, const double *input, double *velocity,
+                       double *jacobian, void *work);
+/* The algebra element (algebra_dim) whose generator at `state` is `vector` (d), tangent there.
+ * LG_UNSUPPORTED: a factor of the space has none. */
+lg_status lg_space_lift(const lg_space *space, const double *state, const double *vector, double *algebra);
+/* Pushes the columns of x (d, columns), vectors at a state, by exp(algebra), in place; `column`: d
+ * numbers. */
+void lg_space_push(const lg_space *space, const double *algebra, size_t columns, double *x, double *column);
 /* Zeros for an input that is NULL. */
 const double *lg_model_no_input(const lg_model *model, void *work);
 

@@ -3,9 +3,11 @@
  * With y' = f(y, u) in ambient coordinates, basis (d, r) and C its coordinates, C basis = I:
  *   A = C df/dy basis,  B = C df/du.
  */
+#include <math.h>
 #include <string.h>
 
 #include "core/core.h"
+#include "models/control_internal.h"
 #include "models/model_internal.h"
 
 size_t lg_model_tangent_dim(const lg_model *model) {
@@ -19,18 +21,19 @@ typedef struct linear_parts {
     double *basis;    /* (d, r) */
     double *velocity; /* (d) */
     double *c;        /* (r) */
+    double *search;   /* (2 d + 3 r + 2 r r): an equilibrium */
 } linear_parts;
 
 static linear_parts parts_of(const lg_model *model, void *work, size_t *doubles) {
     const size_t d = model->inputs, m = lg_model_input_dim(model), r = lg_model_tangent_dim(model);
-    const size_t sizes[] = {m, d * d, d * m, d * r, d, r};
+    const size_t sizes[] = {m, d * d, d * m, d * r, d, r, 2 * d + 3 * r + 2 * r * r};
     double *at[LG_COUNT(sizes)] = {NULL};
     *doubles = 0;
     for (size_t i = 0; i < LG_COUNT(sizes); i++) {
         if (work != NULL) at[i] = (double *)(void *)((char *)work + model->plan_work) + *doubles;
         *doubles += sizes[i];
     }
-    return (linear_parts){at[0], at[1], at[2], at[3], at[4], at[5]};
+    return (linear_parts){at[0], at[1], at[2], at[3], at[4], at[5], at[6]};
 }
 
 size_t lg_model_linear_work_size(const lg_model *model) {
@@ -94,5 +97,113 @@ lg_status lg_model_deviation(const lg_model *model, const double *state, const d
     const linear_parts w = parts_of(model, work, &doubles);
     for (size_t i = 0; i < model->inputs; i++) w.velocity[i] = other[i] - state[i];
     model->motion.coordinates(model, state, w.velocity, c);
+    return LG_OK;
+}
+
+/* ---- velocities ---- */
+
+void lg_model_velocity(const lg_model *model, const double *state, const double *input, double *velocity,
+                       double *jacobian, void *work) {
+    const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
+    double *const y[] = {jacobian, NULL};
+    size_t doubles;
+    double *field = parts_of(model, work, &doubles).jx; /* algebra_dim <= d d numbers */
+    if (jacobian != NULL) lg_model_run(model, LG_MODEL_LINEAR, x, y, work);
+    if (velocity == NULL) return;
+    lg_model_run(model, LG_MODEL_FIELD, x, &field, work);
+    lg_space_generator(&model->motion.space, field, state, velocity);
+}
+
+void lg_model_drift(const lg_model *model, const double *state, const double *input, double *c, void *work) {
+    size_t doubles;
+    const linear_parts w = parts_of(model, work, &doubles);
+    lg_model_velocity(model, state, input, w.velocity, NULL, work);
+    model->motion.coordinates(model, state, w.velocity, c);
+}
+
+/* ---- along coordinates ---- */
+
+lg_status lg_model_retract(const lg_model *model, const double *state, const double *c, double *out,
+                           void *work) {
+    if (!lg_model_moves(model)) return LG_UNSUPPORTED;
+    const size_t d = model->inputs, r = lg_model_tangent_dim(model);
+    size_t doubles;
+    const linear_parts w = parts_of(model, work, &doubles);
+    model->motion.basis(model, state, w.basis);
+    for (size_t i = 0; i < d; i++) {
+        w.velocity[i] = 0.0;
+        for (size_t j = 0; j < r; j++) w.velocity[i] += w.basis[i * r + j] * c[j];
+    }
+    LG_TRY(lg_space_lift(&model->motion.space, state, w.velocity, w.jx));
+    lg_space_act(&model->motion.space, w.jx, state, out);
+    return LG_OK;
+}
+
+static double squares(size_t n, const double *x) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
+    return sum;
+}
+
+typedef struct search {
+    double *at, *trial;           /* (d) */
+    double *drift, *ahead, *step; /* (r) */
+    double *A, *normal;           /* (r, r) */
+} search;
+
+/* (A^T A + tiny) step = -A^T drift; A becomes the factor. False: A is not finite. */
+static bool newton_step(size_t r, const search *s) {
+    double trace = 0.0;
+    lg_matrix_multiply_tn(r, r, r, s->A, s->A, s->normal);
+    lg_matrix_multiply_tn(r, 1, r, s->A, s->drift, s->step);
+    for (size_t i = 0; i < r; i++) trace += s->normal[i * (r + 1)];
+    for (size_t i = 0; i < r; i++) s->normal[i * (r + 1)] += 1e-13 * trace + 1e-300, s->step[i] = -s->step[i];
+    if (!lg_matrix_cholesky(r, s->normal, s->A)) return false;
+    lg_kernels_for(LG_F64)->spd_solve(1, r, 1, s->A, s->step, s->step);
+    return true;
+}
+
+/* Halves the step until the drift falls; false: it does not. */
+static bool descend(const lg_model *model, const double *input, const search *s, void *work) {
+    const size_t d = model->inputs, r = lg_model_tangent_dim(model);
+    for (int halving = 0; halving < 40; halving++) {
+        if (lg_model_retract(model, s->at, s->step, s->trial, work) != LG_OK) return false;
+        lg_model_drift(model, s->trial, input, s->ahead, work);
+        if (squares(r, s->ahead) < squares(r, s->drift)) {
+            memcpy(s->at, s->trial, d * sizeof *s->at);
+            memcpy(s->drift, s->ahead, r * sizeof *s->drift);
+            return true;
+        }
+        for (size_t i = 0; i < r; i++) s->step[i] *= 0.5;
+    }
+    return false;
+}
+
+lg_status lg_model_equilibrium(const lg_model *model, const double *input, double *state, double *drift,
+                               void *work) {
+    if (!lg_model_moves(model)) return LG_UNSUPPORTED;
+    const size_t d = model->inputs, r = lg_model_tangent_dim(model);
+    size_t doubles;
+    double *at = parts_of(model, work, &doubles).search, norm = 0.0, most = 0.0;
+    const search s = {at,
+                      at + d,
+                      at + 2 * d,
+                      at + 2 * d + r,
+                      at + 2 * d + 2 * r,
+                      at + 2 * d + 3 * r,
+                      at + 2 * d + 3 * r + r * r};
+    memcpy(s.at, state, d * sizeof *state);
+    memset(s.step, 0, r * sizeof *s.step);
+    LG_TRY(lg_model_retract(model, s.at, s.step, s.trial, work));
+    lg_model_drift(model, s.at, input, s.drift, work);
+    for (int iteration = 0; iteration < 200; iteration++) {
+        LG_TRY(lg_model_linearise(model, s.at, input, s.A, NULL, NULL, work));
+        norm = lg_matrix_norm(r * r, s.A);
+        if (!newton_step(r, &s) || !descend(model, input, &s, work)) break;
+    }
+    if (!(sqrt(squares(r, s.drift)) <= 1e-9 * norm)) return LG_NO_CONVERGENCE;
+    for (size_t i = 0; i < r; i++) most = fmax(most, fabs(s.drift[i]));
+    memcpy(state, s.at, d * sizeof *state);
+    if (drift != NULL) *drift = most;
     return LG_OK;
 }

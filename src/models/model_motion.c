@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "liegrad/geometry.h"
 #include "models/hamiltonian_internal.h"
 #include "models/model_internal.h"
 
@@ -139,4 +140,66 @@ lg_status lg_model_machine_motion(const lg_machine *machine, lg_model_motion *ou
     for (size_t f = 0; f < out->space.factors; f++)
         out->tangent += out->space.factor[f].count * factor_rows[out->space.factor[f].kind].tangent;
     return LG_OK;
+}
+
+/* ---- vectors and the group ---- */
+
+static void number_lift(const double *state, const double *vector, double *a) {
+    (void)state;
+    a[0] = vector[0];
+}
+
+/* (xi x q, xi x p + eta x q) = (dq, dp), xi and eta orthogonal to q: xi = q x dq, eta = q x (dp - xi x
+ * p). */
+static void direction_lift(const double *state, const double *vector, double *a) {
+    double rest[3];
+    lg_cross3(state, vector, a);
+    lg_cross3(a, state + 3, rest);
+    for (int i = 0; i < 3; i++) rest[i] = vector[3 + i] - rest[i];
+    lg_cross3(state, rest, a + 3);
+}
+
+/* dR = hat(u) R: u = R c with dR = R hat(c). */
+static void rotation_lift(const double *R, const double *dR, double *u) {
+    double c[3];
+    rotation_coordinates(R, dR, c);
+    for (int i = 0; i < 3; i++) u[i] = R[3 * i] * c[0] + R[3 * i + 1] * c[1] + R[3 * i + 2] * c[2];
+}
+
+static void (*const lifts[LG_SPACE_KINDS])(const double *, const double *, double *) = {
+    [LG_SPACE_RN] = number_lift,
+    [LG_SPACE_TS2] = direction_lift,
+    [LG_SPACE_SO3] = rotation_lift,
+};
+
+lg_status lg_space_lift(const lg_space *space, const double *state, const double *vector, double *algebra) {
+    for (size_t f = 0; f < space->factors; f++) {
+        const lg_space_entry *entry = lg_space_kind_entry(space->factor[f].kind);
+        if (lifts[space->factor[f].kind] == NULL) return LG_UNSUPPORTED;
+        for (size_t copy = 0; copy < space->factor[f].count; copy++) {
+            lifts[space->factor[f].kind](state, vector, algebra);
+            state += entry->state;
+            vector += entry->state;
+            algebra += entry->algebra;
+        }
+    }
+    return LG_OK;
+}
+
+/* exp(a) acts linearly on T*S^2 and SO(3); on R^n it moves points and leaves vectors as they are. */
+void lg_space_push(const lg_space *space, const double *algebra, size_t columns, double *x, double *column) {
+    const size_t d = space->dim;
+    for (size_t j = 0; j < columns; j++) {
+        for (size_t i = 0; i < d; i++) column[i] = x[i * columns + j];
+        double *at = column;
+        const double *a = algebra;
+        for (size_t f = 0; f < space->factors; f++) {
+            const lg_space_factor *factor = &space->factor[f];
+            const lg_space_entry *entry = lg_space_kind_entry(factor->kind);
+            if (!entry->abelian) entry->act(factor->count, a, at, at);
+            at += factor->count * entry->state;
+            a += factor->count * entry->algebra;
+        }
+        for (size_t i = 0; i < d; i++) x[i * columns + j] = column[i];
+    }
 }

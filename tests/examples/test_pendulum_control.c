@@ -1,4 +1,4 @@
-/* examples/pendulum_control: the Riccati solver, the controller's laws, a whole run without allocation. The
+/* examples/pendulum_control: the controller's laws, a whole run without allocation. The
  * learned model is one with a linear potential V = w.q, whose parameters are known. */
 #include "test_support.h"
 
@@ -6,84 +6,8 @@
 #include "../../examples/pendulum_control/latency.c"
 #include "../../examples/pendulum_control/pictures.c"
 #include "../../examples/pendulum_control/plant.c"
-#include "../../examples/pendulum_control/riccati.c"
 #include "../../examples/pendulum_control/trial.c"
 #include "support/malloc_count.h"
-
-/* ---- Riccati ---- */
-
-TEST("the Riccati equation has its known solutions") {
-    const double a = 1.0, g = 1.0, q = 3.0; /* 2 p - p^2 + 3 = 0 */
-    double p = 0.0;
-    assert_true(riccati_solve(1, &a, &g, &q, &p));
-    assert_close(p, 3.0, 1e-13, 0.0);
-    /* Double integrator, Q = diag(1, 0), R = 1. */
-    const double A[4] = {0, 1, 0, 0}, G[4] = {0, 0, 0, 1}, Q[4] = {1, 0, 0, 0};
-    double P[4];
-    assert_true(riccati_solve(2, A, G, Q, P));
-    const double expected[4] = {sqrt(2.0), 1.0, 1.0, sqrt(2.0)};
-    for (int i = 0; i < 4; i++) assert_close(P[i], expected[i], 1e-12, 0.0);
-    /* The balanced pole, a'' = a + u, Q = 0: gains 2 and 2, poles at -1. */
-    const double unstable[4] = {0, 1, 1, 0}, none[4] = {0};
-    assert_true(riccati_solve(2, unstable, G, none, P));
-    for (int i = 0; i < 4; i++) assert_close(P[i], 2.0, 1e-12, 0.0);
-}
-
-TEST("random systems have a solution: positive definite, with a small residual") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 0);
-    for (int n = 1; n <= RICCATI_MAX; n++)
-        for (int trial = 0; trial < 50; trial++) {
-            double A[64], B[64], C[64], G[64], Q[64], P[64], worst_x = INFINITY;
-            for (int i = 0; i < n * n; i++) {
-                A[i] = lg_rng_normal(&rng);
-                B[i] = lg_rng_normal(&rng);
-                C[i] = lg_rng_normal(&rng);
-            }
-            for (int i = 0; i < n; i++)
-                for (int j = 0; j < n; j++) {
-                    G[i * n + j] = Q[i * n + j] = i == j ? 0.1 : 0.0;
-                    for (int l = 0; l < n; l++) {
-                        G[i * n + j] += B[i * n + l] * B[j * n + l];
-                        Q[i * n + j] += C[l * n + i] * C[l * n + j];
-                    }
-                }
-            assert_true(riccati_solve(n, A, G, Q, P));
-            const double p = largest(n * n, P), terms = p * p * largest(n * n, G) + largest(n * n, Q);
-            assert_true(riccati_residual(n, A, G, Q, P) <= 1e-11 * n * terms);
-            /* Positive definite, and then A - G P is stable: x^T P x is a Lyapunov function as Q > 0. */
-            for (int t = 0; t < 20; t++) {
-                double x[8], sum = 0.0;
-                for (int i = 0; i < n; i++) x[i] = lg_rng_normal(&rng);
-                for (int i = 0; i < n; i++)
-                    for (int j = 0; j < n; j++) sum += x[i] * P[i * n + j] * x[j];
-                worst_x = fmin(worst_x, sum);
-            }
-            assert_true(worst_x > 0.0);
-        }
-}
-
-TEST("what has no solution is refused, and nothing is written") {
-    double P[4] = {7, 7, 7, 7};
-    const double one = 1.0, zero = 0.0, nan_ = NAN;
-    assert_false(riccati_solve(1, &one, &zero, &one, P)); /* unstable, out of reach */
-    const double swing[4] = {0, 1, -1, 0}, G[4] = {0, 0, 0, 1}, none[4] = {0};
-    assert_false(riccati_solve(2, swing, G, none, P)); /* undamped, not seen */
-    /* Modes 1 and -1 on axes turned by t, of which u reaches the stable one: only rounding makes this
-     * solvable. */
-    for (int n = 1; n <= 20; n++) {
-        const double t = 0.07 * n, cc = cos(t) * cos(t), ss = sin(t) * sin(t), cs = cos(t) * sin(t);
-        const double A[4] = {cc - ss, 2.0 * cs, 2.0 * cs, ss - cc}, beside[4] = {ss, -cs, -cs, cc},
-                     Q[4] = {1, 0, 0, 1};
-        assert_false(riccati_solve(2, A, beside, Q, P));
-    }
-    assert_false(riccati_solve(1, &nan_, &one, &one, P));
-    assert_false(riccati_solve(1, &one, &one, &nan_, P));
-    assert_false(riccati_solve(0, &one, &one, &one, P));
-    assert_false(riccati_solve(RICCATI_MAX + 1, &one, &one, &one, P));
-    for (int i = 0; i < 4; i++) assert_close(P[i], 7.0, 0.0, 0.0);
-    assert_true(isnan(riccati_residual(1, &one, &nan_, &one, &one)));
-}
 
 /* ---- controller ---- */
 
@@ -135,16 +59,16 @@ TEST("a controller is designed for a tilted potential") {
     assert_close(c->energy_up, size, 1e-14, 0.0);
     assert_close(c->mass, mass, 1e-14, 0.0);
     for (int j = 0; j < 2; j++) {
-        assert_close(c->A[(2 + j) * TANGENT + j], size, 1e-13, 0.0);
-        assert_close(c->A[j * TANGENT + 2 + j], 1.0 / mass, 1e-13, 0.0);
+        assert_close(c->lqr.A[(2 + j) * TANGENT + j], size, 1e-13, 0.0);
+        assert_close(c->lqr.A[j * TANGENT + 2 + j], 1.0 / mass, 1e-13, 0.0);
     }
     /* Torques along the link do nothing, the gain is at right angles to it and above what holds the unstable
      * equilibrium. */
     for (int j = 0; j < TANGENT; j++) {
         double along = 0.0, across = 0.0;
         for (int i = 0; i < TORQUE; i++) {
-            along += c->upright[i] * c->gain[i * TANGENT + j];
-            across += c->gain[i * TANGENT + j] * c->gain[i * TANGENT + j];
+            along += c->upright[i] * c->lqr.K[i * TANGENT + j];
+            across += c->lqr.K[i * TANGENT + j] * c->lqr.K[i * TANGENT + j];
         }
         assert_close(along, 0.0, 0.0, 1e-12);
         assert_true(j >= 2 || sqrt(across) > 1.5 * size);

@@ -1,0 +1,94 @@
+/* Dense matrices of control.h, row-major. */
+#include <math.h>
+#include <string.h>
+
+#include "models/control_internal.h"
+
+void *lg_portion(lg_portions *from, size_t count, size_t size) {
+    void *at = from->base != NULL ? from->base + from->used : NULL;
+    from->used += (count * size + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+    return at;
+}
+
+lg_status lg_portions_check(const void *memory, size_t bytes, size_t needed, lg_error *error) {
+    if (memory == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the memory is missing or not aligned to %d bytes",
+                       LG_ALIGNMENT);
+    if (bytes < needed)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu bytes of memory are given, %zu are needed", bytes,
+                       needed);
+    return LG_OK;
+}
+
+void lg_matrix_multiply(size_t m, size_t n, size_t k, const double *a, const double *b, double *c) {
+    lg_kernels_for(LG_F64)->gemm(m, n, k, a, k, 1, b, n, c, n, false);
+}
+
+void lg_matrix_multiply_tn(size_t m, size_t n, size_t k, const double *a, const double *b, double *c) {
+    lg_kernels_for(LG_F64)->gemm(m, n, k, a, 1, m, b, n, c, n, false);
+}
+
+void lg_matrix_transpose(size_t m, size_t n, const double *a, double *c) {
+    lg_kernels_for(LG_F64)->transpose(m, n, a, c);
+}
+
+void lg_matrix_add(size_t count, double c, const double *x, double *y) {
+    lg_kernels_for(LG_F64)->axpy(count, c, x, y);
+}
+
+void lg_matrix_symmetrise(size_t n, double *x) {
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < i; j++) x[i * n + j] = x[j * n + i] = 0.5 * (x[i * n + j] + x[j * n + i]);
+}
+
+double lg_matrix_norm(size_t count, const double *x) {
+    double largest = 0.0, sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        if (!(fabs(x[i]) <= largest)) largest = fabs(x[i]);
+    if (!(largest > 0.0) || !isfinite(largest)) return largest;
+    for (size_t i = 0; i < count; i++) sum += (x[i] / largest) * (x[i] / largest);
+    return largest * sqrt(sum);
+}
+
+bool lg_matrix_cholesky(size_t n, const double *a, double *L) {
+    return lg_kernels_for(LG_F64)->spd_factor(1, n, a, L) == 0;
+}
+
+bool lg_matrix_root(size_t n, const double *a, double *L) {
+    memset(L, 0, n * n * sizeof *L);
+    for (size_t j = 0; j < n; j++) {
+        const double *row = L + j * n, own = a[j * n + j];
+        const double pivot = own - lg_kernels_for(LG_F64)->dot(j, row, row);
+        if (!(pivot >= -1e-8 * own)) return false; /* own < 0 too */
+        const bool zero = pivot <= 1e-14 * own;
+        L[j * n + j] = zero ? 0.0 : sqrt(pivot);
+        for (size_t i = j + 1; i < n; i++) {
+            const double left = a[i * n + j] - lg_kernels_for(LG_F64)->dot(j, row, L + i * n);
+            if (!zero)
+                L[i * n + j] = left / L[j * n + j];
+            else if (!(fabs(left) <= 1e-7 * sqrt(fabs(own * a[i * n + i]))))
+                return false;
+        }
+    }
+    return true;
+}
+
+void lg_matrix_lower(size_t rows, size_t columns, double *M) {
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    for (size_t i = 0; i < rows; i++) {
+        const size_t length = columns - i;
+        double *v = M + i * columns + i;
+        const double norm = sqrt(k->dot(length, v, v)), first = v[0];
+        if (norm > 0.0) {
+            v[0] += copysign(norm, first); /* 2/|v|^2 = 1/(norm |v_0|) */
+            const double factor = 1.0 / (norm * fabs(v[0]));
+            for (size_t r = i + 1; r < rows; r++) {
+                double *other = M + r * columns + i;
+                k->axpy(length, -factor * k->dot(length, v, other), v, other);
+            }
+        }
+        memset(v, 0, length * sizeof *v);
+        v[0] = norm;
+        for (size_t r = i + 1; first >= 0.0 && r < rows; r++) M[r * columns + i] = -M[r * columns + i];
+    }
+}

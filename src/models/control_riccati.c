@@ -1,0 +1,467 @@
+/* Riccati equations by the stable deflating subspace of their extended pencil, then Newton's method.
+ *
+ * With N = 2 n + m, an optimal path solves J z' = H z (discrete: J z+ = H z), z = (x, P x, u):
+ *       continuous [ A  0   B ]   [ 1 0 0 ]   discrete [ A  0  B ]   [ 1  0   0 ]
+ *            H =   [-Q -A^T -S],  [ 0 1 0 ]       H =  [-Q  1 -S ],  [ 0  A^T 0 ]
+ *                  [S^T B^T  R]   [ 0 0 0 ] = J        [S^T 0  R ]   [ 0 -B^T 0 ] = J
+ * Rows orthogonal to the last m columns of H are the pencil of (x, P x) (Van Dooren, SIAM J. Sci. Stat.
+ * Comput. 2, 1981). Its n stable eigenvalues belong to the columns of (U1; U2), and P = U2 U1^-1. Scaling by
+ * D = diag(d, 1/d, e) keeps this form (Benner 2001), P = d P_D d.
+ *
+ * Arrays that LAPACK gets are column-major; the others are row-major.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "kernels/lapack.h"
+#include "models/control_internal.h"
+
+enum { MOST_ROWS = 10000, MOST_NEWTON = 3 };
+static const double on_boundary = 2e-8, most_residual = 1e-6, asymmetry = 1e-8;
+
+typedef struct riccati {
+    const lg_riccati *of;
+    bool discrete;
+    size_t n, m, rows; /* rows: N */
+    lg_error *error;
+    double *Q, *R; /* symmetrised */
+    /* The pencil, column-major (N, N); what dgges makes of it (2n, 2n); scales (N). */
+    double *H, *J, *V, *re, *im, *beta, *scale, *tau;
+    /* LAPACK's work: N and 2n integers, `room` numbers. */
+    int *integers;
+    double *work;
+    int room;
+    /* Newton: the best P, and what follows from a P: gain, closed loop, residual. */
+    double *P, *trial, *K, *gain, *closed, *residual, *schur, *Z;
+    double *t1, *t2, *right, *W, *L;
+    double *poles, *found; /* (n, 2): of the best P, of the trial */
+    lg_riccati_result result;
+} riccati;
+
+static size_t plan_memory(riccati *s, void *memory) {
+    lg_portions from = {memory, 0};
+    const size_t n = s->n, m = s->m, N = s->rows, d = sizeof(double);
+    double **const square[] = {&s->Q,     &s->P, &s->trial, &s->closed, &s->residual,
+                               &s->schur, &s->Z, &s->t1,    &s->t2};
+    double **const wide[] = {&s->K, &s->gain, &s->right};
+    double **const small[] = {&s->R, &s->W, &s->L};
+    double **const long_one[] = {&s->re, &s->im, &s->beta, &s->scale, &s->tau, &s->poles, &s->found};
+    double **const pencil[] = {&s->H, &s->J, &s->V};
+    for (size_t i = 0; i < LG_COUNT(square); i++) *square[i] = lg_portion(&from, n * n, d);
+    for (size_t i = 0; i < LG_COUNT(wide); i++) *wide[i] = lg_portion(&from, m * n, d);
+    for (size_t i = 0; i < LG_COUNT(small); i++) *small[i] = lg_portion(&from, m * m, d);
+    for (size_t i = 0; i < LG_COUNT(long_one); i++) *long_one[i] = lg_portion(&from, N, d);
+    for (size_t i = 0; i < LG_COUNT(pencil); i++) *pencil[i] = lg_portion(&from, N * N, d);
+    s->integers = lg_portion(&from, N, sizeof(int));
+    s->room = (int)(40 * N + 16);
+    s->work = lg_portion(&from, (size_t)s->room, d);
+    return from.used;
+}
+
+static bool sizes_fit(size_t n, size_t m) {
+    return n >= 1 && m >= 1 && n <= MOST_ROWS && m <= MOST_ROWS && 2 * n + m <= MOST_ROWS;
+}
+
+size_t lg_riccati_work_size(size_t n, size_t m) {
+    riccati s = {.n = n, .m = m, .rows = 2 * n + m};
+    return sizes_fit(n, m) ? plan_memory(&s, NULL) : 0;
+}
+
+/* ---- what is given ---- */
+
+static lg_status check_finite(const riccati *s) {
+    const lg_riccati *of = s->of;
+    const struct {
+        const double *x;
+        size_t count;
+        const char *name;
+    } given[] = {{of->A, s->n * s->n, "A"},
+                 {of->B, s->n * s->m, "B"},
+                 {of->Q, s->n * s->n, "Q"},
+                 {of->R, s->m * s->m, "R"},
+                 {of->S, of->S != NULL ? s->n * s->m : 0, "S"}};
+    for (size_t i = 0; i < LG_COUNT(given); i++)
+        for (size_t k = 0; k < given[i].count; k++)
+            if (!isfinite(given[i].x[k]))
+                return lg_fail(s->error, LG_NOT_FINITE, "number %zu of %s is not finite", k, given[i].name);
+    return LG_OK;
+}
+
+/* to = (x + x^T)/2 */
+static lg_status take_symmetric(const riccati *s, size_t n, const double *x, const char *name, double *to) {
+    double largest = 0.0, apart = 0.0;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            largest = fmax(largest, fabs(x[i * n + j]));
+            apart = fmax(apart, fabs(x[i * n + j] - x[j * n + i]));
+            to[i * n + j] = 0.5 * (x[i * n + j] + x[j * n + i]);
+        }
+    if (apart > asymmetry * largest)
+        return lg_fail(s->error, LG_INVALID_ARGUMENT, "%s is not symmetric: two numbers differ by %.3g", name,
+                       apart);
+    return LG_OK;
+}
+
+static lg_status begin(riccati *s, const lg_riccati *of, void *work, size_t bytes) {
+    if (of == NULL || of->size != sizeof *of || of->A == NULL || of->B == NULL || of->Q == NULL ||
+        of->R == NULL)
+        return lg_fail(s->error, LG_INVALID_ARGUMENT,
+                       "A, B, Q or R is missing, or the structure has another size");
+    if (!sizes_fit(of->n, of->m))
+        return lg_fail(s->error, LG_INVALID_ARGUMENT, "%zu states and %zu inputs: 1 or more, 2 n + m <= %d",
+                       of->n, of->m, MOST_ROWS);
+    s->of = of, s->n = of->n, s->m = of->m, s->rows = 2 * of->n + of->m;
+    LG_TRY(lg_portions_check(work, bytes, lg_riccati_work_size(s->n, s->m), s->error));
+    (void)plan_memory(s, work);
+    LG_TRY(check_finite(s));
+    LG_TRY(take_symmetric(s, s->n, of->Q, "Q", s->Q));
+    LG_TRY(take_symmetric(s, s->m, of->R, "R", s->R));
+    if (!s->discrete && !lg_matrix_cholesky(s->m, s->R, s->L))
+        return lg_fail(s->error, LG_INVALID_ARGUMENT,
+                       "R is not positive definite: each input needs a weight above 0");
+    return LG_OK;
+}
+
+/* ---- the pencil ---- */
+
+static void fill_pencil(const riccati *s) {
+    const size_t n = s->n, m = s->m, N = s->rows;
+    double *H = s->H, *J = s->J;
+#define AT(matrix, i, j) (matrix)[(i) + (j)*N]
+    memset(H, 0, N * N * sizeof *H);
+    memset(J, 0, N * N * sizeof *J);
+    for (size_t i = 0; i < n; i++) {
+        AT(J, i, i) = 1.0;
+        AT(s->discrete ? H : J, n + i, n + i) = 1.0;
+        for (size_t j = 0; j < n; j++) {
+            AT(H, i, j) = s->of->A[i * n + j];
+            AT(H, n + i, j) = -s->Q[i * n + j];
+            if (s->discrete)
+                AT(J, n + i, n + j) = s->of->A[j * n + i];
+            else
+                AT(H, n + i, n + j) = -s->of->A[j * n + i];
+        }
+        for (size_t j = 0; j < m; j++) {
+            const double b = s->of->B[i * m + j], cross = s->of->S != NULL ? s->of->S[i * m + j] : 0.0;
+            AT(H, i, 2 * n + j) = b;
+            AT(H, n + i, 2 * n + j) = -cross;
+            AT(H, 2 * n + j, i) = cross;
+            if (s->discrete)
+                AT(J, 2 * n + j, n + i) = -b;
+            else
+                AT(H, 2 * n + j, n + i) = b;
+        }
+    }
+    for (size_t i = 0; i < m; i++)
+        for (size_t j = 0; j < m; j++) AT(H, 2 * n + i, 2 * n + j) = s->R[i * m + j];
+#undef AT
+}
+
+/* D^-1 (H, J) D with D = diag(1/d, d, .), powers of 2; scale = (d, ...). */
+static void scale_pencil(const riccati *s) {
+    const size_t n = s->n, N = s->rows;
+    const int size = (int)N;
+    int low, high, info;
+    double *sum = s->V, *scale = s->scale;
+    for (size_t k = 0; k < N * N; k++) sum[k] = k % (N + 1) == 0 ? 0.0 : fabs(s->H[k]) + fabs(s->J[k]);
+    dgebal_("S", &size, sum, &size, &low, &high, scale, &info);
+    if (info != 0)
+        for (size_t i = 0; i < N; i++) scale[i] = 1.0;
+    double middle = 0.0; /* of the logarithms of the first 2n, which becomes 0 */
+    for (size_t i = 0; i < 2 * n; i++) middle += log2(scale[i]) / (double)(2 * n);
+    for (size_t i = 2 * n; i < N; i++) scale[i] = exp2(nearbyint(middle - log2(scale[i])));
+    for (size_t i = 0; i < n; i++) {
+        const double power = nearbyint(0.5 * (log2(scale[n + i]) - log2(scale[i])));
+        scale[i] = exp2(power), scale[n + i] = exp2(-power);
+    }
+    for (size_t j = 0; j < N; j++)
+        for (size_t i = 0; i < N; i++) {
+            s->H[i + j * N] *= scale[i] / scale[j];
+            s->J[i + j * N] *= scale[i] / scale[j];
+        }
+}
+
+/* Multiplies both by Q^T, H's last m columns = Q (U; 0): their last 2n rows are the pencil of (x, P x). */
+static void take_input_out(const riccati *s) {
+    const int N = (int)s->rows, m = (int)s->m, n2 = 2 * (int)s->n;
+    double *columns = s->H + 2 * s->n * s->rows;
+    int info;
+    dgeqrf_(&N, &m, columns, &N, s->tau, s->work, &s->room, &info);
+    dormqr_("L", "T", &N, &n2, &m, columns, &N, s->tau, s->H, &N, s->work, &s->room, &info);
+    dormqr_("L", "T", &N, &n2, &m, columns, &N, s->tau, s->J, &N, s->work, &s->room, &info);
+}
+
+static int in_left_half(const double *re, const double *im, const double *beta) {
+    (void)im;
+    return *beta > 0.0 && *re < 0.0;
+}
+
+static int in_circle(const double *re, const double *im, const double *beta) {
+    return hypot(*re, *im) < *beta;
+}
+
+/* Eigenvalues on the boundary to rounding: |Re z| or |1 - |z|| is too small beside |z|. */
+static size_t count_on_boundary(const riccati *s) {
+    size_t count = 0;
+    for (size_t i = 0; i < 2 * s->n; i++) {
+        const double size = hypot(s->re[i], s->im[i]);
+        const double off = s->discrete ? fabs(size - s->beta[i]) : fabs(s->re[i]);
+        if (off <= on_boundary * size) count++;
+    }
+    return count;
+}
+
+static lg_status explain(const riccati *s, const char *finding);
+
+static lg_status find_subspace(const riccati *s) {
+    const int N = (int)s->rows, n2 = 2 * (int)s->n, one = 1;
+    int chosen = 0, info = 0;
+    double none = 0.0;
+    dgges_("N", "V", "S", s->discrete ? in_circle : in_left_half, &n2, s->H + s->m, &N, s->J + s->m, &N,
+           &chosen, s->re, s->im, s->beta, &none, &one, s->V, &n2, s->work, &s->room, s->integers, &info);
+    /* info 2n + 2: rounding moved an eigenvalue over the boundary; `chosen` is counted after that. */
+    if (info != 0 && info != n2 + 2)
+        return lg_fail(s->error, LG_NO_CONVERGENCE, "LAPACK's dgges failed with %d", info);
+    if (chosen != (int)s->n || count_on_boundary(s) > 0)
+        return explain(s, s->discrete ? "the pencil has eigenvalues on the unit circle"
+                                      : "the pencil has eigenvalues on the imaginary axis");
+    return LG_OK;
+}
+
+/* P = U2 U1^-1, scaled back. */
+static lg_status solve_subspace(const riccati *s) {
+    const size_t n = s->n;
+    const int size = (int)n;
+    int info;
+    double sum = 0.0, reciprocal = 0.0;
+    for (size_t j = 0; j < n; j++) {
+        double column = 0.0;
+        for (size_t i = 0; i < n; i++) {
+            s->t1[i + j * n] = s->V[i + j * 2 * n];
+            s->t2[j + i * n] = s->V[n + i + j * 2 * n]; /* U2^T */
+            column += fabs(s->t1[i + j * n]);
+        }
+        sum = fmax(sum, column);
+    }
+    dgetrf_(&size, &size, s->t1, &size, s->integers, &info);
+    if (info == 0) {
+        int *iwork = s->integers + n;
+        dgecon_("1", &size, s->t1, &size, &sum, &reciprocal, s->work, iwork, &info);
+    }
+    if (info != 0 || !(reciprocal > 2.2e-16)) return explain(s, "the stable subspace gives no P");
+    dgetrs_("T", &size, &size, s->t1, &size, s->integers, s->t2, &size, &info);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) s->trial[i * n + j] = s->scale[i] * s->t2[i * n + j] * s->scale[j];
+    lg_matrix_symmetrise(n, s->trial);
+    return LG_OK;
+}
+
+/* ---- Newton's method ---- */
+
+/* gain (m, n), closed = A - B gain and the residual of the trial P; *relative: its size. False: W is not
+ * positive definite. */
+static bool evaluate(const riccati *s, double *relative) {
+    const size_t n = s->n, m = s->m;
+    const double *A = s->of->A, *B = s->of->B, *P = s->trial;
+    double *PA = s->t1, *square = s->t2, *closed = s->closed, *W = s->W;
+    lg_matrix_multiply(n, n, n, P, A, PA);
+    lg_matrix_multiply_tn(m, n, n, B, s->discrete ? PA : P, s->right);
+    for (size_t i = 0; s->of->S != NULL && i < n; i++)
+        for (size_t j = 0; j < m; j++) s->right[j * n + i] += s->of->S[i * m + j];
+    if (s->discrete) { /* W = R + B^T (P B); P B is in H, which is no longer needed */
+        lg_matrix_multiply(n, m, n, P, B, s->H);
+        lg_matrix_multiply_tn(m, m, n, B, s->H, W);
+        lg_matrix_add(m * m, 1.0, s->R, W);
+    } else {
+        memcpy(W, s->R, m * m * sizeof *W);
+    }
+    if (!lg_matrix_cholesky(m, W, s->L)) return false;
+    lg_kernels_for(LG_F64)->spd_solve(1, m, n, s->L, s->right, s->gain);
+    lg_matrix_multiply_tn(n, n, m, s->right, s->gain, square);
+    double size = lg_matrix_norm(n * n, square) + lg_matrix_norm(n * n, s->Q);
+    for (size_t i = 0; i < n * n; i++) s->residual[i] = s->Q[i] - square[i];
+    if (s->discrete) {
+        lg_matrix_multiply_tn(n, n, n, A, PA, square);
+        size += lg_matrix_norm(n * n, square) + lg_matrix_norm(n * n, P);
+        lg_matrix_add(n * n, -1.0, P, square);
+        lg_matrix_add(n * n, 1.0, square, s->residual);
+    } else {
+        lg_matrix_transpose(n, n, PA, square);
+        size += 2.0 * lg_matrix_norm(n * n, PA);
+        lg_matrix_add(n * n, 1.0, PA, s->residual);
+        lg_matrix_add(n * n, 1.0, square, s->residual);
+    }
+    lg_matrix_symmetrise(n, s->residual);
+    const double off = lg_matrix_norm(n * n, s->residual);
+    *relative = off > 0.0 ? off / size : off;
+    lg_matrix_multiply(n, n, m, B, s->gain, closed);
+    for (size_t i = 0; i < n * n; i++) closed[i] = A[i] - closed[i];
+    return true;
+}
+
+/* closed^T = Z T Z^T: what is `closed`, row-major, is its transpose, column-major. Fills `found`, and their
+ * margin. */
+static bool find_poles(const riccati *s, double *margin) {
+    const int n = (int)s->n;
+    int chosen, info, unused = 0;
+    memcpy(s->schur, s->closed, s->n * s->n * sizeof *s->schur);
+    dgees_("V", "N", NULL, &n, s->schur, &n, &chosen, s->re, s->im, s->Z, &n, s->work, &s->room, &unused,
+           &info);
+    *margin = INFINITY;
+    for (size_t i = 0; i < s->n; i++) {
+        s->found[2 * i] = s->re[i], s->found[2 * i + 1] = s->im[i];
+        *margin = fmin(*margin, s->discrete ? 1.0 - hypot(s->re[i], s->im[i]) : -s->re[i]);
+    }
+    return info == 0;
+}
+
+/* t1 = X, closed^T X + X closed = -residual: with Y = Z^T X Z, T Y + Y T^T = -Z^T residual Z (Bartels &
+ * Stewart 1972). Z as row-major is Z^T; a symmetric matrix is its transpose. */
+static void correct_continuous(const riccati *s) {
+    const size_t n = s->n;
+    const int size = (int)n, plus = 1;
+    double scale = 1.0;
+    int info;
+    lg_matrix_multiply(n, n, n, s->Z, s->residual, s->t1);
+    lg_matrix_transpose(n, n, s->Z, s->t2);
+    lg_matrix_multiply(n, n, n, s->t1, s->t2, s->residual);
+    dtrsyl_("N", "T", &plus, &size, &size, s->schur, &size, s->schur, &size, s->residual, &size, &scale,
+            &info);
+    lg_matrix_symmetrise(n, s->residual);
+    lg_matrix_multiply(n, n, n, s->t2, s->residual, s->t1);
+    lg_matrix_multiply(n, n, n, s->t1, s->Z, s->t2);
+    for (size_t i = 0; i < n * n; i++) s->t1[i] = -s->t2[i] / scale;
+}
+
+/* t1 = X, closed^T X closed - X = -residual: X = sum_k (closed^k)^T residual closed^k by doubling (Smith
+ * 1968). closed is lost. */
+static void correct_discrete(const riccati *s) {
+    const size_t n = s->n;
+    double *X = s->t1, *power = s->closed, *next = s->schur;
+    memcpy(X, s->residual, n * n * sizeof *X);
+    for (int doubling = 0; doubling < 60; doubling++) {
+        lg_matrix_multiply(n, n, n, X, power, s->t2);
+        lg_matrix_multiply_tn(n, n, n, power, s->t2, next);
+        const double added = lg_matrix_norm(n * n, next);
+        lg_matrix_add(n * n, 1.0, next, X);
+        if (!(added > 1e-16 * lg_matrix_norm(n * n, X))) return;
+        lg_matrix_multiply(n, n, n, power, power, next);
+        memcpy(power, next, n * n * sizeof *power);
+    }
+}
+
+static void keep(riccati *s, double residual, double margin) {
+    const size_t n = s->n;
+    memcpy(s->P, s->trial, n * n * sizeof *s->P);
+    memcpy(s->K, s->gain, s->m * n * sizeof *s->K);
+    memcpy(s->poles, s->found, 2 * n * sizeof *s->poles);
+    s->result.residual = residual;
+    s->result.margin = margin;
+}
+
+/* From the trial P on. A step is kept if it halves the residual. Corrections that shrink by a factor near
+ * 1/2 only tell of eigenvalues on the boundary, where Newton's method converges linearly. */
+static lg_status refine(riccati *s) {
+    const size_t n = s->n;
+    double before = INFINITY;
+    for (uint32_t step = 0;; step++) {
+        double residual, margin;
+        const bool usable = evaluate(s, &residual) && find_poles(s, &margin) && margin > 0.0;
+        if (step == 0 && !usable) return explain(s, "the closed loop is not stable");
+        if (step > 0 && (!usable || !(residual < 0.5 * s->result.residual))) return LG_OK;
+        keep(s, residual, margin);
+        s->result.refinements = step;
+        if (s->discrete)
+            correct_discrete(s);
+        else
+            correct_continuous(s);
+        const double size = lg_matrix_norm(n * n, s->P), change = lg_matrix_norm(n * n, s->t1);
+        s->result.correction = change > 0.0 ? change / size : 0.0;
+        if (!(s->result.correction < 0.3 * before)) /* rounding, or an eigenvalue on the boundary */
+            return step == 0 || s->result.correction < 1e-10 ? LG_OK
+                                                             : explain(s, "Newton's method does not settle");
+        before = s->result.correction;
+        if (step == MOST_NEWTON || !(before > 0.0) || !isfinite(before)) return LG_OK;
+        lg_matrix_add(n * n, 1.0, s->t1, s->trial);
+        lg_matrix_symmetrise(n, s->trial);
+    }
+}
+
+static lg_status solve(bool discrete, const lg_riccati *of, double *P, double *K, double *eigenvalues,
+                       lg_riccati_result *result, void *work, size_t bytes, lg_error *error) {
+    riccati s = {.discrete = discrete, .error = error};
+    LG_TRY(begin(&s, of, work, bytes));
+    fill_pencil(&s);
+    scale_pencil(&s);
+    take_input_out(&s);
+    LG_TRY(find_subspace(&s));
+    LG_TRY(solve_subspace(&s));
+    LG_TRY(refine(&s));
+    if (!(s.result.residual <= most_residual))
+        return lg_fail(error, LG_NO_CONVERGENCE, "the equation is solved to %.2g of its terms only",
+                       s.result.residual);
+    if (P != NULL) memcpy(P, s.P, s.n * s.n * sizeof *P);
+    if (K != NULL) memcpy(K, s.K, s.m * s.n * sizeof *K);
+    if (eigenvalues != NULL) memcpy(eigenvalues, s.poles, 2 * s.n * sizeof *eigenvalues);
+    if (result != NULL) *result = s.result;
+    return LG_OK;
+}
+
+lg_status lg_care(const lg_riccati *equation, double *P, double *K, double *eigenvalues,
+                  lg_riccati_result *result, void *work, size_t bytes, lg_error *error) {
+    return solve(false, equation, P, K, eigenvalues, result, work, bytes, error);
+}
+
+lg_status lg_dare(const lg_riccati *equation, double *P, double *K, double *eigenvalues,
+                  lg_riccati_result *result, void *work, size_t bytes, lg_error *error) {
+    return solve(true, equation, P, K, eigenvalues, result, work, bytes, error);
+}
+
+/* ---- why there is no solution ---- */
+
+/* |matrix v| (rows, n) or |v^T matrix| (n, columns) beside the norms, v = re + i im; im NULL: 0. */
+static double seen(size_t n, size_t other, bool from_left, const double *matrix, const double *re,
+                   const double *im) {
+    double sum = 0.0, length = 0.0;
+    for (size_t i = 0; i < n; i++) length += re[i] * re[i] + (im != NULL ? im[i] * im[i] : 0.0);
+    for (size_t j = 0; j < other; j++) {
+        double x = 0.0, y = 0.0;
+        for (size_t i = 0; i < n; i++) {
+            const double a = from_left ? matrix[i * other + j] : matrix[j * n + i];
+            x += a * re[i];
+            if (im != NULL) y += a * im[i];
+        }
+        sum += x * x + y * y;
+    }
+    const double norm = lg_matrix_norm(n * other, matrix);
+    return norm > 0.0 ? sqrt(sum / length) / norm : 0.0;
+}
+
+/* Of a mode of A that is not stable: whether an input reaches it (left eigenvector times B), and on the
+ * boundary whether a weight sees it (Q times right eigenvector); Popov, Belevitch, Hautus. */
+static lg_status explain(const riccati *s, const char *finding) {
+    const size_t n = s->n;
+    const int size = (int)n;
+    double *right_of = s->Z,
+           *left_of = s->schur; /* of A^T, which is what LAPACK sees: left ones of A first */
+    int info;
+    memcpy(s->t1, s->of->A, n * n * sizeof *s->t1);
+    dgeev_("V", "V", &size, s->t1, &size, s->re, s->im, left_of, &size, right_of, &size, s->work, &s->room,
+           &info);
+    for (size_t i = 0; info == 0 && i < n; i++) {
+        const double re = s->re[i], im = s->im[i], modulus = hypot(re, im);
+        const double out = s->discrete ? modulus - 1.0 : re, near = 1e-6 * modulus;
+        const double *reach = right_of + i * n, *see = left_of + i * n;
+        if (out < -near || im < 0.0) continue;
+        if (seen(n, s->m, true, s->of->B, reach, im > 0.0 ? reach + n : NULL) < 1e-9)
+            return lg_fail(s->error, LG_CHECK_FAILED,
+                           "(A, B) is not stabilisable: no input reaches the eigenvalue %.6g%+.6gi of A", re,
+                           im);
+        if (s->of->S == NULL && out <= near && seen(n, n, false, s->Q, see, im > 0.0 ? see + n : NULL) < 1e-9)
+            return lg_fail(s->error, LG_CHECK_FAILED,
+                           "no stabilising solution: Q does not see the eigenvalue %.6g%+.6gi of A, which "
+                           "is on the boundary of stability",
+                           re, im);
+    }
+    return lg_fail(s->error, LG_CHECK_FAILED, "no stabilising solution: %s", finding);
+}

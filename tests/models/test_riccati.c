@@ -1,0 +1,249 @@
+/* Riccati equations against solutions of 40 digits, their residuals by this file's own arithmetic, and what
+ * has no solution. */
+#include "support/fixtures.h"
+
+#include "golden/riccati_table.h"
+#include "liegrad/control.h"
+
+typedef lg_status (*solver)(const lg_riccati *, double *, double *, double *, lg_riccati_result *, void *,
+                            size_t, lg_error *);
+
+typedef struct solved {
+    lg_riccati of;
+    double *P, *K, *eigenvalues;
+    lg_riccati_result result;
+} solved;
+
+static lg_riccati equation_of(const riccati_case *c, const double **P) {
+    const size_t n = c->n, m = c->m;
+    const double *x = c->numbers;
+    lg_riccati of = {.size = sizeof of, .n = n, .m = m, .A = x};
+    of.B = of.A + n * n;
+    of.Q = of.B + n * m;
+    of.R = of.Q + n * n;
+    of.S = c->cross ? of.R + m * m : NULL;
+    *P = of.R + m * m + (c->cross ? n * m : 0);
+    return of;
+}
+
+static lg_status attempt(solver solve, solved *s, lg_error *error) {
+    const size_t n = s->of.n, m = s->of.m, bytes = lg_riccati_work_size(n, m);
+    s->P = TEST_ARRAY(double, n *n);
+    s->K = TEST_ARRAY(double, m *n);
+    s->eigenvalues = TEST_ARRAY(double, 2 * n);
+    return solve(&s->of, s->P, s->K, s->eigenvalues, &s->result, test_work(bytes), bytes, error);
+}
+
+static double distance(size_t count, const double *a, const double *b) {
+    double apart = 0.0, size = 0.0;
+    for (size_t i = 0; i < count; i++) apart += (a[i] - b[i]) * (a[i] - b[i]), size += b[i] * b[i];
+    return sqrt(apart / size);
+}
+
+/* The largest number of the residual beside the largest sum of its terms' sizes, by plain sums. */
+static double residual_of(const solved *s, bool discrete) {
+    const size_t n = s->of.n, m = s->of.m;
+    const double *A = s->of.A, *B = s->of.B, *P = s->P, *K = s->K;
+    double worst = 0.0, most = 0.0;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            double sum = s->of.Q[i * n + j], size = fabs(sum);
+#define TERM(x)                                                                                              \
+    do {                                                                                                     \
+        const double term_ = (x);                                                                            \
+        sum += term_;                                                                                        \
+        size += fabs(term_);                                                                                 \
+    } while (0)
+            if (discrete) TERM(-P[i * n + j]);
+            for (size_t k = 0; k < n; k++) {
+                if (!discrete) {
+                    TERM(A[k * n + i] * P[k * n + j]);
+                    TERM(P[i * n + k] * A[k * n + j]);
+                }
+                for (size_t l = 0; discrete && l < n; l++) {
+                    double closed = A[l * n + j];
+                    for (size_t h = 0; h < m; h++) closed -= B[l * m + h] * K[h * n + j];
+                    TERM(A[k * n + i] * P[k * n + l] * closed);
+                }
+                for (size_t h = 0; !discrete && h < m; h++) TERM(-P[i * n + k] * B[k * m + h] * K[h * n + j]);
+            }
+            for (size_t h = 0; s->of.S != NULL && h < m; h++) TERM(-s->of.S[i * m + h] * K[h * n + j]);
+            worst = fmax(worst, fabs(sum));
+            most = fmax(most, size);
+            if (P[i * n + j] != P[j * n + i]) worst = INFINITY;
+        }
+    return worst / most;
+}
+
+static void check_table(const riccati_case *table, size_t count, bool discrete) {
+    print_message("%-28s  %9s %9s %9s %9s\n", "relative errors of P", "here", "SciPy", "residual",
+                  "correction");
+    for (size_t i = 0; i < count; i++) {
+        const double *exact;
+        lg_error error = {LG_OK, ""};
+        solved s = {.of = equation_of(&table[i], &exact)};
+        if (attempt(discrete ? lg_dare : lg_care, &s, &error) != LG_OK)
+            fail_msg("%s: %s", table[i].name, error.message);
+        const double off = distance(s.of.n * s.of.n, s.P, exact);
+        print_message("%-28s  %9.1e %9.1e %9.1e %9.1e\n", table[i].name, off, table[i].scipy,
+                      s.result.residual, s.result.correction);
+        /* About as good as SciPy or better, and the estimate of the error is one. */
+        assert_true(off <= 10.0 * table[i].scipy + 1e-13);
+        assert_true(off <= 30.0 * s.result.correction + 1e-12);
+        assert_true(s.result.residual <= 1e-12 && s.result.margin > 0.0);
+        assert_true(residual_of(&s, discrete) < 3e-12);
+        for (size_t k = 0; k < s.of.n; k++) {
+            const double re = s.eigenvalues[2 * k], im = s.eigenvalues[2 * k + 1];
+            assert_true(discrete ? hypot(re, im) < 1.0 : re < 0.0);
+        }
+    }
+}
+
+TEST("continuous equations: the collection, mixed scales, against 40 digits") {
+    check_table(care_table, LG_COUNT(care_table), false);
+}
+
+TEST("discrete equations: the collection, singular A and R, mixed scales, against 40 digits") {
+    check_table(dare_table, LG_COUNT(dare_table), true);
+}
+
+/* ---- equations without a table ---- */
+
+static lg_riccati random_equation(uint64_t seed, size_t n, size_t m, double growth) {
+    lg_riccati of = {.size = sizeof of, .n = n, .m = m};
+    double *A = test_numbers(seed, n * n, -1.0, 1.0), *factor = test_numbers(seed + 1, n * n, -1.0, 1.0),
+           *Q = TEST_ARRAY(double, n *n), *R = TEST_ARRAY(double, m *m);
+    for (size_t i = 0; i < n * n; i++) A[i] *= growth;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++)
+            for (size_t k = 0; k < n; k++) Q[i * n + j] += factor[i * n + k] * factor[j * n + k];
+    for (size_t i = 0; i < m; i++) R[i * m + i] = 0.5 + (double)i;
+    of.A = A, of.B = test_numbers(seed + 2, n * m, -1.0, 1.0), of.Q = Q, of.R = R;
+    return of;
+}
+
+TEST("random equations of up to 60 states are solved to rounding") {
+    static const size_t sizes[][2] = {{1, 1}, {2, 3}, {7, 1}, {20, 4}, {60, 5}};
+    for (int discrete = 0; discrete < 2; discrete++)
+        for (size_t i = 0; i < LG_COUNT(sizes); i++) {
+            const size_t n = sizes[i][0];
+            lg_error error = {LG_OK, ""};
+            solved s = {.of = random_equation(10 * i, n, sizes[i][1], 2.0 / sqrt((double)n))};
+            if (attempt(discrete ? lg_dare : lg_care, &s, &error) != LG_OK) fail_msg("%s", error.message);
+            assert_true(residual_of(&s, discrete) < 1e-13 * (double)n);
+            assert_true(s.result.correction < 1e-9);
+        }
+}
+
+TEST("without Q, a stable system has P = 0 and an unstable one the gain that mirrors it") {
+    const double zero[1] = {0.0}, one[1] = {1.0}, stable[1] = {-2.0}, unstable[1] = {2.0};
+    solved s = {.of = {sizeof s.of, 1, 1, stable, one, zero, one, NULL}};
+    assert_ok(attempt(lg_care, &s, NULL));
+    assert_close(s.P[0], 0.0, 0.0, 1e-15);
+    assert_close(s.result.margin, 2.0, 1e-14, 0.0);
+    s.of.A = unstable;
+    assert_ok(attempt(lg_care, &s, NULL));
+    assert_close(s.P[0], 4.0, 1e-14, 0.0); /* closed loop -2 */
+    assert_close(s.eigenvalues[0], -2.0, 1e-14, 0.0);
+    assert_ok(attempt(lg_dare, &s, NULL));
+    assert_close(s.eigenvalues[0], 0.5, 1e-14, 0.0); /* 1/2 */
+    assert_close(s.P[0], 3.0, 1e-14, 0.0);           /* W = 4, K = 2 3/4 */
+}
+
+TEST("the gain of an estimator is that of the transposed system") {
+    /* dx = -x dt + noise, y = x + noise of unit densities: P^2 + 2 P - 1 = 0. */
+    const double a[1] = {-1.0}, one[1] = {1.0};
+    solved s = {.of = {sizeof s.of, 1, 1, a, one, one, one, NULL}};
+    assert_ok(attempt(lg_care, &s, NULL));
+    assert_close(s.P[0], sqrt(2.0) - 1.0, 1e-15, 0.0);
+    assert_close(s.K[0], s.P[0], 1e-15, 0.0);
+}
+
+/* ---- what has no solution ---- */
+
+static const double integrators[4] = {0, 1, 0, 0}, swing[4] = {0, 1, -1, 0}, turn[4] = {0.6, 0.8, -0.8, 0.6},
+                    identity[4] = {1, 0, 0, 1}, nothing[4] = {0}, last[2] = {0, 1}, first[2] = {1, 0},
+                    growing[4] = {-1, 0, 0, 3}, unit[1] = {1}, jumping[4] = {0.5, 0, 0, 3},
+                    negative[1] = {-1}, zero_weight[1] = {0}, skew[4] = {1, 0.1, 0, 1},
+                    infinite[4] = {1, 0, 0, INFINITY};
+
+TEST("what has no stabilising solution is refused with its reason, and nothing is written") {
+    static const struct {
+        solver solve;
+        const double *A, *B, *Q, *R;
+        lg_status status;
+        const char *says;
+    } cases[] = {
+        {lg_care, growing, first, identity, unit, LG_CHECK_FAILED, "no input reaches the eigenvalue 3+0i"},
+        {lg_dare, jumping, first, identity, unit, LG_CHECK_FAILED, "no input reaches the eigenvalue 3+0i"},
+        {lg_care, swing, nothing, identity, unit, LG_CHECK_FAILED, "no input reaches"},
+        {lg_dare, turn, nothing, identity, unit, LG_CHECK_FAILED, "no input reaches"},
+        {lg_care, swing, last, nothing, unit, LG_CHECK_FAILED, "Q does not see the eigenvalue 0+1i"},
+        {lg_dare, turn, last, nothing, unit, LG_CHECK_FAILED, "Q does not see the eigenvalue 0.6+0.8i"},
+        {lg_care, integrators, last, nothing, unit, LG_CHECK_FAILED, "no stabilising solution"},
+        {lg_dare, identity, last, identity, unit, LG_CHECK_FAILED, "not stabilisable"},
+        {lg_care, integrators, last, identity, zero_weight, LG_INVALID_ARGUMENT,
+         "R is not positive definite"},
+        {lg_care, integrators, last, identity, negative, LG_INVALID_ARGUMENT, "R is not positive definite"},
+        {lg_care, integrators, last, skew, unit, LG_INVALID_ARGUMENT, "Q is not symmetric"},
+        {lg_care, infinite, last, identity, unit, LG_NOT_FINITE, "number 3 of A"},
+        {lg_dare, integrators, last, infinite, unit, LG_NOT_FINITE, "number 3 of Q"},
+    };
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        lg_error error = {LG_OK, ""};
+        solved s = {.of = {sizeof s.of, 2, 1, cases[i].A, cases[i].B, cases[i].Q, cases[i].R, NULL}};
+        const lg_status status = attempt(cases[i].solve, &s, &error);
+        if (status != cases[i].status || error.status != status)
+            fail_msg("case %zu: %s, %s", i, lg_status_name(status), error.message);
+        assert_says(error.message, cases[i].says);
+        for (size_t k = 0; k < 4; k++) assert_true(s.P[k] == 0.0 && s.eigenvalues[k] == 0.0);
+        assert_true(s.K[0] == 0.0 && s.result.residual == 0.0);
+    }
+}
+
+TEST("an undetectable mode on the boundary is refused beside others that are fine") {
+    /* Two integrators in a row that Q does not see, and one state that it sees. */
+    const double A[9] = {0, 1, 0, 0, 0, 0, 0, 0, -1}, B[6] = {0, 0, 1, 0, 0, 1}, R[4] = {1, 0, 0, 1};
+    const double Q[9] = {0, 0, 0, 0, 0, 0, 0, 0, 1};
+    lg_error error = {LG_OK, ""};
+    solved s = {.of = {sizeof s.of, 3, 2, A, B, Q, R, NULL}};
+    assert_status(attempt(lg_care, &s, &error), LG_CHECK_FAILED);
+    assert_says(error.message, "no stabilising solution");
+}
+
+TEST("what only rounding makes solvable is refused") {
+    /* Modes 1 and -1 on axes turned by t, of which u reaches the stable one. */
+    for (int n = 1; n <= 20; n++) {
+        const double t = 0.07 * n, cc = cos(t) * cos(t), ss = sin(t) * sin(t), cs = cos(t) * sin(t);
+        const double A[4] = {cc - ss, 2.0 * cs, 2.0 * cs, ss - cc}, B[2] = {-sin(t), cos(t)};
+        lg_error error = {LG_OK, ""};
+        solved s = {.of = {sizeof s.of, 2, 1, A, B, identity, unit, NULL}};
+        assert_status(attempt(lg_care, &s, &error), LG_CHECK_FAILED);
+        assert_says(error.message, "no input reaches the eigenvalue 1+0i");
+    }
+}
+
+TEST("sizes and memory are checked") {
+    enum { BYTES = 1 << 16 };
+    char *memory = test_work(BYTES);
+    lg_riccati of = {sizeof of, 2, 1, integrators, last, identity, unit, NULL};
+    const size_t needed = lg_riccati_work_size(2, 1);
+    double P[4], K[2];
+    assert_true(needed > 0 && needed < BYTES);
+    assert_ok(lg_care(&of, P, K, NULL, NULL, memory, needed, NULL));
+    assert_ok(lg_care(&of, NULL, K, NULL, NULL, memory, needed, NULL));
+    assert_close(K[0], 1.0, 1e-15, 0.0);
+    assert_close(K[1], sqrt(3.0), 1e-15, 0.0);
+    assert_status(lg_care(&of, P, K, NULL, NULL, memory, needed - 1, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_care(&of, P, K, NULL, NULL, memory + 8, needed, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_care(&of, P, K, NULL, NULL, NULL, needed, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_dare(NULL, P, K, NULL, NULL, memory, needed, NULL), LG_INVALID_ARGUMENT);
+    of.n = 0;
+    assert_status(lg_care(&of, P, K, NULL, NULL, memory, needed, NULL), LG_INVALID_ARGUMENT);
+    of.n = 2, of.m = 10000;
+    assert_status(lg_care(&of, P, K, NULL, NULL, memory, needed, NULL), LG_INVALID_ARGUMENT);
+    of.m = 1, of.size = 1;
+    assert_status(lg_care(&of, P, K, NULL, NULL, memory, needed, NULL), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_riccati_work_size(0, 1), 0);
+    assert_int_equal(lg_riccati_work_size(5000, 1), 0);
+}
