@@ -407,13 +407,13 @@ static double work_of(const training *state, double rows) {
     return rows * m * n * (0.5 * n + BESIDE) + n * n * n + AT_LEAST;
 }
 
-static const double RACE_WORK = 5e9, EVIDENCE_WORK = 3e9, TRAINING_WORK = 8e9;
+enum { RACE_EVALUATIONS = 60 };
+static const double RACE_WORK = 8e9, EVIDENCE_WORK = 3e9, TRAINING_WORK = 8e9;
 
 /* One width: theta and the priors of the run, and how probable they make the data. */
 static lg_status try_width(training *state, const app *self, uint32_t width, size_t rows,
                            const double *narrower, double **theta, lg_table_evidence_result *found,
                            double *work, lg_error *error) {
-    enum { LEAST = 25, MOST = 60 };
     const lg_table narrow = run.model;
     lg_table_options options = run.model.options;
     lg_table_evidence_options effort;
@@ -428,7 +428,7 @@ static lg_status try_width(training *state, const app *self, uint32_t width, siz
     lg_table_evidence_options_init(&effort);
     effort.go_on = narrower != NULL;
     effort.rows = rows;
-    effort.evaluations = (uint32_t)fmin(fmax(RACE_WORK / 4.0 / work_of(state, (double)rows), LEAST), MOST);
+    effort.evaluations = RACE_EVALUATIONS;
     status =
         lg_table_evidence(self->context, &state->problem, &effort, *theta, run.decay.value, found, error);
     *work += found->evaluations * work_of(state, (double)rows);
@@ -463,6 +463,18 @@ static lg_status run_lane(training *state, const app *self, uint32_t width, size
     return status == LG_NOT_FINITE ? LG_OK : status;
 }
 
+/* What a lane of the race takes. */
+static double lane_work(const training *state, uint32_t width, double rows) {
+    const lg_table kept = run.model;
+    lg_table_options options = run.model.options;
+    options.hidden_count = 1;
+    options.hidden[0] = width;
+    (void)lg_table_init(&run.model, &options, state->inputs.count, state->outputs.count, NULL);
+    const double work = RACE_EVALUATIONS * work_of(state, rows);
+    run.model = kept;
+    return work;
+}
+
 /* The width whose evidence is highest, from small to large, until three in a row are not clearly better or
  * the work is done. The run gets its model and priors; *theta its parameters. */
 static lg_status choose_width(training *state, const app *self, size_t rows, double **theta,
@@ -476,11 +488,12 @@ static lg_status choose_width(training *state, const app *self, size_t rows, dou
     lg_status status = LG_OK;
     for (size_t i = first; i < LG_COUNT(widths) && worse < WORSE && r.work < RACE_WORK && status == LG_OK;
          i++) {
-        const bool grown = r.theta != NULL;
+        const double lane = lane_work(state, widths[i], (double)rows);
+        const bool grown = r.theta != NULL && r.work + 2.0 * lane <= RACE_WORK;
         r.better = false;
+        if (r.theta != NULL && r.work + lane > RACE_WORK) break;
         if (grown) status = run_lane(state, self, widths[i], rows, true, &r, error);
-        if (status == LG_OK && r.work < RACE_WORK)
-            status = run_lane(state, self, widths[i], rows, false, &r, error);
+        if (status == LG_OK) status = run_lane(state, self, widths[i], rows, false, &r, error);
         worse = r.better ? 0 : worse + 1;
     }
     run = r.best;

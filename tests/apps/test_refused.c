@@ -671,7 +671,7 @@ static const refusal export[] = {
     {"data.h5 --out o", 3, "trajectories"},
     {"check.h5 --out o", 3, "checkpoint"},
     {"odd.h5 --out o", 3,
-     "'poem', expected hamiltonian, surrogate, detector, machine_model, "
+     "'poem', expected hamiltonian, surrogate, detector, table, machine_model, "
      "classifier or program"},
     {"pendulum.h5 --out foreign.h5", 3, "foreign.h5: cannot be written: Not a directory"},
     {"pendulum.h5 --out nowhere/o", 3, "nowhere/o: cannot be written: No such file"},
