@@ -5,7 +5,7 @@
 #include "common/train.h"
 #include "liegrad/tables.h"
 
-extern const app_command train_command, evaluate_command, predict_command, search_command;
+extern const app_command train_command, evaluate_command, predict_command, search_command, import_command;
 
 /* ---- columns and rows (table.c) ---- */
 

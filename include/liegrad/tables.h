@@ -54,6 +54,30 @@ LG_API lg_status lg_table_read(const lg_context *context, const char *path, cons
                                lg_table_data *out, lg_error *error);
 LG_API void lg_table_data_destroy(lg_table_data *data); /* NULL or zeros are fine */
 
+/* ---- named tensors: safetensors files (huggingface.co/docs/safetensors) ---- */
+
+typedef struct lg_tensor {
+    char name[128];
+    uint32_t rank;
+    uint64_t dims[4]; /* row-major */
+    size_t count;
+    double *values; /* (count) */
+} lg_tensor;
+
+typedef struct lg_tensors {
+    size_t count;
+    lg_tensor *tensor;         /* (count), in the order of the header */
+    bool inputs_first;         /* the file says that weights are (in, out), as lg-export writes them */
+    const lg_context *context; /* whose memory it is in */
+} lg_tensors;
+
+/* All tensors of types F64, F32, F16 and BF16. Errors: LG_NOT_FOUND, LG_FILE, LG_FORMAT with the tensor
+ * (another type, a header or offsets that do not fit, more than 4 dimensions, numbers that are not finite),
+ * LG_OUT_OF_MEMORY. On failure `out` is untouched. */
+LG_API lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out,
+                                 lg_error *error);
+LG_API void lg_tensors_destroy(lg_tensors *tensors); /* NULL or zeros are fine */
+
 LG_END_DECLS
 
 #endif

@@ -1,6 +1,7 @@
 /* lg-fit: what it learns, what it predicts, and what it says of odd tables. */
 #include "cli_files.h"
 #include "datasets/h5.h"
+#include "liegrad/io.h"
 #include "liegrad/tables.h"
 
 OWNED(lg_table_file, lg_table_file_destroy)
@@ -447,6 +448,85 @@ TEST("damaged tables do not crash the program") {
         cli_run_limited(fit, "train damaged.csv --class k --out d.h5 --epochs 3", 0, &result);
         if (result.code > 5) fail_msg("byte %zu: exit code %d\n%s", i, result.code, result.err);
     }
+}
+
+/* y = [1, 2] tanh([[.5, -1], [2, .25]] x + [.1, -.2]) + .3, weights (out, in). */
+static const double weight1[4] = {0.5, -1, 2, 0.25}, bias1[2] = {0.1, -0.2}, weight2[2] = {1, 2},
+                    bias2[1] = {0.3};
+
+static void check_imported(const char *name) {
+    static const double x[2] = {0.7, -0.4};
+    double y;
+    char path[1024];
+    lg_program *program;
+    lg_plan *plan;
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_program_load(NULL, path, NULL, &program, NULL));
+    assert_ok(lg_plan_create(program, 0, NULL, &plan, NULL));
+    void *work = lg_test_memory(lg_plan_work_size(plan) + 64);
+    lg_plan_eval(plan, (const void *[]){x}, (void *[]){&y}, work);
+    lg_plan_destroy(plan);
+    lg_program_destroy(program);
+    const double h1 = tanh(0.5 * x[0] - x[1] + 0.1), h2 = tanh(2 * x[0] + 0.25 * x[1] - 0.2);
+    assert_close(y, h1 + 2 * h2 + 0.3, 1e-14, 0);
+}
+
+/* The header, then the numbers. */
+static void write_tensors(const char *name, const char *header, const void *numbers, size_t bytes) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    const uint64_t length = strlen(header);
+    for (int i = 0; i < 8; i++) (void)fputc((int)(length >> 8 * i & 255), file);
+    assert_int_equal(fwrite(header, 1, length, file), length);
+    assert_int_equal(fwrite(numbers, 1, bytes, file), bytes);
+    assert_int_equal(fclose(file), 0);
+}
+
+TEST("weights from elsewhere become a program: safetensors and numpy, and back") {
+    static const char header[] =
+        "{\"net.10.weight\":{\"dtype\":\"F64\",\"shape\":[1,2],\"data_offsets\":[48,64]},"
+        "\"net.10.bias\":{\"dtype\":\"F64\",\"shape\":[1],\"data_offsets\":[64,72]},"
+        "\"net.2.bias\":{\"dtype\":\"F64\",\"shape\":[2],\"data_offsets\":[32,48]},"
+        "\"net.2.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]}}";
+    static const struct {
+        const char *header, *words;
+    } bad[] = {{"{\"a.weight\":{\"dtype\":\"I8\",\"shape\":[1],\"data_offsets\":[0,1]}}", "type is not F64"},
+               {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[9,9],\"data_offsets\":[0,648]}}",
+                "data_offsets do not fit"},
+               {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[2,-2],\"data_offsets\":[0,32]}}",
+                "shape is not a list"},
+               {"{\"a.bias\":{\"dtype\":\"F64\",\"shape\":[2],\"data_offsets\":[0,16]}}", "bias of no layer"},
+               {"{\"a\":[1]}", "type is not F64"},
+               {"{}", "no weight"}};
+    double numbers[9];
+    memcpy(numbers, weight1, sizeof weight1);
+    memcpy(numbers + 4, bias1, sizeof bias1);
+    memcpy(numbers + 6, weight2, sizeof weight2);
+    memcpy(numbers + 8, bias2, sizeof bias2);
+    write_tensors("w.safetensors", header, numbers, sizeof numbers);
+    cli_expect(fit, "import w.safetensors --out w.h5", 0, "2 - 2 - 1", &result);
+    check_imported("w.h5");
+    cli_expect("lg-export", "w.h5 --target safetensors --out back --name w", 0, "", &result);
+    cli_expect(fit, "import back/w.safetensors --out w2.h5", 0, "2 - 2 - 1", &result);
+    check_imported("w2.h5");
+    write_npy("w1.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }\n", weight1,
+              sizeof weight1);
+    write_npy("b1.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }\n", bias1, sizeof bias1);
+    write_npy("w2.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (1, 2), }\n", weight2,
+              sizeof weight2);
+    write_npy("b2.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }\n", bias2, sizeof bias2);
+    cli_expect(fit, "import w1.npy b1.npy w2.npy b2.npy --out w3.h5", 0, "2 - 2 - 1", &result);
+    check_imported("w3.h5");
+    cli_expect(fit, "import w2.npy b2.npy w1.npy b1.npy --out w4.h5", 3, "another order of files", &result);
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        write_tensors("bad.safetensors", bad[i].header, numbers, sizeof numbers);
+        cli_expect(fit, "import bad.safetensors --out bad.h5", 3, bad[i].words, &result);
+    }
+    cli_write("bad.safetensors", "short");
+    cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "is not a safetensors file", &result);
+    cli_expect(fit, "import w.safetensors", 2, "--out is missing", &result);
 }
 
 TEST("a search finds the better width") {

@@ -1,0 +1,293 @@
+/* lg-fit import: a network that was trained elsewhere, from its weights, as a program. */
+#include <ctype.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-fit/fit.h"
+#include "liegrad/activation.h"
+#include "liegrad/ops.h"
+#include "liegrad/program.h"
+
+enum { MOST_LAYERS = 64 };
+
+typedef struct import_values {
+    const char *out;
+    int activation, last, layout;
+} import_values;
+
+/* lg_activation, in its order. */
+static const char *const activations[] = {"identity", "tanh",       "sigmoid", "swish",
+                                          "relu",     "leaky-relu", "sine",    NULL};
+static const char *const layouts[] = {"auto", "out-in", "in-out", NULL};
+enum { LAYOUT_AUTO, LAYOUT_OUT_IN, LAYOUT_IN_OUT };
+
+static import_values values = {.activation = LG_TANH, .last = LG_IDENTITY};
+
+static const app_option options[] = {
+    APP_ROW_TEXT(import_values, out, "out", "MODEL.h5", "Write the network here (required)"),
+    APP_ROW_CHOICE(import_values, activation, "activation", activations, "Between the layers (default tanh)"),
+    APP_ROW_CHOICE(import_values, last, "last", activations, "After the last layer (default identity)"),
+    APP_ROW_CHOICE(
+        import_values, layout, "layout", layouts,
+        "Weights are (out, in), as PyTorch has them, or (in, out); auto (default): as the file says, "
+        "else out-in"),
+    APP_ROW_END};
+
+/* A layer y = x W + b; weight (in, out). */
+typedef struct layer {
+    char name[128];
+    size_t in, out;
+    double *weight, *bias; /* bias NULL: none */
+} layer;
+
+typedef struct network {
+    layer layers[MOST_LAYERS];
+    size_t count;
+} network;
+
+/* ---- layers from tensors ---- */
+
+/* "net.10.weight" behind "net.2.weight". */
+static int compare_names(const char *a, const char *b) {
+    while (*a != '\0' && *b != '\0') {
+        if (isdigit((unsigned char)*a) && isdigit((unsigned char)*b)) {
+            char *end_a, *end_b;
+            const unsigned long long x = strtoull(a, &end_a, 10), y = strtoull(b, &end_b, 10);
+            if (x != y) return x < y ? -1 : 1;
+            a = end_a;
+            b = end_b;
+        } else if (*a != *b) {
+            return *a < *b ? -1 : 1;
+        } else {
+            a++;
+            b++;
+        }
+    }
+    return (*a != '\0') - (*b != '\0');
+}
+
+static int compare_layers(const void *a, const void *b) {
+    return compare_names(((const layer *)a)->name, ((const layer *)b)->name);
+}
+
+/* "net.2" of "net.2.weight", "2" of "weight2". */
+static void stem_of(const char *name, char *out) {
+    const char *dot = strrchr(name, '.');
+    while (dot == NULL && isalpha((unsigned char)*name)) name++;
+    const size_t length = dot != NULL ? (size_t)(dot - name) : strlen(name);
+    memcpy(out, name, length);
+    out[length] = '\0';
+}
+
+static double *transposed(const double *from, size_t rows, size_t columns) {
+    double *to = app_alloc(rows * columns, sizeof *to);
+    for (size_t r = 0; r < rows; r++)
+        for (size_t c = 0; c < columns; c++) to[c * rows + r] = from[r * columns + c];
+    return to;
+}
+
+static void add_weight(network *n, const char *name, const double *from, size_t rows, size_t columns,
+                       bool inputs_first) {
+    layer *l = &n->layers[n->count++];
+    *l = (layer){.in = inputs_first ? rows : columns, .out = inputs_first ? columns : rows};
+    stem_of(name, l->name);
+    l->weight = inputs_first ? transposed(from, 1, rows * columns) : transposed(from, rows, columns);
+}
+
+static bool inputs_first_of(bool told) {
+    return values.layout == LAYOUT_IN_OUT || (values.layout == LAYOUT_AUTO && told);
+}
+
+static int take_biases(const app *self, const char *path, const lg_tensors *tensors, network *n) {
+    char stem[128];
+    for (size_t i = 0; i < tensors->count; i++) {
+        const lg_tensor *t = &tensors->tensor[i];
+        layer *of = NULL;
+        if (t->rank != 1) continue;
+        stem_of(t->name, stem);
+        for (size_t k = 0; k < n->count; k++)
+            if (strcmp(n->layers[k].name, stem) == 0) of = &n->layers[k];
+        if (of == NULL || of->bias != NULL || t->count != of->out)
+            return app_fail(self, LG_FORMAT,
+                            "%s: tensor '%s' is the bias of no layer: expected is STEM.bias beside "
+                            "STEM.weight, with a number for each output",
+                            path, t->name);
+        of->bias = transposed(t->values, 1, t->count);
+    }
+    return APP_EXIT_OK;
+}
+
+static int take_tensors(const app *self, const char *path, network *n) {
+    lg_tensors tensors;
+    lg_error error = {LG_OK, ""};
+    int code = APP_EXIT_OK;
+    const lg_status status = lg_tensors_read(self->context, path, &tensors, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    for (size_t i = 0; i < tensors.count && code == APP_EXIT_OK; i++) {
+        const lg_tensor *t = &tensors.tensor[i];
+        if (t->rank == 1) continue;
+        if (t->rank != 2 || t->count == 0 || n->count == MOST_LAYERS)
+            code = app_fail(self, LG_FORMAT,
+                            "%s: tensor '%s' is no weight of a dense layer (rank 2, at most %d layers)", path,
+                            t->name, MOST_LAYERS);
+        else
+            add_weight(n, t->name, t->values, t->dims[0], t->dims[1], inputs_first_of(tensors.inputs_first));
+    }
+    qsort(n->layers, n->count, sizeof n->layers[0], compare_layers);
+    if (code == APP_EXIT_OK) code = take_biases(self, path, &tensors, n);
+    lg_tensors_destroy(&tensors);
+    return code;
+}
+
+/* ---- layers from numpy files: a weight, then its bias, and so on ---- */
+
+static int take_array(const app *self, const char *path, network *n) {
+    lg_table_names names;
+    lg_table_data data;
+    lg_error error = {LG_OK, ""};
+    lg_status status = lg_table_names_read(self->context, path, NULL, &names, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    const char **columns = app_alloc(names.count, sizeof *columns);
+    for (uint32_t i = 0; i < names.count; i++) columns[i] = names.name[i];
+    status = lg_table_read(self->context, path, columns, names.count, NULL, NULL, &data, &error);
+    free(columns);
+    layer *last = n->count > 0 ? &n->layers[n->count - 1] : NULL;
+    const bool bias = status == LG_OK && last != NULL && last->bias == NULL &&
+                      (data.columns == 1 || data.rows == 1) && data.rows * data.columns == last->out;
+    if (bias)
+        last->bias = transposed(data.values, 1, last->out);
+    else if (status == LG_OK && n->count < MOST_LAYERS)
+        add_weight(n, "", data.values, data.rows, data.columns, inputs_first_of(false));
+    lg_table_names_destroy(&names);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    lg_table_data_destroy(&data);
+    return APP_EXIT_OK;
+}
+
+/* ---- the program ---- */
+
+static int check_chain(const app *self, const network *n) {
+    if (n->count == 0)
+        return app_fail(self, LG_FORMAT, "%s: there is no weight of a layer", self->arguments[0]);
+    for (size_t i = 1; i < n->count; i++)
+        if (n->layers[i].in != n->layers[i - 1].out)
+            return app_fail(
+                self, LG_FORMAT,
+                "layer %zu gives %zu numbers, layer %zu takes %zu: another order of files, or --layout %s", i,
+                n->layers[i - 1].out, i + 1, n->layers[i].in,
+                values.layout == LAYOUT_IN_OUT ? "out-in" : "in-out");
+    return APP_EXIT_OK;
+}
+
+/* Parameters: weight1, bias1, ..., those that there are. */
+static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const network *n = user;
+    lg_var at = x[0];
+    size_t next = 0;
+    for (size_t i = 0; i < n->count; i++) {
+        at = lg_matmul(tape, at, theta[next++]);
+        if (n->layers[i].bias != NULL) at = lg_add(tape, at, theta[next++]);
+        at = lg_act(tape, at, (lg_activation)(i + 1 < n->count ? values.activation : values.last));
+    }
+    y[0] = at;
+    return lg_tape_status(tape);
+}
+
+static lg_status build(const app *self, network *n, lg_program **out, lg_error *error) {
+    lg_parameter_spec parameters[2 * MOST_LAYERS];
+    char names[2 * MOST_LAYERS][16];
+    size_t count = 0;
+    for (size_t i = 0; i < n->count; i++) {
+        const layer *l = &n->layers[i];
+        (void)snprintf(names[count], sizeof names[count], "weight%u", (unsigned)(i + 1));
+        parameters[count] =
+            (lg_parameter_spec){names[count], lg_shape2((uint32_t)l->in, (uint32_t)l->out), l->weight};
+        count++;
+        if (l->bias == NULL) continue;
+        (void)snprintf(names[count], sizeof names[count], "bias%u", (unsigned)(i + 1));
+        parameters[count] = (lg_parameter_spec){names[count], lg_shape1((uint32_t)l->out), l->bias};
+        count++;
+    }
+    const lg_port x = {.name = "x", .shape = lg_shape1((uint32_t)n->layers[0].in)}, y = {.name = "y"};
+    const lg_function_spec value = {"value", &x, 1, &y, 1, record, n};
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters;
+    spec.parameter_count = count;
+    spec.functions = &value;
+    spec.function_count = 1;
+    spec.description = "a network whose weights were imported";
+    return lg_program_build(self->context, &spec, out, error);
+}
+
+static int write_program(const app *self, network *n) {
+    lg_program *program;
+    lg_error error = {LG_OK, ""};
+    const lg_provenance provenance = app_provenance(self, self->seed);
+    lg_status status = build(self, n, &program, &error);
+    if (status != LG_OK) return app_fail(self, status, "%s", error.message);
+    status = lg_program_save(self->context, values.out, program, &provenance, &error);
+    lg_program_destroy(program);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
+}
+
+static void report(const app *self, const network *n) {
+    size_t parameters = 0;
+    for (size_t i = 0; i < n->count; i++)
+        parameters += n->layers[i].in * n->layers[i].out + (n->layers[i].bias != NULL ? n->layers[i].out : 0);
+    if (self->json) {
+        app_json json;
+        app_json_begin(&json);
+        app_json_text(&json, "out", values.out);
+        app_json_size(&json, "layers", n->count);
+        app_json_size(&json, "inputs", n->layers[0].in);
+        app_json_size(&json, "outputs", n->layers[n->count - 1].out);
+        app_json_size(&json, "parameters", parameters);
+        app_json_end(&json);
+        return;
+    }
+    (void)printf("%s: a program with the function value:", values.out);
+    for (size_t i = 0; i < n->count; i++) (void)printf(" %zu -", n->layers[i].in);
+    (void)printf(" %zu, %zu parameters, %s\n", n->layers[n->count - 1].out, parameters,
+                 activations[values.activation]);
+}
+
+static bool is_safetensors(const char *path) {
+    const size_t n = strlen(path), m = strlen(".safetensors");
+    return n > m && strcmp(path + n - m, ".safetensors") == 0;
+}
+
+static int run(app *self) {
+    network *n = app_alloc(1, sizeof *n);
+    const app_path out = {"out", values.out, APP_WRITTEN};
+    int code = values.out == NULL ? app_usage(self, "--out is missing: give a file for the network")
+                                  : app_check_outputs(self, &out, 1);
+    for (int i = 0; i < self->argument_count && code == APP_EXIT_OK; i++)
+        code = (is_safetensors(self->arguments[i]) ? take_tensors : take_array)(self, self->arguments[i], n);
+    if (code == APP_EXIT_OK) code = check_chain(self, n);
+    if (code == APP_EXIT_OK) code = write_program(self, n);
+    if (code == APP_EXIT_OK) report(self, n);
+    for (size_t i = 0; i < n->count; i++) {
+        free(n->layers[i].weight);
+        free(n->layers[i].bias);
+    }
+    free(n);
+    return code;
+}
+
+const app_command import_command = {
+    .name = "import",
+    .arguments = "WEIGHTS.safetensors | W1.npy B1.npy ...",
+    .summary = "Make a program of the weights of a network that was trained elsewhere",
+    .details =
+        "Dense layers y = sigma(x W + b). A safetensors file has STEM.weight and STEM.bias of each layer; "
+        "the "
+        "layers follow the order of their stems, numbers in them counted. Numpy files follow each other: a "
+        "weight, "
+        "its bias if it has one, the next weight. The program has the function value (x) -> y; lg-export and "
+        "liegrad/program.h differentiate, run and export it.",
+    .options = options,
+    .values = &values,
+    .arguments_min = 1,
+    .arguments_max = APP_ARGUMENTS,
+    .run = run};
