@@ -41,8 +41,8 @@ lg-hamiltonian study scenes/study-small.yaml --stop-after 2 --out study.csv
 lg-hamiltonian demo --epochs 50 --out demo
 
 #: lg-identify
-# From the log of a machine to a controller; all files are in the folder machine.
-lg-identify demo --seconds 2 --out machine
+# From the log of a machine to a controller in 100 evaluations of the loss; all files are in the folder machine.
+lg-identify demo --epochs 100 --seconds 60 --out machine
 
 #: lg-identify check
 lg-identify check machine/machine.yaml machine/train.csv --plot log.svg
@@ -61,7 +61,7 @@ lg-identify predict body.h5 machine/test.csv --out run.csv --plot run.svg
 lg-identify generate machine/truth.yaml --runs 2 --noise 1e-3,1e-2 --out log.csv
 
 #: lg-identify demo
-lg-identify demo --seconds 2 --out machine
+lg-identify demo --epochs 100 --seconds 60 --out machine
 
 #: lg-elastica
 # The shape of a clamped beam; then a network that gives shapes.

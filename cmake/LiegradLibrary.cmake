@@ -114,7 +114,7 @@ function(liegrad_install_texts)
   install(FILES ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/CHANGELOG.md DESTINATION ${pages}
     COMPONENT documentation)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs DESTINATION ${pages} COMPONENT documentation
-    FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png")
+    FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png" PATTERN data EXCLUDE)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples DESTINATION ${pages} COMPONENT development USE_SOURCE_PERMISSIONS
     PATTERN "build*" EXCLUDE PATTERN exported EXCLUDE)
 endfunction()

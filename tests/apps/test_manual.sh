@@ -18,7 +18,7 @@ for program in "$LG_BIN_DIR"/lg-*; do
         [ -s "$page" ] || { fail "there is no page $title; does apps/examples.sh have its examples?"; continue; }
         warnings=$(man --warnings -E UTF-8 -l -Tutf8 -Z "$page" 2>&1 >/dev/null)
         [ -z "$warnings" ] || fail "$title: $warnings"
-        text=$(man -E UTF-8 -l "$page" | col -b)
+        text=$(man -E UTF-8 -l "$page" | col -bx)
         for line in '^NAME' "^ +$title +- +[a-z]" '^SYNOPSIS' '^ *--json' '^EXAMPLES' "^       $name .*"; do
             grep -qE -- "$line" <<<"$text" || fail "$title has no line $line"
         done
