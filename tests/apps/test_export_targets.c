@@ -124,7 +124,7 @@ static size_t call_external(const external *e, const char *const *names, const d
     long long sizes[4];
     size_t at = 0;
     assert_int_equal(e->work(&sizes[0], &sizes[1], &sizes[2], &sizes[3]), 0);
-    assert_true(sizes[3] <= (long long)LG_COUNT(w) && e->n_out() <= MOST && e->n_in() <= MOST);
+    assert_true(sizes[3] < (long long)LG_COUNT(w) && e->n_out() <= MOST && e->n_in() <= MOST);
     for (size_t i = 0; i < LG_COUNT(w); i++) w[i] = NAN;
     for (long long i = 0; i < e->n_in(); i++) {
         arg[i] = NULL;
@@ -135,6 +135,7 @@ static size_t call_external(const external *e, const char *const *names, const d
     const int memory = e->checkout();
     assert_int_equal(e->call(arg, res, NULL, w, memory), 0);
     e->release(memory);
+    assert_true(isnan(w[sizes[3]])); /* nothing is written behind the memory that it asks for */
     for (long long o = 0; o < e->n_out(); o++) {
         const long long *s = e->sparsity_out(o);
         spread(s, room[o], out + at);
