@@ -119,10 +119,38 @@ lg-anomaly search searches/anomaly.yaml well.h5 --trials 1 --out trials.csv
 # The crack of the feed is after 3600 seconds.
 lg-anomaly watch detector.h5 --input feed.csv --crack-at 3600
 
+#: lg-fit
+# A table of 300 rows, y = sin(3 a) b, and a network that learns it.
+seq 300 | awk 'BEGIN { print "a,b,y" } { a = $1 % 17 / 17; b = $1 % 23 / 23; print a "," b "," sin(3 * a) * b }' > table.csv
+lg-fit train table.csv --inputs a,b --outputs y --out table.h5
+lg-fit predict table.h5 table.csv --out predictions.csv
+
+#: lg-fit train
+# A validation part of a tenth, and a picture of predicted against true values.
+lg-fit train table.csv --outputs y --validation 0.1 --plot fit.svg --out table.h5
+
+#: lg-fit evaluate
+lg-fit evaluate table.h5 table.csv --json
+
+#: lg-fit predict
+lg-fit predict table.h5 table.csv --out predictions.csv
+
+#: lg-fit search
+printf 'hidden: [4, 8]\n' > ranges.yaml
+lg-fit search ranges.yaml table.csv --trials 2 --out trials.csv
+
+#: lg-fit import
+# The weights of a network that was trained elsewhere; here they come from a model of ours.
+lg-export table.h5 --target safetensors --name table --out tensors
+lg-fit import tensors/table.safetensors --activation tanh --out imported.h5
+
 #: lg-export
 # A controller's C from a model: value, gradient, step; then its own test, which needs cc and make.
 lg-export model.h5 --name pendulum --out exported
 make -C exported test
+# A CasADi external, and a pendulum of two links as an FMU.
+lg-export model.h5 --name pendulum --target casadi --out external
+lg-export scenes/chain-2.yaml --name chain --target fmu3 --out unit
 
 #: lg-gradcheck
 # The derivatives of one operation; then wrong ones are planted, and each has to be caught.

@@ -42,9 +42,9 @@ void app_json_quote(FILE *stream, const char *text) {
     (void)fputc('"', stream);
 }
 
-/* 15 digits, of which %g leaves the zeros at the end out, are the shortest text of a number that has one of
- * so few; a subnormal has less digits. Below a power of two the next number is nearer than above it, so a
- * text above it may read back the same where the nearest text of so many digits, below it, does not. */
+/* 15 digits, of which %g leaves out the zeros at the end, are the shortest text of a number that has one
+ * of so few; a subnormal has fewer. Below a power of two the next number is nearer than above it: a text
+ * above it may read back the same where the nearest text of so many digits, below it, does not. */
 void app_print_real(FILE *stream, double value) {
     char text[40] = "null";
     bool same = !isfinite(value);
