@@ -136,13 +136,13 @@ lg-fit evaluate table.h5 table.csv --json
 lg-fit predict table.h5 table.csv --out predictions.csv
 
 #: lg-fit search
-printf 'hidden: [4, 8]\n' > ranges.yaml
+printf 'ranges:\n  hidden: {integer: [4, 12]}\nfixed: {epochs: 20}\n' > ranges.yaml
 lg-fit search ranges.yaml table.csv --trials 2 --out trials.csv
 
 #: lg-fit import
-# The weights of a network that was trained elsewhere; here they come from a model of ours.
-lg-export table.h5 --target safetensors --name table --out tensors
-lg-fit import tensors/table.safetensors --activation tanh --out imported.h5
+# The weights of a network that was trained elsewhere; here they come from the model of a beam.
+lg-export beam.h5 --target safetensors --name beam --out tensors
+lg-fit import tensors/beam.safetensors --activation tanh --out imported.h5
 
 #: lg-export
 # A controller's C from a model: value, gradient, step; then its own test, which needs cc and make.
