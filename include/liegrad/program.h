@@ -218,6 +218,13 @@ LG_API size_t lg_plan_output_count(const lg_plan *plan, size_t output);
  * positive definite makes its rows NaN. */
 LG_API void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work);
 
+/* Plan and evaluation in one, for set-ups and tries: `function` for `rows` rows in double precision; arrays
+ * as lg_plan_eval has them, one for each input and output. Allocates. Errors: LG_NOT_FOUND (function),
+ * LG_INVALID_ARGUMENT (NULL), those of lg_plan_create. */
+LG_API lg_status lg_program_eval(const lg_context *context, const lg_program *program, const char *function,
+                                 size_t rows, const double *const *inputs, double *const *outputs,
+                                 lg_error *error);
+
 /* ---- C ---- */
 
 /* Functions as source that is C99 and C++14, needs libm alone, allocates nothing and keeps no state: the

@@ -117,6 +117,9 @@ typedef struct lg_scaler {
 LG_API lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, const lg_windows *windows,
                                const uint32_t *chosen, size_t count, bool centred, lg_scaler *out);
 LG_API void lg_scaler_destroy(lg_scaler *scaler);
+/* On a tape: x (..., channels) -> (x - mean)/scale; `back`: x scale + mean. Both are constants of the
+ * recording. Errors stick to the tape. */
+LG_API lg_var lg_scaler_record(lg_tape *tape, const lg_scaler *scaler, lg_var x, bool back);
 
 LG_END_DECLS
 

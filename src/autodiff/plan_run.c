@@ -158,3 +158,22 @@ void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *o
         for (size_t j = 0; j < plan->outputs; j++)
             if (outputs[j] != NULL) plan->k->fill(plan->output_count[j], NAN, outputs[j]);
 }
+
+lg_status lg_program_eval(const lg_context *context, const lg_program *program, const char *function,
+                          size_t rows, const double *const *inputs, double *const *outputs, lg_error *error) {
+    lg_plan_options options;
+    lg_plan *plan = NULL;
+    size_t number;
+    if (program == NULL || function == NULL || inputs == NULL || outputs == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the program, its function or arrays are missing");
+    if (lg_program_find(program, function, &number) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "the program has no function '%s'", function);
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    LG_TRY(lg_plan_create(program, number, &options, &plan, error));
+    void *work = lg_alloc(context, lg_plan_work_size(plan), 1);
+    if (work != NULL) lg_plan_eval(plan, (const void *const *)inputs, (void *const *)outputs, work);
+    lg_free(context, work);
+    lg_plan_destroy(plan);
+    return work != NULL ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "no memory to run '%s'", function);
+}

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "liegrad/ops.h"
 #include "liegrad/series.h"
 
 /* ---- memory ---- */
@@ -259,4 +260,10 @@ void lg_scaler_destroy(lg_scaler *scaler) {
     lg_free(scaler->context, scaler->mean);
     lg_free(scaler->context, scaler->scale);
     *scaler = (lg_scaler){0};
+}
+
+lg_var lg_scaler_record(lg_tape *tape, const lg_scaler *scaler, lg_var x, bool back) {
+    const lg_var mean = lg_input_f64(tape, lg_shape1(scaler->channels), scaler->mean),
+                 scale = lg_input_f64(tape, lg_shape1(scaler->channels), scaler->scale);
+    return back ? lg_add(tape, lg_mul(tape, x, scale), mean) : lg_div(tape, lg_sub(tape, x, mean), scale);
 }

@@ -359,6 +359,30 @@ TEST("100000 steps with sensors a million times better than the start keep P sym
     assert_true(square_in(R, P, c) < 40.0);
 }
 
+TEST("the covariance turns with a state whose frame changes in an update") {
+    /* |q_1| < |q_2| before the correction along e_1, and not after it; e_2 is the axis of that turn. */
+    const built b = build_pendulum(1.0, 4.0);
+    const lg_space space = space_of(&b);
+    const lg_sensor sensor = {LG_SENSOR_STATE, 0, 0.01, 0.0};
+    const double deviations[4] = {0.1, 1e-4, 0.1, 0.1};
+    double y[6] = {0.50, 0.51, 0.7, 0.0, 0.0, 0.0}, basis[24], P[16], z[1], sum = 0.0, along[4] = {0.0};
+    lg_space_project(&space, y);
+    assert_ok(lg_model_linearise(b.model, y, NULL, NULL, NULL, basis, b.work));
+    const double axis[3] = {basis[1], basis[5], basis[9]};
+    lg_ekf *ekf = filter_of(b.model, "rkmk4", y, diagonal(4, deviations), uniform(4, 0.0), &sensor, 1);
+    z[0] = y[0] + 0.1;
+    assert_ok(lg_ekf_update(ekf, z, NULL));
+    const double *q = lg_ekf_state(ekf);
+    assert_true(fabs(y[0]) < fabs(y[1]) && fabs(q[0]) > fabs(q[1]));
+    lg_ekf_covariance(ekf, P);
+    assert_ok(lg_model_linearise(b.model, q, NULL, NULL, NULL, basis, b.work));
+    for (int j = 0; j < 4; j++)
+        for (int i = 0; i < 3; i++) along[j] += axis[i] * basis[4 * i + j];
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++) sum += along[i] * P[4 * i + j] * along[j];
+    assert_close(sum, 1e-8, 1e-3, 0.0);
+}
+
 TEST("angles are taken the short way round") {
     lg_machine machine = empty_machine();
     const double inertia[1] = {1.0}, start[2] = {3.1, 0.0};

@@ -1,0 +1,204 @@
+/* A program's function as a problem of lg_fit: its parameters, one after the other, are theta. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "kernels/kernels.h"
+#include "liegrad/ops.h"
+#include "liegrad/train.h"
+
+enum { MOST_EVALUATIONS = 1000, MOST_LM = 64, MOST_DENSE = 2000 };
+
+typedef struct training {
+    const lg_program *program;
+    size_t function, inputs, parameters, outputs, rows;
+    const lg_port *input;
+    bool squares;   /* the first output has a value for each row */
+    size_t numbers; /* of one row of it */
+    const double *const *data;
+    double *theta;
+} training;
+
+/* ---- on a tape ---- */
+
+/* Input i with the rows `samples`. */
+static lg_var put_rows(const training *t, lg_tape *tape, size_t i, const uint32_t *samples, size_t count) {
+    const lg_port *port = &t->input[i];
+    const size_t width = lg_shape_count(port->shape);
+    if (port->shared) return lg_input_f64(tape, port->shape, t->data[i]);
+    const lg_kernels *k = lg_kernels_for(lg_tape_dtype(tape));
+    void *values;
+    const lg_var x = lg_input_buffer(tape, lg_port_shape(port, count), &values);
+    if (lg_is_none(x)) return x;
+    for (size_t r = 0; r < count; r++)
+        k->convert_in(width, t->data[i] + samples[r] * width, (char *)values + r * width * k->size);
+    return x;
+}
+
+/* The first output for these rows. */
+static lg_status record(const training *t, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                        lg_var *out) {
+    lg_var parameters[LG_TRAIN_MOST], in[LG_TRAIN_MOST], outputs[LG_TRAIN_MOST];
+    uint32_t at = 0;
+    for (size_t j = 0; j < t->parameters; j++) {
+        const lg_shape shape = lg_program_parameter(t->program, j).shape;
+        const uint32_t numbers = (uint32_t)lg_shape_count(shape);
+        parameters[j] = lg_reshape(tape, lg_slice(tape, theta, 0, at, numbers), shape);
+        at += numbers;
+    }
+    for (size_t i = 0; i < t->inputs; i++) in[i] = put_rows(t, tape, i, samples, count);
+    LG_TRY(lg_program_record(tape, t->program, t->function, parameters, in, outputs));
+    *out = outputs[0];
+    return lg_tape_status(tape);
+}
+
+static lg_status residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                           size_t batch, lg_var *r) {
+    const training *t = user;
+    LG_TRY(record(t, tape, theta, samples, count, r));
+    *r = lg_scale(tape, *r, 1.0 / sqrt((double)batch * (double)t->numbers));
+    return lg_tape_status(tape);
+}
+
+static lg_status loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                      size_t batch, lg_var *out) {
+    const training *t = user;
+    lg_var y = LG_NONE;
+    LG_TRY(record(t, tape, theta, samples, count, &y));
+    const double part = (double)count / (double)batch;
+    *out = t->squares ? lg_scale(tape, lg_mean(tape, lg_square(tape, y)), part)
+                      : lg_scale(tape, lg_reshape(tape, y, lg_shape0()), part);
+    return lg_tape_status(tape);
+}
+
+/* ---- set-up ---- */
+
+static lg_status check_data(const training *t, lg_error *error) {
+    for (size_t i = 0; i < t->inputs; i++) {
+        const size_t width = lg_shape_count(t->input[i].shape), rows = t->input[i].shared ? 1 : t->rows;
+        if (t->data[i] == NULL)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "there is no data for the input '%s'",
+                           t->input[i].name);
+        for (size_t k = 0; k < rows * width; k++)
+            if (!isfinite(t->data[i][k]))
+                return lg_fail(error, LG_NOT_FINITE, "row %zu of the input '%s' is not finite", k / width,
+                               t->input[i].name);
+    }
+    return LG_OK;
+}
+
+static lg_status open_function(training *t, const char *function, lg_error *error) {
+    if (t->program == NULL || function == NULL || t->data == NULL || t->rows == 0 || t->rows >= UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the program, its function or the rows are missing");
+    if (lg_program_find(t->program, function, &t->function) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "the program has no function '%s'", function);
+    const lg_port *output = lg_program_outputs(t->program, t->function, &t->outputs);
+    t->input = lg_program_inputs(t->program, t->function, &t->inputs);
+    t->parameters = lg_program_parameters(t->program);
+    t->squares = !output->shared;
+    t->numbers = lg_shape_count(output->shape);
+    if (t->parameters == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "the program has no parameters");
+    if (t->parameters > LG_TRAIN_MOST || t->inputs > LG_TRAIN_MOST || t->outputs > LG_TRAIN_MOST)
+        return lg_fail(error, LG_UNSUPPORTED, "more than %d parameters, inputs or outputs", LG_TRAIN_MOST);
+    if (!t->squares && t->numbers != 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' has %zu numbers that all rows share: one is a loss",
+                       output->name, t->numbers);
+    return check_data(t, error);
+}
+
+static lg_fit_options default_options(const training *t, size_t count) {
+    lg_fit_options options;
+    const lg_fit_method method = count > MOST_DENSE               ? LG_FIT_LBFGS
+                                 : t->squares && count <= MOST_LM ? LG_FIT_LM
+                                                                  : LG_FIT_SSBROYDEN;
+    lg_fit_options_init(&options);
+    options.plan.phases = 1;
+    options.plan.phase[0].method = (uint32_t)method;
+    options.epochs = MOST_EVALUATIONS;
+    return options;
+}
+
+/* theta, if it is wanted, from the program; its length. */
+static size_t take_parameters(const training *t, double *theta) {
+    size_t at = 0;
+    for (size_t j = 0; j < t->parameters; j++) {
+        const lg_parameter_spec p = lg_program_parameter(t->program, j);
+        const size_t count = lg_shape_count(p.shape);
+        if (theta != NULL) memcpy(theta + at, p.values, count * sizeof *theta);
+        at += count;
+    }
+    return at;
+}
+
+static lg_status give_parameters(lg_program *program, const double *theta) {
+    for (size_t j = 0; j < lg_program_parameters(program); j++) {
+        LG_TRY(lg_program_set_parameter(program, j, theta));
+        theta += lg_shape_count(lg_program_parameter(program, j).shape);
+    }
+    return LG_OK;
+}
+
+/* The loss of all rows, LG_FIT_CHUNK on the tape at once. */
+static lg_status loss_of_all(training *t, const lg_context *context, size_t count, double *sum) {
+    lg_tape *tape;
+    lg_status status = LG_OK;
+    LG_TRY(lg_tape_create(context, NULL, &tape));
+    *sum = 0.0;
+    for (size_t at = 0; at < t->rows && status == LG_OK; at += LG_FIT_CHUNK) {
+        uint32_t samples[LG_FIT_CHUNK];
+        const size_t rest = t->rows - at, rows = rest < LG_FIT_CHUNK ? rest : LG_FIT_CHUNK;
+        lg_var part = LG_NONE;
+        double value = 0.0;
+        for (size_t r = 0; r < rows; r++) samples[r] = (uint32_t)(at + r);
+        lg_tape_reset(tape);
+        const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)count), t->theta);
+        status = loss(t, tape, theta, samples, rows, t->rows, &part);
+        if (status == LG_OK) status = lg_read(tape, part, 1, &value);
+        *sum += value;
+    }
+    lg_tape_destroy(tape);
+    return status;
+}
+
+static lg_status run(training *t, const lg_context *context, size_t count, const lg_fit_options *options,
+                     lg_program_training *result, lg_error *error) {
+    const lg_fit_options chosen = options != NULL ? *options : default_options(t, count);
+    const lg_fit_problem problem = {.parameters = count,
+                                    .samples = t->rows,
+                                    .loss = loss,
+                                    .user = t,
+                                    .residuals = t->squares ? residuals : NULL,
+                                    .observations = t->squares ? t->rows * t->numbers : 0};
+    const double begin = lg_seconds();
+    lg_fit *fit = NULL;
+    (void)take_parameters(t, t->theta);
+    if (loss_of_all(t, context, count, &result->before) != LG_OK)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the function cannot be recorded with these rows");
+    LG_TRY(lg_fit_create(context, &problem, &chosen, t->theta, &fit, error));
+    lg_status status = lg_fit_run(fit, error);
+    if (status == LG_OK) {
+        lg_fit_parameters(fit, t->theta);
+        result->epochs = lg_fit_epochs_done(fit);
+        result->end = lg_fit_end_sentence(fit);
+        status = loss_of_all(t, context, count, &result->after);
+    }
+    lg_fit_destroy(fit);
+    result->seconds = lg_seconds() - begin;
+    return status;
+}
+
+lg_status lg_program_train(const lg_context *context, lg_program *program, const char *function,
+                           const double *const *data, size_t rows, const lg_fit_options *options,
+                           lg_program_training *result, lg_error *error) {
+    training t = {.program = program, .data = data, .rows = rows};
+    lg_program_training made = {.end = ""};
+    LG_TRY(open_function(&t, function, error));
+    const size_t count = take_parameters(&t, NULL);
+    t.theta = lg_alloc(context, count, sizeof *t.theta);
+    if (t.theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", count);
+    lg_status status = run(&t, context, count, options, &made, error);
+    if (status == LG_OK) status = give_parameters(program, t.theta);
+    if (status == LG_OK && result != NULL) *result = made;
+    lg_free(context, t.theta);
+    return status;
+}

@@ -1,0 +1,175 @@
+/* Training of a program by one call: squares and means, several tensors, what is refused. */
+#include "support/fixtures.h"
+
+#include "core/core.h"
+
+#include "liegrad/nn.h"
+#include "liegrad/program.h"
+#include "liegrad/series.h"
+#include "liegrad/train.h"
+
+enum { ROWS = 300 };
+
+static void release_program(void *program) {
+    lg_program_destroy(program);
+}
+
+/* y = x W + b */
+static lg_var line(lg_tape *tape, const lg_var *theta, lg_var x) {
+    return lg_add(tape, lg_matmul(tape, x, theta[0]), theta[1]);
+}
+
+static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    out[0] = line(tape, theta, in[0]);
+    return lg_tape_status(tape);
+}
+
+static lg_status error_of(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    out[0] = lg_mul(tape, lg_sub(tape, line(tape, theta, in[0]), in[1]), in[2]);
+    return lg_tape_status(tape);
+}
+
+static lg_status mean_square(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    LG_TRY(error_of(user, tape, theta, in, out));
+    out[0] = lg_mean(tape, lg_square(tape, out[0]));
+    return lg_tape_status(tape);
+}
+
+static lg_status two_means(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    LG_TRY(error_of(user, tape, theta, in, out));
+    out[0] = lg_sum_axis(tape, lg_square(tape, out[0]), 0, false);
+    return lg_tape_status(tape);
+}
+
+/* Of two inputs and two outputs; the third input, shared, weighs the outputs. */
+static lg_program *build_line(void) {
+    static const double W[4] = {0.1, 0.2, -0.1, 0.3}, b[2] = {0.0, 0.0};
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1(2)},
+                          {.name = "wanted", .shape = lg_shape1(2)},
+                          {.name = "weight", .shape = lg_shape1(2), .shared = true}};
+    const lg_port out = {.name = "y"};
+    const lg_function_spec functions[] = {{"value", in, 1, &out, 1, value, NULL},
+                                          {"error", in, 3, &out, 1, error_of, NULL},
+                                          {"loss", in, 3, &out, 1, mean_square, NULL},
+                                          {"sums", in, 3, &out, 1, two_means, NULL}};
+    const lg_parameter_spec parameters[] = {{"W", lg_shape2(2, 2), W}, {"b", lg_shape1(2), b}};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_error error;
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters, spec.parameter_count = 2;
+    spec.functions = functions, spec.function_count = 4;
+    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_test_owns(program, release_program);
+    return program;
+}
+
+typedef struct rows {
+    double x[ROWS * 2], wanted[ROWS * 2], weight[2];
+    const double *data[3];
+} rows;
+
+/* W = (1, 2; 3, -1), b = (0.5, -4), and a part that no line has. */
+static rows *make_rows(double bent) {
+    rows *r = TEST_ARRAY(rows, 1);
+    const double *x = memcpy(r->x, test_numbers(3, 2 * ROWS, -1.0, 1.0), sizeof r->x);
+    for (size_t i = 0; i < ROWS; i++) {
+        r->wanted[2 * i] = x[2 * i] + 3.0 * x[2 * i + 1] + 0.5 + bent * x[2 * i] * x[2 * i];
+        r->wanted[2 * i + 1] = 2.0 * x[2 * i] - x[2 * i + 1] - 4.0;
+    }
+    r->weight[0] = 2.0, r->weight[1] = 0.5;
+    r->data[0] = r->x, r->data[1] = r->wanted, r->data[2] = r->weight;
+    return r;
+}
+
+static void assert_line(const lg_program *program, double tolerance) {
+    assert_all_close(lg_program_parameter(program, 0).values, ((double[]){1, 2, 3, -1}), 4, 0.0, tolerance);
+    assert_all_close(lg_program_parameter(program, 1).values, ((double[]){0.5, -4}), 2, 0.0, tolerance);
+}
+
+TEST("squares and a mean lead to the same parameters, in several tensors, with shared data") {
+    const rows *r = make_rows(0.0);
+    lg_program *squares = build_line(), *mean = build_line();
+    lg_program_training a, b;
+    lg_error error;
+    if (lg_program_train(NULL, squares, "error", r->data, ROWS, NULL, &a, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    assert_ok(lg_program_train(NULL, mean, "loss", r->data, ROWS, NULL, &b, &error));
+    assert_line(squares, 1e-9);
+    assert_line(mean, 1e-6);
+    assert_close(a.before, b.before, 1e-13, 0.0);
+    assert_true(a.after < 1e-20 && b.after < 1e-10 && a.before > 1.0);
+    assert_true(a.epochs > 0 && a.epochs < 100 && b.epochs < 1000 && strlen(a.end) > 0 && a.seconds > 0.0);
+}
+
+TEST("the least of a loss that is not zero is the one of all rows, whatever the method") {
+    const rows *r = make_rows(1.0);
+    lg_program *lm = build_line(), *adam = build_line();
+    lg_program_training a, b;
+    lg_fit_options options;
+    lg_fit_options_init(&options);
+    options.epochs = 400;
+    options.adam.lr = 0.05;
+    options.schedule.kind = LG_SCHEDULE_COSINE;
+    assert_ok(lg_program_train(NULL, lm, "error", r->data, ROWS, NULL, &a, NULL));
+    assert_ok(lg_program_train(NULL, adam, "error", r->data, ROWS, &options, &b, NULL));
+    assert_true(a.after > 0.1 && b.epochs == 400);
+    assert_close(b.after, a.after, 1e-4, 0.0);
+    for (size_t i = 0; i < 4; i++)
+        assert_close(lg_program_parameter(adam, 0).values[i], lg_program_parameter(lm, 0).values[i], 0.0,
+                     1e-2);
+}
+
+TEST("what cannot be trained is refused with a sentence, and the program stays") {
+    rows *r = make_rows(0.0);
+    lg_program *program = build_line();
+    lg_program_training result = {.epochs = 77};
+    lg_error error;
+    const double before = lg_program_parameter(program, 0).values[0];
+#define REFUSED(call, status, part)                                                                          \
+    do {                                                                                                     \
+        assert_status(call, status);                                                                         \
+        assert_says(error.message, part);                                                                    \
+    } while (0)
+    REFUSED(lg_program_train(NULL, program, "lost", r->data, ROWS, NULL, &result, &error), LG_NOT_FOUND,
+            "'lost'");
+    REFUSED(lg_program_train(NULL, program, "loss", r->data, 0, NULL, &result, &error), LG_INVALID_ARGUMENT,
+            "rows");
+    REFUSED(lg_program_train(NULL, program, "sums", r->data, ROWS, NULL, &result, &error),
+            LG_INVALID_ARGUMENT, "2 numbers that all rows share");
+    r->x[7] = NAN;
+    REFUSED(lg_program_train(NULL, program, "error", r->data, ROWS, NULL, &result, &error), LG_NOT_FINITE,
+            "row 3 of the input 'x'");
+    r->data[1] = NULL, r->x[7] = 0.0;
+    REFUSED(lg_program_train(NULL, program, "error", r->data, ROWS, NULL, &result, &error),
+            LG_INVALID_ARGUMENT, "no data for the input 'wanted'");
+    assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == before);
+}
+
+TEST("a program is evaluated by name, for any number of rows") {
+    const rows *r = make_rows(0.0);
+    const lg_program *program = build_line();
+    double y[2 * ROWS], x[2] = {1.0, 2.0};
+    const double *const in[] = {r->x}, *const one[] = {x};
+    double *const out[] = {y};
+    lg_error error;
+    assert_ok(lg_program_eval(NULL, program, "value", 1, one, out, NULL));
+    assert_all_close(y, ((double[]){-0.1, 0.8}), 2, 1e-15, 0.0);
+    assert_ok(lg_program_eval(NULL, program, "value", ROWS, in, out, NULL));
+    for (size_t i = 0; i < ROWS; i++)
+        assert_close(y[2 * i], 0.1 * r->x[2 * i] - 0.1 * r->x[2 * i + 1], 1e-14, 1e-16);
+    assert_status(lg_program_eval(NULL, program, "values", 1, one, out, &error), LG_NOT_FOUND);
+    assert_says(error.message, "'values'");
+    assert_status(lg_program_eval(NULL, program, "value", 0, one, out, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_eval(NULL, NULL, "value", 1, one, out, &error), LG_INVALID_ARGUMENT);
+}
+
+TEST("columns are scaled on a tape, and back") {
+    double mean[2] = {1.0, -2.0}, scale[2] = {2.0, 0.5};
+    const lg_scaler scaler = {.channels = 2, .mean = mean, .scale = scale};
+    const double x[4] = {3.0, -1.0, 1.0, -2.5};
+    lg_tape *tape = test_tape(LG_F64);
+    const lg_var v = lg_input(tape, lg_shape2(2, 2), x), z = lg_scaler_record(tape, &scaler, v, false);
+    assert_reads(tape, z, 4, ((double[]){1, 2, 0, -1}), 1e-15, 0.0);
+    assert_reads(tape, lg_scaler_record(tape, &scaler, z, true), 4, x, 1e-15, 0.0);
+}
