@@ -1,0 +1,77 @@
+/* own_regression TABLE.csv MODEL.h5: learns two columns of a table from three others, saves the model, loads
+ * it again and evaluates it. `lg-export MODEL.h5 --out DIR` makes C of it. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <liegrad/io.h>
+#include <liegrad/ops.h>
+#include <liegrad/table.h>
+#include <liegrad/tables.h>
+#include <liegrad/train.h>
+
+enum { IN = 3, OUT = 2, MOST = 1000 }; /* MOST: parameters */
+static const char *const in_names[] = {"angle", "speed", "height"};
+static const char *const out_names[] = {"range", "top"};
+static lg_error error;
+
+static void need(lg_status status) {
+    if (status == LG_OK) return;
+    (void)fprintf(stderr, "own_regression: %s\n", error.message);
+    exit(1);
+}
+
+typedef struct regression {
+    lg_mlp net;
+    lg_scaler in, out;
+} regression;
+
+/* y (B, OUT) of x[0] (B, IN), in the units of the table. */
+static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const regression *r = user;
+    const lg_var f = lg_mlp_record(t, &r->net, theta[0], 0, lg_scaler_record(t, &r->in, x[0], false));
+    y[0] = lg_scaler_record(t, &r->out, f, true);
+    return lg_tape_status(t);
+}
+
+/* What training makes small: the error beside the wanted x[1], in deviations of the columns. */
+static lg_status miss(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const regression *r = user;
+    (void)value(user, t, theta, x, y); /* a failure stays on the tape */
+    y[0] = lg_sub(t, lg_scaler_record(t, &r->out, y[0], false), lg_scaler_record(t, &r->out, x[1], false));
+    return lg_tape_status(t);
+}
+
+int main(int argc, char **argv) {
+    const uint32_t hidden[] = {12, 12};
+    regression r;
+    lg_table_data x, y;
+    lg_program *program;
+    lg_program_training done;
+    lg_rng rng;
+    double theta[MOST], predicted[OUT];
+    if (argc != 3) return 2;
+    need(lg_table_read(NULL, argv[1], in_names, IN, NULL, NULL, &x, &error));
+    need(lg_table_read(NULL, argv[1], out_names, OUT, NULL, NULL, &y, &error));
+    need(lg_table_scaler_fit(NULL, x.values, IN, NULL, x.rows, &r.in));
+    need(lg_table_scaler_fit(NULL, y.values, OUT, NULL, y.rows, &r.out));
+    need(lg_mlp_init(&r.net, IN, hidden, 2, OUT, LG_TANH, true));
+    lg_rng_seed(&rng, 1, 0);
+    lg_mlp_initialise(&r.net, &rng, theta);
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1(IN)}, {.name = "wanted", .shape = lg_shape1(OUT)}};
+    const lg_port out = {.name = "y"};
+    const lg_function_spec functions[] = {{"value", in, 1, &out, 1, value, &r},
+                                          {"miss", in, 2, &out, 1, miss, &r}};
+    const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&r.net)), theta};
+    const lg_program_spec spec = {sizeof spec, &weights, 1, functions, 2, "where a thrown stone lands"};
+    need(lg_program_build(NULL, &spec, &program, &error));
+    need(lg_program_train(NULL, program, "miss", (const double *[]){x.values, y.values}, x.rows, NULL, &done,
+                          &error));
+    printf("rms error %.2g deviations after %.1f s: %s\n", sqrt(done.after), done.seconds, done.end);
+    need(lg_program_save(NULL, argv[2], program, NULL, &error));
+    need(lg_program_load(NULL, argv[2], NULL, &program, &error));
+    need(lg_program_eval(NULL, program, "value", 1, (const double *[]){x.values}, (double *[]){predicted},
+                         &error));
+    printf("row 1: range %.3f m, predicted %.3f m\n", y.values[0], predicted[0]);
+    return 0; /* what is held goes with the process */
+}
