@@ -48,6 +48,9 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
                  "%s: gives neither attribute system nor layout: its %u numbers a point are taken for states "
                  "of %s (%s)",
                  path, state->data.state_dim, state->data.family->name, state->data.family->formula);
+    if (state->data.system[0] != '\0' && lg_system_parameters(state->data.system, NULL) == NULL)
+        app_warn(self, "%s: no system is called '%s': by its layout its data are taken for states of %s (%s)",
+                 path, state->data.system, state->data.family->name, state->data.family->formula);
     warn_of_inputs(self, path, &state->data);
     memcpy(sha256, state->data.sha256, LG_SHA256_TEXT);
     return APP_EXIT_OK;

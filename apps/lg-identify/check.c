@@ -5,7 +5,6 @@
 
 #include "core/core.h"
 #include "lg-identify/runs.h"
-#include "liegrad/geometry.h"
 #include "liegrad/minimise.h"
 
 typedef struct check_values {
@@ -17,66 +16,6 @@ static const app_option options[] = {
     APP_ROW_END};
 
 static check_values values;
-
-/* ---- positions and velocities ---- */
-
-/* The change of a coordinate from a row to the next, and what the mean of both velocities makes of it. */
-typedef struct motion {
-    double moved, missed; /* sums of squares */
-    size_t count;
-} motion;
-
-static void add_motion(motion *m, double change, double integral) {
-    if (!isfinite(change) || !isfinite(integral)) return;
-    m->moved += change * change;
-    m->missed += (change - integral) * (change - integral);
-    m->count++;
-}
-
-static void add_step(const lg_coordinate_row *row, const double *a, const double *b, const double *va,
-                     const double *vb, double h, bool angle, motion *m) {
-    double change[3] = {0}, mean[3], turn[9];
-    const double *A = a + row->places, *B = b + row->places, *rate_a = va, *rate_b = vb;
-    for (uint32_t k = 0; k < row->places; k++) {
-        const double moved = angle ? identify_wrap(b[k] - a[k]) : b[k] - a[k];
-        const double speed_a = row->rotations > 0 ? lg_dot3(A + 3 * k, va) : va[k],
-                     speed_b = row->rotations > 0 ? lg_dot3(B + 3 * k, vb) : vb[k];
-        add_motion(m, moved, h * (speed_a + speed_b) / 2);
-    }
-    if (row->rotations == 0 && row->directions == 0) return;
-    rate_a += row->velocities - 3, rate_b += row->velocities - 3;
-    if (row->directions > 0) {
-        lg_cross3(a, b, change);
-    } else {
-        for (int r = 0; r < 3; r++)
-            for (int c = 0; c < 3; c++)
-                turn[3 * r + c] = A[r] * B[c] + A[3 + r] * B[3 + c] + A[6 + r] * B[6 + c];
-        lg_so3_log(turn, change);
-    }
-    for (int k = 0; k < 3; k++) mean[k] = h * (rate_a[k] + rate_b[k]) / 2;
-    for (int k = 0; k < 3; k++) add_motion(m, change[k], mean[k]);
-}
-
-/* How much of the motion of each coordinate its velocity does not explain: a part of its root mean square. */
-static void compare_motions(const identify_data *data, double *out) {
-    const lg_machine *machine = &data->file.machine;
-    const lg_machine_log *log = &data->logs.log;
-    motion found[LG_MACHINE_COORDINATES] = {{0, 0, 0}};
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++) {
-            const double *q = log->q + row * machine->positions, *v = log->v + row * machine->velocities;
-            for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-                const lg_coordinate_kind kind = machine->coordinates[i].kind;
-                const lg_coordinate_row *each = lg_coordinate_row_of(kind);
-                add_step(each, q, q + machine->positions, v, v + machine->velocities,
-                         log->t[row + 1] - log->t[row], kind == LG_COORDINATE_ANGLE, &found[i]);
-                q += lg_coordinate_positions(kind), v += each->velocities;
-            }
-        }
-    const bool compared = data->file.measured == LG_MEASURED_VELOCITIES;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++)
-        out[i] = compared && found[i].moved > 0 ? sqrt(found[i].missed / found[i].moved) : (double)NAN;
-}
 
 /* ---- excitation ---- */
 
@@ -138,6 +77,36 @@ static void warn_of_inputs(const app *self, const identify_data *data) {
                 "column %s: the input is a linear function of the state and the other inputs (all but %.1g "
                 "of it): feedback, or a copy; what it does cannot be told from damping and potential",
                 machine->inputs[k], part);
+    }
+}
+
+/* ---- positions against velocities ---- */
+
+/* Positions that belong to velocities of other rows. */
+static void warn_of_clocks(const app *self, const identify_data *data, const double *motions) {
+    int lag[LG_MACHINE_COORDINATES];
+    double left[LG_MACHINE_COORDINATES];
+    identify_lags(data, lag, left);
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
+        if (lag[i] != 0)
+            app_warn(
+                self,
+                "%s: its positions are %d rows (%.3g s) %s than its velocities: with that shift they explain "
+                "its motion up to %.2g of it, as logged up to %.2g: two clocks, or a delay of one sensor; "
+                "shift the columns before they are learned from",
+                data->file.machine.coordinates[i].name, abs(lag[i]), fabs(lag[i] * data->logs.dt_median),
+                lag[i] < 0 ? "later" : "earlier", left[i], motions[i]);
+}
+
+static void warn_of_stuck(const app *self, const identify_data *data) {
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
+        const identify_standstill at = identify_stuck(data, i);
+        if (at.rows > 0)
+            app_warn(self,
+                     "column %s: stands at %.6g for %zu rows from %.6g s on while %s moves: a sensor that is "
+                     "stuck; leave these rows empty",
+                     data->file.columns[data->file.coordinates[i].place].name, at.value, at.rows,
+                     data->logs.log.t[at.row], data->file.columns[data->file.coordinates[i].velocity].name);
     }
 }
 
@@ -257,7 +226,9 @@ static int run_check(app *self) {
     code = identify_read(self, self->arguments[0], self->arguments + 1, (size_t)self->argument_count - 1,
                          NULL, &data);
     if (code == APP_EXIT_OK) {
-        compare_motions(&data, motions);
+        identify_motions(&data, 0, motions);
+        warn_of_clocks(self, &data, motions);
+        warn_of_stuck(self, &data);
         warn_of_gaps(self, &data.logs);
         warn_of_inputs(self, &data);
         warn_of_gauge(self, &data.file.machine);

@@ -104,8 +104,9 @@ void identify_release(identify_data *data) {
 /* ---- noise ---- */
 
 /* The largest noise of columns first .. first + count - 1. What is less than 2e-4 of their range is left to
- * the loss: starts need not be unknown for it, and uneven steps can feign it. */
-static double noise_of(const identify_data *data, uint32_t first, uint32_t count) {
+ * the loss: starts need not be unknown for it, and uneven steps and held inputs can feign it; unless it is
+ * `confirmed`. */
+static double noise_of(const identify_data *data, uint32_t first, uint32_t count, bool confirmed) {
     static const double small = 2e-4;
     double range = 0.0, estimated = 0.0, given = 0.0;
     for (uint32_t c = first; c < first + count; c++) {
@@ -114,15 +115,23 @@ static double noise_of(const identify_data *data, uint32_t first, uint32_t count
         if (!found->noise_at_most) estimated = fmax(estimated, found->noise);
         given = fmax(given, data->file.columns[c].noise);
     }
-    return given > 0.0 ? given : estimated > small * range ? estimated : 0.0;
+    return given > 0.0 ? given : confirmed || estimated > small * range ? estimated : 0.0;
+}
+
+/* Whether the noise that the position's column shows is there in its motion beside the velocity, too. */
+static bool is_confirmed(const identify_data *data, uint32_t coordinate) {
+    const lg_log_statistics *found = &data->logs.columns[data->file.coordinates[coordinate].place];
+    return !found->noise_at_most && found->noise > 0.0 &&
+           identify_position_noise(data, coordinate) > 0.5 * found->noise;
 }
 
 void identify_noise(const identify_data *data, double *position, double *velocity) {
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
         const lg_log_coordinate *at = &data->file.coordinates[i];
-        position[i] =
-            fmax(noise_of(data, at->place, at->places), noise_of(data, at->attitude, at->attitudes));
-        velocity[i] = noise_of(data, at->velocity, at->velocities);
+        const bool confirmed = is_confirmed(data, i);
+        position[i] = fmax(noise_of(data, at->place, at->places, confirmed),
+                           noise_of(data, at->attitude, at->attitudes, false));
+        velocity[i] = noise_of(data, at->velocity, at->velocities, confirmed);
         /* A quaternion changes by half of the angle. */
         if (at->attitudes == 4) position[i] *= 2.0;
     }

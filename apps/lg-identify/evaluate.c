@@ -173,12 +173,22 @@ static void report_json(const app *self, const verdict *v) {
     app_json_end(&json);
 }
 
+/* Without velocities there is no linear model. */
+static bool has_linear(const verdict *v) {
+    bool there = false;
+    for (size_t i = 0; i < v->horizon_count; i++)
+        for (int e = 0; e < IDENTIFY_ERRORS; e++) there = there || !isnan(v->linear[i].pooled[e]);
+    return there;
+}
+
 static void show_horizons(const verdict *v) {
     static const char *const head[] = {"horizon", "starts",    "error of", "pooled",
                                        "median",  "unchanged", "linear"};
     app_table table;
-    app_table_begin(&table, LG_COUNT(head));
-    for (size_t c = 0; c < LG_COUNT(head); c++) app_table_cell(&table, "%s", head[c]);
+    const bool linear = has_linear(v);
+    const size_t columns = linear ? LG_COUNT(head) : LG_COUNT(head) - 1;
+    app_table_begin(&table, columns);
+    for (size_t c = 0; c < columns; c++) app_table_cell(&table, "%s", head[c]);
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < IDENTIFY_ERRORS; e++) {
             const identify_horizon *h = &v->horizons[i];
@@ -189,7 +199,7 @@ static void show_horizons(const verdict *v) {
             app_table_cell(&table, "%.3g", h->pooled[e]);
             app_table_cell(&table, "%.3g", h->median[e]);
             app_table_cell(&table, "%.3g", h->unchanged[e]);
-            app_table_cell(&table, "%.3g", v->linear[i].pooled[e]);
+            if (linear) app_table_cell(&table, "%.3g", v->linear[i].pooled[e]);
         }
     app_table_end(&table, stdout);
 }

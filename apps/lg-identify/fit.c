@@ -23,21 +23,7 @@ static training state = {.run = &run};
 
 /* ---- data and run ---- */
 
-static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
-    training *t = user;
-    const size_t logs = (size_t)self->argument_count - 1;
-    int code = identify_read(self, path, self->arguments + 1, logs, given.validation, &t->data);
-    if (code == APP_EXIT_OK) code = identify_refuse_momenta(self, &t->data.file, path);
-    if (code != APP_EXIT_OK) return code;
-    identify_noise(&t->data, t->position_noise, t->velocity_noise);
-    lg_machine_log_sha256(&t->data.file.machine, &t->data.logs.log, sha256);
-    memcpy(run.data_sha256, sha256, LG_SHA256_TEXT);
-    return APP_EXIT_OK;
-}
-
-static uint32_t at_most(size_t rows, uint32_t wanted) {
-    return rows >= 2 && rows < wanted ? (uint32_t)rows : wanted;
-}
+enum { SHORTEST_LOG = 3 };
 
 /* Rows of the longest part without a gap. */
 static size_t longest_part(const training *t) {
@@ -46,6 +32,26 @@ static size_t longest_part(const training *t) {
     for (size_t p = 0; p < log->parts; p++)
         if (log->first[p + 1] - log->first[p] > longest) longest = log->first[p + 1] - log->first[p];
     return longest;
+}
+
+static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
+    training *t = user;
+    const size_t logs = (size_t)self->argument_count - 1;
+    int code = identify_read(self, path, self->arguments + 1, logs, given.validation, &t->data);
+    if (code == APP_EXIT_OK) code = identify_refuse_momenta(self, &t->data.file, path);
+    if (code != APP_EXIT_OK) return code;
+    if (longest_part(t) < SHORTEST_LOG)
+        return app_fail(self, LG_FORMAT,
+                        "%s: the longest part without a gap has %zu rows; accelerations take %d at least",
+                        self->arguments[1], longest_part(t), SHORTEST_LOG);
+    identify_noise(&t->data, t->position_noise, t->velocity_noise);
+    lg_machine_log_sha256(&t->data.file.machine, &t->data.logs.log, sha256);
+    memcpy(run.data_sha256, sha256, LG_SHA256_TEXT);
+    return APP_EXIT_OK;
+}
+
+static uint32_t at_most(size_t rows, uint32_t wanted) {
+    return rows >= 2 && rows < wanted ? (uint32_t)rows : wanted;
 }
 
 /* Windows touch; they overlap where there would be too few. */
@@ -278,11 +284,26 @@ static size_t open_together(const lg_identification *of, size_t count) {
     return several;
 }
 
-static const char *gauge(const lg_machine *machine, const lg_identification *of, size_t count) {
-    if (machine->normalised) return "one mass is 1 in the units of the logs";
-    if (machine->free_gauge || (machine->grey.system != NULL && open_together(of, count) > 0))
-        return "nothing";
-    return "the values given in the machine's file";
+/* The first number of the first direction in which several move together, or just the first one. */
+static const lg_identified *first_open(const lg_identification *of, size_t count) {
+    for (size_t k = 0; k < of->open_count; k++)
+        for (size_t i = 0; i < count; i++)
+            if (of->open[k * count + i] != 0.0 && lg_identification_sentence(of, count, k, NULL, 0) > 1)
+                return &of->numbers[i];
+    return count > 0 ? &of->numbers[0] : NULL;
+}
+
+/* What fixes the common factor; where nothing does, the value at which learning left it. */
+static void put_gauge(app_json *json, const lg_machine *machine, const lg_identification *of, size_t count) {
+    const lg_identified *open = first_open(of, count);
+    char text[160] = "the values given in the machine's file";
+    if (machine->normalised)
+        (void)snprintf(text, sizeof text, "one mass is 1 in the units of the logs");
+    else if ((machine->free_gauge || open_together(of, count) > 0) && open == NULL)
+        (void)snprintf(text, sizeof text, "nothing");
+    else if (machine->free_gauge || open_together(of, count) > 0)
+        (void)snprintf(text, sizeof text, "nothing: learning left %s at %.6g", open->name, open->value);
+    app_json_text(json, "gauge", text);
 }
 
 static void report(const training *t, const train_session *session, double loss, const lg_identification *of,
@@ -305,7 +326,7 @@ static void report(const training *t, const train_session *session, double loss,
     app_json_size(&json, "parameters", run.machine.parameters);
     put_identified(&json, of->numbers, count);
     put_correlations(&json, of, count);
-    app_json_text(&json, "gauge", gauge(&run.machine, of, count));
+    put_gauge(&json, &run.machine, of, count);
     train_json(session, &json);
     app_json_end(&json);
 }
@@ -356,6 +377,32 @@ static void warn_of_numbers(const app *self, const lg_identification *of, size_t
     }
 }
 
+/* The loss that a model leaves where it explains the logs: 1 of each number in units of its noise, of numbers
+ * without noise half a hundredth of their size in a window, and what the steps make. */
+static double usual_loss(const training *t, double floor) {
+    static const double small = 5e-3;
+    double sum = floor;
+    for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
+        const double many = lg_coordinate_row_of(run.machine.coordinates[i].kind)->velocities;
+        sum += many * (t->position_noise[i] > 0.0 ? 1.0 : small * small);
+        sum += many * (t->velocity_noise[i] > 0.0 ? 1.0 : small * small);
+    }
+    return sum;
+}
+
+static void warn_of_misfit(const app *self, const training *t, double loss, double floor) {
+    static const double more = 4.0;
+    const double usual = usual_loss(t, floor);
+    if (loss > more * usual)
+        app_warn(
+            self,
+            "the model does not explain the logs: the loss is %.2g, where their noise and the steps leave "
+            "%.2g at most; standard errors mean nothing then. More epochs, if the loss still falls; else a "
+            "term is missing, or the logs contradict themselves: the sign or order of inputs, their delay, "
+            "sensors on two clocks",
+            loss, usual);
+}
+
 static int finish(void *user, train_session *session) {
     training *t = user;
     const app *self = session->app;
@@ -378,6 +425,7 @@ static int finish(void *user, train_session *session) {
     }
     free(theta);
     if (code == APP_EXIT_OK) warn_of_gauge(self, &run.machine);
+    if (code == APP_EXIT_OK) warn_of_misfit(self, t, loss, session->floor);
     if (code == APP_EXIT_OK) warn_of_open(self, &of, count);
     if (code == APP_EXIT_OK) warn_of_numbers(self, &of, count);
     if (code == APP_EXIT_OK) code = train_draw(session);

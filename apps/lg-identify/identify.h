@@ -36,6 +36,24 @@ void identify_release(identify_data *data);
  * or estimated where a column is noisy; 0: none. */
 void identify_noise(const identify_data *data, double *position, double *velocity);
 
+/* ---- positions against velocities (kinematics.c) ---- */
+
+/* How much of the motion of each coordinate from row to row the velocities `lag` rows later do not explain, a
+ * part of its root mean square; NaN: nothing to compare. */
+void identify_motions(const identify_data *data, int lag, double *out);
+/* The lag of the velocities that explain the motion at least twice as well as those of the same rows, within
+ * 12 rows; 0: none does. `left`: what they do not explain. */
+void identify_lags(const identify_data *data, int *lag, double *left);
+/* Noise of a line's or angle's position by what is left of its motion: noise makes neighbours of opposite
+ * sign, curvature does not. 0: none, or another kind of coordinate. */
+double identify_position_noise(const identify_data *data, uint32_t coordinate);
+/* The longest run of rows in which a line or angle keeps its position although its velocity is not 0. */
+typedef struct identify_standstill {
+    size_t row, rows; /* rows 0: none */
+    double value;
+} identify_standstill;
+identify_standstill identify_stuck(const identify_data *data, uint32_t coordinate);
+
 /* ---- judging (judge.c) ---- */
 
 typedef enum identify_error {

@@ -358,8 +358,8 @@ LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_pro
  * (diagonal; also "coulomb.x", "quadratic.x"), "damping.1.2" (constant), "input_map.2.1", "potential.x^2",
  * "potential.sin(theta)", "bias.x", "bias.body.velocity.3". Where a mass is a network: M where places and
  * angles are 0, directions e3 and attitudes 1. `error` is one standard deviation, from the Gauss-Newton
- * matrix of at most 512 windows and the noise that the residuals show; infinite: the data do not determine
- * it. */
+ * matrix of at most 512 windows and the noise that the residuals show, without a prior; infinite: the data do
+ * not determine it. */
 #define LG_IDENTIFIED_NAME 96
 typedef struct lg_identified {
     char name[LG_IDENTIFIED_NAME];
@@ -378,11 +378,12 @@ typedef struct lg_identification {
     double *open;
     size_t open_count;
     /* W (P, P), P the machine's parameters: W W^T is the covariance of theta, so that theta + W x with x of
-     * N(0, 1) is a machine that the logs allow; 0 where it could not be found. NULL: not wanted. */
+     * N(0, 1) is a machine that the logs allow; here weights of
+     * networks have the prior N(0, 1). NULL: not wanted. */
     double *spread;
 } lg_identification;
-/* theta: parameters of the fit, with starts; problem->theta is NULL. Weights of networks have the prior
- * N(0, 1). Errors: LG_OUT_OF_MEMORY, the tape's. */
+/* theta: parameters of the fit, with starts; problem->theta is NULL. Errors: LG_OUT_OF_MEMORY,
+ * the tape's. */
 LG_API lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
                                      const double *theta, lg_identification *out, lg_error *error);
 /* A row of `open` in words: "m and L appear only as a product: give one of them". Returns how many numbers

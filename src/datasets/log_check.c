@@ -2,6 +2,7 @@
  * the velocity (trapezoid): correlation and slope, about the means, or of steady motions about 0. */
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "datasets/h5.h"
@@ -56,6 +57,7 @@ struct check {
     int count;                    /* 1 or 3 */
     bool turns;                   /* y is an angle */
     bool steady;                  /* about 0 */
+    double jump;                  /* changes of more than this are left out; 0: none */
     /* The change of position from row a to row b, and the velocity that makes it. */
     void (*change)(const check *c, const way *w, const double *a, const double *b, double *y);
     void (*velocity_of)(const check *c, const way *w, const double *row, double *x);
@@ -104,6 +106,12 @@ static fit fit_of(const sums *s, bool steady) {
     return f;
 }
 
+static bool is_jump(const check *c, const double *y) {
+    bool jump = false;
+    for (int k = 0; k < c->count; k++) jump = jump || (c->jump > 0 && fabs(y[k]) > c->jump);
+    return jump;
+}
+
 /* Over `span` rows. */
 static fit compare(const check *c, const way *w, size_t span) {
     const lg_log_table *table = c->table;
@@ -120,7 +128,7 @@ static fit compare(const check *c, const way *w, size_t span) {
                 memcpy(before, now, sizeof before);
             }
             c->change(c, w, lg_log_row(table, row), lg_log_row(table, row + span), y);
-            add(&s, x, y);
+            if (!is_jump(c, y)) add(&s, x, y);
         }
     }
     return fit_of(&s, c->steady);
@@ -238,17 +246,23 @@ static bool is_degrees(const check *c, const fit *f) {
            fabs(fabs(f->slope) * DEGREE - 1) < 0.05;
 }
 
-/* " or {x: 0.001}": a line's or angle's position may be what is in another unit. */
+/* " or {x: 0.001}": a line's or angle's position may be what is in another unit, and so may be the time. */
 static void other_scale(const check *c, const fit *f, char *text, size_t size) {
     const lg_log_column *q = &c->table->machine->columns[c->position];
+    const lg_log_column *t = &c->table->machine->columns[c->table->machine->time];
+    size_t used = 0;
     text[0] = '\0';
-    if (c->positions == 1) (void)snprintf(text, size, " or {%s: %.6g}", q->name, q->scale / f->slope);
+    if (c->positions == 1)
+        used += (size_t)snprintf(text, size, " or {%s: %.6g}", q->name, q->scale / f->slope);
+    if (f->slope > 0)
+        (void)snprintf(text + used, size - used, "; of all coordinates alike: {%s: %.6g}", t->name,
+                       f->slope * t->scale);
 }
 
 static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
     const lg_log_column *column = &c->table->machine->columns[c->velocity];
     lg_log_names q, v;
-    char scale[200] = "", other[LG_LOG_NAME + 32];
+    char scale[200] = "", other[2 * LG_LOG_NAME + 96];
     size_t used = 0;
     names_of(c, c->position, c->positions, &q);
     names_of(c, c->velocity, c->velocities, &v);
@@ -274,6 +288,88 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
     return lg_fail(error, LG_FORMAT,
                    "%s: columns %s and %s do not belong together (correlation %.2f): swapped?%s",
                    lg_shown_path(c->table->paths[0]), q.text, v.text, f->correlation, hint);
+}
+
+/* ---- sensors that fail ---- */
+
+static int by_size(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The median size of a line's or angle's changes from row to row, 0 of none. */
+static double usual_change(const check *c, double *sizes) {
+    size_t count = 0;
+    for (size_t part = 0; part < c->table->parts; part++)
+        for (size_t row = c->table->first[part]; row + 1 < c->table->first[part + 1]; row++) {
+            const double *here = lg_log_row(c->table, row) + c->position;
+            const double size = fabs(here[c->table->columns] - *here);
+            if (isfinite(size)) sizes[count++] = size;
+        }
+    qsort(sizes, count, sizeof *sizes, by_size);
+    return count > 0 ? sizes[count / 2] : 0;
+}
+
+/* Steps of more than `jump`; `first`: the row after the first one. */
+static size_t count_jumps(const check *c, double jump, size_t *first) {
+    size_t count = 0;
+    for (size_t part = 0; part < c->table->parts; part++)
+        for (size_t row = c->table->first[part]; row + 1 < c->table->first[part + 1]; row++) {
+            const double *here = lg_log_row(c->table, row) + c->position;
+            if (!(fabs(here[c->table->columns] - *here) > jump)) continue;
+            if (count++ == 0) *first = row + 1;
+        }
+    return count;
+}
+
+/* Single values that are far off: without their steps the columns belong together. */
+static lg_status refuse_outliers(const check *c, const way *w, lg_error *error) {
+    static const double far = 20;
+    check without = *c;
+    size_t row = 0;
+    double *sizes = lg_alloc(c->table->context, c->table->rows, sizeof *sizes);
+    if (sizes == NULL) return lg_log_no_memory(c->table->paths[0], error);
+    without.jump = far * usual_change(c, sizes);
+    lg_free(c->table->context, sizes);
+    const size_t count = count_jumps(c, without.jump, &row);
+    const fit f = compare(&without, w, 1);
+    if (without.jump <= 0 || count == 0 || f.correlation < FITS || !slope_is_right(&f)) return LG_OK;
+    return lg_log_fail(
+        c->table, row, error,
+        "column %s: jumps to %.6g, and %zu steps in all are more than %.0f times the usual one, "
+        "which column %s does not show: outliers? leave these cells empty",
+        c->table->machine->columns[c->position].name, lg_log_row(c->table, row)[c->position], count, far,
+        c->table->machine->columns[c->velocity].name);
+}
+
+/* A column that stands at its smallest and largest value for many rows. */
+static lg_status refuse_clipped(const check *c, uint32_t column, lg_error *error) {
+    enum { MANY = 10, PART = 100 };
+    const lg_log_table *table = c->table;
+    double low = INFINITY, high = -INFINITY;
+    size_t count = 0;
+    for (size_t row = 0; row < table->rows; row++) {
+        const double x = lg_log_row(table, row)[column];
+        low = fmin(low, x), high = fmax(high, x);
+    }
+    for (size_t row = 0; row < table->rows; row++) {
+        const double x = lg_log_row(table, row)[column];
+        count += x == low || x == high;
+    }
+    if (count < MANY || count * PART < table->rows || !(low < high)) return LG_OK;
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: column %s: stands at its smallest or largest value, %.6g and %.6g, in %zu of %zu rows: a "
+        "sensor at the end of its range? leave these cells empty",
+        lg_shown_path(table->paths[0]), table->machine->columns[column].name, low, high, count, table->rows);
+}
+
+/* Lines and angles that do not belong together because a sensor fails. */
+static lg_status refuse_failures(const check *c, const way *w, lg_error *error) {
+    if (c->count != 1 || c->positions != 1) return LG_OK;
+    LG_TRY(refuse_outliers(c, w, error));
+    LG_TRY(refuse_clipped(c, c->velocity, error));
+    return refuse_clipped(c, c->position, error);
 }
 
 /* Another way of reading the columns that fits far better, or NULL. */
@@ -316,6 +412,7 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
         found = find_span(c, &ways[0], &span, &f);
     }
     if (!found) return LG_OK;
+    if (f.correlation < FITS_WELL || slope_is_wrong(&f)) LG_TRY(refuse_failures(c, &ways[0], error));
     if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
     const way *better = better_way(c, ways, count, span, &f);
     lg_log_names q, v;

@@ -158,7 +158,7 @@ static lg_status warn_of_columns(reading *r) {
         if (c->role == LG_LOG_INPUT && s->low == s->high)
             LG_TRY(lg_log_warn(&r->table,
                                "column %s: the input is always %.6g: what it does cannot be learned", c->name,
-                               s->low));
+                               s->low + 0.0)); /* -0 is 0 */
     }
     for (uint32_t i = 0; i < m->coordinate_count; i++) {
         bool moves = false;
@@ -167,7 +167,12 @@ static lg_status warn_of_columns(reading *r) {
             const lg_log_statistics *s = &r->table.out->columns[k];
             moves = moves || (c->role == LG_LOG_POSITION && c->index == i && s->low < s->high);
         }
-        if (!moves) LG_TRY(lg_log_warn(&r->table, "coordinate %s never moves", m->coordinates[i].name));
+        if (!moves)
+            LG_TRY(lg_log_warn(
+                &r->table,
+                "coordinate %s never moves: nothing of it can be learned, numbers of its mass and "
+                "forces stay near where learning begins; leave it out of the machine, or move it",
+                m->coordinates[i].name));
     }
     return LG_OK;
 }

@@ -1,5 +1,6 @@
 /* Machines from YAML: coordinates, columns of logs, inputs. machine_terms.c reads the terms. */
 #include <float.h>
+#include <stdio.h>
 #include <string.h>
 #include <yaml.h>
 
@@ -367,12 +368,27 @@ static lg_status read_numbers(reading *r, const lg_key *key, const lg_key_value 
 
 /* ---- the file ---- */
 
+/* The line of the term that a sentence begins with, "mass of kind known: ..."; 0: of none. */
+static uint32_t line_at_fault(const reading *r, const char *sentence) {
+    char name[64];
+    for (uint32_t i = 0; i < r->out->machine.term_count; i++) {
+        const lg_machine_term *term = &r->out->machine.terms[i];
+        (void)snprintf(name, sizeof name, "%s of kind %s:", lg_machine_part_name(term->part),
+                       lg_term_kind_name(term->kind));
+        if (strncmp(sentence, name, strlen(name)) == 0) return r->lines[i];
+    }
+    return 0;
+}
+
 static lg_status finish_machine(reading *r) {
     lg_error inner = {LG_OK, ""};
     lg_machine *m = &r->out->machine;
     lg_machine_scales_init(&m->scales);
     const lg_status status = lg_machine_init(m, &inner);
     if (status == LG_OK) return LG_OK;
+    const uint32_t line = line_at_fault(r, inner.message);
+    if (status == LG_INVALID_ARGUMENT && line > 0)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s", inner.message);
     return lg_fail(r->error, status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, "%s: %s",
                    lg_shown_path(lg_yaml_path(r->yaml)), inner.message);
 }
@@ -401,7 +417,7 @@ static lg_status parse_machine(const lg_context *context, const char *name, cons
                                lg_machine_file *out, lg_error *error) {
     lg_yaml *yaml = NULL;
     LG_TRY(lg_yaml_open_text(context, name, text, bytes, &yaml, error));
-    reading r = {yaml, out, error};
+    reading r = {.yaml = yaml, .out = out, .error = error};
     lg_key_value *values = lg_alloc(context, KEY_COUNT, sizeof *values);
     out->context = context;
     out->text = lg_alloc(context, bytes + 1, 1);

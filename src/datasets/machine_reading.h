@@ -12,6 +12,7 @@ typedef struct lg_machine_reading {
     lg_yaml *yaml;
     lg_machine_file *out;
     lg_error *error;
+    uint32_t lines[LG_MACHINE_TERMS]; /* of the machine's terms; 0: the file does not name them */
 } lg_machine_reading;
 
 /* visit(r, node, text, user) for the text of a scalar, or for each of a list. `what` names the key. */

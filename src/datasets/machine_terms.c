@@ -186,6 +186,7 @@ static lg_status add_term(reading *r, lg_machine_part part, uint32_t line, const
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "input_map: this machine has no inputs");
     if (m->term_count == LG_MACHINE_TERMS)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d terms", LG_MACHINE_TERMS);
+    r->lines[m->term_count] = line;
     lg_machine_term *term = &m->terms[m->term_count++];
     *term = (lg_machine_term){.kind = row, .part = part, .activation = LG_TANH};
     const uint32_t options = lg_term_kind_options(row);

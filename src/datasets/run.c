@@ -156,15 +156,26 @@ lg_status lg_run_get(lg_h5 *h5, const lg_run_kind *kind, bool complete, void *ru
 
 /* ---- comparing ---- */
 
+static bool differs(const lg_hyperparameter *r, const void *stored, const void *wanted,
+                    char have[LG_HYPER_TEXT_SIZE], char want[LG_HYPER_TEXT_SIZE]) {
+    lg_hyperparameter_show(r, stored, have, LG_HYPER_TEXT_SIZE);
+    lg_hyperparameter_show(r, wanted, want, LG_HYPER_TEXT_SIZE);
+    return strcmp(have, want) != 0;
+}
+
 lg_status lg_run_compare(const lg_run_kind *kind, const void *stored, const void *wanted, const char *path,
                          lg_error *error) {
     char have[LG_HYPER_TEXT_SIZE], want[LG_HYPER_TEXT_SIZE];
     const lg_hyperparameter *r;
     if (path == NULL || kind == NULL || stored == NULL || wanted == NULL) return LG_INVALID_ARGUMENT;
+    /* Other data make other scales, too; they are told first. */
+    for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
+        if (strcmp(r->name, "data_sha256") == 0 && differs(r, stored, wanted, have, want))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s: was written from other data (%s %.12s, not %.12s)", lg_shown_path(path),
+                           r->name, have, want);
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++) {
-        lg_hyperparameter_show(r, stored, have, sizeof have);
-        lg_hyperparameter_show(r, wanted, want, sizeof want);
-        if (strcmp(have, want) != 0)
+        if (differs(r, stored, wanted, have, want))
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: was written with %s %s, not %s",
                            lg_shown_path(path), r->name, have, want);
     }

@@ -18,6 +18,11 @@ extern void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, c
 /* A = Q R by Householder reflections. */
 extern void dgeqrf_(const int *m, const int *n, double *a, const int *lda, double *tau, double *work,
                     const int *lwork, int *info);
+/* A P = Q R, the longest column that is left first: column jpvt[j] - 1 of A is column j (jpvt 0 on entry). */
+extern void dgeqp3_(const int *m, const int *n, double *a, const int *lda, int *jpvt, double *tau,
+                    double *work, const int *lwork, int *info);
+/* The inverse of a triangular matrix, in its place. */
+extern void dtrtri_(const char *uplo, const char *diag, const int *n, double *a, const int *lda, int *info);
 /* A = U S V': singular values s (min(m, n), falling); jobz "S": U (m, min), V' (min, n). iwork (8 min). */
 extern void dgesdd_(const char *jobz, const int *m, const int *n, double *a, const int *lda, double *s,
                     double *u, const int *ldu, double *vt, const int *ldvt, double *work, const int *lwork,

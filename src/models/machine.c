@@ -175,9 +175,10 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     if (term->kind->values != NULL) term->kind->values(machine, term, fits);
     const bool needed = (options & LG_TERM_KNOWN) != 0, given = term->value_count > 0;
     if ((needed || given) && term->value_count != fits[0] && term->value_count != fits[1])
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s of kind %s: has %u values, %zu or %zu are expected",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s of kind %s: has %u values, %zu%s%.0zu are expected",
                        lg_machine_part_name(term->part), term->kind->name, term->value_count, fits[0],
-                       fits[1]);
+                       fits[1] != fits[0] && fits[1] > 0 ? " or " : "",
+                       fits[1] != fits[0] ? fits[1] : (size_t)0);
     return LG_OK;
 }
 
@@ -236,6 +237,54 @@ static lg_status check_mass(const lg_machine *machine, lg_error *error) {
                    "the mass of a direction is one number: add a mass of kind diagonal or known");
 }
 
+/* ---- values that no machine has ---- */
+
+/* Adds the values of a known mass or damping, a diagonal or a matrix of all velocities. */
+static void add_known(const lg_machine *machine, const lg_machine_term *term, double *sum) {
+    const uint32_t n = machine->velocities;
+    const bool diagonal = term->value_count == n;
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < n; j++)
+            sum[i * n + j] += !diagonal ? term->values[i * n + j] : i == j ? term->values[i] : 0.0;
+}
+
+/* Symmetric, and no eigenvalue below `least` of the largest number. */
+static bool is_definite(uint32_t n, const double *matrix, double least) {
+    static const double rounding = 1e-12;
+    double part[LG_MACHINE_VALUES], values[LG_MACHINE_VELOCITIES], largest = 0.0;
+    for (uint32_t i = 0; i < n * n; i++) largest = fmax(largest, fabs(matrix[i]));
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < n; j++) {
+            part[i * n + j] = (matrix[i * n + j] + matrix[j * n + i]) / 2;
+            if (least > 0.0 && fabs(matrix[i * n + j] - matrix[j * n + i]) > rounding * largest) return false;
+        }
+    if (largest == 0.0) return least <= 0.0;
+    return lg_machine_eigen(NULL, n, part, values) && values[0] >= least * largest;
+}
+
+/* Known masses and dampings of a machine are positive in sum: semidefinite, masses to which nothing is added
+ * definite. */
+static lg_status check_positive(const lg_machine *machine, lg_machine_part part, lg_error *error) {
+    static const double rounding = 1e-12;
+    double sum[LG_MACHINE_VALUES] = {0};
+    const lg_machine_term *known = NULL;
+    bool alone = part == LG_MACHINE_MASS && machine->grey.system == NULL;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if (term->part != part) continue;
+        if (strcmp(term->kind->name, "known") == 0)
+            known = term, add_known(machine, term, sum);
+        else
+            alone = false;
+    }
+    if (known == NULL || is_definite(machine->velocities, sum, alone ? rounding : -rounding)) return LG_OK;
+    return term_fails(known, error,
+                      alone ? "the values must be above 0, a matrix symmetric and positive definite"
+                            : "the values must not be below 0, a matrix not indefinite");
+}
+
+/* ---- gauge ---- */
+
 /* What fixes the common factor of M, V, D and B. */
 static void find_gauge(lg_machine *machine) {
     const bool grey = machine->grey.system != NULL;
@@ -268,6 +317,8 @@ lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
     LG_TRY(lg_grey_check(machine, error));
     find_gauge(machine);
     for (uint32_t i = 0; i < machine->term_count; i++) LG_TRY(set_term(machine, &machine->terms[i], error));
+    LG_TRY(check_positive(machine, LG_MACHINE_MASS, error));
+    LG_TRY(check_positive(machine, LG_MACHINE_DAMPING, error));
     machine->weights = place_parameters(machine, true, 0);
     machine->parameters = place_parameters(machine, false, machine->weights);
     if (machine->input_count > 0 && !has_part(machine, LG_MACHINE_INPUT_MAP) &&

@@ -1,16 +1,20 @@
-/* Machines: standard errors of their numbers, from the Gauss-Newton matrix. */
+/* Machines: standard errors of their numbers, from the Jacobian of the residuals. Its triangular factor is
+ * kept, not J^T J: products round away what is below 1e-8 of the largest, and that rounding would count as
+ * information on directions that the data do not show. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "kernels/kernels.h"
+#include "kernels/lapack.h"
 #include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
 enum { MOST_WINDOWS = 512, CHUNK = 64 };
 
-/* J^T J (n, n) of the machine's parameters, the starts of the windows eliminated; the sum of squares. */
+/* R of J = Q R (n, n) of the machine's parameters, column-major, the starts of the windows eliminated; the
+ * sum of squares. */
 typedef struct normal {
     const lg_context *context;
     const lg_machine_problem *problem;
@@ -21,7 +25,8 @@ typedef struct normal {
     double *jacobian;  /* (rows, n + starts) */
     double *columns;   /* its transpose */
     double *residuals; /* (rows) */
-    double *matrix;    /* (n, n) */
+    double *stack;     /* (n + rows, n), column-major: R above the columns of a chunk */
+    double *triangle;  /* R */
     double squares, weighted;
 } normal;
 
@@ -45,6 +50,32 @@ static void eliminate(normal *s, size_t count) {
         }
 }
 
+/* R (n, n) of the matrix (m, n), which is lost; both column-major. `order` (NULL: as they are): the columns
+ * as they were taken, the longest that is left first, from 1. */
+static bool triangulate(const lg_context *context, size_t m, size_t n, double *matrix, int *order,
+                        double *triangle) {
+    const int rows = (int)m, columns = (int)n, query = -1;
+    double want = 0.0, *tau = lg_alloc(context, n, sizeof *tau);
+    int info = 0;
+    for (size_t j = 0; order != NULL && j < n; j++) order[j] = 0;
+    if (order != NULL)
+        dgeqp3_(&rows, &columns, matrix, &rows, order, tau, &want, &query, &info);
+    else
+        dgeqrf_(&rows, &columns, matrix, &rows, tau, &want, &query, &info);
+    const int room = (int)want;
+    double *work = lg_alloc(context, (size_t)room, sizeof *work);
+    const bool there = tau != NULL && work != NULL;
+    if (there && order != NULL)
+        dgeqp3_(&rows, &columns, matrix, &rows, order, tau, work, &room, &info);
+    else if (there)
+        dgeqrf_(&rows, &columns, matrix, &rows, tau, work, &room, &info);
+    for (size_t j = 0; there && j < n; j++)
+        for (size_t i = 0; i < n; i++) triangle[j * n + i] = i <= j ? matrix[j * m + i] : 0.0;
+    lg_free(context, tau);
+    lg_free(context, work);
+    return there && info == 0;
+}
+
 static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, size_t count, size_t batch) {
     const size_t columns = s->n + s->starts;
     double squares = 0.0;
@@ -56,10 +87,13 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
     if (s->starts > 0) eliminate(s, count);
     s->squares += squares;
     for (size_t row = 0; row < s->rows; row++) s->weighted += s->residuals[row] != 0.0;
-    for (size_t i = 0; i < s->n; i++)
-        for (size_t j = 0; j <= i; j++)
-            s->matrix[i * s->n + j] += dot(s->columns + i * s->rows, s->columns + j * s->rows, s->rows);
-    return LG_OK;
+    for (size_t j = 0; j < s->n; j++) {
+        double *column = s->stack + j * (s->n + s->rows);
+        memcpy(column, s->triangle + j * s->n, s->n * sizeof *column);
+        memcpy(column + s->n, s->columns + j * s->rows, s->rows * sizeof *column);
+    }
+    return triangulate(s->context, s->n + s->rows, s->n, s->stack, NULL, s->triangle) ? LG_OK
+                                                                                      : LG_OUT_OF_MEMORY;
 }
 
 static lg_status add_all(normal *s, lg_tape *tape) {
@@ -72,36 +106,55 @@ static lg_status add_all(normal *s, lg_tape *tape) {
         LG_TRY(add_chunk(s, tape, samples, count, used));
     }
     /* As if from all windows. */
-    for (size_t i = 0; i < s->n * s->n; i++) s->matrix[i] *= (double)windows / (double)used;
+    for (size_t i = 0; i < s->n * s->n; i++) s->triangle[i] *= sqrt((double)windows / (double)used);
     return LG_OK;
 }
 
-/* Standard deviation of parameter i before any data: weights of networks 1, others hardly bounded. */
-static double spread(const normal *s, size_t i) {
+/* Standard deviation of parameter i before any data: none is nearly bounded, but by the prior weights of
+ * networks, which is 1. */
+static double bound(const normal *s, size_t i, bool prior) {
     const lg_machine *machine = s->problem->machine;
-    for (uint32_t t = 0; t < machine->term_count; t++) {
+    for (uint32_t t = 0; t < machine->term_count && prior; t++) {
         const lg_machine_term *term = &machine->terms[t];
         if (i < term->offset + term->parameters && term->kind->outputs != NULL && i >= term->offset)
             return 1.0;
     }
-    return 1e4;
+    return prior ? 1e4 : 1e6;
 }
 
-/* matrix becomes V, and weights 1/(lambda + 1) of its columns, so that V diag(weights) V^T is the inverse of
- * D (J^T J/s^2) D + 1, D the prior standard deviations; s^2 from the residuals. False: no convergence. */
-static bool decompose(normal *s, double *weights) {
+/* D R^T/s of R: what the data say, in units of what was known before; s^2 from the residuals. */
+static void put_information(const normal *s, bool prior, double *out) {
     const double freedom = fmax(1.0, s->weighted - (double)s->n);
-    const double variance = fmax(s->squares / freedom, DBL_MIN);
-    for (size_t i = 0; i < s->n; i++)
-        for (size_t j = 0; j <= i; j++)
-            s->matrix[j * s->n + i] = s->matrix[i * s->n + j] *= spread(s, i) * spread(s, j) / variance;
-    if (!lg_machine_eigen(s->context, s->n, s->matrix, weights)) return false;
-    /* Eigenvalues below rounding are those of directions that the data do not show; weights of networks have
-     * another unit. */
-    const double nothing =
-        s->problem->machine->weights > 0 ? 0.0 : 4.0 * DBL_EPSILON * (double)s->n * weights[s->n - 1];
-    for (size_t i = 0; i < s->n; i++) weights[i] = 1.0 / ((weights[i] > nothing ? weights[i] : 0.0) + 1.0);
-    return true;
+    const double deviation = sqrt(fmax(s->squares / freedom, DBL_MIN));
+    for (size_t j = 0; j < s->n; j++)
+        for (size_t i = 0; i < s->n; i++)
+            out[j * s->n + i] = s->triangle[j * s->n + i] * bound(s, j, prior) / deviation;
+}
+
+/* W (n, n), column-major: W W^T is the inverse of J^T J/s^2 + D^-2, D the bounds. What is next to nothing
+ * beside the largest shows rounding alone. `work` (3 n, n). False: no memory. */
+static bool invert(const normal *s, bool prior, double *work, int *order, double *W) {
+    static const double nothing = 1e-12;
+    const size_t n = s->n;
+    const int size = (int)n;
+    int info = 0;
+    double *first = work, *both = work + n * n;
+    put_information(s, prior, W);
+    if (!triangulate(s->context, n, n, W, order, first)) return false;
+    for (size_t j = 0; j < n; j++)
+        for (size_t i = 0; i < n; i++) {
+            const bool shown = fabs(first[i * n + i]) > nothing * fabs(first[0]);
+            both[j * 2 * n + i] = shown ? first[j * n + i] : 0.0;
+            both[j * 2 * n + n + i] = i == j ? 1.0 : 0.0;
+        }
+    if (!triangulate(s->context, 2 * n, n, both, NULL, first)) return false;
+    dtrtri_("U", "N", &size, first, &size, &info);
+    for (size_t j = 0; j < n; j++)
+        for (size_t k = 0; k < n; k++) {
+            const size_t i = (size_t)order[j] - 1;
+            W[k * n + i] = bound(s, i, prior) * first[k * n + j];
+        }
+    return info == 0;
 }
 
 /* gradient (count, n): the derivative of each number by each parameter, by differences. */
@@ -122,20 +175,20 @@ static void differentiate(const normal *s, double *theta, size_t count, lg_ident
     }
 }
 
-/* The gradients become their shares in the eigenvectors: error^2 is the sum of their squares. units: what a
+/* The gradients become their shares in the columns of W: error^2 is the sum of their squares. units: what a
  * change of each number is small against, its value, or where that is next to 0 what a parameter makes of it.
  */
-static void propagate(const normal *s, const double *weights, size_t count, double *gradient, double *row,
+static void propagate(const normal *s, const double *W, size_t count, double *gradient, double *row,
                       lg_identified *numbers, double *units) {
     static const double lost = 1e3, small = 1e-2;
     for (size_t i = 0; i < count; i++) {
         double *g = gradient + i * s->n, variance = 0.0, largest = 0.0;
         for (size_t j = 0; j < s->n; j++) {
             largest = fmax(largest, fabs(g[j]));
-            row[j] = g[j] * spread(s, j);
+            row[j] = g[j];
         }
         for (size_t k = 0; k < s->n; k++) {
-            g[k] = sqrt(weights[k]) * dot(s->matrix + k * s->n, row, s->n);
+            g[k] = dot(W + k * s->n, row, s->n);
             variance += g[k] * g[k];
         }
         numbers[i].error = sqrt(variance);
@@ -152,26 +205,32 @@ static void multiply(const normal *s, size_t count, const double *shares, const 
                 dot(shares + i * s->n, shares + j * s->n, s->n) / (units[i] * units[j]);
 }
 
-/* W = D V sqrt(weights), (n, n). */
-static void put_spread(const normal *s, const double *weights, double *W) {
-    for (size_t k = 0; k < s->n; k++)
-        for (size_t i = 0; i < s->n; i++)
-            W[i * s->n + k] = spread(s, i) * s->matrix[k * s->n + i] * sqrt(weights[k]);
+static void transpose(size_t n, const double *W, double *out) {
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < n; k++) out[i * n + k] = W[k * n + i];
 }
 
-/* What follows from the matrix. */
-static lg_status conclude(normal *s, size_t count, double *work, lg_identification *out) {
+/* What follows from R. Errors and open directions are those of the data alone; a prior would hide that a
+ * number is not determined. */
+static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_identification *out) {
+    const size_t n = s->n;
     lg_identified *moved = lg_alloc(s->context, count, sizeof *moved);
-    double *weights = work, *theta = weights + s->n, *gradient = theta + s->n,
-           *units = gradient + count * s->n, *covariance = units + count;
+    double *W = work, *theta = W + n * n, *gradient = theta + n, *units = gradient + count * n,
+           *covariance = units + count, *more = covariance + count * count;
     lg_status status = moved != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    if (status == LG_OK && decompose(s, weights)) {
-        memcpy(theta, s->theta, s->n * sizeof *theta);
-        if (out->spread != NULL) put_spread(s, weights, out->spread);
+    if (status == LG_OK && !invert(s, false, more, order, W)) status = LG_OUT_OF_MEMORY;
+    if (status == LG_OK) {
+        memcpy(theta, s->theta, n * sizeof *theta);
         differentiate(s, theta, count, moved, gradient);
-        propagate(s, weights, count, gradient, theta, out->numbers, units);
+        propagate(s, W, count, gradient, theta, out->numbers, units);
         multiply(s, count, gradient, units, covariance);
         status = lg_machine_relate(s->context, count, covariance, out);
+    }
+    if (status == LG_OK && out->spread != NULL) {
+        if (invert(s, true, more, order, W))
+            transpose(n, W, out->spread);
+        else
+            status = LG_OUT_OF_MEMORY;
     }
     lg_free(s->context, moved);
     return status;
@@ -197,24 +256,29 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
         s.columns = s.jacobian + columns * rows;
         s.residuals = s.columns + columns * rows;
     }
-    s.matrix = lg_alloc(context, s.n * s.n, sizeof(double));
-    double *work = lg_alloc(context, (2 + count) * s.n + (1 + count) * count, sizeof *work);
-    const bool room = s.jacobian != NULL && s.matrix != NULL && work != NULL;
+    s.stack = lg_alloc(context, (s.n + rows) * s.n, sizeof(double));
+    s.triangle = lg_alloc(context, s.n * s.n, sizeof(double));
+    double *work = lg_alloc(context, (4 * s.n + 1 + count) * s.n + (1 + count) * count, sizeof *work);
+    int *order = lg_alloc(context, s.n, sizeof *order);
+    const bool room =
+        s.jacobian != NULL && s.stack != NULL && s.triangle != NULL && work != NULL && order != NULL;
     lg_status status = room ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
-        memset(s.matrix, 0, s.n * s.n * sizeof *s.matrix);
+        memset(s.triangle, 0, s.n * s.n * sizeof *s.triangle);
         status = add_all(&s, tape);
         if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
     } else {
         (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
     if (status == LG_OK) {
-        status = conclude(&s, count, work, out);
+        status = conclude(&s, count, work, order, out);
         if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
     lg_tape_destroy(tape);
     lg_free(context, s.jacobian);
-    lg_free(context, s.matrix);
+    lg_free(context, s.stack);
+    lg_free(context, s.triangle);
+    lg_free(context, order);
     lg_free(context, work);
     return status;
 }

@@ -138,7 +138,18 @@ TEST("degrees and other units are refused with a scale") {
     expect_hopeless("machine.yaml", s, WORDS("the rate of x", "scale: {vx: 1000", "or {x: 0.00"));
     s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][T] *= 1000;
-    expect_hopeless("machine.yaml", s, WORDS("scale: "));
+    expect_hopeless("machine.yaml", s, WORDS("scale: ", "of all coordinates alike: {t: 0.001"));
+}
+
+TEST("outliers and sensors at the end of their range are told as such, and not as another unit") {
+    sheet *s = good_sheet();
+    s->cells[77][X] += 50, s->cells[120][X] += 50;
+    expect_hopeless("machine.yaml", s,
+                    WORDS("line 79", "column x: jumps to 5", "4 steps in all", "outliers?"));
+    s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][W] = fmax(-0.5, fmin(0.5, s->cells[i][W]));
+    expect_hopeless("machine.yaml", s,
+                    WORDS("column w: stands at its smallest or largest value, -0.5 and 0.5"));
 }
 
 TEST("two clocks are refused with the line") {
@@ -199,6 +210,26 @@ TEST("constant inputs, feedback, coordinates that never move and a free scale ar
                            "inputs: {columns: [u]}\n");
     cli_json(identify, "check free.yaml log.csv", "files 1", &result);
     assert_says(result.err, "scale of the forces");
+}
+
+TEST("positions that are late are told with their lag, noisy or not, and a sensor that is stuck with its "
+     "rows") {
+    static const double sizes[] = {0.0, 1e-3};
+    for (size_t k = 0; k < LG_COUNT(sizes); k++) {
+        sheet *s = good_sheet();
+        for (size_t i = 0; i < ROWS; i++)
+            s->cells[i][Y] = 0.5 * cos(3 * DT * ((double)i - 4)) + sizes[k] * noise(i);
+        write_sheet("log.csv", s);
+        cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+        assert_says(result.err, "y: its positions are 4 rows (0.08 s) later than its velocities");
+        assert_null(strstr(result.err, "x: its positions"));
+    }
+    sheet *s = good_sheet();
+    for (size_t i = 75; i < 84; i++) s->cells[i][THETA] = s->cells[75][THETA];
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    assert_says(result.err, "column theta: stands at ");
+    assert_says(result.err, "for 9 rows from 1.5 s on while w moves");
 }
 
 TEST("rows that jitter are told from gaps by a warning that names max_step") {

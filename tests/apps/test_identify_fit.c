@@ -130,7 +130,8 @@ TEST("the same seed gives the same bits on any threads, in one run or resumed, a
         expect_theta("one.h5", "other.h5", false);
         expect_theta("one.h5", "half.h5", false);
     }
-    cli_expect(identify, "fit network.yaml noisy.csv --resume c.h5 --out r.h5", 2, "c.h5", &result);
+    cli_expect(identify, "fit network.yaml noisy.csv --resume c.h5 --out r.h5", 2, "from other data",
+               &result);
     cli_expect(identify, "fit network.yaml train.csv --resume c.h5 --window 9 --out r.h5", 2, "window",
                &result);
     assert_false(cli_exists("r.h5"));
@@ -165,6 +166,51 @@ TEST("constant inputs leave their map undetermined, which is said") {
     cli_json(identify, "fit map.yaml still.csv --out m.h5", "loss <1e-8", &result);
     assert_says(result.err, "column u: the input is always 0");
     assert_says(result.err, "input_map.1.1");
+}
+
+TEST("a common factor is told where networks have it too, and a known map of an input that never acts fixes "
+     "nothing") {
+    cli_write("factor.yaml",
+              OSCILLATOR_COLUMNS "mass: {kind: network, of: x}\npotential: {kind: network, of: x}\n"
+                                 "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
+    run("generate scene.yaml --inputs none --runs 3 --t-end 6 --out still.csv");
+    cli_json(identify, "fit factor.yaml still.csv --epochs 40 --out m.h5", "gauge \"nothing: learning left",
+             &result);
+    assert_says(result.err, "mass.1.1 and damping.x appear only as a ratio");
+    json_expect(json_find(json_find(result.out, "identified"), "mass.1.1"), "error null");
+    cli_json(identify, "fit factor.yaml train.csv --epochs 40 --out m.h5", "gauge \"the values", &result);
+    json_expect(json_find(json_find(result.out, "identified"), "mass.1.1"), "error <1");
+}
+
+TEST("logs that contradict the machine are told from those that it explains, noisy or not") {
+    char machine[1024];
+    (void)snprintf(machine, sizeof machine, "%sscale: {u: -1}\n", oscillator_machine);
+    cli_write("against.yaml", machine);
+    static const struct {
+        const char *line;
+        bool told;
+    } rows[] = {{"fit machine.yaml train.csv --out m.h5", false},
+                {"fit machine.yaml noisy.csv --out m.h5", false},
+                {"fit against.yaml train.csv --out m.h5", true},
+                {"fit against.yaml noisy.csv --out m.h5", true}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_json(identify, rows[i].line, "loss >0", &result);
+        assert_int_equal(strstr(result.err, "does not explain the logs") != NULL, rows[i].told);
+    }
+}
+
+TEST("noise of positions counts however far the machine travels") {
+    cli_write("sledge.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
+                                                "damping: {kind: known, values: [0.1]}\n"
+                                                "input_map: {kind: known, values: [[1]]}\n");
+    cli_write("slide.yaml", OSCILLATOR_COLUMNS "mass: diagonal\ndamping: diagonal\n"
+                                               "input_map: {kind: known, values: [[1]]}\n");
+    run("generate sledge.yaml --runs 4 --t-end 8 --amplitude 2 --start-spread 1,20 --noise 0.002,0.002 --out "
+        "far.csv");
+    cli_json(identify, "fit slide.yaml far.csv --out m.h5", "loss >0.5, loss <4, starts \"estimated\"",
+             &result);
+    run("generate sledge.yaml --runs 4 --t-end 8 --amplitude 2 --start-spread 1,20 --out far.csv");
+    cli_json(identify, "fit slide.yaml far.csv --out m.h5", "loss <1e-8, starts \"measured\"", &result);
 }
 
 TEST("a coordinate that never moves is named") {
@@ -235,7 +281,8 @@ TEST("generate and fit a heavy top by name: its numbers with errors, what the lo
     assert_close(json_number(correlations, "chi2,chi3"), -1, 1e-3, 0); /* chi has length 1 */
     cli_json(identify, "evaluate top.h5 shaken.csv --horizons 1", "", &result);
     run("predict top.h5 top.csv --out again.csv");
-    cli_json(identify, "fit open.yaml shaken.csv --out open.h5", "loss <10, gauge \"nothing\"", &result);
+    cli_json(identify, "fit open.yaml shaken.csv --out open.h5", "loss <10, gauge \"nothing: learning left",
+             &result);
     assert_says(result.err, "m and L appear only as a product: give one of them as known");
     assert_null(strstr(result.err, "do not determine m"));
     cli_write("far.yaml", TOP_COLUMNS "parameters: {length: unknown, inertia: [0.3, unknown, unknown], chi: "

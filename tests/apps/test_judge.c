@@ -443,6 +443,45 @@ TEST("training says that damped data are not conservative, and says nothing of o
     }
 }
 
+/* q'' = -4 q - c q' from the starts of the data. */
+static void make_damped(lg_trajectories *data, double c) {
+    const double rate = c / 2, w = sqrt(4 - rate * rate);
+    for (size_t i = 0; i < data->count; i++) {
+        double *first = data->data + i * data->points * 2;
+        const double q = first[0], b = (first[1] + rate * q) / w;
+        for (size_t j = 1; j < data->points; j++) {
+            const double t = data->t[j] - data->t[0], e = exp(-rate * t), C = cos(w * t), S = sin(w * t);
+            first[2 * j] = e * (q * C + b * S);
+            first[2 * j + 1] = e * (w * (b * C - q * S) - rate * (q * C + b * S));
+        }
+    }
+}
+
+TEST("sixty trajectories of varied energies show that an oscillator is damped, and are silent on one that is "
+     "not") {
+    static const double damping[] = {0.0, 0.5, 0.05};
+    cli_write("oscillator.yaml", "system: oscillator\n");
+    for (size_t i = 0; i < LG_COUNT(damping); i++) {
+        lg_trajectories *data =
+            generate("oscillator.yaml --trajectories 60 --points 11 --t-end 1 --seed 3", "plain2.h5");
+        make_damped(data, damping[i]);
+        write_data("damped2.h5", data);
+        cli_expect(lg, "train damped2.h5 --out damped-model.h5 --epochs 100", 0, "parameters", &result);
+        assert_int_equal(strstr(result.err, "not conservative") != NULL, damping[i] > 0);
+    }
+}
+
+TEST("training says as what it takes data of a system that it does not know") {
+    lg_trajectories *data =
+        generate("oscillator.yaml --trajectories 8 --points 3 --t-end 0.3 --seed 3", "known.h5");
+    cli_expect(lg, "train known.h5 --out m.h5 --epochs 1", 0, "", &result);
+    assert_null(strstr(result.err, "no system is called"));
+    (void)snprintf(data->system, sizeof data->system, "oscilator");
+    write_data("typo.h5", data);
+    cli_expect(lg, "train typo.h5 --out m.h5 --epochs 1", 0, "", &result);
+    assert_says(result.err, "no system is called 'oscilator': by its layout");
+}
+
 TEST("training says that there are fewer numbers than parameters, with the trajectories that would do") {
     lg_trajectories *data =
         generate("chain1.yaml --trajectories 4 --points 5 --t-end 0.4 --seed 2", "few.h5");

@@ -261,6 +261,14 @@ TEST("wrong keys are refused with their line") {
         {HEAD "scale: {q: 0}\n", "line 2", "must not be 0"},
         {HEAD "scale: {q: m}\n", "line 2", "'m' is not a number"},
         {HEAD "unwrap: perhaps\n", "line 2", "none of false, true"},
+        {HEAD "mass: {kind: known, values: [-1]}\n", "line 2", "above 0"},
+        {HEAD "mass: {kind: known, values: [0]}\n", "line 2", "above 0"},
+        {HEAD "damping: {kind: known, values: [-1]}\n", "line 2", "below 0"},
+        {HEAD "mass:\n  - diagonal\n  - {kind: known, values: [-1]}\n", "line 4", "below 0"},
+        {HEAD "mass: {kind: known, values: [1, 2]}\n", "line 2", "has 2 values, 1 are expected"},
+        {"coordinates: [{name: a, kind: line, velocity: b}, {name: c, kind: line, velocity: d}]\n"
+         "mass: {kind: known, values: [[1, 2], [2, 1]]}\n",
+         "line 2", "positive definite"},
         {"", "line 1", ""},
         {"coordinates: [\n", "line", "is not YAML"},
     };
