@@ -213,7 +213,7 @@ static int draw(const app *self, const identify_data *data) {
     size_t parts = 1;
     while (parts < logs->log.parts && logs->part_run[parts] == logs->part_run[0]) parts++;
     const lg_status status = identify_draw_run(self, values.plot, "First run of the log", &data->file,
-                                               &logs->log, parts, NULL, NULL, &error);
+                                               &logs->log, parts, NULL, NULL, NULL, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
 }
 

@@ -490,7 +490,8 @@ static int make(app *self, making *m) {
     if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
     const lg_machine_log log = {m->runs * m->rows, m->runs, m->first, m->t, m->run_q, m->run_v, m->u};
     if (values.plot != NULL)
-        status = identify_draw_run(self, values.plot, "First run", &m->file, &log, 1, NULL, NULL, &error);
+        status =
+            identify_draw_run(self, values.plot, "First run", &m->file, &log, 1, NULL, NULL, NULL, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, values.plot);
     report(self, m);
     return APP_EXIT_OK;

@@ -59,7 +59,7 @@ static size_t find_groups(const lg_machine_file *file, bool inputs, group *group
 /* ---- data ---- */
 
 static void put_row(FILE *stream, const lg_machine_file *file, const lg_machine_log *log, size_t row,
-                    const double *q, const double *v, double *logged) {
+                    const double *q, const double *v, const double *bands, double *logged) {
     const size_t nq = file->machine.positions, nv = file->machine.velocities, m = file->machine.input_count;
     double predicted[LG_LOG_COLUMNS];
     identify_to_columns(file, log->q + row * nq, log->v + row * nv, logged, logged);
@@ -70,17 +70,19 @@ static void put_row(FILE *stream, const lg_machine_file *file, const lg_machine_
     (void)fprintf(stream, "%.9g", log->t[row]);
     for (uint32_t c = 0; c < file->column_count; c++) (void)fprintf(stream, " %.7g", logged[c]);
     for (uint32_t c = 0; c < file->column_count; c++) (void)fprintf(stream, " %.7g", predicted[c]);
+    for (uint32_t c = 0; c < file->column_count && bands != NULL; c++)
+        (void)fprintf(stream, " %.7g", bands[row * file->column_count + c]);
     (void)fputc('\n', stream);
 }
 
 /* The first parts as one block; a blank line breaks curves at gaps. */
 static void put_run(FILE *stream, const lg_machine_file *file, const lg_machine_log *log, size_t parts,
-                    const double *q, const double *v) {
+                    const double *q, const double *v, const double *bands) {
     size_t rows = 0;
     double logged[LG_LOG_COLUMNS] = {0}; /* of the row before: signs of quaternions go on */
     for (size_t p = 0; p < parts; p++) {
         for (size_t row = log->first[p]; row < log->first[p + 1] && rows < MOST_ROWS; row++, rows++)
-            put_row(stream, file, log, row, q, v, logged);
+            put_row(stream, file, log, row, q, v, bands, logged);
         (void)fputc('\n', stream);
     }
     (void)fputc('\n', stream);
@@ -97,8 +99,9 @@ static lg_status begin(app_plot *plot, const char *picture, size_t panels, const
     (void)fprintf(
         plot->script.stream,
         "set multiplot layout %zu,%zu title \"%s\" noenhanced\nset key below center horizontal maxrows 2 "
-        "noenhanced samplen 1.5\n"
-        "set title noenhanced\nset xlabel noenhanced\nset offsets graph 0, graph 0, graph 0.12, graph "
+        "noenhanced samplen 1.5 height 1\n"
+        "set title noenhanced\nset xlabel noenhanced\nset offsets graph 0, graph 0, graph "
+        "0.12, graph "
         "0.05\nset lmargin 9\n",
         rows, columns, title);
     return LG_OK;
@@ -110,15 +113,27 @@ static lg_status end(const app *self, app_plot *plot, lg_error *error) {
     return app_plot_end(self, plot, &drawn, error);
 }
 
-static void put_group(FILE *script, const lg_machine_file *file, const group *g, bool predicted) {
+/* Two standard deviations to both sides. */
+static void put_band(FILE *script, const lg_machine_file *file, uint32_t column, const char *colour) {
+    const uint32_t at = column + 2 + file->column_count, by = at + file->column_count;
+    (void)fprintf(
+        script,
+        "datafile index 0 using 1:($%u-2*$%u):($%u+2*$%u) with filledcurves fs transparent solid 0.3 "
+        "noborder lc rgb '%s' title '', ",
+        at, by, at, by, colour);
+}
+
+static void put_group(FILE *script, const lg_machine_file *file, const group *g, bool predicted, bool bands) {
     const bool held = file->columns[g->first].role == LG_LOG_INPUT && file->hold == LG_HOLD_ZERO;
     (void)fprintf(script, "set title '%s'\nset xlabel 't (s)'\nset ylabel ''\nplot ", g->title);
     for (uint32_t k = 0; k < g->count; k++) {
         const uint32_t column = g->first + k;
         const size_t colour = k % LG_COUNT(colours);
         const char *thin = predicted && g->count == 1 ? "#d1641f" : colours[colour];
-        (void)fprintf(script, "%sdatafile index 0 using 1:%u with %s lw %s lc rgb '%s' title '%s'",
-                      k > 0 ? ", " : "", column + 2, held ? "steps" : "lines", predicted ? "4" : "1.5",
+        if (k > 0) (void)fputs(", ", script);
+        if (predicted && bands) put_band(script, file, column, thin);
+        (void)fprintf(script, "datafile index 0 using 1:%u with %s lw %s lc rgb '%s' title '%s'", column + 2,
+                      held ? "steps" : "lines", predicted ? "4" : "1.5",
                       predicted ? pale[colour] : colours[colour], file->columns[column].name);
         if (predicted)
             (void)fprintf(script, ", datafile index 0 using 1:%u with lines lw 1.2 lc rgb '%s' title '%s'",
@@ -129,15 +144,15 @@ static void put_group(FILE *script, const lg_machine_file *file, const group *g,
 
 lg_status identify_draw_run(const app *self, const char *picture, const char *title,
                             const lg_machine_file *file, const lg_machine_log *log, size_t parts,
-                            const double *q, const double *v, lg_error *error) {
+                            const double *q, const double *v, const double *bands, lg_error *error) {
     app_plot plot;
     group groups[3 * LG_MACHINE_COORDINATES + 1];
     const size_t count = find_groups(file, true, groups);
     LG_TRY(begin(&plot, picture, count, title, error));
-    put_run(plot.data.stream, file, log, parts, q, v);
+    put_run(plot.data.stream, file, log, parts, q, v, bands);
     for (size_t i = 0; i < count; i++)
         put_group(plot.script.stream, file, &groups[i],
-                  q != NULL && file->columns[groups[i].first].role != LG_LOG_INPUT);
+                  q != NULL && file->columns[groups[i].first].role != LG_LOG_INPUT, bands != NULL);
     return end(self, &plot, error);
 }
 
@@ -364,8 +379,8 @@ lg_status identify_draw_evaluation(const app *self, const char *picture, const i
     LG_TRY(begin(&plot, picture, panels,
                  "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
                  error));
-    put_run(plot.data.stream, d->file, d->log, d->parts, d->q, d->v);
-    for (size_t i = 0; i < count; i++) put_group(plot.script.stream, d->file, &groups[i], true);
+    put_run(plot.data.stream, d->file, d->log, d->parts, d->q, d->v, NULL);
+    for (size_t i = 0; i < count; i++) put_group(plot.script.stream, d->file, &groups[i], true, false);
     put_horizons(d, &plot);
     const lg_status status = put_slices(self, d, axes, lines, &plot, 2, error);
     if (status == LG_OK) return end(self, &plot, error);

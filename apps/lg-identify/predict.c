@@ -149,7 +149,7 @@ static lg_status draw(const app *self, const prediction *p, lg_error *error) {
     size_t parts = 1;
     while (parts < logs->log.parts && logs->part_run[parts] == logs->part_run[0]) parts++;
     return identify_draw_run(self, values.plot, "First run of the log: logged (thick) and predicted (thin)",
-                             &p->data.file, &logs->log, parts, p->q, p->v, error);
+                             &p->data.file, &logs->log, parts, p->q, p->v, p->bands, error);
 }
 
 /* ---- report ---- */

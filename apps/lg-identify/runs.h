@@ -119,10 +119,11 @@ lg_status identify_values(const app *self, const identify_model *model, size_t c
 
 /* ---- pictures (pictures.c) ---- */
 
-/* Each column of the log's first run against time; q, v (rows, ...) predicted, or NULL. */
+/* Each column of the first run against time; q, v (rows, ...) predicted, or NULL; bands (rows, columns of
+ * the file) their standard deviations, or NULL. */
 lg_status identify_draw_run(const app *self, const char *picture, const char *title,
                             const lg_machine_file *file, const lg_machine_log *log, size_t parts,
-                            const double *q, const double *v, lg_error *error);
+                            const double *q, const double *v, const double *bands, lg_error *error);
 
 /* What evaluate --plot draws. */
 typedef struct identify_drawing {

@@ -217,7 +217,10 @@ TEST("bands of a prediction are as wide as its errors, and models without a cova
     run("generate scene.yaml --runs 4 --t-end 8 --noise 0.02 --out train.csv");
     run("fit machine.yaml train.csv --out m.h5");
     run("generate scene.yaml --runs 1 --t-end 8 --noise 0 --out exact.csv --seed 7");
-    run("predict m.h5 exact.csv --bands --out p.csv");
+    run("predict m.h5 exact.csv --bands --out p.csv --plot bands.svg");
+    char script[16384];
+    (void)cli_read("bands.gp", script, sizeof script);
+    assert_says(script, "with filledcurves");
     const double *truth = column("exact.csv", "x", &rows), *x = column("p.csv", "x", &more),
                  *band = column("p.csv", "x.sd", &more);
     double error = 0.0, width = 0.0;
