@@ -333,18 +333,23 @@ static bool is_empty_folder(const char *path) {
     return empty;
 }
 
-/* Whether the file has the marker among its first bytes: it is one of ours, for this name. */
-static bool is_ours(const place *at, const char *path) {
+/* Whether the file begins with the marker of its name or, without one, has the words among its first bytes:
+ * it is one of ours, for this name. */
+static bool is_ours(const place *at, size_t file, const char *path) {
     char found[512];
-    char *wanted = app_format("lg-export: %s", at->source->options->name);
-    const size_t length = strlen(wanted);
+    text marker = {.data = NULL};
+    const char *name = at->source->options->name;
+    char *words = app_format("lg-export: %s", name);
     FILE *stream = fopen(path, "rb");
     const size_t n = stream != NULL ? fread(found, 1, sizeof found - 1, stream) : 0;
     found[n] = '\0';
     if (stream != NULL) (void)fclose(stream);
-    const char *mark = memmem(found, n, wanted, length);
-    const bool ours = mark != NULL && strchr(" \n\"\x1a", mark[length]) != NULL;
-    free(wanted);
+    add_marker(at->source->files[file].name, name, &marker);
+    const char *mark = memmem(found, n, words, strlen(words));
+    const bool ours = marker.length > 0 ? n >= marker.length && memcmp(found, marker.data, marker.length) == 0
+                                        : mark != NULL && strchr("\"\x1a", mark[strlen(words)]) != NULL;
+    lg_text_destroy(&marker);
+    free(words);
     return ours;
 }
 
@@ -356,7 +361,7 @@ static lg_status look_at(const place *at, size_t file, lg_error *error) {
     if (lstat(path, &information) == 0) {
         if (!S_ISREG(information.st_mode))
             status = app_error(error, LG_FILE, "%s: exists and is not a regular file", path);
-        else if (!is_ours(at, path))
+        else if (!is_ours(at, file, path))
             status = app_error(error, LG_FILE,
                                "%s: exists and was not written by lg-export for the name %s: choose another "
                                "folder for each model",

@@ -171,9 +171,8 @@ lg_status lg_run_compare(const lg_run_kind *kind, const void *stored, const void
     /* Other data make other scales, too; they are told first. */
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
         if (strcmp(r->name, "data_sha256") == 0 && differs(r, stored, wanted, have, want))
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "%s: was written from other data (%s %.12s, not %.12s)", lg_shown_path(path),
-                           r->name, have, want);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: was written from other data: %s %s, not %s",
+                           lg_shown_path(path), r->name, have, want);
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++) {
         if (differs(r, stored, wanted, have, want))
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: was written with %s %s, not %s",

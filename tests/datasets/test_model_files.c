@@ -887,7 +887,7 @@ static bool change_row(const lg_hyperparameter *r, void *run) {
 static void refuse_other_run(const kind_row *k, const any_run *run, const any_run *wanted, const char *says) {
     lg_error error;
     assert_status(lg_run_compare(k->run, run, wanted, "a.h5", &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "a.h5: was written with ");
+    assert_says(error.message, "a.h5: was written ");
     assert_says(error.message, says);
     assert_ok(lg_run_compare(k->run, wanted, wanted, "a.h5", &error));
 }
