@@ -22,14 +22,18 @@ enum {
     PATIENCE_MS = 200     /* Ctrl-C is seen within it */
 };
 
-void sample_reader_open(int file, uint32_t channels, sample_reader *out) {
+void sample_reader_open(int file, uint32_t channels, const char *const *names, sample_reader *out) {
     const size_t fields = (size_t)channels + 1, wanted = fields * ROOM_FIELD;
-    *out = (sample_reader){.file = file, .channels = channels, .room = wanted > ROOM ? wanted : ROOM};
+    *out = (sample_reader){
+        .file = file, .channels = channels, .room = wanted > ROOM ? wanted : ROOM, .names = names};
+    out->place = app_alloc(channels, sizeof *out->place);
+    for (uint32_t c = 0; c < channels; c++) out->place[c] = c;
     out->field = app_alloc(fields, sizeof *out->field);
     out->buffer = app_alloc(out->room + 1, 1);
 }
 
 void sample_reader_close(sample_reader *reader) {
+    free(reader->place);
     free(reader->field);
     free(reader->buffer);
     *reader = (sample_reader){.file = -1};
@@ -235,7 +239,7 @@ static sample_kind take_line(sample_reader *reader, const char *p, const char *e
     const bool cut = may_be_cut(reader, p, end);
     *time = timed ? reader->field[0] : (double)NAN;
     for (uint32_t c = 0; c < reader->channels; c++) {
-        const double value = reader->field[c + timed];
+        const double value = reader->field[reader->place[c] + timed];
         sample[c] = !cut && fabs(value) <= (double)FLT_MAX ? (float)value : NAN;
     }
     if (cut)
@@ -277,6 +281,86 @@ static bool is_header(sample_reader *reader, const char *from, const char *to) {
     if (reader->lines > 0 || reader->headers == SAMPLE_HEADERS) return false;
     reader->header[reader->headers++] = hash;
     return true;
+}
+
+/* ---- names of columns ---- */
+
+/* The next name of a line, without blanks and quotes; *p goes behind its separator. */
+static void next_name(const char **p, const char *to, char separator, const char **name, size_t *length) {
+    const char *from = *p, *end = from;
+    while (end < to && (separator != ' ' ? *end != separator : !is_blank(*end))) end++;
+    *p = end < to ? end + 1 : to;
+    while (separator == ' ' && *p < to && is_blank(**p)) (*p)++;
+    while (from < end && (is_blank(*from) || *from == '"')) from++;
+    while (end > from && (is_blank(end[-1]) || end[-1] == '"')) end--;
+    *name = from;
+    *length = (size_t)(end - from);
+}
+
+static bool is_name(const sample_reader *reader, uint32_t channel, const char *name, size_t length) {
+    return strlen(reader->names[channel]) == length && memcmp(reader->names[channel], name, length) == 0;
+}
+
+/* Column of each channel (channels), or UINT32_MAX; returns the number of columns. False: one name stands
+ * twice. */
+static bool find_columns(sample_reader *reader, const char *from, const char *to, uint32_t *column,
+                         uint32_t *columns, uint32_t *found) {
+    const char separator = memchr(from, ',', (size_t)(to - from)) != NULL   ? ','
+                           : memchr(from, ';', (size_t)(to - from)) != NULL ? ';'
+                                                                            : ' ';
+    for (uint32_t c = 0; c < reader->channels; c++) column[c] = UINT32_MAX;
+    *columns = *found = 0;
+    for (const char *p = from; p < to; ++*columns) {
+        const char *name;
+        size_t length;
+        next_name(&p, to, separator, &name, &length);
+        for (uint32_t c = 0; c < reader->channels; c++) {
+            if (!is_name(reader, c, name, length)) continue;
+            if (column[c] != UINT32_MAX) {
+                (void)snprintf(reader->problem, sizeof reader->problem, "column %.64s stands twice",
+                               reader->names[c]);
+                return false;
+            }
+            column[c] = *columns;
+            ++*found;
+        }
+    }
+    return true;
+}
+
+/* Places of the channels from the columns of their names. False, with `problem`: the columns do not fit. */
+static bool set_places(sample_reader *reader, const uint32_t *column, uint32_t columns) {
+    const uint32_t timed = columns - reader->channels;
+    for (uint32_t c = 0; c < reader->channels; c++) {
+        if (column[c] == UINT32_MAX) {
+            (void)snprintf(reader->problem, sizeof reader->problem,
+                           "there is no column %.64s, which the model was trained with", reader->names[c]);
+            return false;
+        }
+    }
+    for (uint32_t c = 0; c < reader->channels; c++) {
+        if (timed > 1 || (timed == 1 && column[c] == 0)) {
+            (void)snprintf(reader->problem, sizeof reader->problem,
+                           "%u columns, not those of the %u channels alone or behind one of times", columns,
+                           reader->channels);
+            return false;
+        }
+        reader->place[c] = column[c] - timed;
+    }
+    reader->named = true;
+    return true;
+}
+
+/* A line of words before the first sample. False: its names do not fit the model's. */
+static bool take_names(sample_reader *reader, const char *from, const char *to) {
+    uint32_t columns, found;
+    if (reader->names == NULL || reader->named) return true;
+    uint32_t *column = app_alloc(reader->channels, sizeof *column);
+    bool fits = find_columns(reader, from, to, column, &columns, &found);
+    if (fits && found == 0) reader->unnamed = columns == reader->channels || columns == reader->channels + 1;
+    if (fits && found > 0) fits = set_places(reader, column, columns);
+    free(column);
+    return fits;
 }
 
 /* ---- the stream of lines ---- */
@@ -425,7 +509,10 @@ sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
         from = text_of(reader->line == 1, from, to);
         if (is_empty(from, to)) continue;
         const sample_kind kind = take_line(reader, from, to, sample, time);
-        if (kind == SAMPLE_MALFORMED && reader->words && is_header(reader, from, to)) continue;
+        if (kind == SAMPLE_MALFORMED && reader->words && is_header(reader, from, to)) {
+            if (reader->lines == 0 && !take_names(reader, from, to)) return SAMPLE_REFUSED;
+            continue;
+        }
         reader->lines++;
         return kind;
     }

@@ -9,6 +9,7 @@ typedef enum sample_kind {
     SAMPLE_MALFORMED, /* `problem` says why */
     SAMPLE_END,
     SAMPLE_STOPPED, /* Ctrl-C */
+    SAMPLE_REFUSED, /* the names of the feed are not those of the model: `problem` says how */
     SAMPLE_FAILED   /* errno of read(2) is in `failure` */
 } sample_kind;
 
@@ -23,6 +24,9 @@ typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sampl
  * The first lines decide once whether there is a time: three of one kind, and a line of names may be one of
  * them. From then on a line with another number of columns is malformed.
  *
+ * A line of names before the first sample tells which column is which channel, where the model's channels
+ * have names and one of them occurs. Names of other channels alone leave the order as it is (`unnamed`).
+ *
  * A last line without a line end may have been cut within its last number. It is malformed, with its time,
  * unless something (a separator, a blank, \r, a comment) follows that number, or it is the only line. */
 typedef struct sample_reader {
@@ -36,7 +40,10 @@ typedef struct sample_reader {
     bool words;                      /* the line holds something that is no number */
     uint64_t header[SAMPLE_HEADERS]; /* hashes of the lines of words before the first sample */
     uint32_t headers;
-    char problem[96];
+    char problem[160];
+    const char *const *names; /* (channels) of the model's channels, borrowed; NULL: they have none */
+    uint32_t *place;          /* (channels): which number of a line each is, the time not counted */
+    bool named, unnamed;      /* a line of names told the places; it had no name of the model */
     int failure;
     char *buffer; /* (room + 1) */
     size_t room, begin, end;
@@ -45,7 +52,7 @@ typedef struct sample_reader {
     bool unended;          /* the line is the last one and has no end */
 } sample_reader;
 
-void sample_reader_open(int file, uint32_t channels, sample_reader *out);
+void sample_reader_open(int file, uint32_t channels, const char *const *names, sample_reader *out);
 void sample_reader_close(sample_reader *reader); /* frees; the file is the caller's */
 /* The next line: sample (channels); *time NAN without one. A malformed line whose time is known sets *time
  * and fills sample with NaN. Flushes stdout before it waits. */

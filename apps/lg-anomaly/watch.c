@@ -261,6 +261,18 @@ static int set_options(const app *self, const well_model *model, watching *w, lg
     return APP_EXIT_OK;
 }
 
+static const char *feed_name(void) {
+    return values.input != NULL ? values.input : "standard input";
+}
+
+/* The names of the model's channels; NULL: it has none. */
+static const char **names_of(const well_model *model) {
+    if (model->channel_name == NULL) return NULL;
+    const char **names = app_alloc(model->channels, sizeof *names);
+    for (uint32_t c = 0; c < model->channels; c++) names[c] = model->channel_name[c];
+    return names;
+}
+
 static int read_feed(watching *self, sample_reader *reader, float *sample) {
     double time;
     for (;;) {
@@ -270,10 +282,11 @@ static int read_feed(watching *self, sample_reader *reader, float *sample) {
             self->malformed_in_row = 0;
         } else if (kind == SAMPLE_MALFORMED)
             watch_take_malformed(self, reader, sample, time);
+        else if (kind == SAMPLE_REFUSED)
+            return app_fail(self->app, LG_FILE, "%s: line %llu: %s", feed_name(),
+                            (unsigned long long)reader->line, reader->problem);
         else if (kind == SAMPLE_FAILED)
-            return app_fail(self->app, LG_FILE, "%s: %s",
-                            values.input != NULL ? values.input : "standard input",
-                            strerror(reader->failure));
+            return app_fail(self->app, LG_FILE, "%s: %s", feed_name(), strerror(reader->failure));
         else
             break;
         if (app_interrupted() || self->refused) break;
@@ -283,9 +296,8 @@ static int read_feed(watching *self, sample_reader *reader, float *sample) {
     if (self->refused) return APP_EXIT_FILE;
     if (app_interrupted()) return APP_EXIT_INTERRUPTED;
     if (reader->layout == LAYOUT_UNKNOWN && reader->line > 0)
-        return app_fail(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time",
-                        values.input != NULL ? values.input : "standard input", reader->channels,
-                        reader->channels + 1);
+        return app_fail(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time", feed_name(),
+                        reader->channels, reader->channels + 1);
     return APP_EXIT_OK;
 }
 
@@ -293,14 +305,21 @@ static int watch_feed(watching *self, int file, size_t watch_bytes) {
     sample_reader reader;
     float *sample = app_alloc(self->bench.model->channels, sizeof *sample);
     watch_time_open(self);
-    sample_reader_open(file, self->bench.model->channels, &reader);
+    const char **names = names_of(self->bench.model);
+    sample_reader_open(file, self->bench.model->channels, names, &reader);
     const uint64_t start_rss = max_rss_kb();
     const double start = app_seconds();
     const int code = read_feed(self, &reader, sample);
     totals all = total(self, app_seconds() - start);
     all.start_rss = start_rss;
     all.watch_bytes = watch_bytes;
+    if (reader.unnamed && !reader.named)
+        app_warn(self->app,
+                 "no name of the feed's columns is a channel of the model (%s, ...): they are taken in their "
+                 "order",
+                 names[0]);
     sample_reader_close(&reader);
+    free(names);
     watch_time_close(self);
     free(sample);
     if (code == APP_EXIT_OK && self->started && values.crack_at > self->now)
@@ -356,8 +375,10 @@ const app_command watch_command = {
         "A line of the feed is a sample: one number for each channel of the model, separated by commas, "
         "semicolons or blanks. A first column of seconds is optional; the first lines show whether there is "
         "one. Later lines with another number of columns are malformed. Blank lines, lines of names and "
-        "comments (#) are skipped. Empty fields and nan are lost samples. Without times an unreadable line "
-        "is a lost sample too. With times it is skipped, and the times show which samples are missing. A "
+        "comments (#) are skipped. Names of the model's channels tell which column is which; a feed that "
+        "lacks one of them is refused. Empty fields and nan are lost samples. Without times an unreadable "
+        "line is a lost sample too. With times it is skipped, and the times show which samples are missing. "
+        "A "
         "last line without a line end may be cut; its sample is lost.\nA time that jumps is accepted when "
         "three more samples continue from it; otherwise its line is malformed. A feed whose times do not "
         "have the model's sampling rate is refused. --rate HZ accepts it unchanged: windows have the same "

@@ -456,6 +456,36 @@ TEST("windows that overlap vote as they are asked to") {
     assert_says(result.err, "trained at 5 Hz, not 10 Hz");
 }
 
+/* The feed with its columns in another order, or without one. */
+static void reorder(const char *columns, const char *to) {
+    char command[512];
+    (void)snprintf(command, sizeof command, "cd '%s' && awk -F, -v OFS=, '{ print %s }' feed.csv > %s",
+                   cli_folder, columns, to);
+    assert_int_equal(system(command), 0);
+}
+
+TEST("channels are found by their names; a feed without one of them is refused") {
+    static cli straight;
+    cli_expect("lg-anomaly", "generate --noise 10 --runs 6 --hours 0.1 --out well.h5", 0, "", &result);
+    cli_expect("lg-anomaly", "train well.h5 --method logistic --out named.h5", 0, "", &result);
+    cli_expect("lg-anomaly", "feed --noise 10 --hours 0.2 --seed 5", 0, "", &result);
+    cli_write("feed.csv", result.out);
+    cli_expect("lg-anomaly", "watch named.h5 --input feed.csv", 0, "# windows", &straight);
+    reorder("$1, $7, $6, $5, $4, $3, $2", "swapped.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input swapped.csv", 0, "# windows", &result);
+    const size_t verdicts = (size_t)(strstr(straight.out, "# samples") - straight.out);
+    assert_true(verdicts > 100 && strncmp(straight.out, result.out, verdicts) == 0);
+    reorder("$1, $2, $3, $4, $5, $6", "cut.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input cut.csv", 3, "there is no column", &result);
+    reorder("$1, $2, $3, $4, $5, $6, $2", "twice.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input twice.csv", 3, "stands twice", &result);
+    reorder("$2, $3, $1, $4, $5, $6, $7", "late.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input late.csv", 3, "behind one of times", &result);
+    reorder("$1, NR == 1 ? \"a,b,c,d,e,f\" : $2 \",\" $3 \",\" $4 \",\" $5 \",\" $6 \",\" $7", "others.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input others.csv", 0, "# windows", &result);
+    assert_says(result.err, "taken in their order");
+}
+
 TEST("an empty feed is told") {
     begin();
     watch("", "samples 0, days 0");
