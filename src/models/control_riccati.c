@@ -365,7 +365,7 @@ static lg_status refine(riccati *s) {
     const size_t n = s->n;
     double before = INFINITY;
     for (uint32_t step = 0;; step++) {
-        double residual, margin;
+        double residual = INFINITY, margin = 0.0;
         const bool usable = evaluate(s, &residual) && find_poles(s, &margin) && margin > 0.0;
         if (step == 0 && !usable) return explain(s, "the closed loop is not stable");
         if (step > 0 && (!usable || !(residual < 0.5 * s->result.residual))) return LG_OK;
