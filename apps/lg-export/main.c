@@ -191,7 +191,7 @@ static int build_target(job *j, const char *kind) {
     if (strcmp(kind, "classifier") == 0)
         return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone", target,
                          j->path);
-    j->kind = strcmp(kind, "program") == 0 ? "program" : kind;
+    j->kind = kind;
     j->options.compact = true;
     int code = scene
                    ? export_load_scene(j->self, j->path, strncmp(target, "fmu", 3) == 0, &j->source, &program)

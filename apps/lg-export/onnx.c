@@ -2,12 +2,12 @@
  * library that has a form in ONNX is a row of the table below; what depends on parameters alone is an
  * initializer. */
 #include <math.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/graph.h"
 #include "lg-export/protobuf.h"
+#include "liegrad/activation.h"
 
 enum { IR_VERSION = 8, OPSET = 13, TYPE_FLOAT = 1, TYPE_INT64 = 7, TYPE_BOOL = 9, TYPE_DOUBLE = 11 };
 
@@ -87,19 +87,16 @@ static name wholes(job *j, const int64_t *values, size_t count) {
 
 typedef struct attribute {
     const char *name;
-    enum { NONE, INT, FLOAT, INTS } type;
+    enum { INT, INTS } type;
     int64_t i[4];
     size_t count;
-    float f;
 } attribute;
 
 static void add_attribute(text *node, const attribute *a) {
-    static const int types[] = {[INT] = 2, [FLOAT] = 1, [INTS] = 7};
+    static const int types[] = {[INT] = 2, [INTS] = 7};
     text message = {.data = NULL};
-    if (a->type == NONE) return;
     proto_text(&message, 1, a->name);
     if (a->type == INT) proto_whole(&message, 3, a->i[0]);
-    if (a->type == FLOAT) proto_float(&message, 2, a->f);
     for (size_t k = 0; a->type == INTS && k < a->count; k++) proto_whole(&message, 8, a->i[k]);
     proto_whole(&message, 20, types[a->type]);
     proto_message(node, 5, &message);
@@ -288,15 +285,16 @@ static bool angle(const operation *o) {
     return give(o, binary(j, "Add", unary(j, "Atan", binary(j, "Div", y, x)), side));
 }
 
-/* lg_activation */
-enum { ACT_IDENTITY, ACT_TANH, ACT_SIGMOID, ACT_SWISH, ACT_RELU, ACT_LEAKY, ACT_SINE };
-
 static bool activated(job *j, int64_t kind, name x, name *out) {
-    static const char *const types[] = {"Identity", "Tanh", "Sigmoid", NULL, "Relu", NULL, "Sin"};
-    if (kind < 0 || kind > ACT_SINE) return false;
-    if (kind == ACT_SWISH)
+    static const char *const types[LG_ACTIVATION_COUNT] = {[LG_IDENTITY] = "Identity",
+                                                           [LG_TANH] = "Tanh",
+                                                           [LG_SIGMOID] = "Sigmoid",
+                                                           [LG_RELU] = "Relu",
+                                                           [LG_SINE] = "Sin"};
+    if (kind < 0 || kind >= LG_ACTIVATION_COUNT) return false;
+    if (kind == LG_SWISH)
         *out = binary(j, "Mul", x, unary(j, "Sigmoid", x));
-    else if (kind == ACT_LEAKY) /* LeakyRelu has no double in onnxruntime */
+    else if (kind == LG_LEAKY_RELU) /* LeakyRelu has no double in onnxruntime */
         *out = binary(j, "Max", x, binary(j, "Mul", x, number(j, 0.01)));
     else
         *out = unary(j, types[kind], x);
@@ -311,13 +309,13 @@ static bool activation(const operation *o) {
 /* sigma'(x) from x and sigma(x); of swish, x and the sigmoid. */
 static bool slope(job *j, int64_t kind, name x, name s, name *out) {
     const name one = number(j, 1), rest = binary(j, "Sub", one, s);
-    if (kind == ACT_TANH)
+    if (kind == LG_TANH)
         *out = binary(j, "Sub", one, binary(j, "Mul", s, s));
-    else if (kind == ACT_SIGMOID)
+    else if (kind == LG_SIGMOID)
         *out = binary(j, "Mul", s, rest);
-    else if (kind == ACT_SWISH)
+    else if (kind == LG_SWISH)
         *out = binary(j, "Mul", s, binary(j, "Add", one, binary(j, "Mul", x, rest)));
-    else if (kind == ACT_SINE)
+    else if (kind == LG_SINE)
         *out = unary(j, "Cos", x);
     else
         return false;
@@ -332,10 +330,10 @@ static bool activation_derivative(const operation *o) {
     if (order > 1) return false;
     if (o->op->whole[2].base == 1)
         s = o->x[1];
-    else if (!activated(j, kind == ACT_SWISH ? ACT_SIGMOID : kind, o->x[0], &s))
+    else if (!activated(j, kind == LG_SWISH ? LG_SIGMOID : kind, o->x[0], &s))
         return false;
     if (order == 0)
-        y = kind == ACT_SWISH ? binary(j, "Mul", o->x[0], s) : s;
+        y = kind == LG_SWISH ? binary(j, "Mul", o->x[0], s) : s;
     else if (!slope(j, kind, o->x[0], s, &y))
         return false;
     if (o->op->whole[3].base == 1) y = binary(j, "Mul", y, o->x[2]);

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { VARINT = 0, LENGTH = 2, FIXED32 = 5 };
+enum { VARINT = 0, LENGTH = 2 };
 
 static void add_varint(text *to, uint64_t value) {
     char byte;
@@ -21,15 +21,6 @@ static void add_key(text *to, int field, int wire) {
 void proto_whole(text *to, int field, int64_t value) {
     add_key(to, field, VARINT);
     add_varint(to, (uint64_t)value);
-}
-
-void proto_float(text *to, int field, float value) {
-    uint32_t bits;
-    unsigned char bytes[4];
-    memcpy(&bits, &value, sizeof bits);
-    for (int i = 0; i < 4; i++) bytes[i] = (unsigned char)(bits >> 8 * i);
-    add_key(to, field, FIXED32);
-    lg_text_append(to, (const char *)bytes, sizeof bytes);
 }
 
 void proto_bytes(text *to, int field, const void *data, size_t length) {

@@ -78,8 +78,8 @@ int export_safetensors(const app *self, const char *path, lg_program *program, e
     } else {
         add_program(&j, program);
     }
-    write_file(&j, source);
+    if (j.tensors > 0) write_file(&j, source);
     lg_text_destroy(&j.header);
     lg_text_destroy(&j.data);
-    return APP_EXIT_OK;
+    return j.tensors > 0 ? APP_EXIT_OK : app_usage(self, "--target safetensors: %s has no parameters", path);
 }
