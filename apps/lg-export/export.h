@@ -229,9 +229,14 @@ char *export_derive(const app *self, lg_program *program, lg_derivative_kind kin
 
 /* Names as of --target, ending with NULL; the first one is C. */
 extern const char *const export_target_names[];
-/* What fills the files for it; NULL for C (c, package). Returns an exit code; on failure a message has been
- * printed. */
-typedef int (*export_target)(const app *self, const char *path, lg_program *program, export_source *source);
+typedef struct export_target {
+    const char *name;
+    /* Fills the files from the model's program; NULL: the C of its kind. Returns an exit code; on failure a
+     * message has been printed. */
+    int (*build)(const app *self, const char *path, lg_program *program, export_source *source);
+    void (*add)(export_source *source); /* files beside those of C, or NULL */
+    bool tunable;                       /* parameters of a scene are inputs */
+} export_target;
 extern const export_target export_targets[];
 /* To the five files of C: CMakeLists.txt and package.xml. */
 void export_add_package(export_source *source);

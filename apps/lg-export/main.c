@@ -186,18 +186,17 @@ static int refuse_kind(const job *j, const char *kind) {
 /* For other targets than C every model is a program, and so is a scene, whose parameters an FMU can tune. */
 static int build_target(job *j, const char *kind) {
     lg_program *program;
-    const char *target = export_target_names[given.target];
+    const export_target *target = &export_targets[given.target];
     const bool scene = strcmp(kind, "scene") == 0;
     if (strcmp(kind, "classifier") == 0)
-        return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone", target,
-                         j->path);
+        return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone",
+                         target->name, j->path);
     j->kind = kind;
     j->options.compact = true;
-    int code = scene
-                   ? export_load_scene(j->self, j->path, strncmp(target, "fmu", 3) == 0, &j->source, &program)
-                   : export_load(j->self, j->path, kind, &j->source, &program);
+    int code = scene ? export_load_scene(j->self, j->path, target->tunable, &j->source, &program)
+                     : export_load(j->self, j->path, kind, &j->source, &program);
     if (code != APP_EXIT_OK) return code;
-    code = export_targets[given.target](j->self, j->path, program, &j->source);
+    code = target->build(j->self, j->path, program, &j->source);
     lg_program_destroy(program);
     return code;
 }
@@ -211,12 +210,12 @@ static int build(job *j) {
     static char kind[64];
     lg_error error = {LG_OK, ""};
     if (is_text(j->path))
-        return export_targets[given.target] != NULL ? build_target(j, "scene") : refuse_scene(j);
+        return export_targets[given.target].build != NULL ? build_target(j, "scene") : refuse_scene(j);
     const lg_status status = lg_file_kind(j->self->context, j->path, NULL, kind, sizeof kind, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
     if (!is_exported(kind)) return refuse_kind(j, kind);
     export_read_units(j->self, j->path, &j->options);
-    if (export_targets[given.target] != NULL) return build_target(j, kind);
+    if (export_targets[given.target].build != NULL) return build_target(j, kind);
     const bool program = strcmp(kind, "program") == 0;
     const bool machine = strcmp(kind, kinds[LG_MODEL_MACHINE].name) == 0;
     if ((!program && given.compact) || (!program && !machine && given.functions != NULL))
@@ -235,11 +234,11 @@ static const char library[] =
 
 static int build_files(job *j) {
     const int code = build(j);
-    if (code != APP_EXIT_OK || export_targets[given.target] != NULL) return code;
+    if (code != APP_EXIT_OK || export_targets[given.target].build != NULL) return code;
     export_add_rules(&j->source, "$(if $(findstring -none-,$(shell $(CC) -dumpmachine)),,libNAME_.so)",
                      library);
     export_compose(&j->source);
-    if (strcmp(export_target_names[given.target], "package") == 0) export_add_package(&j->source);
+    if (export_targets[given.target].add != NULL) export_targets[given.target].add(&j->source);
     return code;
 }
 
