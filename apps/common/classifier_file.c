@@ -28,6 +28,17 @@ static void list_stored(classifier_file *file, stored out[STORED]) {
 
 /* ---- writing ---- */
 
+bool classifier_file_is_novelty(const classifier_file *file) {
+    return strcmp(file->method, "novelty") == 0;
+}
+
+static lg_status write_models(const lg_archive_writer *to, const classifier_file *file, lg_error *error) {
+    lg_status status = LG_OK;
+    if (!classifier_file_is_novelty(file)) status = lg_classifier_save(&file->classifier, to, error);
+    if (status == LG_OK && file->novelty.channels > 0) status = lg_novelty_save(&file->novelty, to, error);
+    return status;
+}
+
 static lg_status write_run(const lg_archive_writer *to, const classifier_file *file) {
     classifier_file copy = *file;
     stored rows[STORED];
@@ -52,7 +63,7 @@ lg_status classifier_file_save(const lg_context *context, const char *path, cons
     if (status == LG_OK) status = lg_file_writer_archive(writer, "", &archive);
     if (status == LG_OK) status = lg_file_writer_names(writer, &file->names, error);
     if (status == LG_OK) status = write_run(&archive, file);
-    if (status == LG_OK) status = lg_classifier_save(&file->classifier, &archive, error);
+    if (status == LG_OK) status = write_models(&archive, file, error);
     if (writer != NULL && (status == LG_OK || error->message[0] == '\0'))
         status = lg_file_writer_commit(writer, error); /* repeats what failed before it */
     lg_file_writer_destroy(writer);
@@ -61,7 +72,7 @@ lg_status classifier_file_save(const lg_context *context, const char *path, cons
 
 /* ---- reading ---- */
 
-static const char *const methods[] = {"logistic", "tree", "svm-linear", "svm-rbf", "baseline"};
+static const char *const methods[] = {"logistic", "tree", "svm-linear", "svm-rbf", "baseline", "novelty"};
 
 static const char *known_method(const char *name) {
     for (size_t i = 0; i < LG_COUNT(methods); i++)
@@ -82,12 +93,29 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
     return LG_OK;
 }
 
+static lg_status read_models(const lg_context *context, const lg_archive_reader *from, classifier_file *out,
+                             lg_error *error) {
+    const bool alone = classifier_file_is_novelty(out);
+    if (!alone) {
+        const lg_status status = lg_classifier_load(context, from, &out->classifier, error);
+        if (status != LG_OK) return status;
+    }
+    const lg_status status = lg_novelty_load(context, from, &out->novelty, error);
+    const lg_features *f = &out->classifier.features;
+    if (status == LG_NOT_FOUND && !alone) return LG_OK;
+    if (status != LG_OK) return status;
+    if (!alone && (out->novelty.channels != f->channels || out->novelty.length != f->length))
+        return app_error(error, LG_FORMAT, "novelty is of other windows than the classifier");
+    return LG_OK;
+}
+
 static lg_status read_names(lg_file_reader *reader, classifier_file *out, lg_error *error) {
     const lg_status status = lg_file_reader_names(reader, &out->names, error);
     if (status != LG_OK) return status;
-    if (out->names.classes != out->classifier.classes)
+    const uint32_t classes = classifier_file_is_novelty(out) ? 2 : out->classifier.classes;
+    if (out->names.classes != classes)
         return app_error(error, LG_FORMAT, "the file names %u classes, its classifier has %u",
-                         out->names.classes, out->classifier.classes);
+                         out->names.classes, classes);
     return LG_OK;
 }
 
@@ -97,10 +125,10 @@ static lg_status read_run(const lg_archive_reader *from, classifier_file *out, l
     list_stored(out, rows);
     for (size_t i = 0; i < NEEDED && status == LG_OK; i++)
         status = from->array(from->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value);
-    if (status == LG_OK) status = read_texts(from, out, error);
     if (status != LG_OK) return status;
-    if (out->window != out->classifier.features.length || out->hop < 1 ||
-        !(out->test_fraction >= 0 && out->test_fraction < 1))
+    const uint32_t length =
+        classifier_file_is_novelty(out) ? out->novelty.length : out->classifier.features.length;
+    if (out->window != length || out->hop < 1 || !(out->test_fraction >= 0 && out->test_fraction < 1))
         return app_error(error, LG_FORMAT, "/run does not fit the classifier: window, hop or test_fraction");
     for (size_t i = NEEDED; i < STORED; i++)
         if (from->array(from->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value) != LG_OK)
@@ -112,7 +140,8 @@ static lg_status read_all(const lg_context *context, lg_file_reader *reader, cla
                           lg_error *error) {
     lg_archive_reader archive;
     lg_status status = lg_file_reader_archive(reader, "", &archive);
-    if (status == LG_OK) status = lg_classifier_load(context, &archive, &out->classifier, error);
+    if (status == LG_OK) status = read_texts(&archive, out, error);
+    if (status == LG_OK) status = read_models(context, &archive, out, error);
     if (status == LG_OK) status = read_names(reader, out, error);
     if (status == LG_OK) status = read_run(&archive, out, error);
     if (status == LG_OK) lg_file_reader_provenance(reader, &out->provenance);
@@ -130,7 +159,7 @@ lg_status classifier_file_load(const lg_context *context, const char *path, clas
         (void)app_error(error, status, "%s", lg_file_reader_message(reader));
     lg_file_reader_destroy(reader);
     if (status == LG_OK) return LG_OK;
-    const bool loaded = out->classifier.classes > 0; /* what is missing then is the file's fault */
+    const bool loaded = out->method != NULL; /* what is missing then is the file's fault */
     classifier_file_free(out);
     return status == LG_NOT_FOUND && loaded ? LG_FORMAT : status;
 }
@@ -138,5 +167,6 @@ lg_status classifier_file_load(const lg_context *context, const char *path, clas
 void classifier_file_free(classifier_file *file) {
     lg_series_destroy(&file->names);
     lg_classifier_destroy(&file->classifier);
+    lg_novelty_destroy(&file->novelty);
     *file = (classifier_file){.method = NULL};
 }

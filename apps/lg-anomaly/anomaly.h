@@ -9,6 +9,7 @@
 #include "liegrad/detector.h"
 #include "liegrad/io.h"
 #include "liegrad/metrics.h"
+#include "liegrad/novelty.h"
 #include "liegrad/riser.h"
 #include "liegrad/series.h"
 
@@ -25,20 +26,27 @@ typedef struct well_cut {
     char data_sha256[LG_SHA256_TEXT];
 } well_cut;
 
-/* A network (kind "detector") or a classical classifier (kind "classifier"), ready to judge. */
+typedef enum well_sort {
+    WELL_NETWORK,   /* kind "detector" */
+    WELL_CLASSICAL, /* kind "classifier" */
+    WELL_NOVELTY    /* kind "classifier", method "novelty": class 0, and all that is unlike it */
+} well_sort;
+
+/* A model ready to judge. */
 typedef struct well_model {
-    bool network;
-    const char *method;                   /* "cnn", "logistic", ..., "baseline"; static */
+    well_sort sort;
+    const char *method;                   /* "cnn", "logistic", ..., "baseline", "novelty"; static */
     uint32_t classes, channels, window;   /* window: samples */
     double rate;                          /* Hz; 0: unknown */
     char (*class_name)[LG_SERIES_NAME];   /* (classes); owned by detector or names */
     char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; likewise */
     char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL; likewise */
     well_cut cut;
-    bool probabilities;        /* scores are probabilities; false: decisions of support vectors */
-    lg_detector_file detector; /* network */
+    bool probabilities;        /* scores are probabilities; false: decisions, distances */
+    lg_detector_file detector; /* WELL_NETWORK */
     lg_detector_plan *plan;    /* of the detector, in its training type */
-    lg_classifier classifier;  /* otherwise */
+    lg_classifier classifier;  /* WELL_CLASSICAL */
+    lg_novelty novelty;        /* of the training windows; channels 0: none; of a loaded detector its own */
     lg_series names;           /* of a loaded classifier: owns its names */
 } well_model;
 
@@ -50,7 +58,7 @@ void well_model_free(well_model *model); /* a zeroed one may be freed */
 /* Bytes of work memory for well_model_score. */
 size_t well_model_work(const well_model *model);
 /* A window (channels, window), as recorded -> score (classes); the class is lg_class_of(score). plane: as for
- * lg_detector_eval, NULL unless model->network. work: 64-byte aligned. No allocation. */
+ * lg_detector_eval, NULL unless it is a network. A novelty scores 1 and the distance of lg_novelty_eval. work: 64-byte aligned. No allocation. */
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane, void *work);
 /* A score for "not of the first class": the score of class 1 (two classes), 1 - that of class 0
  * (probabilities), or the best of the others minus that of class 0. */
@@ -64,8 +72,10 @@ lg_status well_model_save(const app *app, const char *path, const well_model *mo
 
 /* `like`: NULL, or a series read before that determines the classes. */
 int read_series(const app *app, const char *path, const lg_series *like, lg_series_data *out);
-/* The same with the classes of a model; channels must be the model's. */
+/* The same with the classes of a model, or of a novelty with any classes; channels must be the model's. */
 int read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
+/* For a novelty: labels become 0 for the class that is named `first`, 1 for all others. */
+void merge_classes(lg_series *series, const char *first);
 
 /* Indices of windows, rising. */
 typedef struct part_indices {
@@ -98,6 +108,10 @@ lg_status judge_rows(const app *app, const well_model *model, const lg_series *s
                      const lg_windows *windows, const part_indices *part, const double *table, judgement *out,
                      lg_error *error);
 void judgement_free(judgement *judged);
+/* Windows of a judgement that are unlike those of training; *farthest: the farthest of them all. The model has
+ * a novelty. */
+size_t count_novel(const app *app, const well_model *model, const lg_series *series,
+                   const lg_windows *windows, const judgement *judged, lg_novelty_result *farthest);
 /* False alarms a day: the false positive rate times the number of windows a day, one every `hop` samples. NaN
  * when the rate is unknown. */
 double false_alarms_per_day(const judgement *judged, uint64_t hop, double rate);

@@ -25,7 +25,7 @@ static void warn_of_names(const app *self, const char *path, const lg_series *se
 int read_series_of(const app *self, const char *path, const well_model *model, lg_series_data *out) {
     const lg_series like = {
         .classes = model->classes, .class_name = model->class_name, .class_label = model->class_label};
-    const int code = read_series(self, path, &like, out);
+    const int code = read_series(self, path, model->sort == WELL_NOVELTY ? NULL : &like, out);
     if (code != APP_EXIT_OK) return code;
     const lg_series *series = &out->series;
     if (series->channels != model->channels) {
@@ -39,6 +39,11 @@ int read_series_of(const app *self, const char *path, const well_model *model, l
         app_warn(self, "%s: %g samples a second, the model was trained on %g", path, series->rate,
                  model->rate);
     return APP_EXIT_OK;
+}
+
+void merge_classes(lg_series *series, const char *first) {
+    for (size_t i = 0; i < series->count; i++)
+        series->label[i] = strcmp(series->class_name[series->label[i]], first) != 0;
 }
 
 part_indices part_of(const uint8_t *parts, size_t count, lg_part wanted) {

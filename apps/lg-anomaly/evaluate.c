@@ -47,6 +47,7 @@ typedef struct evaluation {
     const char *part_name;
     part_indices part;
     judgement judged;
+    size_t unlike; /* windows unlike those of training; for models that know them */
     voting votes;
 } evaluation;
 
@@ -269,6 +270,7 @@ static void json_evaluation(app_json *json, const evaluation *e) {
     app_json_real(json, "test_seconds", e->judged.seconds);
     app_json_real(json, "noise", e->from.data.noise);
     app_json_real(json, "severity", e->from.data.severity);
+    app_json_size(json, "unlike", e->unlike);
     json_votes(json, e);
     json_groups(json, e);
     app_json_text(json, "method", e->model->method);
@@ -391,6 +393,20 @@ static lg_status write_scores(const evaluation *e, lg_error *error) {
 
 /* ---- the command ---- */
 
+/* The figures of a model say nothing where the data are not what it knows. */
+static void tell_unlike(evaluation *e) {
+    static const double MANY = 0.05;
+    const well_model *model = e->model;
+    lg_novelty_result farthest;
+    char reason[256];
+    e->unlike = count_novel(e->app, model, &e->from.data.series, &e->from.windows, &e->judged, &farthest);
+    if ((double)e->unlike <= MANY * (double)e->judged.count) return;
+    (void)lg_novelty_explain(&model->novelty, &farthest, model->channel_name, model->rate, reason,
+                             sizeof reason);
+    app_warn(e->app, "%s: %zu of %zu windows are unlike those of training, the farthest by %s", e->path,
+             e->unlike, e->judged.count, reason);
+}
+
 static int evaluate(evaluation *e) {
     const app *self = e->app;
     const lg_series *series = &e->from.data.series;
@@ -411,10 +427,12 @@ static int evaluate(evaluation *e) {
                  "--votes: the %s part of a random split holds single windows of the recordings, not the "
                  "recordings: times to detection are too long",
                  e->part_name);
+    if (e->model->sort == WELL_NOVELTY) merge_classes(&e->from.data.series, e->model->class_name[0]);
     status = judge_windows(self, e->model, series, &e->from.windows, &e->part, &e->judged, &error);
     if (status == LG_CANCELLED) return app_fail(self, status, "stopped by Ctrl-C");
     if (status != LG_OK) return app_fail(self, status, "%s: %s", e->path, error.message);
     if (values.votes.count > 0) vote(e);
+    if (e->model->sort != WELL_NOVELTY && e->model->novelty.channels > 0) tell_unlike(e);
     return APP_EXIT_OK;
 }
 

@@ -87,7 +87,7 @@ lg_status judge_windows(const app *self, const well_model *model, const lg_serie
                         const lg_windows *windows, const part_indices *part, judgement *out,
                         lg_error *error) {
     *out = judgement_create(model, series, windows, part,
-                            model->network && model->detector.run.model.net.plane == 2);
+                            model->sort == WELL_NETWORK && model->detector.run.model.net.plane == 2);
     const double begin = app_seconds();
     lg_status status = score_all(self, model, series, windows, out);
     out->seconds = app_seconds() - begin;
@@ -124,6 +124,44 @@ void judgement_free(judgement *judged) {
     free(judged->plane);
     free(judged->confusion);
     *judged = (judgement){.count = 0};
+}
+
+/* ---- novelty ---- */
+
+typedef struct novelty_task {
+    const well_model *model;
+    const lg_series *series;
+    const lg_windows *windows;
+    const judgement *judged;
+    lg_novelty_result *result; /* of each window */
+} novelty_task;
+
+static void measure_bundle(void *user, size_t index) {
+    const novelty_task *self = user;
+    const lg_novelty *novelty = &self->model->novelty;
+    const size_t begin = index * BUNDLE, count = self->judged->count;
+    float *x = app_alloc((size_t)novelty->channels * novelty->length, sizeof *x);
+    void *work = app_alloc(lg_novelty_work_size(novelty), 1);
+    for (size_t i = begin; i < begin + BUNDLE && i < count && !app_interrupted(); i++) {
+        lg_windows_copy(self->series, self->windows, self->judged->window[i], x);
+        lg_novelty_eval(novelty, x, &self->result[i], NULL, work);
+    }
+    free(work);
+    free(x);
+}
+
+size_t count_novel(const app *self, const well_model *model, const lg_series *series,
+                   const lg_windows *windows, const judgement *judged, lg_novelty_result *farthest) {
+    novelty_task task = {model, series, windows, judged, app_alloc(judged->count, sizeof *task.result)};
+    size_t novel = 0;
+    app_parallel(self->threads, (judged->count + BUNDLE - 1) / BUNDLE, measure_bundle, &task);
+    *farthest = (lg_novelty_result){.distance = 0};
+    for (size_t i = 0; i < judged->count; i++) {
+        novel += task.result[i].novel;
+        if (task.result[i].distance > farthest->distance) *farthest = task.result[i];
+    }
+    free(task.result);
+    return novel;
 }
 
 /* ---- telling ---- */

@@ -14,7 +14,7 @@ static const char *const kinds[] = {"detector", "classifier"};
 lg_status well_model_of_detector(const app *self, const lg_detector_file *file, well_model *out,
                                  lg_error *error) {
     const lg_detector_run *run = &file->run;
-    *out = (well_model){.network = true,
+    *out = (well_model){.sort = WELL_NETWORK,
                         .method = "cnn",
                         .classes = run->model.classes,
                         .channels = run->model.net.channels,
@@ -24,7 +24,8 @@ lg_status well_model_of_detector(const app *self, const lg_detector_file *file, 
                         .class_label = file->class_label,
                         .channel_name = file->channel_name,
                         .probabilities = true,
-                        .detector = *file};
+                        .detector = *file,
+                        .novelty = file->novelty};
     out->cut = (well_cut){.split = run->split,
                           .test_fraction = run->test_fraction,
                           .validation_fraction = run->validation_fraction,
@@ -50,6 +51,7 @@ static int load_detector(const app *self, const char *path, well_model *out) {
 lg_status well_model_save(const app *self, const char *path, const well_model *model, double accuracy,
                           double f1, lg_error *error) {
     classifier_file file = {.classifier = model->classifier,
+                            .novelty = model->novelty,
                             .names = {.classes = model->classes,
                                       .channels = model->channels,
                                       .rate = model->rate,
@@ -75,17 +77,19 @@ static int load_classifier(const app *self, const char *path, well_model *out) {
     classifier_file file;
     const lg_status status = classifier_file_load(self->context, path, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    const bool alone = classifier_file_is_novelty(&file);
     const lg_features *features = &file.classifier.features;
-    *out = (well_model){.network = false,
+    *out = (well_model){.sort = alone ? WELL_NOVELTY : WELL_CLASSICAL,
                         .method = file.method,
-                        .classes = file.classifier.classes,
-                        .channels = features->channels,
-                        .window = features->length,
+                        .classes = file.names.classes,
+                        .channels = alone ? file.novelty.channels : features->channels,
+                        .window = (uint32_t)file.window,
                         .rate = file.names.rate,
                         .class_name = file.names.class_name,
                         .class_label = file.names.class_label,
-                        .probabilities = file.classifier.method <= LG_METHOD_TREE,
+                        .probabilities = !alone && file.classifier.method <= LG_METHOD_TREE,
                         .classifier = file.classifier,
+                        .novelty = file.novelty,
                         .names = file.names};
     if (file.names.channels == out->channels) out->channel_name = file.names.channel_name;
     out->cut = (well_cut){.split = file.split,
@@ -113,23 +117,37 @@ int well_model_load(const app *self, const char *path, well_model *out) {
 
 void well_model_free(well_model *model) {
     lg_detector_plan_destroy(model->plan);
-    if (model->network) {
+    if (model->sort == WELL_NETWORK) {
         lg_detector_file_destroy(&model->detector);
     } else {
         lg_series_destroy(&model->names);
         lg_classifier_destroy(&model->classifier);
+        lg_novelty_destroy(&model->novelty);
     }
-    *model = (well_model){.network = false};
+    *model = (well_model){.method = NULL};
 }
 
 size_t well_model_work(const well_model *model) {
-    return model->network ? lg_detector_work_size(model->plan) : lg_classifier_work_size(&model->classifier);
+    if (model->sort == WELL_NETWORK) return lg_detector_work_size(model->plan);
+    return model->sort == WELL_NOVELTY ? lg_novelty_work_size(&model->novelty)
+                                       : lg_classifier_work_size(&model->classifier);
 }
 
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane,
                            void *work) {
-    if (!model->network) return lg_classifier_window(&model->classifier, x, score, work);
-    lg_detector_eval(model->plan, x, score, plane, work);
+    lg_novelty_result result;
+    switch (model->sort) {
+    case WELL_NETWORK:
+        lg_detector_eval(model->plan, x, score, plane, work);
+        return LG_OK;
+    case WELL_CLASSICAL:
+        return lg_classifier_window(&model->classifier, x, score, work);
+    case WELL_NOVELTY:
+        break;
+    }
+    lg_novelty_eval(&model->novelty, x, &result, NULL, work);
+    score[0] = 1;
+    score[1] = result.distance;
     return LG_OK;
 }
 

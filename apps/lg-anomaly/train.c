@@ -20,7 +20,7 @@ void json_trained(app_json *json, const trained *self, const well_model *model) 
     app_json_real(json, "test_seconds", self->judged.seconds);
     app_json_text(json, "method", model->method);
     app_json_open(json, "classes", '[');
-    for (uint32_t c = 0; c < series->classes; c++) app_json_text(json, NULL, series->class_name[c]);
+    for (uint32_t c = 0; c < model->classes; c++) app_json_text(json, NULL, model->class_name[c]);
     app_json_close(json, ']');
     app_json_size(json, "channels", series->channels);
     app_json_size(json, "window", self->cut.window);
@@ -48,7 +48,8 @@ static int read_test(trained *state) {
     const app *self = state->app;
     const lg_series *series = &state->all.data.series;
     if (path == NULL) return APP_EXIT_OK;
-    const int code = read_series(self, path, series, &state->foreign.data);
+    const bool any = train_given.method == METHOD_NOVELTY; /* all classes but the first are one */
+    const int code = read_series(self, path, any ? NULL : series, &state->foreign.data);
     if (code != APP_EXIT_OK) return code;
     const lg_series_data *test = &state->foreign.data;
     if (test->series.channels != series->channels)
@@ -121,13 +122,15 @@ static int run_classical(trained *state) {
                             .test_fraction = train_given.test != NULL ? 0 : train_run.test_fraction,
                             .seed = self->seed};
     memcpy(state->cut.data_sha256, data->sha256, sizeof state->cut.data_sha256);
-    if (data->series.classes < 2)
+    const bool alone = train_given.method == METHOD_NOVELTY;
+    if (data->series.classes < 2 && !alone)
         return app_fail(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
                         data->series.class_name[0]);
     const lg_status status = window_of(self, &data->series, &state->cut.window, &state->cut.hop, &error);
     if (status != LG_OK) return fail(self, status, &error);
     const int code = cut_parts(state);
-    return code == APP_EXIT_OK ? train_classical(state) : code;
+    if (code != APP_EXIT_OK) return code;
+    return alone ? train_novelty(state) : train_classical(state);
 }
 
 static int train(app *self, const train_task *task) {

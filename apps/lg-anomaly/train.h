@@ -5,7 +5,15 @@
 #include "common/train.h"
 #include "lg-anomaly/anomaly.h"
 
-enum { METHOD_CNN, METHOD_LOGISTIC, METHOD_TREE, METHOD_SVM_LINEAR, METHOD_SVM_RBF, METHOD_BASELINE };
+enum {
+    METHOD_CNN,
+    METHOD_LOGISTIC,
+    METHOD_TREE,
+    METHOD_SVM_LINEAR,
+    METHOD_SVM_RBF,
+    METHOD_BASELINE,
+    METHOD_NOVELTY
+};
 enum { PRUNE_NONE, PRUNE_PRE, PRUNE_POST };
 
 /* Values of the command line besides files and train_run. */
@@ -103,6 +111,9 @@ int cut_parts(trained *self);
 train_task network_task(trained *self);
 /* Any other method, with everything read and cut. Exit codes. */
 int train_classical(trained *self);
+int train_novelty(trained *self);
+/* The novelty of a part of the windows; a warning where it cannot be had, and *out is untouched. */
+int fit_novelty(const trained *self, const part_indices *part, lg_novelty *out);
 /* Keys that every method has; the sentence of the beginning and the metrics. */
 void json_trained(app_json *json, const trained *self, const well_model *model);
 void print_trained(const trained *self, const well_model *model);

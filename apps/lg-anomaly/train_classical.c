@@ -375,7 +375,8 @@ static void report(const classical *self) {
 
 static void describe(const trained *base, well_model *model) {
     const lg_series *series = &base->all.data.series;
-    *model = (well_model){.method = train_method_name(train_given.method),
+    *model = (well_model){.sort = WELL_CLASSICAL,
+                          .method = train_method_name(train_given.method),
                           .classes = series->classes,
                           .channels = series->channels,
                           .window = (uint32_t)base->cut.window,
@@ -402,6 +403,8 @@ static int train(classical *self) {
     if (status == LG_OK) status = judge(self, &error);
     if (status == LG_CANCELLED) return app_fail(base->app, status, "stopped by Ctrl-C");
     if (status != LG_OK) return fail(base->app, status, &error);
+    const int fitted = fit_novelty(base, &base->train, &self->model.novelty);
+    if (fitted != APP_EXIT_OK) return fitted;
     status = well_model_save(base->app, path, &self->model, base->judged.metrics.accuracy,
                              base->judged.metrics.f1, &error);
     if (status != LG_OK) return app_fail_file(base->app, status, &error, path);
@@ -415,6 +418,7 @@ int train_classical(trained *base) {
     describe(base, &self.model);
     const int code = train(&self);
     lg_classifier_destroy(&self.model.classifier);
+    lg_novelty_destroy(&self.model.novelty);
     free(self.label);
     free(self.unit);
     free(self.table);

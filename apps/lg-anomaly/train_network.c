@@ -148,6 +148,7 @@ static int finish(void *user, train_session *session) {
                                            : APP_EXIT_OK;
     const int alive = code == APP_EXIT_OK ? judge_units(self, file.theta) : APP_EXIT_OK;
     if (alive != APP_EXIT_OK && alive != APP_EXIT_NUMERIC) code = alive;
+    if (code == APP_EXIT_OK) code = fit_novelty(self, &self->train, &file.novelty);
     if (code == APP_EXIT_OK) {
         file.accuracy = self->judged.metrics.accuracy;
         file.f1 = self->judged.metrics.f1;
@@ -159,6 +160,7 @@ static int finish(void *user, train_session *session) {
     if (code == APP_EXIT_OK) code = draw(self, &model);
     if (code == APP_EXIT_OK) report(self, session, &model);
     lg_detector_plan_destroy(model.plan);
+    lg_novelty_destroy(&file.novelty);
     free(file.theta);
     return code != APP_EXIT_OK ? code : judged != APP_EXIT_OK ? judged : alive;
 }
@@ -173,7 +175,7 @@ static lg_status describe(void *user, app *self, const void *stored, lg_error *e
 static int prepare(void *user, app *self) {
     trained *state = user;
     const well_model shape = {
-        .network = true, .method = "cnn", .classes = train_run.model.classes, .detector.run = train_run};
+        .sort = WELL_NETWORK, .method = "cnn", .classes = train_run.model.classes, .detector.run = train_run};
     state->cut = cut_of_run(&train_run);
     const int code = cut_parts(state);
     if (code != APP_EXIT_OK) return code;

@@ -11,7 +11,8 @@
         return value < LG_COUNT(names) ? names[value] : NULL;                                                \
     }
 NAMES(extern, train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logistic", [METHOD_TREE] = "tree",
-      [METHOD_SVM_LINEAR] = "svm-linear", [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline")
+      [METHOD_SVM_LINEAR] = "svm-linear", [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline",
+      [METHOD_NOVELTY] = "novelty")
 NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov")
 NAMES(static, directions_name, "xy", "x")
 NAMES(static, criterion_name, [LG_GINI] = "gini", [LG_ENTROPY] = "entropy")
@@ -33,8 +34,10 @@ enum {
 #define ROW(name, type, member, ...) LG_HYPERPARAMETER(train_values, NULL, name, type, member, __VA_ARGS__)
 static const lg_hyperparameter rows[] = {
     ROW("method", NAME, method, .value_name = train_method_name, .value = "cnn",
-        .meaning = "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
-                   "regression lines of moment against acceleration, logistic regression"),
+        .meaning =
+            "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
+            "regression lines of moment against acceleration, logistic regression; novelty: learns the "
+            "first class alone, the others only test it"),
     ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
         .meaning = "Length of a window; in samples if the sampling rate of the data is unknown"),
     ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",

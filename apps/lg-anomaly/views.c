@@ -19,35 +19,36 @@ const int evaluate_views[] = {VIEW_DEFAULT, VIEW_PAIRS,       VIEW_CLOUDS, VIEW_
 /* ---- which picture a model has ---- */
 
 static bool is_baseline(const well_model *model) {
-    return !model->network && model->classifier.features.kind == LG_FEATURES_BASELINE;
+    return model->sort == WELL_CLASSICAL && model->classifier.features.kind == LG_FEATURES_BASELINE;
 }
 
 static bool has_margin(const well_model *model) {
-    return !model->network && model->classes == 2 && model->classifier.method == LG_METHOD_SVM_LINEAR &&
-           lg_pca_outputs(&model->classifier.pca) == 3;
+    return model->sort == WELL_CLASSICAL && model->classes == 2 &&
+           model->classifier.method == LG_METHOD_SVM_LINEAR && lg_pca_outputs(&model->classifier.pca) == 3;
 }
 
 int view_of(const well_model *model, int wanted, bool training) {
     if (wanted != VIEW_DEFAULT) return wanted;
-    if (model->network)
+    if (model->sort == WELL_NETWORK)
         return training ? VIEW_LOSS : model->detector.run.model.net.plane == 2 ? VIEW_PLANE : VIEW_CONFUSION;
+    if (model->sort == WELL_NOVELTY) return VIEW_ROC;
     if (is_baseline(model)) return VIEW_REGRESSIONS;
     if (model->classifier.method == LG_METHOD_TREE) return VIEW_TREE;
     return has_margin(model) ? VIEW_MARGIN : VIEW_CLOUDS;
 }
 
 static const char *view_missing(const well_model *model, int view, bool training) {
-    const bool classical = !model->network;
+    const bool classical = model->sort == WELL_CLASSICAL;
     switch (view) {
     case VIEW_LOSS:
-        return model->network && training ? NULL : "is drawn while a cnn is trained";
+        return model->sort == WELL_NETWORK && training ? NULL : "is drawn while a cnn is trained";
     case VIEW_PRUNING:
         return classical && training && model->classifier.method == LG_METHOD_TREE
                    ? NULL
                    : "is drawn while a tree is trained";
     case VIEW_PAIRS:
     case VIEW_CLOUDS:
-        return classical ? NULL : "a cnn has no features; use plane";
+        return classical ? NULL : "the model has no features; use confusion or roc";
     case VIEW_VARIANCE:
         return classical && model->classifier.pca.variances > 0 ? NULL
                                                                 : "needs principal components (--components)";
@@ -58,7 +59,7 @@ static const char *view_missing(const well_model *model, int view, bool training
     case VIEW_REGRESSIONS:
         return is_baseline(model) ? NULL : "needs --method baseline";
     case VIEW_PLANE:
-        return model->network && model->detector.run.model.net.plane == 2
+        return model->sort == WELL_NETWORK && model->detector.run.model.net.plane == 2
                    ? NULL
                    : "needs a cnn with two numbers before its output (--plane 2)";
     default:

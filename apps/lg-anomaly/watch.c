@@ -9,13 +9,19 @@
 
 #include "lg-anomaly/watch.h"
 
-enum { TOLD_NOT_JUDGED = 3 /* windows of a gap that are printed one by one */ };
+enum {
+    TOLD_NOT_JUDGED = 3, /* windows of a gap that are printed one by one */
+    NOISE_WINDOWS = 10,  /* that the level of noise is taken from */
+    REASON = 256         /* bytes */
+};
+/* Amplitudes that differ by less are the same level of noise. */
+static const double SAME_NOISE = 1.5;
 
 typedef struct watch_values {
     const char *input;
     bool quiet;
     uint64_t votes, votes_of;
-    double hop, bridge, missing, rate, crack_at;
+    double hop, bridge, missing, rate, crack_at, unlike;
 } watch_values;
 
 static const app_option watch_options[] = {
@@ -33,26 +39,114 @@ static const app_option watch_options[] = {
                  "Windows with a larger fraction of missing samples are not judged (default 0.1)"),
     APP_ROW_POSITIVE(watch_values, rate, "rate", "HZ",
                      "Sampling rate of the feed, whatever its times say (default: the model's)"),
+    APP_ROW_REAL(
+        watch_values, unlike, "unlike", "F", 0, 1e12,
+        "Windows whose distance from those of training is above F are unlike anything seen and get no "
+        "class (default 1; 0: every window gets one)"),
     APP_ROW_REAL(watch_values, crack_at, "crack-at", "T", -1e300, 1e300,
                  "Time at which the damage began, in seconds of the feed (`feed --crack-at` takes hours), "
                  "for trials with a known truth"),
     APP_ROW_FLAG(watch_values, quiet, "quiet", "Print changes of the alarm only"),
     APP_ROW_END};
 
-static watch_values values = {
-    .votes = 3, .votes_of = 5, .hop = NAN, .bridge = 1.0, .missing = 0.1, .rate = NAN, .crack_at = NAN};
+static watch_values values = {.votes = 3,
+                              .votes_of = 5,
+                              .hop = NAN,
+                              .bridge = 1.0,
+                              .missing = 0.1,
+                              .rate = NAN,
+                              .crack_at = NAN,
+                              .unlike = 1};
 
-static lg_status judge(void *user, const float *x, bool *positive, double *score) {
+/* A sensor that stands still or is cut off tells no model anything. Beyond the distance, the class of a
+ * classifier means nothing; of a novelty it is the answer. */
+static bool is_unlike(const bench *b) {
+    const lg_novelty_cause cause = b->novelty.cause;
+    if (!isfinite(b->farthest)) return false;
+    if (cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_EXTREME) return true;
+    return b->model->sort != WELL_NOVELTY && !(b->novelty.distance <= b->farthest);
+}
+
+static lg_status judge(void *user, const float *x, lg_answer *answer, double *score) {
     bench *b = user;
     const lg_status status = well_model_score(b->model, x, b->score, NULL, b->work);
     if (status != LG_OK) return status;
     b->given = lg_class_of(b->score, b->model->classes);
-    *positive = b->given != 0;
     *score = well_model_alarm(b->model, b->score);
+    *answer = b->given != 0 ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
+    if (b->novelty_work == NULL) return LG_OK;
+    lg_novelty_eval(&b->model->novelty, x, &b->novelty, b->features, b->novelty_work);
+    if (is_unlike(b)) *answer = LG_ANSWER_NOVEL;
     return LG_OK;
 }
 
+/* Why the window is unlike those of training, or an alarm of a novelty; "" where there is nothing to say. */
+static const char *reason_of(const watching *self, const lg_verdict *v, char text[REASON]) {
+    const bench *b = &self->bench;
+    const well_model *model = b->model;
+    const bool alone = model->sort == WELL_NOVELTY && v->answer == LG_ANSWER_POSITIVE;
+    text[0] = '\0';
+    if (v->judged && (v->answer == LG_ANSWER_NOVEL || alone))
+        (void)lg_novelty_explain(&model->novelty, &b->novelty, model->channel_name, model->rate, text,
+                                 REASON);
+    return text;
+}
+
+static const char *class_name(const watching *self, const lg_verdict *v) {
+    return v->answer == LG_ANSWER_NOVEL ? "unlike" : self->bench.model->class_name[self->bench.given];
+}
+
+/* ---- the level of noise ---- */
+
+static void warn_of_noise(const watching *self) {
+    const well_model *model = self->bench.model;
+    const noise_level *noise = &self->noise;
+    const double rate = model->rate > 0 ? model->rate : 1;
+    uint32_t more = 0, less = 0, most = 0;
+    for (uint32_t c = 0; c < model->channels; c++) {
+        const double change = noise->sum[c] / noise->windows;
+        more += change > log(SAME_NOISE);
+        less += change < -log(SAME_NOISE);
+        if (fabs(noise->sum[c]) > fabs(noise->sum[most])) most = c;
+    }
+    if (2 * more <= model->channels && 2 * less <= model->channels) return;
+    app_warn(
+        self->app,
+        "the noise of the feed is not that of training: %u of %u channels have %s amplitude above %.3g %s, "
+        "channel %u %.3g times; a model that was trained at another level of noise misses damage",
+        more > less ? more : less, model->channels, more > less ? "more" : "less",
+        lg_novelty_noise_from(&model->novelty) * rate, model->rate > 0 ? "Hz" : "cycles a sample", most + 1,
+        exp(noise->sum[most] / noise->windows));
+}
+
+/* Of windows in which all sensors live. */
+static void listen(watching *self) {
+    const bench *b = &self->bench;
+    noise_level *noise = &self->noise;
+    const lg_novelty_cause cause = b->novelty.cause;
+    if (b->novelty_work == NULL || b->model->novelty.bands == 0 || noise->windows >= NOISE_WINDOWS) return;
+    if (cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_NONE) return;
+    double *ratio = b->novelty_work; /* free until the next window */
+    lg_novelty_noise(&b->model->novelty, b->novelty.nearest, b->features, ratio);
+    for (uint32_t c = 0; c < b->model->channels; c++) noise->sum[c] += log(ratio[c]);
+    if (++noise->windows == NOISE_WINDOWS) warn_of_noise(self);
+}
+
 /* ---- verdicts ---- */
+
+static void print_json_novelty(const watching *self, const lg_verdict *v) {
+    char text[REASON];
+    const char *reason = reason_of(self, v, text);
+    (void)printf(", \"unlike\": %s, \"distance\": ",
+                 v->judged && v->answer == LG_ANSWER_NOVEL ? "true" : "false");
+    app_print_real(stdout, v->judged ? self->bench.novelty.distance : NAN);
+    (void)fputs(", \"reason\": ", stdout);
+    if (reason[0] != '\0')
+        app_json_quote(stdout, reason);
+    else
+        (void)fputs("null", stdout);
+    (void)printf(", \"unlike_votes\": %u, \"unlike_alarm\": %s", v->novel_votes, v->novel ? "true" : "false");
+}
 
 static void print_json_verdict(const watching *self, const lg_verdict *v) {
     (void)fputs("{\"time\": ", stdout);
@@ -61,29 +155,39 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
                  (unsigned long long)v->window, (unsigned long long)v->first_sample,
                  v->judged ? "true" : "false");
     if (v->judged)
-        app_json_quote(stdout, self->bench.model->class_name[self->bench.given]);
+        app_json_quote(stdout, class_name(self, v));
     else
         (void)fputs("null", stdout);
     (void)fputs(", \"score\": ", stdout);
     app_print_real(stdout, v->judged ? v->score : NAN);
-    (void)printf(", \"missing\": %u, \"positive_votes\": %u, \"votes\": %u, \"alarm\": %s}\n", v->missing,
+    (void)printf(", \"missing\": %u, \"positive_votes\": %u, \"votes\": %u, \"alarm\": %s", v->missing,
                  v->positive_votes, v->votes, v->alarm ? "true" : "false");
+    if (self->bench.novelty_work != NULL) print_json_novelty(self, v);
+    (void)fputs("}\n", stdout);
 }
 
 static void print_verdict(const watching *self, const lg_verdict *v) {
-    if (self->tally.windows == 1) (void)puts("# time\tclass\tscore\tvotes\tmissing\talarm");
+    char text[REASON];
+    const char *reason = reason_of(self, v, text);
+    if (self->tally.windows == 1) (void)puts("# time\tclass\tscore\tvotes\tmissing\talarm\treason");
     if (v->judged)
-        (void)printf("%.15g\t%s\t%.6g", self->now, self->bench.model->class_name[self->bench.given],
-                     v->score);
+        (void)printf("%.15g\t%s\t%.6g", self->now, class_name(self, v), v->score);
     else
         (void)printf("%.15g\t-\t-", self->now);
-    (void)printf("\t%u/%u\t%u\t%s\n", v->positive_votes, v->votes, v->missing, v->alarm ? "ALARM" : "-");
+    (void)printf("\t%u/%u\t%u\t%s\t%s\n", v->positive_votes, v->votes, v->missing,
+                 v->alarm   ? v->novel ? "ALARM,UNLIKE" : "ALARM"
+                 : v->novel ? "UNLIKE"
+                            : "-",
+                 reason[0] != '\0' ? reason : "-");
 }
 
 static void count_verdict(watching *self, const lg_verdict *v) {
     tally *t = &self->tally;
     const bool before = !(self->now > values.crack_at), rises = v->alarm && !self->alarm;
-    const bool positive = v->judged && v->positive;
+    const bool positive = v->judged && v->answer == LG_ANSWER_POSITIVE;
+    t->unlike += v->judged && v->answer == LG_ANSWER_NOVEL;
+    t->unlike_alarms += v->novel && !self->unlike;
+    if (v->novel && isnan(t->first_unlike)) t->first_unlike = self->now;
     t->windows++;
     t->judged += v->judged;
     t->positive += positive;
@@ -97,9 +201,13 @@ static void count_verdict(watching *self, const lg_verdict *v) {
     if (!before && positive && v->alarm && isnan(t->detection)) t->detection = self->now + 1 / self->rate;
 }
 
+static bool changes(const watching *self, const lg_verdict *v) {
+    return v->alarm != self->alarm || v->novel != self->unlike;
+}
+
 /* Prints the first windows of a gap and counts the others. */
 static bool left_out(watching *self, const lg_verdict *v) {
-    if (!self->in_gap || v->judged || v->alarm != self->alarm || ++self->gap_windows <= TOLD_NOT_JUDGED)
+    if (!self->in_gap || v->judged || changes(self, v) || ++self->gap_windows <= TOLD_NOT_JUDGED)
         return false;
     if (self->gap_windows == TOLD_NOT_JUDGED + 1) self->gap_first = self->now;
     return true;
@@ -135,9 +243,11 @@ void watch_push(watching *self, const float *sample) {
     }
     if (!ready) return;
     count_verdict(self, &v);
-    if (!left_out(self, &v) && (!values.quiet || v.alarm != self->alarm))
+    if (v.judged) listen(self);
+    if (!left_out(self, &v) && (!values.quiet || changes(self, &v)))
         (self->app->json ? print_json_verdict : print_verdict)(self, &v);
     self->alarm = v.alarm;
+    self->unlike = v.novel;
 }
 
 /* ---- the summary ---- */
@@ -186,6 +296,9 @@ static void print_json_summary(const watching *self, const totals *all, bool int
     app_json_size(&json, "judged", t->judged);
     app_json_size(&json, "positive", t->positive);
     app_json_size(&json, "failed", t->failed);
+    app_json_size(&json, "unlike", t->unlike);
+    app_json_size(&json, "unlike_alarms", t->unlike_alarms);
+    app_json_real(&json, "first_unlike", t->first_unlike);
     app_json_bool(&json, "alarm", self->alarm);
     app_json_size(&json, "alarms", t->alarms);
     app_json_real(&json, "first_alarm", t->first_alarm);
@@ -213,6 +326,10 @@ static void print_summary(const watching *self, const totals *all) {
                  (unsigned long long)t->windows, (unsigned long long)t->judged,
                  (unsigned long long)t->positive, (unsigned long long)t->alarms,
                  self->alarm ? ", standing" : "");
+    if (self->bench.novelty_work != NULL)
+        (void)printf("# unlike anything seen: %llu windows; alarms of it %llu%s\n",
+                     (unsigned long long)t->unlike, (unsigned long long)t->unlike_alarms,
+                     self->unlike ? ", standing" : "");
     if (app_given(self->app, "crack-at")) {
         if (isnan(all->delay))
             (void)printf("# crack at %.15g s: not detected\n", values.crack_at);
@@ -334,8 +451,25 @@ static int watch_feed(watching *self, int file, size_t watch_bytes) {
     return code;
 }
 
+static void open_novelty(watching *self) {
+    bench *b = &self->bench;
+    const lg_novelty *novelty = &b->model->novelty;
+    b->farthest = values.unlike > 0 ? values.unlike : INFINITY;
+    if (novelty->channels == 0) {
+        app_warn(self->app,
+                 "the model does not know what its training windows look like: a dead sensor gets a "
+                 "class, too; train it again");
+        return;
+    }
+    b->features = app_alloc(novelty->features, sizeof *b->features);
+    b->novelty_work = app_alloc(lg_novelty_work_size(novelty), 1);
+    self->noise.sum = app_alloc(novelty->channels, sizeof *self->noise.sum);
+}
+
 static int watch_with(const app *self, const well_model *model, int file) {
-    watching w = {.app = self, .bench = {.model = model}, .tally = {.first_alarm = NAN, .detection = NAN}};
+    watching w = {.app = self,
+                  .bench = {.model = model},
+                  .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
     lg_monitor_options options;
     lg_error error = {LG_OK, ""};
     int code = set_options(self, model, &w, &options);
@@ -344,11 +478,15 @@ static int watch_with(const app *self, const well_model *model, int file) {
     void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
     w.bench.score = app_alloc(model->classes, sizeof *w.bench.score);
     w.bench.work = app_alloc(work > 0 ? work : 1, 1);
+    open_novelty(&w);
     const lg_status status = lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error);
     code = status == LG_OK ? watch_feed(&w, file, bytes) : app_fail(self, status, "%s", error.message);
     free(memory);
     free(w.bench.score);
     free(w.bench.work);
+    free(w.bench.features);
+    free(w.bench.novelty_work);
+    free(w.noise.sum);
     return code;
 }
 

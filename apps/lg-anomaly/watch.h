@@ -16,16 +16,25 @@ enum {
 /* Inputs and results of the judge. */
 typedef struct bench {
     const well_model *model;
-    double *score; /* (classes) */
-    void *work;
+    double farthest; /* distance beyond which a window is unlike those of training; infinite: never */
+    double *score;   /* (classes) */
+    double *features;
+    void *work, *novelty_work;
     uint32_t given;
+    lg_novelty_result novelty;
 } bench;
+
+/* Amplitudes of the highest band over those of training: sums of logarithms of the first windows. */
+typedef struct noise_level {
+    uint32_t windows;
+    double *sum; /* (channels) */
+} noise_level;
 
 typedef struct tally {
     uint64_t samples, received, absent, repeated, not_finite, malformed; /* absent: told by the times */
-    uint64_t windows, judged, positive, failed, alarms;
+    uint64_t windows, judged, positive, failed, alarms, unlike, unlike_alarms;
     uint64_t judged_before, positive_before, alarms_before; /* before the crack */
-    double first_alarm, detection;                          /* times; NaN: none */
+    double first_alarm, first_unlike, detection;            /* times; NaN: none */
 } tally;
 
 /* A sample that waits until its time is accepted. */
@@ -49,7 +58,8 @@ typedef struct watching {
     bench bench;
     lg_monitor *watch;
     double rate, hop; /* Hz; samples. rate 1 when nobody knows it */
-    bool rate_known, started, alarm;
+    bool rate_known, started, alarm, unlike;
+    noise_level noise;
     double origin;  /* time of a sample; s */
     uint64_t since; /* samples after it */
     double now;     /* time of the last sample: origin + since/rate */

@@ -36,6 +36,7 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/model.h"
 #include "liegrad/nn.h"
+#include "liegrad/novelty.h"
 #include "liegrad/program.h"
 #include "liegrad/random.h"
 #include "liegrad/search.h"
@@ -420,6 +421,7 @@ typedef struct lg_detector_file {
     char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; as in lg_series */
     char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL */
     double rate;                          /* Hz, 0 unknown */
+    lg_novelty novelty;                   /* of the training windows; channels 0: none */
     double accuracy, f1, test_mse;        /* on the test part; NaN without one */
     size_t epochs_done;
     double *history[LG_FIT_SERIES_COUNT];
@@ -428,8 +430,8 @@ typedef struct lg_detector_file {
 } lg_detector_file;
 
 /* Kind "detector": /model/conv1/weight ... as lg_cnn_slice names them, /scaler/{mean, scale} (channels), root
- * attributes `classes`, `class_labels`, `channels`, `rate`, `accuracy`, `f1`, `test_mse`; laws as for the
- * other kinds. The blocks are an attribute of /model, "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel
+ * attributes `classes`, `class_labels`, `channels`, `rate`, `accuracy`, `f1`, `test_mse`, and optional
+ * /novelty (lg_novelty_save); laws as for the other kinds. The blocks are an attribute of /model, "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel
  * ...": channels, pooling `none` or `average`, `max` with size/stride. A model written by hand needs `kind`,
  * /scaler, the weights and the attributes of /model: `channels`, `length`, `blocks` (from `stride` on
  * optional: 1, 0, none), `plane`, `activation`, `classes`, `loss`, `centred`; without root attribute

@@ -24,19 +24,26 @@ typedef struct lg_monitor_options {
 } lg_monitor_options;
 LG_API void lg_monitor_options_init(lg_monitor_options *options);
 
-/* Judges a window (channels, window): sets *positive and *score (higher means more positive). x lies in the
+typedef enum lg_answer {
+    LG_ANSWER_NEGATIVE, /* all is well */
+    LG_ANSWER_POSITIVE,
+    LG_ANSWER_NOVEL /* unlike what the judge knows (liegrad/novelty.h): neither of the two */
+} lg_answer;
+/* Judges a window (channels, window): sets *answer and *score (higher means more positive). x lies in the
  * monitor's memory, 64-byte aligned; the judge may use it until it returns. */
-typedef lg_status (*lg_monitor_judge)(void *user, const float *x, bool *positive, double *score);
+typedef lg_status (*lg_monitor_judge)(void *user, const float *x, lg_answer *answer, double *score);
 
 typedef struct lg_verdict {
     uint64_t window;       /* 0, 1, ... */
     uint64_t first_sample; /* of the feed */
     bool judged;           /* false: too much was missing; nothing below but `alarm` means anything */
-    bool positive;
+    lg_answer answer;
     double score;
     uint32_t missing;               /* samples not received, or not finite */
-    uint32_t positive_votes, votes; /* among the last n judged windows */
-    bool alarm;                     /* holds k of n; the last state while windows are not judged */
+    uint32_t positive_votes, votes; /* among the last n windows that were judged and not novel */
+    uint32_t novel_votes;           /* among the last n judged windows */
+    bool alarm; /* k of n are positive; the last state while windows are not judged, or novel */
+    bool novel; /* k of n are novel; the last state while windows are not judged */
 } lg_verdict;
 
 typedef struct lg_monitor lg_monitor;

@@ -20,9 +20,10 @@ struct lg_monitor {
     uint32_t slot;    /* of the next sample */
     uint32_t until;   /* samples until the next window is complete */
     uint32_t missing; /* among the last `window` samples */
-    uint64_t ballots; /* of the last judged windows, bit 0 the latest */
-    uint32_t cast;    /* how many of them there are */
-    bool alarm;
+    uint64_t ballots; /* of the last judged windows that are not novel, bit 0 the latest */
+    uint64_t novels;  /* of the last judged windows */
+    uint32_t cast;    /* how many ballots there are */
+    bool alarm, novel;
     float *ring;   /* (window, channels) */
     float *x;      /* (channels, window) for the judge */
     float *last;   /* (channels) the last received sample; zeros before the first */
@@ -172,9 +173,13 @@ static uint32_t bits_of(uint64_t bits) {
     return count;
 }
 
-static void vote(lg_monitor *monitor, bool positive) {
+static void vote(lg_monitor *monitor, lg_answer answer) {
     const uint64_t kept = monitor->votes_of == 64 ? UINT64_MAX : ((uint64_t)1 << monitor->votes_of) - 1;
-    monitor->ballots = (monitor->ballots << 1 | positive) & kept;
+    const bool novel = answer == LG_ANSWER_NOVEL;
+    monitor->novels = (monitor->novels << 1 | novel) & kept;
+    monitor->novel = bits_of(monitor->novels) >= monitor->votes;
+    if (novel) return;
+    monitor->ballots = (monitor->ballots << 1 | (answer == LG_ANSWER_POSITIVE)) & kept;
     if (monitor->cast < monitor->votes_of) monitor->cast++;
     monitor->alarm = bits_of(monitor->ballots) >= monitor->votes;
 }
@@ -192,12 +197,14 @@ lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready,
                     .missing = monitor->missing};
     if (v.judged) {
         copy_window(monitor);
-        LG_TRY(monitor->judge(monitor->user, monitor->x, &v.positive, &v.score));
-        vote(monitor, v.positive);
+        LG_TRY(monitor->judge(monitor->user, monitor->x, &v.answer, &v.score));
+        vote(monitor, v.answer);
     }
     v.positive_votes = bits_of(monitor->ballots);
     v.votes = monitor->cast;
+    v.novel_votes = bits_of(monitor->novels);
     v.alarm = monitor->alarm;
+    v.novel = monitor->novel;
     *verdict = v;
     *ready = true;
     return LG_OK;

@@ -4,21 +4,12 @@
 
 #include "datasets/h5.h"
 
-#define PREFIX_SIZE 64
-#define NAME_SIZE   256
-
-/* What an archive's `user` points to; lives as long as its file. */
-typedef struct lg_view {
-    struct lg_view *next;
-    struct lg_file_writer *writer;
-    struct lg_file_reader *reader;
-    char prefix[PREFIX_SIZE];
-} lg_view;
+#define NAME_SIZE 256
 
 struct lg_file_writer {
     const lg_context *context;
     lg_h5 *h5;
-    lg_view *views;
+    lg_h5_view *views;
     lg_error failure; /* the first one: it sticks */
     bool committed;
 };
@@ -26,29 +17,30 @@ struct lg_file_writer {
 struct lg_file_reader {
     const lg_context *context;
     lg_h5 *h5;
-    lg_view *views;
+    lg_h5_view *views;
     lg_error failure; /* the last one */
 };
 
-static void free_views(const lg_context *context, lg_view *view) {
+static void free_views(const lg_context *context, lg_h5_view *view) {
     while (view != NULL) {
-        lg_view *next = view->next;
+        lg_h5_view *next = view->next;
         lg_free(context, view);
         view = next;
     }
 }
 
-static lg_view *add_view(const lg_context *context, const char *prefix, lg_view **list) {
-    if (prefix == NULL || strlen(prefix) >= PREFIX_SIZE) return NULL;
-    lg_view *view = lg_alloc(context, 1, sizeof *view);
+static lg_h5_view *add_view(const lg_context *context, lg_h5 *h5, const char *prefix, lg_error *failure,
+                            lg_h5_view **list) {
+    if (prefix == NULL || strlen(prefix) >= LG_H5_PREFIX) return NULL;
+    lg_h5_view *view = lg_alloc(context, 1, sizeof *view);
     if (view == NULL) return NULL;
+    *view = (lg_h5_view){.next = *list, .h5 = h5, .failure = failure};
     memcpy(view->prefix, prefix, strlen(prefix) + 1);
-    view->next = *list;
     *list = view;
     return view;
 }
 
-static bool full_name(const lg_view *view, const char *path, char name[NAME_SIZE]) {
+static bool full_name(const lg_h5_view *view, const char *path, char name[NAME_SIZE]) {
     const char *slash = view->prefix[0] == '\0' ? "" : "/";
     int length =
         path == NULL || *path == '\0' ? -1 : snprintf(name, NAME_SIZE, "%s%s%s", view->prefix, slash, path);
@@ -67,25 +59,27 @@ static const char *split(char *name, const char **group) {
 
 static lg_status write_array(void *user, const char *path, lg_element type, uint32_t rank,
                              const uint64_t *dims, const void *data) {
-    lg_view *view = user;
-    lg_file_writer *writer = view->writer;
+    lg_h5_view *view = user;
     char name[NAME_SIZE];
-    if (writer->failure.status != LG_OK) return writer->failure.status;
+    if (view->failure->status != LG_OK) return view->failure->status;
     if (!full_name(view, path, name))
-        return lg_fail(&writer->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
-    return lg_h5_put(writer->h5, name, type, rank, dims, data, &writer->failure);
+        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    return lg_h5_put(view->h5, name, type, rank, dims, data, view->failure);
 }
 
 static lg_status write_text(void *user, const char *path, const char *value) {
-    lg_view *view = user;
-    lg_file_writer *writer = view->writer;
+    lg_h5_view *view = user;
     char name[NAME_SIZE];
     const char *group;
-    if (writer->failure.status != LG_OK) return writer->failure.status;
+    if (view->failure->status != LG_OK) return view->failure->status;
     if (value == NULL || !full_name(view, path, name))
-        return lg_fail(&writer->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
     const char *attribute = split(name, &group);
-    return lg_h5_put_text(writer->h5, group, attribute, value, &writer->failure);
+    return lg_h5_put_text(view->h5, group, attribute, value, view->failure);
+}
+
+lg_archive_writer lg_h5_view_writer(lg_h5_view *view) {
+    return (lg_archive_writer){.user = view, .array = write_array, .text = write_text};
 }
 
 lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
@@ -105,12 +99,11 @@ lg_status lg_file_writer_create(const lg_context *context, const char *path, con
 }
 
 lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out) {
-    if (writer == NULL || out == NULL || prefix == NULL || strlen(prefix) >= PREFIX_SIZE)
+    if (writer == NULL || out == NULL || prefix == NULL || strlen(prefix) >= LG_H5_PREFIX)
         return LG_INVALID_ARGUMENT;
-    lg_view *view = add_view(writer->context, prefix, &writer->views);
+    lg_h5_view *view = add_view(writer->context, writer->h5, prefix, &writer->failure, &writer->views);
     if (view == NULL) return LG_OUT_OF_MEMORY;
-    view->writer = writer;
-    *out = (lg_archive_writer){.user = view, .array = write_array, .text = write_text};
+    *out = lg_h5_view_writer(view);
     return LG_OK;
 }
 
@@ -134,29 +127,33 @@ void lg_file_writer_destroy(lg_file_writer *writer) {
 
 static lg_status read_array(void *user, const char *path, lg_element type, uint32_t rank,
                             const uint64_t *dims, void *out) {
-    lg_view *view = user;
+    lg_h5_view *view = user;
     char name[NAME_SIZE];
     if (!full_name(view, path, name))
-        return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
-    return lg_h5_get(view->reader->h5, name, type, rank, dims, out, &view->reader->failure);
+        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    return lg_h5_get(view->h5, name, type, rank, dims, out, view->failure);
 }
 
 static lg_status read_shape(void *user, const char *path, uint32_t *rank, uint64_t dims[4]) {
-    lg_view *view = user;
+    lg_h5_view *view = user;
     char name[NAME_SIZE];
     if (!full_name(view, path, name))
-        return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
-    return lg_h5_shape(view->reader->h5, name, rank, dims, NULL, &view->reader->failure);
+        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    return lg_h5_shape(view->h5, name, rank, dims, NULL, view->failure);
 }
 
 static lg_status read_text(void *user, const char *path, char *out, size_t size) {
-    lg_view *view = user;
+    lg_h5_view *view = user;
     char name[NAME_SIZE];
     const char *group;
     if (!full_name(view, path, name))
-        return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
     const char *attribute = split(name, &group);
-    return lg_h5_text(view->reader->h5, group, attribute, out, size, &view->reader->failure);
+    return lg_h5_text(view->h5, group, attribute, out, size, view->failure);
+}
+
+lg_archive_reader lg_h5_view_reader(lg_h5_view *view) {
+    return (lg_archive_reader){.user = view, .array = read_array, .shape = read_shape, .text = read_text};
 }
 
 typedef struct open_call {
@@ -202,12 +199,11 @@ lg_status lg_file_reader_create(const lg_context *context, const char *path, con
 }
 
 lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out) {
-    if (reader == NULL || out == NULL || prefix == NULL || strlen(prefix) >= PREFIX_SIZE)
+    if (reader == NULL || out == NULL || prefix == NULL || strlen(prefix) >= LG_H5_PREFIX)
         return LG_INVALID_ARGUMENT;
-    lg_view *view = add_view(reader->context, prefix, &reader->views);
+    lg_h5_view *view = add_view(reader->context, reader->h5, prefix, &reader->failure, &reader->views);
     if (view == NULL) return LG_OUT_OF_MEMORY;
-    view->reader = reader;
-    *out = (lg_archive_reader){.user = view, .array = read_array, .shape = read_shape, .text = read_text};
+    *out = lg_h5_view_reader(view);
     return LG_OK;
 }
 

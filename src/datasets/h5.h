@@ -117,7 +117,21 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
 lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *provenance, lg_error *error);
 void lg_h5_provenance(lg_h5 *h5, lg_provenance *out);
 
-/* What stands behind the archives. */
+/* ---- archives (archive.c) ---- */
+
+#define LG_H5_PREFIX 64 /* bytes */
+
+/* What an archive's `user` points to. `failure` receives the sentences; after a failure nothing is written. */
+typedef struct lg_h5_view {
+    struct lg_h5_view *next;
+    lg_h5 *h5;
+    lg_error *failure;
+    char prefix[LG_H5_PREFIX]; /* of all paths; "": none */
+} lg_h5_view;
+lg_archive_writer lg_h5_view_writer(lg_h5_view *view);
+lg_archive_reader lg_h5_view_reader(lg_h5_view *view);
+
+/* What stands behind a file's archives. */
 lg_h5 *lg_file_writer_h5(lg_file_writer *writer);
 lg_h5 *lg_file_reader_h5(lg_file_reader *reader);
 

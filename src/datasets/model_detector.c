@@ -204,6 +204,35 @@ static lg_status put_scaler(lg_h5 *h5, const lg_detector_file *file, lg_error *e
     return lg_h5_put(h5, "scaler/scale", LG_ELEMENT_F64, 1, &channels, scaler->scale, error);
 }
 
+static lg_status check_novelty(const lg_h5 *h5, const lg_detector_file *file, lg_status status,
+                               lg_error *error) {
+    const lg_novelty *v = &file->novelty;
+    const lg_cnn *net = &file->run.model.net;
+    if (v->channels == 0 || (v->channels == net->channels && v->length == net->length)) return LG_OK;
+    return lg_fail(error, status,
+                   "%s: /novelty: of windows of %u channels and %u samples, the model's have %u and %u",
+                   lg_shown_path(h5->path), v->channels, v->length, net->channels, net->length);
+}
+
+static lg_status put_novelty(lg_h5 *h5, const lg_detector_file *file, lg_error *error) {
+    lg_error failure = {LG_OK, ""};
+    lg_h5_view view = {.h5 = h5, .failure = &failure};
+    const lg_archive_writer writer = lg_h5_view_writer(&view);
+    LG_TRY(check_novelty(h5, file, LG_INVALID_ARGUMENT, error));
+    return file->novelty.channels == 0 ? LG_OK : lg_novelty_save(&file->novelty, &writer, error);
+}
+
+static lg_status get_novelty(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
+    lg_error failure = {LG_OK, ""};
+    lg_h5_view view = {.h5 = h5, .failure = &failure};
+    const lg_archive_reader reader = lg_h5_view_reader(&view);
+    lg_error reason = {LG_OK, ""};
+    const lg_status status = lg_novelty_load(h5->context, &reader, &file->novelty, &reason);
+    if (status == LG_NOT_FOUND) return LG_OK;
+    if (status != LG_OK) return lg_fail(error, status, "%s: /%s", lg_shown_path(h5->path), reason.message);
+    return check_novelty(h5, file, LG_FORMAT, error);
+}
+
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
     const lg_detector_file *file = user;
     const lg_sensing sensing = sensing_of(file);
@@ -211,6 +240,7 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
     LG_TRY(put_scaler(h5, file, error));
     LG_TRY(lg_sensing_check(h5->context, h5->path, &sensing, error));
     LG_TRY(lg_sensing_put(h5, &sensing, error));
+    LG_TRY(put_novelty(h5, file, error));
     for (size_t i = 0; i < LG_COUNT(numbers); i++) {
         double value;
         memcpy(&value, (const char *)file + numbers[i].offset, sizeof value);
@@ -262,6 +292,7 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     file->channel_name = sensing.channel_name;
     file->rate = sensing.rate;
     LG_TRY(number_classes(h5, file, error));
+    LG_TRY(get_novelty(h5, file, error));
     for (size_t i = 0; i < LG_COUNT(numbers); i++) {
         bool known;
         double value = NAN;
@@ -275,6 +306,7 @@ void lg_detector_file_destroy(lg_detector_file *file) {
     if (file == NULL) return;
     lg_free(file->context, file->theta);
     lg_scaler_destroy(&file->scaler);
+    lg_novelty_destroy(&file->novelty);
     lg_free(file->context, file->class_name);
     lg_free(file->context, file->class_label);
     lg_free(file->context, file->channel_name);

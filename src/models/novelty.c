@@ -1,0 +1,384 @@
+/* Novelty of a window: its features, distances and their causes. */
+#include "liegrad/novelty.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "kernels/kernels.h"
+#include "models/novelty_internal.h"
+
+/* Added to standard deviations and amplitudes, in units of the channel's scale. */
+static const double FLOOR = 1e-6;
+/* Largest correlation, by absolute value, that is told from 1. */
+static const double CORRELATED = 0.999999;
+
+/* ---- layout ---- */
+
+static uint32_t of_channel(const lg_novelty *v) {
+    return NOVELTY_BAND + v->bands;
+}
+
+uint32_t lg_novelty_groups(const lg_novelty *v) {
+    return 1 + v->channels + (v->pairs > 0);
+}
+
+novelty_group lg_novelty_group(const lg_novelty *v, uint32_t group) {
+    const uint32_t each = of_channel(v);
+    const size_t block = (size_t)each * each;
+    if (group == 0) return (novelty_group){0, v->features, 0};
+    if (group <= v->channels) return (novelty_group){(group - 1) * each, each, (group - 1) * block};
+    return (novelty_group){v->channels * each, v->pairs, v->channels * block};
+}
+
+size_t lg_novelty_block(const lg_novelty *v) {
+    return (size_t)v->channels * of_channel(v) * of_channel(v) + (size_t)v->pairs * v->pairs;
+}
+
+static lg_status allocate_arrays(lg_novelty *v) {
+    const size_t channels = v->channels, classes = v->classes, d = v->features;
+    const struct {
+        double **array;
+        size_t count;
+    } arrays[] = {{&v->mean, channels},
+                  {&v->scale, channels},
+                  {&v->still, channels},
+                  {&v->extreme, channels},
+                  {&v->windows, classes},
+                  {&v->centre, classes * d},
+                  {&v->spread, d},
+                  {&v->precision, classes * d * d},
+                  {&v->limit, 1 + channels + 1},
+                  {&v->block, classes * lg_novelty_block(v)}};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
+        *arrays[i].array = lg_alloc(v->context, arrays[i].count, sizeof(double));
+        if (*arrays[i].array == NULL) return LG_OUT_OF_MEMORY;
+    }
+    return LG_OK;
+}
+
+lg_novelty lg_novelty_sized(uint32_t channels, uint32_t length, uint32_t classes, uint32_t bands) {
+    lg_novelty v = {.channels = channels, .length = length, .classes = classes, .bands = bands};
+    v.pairs = channels <= LG_NOVELTY_PAIRED ? channels * (channels - 1) / 2 : 0;
+    v.features = channels * of_channel(&v) + v.pairs;
+    return v;
+}
+
+lg_status lg_novelty_allocate(const lg_context *context, uint32_t channels, uint32_t length, uint32_t classes,
+                              uint32_t bands, lg_novelty *out, lg_error *error) {
+    lg_novelty v = lg_novelty_sized(channels, length, classes, bands);
+    v.context = context;
+    lg_status status = allocate_arrays(&v);
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "no memory for the distribution of %u features", v.features);
+    else if (bands > 0)
+        status = lg_spectrum_create(context, length, bands, &v.spectrum, error);
+    if (status == LG_OK)
+        *out = v;
+    else
+        lg_novelty_destroy(&v);
+    return status;
+}
+
+void lg_novelty_destroy(lg_novelty *v) {
+    double *const arrays[] = {v->mean,   v->scale,  v->still,     v->extreme, v->windows,
+                              v->centre, v->spread, v->precision, v->limit,   v->block};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(v->context, arrays[i]);
+    lg_spectrum_destroy(&v->spectrum);
+    *v = (lg_novelty){.channels = 0};
+}
+
+lg_status lg_novelty_factor(lg_novelty *v, lg_error *error) {
+    const size_t d = v->features;
+    size_t largest = 0;
+    for (uint32_t g = 1; g < lg_novelty_groups(v); g++)
+        if (lg_novelty_group(v, g).count > largest) largest = lg_novelty_group(v, g).count;
+    double *part = lg_alloc(v->context, largest * largest, sizeof *part);
+    if (part == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distances of windows");
+    size_t wrong = 0;
+    for (uint32_t c = 0; c < v->classes; c++)
+        for (uint32_t g = 1; g < lg_novelty_groups(v) && v->windows[c] > 0; g++) {
+            const novelty_group group = lg_novelty_group(v, g);
+            const double *from = v->precision + c * d * d + group.first * (d + 1);
+            for (size_t i = 0; i < group.count; i++)
+                memcpy(part + i * group.count, from + i * d, group.count * sizeof *part);
+            wrong += lg_kernels_for(LG_F64)->spd_factor(1, group.count, part,
+                                                        v->block + c * lg_novelty_block(v) + group.block);
+        }
+    lg_free(v->context, part);
+    if (wrong > 0) return lg_fail(error, LG_FORMAT, "novelty/precision is not positive definite");
+    return LG_OK;
+}
+
+/* ---- features ---- */
+
+/* z = (x - mean)/scale less its own mean, which is returned. */
+static double centre_channel(const lg_novelty *v, uint32_t channel, const float *x, double *z) {
+    const double inverse = 1.0 / v->scale[channel];
+    double sum = 0;
+    for (uint32_t t = 0; t < v->length; t++) {
+        z[t] = ((double)x[t] - v->mean[channel]) * inverse;
+        sum += z[t];
+    }
+    const double mean = sum / v->length;
+    for (uint32_t t = 0; t < v->length; t++) z[t] -= mean;
+    return mean;
+}
+
+/* The longest run of equal samples, and the samples at the least or the largest value, whichever are more. */
+static void count_equal(const float *x, uint32_t length, double *still, double *extreme) {
+    uint32_t run = 1, longest = 1, least = 0, largest = 0;
+    float low = x[0], high = x[0];
+    for (uint32_t t = 0; t < length; t++) {
+        run = t > 0 && x[t] == x[t - 1] ? run + 1 : 1;
+        if (run > longest) longest = run;
+        if (x[t] < low) low = x[t], least = 0;
+        if (x[t] > high) high = x[t], largest = 0;
+        least += x[t] == low;
+        largest += x[t] == high;
+    }
+    *still = longest;
+    *extreme = low == high ? 0 : least > largest ? least : largest;
+}
+
+static double channel_features(const lg_novelty *v, const double *z, double *f, double *work) {
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    double largest = 0;
+    for (uint32_t t = 0; t < v->length; t++) largest = fmax(largest, fabs(z[t]));
+    const double deviation = sqrt(k->dot(v->length, z, z) / v->length);
+    f[NOVELTY_DEVIATION] = log(deviation + FLOOR);
+    f[NOVELTY_CREST] = log((largest + FLOOR) / (deviation + FLOOR));
+    if (v->bands > 0) lg_spectrum_powers(&v->spectrum, z, f + NOVELTY_BAND, work);
+    for (uint32_t b = 0; b < v->bands; b++) f[NOVELTY_BAND + b] = log(f[NOVELTY_BAND + b] + FLOOR * FLOOR);
+    return deviation;
+}
+
+typedef struct pieces {
+    double *z, *deviation, *spectrum; /* (channels, length); (channels) */
+} pieces;
+
+static pieces cut(const lg_novelty *v, void *work) {
+    pieces p = {.z = work};
+    p.deviation = p.z + (size_t)v->channels * v->length;
+    p.spectrum = p.deviation + v->channels;
+    return p;
+}
+
+static size_t pieces_doubles(const lg_novelty *v) {
+    return (size_t)v->channels * v->length + v->channels +
+           (v->bands > 0 ? lg_spectrum_work(&v->spectrum) : 0);
+}
+
+bool lg_novelty_features(const lg_novelty *v, const float *x, double *features, double *still,
+                         double *extreme, void *work) {
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    const pieces p = cut(v, work);
+    const size_t n = v->length;
+    for (uint32_t c = 0; c < v->channels; c++) {
+        double *z = p.z + c * n, *f = features + (size_t)c * of_channel(v);
+        count_equal(x + c * n, v->length, &still[c], &extreme[c]);
+        f[NOVELTY_MEAN] = centre_channel(v, c, x + c * n, z);
+        p.deviation[c] = channel_features(v, z, f, p.spectrum);
+    }
+    double *pair = features + (size_t)v->channels * of_channel(v);
+    for (uint32_t a = 0; a < v->channels && v->pairs > 0; a++)
+        for (uint32_t b = a + 1; b < v->channels; b++) {
+            const double product = (p.deviation[a] + FLOOR) * (p.deviation[b] + FLOOR) * (double)n;
+            *pair++ = atanh(CORRELATED * k->dot(n, p.z + a * n, p.z + b * n) / product);
+        }
+    for (uint32_t i = 0; i < v->features; i++)
+        if (!isfinite(features[i])) return false;
+    return true;
+}
+
+/* ---- distances ---- */
+
+/* |L^-1 w|^2, L (n, n) lower; w is destroyed. */
+static double solved_square(size_t n, const double *L, double *w) {
+    double sum = 0;
+    for (size_t i = 0; i < n; i++) {
+        double rest = w[i];
+        for (size_t j = 0; j < i; j++) rest -= L[i * n + j] * w[j];
+        w[i] = rest / L[i * n + i];
+        sum += w[i] * w[i];
+    }
+    return sum;
+}
+
+void lg_novelty_distances(const lg_novelty *v, uint32_t class_index, const double *features, double *square,
+                          double *work) {
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    const size_t d = v->features;
+    double *difference = work, *weighted = work + d;
+    for (size_t i = 0; i < d; i++)
+        difference[i] = (features[i] - v->centre[class_index * d + i]) / v->spread[i];
+    k->matvec(d, d, v->precision + class_index * d * d, difference, weighted, false);
+    square[0] = k->dot(d, difference, weighted);
+    for (uint32_t g = 1; g < lg_novelty_groups(v); g++) {
+        const novelty_group group = lg_novelty_group(v, g);
+        const double *block = v->block + class_index * lg_novelty_block(v) + group.block;
+        square[g] = solved_square(group.count, block, weighted + group.first);
+    }
+}
+
+static uint32_t farthest(const lg_novelty *v, const double *square, double *ratio) {
+    uint32_t which = 0;
+    *ratio = 0;
+    for (uint32_t g = 0; g < lg_novelty_groups(v); g++)
+        if (square[g] / v->limit[g] > *ratio) {
+            *ratio = square[g] / v->limit[g];
+            which = g;
+        }
+    return which;
+}
+
+/* ---- causes ---- */
+
+static void name_pair(const lg_novelty *v, uint32_t pair, uint32_t *channel, uint32_t *other) {
+    uint32_t a = 0;
+    while (pair >= v->channels - 1 - a) pair -= v->channels - 1 - a++;
+    *channel = a;
+    *other = a + 1 + pair;
+}
+
+static void find_cause(const lg_novelty *v, const double *f, uint32_t group, lg_novelty_result *r) {
+    const novelty_group among = lg_novelty_group(v, group);
+    const double *centre = v->centre + (size_t)r->nearest * v->features;
+    double most = -1;
+    for (uint32_t i = among.first; i < among.first + among.count; i++) {
+        const double t = fabs(f[i] - centre[i]) / v->spread[i];
+        if (t > most) most = t, r->feature = i;
+    }
+    const uint32_t each = of_channel(v), alone = v->channels * each;
+    r->value = f[r->feature];
+    r->usual = centre[r->feature];
+    r->cause = r->feature < alone ? LG_NOVELTY_CHANNEL : LG_NOVELTY_PAIR;
+    if (r->cause == LG_NOVELTY_PAIR)
+        name_pair(v, r->feature - alone, &r->channel, &r->other);
+    else
+        r->channel = r->feature / each;
+    const uint32_t deviation = r->channel * each + NOVELTY_DEVIATION;
+    r->deviation = exp(f[deviation] - centre[deviation]);
+}
+
+/* A channel that stands still, or is cut off. */
+static bool find_fault(const lg_novelty *v, const double *still, const double *extreme,
+                       lg_novelty_result *r) {
+    for (uint32_t c = 0; c < v->channels; c++) {
+        const bool stands = still[c] > v->still[c], cut_off = extreme[c] > v->extreme[c];
+        if (!stands && !cut_off) continue;
+        r->cause = stands ? LG_NOVELTY_STILL : LG_NOVELTY_EXTREME;
+        r->channel = c;
+        r->samples = (uint32_t)(stands ? still[c] : extreme[c]);
+        return true;
+    }
+    return false;
+}
+
+typedef struct room {
+    double *features, *still, *extreme, *square, *distances;
+    void *pieces;
+} room;
+
+static room furnish(const lg_novelty *v, double *features, void *work) {
+    room r = {.features = work};
+    r.still = r.features + v->features;
+    r.extreme = r.still + v->channels;
+    r.square = r.extreme + v->channels;
+    r.distances = r.square + lg_novelty_groups(v);
+    r.pieces = r.distances + 2 * (size_t)v->features;
+    if (features != NULL) r.features = features;
+    return r;
+}
+
+size_t lg_novelty_work_size(const lg_novelty *v) {
+    return (3 * (size_t)v->features + 2 * v->channels + lg_novelty_groups(v) + pieces_doubles(v)) *
+           sizeof(double);
+}
+
+void lg_novelty_eval(const lg_novelty *v, const float *x, lg_novelty_result *result, double *features,
+                     void *work) {
+    const room space = furnish(v, features, work);
+    lg_novelty_result r = {.distance = INFINITY};
+    uint32_t group = 0;
+    const bool finite = lg_novelty_features(v, x, space.features, space.still, space.extreme, space.pieces);
+    for (uint32_t c = 0; c < v->classes && finite; c++) {
+        double ratio;
+        if (!(v->windows[c] > 0)) continue;
+        lg_novelty_distances(v, c, space.features, space.square, space.distances);
+        const uint32_t far = farthest(v, space.square, &ratio);
+        if (!(ratio < r.distance)) continue;
+        r.distance = ratio;
+        r.nearest = c;
+        group = far;
+    }
+    if (finite) find_cause(v, space.features, group, &r);
+    r.novel = find_fault(v, space.still, space.extreme, &r) || !(r.distance <= 1);
+    *result = r;
+}
+
+/* ---- telling ---- */
+
+double lg_novelty_noise_from(const lg_novelty *v) {
+    return v->bands == 0 ? 0 : (v->spectrum.edge[v->bands - 1] - 0.5) / v->spectrum.segment;
+}
+
+void lg_novelty_noise(const lg_novelty *v, uint32_t class_index, const double *features, double *ratio) {
+    for (uint32_t c = 0; c < v->channels; c++) {
+        const size_t top = (size_t)c * of_channel(v) + NOVELTY_BAND + v->bands - 1;
+        ratio[c] = v->bands == 0
+                       ? 1
+                       : exp(0.5 * (features[top] - v->centre[(size_t)class_index * v->features + top]));
+    }
+}
+
+static int name_channel(char (*names)[LG_SERIES_NAME], uint32_t channel, char text[LG_SERIES_NAME + 16]) {
+    return names != NULL && names[channel][0] != '\0'
+               ? snprintf(text, LG_SERIES_NAME + 16, "%s", names[channel])
+               : snprintf(text, LG_SERIES_NAME + 16, "channel %u", channel + 1);
+}
+
+/* What the feature says that the standard deviation does not. */
+static int explain_feature(const lg_novelty *v, const lg_novelty_result *r, double rate, char *text,
+                           size_t size) {
+    const uint32_t kind = r->feature % of_channel(v), band = kind - NOVELTY_BAND;
+    const double change = r->value - r->usual;
+    const char *unit = rate > 0 ? "Hz" : "cycles a sample";
+    const double to_unit = (rate > 0 ? rate : 1) / (kind >= NOVELTY_BAND ? v->spectrum.segment : 1);
+    switch (kind) {
+    case NOVELTY_MEAN:
+        return snprintf(text, size, ", mean off by %.3g of the channel's usual deviations", change);
+    case NOVELTY_DEVIATION:
+        return snprintf(text, size, "%s", "");
+    case NOVELTY_CREST:
+        return snprintf(text, size, ", peaks over it %.3g times", exp(change));
+    default:
+        return snprintf(text, size, ", amplitude from %.3g to %.3g %s %.3g times",
+                        (v->spectrum.edge[band] - 0.5) * to_unit,
+                        (v->spectrum.edge[band + 1] - 0.5) * to_unit, unit, exp(0.5 * change));
+    }
+}
+
+int lg_novelty_explain(const lg_novelty *v, const lg_novelty_result *r, char (*names)[LG_SERIES_NAME],
+                       double rate, char *text, size_t size) {
+    char channel[LG_SERIES_NAME + 16], other[LG_SERIES_NAME + 16], more[128];
+    (void)name_channel(names, r->channel, channel);
+    switch (r->cause) {
+    case LG_NOVELTY_STILL:
+        return snprintf(text, size, "%s: stands still for %u of %u samples", channel, r->samples, v->length);
+    case LG_NOVELTY_EXTREME:
+        return snprintf(text, size, "%s: %u of %u samples at its least or largest value (saturated?)",
+                        channel, r->samples, v->length);
+    case LG_NOVELTY_CHANNEL:
+        (void)explain_feature(v, r, rate, more, sizeof more);
+        return snprintf(text, size, "%s: standard deviation %.3g times the usual%s", channel, r->deviation,
+                        more);
+    case LG_NOVELTY_PAIR:
+        (void)name_channel(names, r->other, other);
+        return snprintf(text, size, "%s and %s: correlation %.3g, usually %.3g", channel, other,
+                        tanh(r->value), tanh(r->usual));
+    case LG_NOVELTY_NONE:
+        break;
+    }
+    return snprintf(text, size, "%s", "a value is not finite");
+}

@@ -1,0 +1,327 @@
+/* Novelty: distributions and limits from training windows. Rows of the table are features (rows, d). */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "kernels/kernels.h"
+#include "kernels/lapack.h"
+#include "models/novelty_internal.h"
+
+enum { LEAST_WINDOWS = 8 };
+/* Standard deviations of features are not taken for smaller: logarithms to 2 %. */
+static const double SMALLEST = 0.02;
+/* Equal samples that are always allowed, as parts of a window, and by how much the training's are exceeded:
+ * a bridged gap stands still for up to a tenth of a window. */
+static const double STILL = 0.25, EXTREME = 0.125, MORE = 3;
+
+void lg_novelty_options_init(lg_novelty_options *options) {
+    *options = (lg_novelty_options){
+        .size = sizeof *options, .bands = 8, .folds = 5, .most = 20000, .quantile = 0.99, .margin = 3};
+}
+
+typedef struct fitting {
+    const lg_context *context;
+    const lg_novelty_options *options;
+    const lg_series *series;
+    const lg_windows *windows;
+    lg_novelty *v;
+    size_t rows;
+    uint32_t *window, *label, *fold; /* (rows) */
+    double *table;                   /* (rows, d) */
+    double *still, *extreme;         /* (rows, channels) */
+    double *z, *squares, *sums;      /* (rows, d) of a class; (d, d) twice */
+    double *square, *work;           /* (rows, groups): of rows outside the fit; 2 d */
+    size_t parts, bytes;             /* of the table's threads */
+    char *memory;                    /* (parts, bytes) */
+    bool *failed;                    /* (parts) */
+} fitting;
+
+/* ---- the table ---- */
+
+static size_t window_bytes(const lg_novelty *v) {
+    const size_t bytes = (size_t)v->channels * v->length * sizeof(float);
+    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+}
+
+static void fill_part(void *user, size_t part) {
+    const fitting *f = user;
+    const lg_novelty *v = f->v;
+    float *x = (float *)(void *)(f->memory + part * f->bytes);
+    void *work = f->memory + part * f->bytes + window_bytes(v);
+    for (size_t i = f->rows * part / f->parts; i < f->rows * (part + 1) / f->parts; i++) {
+        lg_windows_copy(f->series, f->windows, f->window[i], x);
+        if (lg_cancelled(f->context)) return;
+        if (!lg_novelty_features(v, x, f->table + i * v->features, f->still + i * v->channels,
+                                 f->extreme + i * v->channels, work))
+            f->failed[part] = true;
+    }
+}
+
+static lg_status fill_table(fitting *f, int threads, lg_error *error) {
+    lg_thread_pool *pool = NULL;
+    f->parts = (size_t)threads < f->rows ? (size_t)threads : f->rows;
+    f->bytes = window_bytes(f->v) + (lg_novelty_work_size(f->v) + LG_ALIGNMENT) / LG_ALIGNMENT * LG_ALIGNMENT;
+    f->memory = lg_alloc(f->context, f->parts, f->bytes);
+    f->failed = lg_alloc(f->context, f->parts, sizeof *f->failed);
+    if (f->memory == NULL || f->failed == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for features by %d threads", threads);
+    const lg_status made = lg_thread_pool_create(f->context, (int)f->parts, &pool);
+    if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", threads);
+    lg_thread_pool_run(pool, f->parts, fill_part, f);
+    lg_thread_pool_destroy(pool);
+    if (lg_cancelled(f->context)) return lg_fail(error, LG_CANCELLED, "cancelled");
+    for (size_t i = 0; i < f->parts; i++)
+        if (f->failed[i]) return lg_fail(error, LG_NOT_FINITE, "features of a window are not finite");
+    return LG_OK;
+}
+
+static void allow_equal(const fitting *f) {
+    const lg_novelty *v = f->v;
+    for (uint32_t c = 0; c < v->channels; c++) {
+        v->still[c] = STILL * v->length;
+        v->extreme[c] = EXTREME * v->length;
+        for (size_t i = 0; i < f->rows; i++) {
+            v->still[c] = fmax(v->still[c], MORE * f->still[i * v->channels + c]);
+            v->extreme[c] = fmax(v->extreme[c], MORE * f->extreme[i * v->channels + c]);
+        }
+    }
+}
+
+/* ---- distributions ---- */
+
+/* Rows of all folds but `left_out`: centres and windows of the classes, and the spread within them. */
+static void find_centres(const fitting *f, uint32_t left_out) {
+    lg_novelty *v = f->v;
+    const size_t d = v->features;
+    size_t rows = 0;
+    memset(v->windows, 0, v->classes * sizeof *v->windows);
+    memset(v->centre, 0, v->classes * d * sizeof *v->centre);
+    memset(v->spread, 0, d * sizeof *v->spread);
+    for (size_t i = 0; i < f->rows; i++) {
+        if (f->fold[i] == left_out) continue;
+        double *centre = v->centre + f->label[i] * d;
+        v->windows[f->label[i]]++;
+        rows++;
+        for (size_t j = 0; j < d; j++) centre[j] += f->table[i * d + j];
+    }
+    for (uint32_t c = 0; c < v->classes; c++)
+        for (size_t j = 0; j < d && v->windows[c] > 0; j++) v->centre[c * d + j] /= v->windows[c];
+    for (size_t i = 0; i < f->rows; i++) {
+        const double *centre = v->centre + f->label[i] * d, *row = f->table + i * d;
+        for (size_t j = 0; j < d && f->fold[i] != left_out; j++)
+            v->spread[j] += (row[j] - centre[j]) * (row[j] - centre[j]);
+    }
+    for (size_t j = 0; j < d; j++) v->spread[j] = sqrt(v->spread[j] / (double)rows + SMALLEST * SMALLEST);
+}
+
+/* The rows of a class, less its centre and over the spread, in z; their number. */
+static size_t standardise(const fitting *f, uint32_t class_index, uint32_t left_out) {
+    const lg_novelty *v = f->v;
+    const size_t d = v->features;
+    size_t count = 0;
+    for (size_t i = 0; i < f->rows; i++) {
+        if (f->fold[i] == left_out || f->label[i] != class_index) continue;
+        double *z = f->z + count++ * d;
+        for (size_t j = 0; j < d; j++)
+            z[j] = (f->table[i * d + j] - v->centre[class_index * d + j]) / v->spread[j];
+    }
+    return count;
+}
+
+/* out (d, d), upper triangle row-major = z^T z/count. */
+static void second_moments(size_t count, size_t d, const double *z, double *out) {
+    const double zero = 0, weight = 1 / (double)count;
+    const int order = (int)d, rows = (int)count;
+    dsyrk_("L", "N", &order, &rows, &weight, z, &order, &zero, out, &order);
+}
+
+/* Share of the diagonal: sum var(s_ij)/sum s_ij^2 over i < j, within 0..1. S in `sums`; z is squared. */
+static double shrinkage(const fitting *f, size_t count) {
+    const size_t d = f->v->features;
+    double variance = 0, square = 0;
+    if (count < 3) return 1;
+    for (size_t i = 0; i < count * d; i++) f->z[i] *= f->z[i];
+    second_moments(count, d, f->z, f->squares);
+    for (size_t i = 0; i < d; i++)
+        for (size_t j = i + 1; j < d; j++) {
+            const double s = f->sums[i * d + j];
+            variance += (f->squares[i * d + j] - s * s) / (double)(count - 1);
+            square += s * s;
+        }
+    return variance < square ? fmax(variance / square, 0) : 1;
+}
+
+/* precision = ((1 - share) S + share I + SMALLEST^2/spread^2)^-1 */
+static lg_status find_precision(const fitting *f, uint32_t class_index, uint32_t left_out, lg_error *error) {
+    lg_novelty *v = f->v;
+    const size_t d = v->features;
+    const int order = (int)d;
+    int info = 0;
+    double *P = v->precision + class_index * d * d;
+    const size_t count = standardise(f, class_index, left_out);
+    second_moments(count, d, f->z, f->sums);
+    const double share = shrinkage(f, count);
+    for (size_t i = 0; i < d; i++) {
+        for (size_t j = i; j < d; j++) P[i * d + j] = (1 - share) * f->sums[i * d + j];
+        P[i * d + i] += share + SMALLEST * SMALLEST / (v->spread[i] * v->spread[i]);
+    }
+    dpotrf_("L", &order, P, &order, &info);
+    if (info == 0) dpotri_("L", &order, P, &order, &info);
+    if (info != 0)
+        return lg_fail(error, LG_NOT_FINITE, "the covariance of the windows' features is singular");
+    for (size_t i = 0; i < d; i++)
+        for (size_t j = 0; j < i; j++) P[i * d + j] = P[j * d + i];
+    return LG_OK;
+}
+
+static lg_status fit_classes(const fitting *f, uint32_t left_out, lg_error *error) {
+    find_centres(f, left_out);
+    for (uint32_t c = 0; c < f->v->classes; c++)
+        if (f->v->windows[c] > 0) LG_TRY(find_precision(f, c, left_out, error));
+    return lg_novelty_factor(f->v, error);
+}
+
+/* ---- limits ---- */
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Distances of the rows of a fold to their own class, fitted on the other folds. Rows of a class that is in
+ * this fold alone have none. */
+static size_t measure_fold(const fitting *f, uint32_t fold, size_t measured) {
+    const lg_novelty *v = f->v;
+    const uint32_t groups = lg_novelty_groups(v);
+    for (size_t i = 0; i < f->rows; i++)
+        if (f->fold[i] == fold && v->windows[f->label[i]] > 0)
+            lg_novelty_distances(v, f->label[i], f->table + i * v->features, f->square + groups * measured++,
+                                 f->work);
+    return measured;
+}
+
+static void set_limits(const fitting *f, size_t measured) {
+    const uint32_t groups = lg_novelty_groups(f->v);
+    double *sorted = f->z;
+    const size_t rank = (size_t)ceil(f->options->quantile * (double)measured);
+    for (uint32_t g = 0; g < groups; g++) {
+        for (size_t i = 0; i < measured; i++) sorted[i] = f->square[i * groups + g];
+        qsort(sorted, measured, sizeof *sorted, compare);
+        f->v->limit[g] = f->options->margin * sorted[rank > 0 ? rank - 1 : 0];
+    }
+}
+
+/* Without two folds that have windows, units are left out of account. */
+static lg_status deal(const fitting *f, lg_error *error) {
+    const uint32_t *const units[] = {f->series->group, f->series->run, NULL};
+    uint32_t *unit = lg_alloc(f->context, f->rows, sizeof *unit);
+    lg_status status = unit == NULL ? LG_OUT_OF_MEMORY : LG_OK;
+    bool dealt = false;
+    for (size_t u = 0; u < LG_COUNT(units) && status == LG_OK && !dealt; u++) {
+        for (size_t i = 0; i < f->rows; i++)
+            unit[i] = units[u] != NULL ? units[u][f->windows->first[f->window[i]]] : (uint32_t)i;
+        status = lg_folds(f->context, f->label, unit, f->rows, f->options->folds, f->fold);
+        for (size_t i = 1; i < f->rows && units[u] != NULL && !dealt; i++) dealt = f->fold[i] != f->fold[0];
+    }
+    lg_free(f->context, unit);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "no memory for %zu windows", f->rows);
+}
+
+static lg_status fit_all(fitting *f, int threads, lg_error *error) {
+    size_t measured = 0;
+    LG_TRY(fill_table(f, threads, error));
+    allow_equal(f);
+    LG_TRY(deal(f, error));
+    for (uint32_t fold = 0; fold < f->options->folds; fold++) {
+        if (lg_cancelled(f->context)) return lg_fail(error, LG_CANCELLED, "cancelled");
+        LG_TRY(fit_classes(f, fold, error));
+        measured = measure_fold(f, fold, measured);
+    }
+    if (measured == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "every class has a single window");
+    set_limits(f, measured);
+    return fit_classes(f, UINT32_MAX, error);
+}
+
+/* ---- all of it ---- */
+
+static uint32_t bands_of(uint32_t wanted, uint32_t channels, uint32_t length) {
+    const uint32_t room = LG_NOVELTY_FEATURES / channels - NOVELTY_BAND;
+    const uint32_t bands = wanted < room ? wanted : room;
+    return lg_spectrum_bands(length, bands);
+}
+
+static lg_status check(const lg_novelty_options *o, const lg_series *series, const lg_windows *windows,
+                       size_t count, int threads, lg_error *error) {
+    if (o == NULL || o->size != sizeof *o || o->folds < 2 || !(o->quantile > 0 && o->quantile <= 1) ||
+        !(o->margin > 0) || o->most < LEAST_WINDOWS || threads < 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "options of novelty are out of range");
+    if (count < LEAST_WINDOWS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu windows are fewer than %d", count, LEAST_WINDOWS);
+    if (windows->length < 2) return lg_fail(error, LG_INVALID_ARGUMENT, "windows of one sample");
+    if (series->channels > LG_NOVELTY_FEATURES / NOVELTY_BAND)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u channels are more than %u", series->channels,
+                       LG_NOVELTY_FEATURES / NOVELTY_BAND);
+    return LG_OK;
+}
+
+static lg_status allocate(fitting *f, const uint32_t *chosen, size_t count, lg_error *error) {
+    const size_t d = f->v->features, channels = f->v->channels, rows = f->rows;
+    f->window = lg_alloc(f->context, rows, sizeof *f->window);
+    f->label = lg_alloc(f->context, rows, sizeof *f->label);
+    f->fold = lg_alloc(f->context, rows, sizeof *f->fold);
+    f->table = lg_alloc(f->context, rows * d, sizeof *f->table);
+    f->still = lg_alloc(f->context, rows * channels, sizeof *f->still);
+    f->extreme = lg_alloc(f->context, rows * channels, sizeof *f->extreme);
+    f->z = lg_alloc(f->context, rows * d, sizeof *f->z);
+    f->sums = lg_alloc(f->context, d * d, sizeof *f->sums);
+    f->squares = lg_alloc(f->context, d * d, sizeof *f->squares);
+    f->square = lg_alloc(f->context, rows * lg_novelty_groups(f->v), sizeof *f->square);
+    f->work = lg_alloc(f->context, 2 * d, sizeof *f->work);
+    if (f->window == NULL || f->label == NULL || f->fold == NULL || f->table == NULL || f->still == NULL ||
+        f->extreme == NULL || f->z == NULL || f->sums == NULL || f->squares == NULL || f->square == NULL ||
+        f->work == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u features of %zu windows", f->v->features,
+                       rows);
+    for (size_t i = 0; i < rows; i++) {
+        const size_t at = i * count / rows;
+        f->window[i] = chosen != NULL ? chosen[at] : (uint32_t)at;
+        f->label[i] = f->series->label[f->windows->first[f->window[i]]];
+    }
+    return LG_OK;
+}
+
+static void release(fitting *f) {
+    void *const blocks[] = {f->window, f->label,   f->fold,   f->table, f->still,  f->extreme, f->z,
+                            f->sums,   f->squares, f->square, f->work,  f->memory, f->failed};
+    for (size_t i = 0; i < LG_COUNT(blocks); i++) lg_free(f->context, blocks[i]);
+}
+
+lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *options,
+                         const lg_series *series, const lg_windows *windows, const uint32_t *chosen,
+                         size_t count, int threads, lg_novelty *out, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    LG_TRY(check(options, series, windows, count, threads, error));
+    lg_novelty made;
+    lg_scaler scaler;
+    const uint32_t bands = bands_of(options->bands, series->channels, windows->length);
+    LG_TRY(lg_novelty_allocate(context, series->channels, windows->length, series->classes, bands, &made,
+                               error));
+    fitting f = {.context = context, .options = options, .series = series, .windows = windows, .v = &made};
+    f.rows = count < options->most ? count : options->most;
+    lg_status status = lg_scaler_fit(context, series, windows, chosen, count, false, &scaler);
+    if (status != LG_OK) {
+        (void)lg_fail(error, status, "scaling: %s", lg_status_sentence(status));
+    } else {
+        memcpy(made.mean, scaler.mean, made.channels * sizeof *made.mean);
+        memcpy(made.scale, scaler.scale, made.channels * sizeof *made.scale);
+        lg_scaler_destroy(&scaler);
+        status = allocate(&f, chosen, count, error);
+    }
+    if (status == LG_OK) status = fit_all(&f, threads, error);
+    release(&f);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_novelty_destroy(&made);
+    return status;
+}
