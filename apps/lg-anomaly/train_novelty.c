@@ -24,6 +24,9 @@ int fit_novelty(const trained *self, const part_indices *part, lg_novelty *out) 
 
 /* ---- alone ---- */
 
+/* Closer than the limit of a third answer: single windows beyond it are outvoted, damage stays. */
+static const double MARGIN = 1.6;
+
 typedef struct alone {
     trained *base;
     well_model model;
@@ -115,6 +118,7 @@ static int train(alone *self) {
     }
     const double begin = app_seconds();
     lg_novelty_options_init(&options);
+    options.margin = MARGIN;
     lg_status status = lg_novelty_fit(base->app->context, &options, &base->all.data.series,
                                       &base->all.windows, base->train.list, base->train.count,
                                       (int)base->app->threads, &self->model.novelty, &error);

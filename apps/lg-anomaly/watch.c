@@ -14,8 +14,9 @@ enum {
     NOISE_WINDOWS = 10,  /* that the level of noise is taken from */
     REASON = 256         /* bytes */
 };
-/* Amplitudes that differ by less are the same level of noise. */
-static const double SAME_NOISE = 1.5;
+/* Amplitudes that differ by less are the same level of noise; standard deviations that a few samples that are
+ * filled in do not explain. */
+static const double SAME_NOISE = 1.5, UNEXPLAINED = 2;
 
 typedef struct watch_values {
     const char *input;
@@ -59,15 +60,17 @@ static watch_values values = {.votes = 3,
                               .unlike = 1};
 
 /* A sensor that stands still or is cut off tells no model anything. Beyond the distance, the class of a
- * classifier means nothing; of a novelty it is the answer. */
-static bool is_unlike(const bench *b) {
-    const lg_novelty_cause cause = b->novelty.cause;
+ * classifier means nothing; of a novelty it is the answer. Straight lines over missing samples change the
+ * spectrum. */
+static bool is_unlike(const bench *b, uint32_t missing) {
+    const lg_novelty_result *r = &b->novelty;
     if (!isfinite(b->farthest)) return false;
-    if (cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_EXTREME) return true;
-    return b->model->sort != WELL_NOVELTY && !(b->novelty.distance <= b->farthest);
+    if (r->cause == LG_NOVELTY_STILL || r->cause == LG_NOVELTY_EXTREME) return true;
+    if (b->model->sort == WELL_NOVELTY || r->distance <= b->farthest) return false;
+    return missing == 0 || !(fabs(log(r->deviation)) < log(UNEXPLAINED));
 }
 
-static lg_status judge(void *user, const float *x, lg_answer *answer, double *score) {
+static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *answer, double *score) {
     bench *b = user;
     const lg_status status = well_model_score(b->model, x, b->score, NULL, b->work);
     if (status != LG_OK) return status;
@@ -76,7 +79,7 @@ static lg_status judge(void *user, const float *x, lg_answer *answer, double *sc
     *answer = b->given != 0 ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
     if (b->novelty_work == NULL) return LG_OK;
     lg_novelty_eval(&b->model->novelty, x, &b->novelty, b->features, b->novelty_work);
-    if (is_unlike(b)) *answer = LG_ANSWER_NOVEL;
+    if (is_unlike(b, missing)) *answer = LG_ANSWER_NOVEL;
     return LG_OK;
 }
 
@@ -120,12 +123,12 @@ static void warn_of_noise(const watching *self) {
 }
 
 /* Of windows in which all sensors live. */
-static void listen(watching *self) {
+static void listen(watching *self, uint32_t missing) {
     const bench *b = &self->bench;
     noise_level *noise = &self->noise;
     const lg_novelty_cause cause = b->novelty.cause;
     if (b->novelty_work == NULL || b->model->novelty.bands == 0 || noise->windows >= NOISE_WINDOWS) return;
-    if (cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_NONE) return;
+    if (missing > 0 || cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_NONE) return;
     double *ratio = b->novelty_work; /* free until the next window */
     lg_novelty_noise(&b->model->novelty, b->novelty.nearest, b->features, ratio);
     for (uint32_t c = 0; c < b->model->channels; c++) noise->sum[c] += log(ratio[c]);
@@ -243,7 +246,7 @@ void watch_push(watching *self, const float *sample) {
     }
     if (!ready) return;
     count_verdict(self, &v);
-    if (v.judged) listen(self);
+    if (v.judged) listen(self, v.missing);
     if (!left_out(self, &v) && (!values.quiet || changes(self, &v)))
         (self->app->json ? print_json_verdict : print_verdict)(self, &v);
     self->alarm = v.alarm;

@@ -421,7 +421,11 @@ static int export_loaded(const app *self, const classifier_file *file, export_so
 int export_classifier(const app *self, const char *path, export_source *source) {
     lg_error error = {LG_OK, ""};
     classifier_file file;
-    const lg_status status = classifier_file_load(self->context, path, &file, &error);
+    lg_status status = classifier_file_load(self->context, path, &file, &error);
+    if (status == LG_OK && classifier_file_is_novelty(&file)) {
+        classifier_file_free(&file);
+        status = app_error(&error, LG_UNSUPPORTED, "%s: the method novelty is not exported as code", path);
+    }
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     const int code = export_loaded(self, &file, source);
     classifier_file_free(&file);

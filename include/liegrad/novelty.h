@@ -5,14 +5,15 @@
  *   a channel   mean m; ln s, s the standard deviation; ln(max |z - m|/s); ln of the power in each of `bands`
  *               frequency bands (liegrad/spectrum.h)
  *   a pair      of channels: artanh of their correlation (up to LG_NOVELTY_PAIRED channels)
- * A small number, 1e-6 of the channel's scale, is added to s and the powers so that a dead channel has finite
- * features. Each class of the training windows has a normal distribution of the features f: centre c and
+ * A thousandth of the channel's scale is added to s and to the amplitudes: less than that is not told from
+ * nothing. Each class of the training windows has a normal distribution of the features f: centre c and
  * covariance Sigma, shrunk towards the diagonal by the share that the data ask for (Schaefer & Strimmer,
  * Stat. Appl. Genet. Mol. Biol. 4 (2005) 32). With P = Sigma^-1 and d = f - c the squared distances are
  *   of the window           d' P d                          (Mahalanobis)
  *   of a group of features  (P d)_g' (P_gg)^-1 (P d)_g      the part that the rest of d does not explain
  * where the features of a channel are a group, and all pairs are one. Their limits are `margin` times a
- * quantile of the same distances of training windows that the distributions were not fitted on. A window is
+ * quantile of the same distances of training windows that the distributions were not fitted on, or times the
+ * number of features, if that is larger. A window is
  * novel when one of its distances is beyond its limit for every class, when a channel stands still, or
  * when too many samples are at the channel's least or largest value. */
 #ifndef LIEGRAD_NOVELTY_H
@@ -83,9 +84,9 @@ typedef struct lg_novelty_result {
     bool novel;
     double distance; /* the largest squared distance over its limit, of the nearest class; above 1 is novel */
     uint32_t nearest;       /* that class */
-    lg_novelty_cause cause; /* of the largest distance, also below the limit; NONE only for distance 0 */
+    lg_novelty_cause cause; /* told below the limits, too; NONE: a value is not finite */
     uint32_t channel, other, samples;
-    uint32_t feature;    /* that deviates most in units of its spread: of the channel, or the pair's */
+    uint32_t feature;    /* that deviates most in units of its spread; first of channels beyond their limit */
     double value, usual; /* of that feature */
     double deviation;    /* of the channel: standard deviation over the usual */
 } lg_novelty_result;

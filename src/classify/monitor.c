@@ -197,7 +197,7 @@ lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready,
                     .missing = monitor->missing};
     if (v.judged) {
         copy_window(monitor);
-        LG_TRY(monitor->judge(monitor->user, monitor->x, &v.answer, &v.score));
+        LG_TRY(monitor->judge(monitor->user, monitor->x, monitor->missing, &v.answer, &v.score));
         vote(monitor, v.answer);
     }
     v.positive_votes = bits_of(monitor->ballots);

@@ -9,7 +9,7 @@
 #include "models/novelty_internal.h"
 
 /* Added to standard deviations and amplitudes, in units of the channel's scale. */
-static const double FLOOR = 1e-6;
+static const double FLOOR = 1e-3;
 /* Largest correlation, by absolute value, that is told from 1. */
 static const double CORRELATED = 0.999999;
 
@@ -221,15 +221,11 @@ void lg_novelty_distances(const lg_novelty *v, uint32_t class_index, const doubl
     }
 }
 
-static uint32_t farthest(const lg_novelty *v, const double *square, double *ratio) {
-    uint32_t which = 0;
-    *ratio = 0;
-    for (uint32_t g = 0; g < lg_novelty_groups(v); g++)
-        if (square[g] / v->limit[g] > *ratio) {
-            *ratio = square[g] / v->limit[g];
-            which = g;
-        }
-    return which;
+/* The largest part of its limit that a distance takes. */
+static double farthest(const lg_novelty *v, const double *square) {
+    double ratio = 0;
+    for (uint32_t g = 0; g < lg_novelty_groups(v); g++) ratio = fmax(ratio, square[g] / v->limit[g]);
+    return ratio;
 }
 
 /* ---- causes ---- */
@@ -241,15 +237,37 @@ static void name_pair(const lg_novelty *v, uint32_t pair, uint32_t *channel, uin
     *other = a + 1 + pair;
 }
 
-static void find_cause(const lg_novelty *v, const double *f, uint32_t group, lg_novelty_result *r) {
+/* The feature of a group that deviates most from the centre, in units of its spread. */
+static double most_deviating(const lg_novelty *v, const double *f, const double *centre, uint32_t group,
+                             uint32_t *feature) {
     const novelty_group among = lg_novelty_group(v, group);
-    const double *centre = v->centre + (size_t)r->nearest * v->features;
     double most = -1;
     for (uint32_t i = among.first; i < among.first + among.count; i++) {
-        const double t = fabs(f[i] - centre[i]) / v->spread[i];
-        if (t > most) most = t, r->feature = i;
+        const double deviation = fabs(f[i] - centre[i]) / v->spread[i];
+        if (deviation > most) most = deviation, *feature = i;
     }
+    return most;
+}
+
+/* A channel beyond its limit whose own features are strange comes before pairs: what happens to a channel
+ * happens to its pairs. */
+static uint32_t find_feature(const lg_novelty *v, const double *f, const double *centre,
+                             const double *square) {
+    static const double STRANGE = 5;
+    double most = STRANGE;
+    uint32_t feature = UINT32_MAX, candidate = 0;
+    for (uint32_t g = 1; g <= v->channels; g++) {
+        const double deviation = most_deviating(v, f, centre, g, &candidate);
+        if (square[g] > v->limit[g] && deviation > most) most = deviation, feature = candidate;
+    }
+    if (feature == UINT32_MAX) (void)most_deviating(v, f, centre, 0, &feature);
+    return feature;
+}
+
+static void find_cause(const lg_novelty *v, const double *f, const double *square, lg_novelty_result *r) {
+    const double *centre = v->centre + (size_t)r->nearest * v->features;
     const uint32_t each = of_channel(v), alone = v->channels * each;
+    r->feature = find_feature(v, f, centre, square);
     r->value = f[r->feature];
     r->usual = centre[r->feature];
     r->cause = r->feature < alone ? LG_NOVELTY_CHANNEL : LG_NOVELTY_PAIR;
@@ -300,19 +318,16 @@ void lg_novelty_eval(const lg_novelty *v, const float *x, lg_novelty_result *res
                      void *work) {
     const room space = furnish(v, features, work);
     lg_novelty_result r = {.distance = INFINITY};
-    uint32_t group = 0;
     const bool finite = lg_novelty_features(v, x, space.features, space.still, space.extreme, space.pieces);
     for (uint32_t c = 0; c < v->classes && finite; c++) {
-        double ratio;
         if (!(v->windows[c] > 0)) continue;
         lg_novelty_distances(v, c, space.features, space.square, space.distances);
-        const uint32_t far = farthest(v, space.square, &ratio);
+        const double ratio = farthest(v, space.square);
         if (!(ratio < r.distance)) continue;
         r.distance = ratio;
         r.nearest = c;
-        group = far;
+        find_cause(v, space.features, space.square, &r);
     }
-    if (finite) find_cause(v, space.features, group, &r);
     r.novel = find_fault(v, space.still, space.extreme, &r) || !(r.distance <= 1);
     *result = r;
 }

@@ -207,7 +207,8 @@ static void set_limits(const fitting *f, size_t measured) {
     for (uint32_t g = 0; g < groups; g++) {
         for (size_t i = 0; i < measured; i++) sorted[i] = f->square[i * groups + g];
         qsort(sorted, measured, sizeof *sorted, compare);
-        f->v->limit[g] = f->options->margin * sorted[rank > 0 ? rank - 1 : 0];
+        f->v->limit[g] =
+            f->options->margin * fmax(sorted[rank > 0 ? rank - 1 : 0], lg_novelty_group(f->v, g).count);
     }
 }
 

@@ -8,18 +8,19 @@ enum { CHANNELS = 2, WINDOW = 10, ROOM = 1 << 16 };
 
 /* Copies what it is shown and answers with the script. */
 typedef struct witness {
-    uint32_t channels, window, seen;
+    uint32_t channels, window, seen, missing;
     float x[CHANNELS * 512];
-    const char
-        *script; /* one letter a window: p positive, f failure, anything else negative; NULL: negative */
+    const char *
+        script; /* one letter a window: p positive, n novel, f failure, anything else negative; NULL: negative */
 } witness;
 
-static lg_status look(void *user, const float *x, bool *positive, double *score) {
+static lg_status look(void *user, const float *x, uint32_t missing, lg_answer *given, double *score) {
     witness *w = user;
     const char answer = w->script != NULL && w->seen < strlen(w->script) ? w->script[w->seen] : '-';
     memcpy(w->x, x, (size_t)w->channels * w->window * sizeof *x);
     w->seen++;
-    *positive = answer == 'p';
+    w->missing = missing;
+    *given = answer == 'p' ? LG_ANSWER_POSITIVE : answer == 'n' ? LG_ANSWER_NOVEL : LG_ANSWER_NEGATIVE;
     *score = answer == 'p' ? 0.75 : 0.25;
     return answer == 'f' ? LG_NO_CONVERGENCE : LG_OK;
 }
@@ -72,7 +73,7 @@ TEST("windows follow every hop") {
             if (!due) continue;
             assert_int_equal(v.window, windows++);
             assert_int_equal(v.first_sample, i + 1 - WINDOW);
-            assert_true(v.judged && !v.positive && v.missing == 0 && !v.alarm);
+            assert_true(v.judged && v.answer == LG_ANSWER_NEGATIVE && v.missing == 0 && !v.alarm);
             assert_close(v.score, 0.25, 0, 0);
             for (uint32_t c = 0; c < CHANNELS; c++)
                 for (uint32_t k = 0; k < WINDOW; k++)
@@ -100,6 +101,7 @@ TEST("short gaps are bridged") {
         const lg_verdict v = run_gap(&options, &w, 3, 3 + gap, WINDOW);
         assert_true(v.judged);
         assert_int_equal(v.missing, gap);
+        assert_int_equal(w.missing, gap);
         for (uint32_t k = 0; k < WINDOW; k++) {
             assert_close(w.x[k], value_at(k, 0), 1e-6, 0);
             assert_close(w.x[WINDOW + k], value_at(k, 1), 1e-6, 0);
@@ -349,4 +351,26 @@ TEST("nothing is written behind the size that was told") {
         }
         for (size_t i = lg_monitor_size(&options); i < ROOM; i++) assert_int_equal(memory[i], 0xa5);
     }
+}
+
+TEST("novel windows have votes of their own and leave the alarm as it is") {
+    lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
+    options.votes = 2;
+    options.votes_of = 3;
+    witness w = {.seen = 0, .script = "ppnnn----"};
+    static const bool alarm[] = {false, true, true, true, true, true, false, false, false};
+    static const bool novel[] = {false, false, false, true, true, true, false, false, false};
+    static const uint32_t votes[] = {1, 2, 2, 2, 2, 2, 1, 0, 0}, novels[] = {0, 0, 1, 2, 3, 2, 1, 0, 0};
+    lg_monitor *watch = start(&options, &w);
+    for (uint64_t i = 0; i < 9 * WINDOW; i++) {
+        lg_verdict v;
+        if (!push(watch, i, false, &v)) continue;
+        assert_true(v.judged);
+        assert_int_equal(v.alarm, alarm[v.window]);
+        assert_int_equal(v.novel, novel[v.window]);
+        assert_int_equal(v.positive_votes, votes[v.window]);
+        assert_int_equal(v.novel_votes, novels[v.window]);
+        assert_int_equal(v.answer == LG_ANSWER_NOVEL, v.window >= 2 && v.window < 5);
+    }
+    assert_int_equal(w.seen, 9);
 }

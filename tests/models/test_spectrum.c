@@ -1,0 +1,96 @@
+/* Band powers by Welch's method. */
+#include "models/series_support.h"
+
+#include "liegrad/random.h"
+#include "liegrad/spectrum.h"
+
+static const double PI = 3.14159265358979323846;
+
+OWNED(lg_spectrum, lg_spectrum_destroy)
+
+static lg_spectrum make(uint32_t length, uint32_t bands) {
+    lg_spectrum s;
+    lg_error error;
+    if (lg_spectrum_create(NULL, length, bands, &s, &error) != LG_OK) fail_msg("%s", error.message);
+    return *own_lg_spectrum(s);
+}
+
+TEST("white noise has its variance in every band") {
+    enum { LENGTH = 1 << 16, BANDS = 8 };
+    const lg_spectrum s = make(LENGTH, BANDS);
+    double *z = TEST_ARRAY(double, LENGTH), *work = TEST_ARRAY(double, lg_spectrum_work(&s)), power[BANDS];
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 1);
+    for (size_t t = 0; t < LENGTH; t++) z[t] = 2 * lg_rng_normal(&rng);
+    lg_spectrum_powers(&s, z, power, work);
+    for (uint32_t b = 0; b < BANDS; b++) assert_close(power[b], 4, 0.05, 0); /* 5 standard errors */
+}
+
+/* A sine of amplitude a whose frequency is a bin: a^2/4 n/sum h^2 (sum h)^2/n, spread over three bins, all of
+ * the band. sum h = n/2, sum h^2 = 3 n/8. */
+TEST("a sine is in its band") {
+    enum { LENGTH = 300, BANDS = 8 };
+    const lg_spectrum s = make(LENGTH, BANDS);
+    const double n = s.segment, total = n / 4;
+    double z[LENGTH], power[BANDS], *work = TEST_ARRAY(double, lg_spectrum_work(&s));
+    assert_int_equal(s.segment, 128);
+    assert_true((s.segments - 1) * s.hop + s.segment <= LENGTH);
+    for (uint32_t b = 0; b < BANDS; b++) {
+        const uint32_t bin = (s.edge[b] + s.edge[b + 1]) / 2;
+        for (uint32_t t = 0; t < LENGTH; t++) z[t] = sin(2 * PI * bin * t / n + 0.3);
+        lg_spectrum_powers(&s, z, power, work);
+        assert_close(power[b] * (s.edge[b + 1] - s.edge[b]), total, 1e-12, 0);
+        for (uint32_t other = 0; other < BANDS; other++)
+            if (other != b) assert_close(power[other], 0, 0, 1e-20);
+    }
+}
+
+TEST("every sample of a series but the last few is in a segment") {
+    for (uint32_t length = 4; length < 700; length += 3) {
+        const lg_spectrum s = make(length, 2);
+        const uint32_t end = (s.segments - 1) * s.hop + s.segment;
+        assert_true(end <= length && length - end < s.segments);
+        assert_true(s.segments == 1 || 2 * s.hop <= s.segment + 1);
+    }
+}
+
+TEST("bands share the bins out") {
+    assert_int_equal(lg_spectrum_bands(3, 8), 0);
+    assert_int_equal(lg_spectrum_bands(4, 8), 2);
+    assert_int_equal(lg_spectrum_bands(300, 8), 8);
+    assert_int_equal(lg_spectrum_bands(300, 1000), LG_SPECTRUM_BANDS);
+    for (uint32_t bands = 1; bands <= LG_SPECTRUM_BANDS; bands++) {
+        const lg_spectrum s = make(200, bands);
+        assert_int_equal(s.edge[0], 1);
+        assert_int_equal(s.edge[bands], s.bins + 1);
+        for (uint32_t b = 0; b < bands; b++) assert_true(s.edge[b + 1] > s.edge[b]);
+    }
+    lg_spectrum s;
+    lg_error error;
+    assert_int_equal(lg_spectrum_create(NULL, 300, 0, &s, &error), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_spectrum_create(NULL, 6, 4, &s, &error), LG_INVALID_ARGUMENT);
+}
+
+TEST("derivatives of the powers are those of differences") {
+    enum { LENGTH = 37, BANDS = 5 };
+    const lg_spectrum s = make(LENGTH, BANDS);
+    const double cotangent[BANDS] = {1, -2, 0.5, 3, 0.25}, h = 1e-3;
+    double z[LENGTH], gradient[LENGTH] = {0}, expected[LENGTH], power[BANDS];
+    double *work = TEST_ARRAY(double, lg_spectrum_work(&s));
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 1);
+    for (uint32_t t = 0; t < LENGTH; t++) z[t] = lg_rng_normal(&rng);
+    for (uint32_t t = 0; t < LENGTH; t++) { /* exact for a quadratic */
+        const double kept = z[t];
+        expected[t] = 0;
+        for (int sign = -1; sign <= 1; sign += 2) {
+            z[t] = kept + sign * h;
+            lg_spectrum_powers(&s, z, power, work);
+            for (uint32_t b = 0; b < BANDS; b++) expected[t] += sign * cotangent[b] * power[b] / (2 * h);
+        }
+        z[t] = kept;
+    }
+    lg_spectrum_powers(&s, z, power, work);
+    lg_spectrum_reverse(&s, cotangent, gradient, work);
+    assert_all_close(gradient, expected, LENGTH, 1e-10, 1e-11);
+}
