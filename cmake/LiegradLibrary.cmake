@@ -114,7 +114,16 @@ function(liegrad_install_texts)
   install(FILES ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/CHANGELOG.md DESTINATION ${pages}
     COMPONENT documentation)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs DESTINATION ${pages} COMPONENT documentation
-    FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png" PATTERN data EXCLUDE)
+    FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png" PATTERN "*.json" PATTERN "*.csv")
+  # Links of pages to headers lead to where these are installed.
+  file(RELATIVE_PATH headers ${CMAKE_INSTALL_FULL_DATAROOTDIR}/doc/liegrad/docs ${CMAKE_INSTALL_FULL_INCLUDEDIR})
+  install(CODE "
+    file(GLOB pages \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${pages}/docs/*.md\")
+    foreach(page IN LISTS pages)
+      file(READ \${page} text)
+      string(REPLACE \"](../include/\" \"](${headers}/\" text \"\${text}\")
+      file(WRITE \${page} \"\${text}\")
+    endforeach()" COMPONENT documentation)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples DESTINATION ${pages} COMPONENT development USE_SOURCE_PERMISSIONS
     PATTERN "build*" EXCLUDE PATTERN exported EXCLUDE)
 endfunction()
