@@ -32,7 +32,7 @@ foreach(component IN LISTS CPACK_COMPONENTS_ALL)
       ${file} COMMAND_ERROR_IS_FATAL ANY)
   endforeach()
 
-  file(GLOB pages ${usr}/share/man/man1/*.1)
+  file(GLOB pages ${usr}/share/man/man1/*.1 ${usr}/share/man/man7/*.7)
   if(pages)
     compress(${pages})
   endif()
