@@ -73,9 +73,12 @@ class Controller:
         z = np.array(z["x"]).ravel()
         self.ms.append(1e3 * (time.perf_counter() - before))
         self.failed += not self.solver.stats()["success"]
+        if not np.isfinite(z).all():  # nothing usable: no force, and the next step begins anew
+            self.guess = None
+            return 0.0
         X, U = z[:n * (N + 1)], z[n * (N + 1):]
         self.guess = np.r_[X[n:], X[-n:], U[1:], U[-1:]]  # the next step begins with this solution, a step on
-        return U[0]
+        return min(max(U[0], -BOUND), BOUND)
 
 
 def nonlinear(step):
