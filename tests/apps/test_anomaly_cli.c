@@ -223,6 +223,7 @@ static const char *const methods[] = {
     "--method svm-rbf --c 10 --gamma 0.1",
     "--method svm-rbf --folds 3 --split run",
     "--method baseline --window 120 --hop 30 --split run",
+    "--method novelty --split run",
     "--epochs 2 --centred yes",
     "--epochs 2 --preset thesis --split run --dtype f64",
     "--epochs 2 --filters 8,4 --kernel 3 --pooling max --plane 0 --loss cross-entropy",

@@ -38,9 +38,25 @@ static void write_series(void) {
     lg_series_data_destroy(&data);
 }
 
+/* Windows of one sample. */
+static void write_points(void) {
+    char path[1024];
+    lg_series_data data = {.noise = NAN, .severity = NAN};
+    data.series = (lg_series){.count = SETS, .channels = CHANNELS, .length = 1, .classes = 2, .rate = RATE};
+    assert_ok(lg_series_allocate(NULL, &data.series, false, false));
+    for (uint32_t n = 0; n < SETS; n++) {
+        data.series.label[n] = n % 2;
+        for (uint32_t c = 0; c < CHANNELS; c++) data.series.x[n * CHANNELS + c] = value_at(n, c, n % 2 == 1);
+    }
+    cli_path("point.h5", path, sizeof path);
+    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    lg_series_data_destroy(&data);
+}
+
 static int make_models(void **state) {
     if (cli_begin() != 0) return -1;
     write_series();
+    write_points();
     cli_expect("lg-anomaly", "train data.h5 --method tree --features std --out m.h5", 0, "", &result);
     cli_expect("lg-anomaly", "train data.h5 --method cnn --filters 4 --epochs 2 --out n.h5", 0, "", &result);
     return 0;
@@ -458,12 +474,19 @@ TEST("windows that overlap vote as they are asked to") {
     assert_says(result.err, "trained at 5 Hz, not 10 Hz");
 }
 
+/* feed.csv through a program of awk. */
+static void change(const char *program, const char *to) {
+    char command[1024];
+    (void)snprintf(command, sizeof command, "cd '%s' && awk -F, -v OFS=, '%.300s' feed.csv > %s", cli_folder,
+                   program, to);
+    assert_int_equal(system(command), 0);
+}
+
 /* The feed with its columns in another order, or without one. */
 static void reorder(const char *columns, const char *to) {
-    char command[512];
-    (void)snprintf(command, sizeof command, "cd '%s' && awk -F, -v OFS=, '{ print %s }' feed.csv > %s",
-                   cli_folder, columns, to);
-    assert_int_equal(system(command), 0);
+    char program[256];
+    (void)snprintf(program, sizeof program, "{ print %s }", columns);
+    change(program, to);
 }
 
 TEST("channels are found by their names; a feed without one of them is refused") {
@@ -486,6 +509,76 @@ TEST("channels are found by their names; a feed without one of them is refused")
     reorder("$1, NR == 1 ? \"a,b,c,d,e,f\" : $2 \",\" $3 \",\" $4 \",\" $5 \",\" $6 \",\" $7", "others.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input others.csv", 0, "# windows", &result);
     assert_says(result.err, "taken in their order");
+}
+
+/* In spoilt.csv a field of every sample is an expression of awk. */
+static void spoil(const char *field, const char *expression) {
+    char program[256];
+    (void)snprintf(program, sizeof program, "NR > 1 { $%s = %s } { print }", field, expression);
+    change(program, "spoilt.csv");
+}
+
+TEST("windows unlike anything seen are a third answer, with the reason") {
+    static const struct {
+        const char *field, *expression, *reason;
+    } faults[] = {{"2", "0", "acc_lower_x: stands still for 300 of 300 samples"},
+                  {"6", "1234.5", "moment_x: stands still"},
+                  {"2", "0.01 * $2", "acc_lower_x: standard deviation 0.0"},
+                  {"7", "100 * $7", "moment_y: standard deviation "},
+                  {"4", "$4 + 0.3 * sin(12 * $1)", "acc_upper_x: standard deviation "}};
+    cli_expect("lg-anomaly", "generate --noise 10 --runs 24 --hours 0.5 --out wells.h5", 0, "", &result);
+    cli_expect("lg-anomaly", "train wells.h5 --method logistic --out known.h5", 0, "", &result);
+    cli_expect("lg-anomaly", "feed --noise 10 --hours 0.4 --seed 5 --out feed.csv", 0, "", &result);
+    cli_expect("lg-anomaly", "watch known.h5 --input feed.csv", 0, "# unlike anything seen: 0 windows",
+               &result);
+    assert_string_equal(result.err, "");
+    for (size_t i = 0; i < LG_COUNT(faults); i++) {
+        spoil(faults[i].field, faults[i].expression);
+        cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0,
+                   "# windows 24: judged 24, positive 0", &result);
+        assert_says(result.out, "# unlike anything seen: 24 windows; alarms of it 1, standing");
+        assert_says(result.out, "\tunlike\t");
+        assert_says(result.out, "\tUNLIKE\t");
+        assert_says(result.out, faults[i].reason);
+        cli_expect("lg-anomaly", "watch known.h5 --unlike 0 --input spoilt.csv", 0, "seen: 0 windows",
+                   &result);
+        cli_expect("lg-anomaly", "watch known.h5 --json --quiet --input spoilt.csv", 0, "\"unlike\": 24",
+                   &result);
+        json_expect(line_of(0),
+                    "class \"unlike\", unlike true, unlike_votes 3, unlike_alarm true, alarm false");
+        assert_says(line_of(0), faults[i].reason);
+    }
+}
+
+TEST("a feed of other noise is told, and a model that knows nothing of its windows") {
+    cli_expect("lg-anomaly", "feed --noise 1 --hours 0.4 --seed 5 --out clean.csv", 0, "", &result);
+    cli_expect("lg-anomaly", "watch known.h5 --quiet --input clean.csv", 0, "seen: 24 windows", &result);
+    assert_says(result.err, "6 of 6 channels have less amplitude above 2.2");
+    cli_expect("lg-anomaly", "feed --noise 50 --hours 0.4 --seed 5 --out loud.csv", 0, "", &result);
+    cli_expect("lg-anomaly", "watch known.h5 --quiet --input loud.csv", 0, "seen: 24 windows", &result);
+    assert_says(result.err, "6 of 6 channels have more amplitude above 2.2");
+    cli_expect("lg-anomaly", "train point.h5 --method tree --features std --out old.h5", 0, "", &result);
+    assert_says(result.err, "does not know what its windows look like (windows of one sample)");
+    cli_expect("lg-anomaly", "watch old.h5 --input /dev/null", 0, "", &result);
+    assert_says(result.err, "does not know what its training windows look like");
+}
+
+TEST("a detector of intact data alone raises the alarm, and tells dead sensors apart") {
+    cli_expect("lg-anomaly", "generate --noise 1 --runs 24 --hours 0.5 --out wells.h5", 0, "", &result);
+    cli_expect("lg-anomaly", "train wells.h5 --method novelty --json --out alone.h5", 0, "\"unlike\"",
+               &result);
+    cli_expect("lg-anomaly", "feed --noise 1 --hours 1 --crack-at 0.5 --seed 5 --out feed.csv", 0, "",
+               &result);
+    cli_expect("lg-anomaly", "watch alone.h5 --crack-at 1800 --json --quiet --input feed.csv", 0, "",
+               &result);
+    expect_summary("alarm true, alarms 1, unlike 0, false_alarms 0, time_to_detection <400");
+    json_expect(line_of(0), "class \"unlike\", unlike false, alarm true");
+    assert_says(line_of(0), "standard deviation");
+    spoil("3", "0");
+    cli_expect("lg-anomaly", "watch alone.h5 --json --quiet --input spoilt.csv", 0, "", &result);
+    expect_summary("alarm false, positive 0, unlike 60");
+    cli_expect("lg-anomaly", "evaluate alone.h5 wells.h5 --json", 0, "\"part\": \"test\"", &result);
+    cli_expect("lg-export", "alone.h5 --out alone", 3, "is not exported", &result);
 }
 
 TEST("an empty feed is told") {
