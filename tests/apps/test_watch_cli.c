@@ -557,6 +557,11 @@ TEST("a feed of other noise is told, and a model that knows nothing of its windo
     cli_expect("lg-anomaly", "feed --noise 50 --hours 0.4 --seed 5 --out loud.csv", 0, "", &result);
     cli_expect("lg-anomaly", "watch known.h5 --quiet --input loud.csv", 0, "seen: 24 windows", &result);
     assert_says(result.err, "6 of 6 channels have more amplitude above 2.2");
+    cli_expect("lg-anomaly", "evaluate known.h5 wells.h5 --json", 0, "\"unlike\": 0,", &result);
+    assert_string_equal(result.err, "");
+    cli_expect("lg-anomaly", "generate --noise 1 --runs 6 --hours 0.5 --out clean.h5", 0, "", &result);
+    cli_expect("lg-anomaly", "evaluate known.h5 clean.h5 --json", 0, "\"unlike\": 180,", &result);
+    assert_says(result.err, "180 of 180 windows are unlike those of training, the farthest by ");
     cli_expect("lg-anomaly", "train point.h5 --method tree --features std --out old.h5", 0, "", &result);
     assert_says(result.err, "does not know what its windows look like (windows of one sample)");
     cli_expect("lg-anomaly", "watch old.h5 --input /dev/null", 0, "", &result);
@@ -578,6 +583,8 @@ TEST("a detector of intact data alone raises the alarm, and tells dead sensors a
     cli_expect("lg-anomaly", "watch alone.h5 --json --quiet --input spoilt.csv", 0, "", &result);
     expect_summary("alarm false, positive 0, unlike 60");
     cli_expect("lg-anomaly", "evaluate alone.h5 wells.h5 --json", 0, "\"part\": \"test\"", &result);
+    assert_true(json_number(result.out, "recall") > 0.9 &&
+                json_number(result.out, "false_positive_rate") < 0.1);
     cli_expect("lg-export", "alone.h5 --out alone", 3, "is not exported", &result);
 }
 
