@@ -118,7 +118,7 @@ static lg_status make_scores(lg_detector_plan *made, const double *theta, lg_err
     lg_program *program;
     lg_plan_options options;
     size_t function;
-    LG_TRY(lg_detector_program(made->context, &made->model, &made->scaler, theta, &program, error));
+    LG_TRY(lg_detector_build(made->context, &made->model, &made->scaler, theta, true, &program, error));
     lg_plan_options_init(&options);
     options.dtype = made->dtype;
     lg_status status = lg_program_find(program, "scores", &function);

@@ -9,6 +9,7 @@
 #include "core/core.h"
 #include "liegrad/detector.h"
 #include "liegrad/ops.h"
+#include "models/detector_internal.h"
 #include "models/record.h"
 #include "nn/cnn.h"
 
@@ -79,8 +80,8 @@ static lg_status scores(void *user, lg_tape *t, const lg_var *theta, const lg_va
     return lg_tape_status(t);
 }
 
-lg_status lg_detector_program(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,
-                              const double *theta, lg_program **out, lg_error *error) {
+lg_status lg_detector_build(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,
+                            const double *theta, bool scores_alone, lg_program **out, lg_error *error) {
     /* The union only drops const: recording only reads the model. */
     union {
         const lg_detector *borrowed;
@@ -104,6 +105,7 @@ lg_status lg_detector_program(const lg_context *context, const lg_detector *mode
         {"grad", &window, 1, values, 2, gradient, pointer.user},
         {"probability", &window, 1, score, 1, probability, pointer.user},
         {"scores", &scaled_window, 1, score, model->net.plane > 0 ? 2 : 1, scores, pointer.user}};
+    enum { SCORES = LG_COUNT(functions) - 1 };
     const lg_parameter_spec parameters[PARAMETERS] = {
         [THETA] = {"theta", lg_shape1((uint32_t)lg_cnn_parameters(&model->net)), theta},
         [MEAN] = {"mean", lg_shape1(channels), mean},
@@ -113,10 +115,15 @@ lg_status lg_detector_program(const lg_context *context, const lg_detector *mode
     lg_program_spec_init(&spec);
     spec.parameters = parameters;
     spec.parameter_count = PARAMETERS;
-    spec.functions = functions;
-    spec.function_count = LG_COUNT(functions);
+    spec.functions = scores_alone ? functions + SCORES : functions;
+    spec.function_count = scores_alone ? 1 : LG_COUNT(functions);
     spec.description = "detector of the class of a window";
     const lg_status status = lg_program_build(context, &spec, out, error);
     lg_free(context, numbers);
     return status;
+}
+
+lg_status lg_detector_program(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,
+                              const double *theta, lg_program **out, lg_error *error) {
+    return lg_detector_build(context, model, scaler, theta, false, out, error);
 }
