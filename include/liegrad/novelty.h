@@ -86,7 +86,8 @@ typedef struct lg_novelty_result {
     uint32_t nearest;       /* that class */
     lg_novelty_cause cause; /* told below the limits, too; NONE: a value is not finite */
     uint32_t channel, other, samples;
-    uint32_t feature;    /* that deviates most in units of its spread; first of channels beyond their limit */
+    uint32_t
+        feature; /* that deviates most in units of its spread; a pair's if none of a channel deviates by 5 */
     double value, usual; /* of that feature */
     double deviation;    /* of the channel: standard deviation over the usual */
 } lg_novelty_result;

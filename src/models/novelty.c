@@ -138,7 +138,7 @@ static void count_equal(const float *x, uint32_t length, double *still, double *
         largest += x[t] == high;
     }
     *still = longest;
-    *extreme = low == high ? 0 : least > largest ? least : largest;
+    *extreme = least > largest ? least : largest;
 }
 
 static double channel_features(const lg_novelty *v, const double *z, double *f, double *work) {
@@ -249,25 +249,24 @@ static double most_deviating(const lg_novelty *v, const double *f, const double 
     return most;
 }
 
-/* A channel beyond its limit whose own features are strange comes before pairs: what happens to a channel
- * happens to its pairs. */
-static uint32_t find_feature(const lg_novelty *v, const double *f, const double *centre,
-                             const double *square) {
+/* A channel whose own features are strange comes before pairs: what happens to a channel happens to its
+ * pairs. */
+static uint32_t find_feature(const lg_novelty *v, const double *f, const double *centre) {
     static const double STRANGE = 5;
     double most = STRANGE;
     uint32_t feature = UINT32_MAX, candidate = 0;
     for (uint32_t g = 1; g <= v->channels; g++) {
         const double deviation = most_deviating(v, f, centre, g, &candidate);
-        if (square[g] > v->limit[g] && deviation > most) most = deviation, feature = candidate;
+        if (deviation > most) most = deviation, feature = candidate;
     }
     if (feature == UINT32_MAX) (void)most_deviating(v, f, centre, 0, &feature);
     return feature;
 }
 
-static void find_cause(const lg_novelty *v, const double *f, const double *square, lg_novelty_result *r) {
+static void find_cause(const lg_novelty *v, const double *f, lg_novelty_result *r) {
     const double *centre = v->centre + (size_t)r->nearest * v->features;
     const uint32_t each = of_channel(v), alone = v->channels * each;
-    r->feature = find_feature(v, f, centre, square);
+    r->feature = find_feature(v, f, centre);
     r->value = f[r->feature];
     r->usual = centre[r->feature];
     r->cause = r->feature < alone ? LG_NOVELTY_CHANNEL : LG_NOVELTY_PAIR;
@@ -326,7 +325,7 @@ void lg_novelty_eval(const lg_novelty *v, const float *x, lg_novelty_result *res
         if (!(ratio < r.distance)) continue;
         r.distance = ratio;
         r.nearest = c;
-        find_cause(v, space.features, space.square, &r);
+        find_cause(v, space.features, &r);
     }
     r.novel = find_fault(v, space.still, space.extreme, &r) || !(r.distance <= 1);
     *result = r;
