@@ -24,6 +24,12 @@ extern const app_option search_options[];
     "code 4 when none was finished. Ctrl-C keeps the finished trials and ends with exit code 130; --resume " \
     "continues to the same table."
 
+/* The members of a command `search`, but for `run`; `data` is what its train takes: "DATA.h5". */
+#define SEARCH_COMMAND(data)                                                                                 \
+    .name = "search", .arguments = "RANGES.yaml " data,                                                      \
+    .summary = "Random search over the options of train", .details = SEARCH_DETAILS, SEARCH_SHARED,          \
+    .arguments_min = 2, .arguments_max = 2
+
 /* Arguments RANGES.yaml DATA.h5; `train` is the command whose task is searched. Returns the exit code. */
 int search_main(app *app, const app_command *train, const train_task *task);
 

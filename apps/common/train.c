@@ -44,6 +44,10 @@ static int fail(const app *self, lg_status status, const lg_error *error) {
     return app_fail(self, status, "%s", app_sentence(status, error));
 }
 
+lg_status train_no_room(size_t parameters, lg_error *error) {
+    return app_error(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters", parameters);
+}
+
 lg_provenance app_provenance(const app *self, uint64_t seed) {
     lg_provenance provenance = {.has_seed = true, .seed = seed};
     (void)snprintf(provenance.command, sizeof provenance.command, "%s", self->command_line);

@@ -127,6 +127,8 @@ const char *train_refuses(const train_task *task, const app_slot *slot);
  * training that --stop-after ended is only warned of. */
 int train_judge(const train_session *session, const char *what, double error, const char *guess,
                 double guessed);
+/* LG_OUT_OF_MEMORY, with the size of the network. */
+lg_status train_no_room(size_t parameters, lg_error *error);
 /* --plot, if given: the loss. */
 int train_draw(const train_session *session);
 /* epochs, evaluations (gradients of all data), floor, running_loss, validation_loss, best_epoch, finished,

@@ -1,9 +1,11 @@
-/* lg-elastica train: fit a surrogate to curves. */
+/* lg-elastica train: fit a surrogate to curves; lg-elastica search: random search over its options. */
 #include "lg-elastica/train.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "common/search.h"
 
 enum { STREAM_WEIGHTS = 1 };
 
@@ -169,11 +171,6 @@ static lg_status hold_out(void *user, app *self, double validation, lg_error *er
 
 /* ---- the fit ---- */
 
-static lg_status no_room(lg_error *error) {
-    return app_error(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters",
-                     lg_surrogate_parameters(&run.model));
-}
-
 /* The fixed last layer, from the curves that are learned. */
 static lg_status find_modes(training *state, const app *self, lg_error *error) {
     const lg_elastica_curves *curves = &state->data.curves;
@@ -181,7 +178,8 @@ static lg_status find_modes(training *state, const app *self, lg_error *error) {
     if (run.model.options.modes == 0) return LG_OK;
     state->modes = app_try_alloc(lg_surrogate_modes_size(&run.model), sizeof *state->modes);
     state->coefficients = app_try_alloc(state->learned.count * run.model.options.modes, sizeof(double));
-    if (state->modes == NULL || state->coefficients == NULL) return no_room(error);
+    if (state->modes == NULL || state->coefficients == NULL)
+        return train_no_room(lg_surrogate_parameters(&run.model), error);
     const lg_status status = lg_surrogate_find_modes(self->context, &run.model, curves, state->learned.list,
                                                      state->learned.count, state->modes, error);
     run.model.modes = state->modes;
@@ -201,7 +199,7 @@ static lg_status create(void *user, app *self, const lg_fit_options *options, lg
     if (status != LG_OK) return status;
     lg_surrogate_fit_problem(&state->problem, &state->fit_problem);
     double *theta = app_try_alloc(lg_surrogate_parameters(&run.model), sizeof *theta);
-    if (theta == NULL) return no_room(error);
+    if (theta == NULL) return train_no_room(lg_surrogate_parameters(&run.model), error);
     lg_rng rng;
     lg_rng_seed(&rng, run.training.seed, STREAM_WEIGHTS);
     lg_net_initialise(&run.model.net, LG_INIT_FAN_IN, &rng, theta);
@@ -231,7 +229,7 @@ static lg_status errors_of(const training *state, const app *self, const part_in
     *out = (lg_surrogate_errors){none, none, none, none, none, none, none};
     if (part->count == 0) return LG_OK;
     double *theta = app_try_alloc(lg_surrogate_parameters(&run.model), sizeof *theta);
-    if (theta == NULL) return no_room(error);
+    if (theta == NULL) return train_no_room(lg_surrogate_parameters(&run.model), error);
     lg_fit_parameters(state->fit, theta);
     const lg_status status = lg_surrogate_evaluate(self->context, &run.model, theta, &state->data.curves,
                                                    part->list, part->count, NULL, out, error);
@@ -358,34 +356,39 @@ static int finish(void *user, train_session *session) {
     return code == APP_EXIT_OK ? judged : code;
 }
 
-/* ---- the command ---- */
+/* ---- the commands ---- */
 
 static const char *const sizes[] = {"8", "12", "16", "24", "32", "64", NULL};
 
-int with_task(app *self, int (*main_)(app *self, const train_task *task)) {
-    training state = {.fit = NULL};
-    const train_task task = {.kind = &lg_run_surrogate,
-                             .settings = settings,
-                             .training = &run.training,
-                             .method = "network",
-                             .user = &state,
-                             .read = read_data,
-                             .describe = describe,
-                             .prepare = prepare,
-                             .hold_out = hold_out,
-                             .create = create,
-                             .release = release,
-                             .finish = finish,
-                             .objective = objective,
-                             .parameters = parameters,
-                             .sizes = sizes};
-    const int code = main_(self, &task);
+static training state;
+
+static const train_task task = {.kind = &lg_run_surrogate,
+                                .settings = settings,
+                                .training = &run.training,
+                                .method = "network",
+                                .user = &state,
+                                .read = read_data,
+                                .describe = describe,
+                                .prepare = prepare,
+                                .hold_out = hold_out,
+                                .create = create,
+                                .release = release,
+                                .finish = finish,
+                                .objective = objective,
+                                .parameters = parameters,
+                                .sizes = sizes};
+
+static int end(int code) {
     lg_elastica_data_destroy(&state.data);
     return code;
 }
 
 static int run_train(app *self) {
-    return with_task(self, train_main);
+    return end(train_main(self, &task));
+}
+
+static int run_search(app *self) {
+    return end(search_main(self, &train_command, &task));
 }
 
 const app_command train_command = {
@@ -404,3 +407,5 @@ const app_command train_command = {
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run_train};
+
+const app_command search_command = {SEARCH_COMMAND("DATA.h5"), .run = run_search};

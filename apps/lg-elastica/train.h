@@ -5,11 +5,6 @@
 #include "common/train.h"
 #include "lg-elastica/beam.h"
 
-extern const app_command train_command;
-
-/* Runs `main_`, train_main or search_main, with the task of this program. */
-int with_task(app *self, int (*main_)(app *app, const train_task *task));
-
 /* Indices of the curves of one part, rising. */
 typedef struct part_indices {
     uint32_t *list;

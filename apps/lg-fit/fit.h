@@ -62,9 +62,4 @@ void softmax(double *y, uint32_t classes);
 lg_status draw_judgement(const app *self, const char *picture, const lg_table_file *file, const judgement *j,
                          lg_error *error);
 
-/* ---- training ---- */
-
-/* Runs `main_`, train_main or search_main, with the task of this program. */
-int with_task(app *self, int (*main_)(app *app, const train_task *task));
-
 #endif

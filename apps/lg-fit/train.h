@@ -1,0 +1,62 @@
+/* Training on a table: what the files of `train` and `search` share. */
+#ifndef LG_APPS_FIT_TRAIN_H
+#define LG_APPS_FIT_TRAIN_H
+
+#include "lg-fit/fit.h"
+
+typedef struct train_values {
+    const char *inputs, *outputs, *class_column, *test;
+} train_values;
+
+typedef struct training {
+    const train_values *given;
+    lg_table_run *run;            /* all that determines the result */
+    column_names inputs, outputs; /* outputs: of a classification the classes */
+    fit_table table, test;
+    bool resumed;
+    uint32_t *order; /* (rows): the training rows, then the validation part */
+    size_t trained;
+    lg_scaler input_scaler, output_scaler;
+    lg_table_samples samples; /* scaled, in that order */
+    double *decay;            /* (parameters), or NULL */
+    lg_table_evidence_result evidence;
+    lg_table_problem problem;
+    lg_fit_problem fit_problem;
+    lg_fit *fit;
+} training;
+
+static inline bool is_regression(const training *state) {
+    return state->given->class_column == NULL;
+}
+
+/* ---- data (train_data.c) ---- */
+
+/* Columns, table and test table; `read` of a train_task, `user` is the training. */
+int read_training(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]);
+/* Order of the rows, training and validation part, scalers and samples. */
+lg_status split_rows(training *state, const app *self, lg_error *error);
+/* Equal rows, and whether they stand on both sides of the split. */
+void warn_duplicates(const app *self, const training *state);
+
+/* ---- width and priors (train_evidence.c) ---- */
+
+/* Beyond this many parameters the matrix of Levenberg-Marquardt takes too long. */
+enum { MOST_LM = 1500 };
+
+/* Multiplications in an evaluation of residuals, Jacobian and matrix, with what it costs beside them. */
+double work_of(const training *state, double rows);
+/* Parameters as they are drawn; NULL: no memory. */
+double *first_parameters(const training *state);
+/* Arrays of parameters. */
+uint32_t slices_of(const lg_table *model);
+/* Whether the evidence of the data gives the priors. */
+bool seeks_evidence(const training *state, const app *self);
+/* Width, priors and parameters to start from (freed with free). */
+lg_status find_evidence(training *state, const app *self, double **theta, lg_error *error);
+
+/* ---- result (train_result.c) ---- */
+
+/* Judges, writes the model, draws and reports; `finish` of a train_task. */
+int finish_training(void *user, train_session *session);
+
+#endif

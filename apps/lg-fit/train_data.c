@@ -1,0 +1,246 @@
+/* lg-fit train: the columns, the table, and its training and validation part. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-fit/train.h"
+
+enum { STREAM_SPLIT = 2 };
+
+/* ---- columns ---- */
+
+/* An output, or the column with the classes. */
+static bool is_learned(const training *state, const char *name) {
+    const char *class_column = state->given->class_column;
+    return has_name(&state->outputs, name) || (class_column != NULL && strcmp(name, class_column) == 0);
+}
+
+/* All columns with a name that are none of the outputs. */
+static int default_inputs(const app *self, const lg_table_names *all, training *state) {
+    column_names *out = &state->inputs;
+    *out = (column_names){0, app_alloc((size_t)all->count + 1, sizeof *out->name)};
+    for (uint32_t i = 0; i < all->count; i++) {
+        const char *name = all->name[i];
+        if (name[0] == '\0')
+            app_warn(self, "column %u has no name and is not used", i + 1);
+        else if (!is_learned(state, name))
+            memcpy(out->name[out->count++], name, sizeof *out->name);
+    }
+    return APP_EXIT_OK;
+}
+
+static int default_outputs(const app *self, const lg_table_names *all, column_names *out) {
+    *out = (column_names){1, app_alloc(1, sizeof *out->name)};
+    const char *last = all->name[all->count - 1];
+    (void)snprintf(out->name[0], LG_TABLE_NAME, "%s", last);
+    (void)fprintf(stderr, "%s: the output is the last column, %s; --outputs or --class names others\n",
+                  self->title, last);
+    return APP_EXIT_OK;
+}
+
+/* Inputs and outputs of all columns. */
+static int name_columns(const app *self, const lg_table_names *all, training *state) {
+    const train_values *given = state->given;
+    int code = APP_EXIT_OK;
+    if (given->outputs != NULL)
+        code = parse_names(self, "outputs", given->outputs, &state->outputs);
+    else if (is_regression(state))
+        code = default_outputs(self, all, &state->outputs);
+    if (code != APP_EXIT_OK) return code;
+    return given->inputs != NULL ? parse_names(self, "inputs", given->inputs, &state->inputs)
+                                 : default_inputs(self, all, state);
+}
+
+static int choose_columns(const app *self, const char *path, training *state) {
+    lg_table_names all = {.count = 0};
+    lg_error error = {LG_OK, ""};
+    if (state->given->outputs != NULL && !is_regression(state))
+        return app_usage(self,
+                         "--outputs and --class: a table is learned by regression or by classification");
+    const lg_status status = lg_table_names_read(self->context, path, NULL, &all, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    const int code = name_columns(self, &all, state);
+    lg_table_names_destroy(&all);
+    if (code != APP_EXIT_OK) return code;
+    for (uint32_t i = 0; i < state->inputs.count; i++)
+        if (is_learned(state, state->inputs.name[i]))
+            return app_usage(self, "column %s is an input and an output", state->inputs.name[i]);
+    if (state->inputs.count == 0)
+        return app_fail(self, LG_FORMAT, "%s: there is no column to learn from", path);
+    return APP_EXIT_OK;
+}
+
+/* ---- the tables ---- */
+
+/* The rows of each class; two classes at least have some. */
+static int count_classes(const app *self, const training *state, uint64_t *members) {
+    const lg_table_data *data = &state->table.data;
+    uint32_t present = 0;
+    for (size_t i = 0; i < data->rows; i++) members[data->label[i]]++;
+    for (uint32_t c = 0; c < data->classes; c++) present += members[c] > 0;
+    if (present < 2)
+        return app_fail(self, LG_FORMAT, "%s: column %s has one class only: there is nothing to tell apart",
+                        state->table.path, state->given->class_column);
+    for (uint32_t c = 0; c < data->classes; c++)
+        if (members[c] < 2)
+            app_warn(self, "%s: class '%s' has %llu %s", state->table.path, data->class_name[c],
+                     (unsigned long long)members[c], members[c] == 1 ? "row" : "complete rows");
+    return APP_EXIT_OK;
+}
+
+/* The classes become the outputs. */
+static int take_classes(const app *self, training *state) {
+    const lg_table_data *data = &state->table.data;
+    uint64_t *members = app_alloc(data->classes + 1, sizeof *members);
+    const int code = count_classes(self, state, members);
+    free(members);
+    if (code != APP_EXIT_OK) return code;
+    state->outputs = (column_names){data->classes, app_alloc(data->classes, sizeof *state->outputs.name)};
+    memcpy(state->outputs.name, data->class_name, data->classes * sizeof *data->class_name);
+    return APP_EXIT_OK;
+}
+
+static void warn_constant(const app *self, const training *state) {
+    const lg_table_data *data = &state->table.data;
+    for (uint32_t c = 0; c < data->columns; c++) {
+        size_t same = 1;
+        while (same < data->rows && data->values[same * data->columns + c] == data->values[c]) same++;
+        const bool input = c < state->inputs.count;
+        if (same == data->rows)
+            app_warn(self, "%s: column %s is constant%s", state->table.path,
+                     input ? state->inputs.name[c] : state->outputs.name[c - state->inputs.count],
+                     input ? ": it says nothing" : ": there is nothing to learn of it");
+    }
+}
+
+static int read_test(const app *self, training *state) {
+    const train_values *given = state->given;
+    const column_names none = {0, NULL};
+    const bool regression = is_regression(state);
+    const int code = read_table(self, given->test, &state->inputs, regression ? &state->outputs : &none,
+                                given->class_column, true, &state->test);
+    if (code != APP_EXIT_OK || regression) return code;
+    return match_classes(self, &state->test, state->outputs.name, state->outputs.count);
+}
+
+int read_training(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
+    training *state = user;
+    int code = choose_columns(self, path, state);
+    if (code == APP_EXIT_OK)
+        code = read_table(self, path, &state->inputs, &state->outputs, state->given->class_column, true,
+                          &state->table);
+    if (code != APP_EXIT_OK) return code;
+    if (state->table.data.rows < 2)
+        return app_fail(self, LG_FORMAT, "%s: has one complete row; two at least are needed", path);
+    if (!is_regression(state)) code = take_classes(self, state);
+    if (code != APP_EXIT_OK) return code;
+    warn_constant(self, state);
+    if (state->given->test != NULL) code = read_test(self, state);
+    if (code == APP_EXIT_OK) memcpy(sha256, state->table.data.sha256, LG_SHA256_TEXT);
+    return code;
+}
+
+/* ---- rows that are there twice ---- */
+
+typedef struct sorted_row {
+    const double *values;
+    uint32_t columns, label;
+    bool trained;
+} sorted_row;
+
+static int compare_sorted(const void *a, const void *b) {
+    const sorted_row *x = a, *y = b;
+    for (uint32_t c = 0; c < x->columns; c++)
+        if (x->values[c] != y->values[c]) return x->values[c] < y->values[c] ? -1 : 1;
+    return (x->label > y->label) - (x->label < y->label);
+}
+
+/* Freed with free. */
+static sorted_row *sort_rows(const training *state) {
+    const lg_table_data *data = &state->table.data;
+    sorted_row *rows = app_alloc(data->rows, sizeof *rows);
+    for (size_t i = 0; i < data->rows; i++) {
+        const size_t row = state->order[i];
+        rows[i] = (sorted_row){table_row(&state->table, row), data->columns,
+                               data->label != NULL ? data->label[row] : 0, i < state->trained};
+    }
+    qsort(rows, data->rows, sizeof *rows, compare_sorted);
+    return rows;
+}
+
+void warn_duplicates(const app *self, const training *state) {
+    sorted_row *rows = sort_rows(state);
+    size_t repeated = 0, shared = 0, first = 0;
+    bool both = false;
+    for (size_t i = 1; i < state->table.data.rows; i++) {
+        const bool same = compare_sorted(&rows[i - 1], &rows[i]) == 0;
+        repeated += same;
+        if (!same) first = i, both = false;
+        if (same && !both && rows[i].trained != rows[first].trained) both = true, shared++;
+    }
+    free(rows);
+    if (repeated > 0) app_warn(self, "%s: %zu rows are repetitions of others", state->table.path, repeated);
+    if (shared > 0)
+        app_warn(
+            self,
+            "%s: %zu different rows are in the training and in the validation part: the errors there are "
+            "too good",
+            state->table.path, shared);
+}
+
+/* ---- parts ---- */
+
+/* Columns first .. first + count - 1 of the training rows. */
+static lg_status fit_scaler(const training *state, const app *self, uint32_t first, uint32_t count,
+                            lg_scaler *out, lg_error *error) {
+    double *part = app_alloc(state->trained * count, sizeof *part);
+    for (size_t i = 0; i < state->trained; i++)
+        memcpy(part + i * count, table_row(&state->table, state->order[i]) + first, count * sizeof *part);
+    const lg_status status = lg_table_scaler_fit(self->context, part, count, NULL, state->trained, out);
+    free(part);
+    return status == LG_OK ? LG_OK : app_error(error, status, "the scaling of the columns");
+}
+
+/* The columns of a scaler from `first` on, scaled, in the order of the parts. */
+static double *scaled_rows(const training *state, uint32_t first, const lg_scaler *scaler) {
+    const size_t rows = state->table.data.rows;
+    double *out = app_alloc(rows * scaler->channels, sizeof *out);
+    for (size_t i = 0; i < rows; i++) {
+        const double *row = table_row(&state->table, state->order[i]) + first;
+        for (uint32_t c = 0; c < scaler->channels; c++)
+            out[i * scaler->channels + c] = (row[c] - scaler->mean[c]) / scaler->scale[c];
+    }
+    return out;
+}
+
+static lg_status make_samples(training *state, const app *self, lg_error *error) {
+    const uint32_t n = state->inputs.count, m = state->outputs.count;
+    const size_t rows = state->table.data.rows;
+    lg_status status = fit_scaler(state, self, 0, n, &state->input_scaler, error);
+    if (status != LG_OK) return status;
+    state->samples = (lg_table_samples){.count = rows, .training = state->trained};
+    state->samples.x = scaled_rows(state, 0, &state->input_scaler);
+    if (is_regression(state)) {
+        status = fit_scaler(state, self, n, m, &state->output_scaler, error);
+        if (status == LG_OK) state->samples.y = scaled_rows(state, n, &state->output_scaler);
+        return status;
+    }
+    state->samples.label = app_alloc(rows, sizeof *state->samples.label);
+    for (size_t i = 0; i < rows; i++) state->samples.label[i] = state->table.data.label[state->order[i]];
+    return LG_OK;
+}
+
+lg_status split_rows(training *state, const app *self, lg_error *error) {
+    const size_t rows = state->table.data.rows;
+    const double part = state->run->training.validation;
+    size_t held = (size_t)floor(part * (double)rows + 0.5);
+    if (part > 0.0 && held == 0) held = 1;
+    if (held >= rows) held = rows - 1;
+    lg_rng rng;
+    lg_rng_seed(&rng, state->run->training.seed, STREAM_SPLIT);
+    state->order = app_alloc(rows, sizeof *state->order);
+    for (size_t i = 0; i < rows; i++) state->order[i] = (uint32_t)i;
+    lg_rng_shuffle(&rng, state->order, rows);
+    state->trained = rows - held;
+    return make_samples(state, self, error);
+}
