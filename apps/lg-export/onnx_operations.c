@@ -1,0 +1,325 @@
+/* The operations of the library in ONNX: a row each in the table at the end. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-export/onnx.h"
+#include "liegrad/activation.h"
+
+bool onnx_give(const onnx_operation *o, onnx_name result) {
+    onnx_emit_to(o->j, o->out, "Identity", &result, 1, NULL, 0);
+    return true;
+}
+
+uint32_t onnx_rank_of(const onnx_operation *o, uint32_t input) {
+    return o->j->g->nodes[o->op->inputs[input]].op.rank;
+}
+
+/* ---- of each element ---- */
+
+static bool at_least(const onnx_operation *o) {
+    const onnx_name truth = onnx_binary(o->j, "GreaterOrEqual", o->x[0], o->x[1]);
+    return onnx_give(o, onnx_cast(o->j, truth, onnx_real_type(o->j)));
+}
+
+static bool choice(const onnx_operation *o) {
+    return onnx_give(o, onnx_where(o->j, onnx_cast(o->j, o->x[0], ONNX_BOOL), o->x[1], o->x[2]));
+}
+
+static bool mixture(const onnx_operation *o) {
+    const onnx_name rest = onnx_binary(o->j, "Sub", onnx_number(o->j, 1), o->x[0]);
+    return onnx_give(o, onnx_binary(o->j, "Add", onnx_binary(o->j, "Mul", rest, o->x[1]),
+                                    onnx_binary(o->j, "Mul", o->x[0], o->x[2])));
+}
+
+static bool scaled(const onnx_operation *o) {
+    if (o->op->reciprocal.base != 0 || o->op->reciprocal.rows != 0) return false;
+    return onnx_give(o, onnx_binary(o->j, "Mul", o->x[0], onnx_number(o->j, o->op->real)));
+}
+static bool shifted(const onnx_operation *o) {
+    return onnx_give(o, onnx_binary(o->j, "Add", o->x[0], onnx_number(o->j, o->op->real)));
+}
+static bool power(const onnx_operation *o) {
+    return onnx_give(o, onnx_binary(o->j, "Pow", o->x[0], onnx_number(o->j, o->op->real)));
+}
+
+static bool combination(const onnx_operation *o) {
+    onnx_name sum = onnx_binary(o->j, "Mul", o->x[0], onnx_number(o->j, o->op->reals[0]));
+    for (uint32_t i = 1; i < o->op->input_count; i++)
+        sum = onnx_binary(o->j, "Add", sum,
+                          onnx_binary(o->j, "Mul", o->x[i], onnx_number(o->j, o->op->reals[i])));
+    return onnx_give(o, sum);
+}
+
+/* atan(y/x), moved by pi to the left of x = 0. */
+static bool angle(const onnx_operation *o) {
+    onnx_job *j = o->j;
+    const onnx_name y = o->x[0], x = o->x[1], zero = onnx_number(j, 0), pi = onnx_number(j, acos(-1.0));
+    const onnx_name turn =
+        onnx_where(j, onnx_binary(j, "GreaterOrEqual", y, zero), pi, onnx_unary(j, "Neg", pi));
+    const onnx_name side = onnx_where(j, onnx_binary(j, "Less", x, zero), turn, zero);
+    return onnx_give(o, onnx_binary(j, "Add", onnx_unary(j, "Atan", onnx_binary(j, "Div", y, x)), side));
+}
+
+/* ---- activations ---- */
+
+static onnx_name swish(onnx_job *j, onnx_name x) {
+    return onnx_binary(j, "Mul", x, onnx_unary(j, "Sigmoid", x));
+}
+/* LeakyRelu has no double in onnxruntime. */
+static onnx_name leaky_relu(onnx_job *j, onnx_name x) {
+    return onnx_binary(j, "Max", x, onnx_binary(j, "Mul", x, onnx_number(j, 0.01)));
+}
+
+/* For sigma'(x): x, s = sigma(x) (of swish, the sigmoid), 1 and 1 - s. */
+typedef struct slope_terms {
+    onnx_name x, s, one, rest;
+} slope_terms;
+
+static onnx_name tanh_slope(onnx_job *j, const slope_terms *t) {
+    return onnx_binary(j, "Sub", t->one, onnx_binary(j, "Mul", t->s, t->s));
+}
+static onnx_name sigmoid_slope(onnx_job *j, const slope_terms *t) {
+    return onnx_binary(j, "Mul", t->s, t->rest);
+}
+static onnx_name swish_slope(onnx_job *j, const slope_terms *t) {
+    return onnx_binary(j, "Mul", t->s, onnx_binary(j, "Add", t->one, onnx_binary(j, "Mul", t->x, t->rest)));
+}
+static onnx_name sine_slope(onnx_job *j, const slope_terms *t) {
+    return onnx_unary(j, "Cos", t->x);
+}
+
+static const struct {
+    const char *type; /* NULL: `make` */
+    onnx_name (*make)(onnx_job *j, onnx_name x);
+    onnx_name (*slope)(onnx_job *j, const slope_terms *t); /* NULL: it has no form here */
+} activations[LG_ACTIVATION_COUNT] = {[LG_IDENTITY] = {.type = "Identity"},
+                                      [LG_TANH] = {.type = "Tanh", .slope = tanh_slope},
+                                      [LG_SIGMOID] = {.type = "Sigmoid", .slope = sigmoid_slope},
+                                      [LG_SWISH] = {.make = swish, .slope = swish_slope},
+                                      [LG_RELU] = {.type = "Relu"},
+                                      [LG_LEAKY_RELU] = {.make = leaky_relu},
+                                      [LG_SINE] = {.type = "Sin", .slope = sine_slope}};
+
+bool onnx_activated(onnx_job *j, int64_t kind, onnx_name x, onnx_name *out) {
+    if (kind < 0 || kind >= LG_ACTIVATION_COUNT) return false;
+    *out = activations[kind].make != NULL ? activations[kind].make(j, x)
+                                          : onnx_unary(j, activations[kind].type, x);
+    return true;
+}
+
+static bool activation(const onnx_operation *o) {
+    onnx_name y;
+    return onnx_activated(o->j, o->op->whole[0].base, o->x[0], &y) && onnx_give(o, y);
+}
+
+static bool slope(onnx_job *j, int64_t kind, onnx_name x, onnx_name s, onnx_name *out) {
+    slope_terms t = {.x = x, .s = s};
+    if (kind < 0 || kind >= LG_ACTIVATION_COUNT || activations[kind].slope == NULL) return false;
+    t.one = onnx_number(j, 1);
+    t.rest = onnx_binary(j, "Sub", t.one, s);
+    *out = activations[kind].slope(j, &t);
+    return true;
+}
+
+/* The values and first derivatives. */
+static bool activation_derivative(const onnx_operation *o) {
+    const int64_t kind = o->op->whole[0].base, order = o->op->whole[1].base;
+    onnx_job *j = o->j;
+    onnx_name s, y;
+    if (order > 1) return false;
+    if (o->op->whole[2].base == 1)
+        s = o->x[1];
+    else if (!onnx_activated(j, kind == LG_SWISH ? LG_SIGMOID : kind, o->x[0], &s))
+        return false;
+    if (order == 0)
+        y = kind == LG_SWISH ? onnx_binary(j, "Mul", o->x[0], s) : s;
+    else if (!slope(j, kind, o->x[0], s, &y))
+        return false;
+    if (o->op->whole[3].base == 1) y = onnx_binary(j, "Mul", y, o->x[2]);
+    return onnx_give(o, y);
+}
+
+/* ---- products ---- */
+
+static onnx_name transposed(onnx_job *j, onnx_name x, uint32_t rank) {
+    const int64_t order[2][3] = {{1, 0}, {0, 2, 1}};
+    return onnx_transpose(j, x, order[rank - 2], rank);
+}
+
+static bool product(const onnx_operation *o) {
+    const int64_t kind = o->op->whole[0].base;
+    const bool flat = onnx_rank_of(o, 0) == 2 && onnx_rank_of(o, 1) == 2;
+    onnx_name in[3] = {o->x[0], o->x[1], o->x[2]};
+    if (kind == 1) in[1] = transposed(o->j, in[1], onnx_rank_of(o, 1));
+    if (kind == 2) in[0] = transposed(o->j, in[0], onnx_rank_of(o, 0));
+    if (o->op->input_count == 3 && flat && onnx_rank_of(o, 2) == 1) {
+        onnx_emit_to(o->j, o->out, "Gemm", in, 3, NULL, 0);
+        return true;
+    }
+    const onnx_name y = onnx_emit(o->j, "MatMul", in, 2, NULL);
+    return onnx_give(o, o->op->input_count == 3 ? onnx_binary(o->j, "Add", y, in[2]) : y);
+}
+
+static onnx_name dot(onnx_job *j, onnx_name x, onnx_name y) {
+    return onnx_binary(j, "ReduceSum", onnx_binary(j, "Mul", x, y), onnx_wholes(j, (int64_t[]){-1}, 1));
+}
+static bool row_products(const onnx_operation *o) {
+    return onnx_give(o, dot(o->j, o->x[0], o->x[1]));
+}
+
+static bool crossed(const onnx_operation *o) {
+    const int64_t next[3] = {1, 2, 0}, last[3] = {2, 0, 1};
+    onnx_job *j = o->j;
+    const onnx_name a =
+        onnx_binary(j, "Mul", onnx_take(j, o->x[0], next, 3, -1), onnx_take(j, o->x[1], last, 3, -1));
+    const onnx_name b =
+        onnx_binary(j, "Mul", onnx_take(j, o->x[0], last, 3, -1), onnx_take(j, o->x[1], next, 3, -1));
+    return onnx_give(o, onnx_binary(j, "Sub", a, b));
+}
+
+/* ---- shapes ---- */
+
+/* Over the middle of (i0, i1, i2); in opset 13 the axes of a sum are an input, those of a maximum an
+ * attribute. */
+static bool summed(const onnx_operation *o) {
+    const onnx_name x = onnx_reshape(o->j, o->x[0], o->op->whole, 3);
+    const onnx_name y = onnx_binary(o->j, "ReduceSum", x, onnx_wholes(o->j, (int64_t[]){1}, 1));
+    return onnx_give(o, onnx_reshape(o->j, y, o->op->shape, o->op->rank));
+}
+static bool maximum(const onnx_operation *o) {
+    const onnx_attribute axes = {.name = "axes", .type = ONNX_INTS, .i = {1}, .count = 1};
+    const onnx_name x = onnx_reshape(o->j, o->x[0], o->op->whole, 3);
+    const onnx_name y = onnx_emit(o->j, "ReduceMax", &x, 1, &axes);
+    return onnx_give(o, onnx_reshape(o->j, y, o->op->shape, o->op->rank));
+}
+
+static bool repeated(const onnx_operation *o) {
+    if (o->op->whole[1].rows != 0) return false;
+    const lg_affine one[3] = {o->op->whole[0], {1, 0}, o->op->whole[2]};
+    const onnx_name x = onnx_reshape(o->j, o->x[0], one, 3);
+    const onnx_name y =
+        onnx_binary(o->j, "Tile", x, onnx_wholes(o->j, (int64_t[]){1, o->op->whole[1].base, 1}, 3));
+    return onnx_give(o, onnx_reshape(o->j, y, o->op->shape, o->op->rank));
+}
+
+static bool reshaped(const onnx_operation *o) {
+    int64_t shape[LG_MAX_RANK];
+    return onnx_shape_of(o->op->shape, o->op->rank, shape) &&
+           onnx_give(o, onnx_reshape(o->j, o->x[0], o->op->shape, o->op->rank));
+}
+
+static bool sliced(const onnx_operation *o) {
+    const lg_affine *w = o->op->whole;
+    if (w[1].rows != 0 || w[2].rows != 0) return false;
+    const onnx_name in[4] = {o->x[0], onnx_wholes(o->j, (int64_t[]){w[1].base}, 1),
+                             onnx_wholes(o->j, (int64_t[]){w[1].base + w[2].base}, 1),
+                             onnx_wholes(o->j, (int64_t[]){w[0].base}, 1)};
+    onnx_emit_to(o->j, o->out, "Slice", in, 4, NULL, 0);
+    return true;
+}
+
+static bool padded(const onnx_operation *o) {
+    int64_t pads[2 * LG_MAX_RANK] = {0};
+    const lg_affine *w = o->op->whole;
+    if (w[1].rows != 0 || w[2].rows != 0) return false;
+    pads[w[0].base] = w[1].base;
+    pads[o->op->rank + (size_t)w[0].base] = w[2].base;
+    return onnx_give(o, onnx_binary(o->j, "Pad", o->x[0], onnx_wholes(o->j, pads, 2 * o->op->rank)));
+}
+
+static bool joined(const onnx_operation *o) {
+    const onnx_attribute axis = onnx_axis(o->op->whole[0].base);
+    onnx_emit_to(o->j, o->out, "Concat", o->x, o->op->input_count, &axis, 1);
+    return true;
+}
+
+static bool permuted(const onnx_operation *o) {
+    int64_t order[4];
+    for (uint32_t k = 0; k < o->op->rank; k++) order[k] = o->op->whole[k].base;
+    return onnx_give(o, onnx_transpose(o->j, o->x[0], order, o->op->rank));
+}
+
+static bool gathered(const onnx_operation *o) {
+    int64_t *places = app_alloc(o->op->index_count, sizeof *places);
+    for (uint32_t i = 0; i < o->op->index_count; i++) places[i] = o->op->indices[i];
+    const onnx_name y = onnx_take(o->j, o->x[0], places, o->op->index_count, 0);
+    free(places);
+    return onnx_give(o, y);
+}
+
+/* ---- the table ---- */
+
+static const struct {
+    const char *name, *type;                    /* type: the operator that takes the same inputs, or NULL */
+    bool (*translate)(const onnx_operation *o); /* false: this form of it has none in ONNX */
+    bool single;                                /* onnxruntime has it in single precision only */
+} rows[] = {{"add", "Add", NULL, false},
+            {"sub", "Sub", NULL, false},
+            {"mul", "Mul", NULL, false},
+            {"div", "Div", NULL, false},
+            {"max", "Max", NULL, false},
+            {"sqrt", "Sqrt", NULL, false},
+            {"exp", "Exp", NULL, false},
+            {"log", "Log", NULL, false},
+            {"sin", "Sin", NULL, false},
+            {"cos", "Cos", NULL, false},
+            {"abs", "Abs", NULL, false},
+            {"sign", "Sign", NULL, false},
+            {"stop_gradient", "Identity", NULL, false},
+            {"ge", NULL, at_least, false},
+            {"atan2", NULL, angle, true},
+            {"select", NULL, choice, false},
+            {"mix", NULL, mixture, false},
+            {"combine", NULL, combination, false},
+            {"scale", NULL, scaled, false},
+            {"shift", NULL, shifted, false},
+            {"pow", NULL, power, false},
+            {"act", NULL, activation, false},
+            {"act_derivative", NULL, activation_derivative, false},
+            {"matmul", NULL, product, false},
+            {"rowdot", NULL, row_products, false},
+            {"cross", NULL, crossed, false},
+            {"sum", NULL, summed, false},
+            {"max_axis", NULL, maximum, false},
+            {"broadcast", NULL, repeated, false},
+            {"reshape", NULL, reshaped, false},
+            {"slice", NULL, sliced, false},
+            {"pad", NULL, padded, false},
+            {"concat", NULL, joined, false},
+            {"permute", NULL, permuted, false},
+            {"gather", NULL, gathered, false},
+            {"spd_factor", NULL, onnx_factor, false},
+            {"spd_solve", NULL, onnx_solve, false},
+            {"conv1d", NULL, onnx_convolution, true},
+            {"conv1d_block", NULL, onnx_block, true},
+            {"avg_pool1d", NULL, onnx_average_pool, false},
+            {"pool_pick", NULL, onnx_max_pool, false}};
+
+/* The row of an operation; LG_COUNT(rows): there is none. */
+static size_t row_of(const lg_operation *op) {
+    size_t i = 0;
+    while (i < LG_COUNT(rows) && strcmp(rows[i].name, op->name) != 0) i++;
+    return i;
+}
+
+bool onnx_translate(onnx_job *j, uint32_t node) {
+    const lg_operation *op = &j->g->nodes[node].op;
+    const size_t row = row_of(op);
+    const onnx_name out = onnx_name_of(j, node);
+    onnx_operation o = {.j = j, .op = op, .out = out.text};
+    if (row == LG_COUNT(rows)) return false;
+    for (uint32_t i = 0; i < op->input_count; i++) o.x[i] = onnx_name_of(j, op->inputs[i]);
+    if (rows[row].type == NULL) return rows[row].translate(&o);
+    onnx_emit_to(j, o.out, rows[row].type, o.x, op->input_count, NULL, 0);
+    return true;
+}
+
+const char *onnx_single_only(const graph *g) {
+    for (size_t k = 0; k < g->count; k++) {
+        const graph_node *n = &g->nodes[k];
+        const size_t row = n->needed && n->varies ? row_of(&n->op) : LG_COUNT(rows);
+        if (row < LG_COUNT(rows) && rows[row].single) return rows[row].name;
+    }
+    return NULL;
+}
