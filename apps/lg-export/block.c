@@ -275,16 +275,26 @@ double block_start(const block *b, size_t variable_at, size_t k) {
     return 0.0;
 }
 
+#define CAUSALITY_TEXT(name) "CAUSALITY_" #name,
+static const char *const causalities[CAUSALITIES] = {CAUSALITY_LIST(CAUSALITY_TEXT)};
+
+static void add_ports(const block *b, text *to) {
+    lg_text_add(to, "enum { ");
+    for (size_t k = 0; k < CAUSALITIES; k++) lg_text_add(to, "%s%s", k > 0 ? ", " : "", causalities[k]);
+    lg_text_add(to, " };\n/* Variables: place in the array, count, causality. */\n"
+                    "static const struct {\n    int at, count, causality;\n} ports[PORTS] = {\n");
+    for (size_t i = 0; i < b->count; i++) {
+        const variable *v = &b->variables[i];
+        lg_text_add(to, "    {%zu, %zu, %s}, /* %s */\n", v->at, v->count, causalities[v->kind], v->name);
+    }
+    lg_text_add(to, "};\n");
+}
+
 void block_add_tables(const block *b, text *to) {
     lg_text_add(to, "enum { STATES = %zu, PORTS = %zu, NUMBERS = %zu, WORK = %s_WORK_SIZE };\n", b->states,
                 b->count, b->numbers, b->source->options->name);
-    lg_text_add(to,
-                "/* Variables: place in the array, count, causality (state, derivative, input, output, "
-                "parameter). */\nstatic const struct {\n    int at, count, causality;\n} ports[PORTS] = {\n");
-    for (size_t i = 0; i < b->count; i++)
-        lg_text_add(to, "    {%zu, %zu, %d}, /* %s */\n", b->variables[i].at, b->variables[i].count,
-                    (int)b->variables[i].kind, b->variables[i].name);
-    lg_text_add(to, "};\nstatic const double start_values[NUMBERS] = {\n");
+    add_ports(b, to);
+    lg_text_add(to, "static const double start_values[NUMBERS] = {\n");
     for (size_t i = 0; i < b->count; i++) {
         for (size_t k = 0; k < b->variables[i].count; k++) {
             lg_text_add(to, "%s", k == 0 ? "    " : " ");

@@ -8,7 +8,10 @@
 
 enum { MOST_PORTS = 64, MOST_FUNCTIONS = 16 };
 
-typedef enum causality { STATE, DERIVATIVE, INPUT, OUTPUT, PARAMETER, CAUSALITIES } causality;
+/* What a variable is for; the generated C has the same names, CAUSALITY_STATE and so on. */
+#define CAUSALITY_LIST(ROW)  ROW(STATE) ROW(DERIVATIVE) ROW(INPUT) ROW(OUTPUT) ROW(PARAMETER)
+#define CAUSALITY_NAME(name) name,
+typedef enum causality { CAUSALITY_LIST(CAUSALITY_NAME) CAUSALITIES } causality;
 
 /* A variable of the model: numbers one behind the other in the instance's array. */
 typedef struct variable {

@@ -3,8 +3,6 @@
  * are those of Simulink's documentation. */
 #include "simstruc.h"
 
-enum { CAUSALITY_STATE, CAUSALITY_DERIVATIVE, CAUSALITY_INPUT, CAUSALITY_OUTPUT, CAUSALITY_PARAMETER };
-
 static int count_of(int causality) {
     int p, n = 0;
     for (p = 0; p < PORTS; p++) n += ports[p].causality == causality;
