@@ -6,7 +6,7 @@
 
 #include "liegrad/machine_model.h"
 
-/* ---- kinds ---- */
+/* ---- programs ---- */
 
 static lg_status of_hamiltonian(const app *self, const lg_model_file *file, const lg_scheme *scheme,
                                 lg_program **out, lg_error *error) {
@@ -40,15 +40,6 @@ static lg_status of_machine(const app *self, const lg_model_file *file, const lg
                               scheme != NULL ? scheme : file->machine->run.scheme, out, error);
 }
 
-static lg_status (*const programs[LG_MODEL_KIND_COUNT])(const app *self, const lg_model_file *file,
-                                                        const lg_scheme *scheme, lg_program **out,
-                                                        lg_error *error) = {
-    [LG_MODEL_HAMILTONIAN] = of_hamiltonian,
-    [LG_MODEL_SURROGATE] = of_surrogate,
-    [LG_MODEL_DETECTOR] = of_detector,
-    [LG_MODEL_TABLE] = of_table,
-    [LG_MODEL_MACHINE] = of_machine};
-
 /* ---- a start ---- */
 
 /* At rest: places, momenta 0; directions down, -e3; rotations 1. */
@@ -69,34 +60,49 @@ static void make_start(const lg_space *space, export_source *source) {
     }
 }
 
-static void find_start(const lg_model_file *file, export_source *source) {
+static lg_status space_of_hamiltonian(const lg_model_file *file, lg_space *space, double *step) {
+    const lg_hamiltonian *model = &file->hamiltonian.run.model;
+    *step = file->hamiltonian.run.dt;
+    return lg_hamiltonian_space(model->family, model->n, space);
+}
+
+static lg_status space_of_machine(const lg_model_file *file, lg_space *space, double *step) {
+    *step = file->machine->run.dt;
+    return lg_machine_space(&file->machine->run.machine, space);
+}
+
+/* ---- a model of any kind ---- */
+
+static const struct {
+    lg_status (*program)(const app *self, const lg_model_file *file, const lg_scheme *scheme,
+                         lg_program **out, lg_error *error);
+    /* Space of the state, and time between two points of the data; NULL: it has no state. */
+    lg_status (*space)(const lg_model_file *file, lg_space *space, double *step);
+} kinds[LG_MODEL_KIND_COUNT] = {[LG_MODEL_HAMILTONIAN] = {of_hamiltonian, space_of_hamiltonian},
+                                [LG_MODEL_SURROGATE] = {of_surrogate, NULL},
+                                [LG_MODEL_DETECTOR] = {of_detector, NULL},
+                                [LG_MODEL_TABLE] = {of_table, NULL},
+                                [LG_MODEL_MACHINE] = {of_machine, space_of_machine}};
+
+static lg_status load_model(const app *self, const char *path, export_source *source, lg_program **out,
+                            lg_error *error) {
+    lg_model_file file;
     lg_space space;
-    lg_status status = LG_UNSUPPORTED;
-    if (file->kind == LG_MODEL_HAMILTONIAN) {
-        const lg_hamiltonian *model = &file->hamiltonian.run.model;
-        status = lg_hamiltonian_space(model->family, model->n, &space);
-        source->step = file->hamiltonian.run.dt;
-    } else if (file->kind == LG_MODEL_MACHINE) {
-        status = lg_machine_space(&file->machine->run.machine, &space);
-        source->step = file->machine->run.dt;
-    }
-    if (status == LG_OK) make_start(&space, source);
+    LG_TRY(lg_model_load(self->context, path, NULL, &file, error));
+    const lg_status status = kinds[file.kind].program(self, &file, source->options->scheme, out, error);
+    if (status == LG_OK && kinds[file.kind].space != NULL &&
+        kinds[file.kind].space(&file, &space, &source->step) == LG_OK)
+        make_start(&space, source);
+    lg_model_file_destroy(&file);
+    return status;
 }
 
 int export_load(const app *self, const char *path, const char *kind, export_source *source,
                 lg_program **out) {
     lg_error error = {LG_OK, ""};
-    lg_model_file file;
-    lg_status status;
-    if (strcmp(kind, "program") == 0) {
-        status = lg_program_load(self->context, path, NULL, out, &error);
-    } else {
-        status = lg_model_load(self->context, path, NULL, &file, &error);
-        if (status != LG_OK) return app_fail_file(self, status, &error, path);
-        status = programs[file.kind](self, &file, source->options->scheme, out, &error);
-        if (status == LG_OK) find_start(&file, source);
-        lg_model_file_destroy(&file);
-    }
+    const lg_status status = strcmp(kind, "program") == 0
+                                 ? lg_program_load(self->context, path, NULL, out, &error)
+                                 : load_model(self, path, source, out, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 

@@ -90,22 +90,23 @@ static void free_machine(lg_model_file *file) {
 }
 
 typedef struct kind_row {
-    const char *name; /* attribute `kind` */
     lg_status (*load)(const lg_context *context, const char *path, const lg_read_options *options,
                       lg_model_file *out, lg_error *error);
     lg_status (*make)(const lg_context *context, lg_model_file *file, lg_error *error);
     void (*release)(lg_model_file *file);
-    const lg_run_kind *run;
+    const lg_run_kind *run; /* its name is the attribute `kind` */
+    size_t member;          /* of lg_model_file: the file structure, */
+    bool apart;             /* or a pointer to it */
 } kind_row;
 
+#define KIND(kind, run, apart)                                                                               \
+    { load_##kind, make_##kind, free_##kind, &run, offsetof(lg_model_file, kind), apart }
 static const kind_row rows[LG_MODEL_KIND_COUNT] = {
-    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, make_hamiltonian, free_hamiltonian,
-                              &lg_run_hamiltonian},
-    [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, make_surrogate, free_surrogate, &lg_run_surrogate},
-    [LG_MODEL_DETECTOR] = {"detector", load_detector, make_detector, free_detector, &lg_run_detector},
-    [LG_MODEL_TABLE] = {"table", load_table, make_table, free_table, &lg_run_table},
-    [LG_MODEL_MACHINE] = {"machine_model", load_machine, make_machine, free_machine, &lg_run_machine_model},
-};
+    [LG_MODEL_HAMILTONIAN] = KIND(hamiltonian, lg_run_hamiltonian, false),
+    [LG_MODEL_SURROGATE] = KIND(surrogate, lg_run_surrogate, false),
+    [LG_MODEL_DETECTOR] = KIND(detector, lg_run_detector, false),
+    [LG_MODEL_TABLE] = KIND(table, lg_run_table, false),
+    [LG_MODEL_MACHINE] = KIND(machine, lg_run_machine_model, true)};
 
 /* ---- what is no model ---- */
 
@@ -148,7 +149,7 @@ lg_status lg_model_load(const lg_context *context, const char *path, const lg_re
     if (path == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name, the model a place");
     LG_TRY(lg_file_kind(context, path, options, kind, sizeof kind, error));
-    while (i < LG_MODEL_KIND_COUNT && strcmp(rows[i].name, kind) != 0) i++;
+    while (i < LG_MODEL_KIND_COUNT && strcmp(rows[i].run->name, kind) != 0) i++;
     if (i == LG_MODEL_KIND_COUNT) return refuse(path, kind, error);
     lg_model_file made = {.kind = (lg_model_kind)i};
     LG_TRY(rows[i].load(context, path, options, &made, error));
@@ -171,9 +172,10 @@ void lg_model_file_destroy(lg_model_file *file) {
 
 bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out,
                          const double **values) {
-    const lg_run_kind *kind = rows[file->kind].run;
-    const char *at =
-        file->kind == LG_MODEL_MACHINE ? (const char *)file->machine : (const char *)&file->hamiltonian;
+    const kind_row *row = &rows[file->kind];
+    const lg_run_kind *kind = row->run;
+    const char *at = (const char *)file + row->member;
+    if (row->apart) at = *(const char *const *)(const void *)at;
     if (!kind->slice(at + kind->file_run, index, out)) return false;
     *values = *(double *const *)(const void *)(at + kind->file_theta) + out->offset;
     return true;
