@@ -129,23 +129,13 @@ typedef struct copying {
     lg_error *error;
 } copying;
 
-static lg_status store(lg_table_reading *r, size_t row, uint32_t column, double value, lg_error *error) {
-    if (column == r->class_at) LG_TRY(lg_table_set_label_number(r, row, value, error));
-    for (uint32_t i = 0; i < r->count; i++) {
-        if (r->at[i] != column) continue;
-        LG_TRY(lg_table_check_number(r, row, r->all.name[column], value, error));
-        r->out.values[row * r->out.columns + i] = value;
-    }
-    return LG_OK;
-}
-
 static void copy_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
     copying *copy = user;
     const uint32_t columns = copy->source->columns;
     for (uint64_t i = 0; i < rows && copy->status == LG_OK; i++)
         for (uint32_t c = 0; c < columns && copy->status == LG_OK; c++)
-            copy->status = store(copy->call->r, (size_t)(row + i), copy->source->first + c,
-                                 values[i * columns + c], copy->error);
+            copy->status = lg_table_set_number(copy->call->r, (size_t)(row + i), copy->source->first + c,
+                                               values[i * columns + c], copy->error);
 }
 
 static lg_status copy_label(void *user, uint64_t index, const char *text, lg_error *error) {

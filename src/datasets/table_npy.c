@@ -131,16 +131,6 @@ static double number_of(const npy *n, const unsigned char *raw) {
     return (double)bits;
 }
 
-static lg_status store(lg_table_reading *r, size_t row, uint32_t column, double value, lg_error *error) {
-    if (column == r->class_at) LG_TRY(lg_table_set_label_number(r, row, value, error));
-    for (uint32_t i = 0; i < r->count; i++) {
-        if (r->at[i] != column) continue;
-        LG_TRY(lg_table_check_number(r, row, r->all.name[column], value, error));
-        r->out.values[row * r->out.columns + i] = value;
-    }
-    return LG_OK;
-}
-
 static lg_status read_numbers(lg_table_reading *r, const npy *n, lg_error *error) {
     unsigned char raw[MOST_BYTES];
     const uint64_t outer = n->fortran ? n->columns : n->rows, inner = n->fortran ? n->rows : n->columns;
@@ -149,8 +139,8 @@ static lg_status read_numbers(lg_table_reading *r, const npy *n, lg_error *error
         for (uint64_t b = 0; b < inner; b++) {
             if (fread(raw, 1, n->bytes, n->from) != n->bytes)
                 return fail(r, "cannot be read to its end", error);
-            LG_TRY(store(r, (size_t)(n->fortran ? b : a), (uint32_t)(n->fortran ? a : b), number_of(n, raw),
-                         error));
+            LG_TRY(lg_table_set_number(r, (size_t)(n->fortran ? b : a), (uint32_t)(n->fortran ? a : b),
+                                       number_of(n, raw), error));
         }
     return LG_OK;
 }

@@ -138,8 +138,8 @@ lg_status lg_table_add_row(lg_table_reading *r, size_t line, double **values, lg
     return LG_OK;
 }
 
-lg_status lg_table_check_number(const lg_table_reading *r, size_t row, const char *column, double value,
-                                lg_error *error) {
+static lg_status check_number(const lg_table_reading *r, size_t row, const char *column, double value,
+                              lg_error *error) {
     if (!isinf(value)) return LG_OK;
     return lg_fail(error, LG_FORMAT, "%s: row %zu: column %s: is infinite; nan is missing", r->shown, row + 1,
                    column);
@@ -162,11 +162,22 @@ lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, 
     return LG_OK;
 }
 
-lg_status lg_table_set_label_number(lg_table_reading *r, size_t row, double value, lg_error *error) {
+static lg_status set_label_number(lg_table_reading *r, size_t row, double value, lg_error *error) {
     char text[32] = "";
-    LG_TRY(lg_table_check_number(r, row, r->class_column, value, error));
+    LG_TRY(check_number(r, row, r->class_column, value, error));
     if (!isnan(value)) (void)snprintf(text, sizeof text, "%.15g", value);
     return lg_table_set_label(r, row, text, error);
+}
+
+lg_status lg_table_set_number(lg_table_reading *r, size_t row, uint32_t column, double value,
+                              lg_error *error) {
+    if (column == r->class_at) LG_TRY(set_label_number(r, row, value, error));
+    for (uint32_t i = 0; i < r->count; i++) {
+        if (r->at[i] != column) continue;
+        LG_TRY(check_number(r, row, r->all.name[column], value, error));
+        r->out.values[row * r->out.columns + i] = value;
+    }
+    return LG_OK;
 }
 
 static int compare_texts(const void *a, const void *b) {

@@ -38,11 +38,10 @@ lg_status lg_table_make_rows(lg_table_reading *r, uint64_t rows, lg_error *error
 lg_status lg_table_add_row(lg_table_reading *r, size_t line, double **values, lg_error *error);
 /* The class of a row; "" is missing. */
 lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, lg_error *error);
-/* The same as a number. */
-lg_status lg_table_set_label_number(lg_table_reading *r, size_t row, double value, lg_error *error);
-/* A number of a binary file; NaN is missing. LG_FORMAT: infinite. */
-lg_status lg_table_check_number(const lg_table_reading *r, size_t row, const char *column, double value,
-                                lg_error *error);
+/* The number of a column of a binary file, where that column is wanted; NaN is missing. LG_FORMAT:
+ * infinite. */
+lg_status lg_table_set_number(lg_table_reading *r, size_t row, uint32_t column, double value,
+                              lg_error *error);
 lg_status lg_table_no_memory(const lg_table_reading *r, lg_error *error);
 
 static inline bool lg_table_names_only(const lg_table_reading *r) {
