@@ -142,6 +142,26 @@ static bool is_output(const char *function, const char *rate) {
     return rate == NULL || strcmp(rate, function) != 0;
 }
 
+/* What is asked for and is no part of the block. */
+static void warn_left_out(const block *b, const char *function, const char *rate) {
+    if (b->source->options->functions != NULL && strcmp(function, rate) != 0 && strcmp(function, "step") != 0)
+        app_warn(b->self, "%s is left out: it is a part of the rate, %s, and no output of a block", function,
+                 rate);
+}
+
+/* Another output. False: it does not fit. */
+static bool take_function(block *b, const char *function, const char *rate) {
+    if (!is_output(function, rate)) {
+        warn_left_out(b, function, rate);
+        return true;
+    }
+    if (!is_usual(b, function)) return true;
+    if (b->part_count < MOST_FUNCTIONS) return add_outputs(b, function);
+    app_warn(b->self, "%s is left out: a block has at most %d functions; choose with --functions", function,
+             MOST_FUNCTIONS);
+    return true;
+}
+
 int block_collect(block *b, bool derivatives) {
     static const char *const rates[] = {"velocity", "field", "rate", NULL};
     static const char *const usual[] = {"value", "positions", "velocities", NULL};
@@ -155,8 +175,7 @@ int block_collect(block *b, bool derivatives) {
     if (chosen == NULL) return APP_EXIT_USAGE;
     for (char *save = NULL, *name = strtok_r(chosen, ",", &save); name != NULL && fits;
          name = strtok_r(NULL, ",", &save))
-        if (b->part_count < MOST_FUNCTIONS && is_output(name, rate) && is_usual(b, name))
-            fits = add_outputs(b, name);
+        fits = take_function(b, name, rate);
     free(chosen);
     fits = fits && add_variable(b, "longest_step", NULL, PARAMETER, &at);
     b->step = b->rate && fits_step(b);

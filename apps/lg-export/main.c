@@ -168,10 +168,21 @@ static int build_model(job *j) {
     return code;
 }
 
+/* The row of a kind; LG_COUNT(kinds): it is no model. */
+static size_t find_kind(const char *kind) {
+    size_t i = 0;
+    while (i < LG_COUNT(kinds) && strcmp(kind, kinds[i].name) != 0) i++;
+    return i;
+}
+
 static bool is_exported(const char *kind) {
-    bool found = strcmp(kind, "classifier") == 0 || strcmp(kind, "program") == 0;
-    for (size_t i = 0; i < LG_COUNT(kinds); i++) found = found || strcmp(kind, kinds[i].name) == 0;
-    return found;
+    return find_kind(kind) < LG_COUNT(kinds) || strcmp(kind, "classifier") == 0 ||
+           strcmp(kind, "program") == 0;
+}
+
+static bool has_steps(const char *kind) {
+    const size_t i = find_kind(kind);
+    return i < LG_COUNT(kinds) && kinds[i].scheme != NULL;
 }
 
 static int refuse_kind(const job *j, const char *kind) {
@@ -192,6 +203,7 @@ static int build_target(job *j, const char *kind) {
         return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone",
                          target->name, j->path);
     j->kind = kind;
+    if (given.scheme != NULL && !scene && !has_steps(kind)) return refuse_scheme(j);
     j->options.compact = true;
     int code = scene ? export_load_scene(j->self, j->path, target->tunable, &j->source, &program)
                      : export_load(j->self, j->path, kind, &j->source, &program);

@@ -16,9 +16,9 @@ typedef struct onnx_job {
     bool has_batch; /* the node "/batch" is there: the number of rows, shape (1) */
 } onnx_job;
 
-/* The name of a value. */
+/* The name of a value; those of inputs have at most 64 bytes. */
 typedef struct onnx_name {
-    char text[24];
+    char text[72];
 } onnx_name;
 
 typedef struct onnx_attribute {

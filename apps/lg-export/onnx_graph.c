@@ -9,7 +9,7 @@ onnx_name onnx_name_of(const onnx_job *j, uint32_t node) {
     onnx_name n;
     const graph_node *k = &j->g->nodes[node];
     if (strcmp(k->op.name, "input") == 0)
-        (void)snprintf(n.text, sizeof n.text, "%.23s", j->g->inputs[k->op.whole[0].base].name);
+        (void)snprintf(n.text, sizeof n.text, "%s", j->g->inputs[k->op.whole[0].base].name);
     else
         (void)snprintf(n.text, sizeof n.text, "/v%u", node);
     return n;

@@ -22,6 +22,13 @@ static bool at_least(const onnx_operation *o) {
     return onnx_give(o, onnx_cast(o->j, truth, onnx_real_type(o->j)));
 }
 
+/* 1 at zero, where Sign has 0. */
+static bool sign(const onnx_operation *o) {
+    onnx_job *j = o->j;
+    const onnx_name zero = onnx_number(j, 0), one = onnx_number(j, 1), minus = onnx_number(j, -1);
+    return onnx_give(o, onnx_where(j, onnx_binary(j, "GreaterOrEqual", o->x[0], zero), one, minus));
+}
+
 static bool choice(const onnx_operation *o) {
     return onnx_give(o, onnx_where(o->j, onnx_cast(o->j, o->x[0], ONNX_BOOL), o->x[1], o->x[2]));
 }
@@ -265,9 +272,9 @@ static const struct {
             {"sin", "Sin", NULL, false},
             {"cos", "Cos", NULL, false},
             {"abs", "Abs", NULL, false},
-            {"sign", "Sign", NULL, false},
             {"stop_gradient", "Identity", NULL, false},
             {"ge", NULL, at_least, false},
+            {"sign", NULL, sign, false},
             {"atan2", NULL, angle, true},
             {"select", NULL, choice, false},
             {"mix", NULL, mixture, false},

@@ -18,6 +18,7 @@ typedef struct import_values {
 /* lg_activation, in its order. */
 static const char *const activations[] = {"identity", "tanh",       "sigmoid", "swish",
                                           "relu",     "leaky-relu", "sine",    NULL};
+_Static_assert(LG_COUNT(activations) == LG_ACTIVATION_COUNT + 1, "a name for each activation");
 static const char *const layouts[] = {"auto", "out-in", "in-out", NULL};
 enum { LAYOUT_AUTO, LAYOUT_OUT_IN, LAYOUT_IN_OUT };
 
@@ -141,27 +142,38 @@ static int take_tensors(const app *self, const char *path, network *n) {
 
 /* ---- layers from numpy files: a weight, then its bias, and so on ---- */
 
-static int take_array(const app *self, const char *path, network *n) {
+/* All columns of a file as one array. */
+static int read_array(const app *self, const char *path, lg_table_data *out) {
     lg_table_names names;
-    lg_table_data data;
     lg_error error = {LG_OK, ""};
     lg_status status = lg_table_names_read(self->context, path, NULL, &names, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     const char **columns = app_alloc(names.count, sizeof *columns);
     for (uint32_t i = 0; i < names.count; i++) columns[i] = names.name[i];
-    status = lg_table_read(self->context, path, columns, names.count, NULL, NULL, &data, &error);
+    status = lg_table_read(self->context, path, columns, names.count, NULL, NULL, out, &error);
     free(columns);
-    layer *last = n->count > 0 ? &n->layers[n->count - 1] : NULL;
-    const bool bias = status == LG_OK && last != NULL && last->bias == NULL &&
-                      (data.columns == 1 || data.rows == 1) && data.rows * data.columns == last->out;
-    if (bias)
-        last->bias = transposed(data.values, 1, last->out);
-    else if (status == LG_OK && n->count < MOST_LAYERS)
-        add_weight(n, "", data.values, data.rows, data.columns, inputs_first_of(false));
     lg_table_names_destroy(&names);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+}
+
+static bool is_bias_of(const layer *l, const lg_table_data *data) {
+    return l->bias == NULL && (data->columns == 1 || data->rows == 1) && data->rows * data->columns == l->out;
+}
+
+static int take_array(const app *self, const char *path, network *n) {
+    lg_table_data data;
+    layer *last = n->count > 0 ? &n->layers[n->count - 1] : NULL;
+    int code = read_array(self, path, &data);
+    if (code != APP_EXIT_OK) return code;
+    if (last != NULL && is_bias_of(last, &data))
+        last->bias = transposed(data.values, 1, last->out);
+    else if (n->count < MOST_LAYERS)
+        add_weight(n, "", data.values, data.rows, data.columns, inputs_first_of(false));
+    else
+        code = app_fail(self, LG_FORMAT, "%s: is the weight of one more layer than the %d that there may be",
+                        path, MOST_LAYERS);
     lg_table_data_destroy(&data);
-    return APP_EXIT_OK;
+    return code;
 }
 
 /* ---- the program ---- */

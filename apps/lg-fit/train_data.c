@@ -29,23 +29,26 @@ static int default_inputs(const app *self, const lg_table_names *all, training *
     return APP_EXIT_OK;
 }
 
-static int default_outputs(const app *self, const lg_table_names *all, column_names *out) {
+/* The last column that has a name. */
+static int default_outputs(const app *self, const lg_table_names *all, const char *path, column_names *out) {
+    uint32_t last = all->count;
+    while (last > 0 && all->name[last - 1][0] == '\0') last--;
+    if (last == 0) return app_fail(self, LG_FORMAT, "%s: there is no column with a name", path);
     *out = (column_names){1, app_alloc(1, sizeof *out->name)};
-    const char *last = all->name[all->count - 1];
-    (void)snprintf(out->name[0], LG_TABLE_NAME, "%s", last);
+    memcpy(out->name[0], all->name[last - 1], sizeof *out->name);
     (void)fprintf(stderr, "%s: the output is the last column, %s; --outputs or --class names others\n",
-                  self->title, last);
+                  self->title, out->name[0]);
     return APP_EXIT_OK;
 }
 
 /* Inputs and outputs of all columns. */
-static int name_columns(const app *self, const lg_table_names *all, training *state) {
+static int name_columns(const app *self, const lg_table_names *all, const char *path, training *state) {
     const train_values *given = state->given;
     int code = APP_EXIT_OK;
     if (given->outputs != NULL)
         code = parse_names(self, "outputs", given->outputs, &state->outputs);
     else if (is_regression(state))
-        code = default_outputs(self, all, &state->outputs);
+        code = default_outputs(self, all, path, &state->outputs);
     if (code != APP_EXIT_OK) return code;
     return given->inputs != NULL ? parse_names(self, "inputs", given->inputs, &state->inputs)
                                  : default_inputs(self, all, state);
@@ -59,7 +62,7 @@ static int choose_columns(const app *self, const char *path, training *state) {
                          "--outputs and --class: a table is learned by regression or by classification");
     const lg_status status = lg_table_names_read(self->context, path, NULL, &all, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    const int code = name_columns(self, &all, state);
+    const int code = name_columns(self, &all, path, state);
     lg_table_names_destroy(&all);
     if (code != APP_EXIT_OK) return code;
     for (uint32_t i = 0; i < state->inputs.count; i++)
