@@ -9,15 +9,19 @@
 
 /* ---- settings ---- */
 
+#define COLUMNS                                                                                              \
+    APP_ROW_TEXT(train_values, inputs, "inputs", "A,B,...",                                                  \
+                 "Columns to learn from (default: all that are not outputs)"),                               \
+        APP_ROW_TEXT(train_values, outputs, "outputs", "Y,...", "Columns to learn (default: the last one)"), \
+        APP_ROW_TEXT(train_values, class_column, "class", "COLUMN",                                          \
+                     "Classification: the column with the classes, texts or numbers")
+
 static const app_option train_options[] = {
-    APP_ROW_TEXT(train_values, inputs, "inputs", "A,B,...",
-                 "Columns to learn from (default: all that are not outputs)"),
-    APP_ROW_TEXT(train_values, outputs, "outputs", "Y,...", "Columns to learn (default: the last one)"),
-    APP_ROW_TEXT(train_values, class_column, "class", "COLUMN",
-                 "Classification: the column with the classes, texts or numbers"),
+    COLUMNS,
     APP_ROW_TEXT(train_values, test, "test", "TABLE",
                  "Judge the model on this table (default: on the validation part)"),
     APP_ROW_END};
+static const app_option columns_options[] = {COLUMNS, APP_ROW_END};
 
 static train_values values;
 static lg_table_run run;
@@ -218,8 +222,30 @@ static int run_train(app *self) {
     return end(train_main(self, &task));
 }
 
+/* The chosen columns become part of what a table of trials is resumed with. */
+static void add_columns(char sha256[LG_SHA256_TEXT]) {
+    const char *const given[] = {values.inputs, values.outputs, values.class_column};
+    lg_sha256 sum;
+    bool any = false;
+    lg_sha256_init(&sum);
+    lg_sha256_add(&sum, sha256, strlen(sha256));
+    for (size_t i = 0; i < LG_COUNT(given); i++) {
+        any = any || given[i] != NULL;
+        lg_sha256_add(&sum, given[i] != NULL ? given[i] : "", given[i] != NULL ? strlen(given[i]) + 1 : 1);
+    }
+    if (any) lg_sha256_finish(&sum, sha256);
+}
+
+static int read_search(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
+    const int code = read_training(user, self, path, sha256);
+    if (code == APP_EXIT_OK) add_columns(sha256);
+    return code;
+}
+
 static int run_search(app *self) {
-    return end(search_main(self, &train_command, &task));
+    train_task searched = task;
+    searched.read = read_search;
+    return end(search_main(self, &train_command, &searched));
 }
 
 const app_command train_command = {
@@ -245,4 +271,5 @@ const app_command train_command = {
     .arguments_max = 1,
     .run = run_train};
 
-const app_command search_command = {SEARCH_COMMAND("TABLE"), .run = run_search};
+const app_command search_command = {SEARCH_COMMAND("TABLE"), .options = columns_options, .values = &values,
+                                    .run = run_search};

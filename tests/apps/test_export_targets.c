@@ -5,6 +5,7 @@
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
 #include "liegrad/io.h"
+#include "liegrad/ops.h"
 
 /* ---- models ---- */
 
@@ -434,6 +435,39 @@ TEST("ONNX and safetensors files say what they are; an operation without ONNX is
     make_model("attitude", make_attitude);
     cli_expect("lg-export", "attitude.h5 --out no --name m --target onnx --functions step", 2,
                "has no form in ONNX", &result);
+}
+
+/* A program with a long name, and the sign of its input. */
+static lg_status record_sign(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    (void)user;
+    (void)theta;
+    out[0] = lg_sign(tape, in[0]);
+    return lg_tape_status(tape);
+}
+static lg_status make_sign(lg_program **out, training *t, lg_error *error) {
+    const lg_port x = {.name = "position_of_the_first_body_in_metres", .shape = lg_shape1(2)},
+                  y = {.name = "y"};
+    const lg_function_spec value = {"value", &x, 1, &y, 1, record_sign, NULL};
+    lg_program_spec spec;
+    (void)t;
+    lg_program_spec_init(&spec);
+    spec.functions = &value;
+    spec.function_count = 1;
+    return lg_program_build(NULL, &spec, out, error);
+}
+
+TEST("ONNX: names of inputs are whole; the sign of zero is 1, as here, which Sign has not") {
+    make_model("sign", make_sign);
+    export_run("sign.h5 --out signs --name m --target onnx");
+    export_expect("test $(grep -aow position_of_the_first_body_in_metres signs/m.onnx | wc -l) = 2");
+    export_expect("grep -qa GreaterOrEqual signs/m.onnx && ! grep -qaw Sign signs/m.onnx");
+}
+
+TEST("a scheme and functions that a target does not take are told") {
+    static cli result;
+    make_model("driven", make_driven);
+    cli_expect("lg-export", "driven.h5 --out no --name m --target onnx --scheme cf4", 2,
+               "is for Hamiltonians and machines", &result);
 }
 
 TEST("single precision and missing functions are refused with a sentence") {

@@ -344,6 +344,7 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n", "--hidden 4,5", 2, "one width"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--decay 1,2", 2, "2 numbers; the model has"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--activation best", 2, "not one of"},
+    {",,\n1,2,3\n4,5,6\n", "", 3, "there is no column with a name"},
     /* These end well. */
     {"a,b,y\n1,2,3\n4,5,6\n", "", -1, ""},
     {"\xef\xbb\xbf"
@@ -353,6 +354,7 @@ static const odd odds[] = {
     {"\"a, long\",b,y\n1,2,3\n4,5,6\n7,8,8\n", "--outputs y", -1, ""},
     {"0,1,2\n1,2,3\n4,5,6\n7,8,8\n", "--outputs 2", -1, ""},
     {",b,y\n0,2,3\n1,5,6\n2,8,8\n", "", -1, "column 1 has no name and is not used"},
+    {"a,b,\n0,2,3\n1,5,6\n2,8,8\n", "", -1, "the output is the last column, b;"},
     {"a,b,y\n1,2,3\n4,5,6\n7,nan,9\n7,8,8\n", "", -1, "1 of 4 rows have missing cells"},
     {"a,b,y\n1,2,3\n4,2,6\n7,2,8\n", "", -1, "column b is constant: it says nothing"},
     {"a,b,y\n1,2,3\n4,5,3\n7,8,3\n", "", -1, "column y is constant"},
@@ -529,11 +531,43 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     cli_expect(fit, "import w.safetensors", 2, "--out is missing", &result);
 }
 
+TEST("an import of more layers than a network may have is refused") {
+    enum { MOST = 64 };
+    static const double numbers[MOST] = {1.0};
+    sheet *header = TEST_ARRAY(sheet, 1);
+    for (int i = 0; i < MOST; i++)
+        put(header, "%c\"n.%d.weight\":{\"dtype\":\"F64\",\"shape\":[1,1],\"data_offsets\":[%d,%d]}",
+            i > 0 ? ',' : '{', i, 8 * i, 8 * i + 8);
+    put(header, "}");
+    write_tensors("deep.safetensors", header->text, numbers, sizeof numbers);
+    cli_write("one.csv", "w\n1\n");
+    cli_expect(fit, "import deep.safetensors one.csv --out deep.h5", 0, "65 parameters", &result);
+    cli_expect(fit, "import deep.safetensors one.csv one.csv --out d.h5", 3, "one more layer than the 64",
+               &result);
+}
+
 TEST("a search finds the better width") {
     need_tables();
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [1, 12]}\nfixed: {epochs: 20}\n");
     cli_expect(fit, "search ranges.yaml smooth.csv --trials 3 --out trials.csv", 0, "", &result);
     assert_true(cli_exists("trials.csv"));
+}
+
+TEST("a search takes columns and classes as train does, and goes on with the same ones alone") {
+    need_tables();
+    cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [4, 8]}\nfixed: {epochs: 5}\n");
+    cli_expect(fit, "search ranges.yaml classes.csv --class where --trials 2 --out classes-trials.csv", 0, "",
+               &result);
+    cli_expect(fit, "search ranges.yaml smooth.csv --inputs a,b,c --outputs y --trials 1 --out columns.csv",
+               0, "", &result);
+    cli_expect(fit,
+               "search ranges.yaml smooth.csv --inputs a,b,c --outputs z --trials 2 --out columns.csv "
+               "--resume",
+               2, "trials with other", &result);
+    cli_expect(fit,
+               "search ranges.yaml smooth.csv --inputs a,b,c --outputs y --trials 2 --out columns.csv "
+               "--resume",
+               0, "", &result);
 }
 
 TEST_GROUP(setup, cli_end)
