@@ -21,7 +21,7 @@ static int judge(const app *self, const lg_table_file *file, const fit_table *ta
     lg_status status = judge_rows(self, file, table, NULL, 0, &j, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     const double seconds = app_seconds() - begin;
-    warn_outside(self, &j, table->path, self->arguments[0]);
+    warn_outside(self, j.outside, j.rows, table->path, self->arguments[0]);
     if (values.plot != NULL) status = draw_judgement(self, values.plot, file, &j, &error);
     if (status == LG_OK && self->json) {
         app_json json;

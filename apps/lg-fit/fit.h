@@ -52,8 +52,8 @@ void judgement_free(judgement *j);
 void judgement_json(app_json *json, const lg_table_file *file, const judgement *j);
 void judgement_print(const lg_table_file *file, const judgement *j);
 /* A warning for rows outside of the training range. */
-void warn_outside(const app *self, const judgement *j, const char *path, const char *model);
-/* Number of inputs of a row that are beyond the training range. */
+void warn_outside(const app *self, size_t outside, size_t rows, const char *path, const char *model);
+/* Whether an input of a row is beyond the training range by more than a tenth of it. */
 bool is_outside(const lg_table_file *file, const double *x);
 /* Probabilities from logits, in place. */
 void softmax(double *y, uint32_t classes);

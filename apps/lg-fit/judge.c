@@ -77,10 +77,40 @@ static void add_class(const lg_table_file *file, const fit_table *table, size_t 
     j->log_loss -= log(fmax(y[truth], 1e-300)) / (double)j->rows;
 }
 
+/* Arrays for the rows of a judgement that has some. */
+static void make_arrays(const lg_table_file *file, judgement *j) {
+    const size_t outputs = file->run.model.net.outputs;
+    j->rmse = app_alloc(outputs, sizeof *j->rmse);
+    j->r2 = app_alloc(outputs, sizeof *j->r2);
+    j->confusion = app_alloc(is_regression(file) ? 1 : outputs * outputs, sizeof *j->confusion);
+    if (!is_regression(file)) return;
+    j->truth = app_alloc(j->rows * outputs, sizeof *j->truth);
+    j->prediction = app_alloc(j->rows * outputs, sizeof *j->prediction);
+}
+
+static void run_rows(const lg_table_file *file, const lg_model *model, const fit_table *table,
+                     const uint32_t *chosen, judgement *j) {
+    const uint32_t inputs = file->run.model.net.inputs, outputs = file->run.model.net.outputs;
+    void *work = app_alloc(lg_model_work_size(model), 1);
+    double *y = app_alloc(outputs, sizeof *y);
+    for (size_t i = 0; i < j->rows; i++) {
+        const size_t row = chosen != NULL ? chosen[i] : i;
+        const double *x = table_row(table, row);
+        j->outside += is_outside(file, x);
+        lg_model_eval(model, x, y, work);
+        if (is_regression(file)) {
+            memcpy(j->truth + i * outputs, x + inputs, outputs * sizeof *y);
+            memcpy(j->prediction + i * outputs, y, outputs * sizeof *y);
+        } else {
+            add_class(file, table, row, y, j);
+        }
+    }
+    free(y);
+    free(work);
+}
+
 lg_status judge_rows(const app *self, const lg_table_file *file, const fit_table *table,
                      const uint32_t *chosen, size_t count, judgement *out, lg_error *error) {
-    const uint32_t inputs = file->run.model.net.inputs, outputs = file->run.model.net.outputs;
-    const bool regression = is_regression(file);
     lg_model *model = NULL;
     *out = (judgement){.rows = chosen != NULL ? count : table->data.rows,
                        .accuracy = (double)NAN,
@@ -90,33 +120,12 @@ lg_status judge_rows(const app *self, const lg_table_file *file, const fit_table
     const lg_status status = lg_model_create_table(self->context, &file->run.model, &file->inputs,
                                                    &file->outputs, file->theta, &model, error);
     if (status != LG_OK) return status;
-    void *work = app_alloc(lg_model_work_size(model), 1);
-    double *y = app_alloc(outputs, sizeof *y);
-    out->rmse = app_alloc(outputs, sizeof(double));
-    out->r2 = app_alloc(outputs, sizeof(double));
-    out->confusion = app_alloc(regression ? 1 : (size_t)outputs * outputs, sizeof *out->confusion);
-    if (regression) {
-        out->truth = app_alloc(out->rows * outputs, sizeof(double));
-        out->prediction = app_alloc(out->rows * outputs, sizeof(double));
-    }
-    for (size_t i = 0; i < out->rows; i++) {
-        const size_t row = chosen != NULL ? chosen[i] : i;
-        const double *x = table_row(table, row);
-        out->outside += is_outside(file, x);
-        lg_model_eval(model, x, y, work);
-        if (regression) {
-            memcpy(out->truth + i * outputs, x + inputs, outputs * sizeof *y);
-            memcpy(out->prediction + i * outputs, y, outputs * sizeof *y);
-        } else {
-            add_class(file, table, row, y, out);
-        }
-    }
-    if (regression)
+    make_arrays(file, out);
+    run_rows(file, model, table, chosen, out);
+    if (is_regression(file))
         sum_columns(file, out);
     else
-        sum_classes(outputs, out);
-    free(y);
-    free(work);
+        sum_classes(file->run.model.net.outputs, out);
     lg_model_destroy(model);
     return LG_OK;
 }
@@ -130,36 +139,38 @@ void judgement_free(judgement *j) {
     *j = (judgement){.rows = 0};
 }
 
+static void put_columns(app_json *json, const lg_table_file *file, const char *key, const double *values) {
+    app_json_open(json, key, '{');
+    for (uint32_t o = 0; o < file->run.model.net.outputs; o++)
+        app_json_real(json, file->output_name[o], values != NULL ? values[o] : (double)NAN);
+    app_json_close(json, '}');
+}
+
+static void put_confusion(app_json *json, const lg_table_file *file, const judgement *j) {
+    const uint32_t classes = file->run.model.net.outputs;
+    double *row = app_alloc(classes, sizeof *row);
+    app_json_open(json, "confusion", '[');
+    for (uint32_t c = 0; c < classes && j->confusion != NULL; c++) {
+        for (uint32_t k = 0; k < classes; k++) row[k] = (double)j->confusion[c * classes + k];
+        app_json_reals(json, NULL, row, classes);
+    }
+    app_json_close(json, ']');
+    app_json_open(json, "classes", '[');
+    for (uint32_t c = 0; c < classes; c++) app_json_text(json, NULL, file->output_name[c]);
+    app_json_close(json, ']');
+    free(row);
+}
+
 void judgement_json(app_json *json, const lg_table_file *file, const judgement *j) {
-    const uint32_t outputs = file->run.model.net.outputs;
     if (is_regression(file)) {
-        const struct {
-            const char *key;
-            const double *values;
-        } rows[] = {{"rmse", j->rmse}, {"r2", j->r2}};
-        for (size_t k = 0; k < LG_COUNT(rows); k++) {
-            app_json_open(json, rows[k].key, '{');
-            for (uint32_t o = 0; o < outputs; o++)
-                app_json_real(json, file->output_name[o],
-                              rows[k].values != NULL ? rows[k].values[o] : (double)NAN);
-            app_json_close(json, '}');
-        }
+        put_columns(json, file, "rmse", j->rmse);
+        put_columns(json, file, "r2", j->r2);
         app_json_real(json, "scaled_rmse", j->scaled_rmse);
     } else {
         app_json_real(json, "accuracy", j->accuracy);
         app_json_real(json, "f1", j->f1);
         app_json_real(json, "log_loss", j->rows > 0 ? j->log_loss : (double)NAN);
-        app_json_open(json, "confusion", '[');
-        for (uint32_t c = 0; c < outputs && j->confusion != NULL; c++) {
-            double *row = app_alloc(outputs, sizeof *row);
-            for (uint32_t k = 0; k < outputs; k++) row[k] = (double)j->confusion[c * outputs + k];
-            app_json_reals(json, NULL, row, outputs);
-            free(row);
-        }
-        app_json_close(json, ']');
-        app_json_open(json, "classes", '[');
-        for (uint32_t c = 0; c < outputs; c++) app_json_text(json, NULL, file->output_name[c]);
-        app_json_close(json, ']');
+        put_confusion(json, file, j);
     }
     app_json_size(json, "judged_rows", j->rows);
     app_json_size(json, "outside", j->outside);
@@ -200,9 +211,9 @@ void judgement_print(const lg_table_file *file, const judgement *j) {
     app_table_end(&table, stdout);
 }
 
-void warn_outside(const app *self, const judgement *j, const char *path, const char *model) {
-    if (j->outside > 0)
+void warn_outside(const app *self, size_t outside, size_t rows, const char *path, const char *model) {
+    if (outside > 0)
         app_warn(self,
                  "%s: %zu of %zu rows lie outside of the training range of %s: expect large errors there",
-                 path, j->outside, j->rows, model);
+                 path, outside, rows, model);
 }

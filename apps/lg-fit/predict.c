@@ -88,10 +88,7 @@ static void tell(const app *self, const fit_table *table, const counts *found) {
     if (found->incomplete > 0)
         app_warn(self, "%s: %zu of %zu rows lack an input; their predictions are empty", table->path,
                  found->incomplete, table->data.rows);
-    if (found->outside > 0)
-        app_warn(self,
-                 "%s: %zu of %zu rows lie outside of the training range of %s: expect large errors there",
-                 table->path, found->outside, table->data.rows, self->arguments[0]);
+    warn_outside(self, found->outside, table->data.rows, table->path, self->arguments[0]);
 }
 
 static int write_all(const app *self, const lg_table_file *file, const lg_model *model,

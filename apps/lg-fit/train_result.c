@@ -139,7 +139,7 @@ static int judge_model(const training *state, const train_session *session, lg_t
     const lg_status status = judge(state, self, file, v, &error);
     if (status != LG_OK) return app_fail(self, status, "after training: %s", app_sentence(status, &error));
     warn_duplicates(self, state);
-    if (test != NULL) warn_outside(self, &v->judged, test, train_given_files.out);
+    if (test != NULL) warn_outside(self, v->judged.outside, v->judged.rows, test, train_given_files.out);
     file->rmse = v->judged.scaled_rmse;
     file->accuracy = v->judged.accuracy;
     file->f1 = v->judged.f1;

@@ -210,6 +210,9 @@ TEST("the evidence finds the noise of the data, and a network for it that genera
         print_message("noise %.3g: found %.3g, %.1f effective of %zu, error %.3g\n", noises[i],
                       f.result.noise, f.result.effective, lg_table_parameters(&model), error);
         assert_close(f.result.noise, noises[i], 0.25, 0);
+        const double rows = (double)samples->count,
+                     squares = rows * pow(error_on(&model, f.theta, samples), 2);
+        assert_close(pow(f.result.noise, 2) * (rows - f.result.effective), squares, 1e-9, 0);
         assert_true(f.result.effective > 5 && f.result.effective < (double)lg_table_parameters(&model));
         assert_true(error < 0.5 * noises[i] + 0.02);
     }
@@ -230,6 +233,11 @@ TEST("a network that is too narrow for the data has less evidence than one that 
     assert_true(evidence[1] > evidence[0] + 20);
 }
 
+static double with_penalty(double loss, const double *decay, const double *theta, size_t n) {
+    for (size_t i = 0; i < n; i++) loss += 0.5 * decay[i] * theta[i] * theta[i];
+    return loss;
+}
+
 /* At the end the gradient of loss and penalty, with the decay that is returned, is small: lg_fit goes on
  * there. */
 TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit") {
@@ -241,7 +249,7 @@ TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit")
     lg_rng_seed(&rng, 33, 0);
     const lg_table_samples *samples = draw(&model, 60, 0.5, &rng);
     const found f = evidence_of(&model, samples, 4);
-    double *decay = TEST_ARRAY(double, n), *end = TEST_ARRAY(double, n);
+    double *decay = TEST_ARRAY(double, n), *end = TEST_ARRAY(double, n), *far = TEST_ARRAY(double, n);
     for (uint32_t s = 0; lg_table_slice(&model, s, &info); s++)
         for (size_t i = 0; i < info.count; i++) decay[info.offset + i] = f.decay[s];
     const lg_table_problem problem = {&model, samples, decay};
@@ -259,6 +267,16 @@ TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit")
         const double before = lg_fit_history(fit, LG_FIT_LOSS)[0], after = lg_fit_loss(fit);
         lg_fit_destroy(fit);
         assert_close(after, before, 3e-3, 0);
+        /* From far away, too, loss and penalty become as small together. */
+        for (size_t i = 0; i < n; i++) far[i] = 1.5 * f.theta[i];
+        assert_ok(lg_fit_create(NULL, &learned, &options, far, &fit, NULL));
+        assert_ok(lg_fit_run(fit, NULL));
+        lg_fit_parameters(fit, end);
+        const double whole = with_penalty(lg_fit_loss(fit), decay, end, n);
+        print_message("method %d: loss with its penalty %.6g, that of the evidence %.6g\n", method, whole,
+                      with_penalty(before, decay, f.theta, n));
+        lg_fit_destroy(fit);
+        assert_true(whole < 1.005 * with_penalty(before, decay, f.theta, n));
     }
     /* Without the decay the same start is no minimum. */
     learned.decay = NULL;
