@@ -497,6 +497,8 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     } bad[] = {{"{\"a.weight\":{\"dtype\":\"I8\",\"shape\":[1],\"data_offsets\":[0,1]}}", "type is not F64"},
                {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[9,9],\"data_offsets\":[0,648]}}",
                 "data_offsets do not fit"},
+               {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,24]}}",
+                "data_offsets do not fit"},
                {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[2,-2],\"data_offsets\":[0,32]}}",
                 "shape is not a list"},
                {"{\"a.bias\":{\"dtype\":\"F64\",\"shape\":[2],\"data_offsets\":[0,16]}}", "bias of no layer"},
