@@ -115,38 +115,60 @@ static bool is_derivative(const char *name) {
     return is;
 }
 
+/* Whether a list with commas has the name. */
+static bool is_listed(const char *list, const char *name) {
+    const size_t length = strlen(name);
+    for (const char *at = list; at != NULL; at = strchr(at, ',')) {
+        at += *at == ',';
+        if (strncmp(at, name, length) == 0 && (at[length] == ',' || at[length] == '\0')) return true;
+    }
+    return false;
+}
+
 static void add_name(text *list, const char *name) {
-    lg_text_add(list, "%s%s", list->length > 0 ? "," : "", name);
+    if (list->data == NULL || !is_listed(list->data, name))
+        lg_text_add(list, "%s%s", list->length > 0 ? "," : "", name);
+}
+
+/* The names of --functions, each once; *missing: one that the program has not got. */
+static void add_given(const char *functions, const lg_program *program, text *list, char **missing) {
+    size_t at;
+    char *given = app_format("%s", functions);
+    for (char *save = NULL, *name = strtok_r(given, ",", &save); name != NULL && *missing == NULL;
+         name = strtok_r(NULL, ",", &save)) {
+        if (lg_program_find(program, name, &at) == LG_OK)
+            add_name(list, name);
+        else
+            *missing = app_format("%s", name);
+    }
+    free(given);
+}
+
+static void add_usual(const lg_program *program, const char *const *usual, text *list) {
+    size_t at;
+    for (size_t i = 0; usual[i] != NULL; i++)
+        if (lg_program_find(program, usual[i], &at) == LG_OK) add_name(list, usual[i]);
+    const bool all = list->length == 0;
+    for (size_t i = 0; all && i < lg_program_functions(program); i++) {
+        const char *name = lg_program_function_name(program, i);
+        if (!is_derivative(name)) add_name(list, name);
+    }
 }
 
 char *export_choose(const app *self, const export_options *options, const lg_program *program,
                     const char *const *usual) {
     text list = {.data = NULL};
-    size_t at;
-    char *given = app_format("%s", options->functions != NULL ? options->functions : "");
-    const char *missing = NULL;
-    for (char *save = NULL, *name = strtok_r(given, ",", &save); name != NULL;
-         name = strtok_r(NULL, ",", &save)) {
-        if (lg_program_find(program, name, &at) == LG_OK)
-            add_name(&list, name);
-        else
-            missing = name;
-    }
-    for (size_t i = 0; options->functions == NULL && usual[i] != NULL; i++)
-        if (lg_program_find(program, usual[i], &at) == LG_OK) add_name(&list, usual[i]);
-    const bool all = options->functions == NULL && list.length == 0;
-    for (size_t i = 0; all && i < lg_program_functions(program); i++) {
-        const char *name = lg_program_function_name(program, i);
-        if (!is_derivative(name)) add_name(&list, name);
-    }
-    if (missing != NULL || list.length == 0) {
+    char *missing = NULL, *out = NULL;
+    if (options->functions != NULL)
+        add_given(options->functions, program, &list, &missing);
+    else
+        add_usual(program, usual, &list);
+    if (missing != NULL || list.length == 0)
         (void)app_usage(self, "--functions: the model has no function '%s'", missing != NULL ? missing : "");
-        lg_text_destroy(&list);
-        list.data = NULL;
-    }
-    free(given);
-    char *out = list.data != NULL ? app_format("%s", list.data) : NULL;
+    else
+        out = app_format("%s", list.data);
     lg_text_destroy(&list);
+    free(missing);
     return out;
 }
 

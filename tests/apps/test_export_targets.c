@@ -463,8 +463,11 @@ TEST("ONNX: names of inputs are whole; the sign of zero is 1, as here, which Sig
     export_expect("grep -qa GreaterOrEqual signs/m.onnx && ! grep -qaw Sign signs/m.onnx");
 }
 
-TEST("a scheme and functions that a target does not take are told") {
+TEST("a scheme that a target does not take is told; a function that is named twice counts once") {
     static cli result;
+    make_model("throw", make_throw);
+    export_run("throw.h5 --out twice --name m --target fmu2 --functions value,value");
+    export_expect("test $(grep -c 'name=\"value\\[1\\]\"' twice/modelDescription.xml) = 1");
     make_model("driven", make_driven);
     cli_expect("lg-export", "driven.h5 --out no --name m --target onnx --scheme cf4", 2,
                "is for Hamiltonians and machines", &result);
