@@ -281,12 +281,12 @@ static int add_golden(const app *self, export_source *source, const lg_model_fil
     const double scale = tangent_scale(source, model);
     double places[PLACES];
     lg_rng rng;
-    void *work = app_alloc(lg_model_work_size(file->model), 1);
     lg_surrogate_curves *curves = NULL;
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_surrogate_curves_create(self->context, model, file->surrogate.theta, LG_F64,
                                                         PLACES, &curves, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
+    void *work = app_alloc(lg_model_work_size(file->model), 1);
     void *curve = app_alloc(lg_surrogate_curves_work_size(curves), 1);
     lg_rng_seed(&rng, source->options->seed, GOLDEN_STREAM);
     for (size_t i = 0; i < PLACES; i++) places[i] = rounded(source, share[i]);
