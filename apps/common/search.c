@@ -262,6 +262,15 @@ static void print_trials(const searching *search) {
     free(order);
 }
 
+/* The texts among the search's own options, which its train takes too. */
+static void print_given(const app *self) {
+    const app_command *command = self->command;
+    for (const app_option *o = command->options; o != NULL && o->name != NULL; o++)
+        if (o->kind == APP_TEXT && app_given(self, o->name))
+            (void)printf(" --%s %s", o->name,
+                         *(const char *const *)((const char *)command->values + o->offset));
+}
+
 /* The best trial's settings as words of a command line. */
 static void print_best(const searching *search, size_t best) {
     const lg_search_file *file = search->file;
@@ -269,6 +278,7 @@ static void print_best(const searching *search, size_t best) {
     (void)printf("best: trial %llu, objective %.4e; %s train %s",
                  (unsigned long long)search->trials[best].number, search->trials[best].objective,
                  search->app->program, search->app->arguments[1]);
+    print_given(search->app);
     for (size_t i = 0; i < file->fixed_count; i++)
         (void)printf(" --%s %s", file->fixed_name[i], file->fixed_value[i]);
     for (size_t i = 0; i < file->space.count; i++) {

@@ -222,30 +222,8 @@ static int run_train(app *self) {
     return end(train_main(self, &task));
 }
 
-/* The chosen columns become part of what a table of trials is resumed with. */
-static void add_columns(char sha256[LG_SHA256_TEXT]) {
-    const char *const given[] = {values.inputs, values.outputs, values.class_column};
-    lg_sha256 sum;
-    bool any = false;
-    lg_sha256_init(&sum);
-    lg_sha256_add(&sum, sha256, strlen(sha256));
-    for (size_t i = 0; i < LG_COUNT(given); i++) {
-        any = any || given[i] != NULL;
-        lg_sha256_add(&sum, given[i] != NULL ? given[i] : "", given[i] != NULL ? strlen(given[i]) + 1 : 1);
-    }
-    if (any) lg_sha256_finish(&sum, sha256);
-}
-
-static int read_search(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
-    const int code = read_training(user, self, path, sha256);
-    if (code == APP_EXIT_OK) add_columns(sha256);
-    return code;
-}
-
 static int run_search(app *self) {
-    train_task searched = task;
-    searched.read = read_search;
-    return end(search_main(self, &train_command, &searched));
+    return end(search_main(self, &train_command, &task));
 }
 
 const app_command train_command = {

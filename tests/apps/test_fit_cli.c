@@ -558,8 +558,8 @@ TEST("a search finds the better width") {
 TEST("a search takes columns and classes as train does, and goes on with the same ones alone") {
     need_tables();
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [4, 8]}\nfixed: {epochs: 5}\n");
-    cli_expect(fit, "search ranges.yaml classes.csv --class where --trials 2 --out classes-trials.csv", 0, "",
-               &result);
+    cli_expect(fit, "search ranges.yaml classes.csv --class where --trials 2 --out classes-trials.csv", 0,
+               "train classes.csv --class where --epochs 5", &result);
     cli_expect(fit, "search ranges.yaml smooth.csv --inputs a,b,c --outputs y --trials 1 --out columns.csv",
                0, "", &result);
     cli_expect(fit,
