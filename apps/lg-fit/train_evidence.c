@@ -6,7 +6,8 @@
 #include "lg-fit/train.h"
 
 enum { STREAM_WEIGHTS = 1, RACE_EVALUATIONS = 60 };
-static const double RACE_WORK = 8e9, EVIDENCE_WORK = 3e9;
+/* Multiplications and additions: a width that was given is worth some ten seconds. */
+static const double RACE_WORK = 8e9, EVIDENCE_WORK = 3e9, GIVEN_WORK = 7e11;
 
 /* ---- parameters ---- */
 
@@ -174,10 +175,17 @@ static lg_status find_priors(training *state, const app *self, bool go_on, doubl
     run->decay.count = slices_of(&run->model);
     lg_table_evidence_options_init(&options);
     options.rows = (size_t)rows;
-    options.evaluations = (uint32_t)fmin(fmax(EVIDENCE_WORK / work_of(state, rows), 12.0), 200.0);
+    const double work = go_on ? EVIDENCE_WORK : GIVEN_WORK, most = options.evaluations;
+    options.evaluations = (uint32_t)fmin(fmax(work / work_of(state, rows), 12.0), most);
     options.go_on = go_on;
     const lg_status status = lg_table_evidence(self->context, &state->problem, &options, theta,
                                                run->decay.value, &state->evidence, error);
+    if (status == LG_OK && !go_on && !state->evidence.settled && 2 * options.evaluations < most)
+        app_warn(
+            self,
+            "the search for weight decays ended after %u evaluations, before it settled: the network may be "
+            "fitted too loosely; take a narrower one, or --method ssbroyden --weight-decay 0",
+            state->evidence.evaluations);
     state->evidence.evaluations += before;
     return status;
 }

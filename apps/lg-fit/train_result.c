@@ -55,13 +55,20 @@ static lg_status judge(const training *state, const app *self, const lg_table_fi
                       held > 0 ? held : state->trained, &v->judged, error);
 }
 
+/* Standard deviation of the noise in units of the outputs' deviation, from what the last fit leaves. */
+static double noise_of(const training *state, const verdict *v) {
+    const double numbers = (double)state->trained * state->outputs.count;
+    return v->trained.scaled_rmse * sqrt(numbers / fmax(numbers - state->evidence.effective, 0.02 * numbers));
+}
+
 /* null where no evidence was sought. */
-static void put_evidence(app_json *json, const lg_table_evidence_result *found) {
+static void put_evidence(app_json *json, const training *state, const verdict *v) {
+    const lg_table_evidence_result *found = &state->evidence;
     const bool sought = found->evaluations > 0;
     app_json_size(json, "evidence_evaluations", found->evaluations);
     app_json_real(json, "effective_parameters", sought ? found->effective : (double)NAN);
     app_json_real(json, "log_evidence", sought ? found->evidence : (double)NAN);
-    app_json_real(json, "noise", sought ? found->noise : (double)NAN);
+    app_json_real(json, "noise", sought ? noise_of(state, v) : (double)NAN);
 }
 
 static void report_json(const training *state, const train_session *session, const lg_table_file *file,
@@ -79,7 +86,7 @@ static void report_json(const training *state, const train_session *session, con
     app_json_size(&json, "train_rows", state->trained);
     app_json_size(&json, "inputs", state->inputs.count);
     app_json_size(&json, "outputs", state->outputs.count);
-    put_evidence(&json, &state->evidence);
+    put_evidence(&json, state, v);
     train_json(session, &json);
     app_json_end(&json);
 }
@@ -95,7 +102,7 @@ static void report(const training *state, const train_session *session, const lg
                  lg_net_kind_name(state->run->model.options.network), file->parameters);
     if (state->evidence.evaluations > 0)
         (void)printf("the data determine %.1f parameters; noise about %.3g of the outputs' deviation\n",
-                     state->evidence.effective, state->evidence.noise);
+                     state->evidence.effective, noise_of(state, v));
     (void)printf("%s rows (%zu):\n", v->part, v->judged.rows);
     judgement_print(file, &v->judged);
 }

@@ -105,6 +105,7 @@ LG_API void lg_table_evidence_options_init(lg_table_evidence_options *options);
 
 typedef struct lg_table_evidence_result {
     uint32_t evaluations; /* used */
+    bool settled;         /* theta and the priors had come to rest before the last evaluation */
     double effective;     /* sum gamma: parameters that the data determine */
     double noise;         /* 1/sqrt(beta), in units of the scaled outputs */
     double evidence;      /* logarithm of the probability of the data, up to a constant of them alone */

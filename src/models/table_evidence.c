@@ -34,6 +34,7 @@ typedef struct evidence {
     double squares, trial_squares; /* |r|^2 */
     double gamma[MOST_SLICES], effective;
     uint32_t evaluations;
+    bool settled;
 } evidence;
 
 /* ---- sums over the rows ---- */
@@ -180,6 +181,7 @@ static lg_status search(evidence *e, const lg_table_evidence_options *o) {
         quiet = i > BURN_IN && still ? quiet + 1 : 0;
         effective = e->effective;
     }
+    e->settled = quiet == QUIET;
     estimate(e);
     return LG_OK;
 }
@@ -231,8 +233,8 @@ static lg_status run(evidence *e, const lg_table_evidence_options *o, double *th
     /* The loss is |r|^2 over all training numbers. */
     for (uint32_t s = 0; s < e->slices; s++) decay[s] = 2.0 * e->ratio[s] / (double)all;
     if (result != NULL)
-        *result =
-            (lg_table_evidence_result){e->evaluations, e->effective, sqrt(e->variance), log_evidence(e)};
+        *result = (lg_table_evidence_result){e->evaluations, e->settled, e->effective, sqrt(e->variance),
+                                             log_evidence(e)};
     return LG_OK;
 }
 

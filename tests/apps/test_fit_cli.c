@@ -107,6 +107,23 @@ TEST("the noise of a table is not learned: the priors say how large it is") {
     assert_true(inner(result.out, "rmse", "y") > 3.5);
 }
 
+TEST("a width that is given is learned as well as the one that is chosen") {
+    static const char *const widths[] = {"", "--hidden 24", "--hidden 48", "--hidden 10,10"};
+    double error[LG_COUNT(widths)];
+    need_tables();
+    write_smooth("many.csv", 0, 1500, 0.1);
+    for (size_t i = 0; i < LG_COUNT(widths); i++) {
+        char line[256];
+        (void)snprintf(line, sizeof line,
+                       "train many.csv --inputs a,b,c,d --outputs y --test clear.csv --out wide.h5 %s",
+                       widths[i]);
+        cli_json(fit, line, "noise >0.06, noise <0.11, warnings []", &result);
+        error[i] = inner(result.out, "rmse", "y");
+        print_message("%s: rmse %.4f\n", widths[i], error[i]);
+        assert_true(error[i] < 1.5 * error[0]);
+    }
+}
+
 TEST("two outputs at once, all networks, and methods") {
     static const char *const lines[] = {"--network resnet --hidden 12,12",
                                         "--network mult --hidden 10",
