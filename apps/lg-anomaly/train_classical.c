@@ -100,9 +100,10 @@ static lg_method method_of(int method) {
     return methods[method];
 }
 
-/* Published ranges and pruning: depth by features and criterion (table 6.7). */
+/* Published ranges and pruning: depth by features and criterion (table 6.7). A spectrum is taken like the
+ * covariance. */
 static uint32_t deepest(const train_values *values) {
-    if (values->features != LG_FEATURES_COV) return 13;
+    if (values->features != LG_FEATURES_COV && values->features != LG_FEATURES_SPECTRUM) return 13;
     if (values->components > 0) return 8;
     return values->criterion == LG_ENTROPY ? 5 : 6;
 }

@@ -13,7 +13,8 @@
 NAMES(extern, train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logistic", [METHOD_TREE] = "tree",
       [METHOD_SVM_LINEAR] = "svm-linear", [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline",
       [METHOD_NOVELTY] = "novelty")
-NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov")
+NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov",
+      [LG_FEATURES_SPECTRUM] = "spectrum")
 NAMES(static, directions_name, "xy", "x")
 NAMES(static, criterion_name, [LG_GINI] = "gini", [LG_ENTROPY] = "entropy")
 NAMES(static, prune_name, [PRUNE_NONE] = "none", [PRUNE_PRE] = "pre", [PRUNE_POST] = "post")
@@ -43,8 +44,8 @@ static const lg_hyperparameter rows[] = {
     ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",
         .meaning = "Distance from one window to the next"),
     ROW("features", NAME, features, .value_name = features_name, .value = "cov", .methods = CLASSICAL,
-        .meaning = "Features of classical methods: the samples, standard deviations, or the square root of "
-                   "the covariance"),
+        .meaning = "Features of classical methods: the samples, standard deviations, the square root of the "
+                   "covariance, or the logarithms of the power in bands of frequency"),
     ROW("components", U64, components, .high = 1 << 20, .value = "0", .unit = "k",
         .methods = CLASSICAL | BASELINE, .meaning = "Number of principal components; 0: none"),
     ROW("directions", NAME, directions, .value_name = directions_name, .value = "xy",

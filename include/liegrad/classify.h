@@ -17,6 +17,7 @@
 #include "liegrad/context.h"
 #include "liegrad/export.h"
 #include "liegrad/series.h"
+#include "liegrad/spectrum.h"
 #include "liegrad/status.h"
 
 LG_BEGIN_DECLS
@@ -24,17 +25,21 @@ LG_BEGIN_DECLS
 /* ---- features (src/classify/features.c; a file a kind) ---- */
 
 typedef enum lg_feature_kind {
-    LG_FEATURES_RAW,     /* the window as it is, channel by channel: m length numbers */
-    LG_FEATURES_STD,     /* standard deviation of each channel: m */
-    LG_FEATURES_COV,     /* upper triangle, row by row, of the symmetric square root of the covariance of the
+    LG_FEATURES_RAW,      /* the window as it is, channel by channel: m length numbers */
+    LG_FEATURES_STD,      /* standard deviation of each channel: m */
+    LG_FEATURES_COV,      /* upper triangle, row by row, of the symmetric square root of the covariance of the
                           * scaled channels: m (m + 1)/2. Denominator `length`, as for STD. */
+    LG_FEATURES_SPECTRUM, /* ln(P + LG_FEATURES_FLOOR) of each channel, for its power P in each of `bands` bands
+                           * of frequency (liegrad/spectrum.h), less its mean, scaled: m bands numbers. 8
+                           * bands, or as many as the window has; windows of 4 samples at least. */
     LG_FEATURES_BASELINE /* standard deviations of moment and acceleration in each of `segments` parts of the
                           * window, and the regression line of the moment on the acceleration over the parts:
                           * intercept and slope of each pair, 2 pairs numbers. Slope 0 when the accelerations
                           * of the parts are equal. */
 } lg_feature_kind;
-#define LG_FEATURE_KIND_COUNT 4
-LG_API const char *lg_feature_kind_name(lg_feature_kind kind); /* "raw", "std", "cov", "baseline" */
+#define LG_FEATURE_KIND_COUNT 5
+#define LG_FEATURES_FLOOR     1e-6 /* SPECTRUM: a thousandth of the scale, squared */
+LG_API const char *lg_feature_kind_name(lg_feature_kind kind);                  /* "raw", "std", ... */
 LG_API lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out); /* LG_NOT_FOUND */
 
 /* What is computed from a window. */
@@ -46,7 +51,9 @@ typedef struct lg_features {
     uint32_t segments;         /* BASELINE: 10 */
     uint32_t pairs;            /* BASELINE: (acceleration, moment) channels */
     uint32_t *pair;            /* (pairs, 2) */
-    double *scale;             /* (channels): channels are divided by it before COV and BASELINE */
+    uint32_t bands;            /* SPECTRUM */
+    lg_spectrum spectrum;      /* SPECTRUM */
+    double *scale;             /* (channels): all but RAW and STD divide channels by it */
     uint32_t count;            /* d */
     const lg_context *context; /* whose memory the arrays are in */
 } lg_features;
@@ -54,7 +61,7 @@ typedef struct lg_features {
  * channels 0, 2, 4, ... BASELINE pairs acc_lower with the moment of the same ending (acc_lower_x, moment_x);
  * without names the pairs are channels 0 and 4, and 1 and 5. `scaler` is fitted on the training part; NULL:
  * scale 1. Errors: LG_INVALID_ARGUMENT (no channel of the x-direction; BASELINE without a pair, or with fewer
- * samples than segments; more than 2^20 features), LG_OUT_OF_MEMORY. */
+ * samples than segments; SPECTRUM with fewer than 4 samples; more than 2^20 features), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
                                     const lg_series *series, uint32_t length, const lg_scaler *scaler,
                                     lg_features *out, lg_error *error);
@@ -62,12 +69,13 @@ LG_API void lg_features_destroy(lg_features *features);
 /* Bytes of work for lg_features_compute. */
 LG_API size_t lg_features_work_size(const lg_features *features);
 /* x (channels, length) -> out (d). A constant channel, or a single sample, has standard deviation and
- * covariance exactly 0. The root of a covariance comes from the singular values of the centred, scaled
+ * covariance exactly 0, and powers that are the floor. The root of a covariance comes from the singular values of the centred, scaled
  * window; its error is a few eps = 2^-52 times its norm. Errors: LG_NO_CONVERGENCE (of these singular
  * values), LG_NOT_FINITE; out is then undefined. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
 /* Writes the name of feature `index` and returns its length as snprintf does:
  *   "raw acc_lower_x 17" (the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
+ *   "band 0.0117-0.0742 acc_lower_x" (its frequencies in cycles a sample),
  *   "intercept moment_x acc_lower_x", "slope moment_x acc_lower_x"
  * A channel without a name is written as its number. `series` may be NULL. */
 LG_API int lg_features_name(const lg_features *features, const lg_series *series, uint32_t index, char *text,

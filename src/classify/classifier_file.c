@@ -17,16 +17,17 @@ typedef struct item {
     bool used;
 } item;
 
-#define SCALARS 13
+#define SCALARS 14
 #define ARRAYS  15
 
 /* The numbers of the file that determine the sizes of all arrays. */
 typedef struct header {
-    uint32_t classes, channels, length, selected, segments, pairs, count, inputs, components, variances,
-        nodes, vectors, iterations;
+    uint32_t classes, channels, length, selected, segments, pairs, bands, count, inputs, components,
+        variances, nodes, vectors, iterations;
 } header;
 
-static void list_scalars(header *h, item out[SCALARS]) {
+/* Files of other kinds of features have no bands. */
+static void list_scalars(header *h, lg_feature_kind kind, item out[SCALARS]) {
     const struct {
         const char *path;
         uint32_t *data;
@@ -37,6 +38,7 @@ static void list_scalars(header *h, item out[SCALARS]) {
         {ROOT "features/selected", &h->selected},
         {ROOT "features/segments", &h->segments},
         {ROOT "features/pairs", &h->pairs},
+        {ROOT "features/bands", &h->bands},
         {ROOT "features/count", &h->count},
         {ROOT "pca/inputs", &h->inputs},
         {ROOT "pca/components", &h->components},
@@ -45,8 +47,10 @@ static void list_scalars(header *h, item out[SCALARS]) {
         {ROOT "svm/vectors", &h->vectors},
         {ROOT "logistic/iterations", &h->iterations},
     };
-    for (size_t i = 0; i < SCALARS; i++)
-        out[i] = (item){rows[i].path, LG_ELEMENT_U32, 0, {0, 0}, rows[i].data, true};
+    for (size_t i = 0; i < SCALARS; i++) {
+        const bool used = rows[i].data != &h->bands || kind == LG_FEATURES_SPECTRUM;
+        out[i] = (item){rows[i].path, LG_ELEMENT_U32, 0, {0, 0}, rows[i].data, used};
+    }
 }
 
 /* Arrays of the method and the features that the header describes; `nodes` stands for the tree's (nodes, 6):
@@ -126,22 +130,12 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
         return lg_fail(error, LG_INVALID_ARGUMENT, "no classifier to save");
     lg_classifier c = *classifier; /* only read */
     const lg_features *f = &c.features;
-    header h = {c.classes,
-                f->channels,
-                f->length,
-                f->selected,
-                f->segments,
-                f->pairs,
-                f->count,
-                c.pca.inputs,
-                c.pca.components,
-                c.pca.variances,
-                c.tree.count,
-                c.svm.vectors,
-                c.logistic.iterations};
+    header h = {c.classes,       f->channels,  f->length,     f->selected,          f->segments,
+                f->pairs,        f->bands,     f->count,      c.pca.inputs,         c.pca.components,
+                c.pca.variances, c.tree.count, c.svm.vectors, c.logistic.iterations};
     double gamma = c.svm.gamma, penalty = c.svm.c, *nodes = NULL;
     item scalars[SCALARS], arrays[ARRAYS];
-    list_scalars(&h, scalars);
+    list_scalars(&h, f->kind, scalars);
     if (c.method == LG_METHOD_TREE && (nodes = pack_nodes(&c.tree)) == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to save %u nodes", c.tree.count);
     list_arrays(&c, &nodes, arrays);
@@ -186,10 +180,11 @@ static lg_status read_texts(const lg_archive_reader *r, lg_classifier *c, lg_err
 
 static lg_status read_scalars(const lg_archive_reader *r, header *h, lg_classifier *c, lg_error *error) {
     item items[SCALARS];
-    list_scalars(h, items);
+    list_scalars(h, c->features.kind, items);
     for (size_t i = 0; i < SCALARS; i++)
-        LG_TRY(refused(r->array(r->user, items[i].path, LG_ELEMENT_U32, 0, NULL, items[i].data),
-                       items[i].path, error));
+        if (items[i].used)
+            LG_TRY(refused(r->array(r->user, items[i].path, LG_ELEMENT_U32, 0, NULL, items[i].data),
+                           items[i].path, error));
     double *const reals[2] = {&c->svm.gamma, &c->svm.c};
     const char *const paths[2] = {ROOT "svm/gamma", ROOT "svm/c"};
     for (size_t i = 0; i < 2; i++)
@@ -211,9 +206,10 @@ static lg_status check_rules(const rule *rules, size_t count, lg_error *error) {
 /* Puts the sizes into *c after checking that they fit each other. */
 static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) {
     lg_features *f = &c->features;
-    const bool baseline = f->kind == LG_FEATURES_BASELINE, svm = c->method >= LG_METHOD_SVM_LINEAR;
+    const bool baseline = f->kind == LG_FEATURES_BASELINE, spectrum = f->kind == LG_FEATURES_SPECTRUM;
+    const bool svm = c->method >= LG_METHOD_SVM_LINEAR;
     f->channels = h->channels, f->length = h->length, f->selected = h->selected;
-    f->segments = h->segments, f->pairs = h->pairs, f->count = h->count;
+    f->segments = h->segments, f->pairs = h->pairs, f->bands = h->bands, f->count = h->count;
     c->classes = c->logistic.classes = c->tree.classes = c->svm.classes = h->classes;
     c->pca.inputs = h->inputs, c->pca.components = h->components, c->pca.variances = h->variances;
     c->logistic.inputs = c->tree.inputs = c->svm.inputs = lg_pca_outputs(&c->pca);
@@ -230,6 +226,8 @@ static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) 
         {baseline && h->count > 0 ? h->segments >= 1 && h->segments <= h->length : h->segments == 0,
          "features/segments", "is out of range"},
         {h->pairs <= h->channels && (baseline || h->pairs == 0), "features/pairs", "is out of range"},
+        {h->bands == lg_spectrum_bands(h->length, h->bands) && (h->bands > 0) == (spectrum && h->count > 0),
+         "features/bands", "is out of range"},
         {h->count == lg_features_count(f) && h->count <= LG_FEATURES_MAX, "features/count",
          "does not fit the kind of the features"},
         {h->inputs >= 1 && h->inputs <= LG_FEATURES_MAX && (h->count == 0 || h->inputs == h->count),
@@ -352,6 +350,9 @@ static lg_status read_classifier(const lg_context *context, const lg_archive_rea
     for (size_t i = 0; i < ARRAYS; i++)
         if (arrays[i].used) LG_TRY(read_array(context, r, &arrays[i], error));
     LG_TRY(check_features(c, error));
+    if (c->features.bands > 0)
+        LG_TRY(
+            lg_spectrum_create(context, c->features.length, c->features.bands, &c->features.spectrum, error));
     if (c->method == LG_METHOD_TREE) return check_tree(context, &c->tree, *nodes, error);
     if (c->method >= LG_METHOD_SVM_LINEAR) return check_svm(&c->svm, error);
     return LG_OK;

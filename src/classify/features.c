@@ -1,5 +1,5 @@
 /* Features of windows: their kinds and their channels. The computation of each kind, with its derivatives and
- * names, is in features_channel.c, features_cov.c and features_baseline.c. */
+ * names, is in features_channel.c, features_cov.c, features_spectrum.c and features_baseline.c. */
 #include "classify/features.h"
 
 #include <math.h>
@@ -7,9 +7,8 @@
 #include <string.h>
 
 static const lg_feature_row *const kinds[LG_FEATURE_KIND_COUNT] = {
-    [LG_FEATURES_RAW] = &lg_feature_raw,
-    [LG_FEATURES_STD] = &lg_feature_std,
-    [LG_FEATURES_COV] = &lg_feature_cov,
+    [LG_FEATURES_RAW] = &lg_feature_raw,           [LG_FEATURES_STD] = &lg_feature_std,
+    [LG_FEATURES_COV] = &lg_feature_cov,           [LG_FEATURES_SPECTRUM] = &lg_feature_spectrum,
     [LG_FEATURES_BASELINE] = &lg_feature_baseline,
 };
 
@@ -91,6 +90,9 @@ static lg_status check_create(lg_feature_kind kind, const lg_series *series, uin
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a window of %u samples is too short for the baseline, which cuts it into %u parts",
                        length, kinds[kind]->segments);
+    if (kinds[kind]->bands > 0 && lg_spectrum_bands(length, kinds[kind]->bands) == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a window of %u samples is too short for a spectrum, which needs 4 at least", length);
     if (scaler == NULL) return LG_OK;
     if (scaler->channels != series->channels)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the scaler is for %u channels, the series has %u",
@@ -134,9 +136,12 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
         status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the features of %u channels", f.channels);
     } else {
         f.segments = kinds[kind]->segments;
+        f.bands = lg_spectrum_bands(length, kinds[kind]->bands);
         for (uint32_t i = 0; i < f.channels; i++) f.scale[i] = scaler != NULL ? scaler->scale[i] : 1.0;
         choose_channels(series, directions_x, &f);
         status = check_made(&f, directions_x, error);
+        if (status == LG_OK && f.bands > 0)
+            status = lg_spectrum_create(context, length, f.bands, &f.spectrum, error);
     }
     if (status != LG_OK) {
         lg_features_destroy(&f);
@@ -152,6 +157,7 @@ void lg_features_destroy(lg_features *features) {
     lg_free(features->context, features->select);
     lg_free(features->context, features->pair);
     lg_free(features->context, features->scale);
+    lg_spectrum_destroy(&features->spectrum);
     *features = (lg_features){0};
 }
 

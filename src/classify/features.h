@@ -7,6 +7,7 @@
 typedef struct lg_feature_row {
     const char *name;
     uint32_t segments; /* parts of a window, for kinds of pairs of channels; 0: no pairs */
+    uint32_t bands;    /* of frequency at most, for kinds of powers; 0: no powers */
     uint64_t (*count)(const lg_features *f); /* of features */
     size_t (*work)(const lg_features *f);    /* doubles */
     lg_status (*compute)(const lg_features *f, const float *x, double *out, double *work);
@@ -17,7 +18,8 @@ typedef struct lg_feature_row {
     int (*describe)(const lg_features *f, const lg_series *series, uint32_t index, char *text, size_t size);
 } lg_feature_row;
 
-extern const lg_feature_row lg_feature_raw, lg_feature_std, lg_feature_cov, lg_feature_baseline;
+extern const lg_feature_row lg_feature_raw, lg_feature_std, lg_feature_cov, lg_feature_spectrum,
+    lg_feature_baseline;
 
 /* Doubles of work for lg_features_compute. */
 size_t lg_features_work_doubles(const lg_features *features);

@@ -131,10 +131,10 @@ static lg_series make_series(void) {
 /* Chain t on features of the series. */
 static lg_classifier make_classifier(const lg_series *s, size_t t) {
     static const lg_feature_kind kinds[] = {LG_FEATURES_STD, LG_FEATURES_COV, LG_FEATURES_RAW,
-                                            LG_FEATURES_BASELINE};
+                                            LG_FEATURES_BASELINE, LG_FEATURES_SPECTRUM};
     lg_classifier c = {0};
     const lg_windows w = windows_of(s);
-    assert_ok(lg_features_create(NULL, kinds[t % 4], false, s, 40, NULL, &c.features, NULL));
+    assert_ok(lg_features_create(NULL, kinds[t % LG_COUNT(kinds)], false, s, 40, NULL, &c.features, NULL));
     double *x = TEST_ARRAY(double, w.count *c.features.count);
     assert_ok(lg_features_table(NULL, &c.features, s, &w, 1, x, NULL));
     const lg_method_options o = options_of(t);
@@ -170,6 +170,8 @@ TEST("archives keep every bit") {
         assert_int_equal(lg_classifier_work_size(&back) / sizeof(double),
                          lg_classifier_work_size(&a->c) / sizeof(double));
         double *work = TEST_ARRAY(double, lg_classifier_work_size(&a->c) / sizeof(double)), kept[3], read[3];
+        assert_int_equal(memory_find(&a->archive, "classifier/features/bands") != NULL,
+                         a->c.features.kind == LG_FEATURES_SPECTRUM); /* others are read by older versions */
         for (size_t i = 0; i < s.count; i++) {
             assert_ok(lg_classifier_window(&a->c, s.x + i * 240, kept, work));
             assert_ok(lg_classifier_window(&back, s.x + i * 240, read, work));
@@ -244,6 +246,9 @@ TEST("lies in an archive are refused by name") {
                 {0, "classifier/features/select", 1, 0, LG_FORMAT},
                 {3, "classifier/features/pair", 1, 6, LG_FORMAT},
                 {1, "classifier/features/scale", 1, 0.0, LG_FORMAT},
+                {4, "classifier/features/bands", 0, 0, LG_FORMAT},
+                {4, "classifier/features/bands", 0, 21, LG_FORMAT}, /* of 20 frequencies */
+                {4, "classifier/features/count", 0, 47, LG_FORMAT},
                 {2, "classifier/tree/node", 1, 0, LG_FORMAT},   /* a root with one child */
                 {2, "classifier/tree/node", 0, 1e6, LG_FORMAT}, /* feature */
                 {2, "classifier/tree/node", 1, 1e6, LG_FORMAT}, /* child */

@@ -200,6 +200,18 @@ TEST("decisions and Jacobians of every method on the covariance") {
     all_chains(LG_FEATURES_COV);
 }
 
+TEST("decisions and Jacobians of every method on the spectrum") {
+    all_chains(LG_FEATURES_SPECTRUM);
+}
+
+TEST("Jacobians of spectra of several segments") {
+    for (int method = LG_METHOD_LOGISTIC; method < LG_METHOD_COUNT; method++) {
+        chain *f = make(make_series(2, 300, 2), LG_FEATURES_SPECTRUM, false, (lg_method)method, 0);
+        assert_int_equal(f->c.features.spectrum.segments, 4);
+        against_differences(f, f->series.x, 37, 0x1p-5, 1e-9);
+    }
+}
+
 TEST("decisions and Jacobians of every method on the baseline") {
     all_chains(LG_FEATURES_BASELINE);
 }
@@ -217,7 +229,7 @@ TEST("the whole Jacobian of one chain of each kind, and zeros for channels that 
     }
 }
 
-TEST("Jacobians of deviations, covariance and baseline sum to zero over a channel") {
+TEST("Jacobians of all but raw samples sum to zero over a channel") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain *f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_SVM_RBF, 0);
         double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);

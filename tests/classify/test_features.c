@@ -144,6 +144,54 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
             }
 }
 
+/* The spectrum of the channel in units of its scale, from the library's own; a quarter of Nyquist's frequency
+ * in the third of eight bands. */
+TEST("powers are those of the centred, scaled channel, with a floor") {
+    enum { N = 200, BANDS = 8 };
+    lg_series s = make_series(1, 6, N, true);
+    double mean[6] = {0}, scale[6] = {1, 1, 3, 1, 1e3, 1};
+    const lg_scaler scaler = {.channels = 6, .mean = mean, .scale = scale};
+    lg_features f = features_of(LG_FEATURES_SPECTRUM, true, &s, N, &scaler);
+    assert_int_equal(f.count, 3 * BANDS);
+    assert_int_equal(f.spectrum.segments, 3);
+    for (int t = 0; t < N; t++) s.x[4 * N + t] = 1e5f + 0.1f;
+    for (int t = 0; t < N; t++) s.x[t] = (float)(8.0 * cos(3.14159265358979 * (0.25 + 0.0625) * t) + 100.0);
+    double *out = compute(&f, s.x), z[N], power[BANDS],
+           *work = TEST_ARRAY(double, lg_spectrum_work(&f.spectrum));
+    for (int b = 0; b < BANDS; b++) { /* leaks of the tone are far below it, the floor below them */
+        if (b == 2)
+            assert_close(out[b], log(BANDS * 32.0), 0.05, 0);
+        else
+            assert_true(out[b] < out[2] - 6.0);
+        assert_close(out[2 * BANDS + b], log(1e-6), 1e-15, 0);
+    }
+    double sum = 0;
+    for (int t = 0; t < N; t++) sum += (double)s.x[2 * N + t];
+    for (int t = 0; t < N; t++) z[t] = ((double)s.x[2 * N + t] - sum / N) / 3.0;
+    lg_spectrum_powers(&f.spectrum, z, power, work);
+    for (int b = 0; b < BANDS; b++) assert_close(exp(out[BANDS + b]), power[b] + 1e-6, 1e-12, 0);
+}
+
+TEST("short windows have as many bands as frequencies") {
+    lg_series s = make_series(1, 2, 200, false);
+    static const uint32_t lengths[] = {4, 5, 6, 15, 16, 128, 129, 200}, bands[] = {2, 2, 3, 7, 8, 8, 8, 8};
+    for (size_t i = 0; i < LG_COUNT(lengths); i++) {
+        lg_features f = features_of(LG_FEATURES_SPECTRUM, false, &s, lengths[i], NULL);
+        assert_int_equal(f.bands, bands[i]);
+        assert_int_equal(f.count, 2 * bands[i]);
+        const size_t size = lg_features_work_size(&f) / sizeof(double);
+        double *out = TEST_ARRAY(double, f.count), *work = TEST_ARRAY(double, size + 1);
+        work[size] = 55.0;
+        assert_ok(lg_features_compute(&f, s.x, out, work));
+        assert_close(work[size], 55.0, 0, 0);
+    }
+    lg_features f;
+    lg_error e;
+    assert_status(lg_features_create(NULL, LG_FEATURES_SPECTRUM, false, &s, 3, NULL, &f, &e),
+                  LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(e.message, "too short for a spectrum"));
+}
+
 TEST("moments that are 2 acceleration + offset give intercept and slope, in this order") {
     lg_series s = make_series(1, 6, 100, true);
     for (int part = 0; part < 10; part++)
@@ -199,6 +247,7 @@ TEST("features have the names of their channels") {
                  {LG_FEATURES_COV, false, 20, "cov moment_y moment_y", "cov 5 5"},
                  {LG_FEATURES_COV, false, 7, "cov acc_lower_y acc_upper_x", "cov 1 2"},
                  {LG_FEATURES_RAW, true, 41, "raw moment_x 1", "raw 4 1"},
+                 {LG_FEATURES_SPECTRUM, true, 10, "band 0.125-0.175 acc_upper_x", "band 0.125-0.175 2"},
                  {LG_FEATURES_BASELINE, false, 3, "slope moment_y acc_lower_y", "slope 5 1"}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         char text[200];
@@ -266,13 +315,15 @@ TEST("windows, scalers and samples that do not fit are refused") {
 }
 
 TEST("every allocation may fail") {
+    static const lg_feature_kind kinds[] = {LG_FEATURES_COV, LG_FEATURES_SPECTRUM};
     lg_series s = make_series(4, 6, 30, false);
-    double table[4 * 21];
+    double table[4 * 48];
     const lg_windows w = windows_of(&s);
-    EVERY_ALLOCATION_FAILS(context, 1, {
-        lg_features f = {0};
-        status = lg_features_create(context, LG_FEATURES_COV, false, &s, 30, NULL, &f, NULL);
-        if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);
-        lg_features_destroy(&f);
-    });
+    for (size_t k = 0; k < LG_COUNT(kinds); k++)
+        EVERY_ALLOCATION_FAILS(context, 1, {
+            lg_features f = {0};
+            status = lg_features_create(context, kinds[k], false, &s, 30, NULL, &f, NULL);
+            if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);
+            lg_features_destroy(&f);
+        });
 }
