@@ -73,11 +73,42 @@ static void add_standardisation(const classifier_job *j) {
     free(inverse);
 }
 
+/* Rows of `wave` are cosines and sines under the window; those of bin 1 tell the window and all angles. */
+static void add_spectrum(const classifier_job *j) {
+    const lg_spectrum *s = &j->c->features.spectrum;
+    double *taper = app_alloc(s->segment, sizeof *taper), *cosine = app_alloc(s->segment, sizeof *cosine),
+           *sine = app_alloc(s->segment, sizeof *sine);
+    for (size_t t = 0; t < s->segment; t++) {
+        const double *row = s->wave + t * 2 * s->bins;
+        taper[t] = hypot(row[0], row[s->bins]);
+        cosine[t] = row[0] / taper[t];
+        sine[t] = row[s->bins] / taper[t];
+    }
+    export_array(j->source, "taper", &(export_part){"window of a segment (segment)", s->segment, taper}, 1);
+    export_array(j->source, "cosine", &(export_part){"of 2 pi t/segment", s->segment, cosine}, 1);
+    export_array(j->source, "sine", &(export_part){"of 2 pi t/segment", s->segment, sine}, 1);
+    export_integers(j->source, "edge", "the first frequency of each band, and the end (bands + 1)", s->edge,
+                    (size_t)s->bands + 1);
+    export_constant(j->source, "SEGMENT", s->segment);
+    export_constant(j->source, "SEGMENTS", s->segments);
+    export_constant(j->source, "HOP", s->hop);
+    export_constant(j->source, "BANDS", s->bands);
+    export_real(j->source, "POWER_FLOOR", LG_FEATURES_FLOOR);
+    free(taper);
+    free(cosine);
+    free(sine);
+}
+
+/* Kinds that divide channels by their scale. */
+static bool is_scaled(lg_feature_kind kind) {
+    return kind != LG_FEATURES_RAW && kind != LG_FEATURES_STD;
+}
+
 static void add_features(const classifier_job *j) {
     const lg_features *f = &j->c->features;
     double *inverse = app_alloc(f->channels, sizeof *inverse);
     for (size_t i = 0; i < f->channels; i++) inverse[i] = 1 / f->scale[i];
-    if (f->kind == LG_FEATURES_COV || f->kind == LG_FEATURES_BASELINE)
+    if (is_scaled(f->kind))
         export_array(j->source, "inverse_scale",
                      &(export_part){"1/scale of each channel (channels)", f->channels, inverse}, 1);
     if (f->kind == LG_FEATURES_BASELINE)
@@ -92,6 +123,7 @@ static void add_features(const classifier_job *j) {
     } else {
         export_constant(j->source, "SELECTED", f->selected);
     }
+    if (f->kind == LG_FEATURES_SPECTRUM) add_spectrum(j);
 }
 
 /* NAME_weights: principal components, then linear decisions; their layers. */
@@ -183,6 +215,8 @@ static size_t features_work(const lg_features *f) {
         return length;
     case LG_FEATURES_COV:
         return m * (length + 3 * m + 2);
+    case LG_FEATURES_SPECTRUM:
+        return 2 * length + f->spectrum.segment + m * f->bands;
     default:
         return length + 2 * (size_t)f->segments * f->pairs;
     }
@@ -220,14 +254,14 @@ static void add_places(const classifier_job *j) {
 
 static void add_fragments(const classifier_job *j) {
     static const char *const kinds[LG_FEATURE_KIND_COUNT] = {
-        [LG_FEATURES_RAW] = "features_raw",
-        [LG_FEATURES_STD] = "features_std",
-        [LG_FEATURES_COV] = "features_cov",
+        [LG_FEATURES_RAW] = "features_raw",           [LG_FEATURES_STD] = "features_std",
+        [LG_FEATURES_COV] = "features_cov",           [LG_FEATURES_SPECTRUM] = "features_spectrum",
         [LG_FEATURES_BASELINE] = "features_baseline",
     };
     const lg_classifier *c = j->c;
     const lg_feature_kind kind = c->features.kind;
-    const bool raw = kind == LG_FEATURES_RAW, cov = kind == LG_FEATURES_COV, two = c->classes == 2,
+    const bool raw = kind == LG_FEATURES_RAW, cov = kind == LG_FEATURES_COV,
+               deviations = kind == LG_FEATURES_STD || kind == LG_FEATURES_BASELINE, two = c->classes == 2,
                tree = c->method == LG_METHOD_TREE, rbf = c->method == LG_METHOD_SVM_RBF,
                single = j->source->options->dtype == LG_F32, pca = c->pca.components > 0;
     char vjp[64];
@@ -241,7 +275,7 @@ static void add_fragments(const classifier_job *j) {
         {"features_centre", !raw},
         {"features_cov_factor", cov},
         {kinds[kind], true},
-        {"features_deviation_vjp", !tree && !raw && !cov},
+        {"features_deviation_vjp", !tree && deviations},
         {vjp, !tree},
         {"features_standardise_rest", single},
         {"features_standardise", !single},
@@ -408,7 +442,7 @@ static int export_loaded(const app *self, const classifier_file *file, export_so
     if (code != APP_EXIT_OK) return code;
     if (classifier_is_linear(c)) w = linear_of(&j);
     source->condition = classifier_condition(&j, &w);
-    source->depth = 3 + (c->pca.components > 0) + (c->features.kind >= LG_FEATURES_COV);
+    source->depth = 3 + (c->pca.components > 0) + is_scaled(c->features.kind);
     source->stack += STACK;
     export_window_code(source, &window);
     add_code(&j, &w);

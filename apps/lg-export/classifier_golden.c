@@ -10,6 +10,7 @@
 #include "liegrad/random.h"
 
 enum { GOLDEN_STREAM = 0x636c6173 };
+static const double PI = 3.14159265358979323846;
 
 typedef struct drawing {
     const classifier_job *j;
@@ -57,6 +58,28 @@ static void draw_parts(drawing *d) {
     }
 }
 
+/* Waves of all frequencies of a segment with random phases, repeated: of amplitude a they have the power
+ * segment a^2/4 in every band. */
+static void draw_waves(drawing *d) {
+    const lg_features *f = &d->j->c->features;
+    const lg_spectrum *s = &f->spectrum;
+    double *z = app_alloc(s->segment, sizeof *z);
+    for (size_t i = 0; i < f->selected; i++) {
+        const double *power = d->made + i * f->bands;
+        for (uint32_t t = 0; t < s->segment; t++) z[t] = 0;
+        for (uint32_t b = 0; b < f->bands; b++)
+            for (uint32_t k = s->edge[b]; k < s->edge[b + 1]; k++) {
+                const double a = 2 * sqrt(fmax(exp(power[b]) - LG_FEATURES_FLOOR, 0) / s->segment);
+                const double phase = lg_rng_uniform_in(&d->rng, 0, 2 * PI);
+                for (uint32_t t = 0; t < s->segment; t++)
+                    z[t] += a * cos(2 * PI * k * t / s->segment + phase);
+            }
+        for (size_t t = 0; t < f->length; t++)
+            put(d, f->select[i], t, z[t % s->segment] * f->scale[f->select[i]]);
+    }
+    free(z);
+}
+
 /* A window whose features are near `made`; channels that are not used are noise. */
 static void draw_window(drawing *d) {
     const lg_features *f = &d->j->c->features;
@@ -64,6 +87,7 @@ static void draw_window(drawing *d) {
         for (size_t t = 0; t < f->length; t++) put(d, c, t, lg_rng_normal(&d->rng) * f->scale[c]);
     if (f->kind == LG_FEATURES_COV) draw_mixed(d);
     if (f->kind == LG_FEATURES_BASELINE) draw_parts(d);
+    if (f->kind == LG_FEATURES_SPECTRUM) draw_waves(d);
     if (f->kind == LG_FEATURES_RAW || f->kind == LG_FEATURES_STD)
         for (size_t i = 0; i < f->selected; i++)
             for (size_t t = 0; t < f->length; t++)

@@ -21,6 +21,15 @@ static double norm_of(const double *a, size_t n) {
     return sqrt(sum);
 }
 
+/* The logarithm of a power P of a channel whose mean power is A: amplitudes are accurate to eps A^(1/2), P to
+ * 2 eps (A P)^(1/2). */
+static double size_of_power(const lg_features *f, const double *mean, size_t i) {
+    const double *bands = mean + i / f->bands * f->bands;
+    double sum = 0;
+    for (size_t b = 0; b < f->bands; b++) sum += exp(bands[b] - mean[i]);
+    return fabs(mean[i]) + 2 * sqrt(sum / f->bands);
+}
+
 /* Feature i is accurate to about eps times this number, at the training mean: itself for a standard
  * deviation, the norm of the matrix for an entry of its root; the coefficients of a line cost some of those
  * of the deviations that it is drawn through. Windows themselves are exact. */
@@ -33,6 +42,8 @@ double classifier_size_of(const classifier_job *j, size_t i) {
         return fabs(mean[i]);
     case LG_FEATURES_COV:
         return sqrt(2) * norm_of(mean, j->d);
+    case LG_FEATURES_SPECTRUM:
+        return size_of_power(&j->c->features, mean, i);
     default:
         return 4 * (fabs(mean[i / 2 * 2]) + fabs(mean[i / 2 * 2 + 1]));
     }

@@ -54,7 +54,7 @@ static void reverse_spectrum(const lg_features *f, const double *cotangent, doub
     }
 }
 
-/* Bin k has the frequencies (k - 1/2)/segment .. (k + 1/2)/segment. */
+/* Bin k has the frequencies (k - 1/2)/segment .. (k + 1/2)/segment, none above 1/2. */
 static int describe_spectrum(const lg_features *f, const lg_series *series, uint32_t index, char *text,
                              size_t size) {
     const lg_spectrum *s = &f->spectrum;
@@ -62,7 +62,7 @@ static int describe_spectrum(const lg_features *f, const lg_series *series, uint
     char name[LG_SERIES_NAME];
     (void)lg_channel_name(series, f->select[index / f->bands], name, sizeof name);
     return snprintf(text, size, "band %.3g-%.3g %s", (s->edge[band] - 0.5) / s->segment,
-                    (s->edge[band + 1] - 0.5) / s->segment, name);
+                    fmin((s->edge[band + 1] - 0.5) / s->segment, 0.5), name);
 }
 
 const lg_feature_row lg_feature_spectrum = {.name = "spectrum",

@@ -24,6 +24,7 @@ typedef struct sample {
 #define STD      LG_FEATURES_STD
 #define COV      LG_FEATURES_COV
 #define BASELINE LG_FEATURES_BASELINE
+#define SPECTRUM LG_FEATURES_SPECTRUM
 #define LOGISTIC LG_METHOD_LOGISTIC
 #define TREE     LG_METHOD_TREE
 #define LINEAR   LG_METHOD_SVM_LINEAR
@@ -46,8 +47,15 @@ static const sample samples[] = {
     {"baseline-tree", BASELINE, false, TREE, 2, 2, "clang", "-O2"},
     {"baseline-linear", BASELINE, true, LINEAR, 0, 2, "gcc", "-O3"},
     {"baseline-rbf", BASELINE, false, RBF, 3, 3, "clang", "-O3"},
+    {"spectrum-logistic", SPECTRUM, false, LOGISTIC, 0, 2, "gcc", "-O2"},
+    {"spectrum-tree", SPECTRUM, false, TREE, 5, 3, "clang", "-O3"},
+    {"spectrum-linear", SPECTRUM, true, LINEAR, 0, 3, "gcc", "-O3 -march=native"},
+    {"spectrum-rbf", SPECTRUM, false, RBF, 4, 3, "clang", "-O2"},
 };
-enum { CHANNELS = 4, LENGTH = 33, WINDOWS = 40, INPUTS = CHANNELS * LENGTH };
+#ifndef LENGTH_OF_WINDOWS
+#define LENGTH_OF_WINDOWS 33
+#endif
+enum { CHANNELS = 4, LENGTH = LENGTH_OF_WINDOWS, WINDOWS = 40, INPUTS = CHANNELS * LENGTH };
 
 typedef struct fitted {
     const sample *of;

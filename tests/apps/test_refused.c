@@ -453,6 +453,8 @@ static const refusal anomaly[] = {
     {TRAIN "--kernel 200", 2, "block"},
     {TRAIN "--filters 1,2,3,4,5,6,7,8,9", 2, "--filters: a list of 9 numbers is too long: at most 8"},
     {TRAIN "--method logistic --components 1000", 2, "component"},
+    {TRAIN "--method logistic --features spectrum --window 0.6", 2,
+     "too short for a spectrum, which needs 4"},
     {"train three.h5 --out m.h5 --method baseline", 2, "channel"},
     {TRAIN "--picture roc", 2, "--picture: needs --plot FILE"},
     {TRAIN "--plot p.svg --picture tree", 2, "--picture tree: the model is no tree"},
