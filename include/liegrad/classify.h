@@ -29,10 +29,10 @@ typedef enum lg_feature_kind {
     LG_FEATURES_STD,      /* standard deviation of each channel: m */
     LG_FEATURES_COV,      /* upper triangle, row by row, of the symmetric square root of the covariance of the
                           * scaled channels: m (m + 1)/2. Denominator `length`, as for STD. */
-    LG_FEATURES_SPECTRUM, /* ln(P + LG_FEATURES_FLOOR) of each channel, for its power P in each of `bands` bands
-                           * of frequency (liegrad/spectrum.h), less its mean, scaled: m bands numbers. 8
-                           * bands, or as many as the window has; windows of 4 samples at least. */
-    LG_FEATURES_BASELINE /* standard deviations of moment and acceleration in each of `segments` parts of the
+    LG_FEATURES_SPECTRUM, /* ln(P + LG_FEATURES_FLOOR) with the power P of each channel, less its mean and
+                           * scaled, in each of `bands` bands of frequency (liegrad/spectrum.h): m bands
+                           * numbers. 8 bands, or as many as the window has; of 4 samples at least. */
+    LG_FEATURES_BASELINE  /* standard deviations of moment and acceleration in each of `segments` parts of the
                           * window, and the regression line of the moment on the acceleration over the parts:
                           * intercept and slope of each pair, 2 pairs numbers. Slope 0 when the accelerations
                           * of the parts are equal. */
@@ -69,9 +69,9 @@ LG_API void lg_features_destroy(lg_features *features);
 /* Bytes of work for lg_features_compute. */
 LG_API size_t lg_features_work_size(const lg_features *features);
 /* x (channels, length) -> out (d). A constant channel, or a single sample, has standard deviation and
- * covariance exactly 0, and powers that are the floor. The root of a covariance comes from the singular values of the centred, scaled
- * window; its error is a few eps = 2^-52 times its norm. Errors: LG_NO_CONVERGENCE (of these singular
- * values), LG_NOT_FINITE; out is then undefined. */
+ * covariance exactly 0; a constant channel has the power 0. The root of a covariance comes from the singular
+ * values of the centred, scaled window; its error is a few eps = 2^-52 times its norm. Errors:
+ * LG_NO_CONVERGENCE (of these singular values), LG_NOT_FINITE; out is then undefined. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
 /* Writes the name of feature `index` and returns its length as snprintf does:
  *   "raw acc_lower_x 17" (the sample), "std acc_lower_x", "cov acc_lower_x moment_x",

@@ -1,5 +1,5 @@
-/* Classifiers on spectra of windows longer than one segment, whose segments overlap, exported as C against the
- * library. ctest-labels: slow */
+/* Classifiers on spectra of windows longer than one segment, whose segments overlap: exported as C, against
+ * the library. ctest-labels: slow */
 #define LENGTH_OF_WINDOWS 300
 #include "export_classifier.h"
 
