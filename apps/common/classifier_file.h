@@ -1,5 +1,6 @@
-/* Files of kind "classifier": a classical classifier with the names of its classes and channels, how its data
- * were cut and split, and the novelty of its training windows. The method "novelty" is that alone. Written by lg-anomaly, read by it and by lg-export. */
+/* Files of kind "classifier": a classical classifier with the names of its classes and channels, how its
+ * data were cut and split, and the novelty of its training windows. The method "novelty" is that alone.
+ * Written by lg-anomaly, read by it and by lg-export. */
 #ifndef LG_APPS_CLASSIFIER_FILE_H
 #define LG_APPS_CLASSIFIER_FILE_H
 

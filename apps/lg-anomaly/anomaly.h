@@ -57,8 +57,9 @@ int well_model_load(const app *app, const char *path, well_model *out);
 void well_model_free(well_model *model); /* a zeroed one may be freed */
 /* Bytes of work memory for well_model_score. */
 size_t well_model_work(const well_model *model);
-/* A window (channels, window), as recorded -> score (classes); the class is lg_class_of(score). plane: as for
- * lg_detector_eval, NULL unless it is a network. A novelty scores 1 and the distance of lg_novelty_eval. work: 64-byte aligned. No allocation. */
+/* A window (channels, window), as recorded -> score (classes); the class is lg_class_of(score). plane: as
+ * for lg_detector_eval, NULL unless it is a network. A novelty scores 1 and the distance of lg_novelty_eval.
+ * work: 64-byte aligned. No allocation. */
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane, void *work);
 /* A score for "not of the first class": the score of class 1 (two classes), 1 - that of class 0
  * (probabilities), or the best of the others minus that of class 0. */
@@ -108,8 +109,8 @@ lg_status judge_rows(const app *app, const well_model *model, const lg_series *s
                      const lg_windows *windows, const part_indices *part, const double *table, judgement *out,
                      lg_error *error);
 void judgement_free(judgement *judged);
-/* Windows of a judgement that are unlike those of training; *farthest: the farthest of them all. The model has
- * a novelty. */
+/* Windows of a judgement that are unlike those of training; *farthest: the farthest of them all. The model
+ * has a novelty. */
 size_t count_novel(const app *app, const well_model *model, const lg_series *series,
                    const lg_windows *windows, const judgement *judged, lg_novelty_result *farthest);
 /* False alarms a day: the false positive rate times the number of windows a day, one every `hop` samples. NaN

@@ -429,13 +429,13 @@ typedef struct lg_detector_file {
     const lg_context *context; /* whose memory the arrays are in */
 } lg_detector_file;
 
-/* Kind "detector": /model/conv1/weight ... as lg_cnn_slice names them, /scaler/{mean, scale} (channels), root
- * attributes `classes`, `class_labels`, `channels`, `rate`, `accuracy`, `f1`, `test_mse`, and optional
- * /novelty (lg_novelty_save); laws as for the other kinds. The blocks are an attribute of /model, "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel
- * ...": channels, pooling `none` or `average`, `max` with size/stride. A model written by hand needs `kind`,
- * /scaler, the weights and the attributes of /model: `channels`, `length`, `blocks` (from `stride` on
- * optional: 1, 0, none), `plane`, `activation`, `classes`, `loss`, `centred`; without root attribute
- * `classes` they are "0", "1", ... */
+/* Kind "detector": /model/conv1/weight ... as lg_cnn_slice names them, /scaler/{mean, scale} (channels),
+ * root attributes `classes`, `class_labels`, `channels`, `rate`, `accuracy`, `f1`, `test_mse`, and optional
+ * /novelty (lg_novelty_save); laws as for the other kinds. The blocks are an attribute of /model, "12 kernel
+ * 5 stride 1 padding 0 average 2/2, 24 kernel ...": channels, pooling `none` or `average`, `max` with
+ * size/stride. A model written by hand needs `kind`, /scaler, the weights and the attributes of /model:
+ * `channels`, `length`, `blocks` (from `stride` on optional: 1, 0, none), `plane`, `activation`, `classes`,
+ * `loss`, `centred`; without root attribute `classes` they are "0", "1", ... */
 LG_API lg_status lg_model_save_detector(const lg_context *context, const char *path,
                                         const lg_detector_file *file, const lg_fit *fit, lg_error *error);
 LG_API lg_status lg_model_load_detector(const lg_context *context, const char *path,

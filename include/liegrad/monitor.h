@@ -29,9 +29,9 @@ typedef enum lg_answer {
     LG_ANSWER_POSITIVE,
     LG_ANSWER_NOVEL /* unlike what the judge knows (liegrad/novelty.h): neither of the two */
 } lg_answer;
-/* Judges a window (channels, window), `missing` samples of which are filled in: sets *answer and *score (higher
- * means more positive). x lies in the monitor's memory, 64-byte aligned; the judge may use it until it
- * returns. */
+/* Judges a window (channels, window), `missing` samples of which are filled in: sets *answer and *score
+ * (higher means more positive). x lies in the monitor's memory, 64-byte aligned; the judge may use it until
+ * it returns. */
 typedef lg_status (*lg_monitor_judge)(void *user, const float *x, uint32_t missing, lg_answer *answer,
                                       double *score);
 

@@ -1,5 +1,5 @@
-/* Novelty: whether a window of sensor data is like the windows that a model was trained on. A classifier gives
- * any window one of its classes, also one from a dead sensor; this says when its answer means nothing.
+/* Novelty: whether a window of sensor data is like the windows that a model was trained on. A classifier
+ * gives any window one of its classes, also one from a dead sensor; this says when its answer means nothing.
  *
  * Features of a window z = (x - mean)/scale (channels, length):
  *   a channel   mean m; ln s, s the standard deviation; ln(max |z - m|/s); ln of the power in each of `bands`
@@ -13,9 +13,9 @@
  *   of a group of features  (P d)_g' (P_gg)^-1 (P d)_g      the part that the rest of d does not explain
  * where the features of a channel are a group, and all pairs are one. Their limits are `margin` times a
  * quantile of the same distances of training windows that the distributions were not fitted on, or times the
- * number of features, if that is larger. A window is
- * novel when one of its distances is beyond its limit for every class, when a channel stands still, or
- * when too many samples are at the channel's least or largest value. */
+ * number of features, if that is larger. A window is novel when one of its distances is beyond its limit for
+ * every class, when a channel stands still, or when too many samples are at the channel's least or largest
+ * value. */
 #ifndef LIEGRAD_NOVELTY_H
 #define LIEGRAD_NOVELTY_H
 
@@ -61,8 +61,8 @@ typedef struct lg_novelty_options {
 } lg_novelty_options;
 LG_API void lg_novelty_options_init(lg_novelty_options *options);
 
-/* Fits it on the windows `chosen` (count; NULL: the first `count`). Windows of a group, or without groups of a
- * run, are in the same fold. The bits do not depend on `threads` >= 1. Errors, with a sentence:
+/* Fits it on the windows `chosen` (count; NULL: the first `count`). Windows of a group, or without groups of
+ * a run, are in the same fold. The bits do not depend on `threads` >= 1. Errors, with a sentence:
  * LG_INVALID_ARGUMENT (fewer than 8 windows or 2 samples, more than LG_NOVELTY_FEATURES/3 channels),
  * LG_NOT_FINITE, LG_OUT_OF_MEMORY, LG_CANCELLED. */
 LG_API lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *options,
@@ -86,8 +86,7 @@ typedef struct lg_novelty_result {
     uint32_t nearest;       /* that class */
     lg_novelty_cause cause; /* told below the limits, too; NONE: a value is not finite */
     uint32_t channel, other, samples;
-    uint32_t
-        feature; /* that deviates most in units of its spread; a pair's if none of a channel deviates by 5 */
+    uint32_t feature;    /* that deviates most, in units of its spread; a channel's if one deviates by 5 */
     double value, usual; /* of that feature */
     double deviation;    /* of the channel: standard deviation over the usual */
 } lg_novelty_result;
@@ -98,8 +97,8 @@ LG_API size_t lg_novelty_work_size(const lg_novelty *novelty);
  * window with a value that is not finite is novel, its distance infinite. */
 LG_API void lg_novelty_eval(const lg_novelty *novelty, const float *x, lg_novelty_result *result,
                             double *features, void *work);
-/* ratio (channels) = amplitude in the highest band over the usual one of a class, from `features`: the noise of
- * the sensors, where they measure nothing else there. bands 0: 1. */
+/* ratio (channels) = amplitude in the highest band over the usual one of a class, from `features`: the noise
+ * of the sensors, where they measure nothing else there. bands 0: 1. */
 LG_API void lg_novelty_noise(const lg_novelty *novelty, uint32_t class_index, const double *features,
                              double *ratio);
 /* The lower end of that band, in cycles a sample. */

@@ -4,8 +4,8 @@
  * Hann's window h_t = sin^2(pi (t + 1/2)/n) and transformed; bin k has the frequency k/n, in cycles a sample.
  * The power of a bin is
  *   P_k = mean over the segments of |sum_t h_t z_t exp(-2 pi i k t/n)|^2 / sum h_t^2,
- * and that of a band the mean over its bins: white noise of variance s^2 has power s^2 in every band. Bin 0 is
- * in no band; the others, 1..n/2, are shared out evenly in rising order. */
+ * and that of a band the mean over its bins: white noise of variance s^2 has power s^2 in every band. Bin 0
+ * is in no band; the others, 1..n/2, are shared out evenly in rising order. */
 #ifndef LIEGRAD_SPECTRUM_H
 #define LIEGRAD_SPECTRUM_H
 
@@ -29,7 +29,8 @@ typedef struct lg_spectrum {
     const lg_context *context; /* whose memory it is in */
 } lg_spectrum;
 
-/* Bands of a series of `length` samples: `wanted`, or as many as it has bins for; 0 for less than 4 samples. */
+/* Bands of a series of `length` samples: `wanted`, or as many as it has bins for; 0 for less than 4 samples.
+ */
 LG_API uint32_t lg_spectrum_bands(uint32_t length, uint32_t wanted);
 /* bands: 1..lg_spectrum_bands(length, bands). Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_t bands,

@@ -121,7 +121,8 @@ void lg_h5_provenance(lg_h5 *h5, lg_provenance *out);
 
 #define LG_H5_PREFIX 64 /* bytes */
 
-/* What an archive's `user` points to. `failure` receives the sentences; after a failure nothing is written. */
+/* What an archive's `user` points to. `failure` receives the sentences; after a failure nothing is written.
+ */
 typedef struct lg_h5_view {
     struct lg_h5_view *next;
     lg_h5 *h5;

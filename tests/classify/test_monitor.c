@@ -10,8 +10,7 @@ enum { CHANNELS = 2, WINDOW = 10, ROOM = 1 << 16 };
 typedef struct witness {
     uint32_t channels, window, seen, missing;
     float x[CHANNELS * 512];
-    const char *
-        script; /* one letter a window: p positive, n novel, f failure, anything else negative; NULL: negative */
+    const char *script; /* one letter a window: p positive, n novel, f failure, else negative */
 } witness;
 
 static lg_status look(void *user, const float *x, uint32_t missing, lg_answer *given, double *score) {
