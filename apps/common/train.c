@@ -9,7 +9,11 @@ enum { CHECKPOINT_EVERY = 10 };
 
 train_files train_given_files;
 
+/* --size is first: TRAIN_SHARED_NO_SIZE begins after it. */
 const app_option train_file_options[] = {
+    APP_ROW_TEXT(train_files, size, "size", "auto|W,...",
+                 "auto: choose --hidden by a race of a few widths on a validation part, each for half of the "
+                 "epochs and all for a third of --seconds, which counts them; else as --hidden"),
     APP_ROW_TEXT(train_files, out, "out", "FILE", "The model file to write"),
     APP_ROW_TEXT(train_files, checkpoint, "checkpoint", "FILE",
                  "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),
@@ -19,13 +23,8 @@ const app_option train_file_options[] = {
                  "Save the state and stop after n epochs of this run"),
     APP_ROW_SIZE(train_files, evaluations, "evaluations", "n", 1, 1e9, "Another name of --epochs"),
     APP_ROW_REAL(train_files, seconds, "seconds", "S", 0, 1e9,
-                 "Stop after so many seconds of training, the race of --size auto included; with a method "
-                 "other than adam and no --epochs this is "
-                 "the only limit"),
-    APP_ROW_TEXT(train_files, size, "size", "auto|W,...",
-                 "auto: choose --hidden by a race of a few widths on a validation part, each for half of the "
-                 "epochs and "
-                 "all for a third of --seconds; else as --hidden"),
+                 "Stop after so many seconds of training; with a method other than adam and no --epochs this "
+                 "is the only limit"),
     APP_ROW_TEXT(train_files, resume, "resume", "FILE",
                  "Continue from a checkpoint; the result has the same bits as one run. Options not given "
                  "are the checkpoint's"),

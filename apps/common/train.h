@@ -20,10 +20,12 @@ typedef struct train_files {
     double seconds;
 } train_files;
 
-/* What the command line gave, and its options: `shared` of a command. */
+/* What the command line gave, and its options: `shared` of a command; of one whose task has no `sizes`,
+ * TRAIN_SHARED_NO_SIZE. */
 extern train_files train_given_files;
 extern const app_option train_file_options[];
-#define TRAIN_SHARED .shared = train_file_options, .shared_values = &train_given_files
+#define TRAIN_SHARED         .shared = train_file_options, .shared_values = &train_given_files
+#define TRAIN_SHARED_NO_SIZE .shared = train_file_options + 1, .shared_values = &train_given_files
 
 /* A training while it goes on and after it. */
 typedef struct train_session train_session;

@@ -261,9 +261,63 @@ static void put_correlations(app_json *json, const lg_identification *of, size_t
     app_json_close(json, '}');
 }
 
-static void show_identified(const lg_identified *numbers, size_t count) {
+/* ---- where the mass of a network is told ---- */
+
+/* Positions at which M of a network is told; `text` is "at x 1.2, theta 3.1", or empty where no mass is one.
+ */
+typedef struct mass_place {
+    bool is;
+    double positions[LG_MACHINE_POSITIONS];
+    char text[256];
+} mass_place;
+
+/* A mass sees coordinate i. */
+static bool is_seen(const lg_machine *machine, uint32_t i) {
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; machine->terms[t].part == LG_MACHINE_MASS && k < machine->terms[t].of_count; k++)
+            if (machine->terms[t].of[k].index == i) return true;
+    return false;
+}
+
+static void find_mass_place(const training *t, mass_place *out) {
+    const double *q = out->positions;
+    size_t used = 0;
+    *out = (mass_place){.is = false};
+    out->is = lg_machine_mass_at(&t->problem, out->positions);
+    for (uint32_t i = 0; i < run.machine.coordinate_count && out->is; i++) {
+        const lg_machine_coordinate *each = &run.machine.coordinates[i];
+        const uint32_t count = lg_coordinate_positions(each->kind);
+        for (uint32_t k = 0; k < count && is_seen(&run.machine, i) && used < sizeof out->text; k++)
+            used += (size_t)snprintf(out->text + used, sizeof out->text - used, "%s%s %.3g",
+                                     k > 0      ? ","
+                                     : used > 0 ? ", "
+                                                : "at ",
+                                     k > 0 ? "" : each->name, q[k]);
+        q += count;
+    }
+}
+
+/* "mass_at": {coordinate: its positions} */
+static void put_mass_place(app_json *json, const mass_place *at) {
+    const double *q = at->positions;
+    if (!at->is) return;
+    app_json_open(json, "mass_at", '{');
+    for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
+        const lg_machine_coordinate *each = &run.machine.coordinates[i];
+        app_json_reals(json, each->name, q, lg_coordinate_positions(each->kind));
+        q += lg_coordinate_positions(each->kind);
+    }
+    app_json_close(json, '}');
+}
+
+static bool is_mass(const char *number) {
+    return strncmp(number, "mass.", strlen("mass.")) == 0;
+}
+
+static void show_identified(const lg_identified *numbers, size_t count, const mass_place *at) {
     app_table table;
     if (count == 0) return;
+    if (at->is) (void)printf("mass: of a network, %s\n", at->text);
     app_table_begin(&table, 3);
     app_table_cell(&table, "identified");
     app_table_cell(&table, "value");
@@ -306,25 +360,34 @@ static void put_gauge(app_json *json, const lg_machine *machine, const lg_identi
     app_json_text(json, "gauge", text);
 }
 
-static void report(const training *t, const train_session *session, double loss, const lg_identification *of,
-                   size_t count) {
+/* What of the logs was explained, and how well. */
+typedef struct explained {
+    double loss, expected; /* `expected`: at most, of a model that explains the logs */
+    mass_place mass;
+} explained;
+
+static void report(const training *t, const train_session *session, const explained *what,
+                   const lg_identification *of, size_t count) {
     app_json json;
     const lg_fit *fit = t->fit;
     const uint64_t done = lg_fit_epochs_done(fit);
     const double validation = done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN;
     if (!session->app->json) {
-        (void)printf("%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e, floor %.1e, %.1f s\n",
+        (void)printf("%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e (noise and steps leave "
+                     "%.1e at most), floor of the steps %.1e, %.1f s\n",
                      train_given_files.out, run.machine.parameters, (unsigned long long)run.windows,
-                     (unsigned long long)done, loss, session->floor, session->seconds);
-        show_identified(of->numbers, count);
+                     (unsigned long long)done, what->loss, what->expected, session->floor, session->seconds);
+        show_identified(of->numbers, count, &what->mass);
         return;
     }
     app_json_begin(&json);
-    app_json_real(&json, "loss", loss);
+    app_json_real(&json, "loss", what->loss);
+    app_json_real(&json, "expected_loss", what->expected);
     app_json_real(&json, "validation", validation);
     app_json_size(&json, "windows", run.windows);
     app_json_size(&json, "parameters", run.machine.parameters);
     put_identified(&json, of->numbers, count);
+    put_mass_place(&json, &what->mass);
     put_correlations(&json, of, count);
     put_gauge(&json, &run.machine, of, count);
     train_json(session, &json);
@@ -363,23 +426,25 @@ static void warn_of_open(const app *self, const lg_identification *of, size_t co
 }
 
 /* A number that its error exceeds, unless both are next to nothing beside the others of its kind. */
-static void warn_of_numbers(const app *self, const lg_identification *of, size_t count) {
+static void warn_of_numbers(const app *self, const lg_identification *of, size_t count,
+                            const mass_place *at) {
     static const double nothing = 0.02;
     const lg_identified *numbers = of->numbers;
     for (size_t i = 0; i < count; i++) {
         const double error = numbers[i].error;
         if (error <= fabs(numbers[i].value) || error < nothing * largest_alike(numbers, count, i)) continue;
         if (is_open(of, count, i)) continue;
+        const bool told = at->is && is_mass(numbers[i].name);
         app_warn(self,
-                 "the logs do not determine %s: %.3g with a standard error of %.2g; give it as "
+                 "the logs do not determine %s%s%s: %.3g with a standard error of %.2g; give it as "
                  "known, or move the machine in other ways",
-                 numbers[i].name, numbers[i].value, error);
+                 numbers[i].name, told ? " " : "", told ? at->text : "", numbers[i].value, error);
     }
 }
 
 /* The loss that a model leaves where it explains the logs: 1 of each number in units of its noise, of numbers
  * without noise half a hundredth of their size in a window, and what the steps make. */
-static double usual_loss(const training *t, double floor) {
+static double expected_loss(const training *t, double floor) {
     static const double small = 5e-3;
     double sum = floor;
     for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
@@ -390,27 +455,30 @@ static double usual_loss(const training *t, double floor) {
     return sum;
 }
 
-static void warn_of_misfit(const app *self, const training *t, double loss, double floor) {
+static void warn_of_misfit(const app *self, const explained *what) {
     static const double more = 4.0;
-    const double usual = usual_loss(t, floor);
-    if (loss > more * usual)
+    if (what->loss > more * what->expected)
         app_warn(
             self,
             "the model does not explain the logs: the loss is %.2g, where their noise and the steps leave "
             "%.2g at most; standard errors mean nothing then. More epochs, if the loss still falls; else a "
             "term is missing, or the logs contradict themselves: the sign or order of inputs, their delay, "
             "sensors on two clocks",
-            loss, usual);
+            what->loss, what->expected);
 }
 
 static int finish(void *user, train_session *session) {
     training *t = user;
     const app *self = session->app;
     lg_error error = {LG_OK, ""};
-    double loss = 0, *theta = app_alloc(t->fit_problem.parameters, sizeof *theta);
+    explained what = {.loss = 0.0};
+    double *theta = app_alloc(t->fit_problem.parameters, sizeof *theta);
     lg_fit_parameters(t->fit, theta);
-    lg_status status = lg_machine_loss(self->context, &t->problem, theta, &loss, &session->floor, &error);
-    if (status == LG_OK && !isfinite(loss)) status = LG_NOT_FINITE;
+    lg_status status =
+        lg_machine_loss(self->context, &t->problem, theta, &what.loss, &session->floor, &error);
+    if (status == LG_OK && !isfinite(what.loss)) status = LG_NOT_FINITE;
+    what.expected = expected_loss(t, session->floor);
+    find_mass_place(t, &what.mass);
     int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
     const size_t count = lg_machine_numbers(&run.machine, theta, 0, NULL), n = run.machine.parameters;
     lg_identification of = {.numbers = app_alloc(count + 1, sizeof *of.numbers),
@@ -425,11 +493,11 @@ static int finish(void *user, train_session *session) {
     }
     free(theta);
     if (code == APP_EXIT_OK) warn_of_gauge(self, &run.machine);
-    if (code == APP_EXIT_OK) warn_of_misfit(self, t, loss, session->floor);
+    if (code == APP_EXIT_OK) warn_of_misfit(self, &what);
     if (code == APP_EXIT_OK) warn_of_open(self, &of, count);
-    if (code == APP_EXIT_OK) warn_of_numbers(self, &of, count);
+    if (code == APP_EXIT_OK) warn_of_numbers(self, &of, count, &what.mass);
     if (code == APP_EXIT_OK) code = train_draw(session);
-    if (code == APP_EXIT_OK) report(t, session, loss, &of, count);
+    if (code == APP_EXIT_OK) report(t, session, &what, &of, count);
     free(of.numbers);
     free(of.correlations);
     free(of.open);
@@ -469,7 +537,7 @@ const app_command fit_command = {
         "defaults above: docs/machines.md has the table, --json the values of a run.",
     .options = options,
     .values = &given,
-    TRAIN_SHARED,
+    TRAIN_SHARED_NO_SIZE,
     .settings = settings,
     .arguments_min = 2,
     .arguments_max = APP_ARGUMENTS,

@@ -356,10 +356,10 @@ LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_pro
 /* A number with a meaning, in the units of the log: an unknown one of a system by its label, "m1";
  * "mass.1.2" (of velocities 1 and 2, counted through the coordinates), "damping.x" or "damping.body.3"
  * (diagonal; also "coulomb.x", "quadratic.x"), "damping.1.2" (constant), "input_map.2.1", "potential.x^2",
- * "potential.sin(theta)", "bias.x", "bias.body.velocity.3". Where a mass is a network: M where places and
- * angles are 0, directions e3 and attitudes 1. `error` is one standard deviation, from the Gauss-Newton
- * matrix of at most 512 windows and the noise that the residuals show, without a prior; infinite: the data do
- * not determine it. */
+ * "potential.sin(theta)", "bias.x", "bias.body.velocity.3". Where a mass is a network: M at one position, by
+ * default the reference, where places and angles are 0, directions e3 and attitudes 1. `error` is one
+ * standard deviation, from the Gauss-Newton matrix of at most 512 windows and the noise that the residuals
+ * show, without a prior; infinite: the data do not determine it. */
 #define LG_IDENTIFIED_NAME 96
 typedef struct lg_identified {
     char name[LG_IDENTIFIED_NAME];
@@ -368,7 +368,15 @@ typedef struct lg_identified {
 /* The values of a machine's numbers alone; returns how many there are, at most `room` are written. */
 LG_API size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room,
                                  lg_identified *out);
-/* What logs say of the N numbers of lg_machine_numbers; the caller's memory. */
+/* The same, M of a network at `positions` (positions of a log, in its units; NULL: the reference). */
+LG_API size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
+                                    size_t room, lg_identified *out);
+/* Where logs can tell M of a network: at the reference, if a window to be learned begins within a tenth of
+ * the standard deviation of the positions that the mass sees; else where the window begins that is nearest to
+ * the mean of all. Writes its positions, as logs have them. False: no mass is a network, and the positions do
+ * not matter. */
+LG_API bool lg_machine_mass_at(const lg_machine_problem *problem, double *positions);
+/* What logs say of the N numbers of lg_machine_numbers_at lg_machine_mass_at; the caller's memory. */
 typedef struct lg_identification {
     lg_identified *numbers; /* (N) with errors */
     double *correlations;   /* (N, N) of the errors, 0 where one is 0 or infinite; NULL: not wanted */

@@ -20,13 +20,14 @@ typedef struct normal {
     const lg_machine_problem *problem;
     lg_fit_problem fit;
     const double *theta;
-    size_t n, starts;  /* parameters of the machine, of one start */
-    size_t rows;       /* numbers of the residuals of a chunk, and room for them */
-    double *jacobian;  /* (rows, n + starts) */
-    double *columns;   /* its transpose */
-    double *residuals; /* (rows) */
-    double *stack;     /* (n + rows, n), column-major: R above the columns of a chunk */
-    double *triangle;  /* R */
+    double at[LG_MACHINE_POSITIONS]; /* where M of a network is told */
+    size_t n, starts;                /* parameters of the machine, of one start */
+    size_t rows;                     /* numbers of the residuals of a chunk, and room for them */
+    double *jacobian;                /* (rows, n + starts) */
+    double *columns;                 /* its transpose */
+    double *residuals;               /* (rows) */
+    double *stack;                   /* (n + rows, n), column-major: R above the columns of a chunk */
+    double *triangle;                /* R */
     double squares, weighted;
 } normal;
 
@@ -165,10 +166,10 @@ static void differentiate(const normal *s, double *theta, size_t count, lg_ident
     for (size_t j = 0; j < s->n; j++) {
         const double before = theta[j];
         theta[j] = before + step;
-        (void)lg_machine_numbers(machine, theta, count, moved);
+        (void)lg_machine_numbers_at(machine, theta, s->at, count, moved);
         for (size_t i = 0; i < count; i++) gradient[i * s->n + j] = moved[i].value;
         theta[j] = before - step;
-        (void)lg_machine_numbers(machine, theta, count, moved);
+        (void)lg_machine_numbers_at(machine, theta, s->at, count, moved);
         for (size_t i = 0; i < count; i++)
             gradient[i * s->n + j] = (gradient[i * s->n + j] - moved[i].value) / (2.0 * step);
         theta[j] = before;
@@ -242,7 +243,8 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     const size_t count = lg_machine_numbers(machine, theta, 0, NULL);
     normal s = {.context = context, .problem = problem, .theta = theta, .n = machine->parameters};
     lg_tape *tape = NULL;
-    (void)lg_machine_numbers(machine, theta, count, out->numbers);
+    (void)lg_machine_mass_at(problem, s.at);
+    (void)lg_machine_numbers_at(machine, theta, s.at, count, out->numbers);
     out->open_count = 0;
     for (size_t i = 0; out->spread != NULL && i < s.n * s.n; i++) out->spread[i] = 0.0;
     for (size_t i = 0; out->correlations != NULL && i < count * count; i++) out->correlations[i] = 0.0;

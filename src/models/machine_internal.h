@@ -105,8 +105,12 @@ bool lg_grey_known(const lg_machine *machine); /* there is a system with a known
 /* The geometric mean of the masses at the start, in energies of the log's units; 0: no system. */
 double lg_grey_energy(const lg_machine *machine);
 
-/* One row at the reference, where places are 0, directions e3, attitudes 1 and velocities 0. */
-lg_status lg_machine_record_reference(lg_tape *tape, const lg_machine_vars *vars, lg_var *parts);
+/* The reference: places and angles are 0, directions e3, attitudes 1. */
+void lg_machine_reference(const lg_machine *machine, double *positions);
+/* One row at rest at the positions, in the units of the log and with its biases; NULL: at the reference. */
+lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, const double *positions,
+                                 lg_var *parts);
+bool lg_machine_mass_learned(const lg_machine *machine); /* a mass is a network */
 
 /* Numbers of one feature, and their scales: a number of the log is the scaled one times its scale. */
 uint32_t lg_machine_feature_count(const lg_machine *machine, lg_machine_feature feature);

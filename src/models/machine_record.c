@@ -1,4 +1,6 @@
 /* Machines: states, energy and field on a tape, in scaled units. */
+#include <string.h>
+
 #include "autodiff/tape_internal.h"
 #include "models/machine_internal.h"
 
@@ -235,17 +237,31 @@ lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg
                              without_bias(tape, vars, true, velocities), parts);
 }
 
-lg_status lg_machine_record_reference(lg_tape *tape, const lg_machine_vars *vars, lg_var *parts) {
-    const lg_machine *machine = vars->machine;
-    double q[LG_MACHINE_POSITIONS] = {0.0}, v[LG_MACHINE_VELOCITIES] = {0.0};
+void lg_machine_reference(const lg_machine *machine, double *positions) {
+    memset(positions, 0, machine->positions * sizeof *positions);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        double *at = q + lg_machine_offsets_of(machine, i).position;
+        double *at = positions + lg_machine_offsets_of(machine, i).position;
         if (row->directions > 0) at[2] = 1.0;
         for (uint32_t k = 0; k < 3 && row->rotations > 0; k++) at[row->places + 4 * k] = 1.0;
     }
-    return record_true_state(tape, vars, lg_input_f64(tape, lg_shape2(1, machine->positions), q),
-                             lg_input_f64(tape, lg_shape2(1, machine->velocities), v), parts);
+}
+
+lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, const double *positions,
+                                 lg_var *parts) {
+    const lg_machine *machine = vars->machine;
+    double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES] = {0.0};
+    if (positions == NULL) lg_machine_reference(machine, q);
+    for (uint32_t i = 0; i < machine->coordinate_count && positions != NULL; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (uint32_t k = 0; k < lg_coordinate_positions(machine->coordinates[i].kind); k++)
+            q[at.position + k] =
+                positions[at.position + k] / (k < row->places ? machine->scales.place[at.place + k] : 1.0);
+    }
+    lg_var q0 = lg_input_f64(tape, lg_shape2(1, machine->positions), q);
+    if (positions != NULL) q0 = without_bias(tape, vars, false, q0);
+    return record_true_state(tape, vars, q0, lg_input_f64(tape, lg_shape2(1, machine->velocities), v), parts);
 }
 
 /* Positions of the state, without biases. */

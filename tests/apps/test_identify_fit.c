@@ -182,6 +182,56 @@ TEST("a common factor is told where networks have it too, and a known map of an 
     json_expect(json_find(json_find(result.out, "identified"), "mass.1.1"), "error <1");
 }
 
+/* The log with 30 added to x. */
+static void shift_log(const char *from, const char *to) {
+    enum { ROWS = 4000, SIZE = 1 << 19 };
+    static const char *const columns[] = {"t", "run", "x", "vx", "u"};
+    double *cells = lg_test_memory(sizeof *cells * LG_COUNT(columns) * ROWS);
+    char *text = lg_test_memory(SIZE);
+    size_t rows = 0, used = (size_t)snprintf(text, SIZE, "t,run,x,vx,u\n");
+    for (size_t c = 0; c < LG_COUNT(columns); c++)
+        rows = csv_column(from, columns[c], cells + c * ROWS, ROWS);
+    for (size_t i = 0; i < rows; i++)
+        used += (size_t)snprintf(text + used, SIZE - used, "%.17g,%g,%.17g,%.17g,%.17g\n", cells[i],
+                                 cells[ROWS + i], cells[2 * ROWS + i] + 30, cells[3 * ROWS + i],
+                                 cells[4 * ROWS + i]);
+    cli_write(to, text);
+}
+
+TEST("the mass of a network is told where the logs are, and where that is") {
+    cli_write("push.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
+                                              "input_map: {kind: known, values: [[1]]}\n");
+    cli_write("moving.yaml",
+              OSCILLATOR_COLUMNS "mass: {kind: network, of: x}\ninput_map: {kind: known, values: [[1]]}\n");
+    run("generate push.yaml --runs 8 --t-end 4 --amplitude 4 --noise 0.002,0.01 --out near.csv");
+    shift_log("near.csv", "away.csv");
+    cli_json(identify, "fit moving.yaml near.csv --out m.h5 --epochs 200", "loss <4, expected_loss <4",
+             &result);
+    json_expect(json_find(result.out, "mass_at"), "x [0]");
+    cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 200", "loss <4, expected_loss <4",
+             &result);
+    const double at = strtod(strchr(json_find(json_find(result.out, "mass_at"), "x"), '[') + 1, NULL);
+    assert_close(at, 30, 0, 3);
+    const char *number = json_find(json_find(result.out, "identified"), "mass.1.1");
+    assert_close(json_number(number, "value"), 2, 0.05, 0);
+    assert_true(json_number(number, "error") < 0.2);
+    assert_null(strstr(result.err, "do not determine"));
+    run("fit moving.yaml away.csv --out m.h5 --epochs 20");
+    assert_says(result.out, "mass: of a network, at x ");
+    assert_says(result.out, "noise and steps leave 2.0e+00 at most");
+    run("generate push.yaml --inputs none --runs 8 --t-end 4 --start-spread 1,0 --noise 0.002,0.01 --out "
+        "rest.csv");
+    shift_log("rest.csv", "away.csv");
+    run("fit moving.yaml away.csv --out m.h5 --epochs 20");
+    assert_says(result.err, "the logs do not determine mass.1.1 at x ");
+}
+
+TEST("a fit has no option that its networks cannot take: --size") {
+    run("fit --help");
+    assert_null(strstr(result.out, "--size"));
+    cli_expect(identify, "fit machine.yaml train.csv --out m.h5 --size auto", 2, "--size", &result);
+}
+
 TEST("logs that contradict the machine are told from those that it explains, noisy or not") {
     char machine[1024];
     (void)snprintf(machine, sizeof machine, "%sscale: {u: -1}\n", oscillator_machine);

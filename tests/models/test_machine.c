@@ -144,16 +144,26 @@ TEST("numbers given back as values of known terms do the same, at any scales") {
     }
 }
 
-TEST("of a mass that is a network the numbers are M at the reference: twice the energy of unit velocities") {
+/* M of the network at `positions`, in the units of the log, against energies at q, in scaled units. */
+static void expect_mass_at(const double *positions, const double *q);
+
+TEST("of a mass that is a network the numbers are M at a position: twice the energy of unit velocities") {
+    expect_mass_at(NULL, (const double[]){0, 0});
+    expect_mass_at((const double[]){0.3, -0.9}, (const double[]){0.3 / 1.3, -0.9});
+}
+
+static void expect_mass_at(const double *positions, const double *q) {
     lg_machine machine = empty_machine();
     lg_identified numbers[3];
     add_coordinate(&machine, "x", LG_COORDINATE_LINE);
     add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
     odd_scales(&machine);
-    add_feature(add_term(&machine, LG_MACHINE_MASS, "network"), LG_FEATURE_POSITION, 1);
+    lg_machine_term *mass = add_term(&machine, LG_MACHINE_MASS, "network");
+    add_feature(mass, LG_FEATURE_POSITION, 0);
+    add_feature(mass, LG_FEATURE_POSITION, 1);
     assert_machine(&machine);
     const double *theta = machine_theta(&machine, 8), *units = machine.scales.velocity;
-    assert_int_equal(lg_machine_numbers(&machine, theta, 3, numbers), 3);
+    assert_int_equal(lg_machine_numbers_at(&machine, theta, positions, 3, numbers), 3);
     const double M[3] = {numbers[0].value, numbers[2].value, numbers[1].value}; /* 11, 22, 12 */
     assert_string_equal(numbers[1].name, "mass.1.2");
     for (int k = 0; k < 3; k++) {
@@ -161,8 +171,8 @@ TEST("of a mass that is a network the numbers are M at the reference: twice the 
         lg_machine_vars vars;
         lg_var parts[LG_TAPED_MAX_PARTS];
         double energy;
-        const double q[2] = {0, 0}, speed[2] = {k != 1 ? machine.scales.time / units[0] : 0.0,
-                                                k != 0 ? machine.scales.time / units[1] : 0.0};
+        const double speed[2] = {k != 1 ? machine.scales.time / units[0] : 0.0,
+                                 k != 0 ? machine.scales.time / units[1] : 0.0};
         assert_ok(lg_machine_bind(tape, &machine,
                                   lg_parameter(tape, lg_shape1((uint32_t)machine.parameters), theta), &vars));
         assert_ok(lg_machine_record_state(tape, &vars, lg_input_f64(tape, lg_shape2(1, 2), q),

@@ -232,6 +232,55 @@ TEST("the error of what the logs do not show is infinite: an input map whose inp
     assert_true(found[0].error < 0.1 && found[1].error < 0.1 && isinf(found[2].error));
 }
 
+/* ---- where the mass of a network is told ---- */
+
+/* The oscillator with a mass that is a network of x, and logs shifted by `far`. */
+static task *make_network_task(double far) {
+    logs *l = make_logs(0.0, 3);
+    for (size_t row = 0; row < ALL; row++) l->q[row] += far;
+    task *t = make_task(l, LG_MACHINE_STARTS_MEASURED);
+    t->machine.terms[0].kind = lg_term_kind_find(LG_MACHINE_MASS, "network");
+    t->machine.terms[0].hidden[0] = 5, t->machine.terms[0].hidden_layers = 1;
+    add_feature(&t->machine.terms[0], LG_FEATURE_POSITION, 0);
+    assert_machine(&t->machine);
+    return t;
+}
+
+TEST("the mass of a network is told at 0 where logs come there, else at the start nearest to their mean") {
+    double at = 7, mean = 0, best = 1e9;
+    assert_false(lg_machine_mass_at(&make_task(make_logs(0.0, 3), LG_MACHINE_STARTS_MEASURED)->problem, &at));
+    assert_true(lg_machine_mass_at(&make_network_task(0)->problem, &at));
+    assert_close(at, 0, 0, 0);
+    task *t = make_network_task(20);
+    const lg_machine_problem *p = &t->problem;
+    assert_true(lg_machine_mass_at(p, &at));
+    for (size_t i = 0; i < p->windows; i++) mean += p->log.q[p->start[i]] / (double)p->windows;
+    for (size_t i = 0; i < p->windows; i++) {
+        const double q = p->log.q[p->start[i]];
+        if (fabs(q - mean) < fabs(best - mean)) best = q;
+    }
+    assert_close(at, best, 0, 0);
+    assert_true(fabs(mean - 20) < 1);
+}
+
+TEST("an angle is near to itself after full turns, and windows held out do not count") {
+    task *t = make_network_task(6 * 3.14159265358979323846);
+    double at = 7;
+    t->machine.coordinates[0].kind = LG_COORDINATE_ANGLE;
+    assert_machine(&t->machine);
+    assert_true(lg_machine_mass_at(&t->problem, &at));
+    assert_close(at, 0, 0, 0);
+    logs *l = make_logs(0.0, 3);
+    for (size_t row = 0; row < ALL; row++) l->q[row] = row < ALL / 2 ? 2.0 + 0.1 * l->q[row] : 0.0;
+    t = make_network_task(0);
+    t->problem.log = l->log;
+    assert_true(lg_machine_mass_at(&t->problem, &at));
+    assert_close(at, 0, 0, 0);
+    t->problem.validation = t->problem.windows / 2;
+    assert_true(lg_machine_mass_at(&t->problem, &at));
+    assert_close(at, 2, 0, 0.3);
+}
+
 /* ---- starts of a known machine ---- */
 
 enum { RUNS = 4, RUN = 40, POINTS = RUNS * RUN, WINDOW = 30, STARTS = 4 };
