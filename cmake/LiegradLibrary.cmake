@@ -1,15 +1,17 @@
-# liegrad_library(NAME SOURCES ... [OBJECTS ...] [LIEGRAD other...] PACKAGES pkg... LIBRARIES flag... DESCRIPTION text)
+# liegrad_library(NAME SOURCES ... [OBJECTS ...] [LIEGRAD other...] PACKAGES pkg... LIBRARIES flag... [ARCHIVES flag...]
+#   DESCRIPTION text)
 #
 # One library of the project, compiled once and linked twice: NAME_shared (with a SONAME) and NAME_static. The plain
 # NAME is another name of one of them, by BUILD_SHARED_LIBS. Inside another project the other one is built on demand
 # only. All are also called liegrad::..., inside a build and where they are installed, and NAME.pc describes both.
 # PACKAGES are suffixes of pkg_check_modules(LIEGRAD_...): private, they appear on the consumer's command line in a
-# static link only. LIEGRAD are other libraries of the project.
+# static link only. LIEGRAD are other libraries of the project. ARCHIVES are what the archives of PACKAGES need and their .pc
+# files do not say: NAME.pc says it.
 #
 # Components of an installation: runtime (shared libraries, executables, scenes, licence), development (headers,
 # archives, what CMake and pkg-config read, examples), tools (lg-bench, lg-gradcheck), documentation.
 function(liegrad_library name)
-  cmake_parse_arguments(ARG "" "DESCRIPTION" "SOURCES;OBJECTS;LIEGRAD;PACKAGES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "" "DESCRIPTION" "SOURCES;OBJECTS;LIEGRAD;PACKAGES;LIBRARIES;ARCHIVES" ${ARGN})
   set(packages ${ARG_PACKAGES})
   list(TRANSFORM packages PREPEND PkgConfig::LIEGRAD_)
 
@@ -68,7 +70,7 @@ function(liegrad_library name)
   foreach(package IN LISTS ARG_PACKAGES)
     list(APPEND flags ${LIEGRAD_${package}_LDFLAGS})
   endforeach()
-  foreach(library IN LISTS ARG_LIBRARIES)
+  foreach(library IN LISTS ARG_ARCHIVES ARG_LIBRARIES)
     list(APPEND flags -l${library})
   endforeach()
   list(JOIN flags " " PC_LIBS_PRIVATE)
