@@ -1,5 +1,7 @@
-/* own_ode LOG.csv MODEL.h5: learns x' = f(x, u), x = (angle, rate), from the log of a driven pendulum with
- * rows at equal times, so that STEPS predictions agree with the log; saves field and step. */
+/* own_ode LOG.csv MODEL.h5: learns x' = f(x, u), x = (angle, rate), from logs of a driven pendulum, so that
+ * STEPS predictions agree with them; saves field and step. LOG.csv has rows at equal times and a column
+ * `run`: the last of several runs is judged, not learned. No window has a missing or incomplete row. Names,
+ * X, widths and STEPS may be changed here: all sizes follow from them. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,17 +13,21 @@
 #include <liegrad/taped.h>
 #include <liegrad/train.h>
 
-enum { X = 2, STEPS = 8, WINDOWS = 100000, MOST = 1000 };
-static double start[WINDOWS][X], h;
+#define COUNT(array) (sizeof(array) / sizeof *(array))
+static const char *const columns[] = {"angle", "rate", "torque"}; /* X states, then inputs */
+static const uint32_t hidden[] = {12, 12};
+enum { X = 2, ROW = COUNT(columns), U = ROW - X, STEPS = 8, WINDOW = (STEPS + 1) * ROW };
+static lg_table_data stamps, rows; /* time and run; columns */
+static double h = INFINITY;
 static lg_error error;
 
 static void need(lg_status status) {
     if (status == LG_OK) return;
-    (void)fprintf(stderr, "own_ode: %s\n", error.message);
+    (void)fprintf(stderr, "own_ode: %s\n", *error.message ? error.message : lg_status_sentence(status));
     exit(1);
 }
 
-/* f (B, X) of in[0] = x (B, X), in[1] = u (B, 1) */
+/* f (B, X) of in[0] = x (B, X), in[1] = u (B, U) */
 static lg_status field(void *net, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *f) {
     f[0] = lg_mlp_record(t, net, theta[0], 0, lg_concat(t, in, 2, 1));
     return lg_tape_status(t);
@@ -39,43 +45,66 @@ static lg_status step(void *none, lg_tape *t, const lg_var *theta, const lg_var 
                               in, next);
 }
 
-/* STEPS predictions, one after the other, from in[0] with torques in[1], less what the log has, in[2]. */
+/* STEPS predictions, one after the other, from the first row of the window in[0] (B, WINDOW), less its others.
+ */
 static lg_status miss(void *none, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *out) {
-    lg_var x[2] = {in[0]}, all[STEPS];
-    for (uint32_t k = 0; k < STEPS && lg_tape_status(t) == LG_OK; x[0] = all[k++])
-        x[1] = lg_slice(t, in[1], 1, k, 1), (void)step(none, t, theta, x, &all[k]);
-    out[0] = lg_sub(t, lg_concat(t, all, STEPS, 1), in[2]);
+    lg_var x[2] = {lg_slice(t, in[0], 1, 0, X)}, next = LG_NONE, off[STEPS] = {LG_NONE};
+    for (uint32_t k = 0; k < STEPS && lg_tape_status(t) == LG_OK; k++, x[0] = next) {
+        x[1] = lg_slice(t, in[0], 1, k * ROW + X, U), (void)step(none, t, theta, x, &next);
+        off[k] = lg_sub(t, next, lg_slice(t, in[0], 1, (k + 1) * ROW, X));
+    }
+    out[0] = lg_concat(t, off, STEPS, 1);
     return lg_tape_status(t);
+}
+
+/* Windows, end to end, of the run `held` or of all others; how many. None crosses runs or a gap. */
+static size_t windows(uint32_t held, bool others, double *out) {
+    size_t count = 0;
+    for (size_t i = 0; i + STEPS < rows.rows; i++) {
+        const double seconds = stamps.values[i + STEPS] - stamps.values[i];
+        const bool whole = stamps.label[i] == stamps.label[i + STEPS] && fabs(seconds - STEPS * h) < 0.1 * h;
+        if (!whole || (stamps.label[i] == held) == others) continue;
+        memcpy(out + count++ * WINDOW, rows.values + i * ROW, WINDOW * sizeof *out);
+        i += STEPS - 1;
+    }
+    return count;
 }
 
 int main(int argc, char **argv) {
     lg_mlp net;
     lg_rng rng;
-    lg_table_data time, x, u;
     lg_program *program;
     lg_program_training done;
-    double theta[MOST];
-    if (argc != 3) return 2;
-    need(lg_table_read(NULL, argv[1], (const char *[]){"time"}, 1, NULL, NULL, &time, &error));
-    need(lg_table_read(NULL, argv[1], (const char *[]){"angle", "rate"}, X, NULL, NULL, &x, &error));
-    need(lg_table_read(NULL, argv[1], (const char *[]){"torque"}, 1, NULL, NULL, &u, &error));
-    const size_t all = (x.rows - 1) / STEPS, count = all < WINDOWS ? all : WINDOWS; /* windows, end to end */
-    for (size_t w = 0; w < count; w++) memcpy(start[w], x.values + w * STEPS * X, sizeof start[w]);
-    h = time.values[1] - time.values[0];
-    need(lg_mlp_init(&net, X + 1, (const uint32_t[]){12, 12}, 2, X, LG_TANH, true));
+    double square = 0;
+    if (argc != 3) return (void)fputs("usage: own_ode LOG.csv MODEL.h5\n", stderr), 2;
+    need(lg_table_read(NULL, argv[1], (const char *[]){"time"}, 1, "run", NULL, &stamps, &error));
+    need(lg_table_read(NULL, argv[1], columns, ROW, NULL, NULL, &rows, &error));
+    need(lg_table_keep_complete((lg_table_data *[]){&stamps, &rows}, 2, NULL, &error));
+    for (size_t i = 1; i < rows.rows; i++)
+        if (stamps.values[i] > stamps.values[i - 1]) h = fmin(h, stamps.values[i] - stamps.values[i - 1]);
+    need(lg_mlp_init(&net, ROW, hidden, COUNT(hidden), X, LG_TANH, true));
+    double *theta = calloc(lg_mlp_parameters(&net), sizeof *theta);
+    double *data = calloc(rows.rows, WINDOW * sizeof *data),
+           *off = calloc(rows.rows, STEPS * X * sizeof *off);
+    need(theta != NULL && data != NULL && off != NULL ? LG_OK : LG_OUT_OF_MEMORY);
     lg_rng_seed(&rng, 1, 0);
     lg_mlp_initialise(&net, &rng, theta);
-    const lg_port in[] = {{"x", lg_shape1(X)}, {"u", lg_shape1(1)}}, y = {"y"};
-    const lg_port windows[] = {in[0], {"u", lg_shape1(STEPS)}, {"z", lg_shape1(STEPS * X)}};
+    const lg_port in[] = {lg_table_port(&rows, "x", X), lg_table_port(&rows, "u", U)}, y = {"y"};
+    const lg_port window = lg_table_port(&rows, "window", WINDOW);
     const lg_function_spec functions[] = {{"field", in, 2, &y, 1, field, &net},
                                           {"step", in, 2, &y, 1, step, NULL},
-                                          {"miss", windows, 3, &y, 1, miss, NULL}};
+                                          {"miss", &window, 1, &y, 1, miss, NULL}};
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&net)), theta};
     const lg_program_spec spec = {sizeof spec, &weights, 1, functions, 3, "driven pendulum"};
     need(lg_program_build(NULL, &spec, &program, &error));
-    const double *const data[] = {start[0], u.values, x.values + X};
-    need(lg_program_train(NULL, program, "miss", data, count, NULL, &done, &error));
+    const uint32_t held = stamps.classes > 1 ? stamps.classes - 1 : UINT32_MAX;
+    size_t count = windows(held, true, data);
+    need(lg_program_train(NULL, program, "miss", (const double *[]){data}, count, NULL, &done, &error));
     printf("rms error of %d steps %.2g after %.1f s: %s\n", STEPS, sqrt(done.after), done.seconds, done.end);
     need(lg_program_save(NULL, argv[2], program, NULL, &error));
+    if ((count = windows(held, false, data)) == 0) return 0;
+    need(lg_program_eval(NULL, program, "miss", count, (const double *[]){data}, (double *[]){off}, &error));
+    for (size_t i = 0; i < count * STEPS * X; i++) square += off[i] * off[i] / (double)(count * STEPS * X);
+    printf("run %s, not learned: rms error %.2g\n", stamps.class_name[held], sqrt(square));
     return 0; /* what is held goes with the process */
 }

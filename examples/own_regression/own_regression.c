@@ -1,5 +1,6 @@
-/* own_regression TABLE.csv MODEL.h5: learns two columns of a table from three others, saves the model, loads
- * it again and evaluates it. `lg-export MODEL.h5 --out DIR` makes C of it. */
+/* own_regression TABLE.csv MODEL.h5: learns columns of a table from other ones, saves the model, loads it
+ * again and evaluates it. `lg-export MODEL.h5 --out DIR` makes C of it. Names, widths and counts of columns
+ * may be changed here: all sizes follow from these arrays. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,14 +11,17 @@
 #include <liegrad/tables.h>
 #include <liegrad/train.h>
 
-enum { IN = 3, OUT = 2, MOST = 1000 }; /* MOST: parameters */
+#define COUNT(array) (sizeof(array) / sizeof *(array))
 static const char *const in_names[] = {"angle", "speed", "height"};
 static const char *const out_names[] = {"range", "top"};
+static const uint32_t hidden[] = {12, 12};
+enum { IN = COUNT(in_names), OUT = COUNT(out_names) };
 static lg_error error;
 
 static void need(lg_status status) {
     if (status == LG_OK) return;
-    (void)fprintf(stderr, "own_regression: %s\n", error.message);
+    (void)fprintf(stderr, "own_regression: %s\n",
+                  *error.message ? error.message : lg_status_sentence(status));
     exit(1);
 }
 
@@ -43,23 +47,27 @@ static lg_status miss(void *user, lg_tape *t, const lg_var *theta, const lg_var 
 }
 
 int main(int argc, char **argv) {
-    const uint32_t hidden[] = {12, 12};
     regression r;
     lg_table_data x, y;
     lg_program *program;
     lg_program_training done;
     lg_rng rng;
-    double theta[MOST], predicted[OUT];
-    if (argc != 3) return 2;
+    size_t incomplete;
+    double predicted[OUT];
+    if (argc != 3) return (void)fputs("usage: own_regression TABLE.csv MODEL.h5\n", stderr), 2;
     need(lg_table_read(NULL, argv[1], in_names, IN, NULL, NULL, &x, &error));
     need(lg_table_read(NULL, argv[1], out_names, OUT, NULL, NULL, &y, &error));
+    need(lg_table_keep_complete((lg_table_data *[]){&x, &y}, 2, &incomplete, &error));
+    if (incomplete > 0) printf("%zu incomplete rows left out\n", incomplete);
     need(lg_table_scaler_fit(NULL, x.values, IN, NULL, x.rows, &r.in));
     need(lg_table_scaler_fit(NULL, y.values, OUT, NULL, y.rows, &r.out));
-    need(lg_mlp_init(&r.net, IN, hidden, 2, OUT, LG_TANH, true));
+    need(lg_mlp_init(&r.net, IN, hidden, COUNT(hidden), OUT, LG_TANH, true));
+    double *theta = calloc(lg_mlp_parameters(&r.net), sizeof *theta);
+    need(theta != NULL ? LG_OK : LG_OUT_OF_MEMORY);
     lg_rng_seed(&rng, 1, 0);
     lg_mlp_initialise(&r.net, &rng, theta);
-    const lg_port in[] = {{.name = "x", .shape = lg_shape1(IN)}, {.name = "wanted", .shape = lg_shape1(OUT)}};
-    const lg_port out = {.name = "y"};
+    /* With the range of the data, by which lg_program_build sees an `if` on a value, and refuses it. */
+    const lg_port in[] = {lg_table_port(&x, "x", IN), lg_table_port(&y, "wanted", OUT)}, out = {.name = "y"};
     const lg_function_spec functions[] = {{"value", in, 1, &out, 1, value, &r},
                                           {"miss", in, 2, &out, 1, miss, &r}};
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&r.net)), theta};
@@ -72,6 +80,7 @@ int main(int argc, char **argv) {
     need(lg_program_load(NULL, argv[2], NULL, &program, &error));
     need(lg_program_eval(NULL, program, "value", 1, (const double *[]){x.values}, (double *[]){predicted},
                          &error));
-    printf("row 1: range %.3f m, predicted %.3f m\n", y.values[0], predicted[0]);
+    for (int k = 0; k < OUT; k++)
+        printf("row 1: %s %.4g, predicted %.4g\n", out_names[k], y.values[k], predicted[k]);
     return 0; /* what is held goes with the process */
 }

@@ -124,6 +124,7 @@ lg_status make_attitude(lg_program **out, training *how, lg_error *error) {
     learned l;
     lg_rng rng;
     lg_status status = lg_mlp_init(&l.net, 15, hidden, 1, 3, LG_TANH, true);
+    if (status == LG_OK && lg_mlp_parameters(&l.net) != sizeof theta / sizeof *theta) status = LG_SHAPE;
     if (status != LG_OK) return status;
     lg_rng_seed(&rng, 3, 1);
     lg_mlp_initialise(&l.net, &rng, theta);

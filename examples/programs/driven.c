@@ -84,13 +84,15 @@ lg_status make_driven(lg_program **out, training *how, lg_error *error) {
     lg_rng rng;
     double theta[16 * 3 + 16 + 16 * 16 + 16 + 16 * 2 + 2];
     lg_status status = lg_mlp_init(&net, 3, hidden, 2, 2, LG_TANH, true);
+    if (status == LG_OK && lg_mlp_parameters(&net) != sizeof theta / sizeof *theta) status = LG_SHAPE;
     if (status != LG_OK) return status;
     lg_rng_seed(&rng, 2, 1);
     lg_mlp_initialise(&net, &rng, theta);
-    const lg_port in[] = {{.name = "x", .shape = lg_shape1(2), .unit = "rad, rad/s"},
-                          {.name = "u", .shape = lg_shape1(1), .unit = "rad/s^2"},
-                          {.name = "h", .shape = lg_shape1(1), .unit = "s", .low = 0.05, .high = 0.3},
-                          {.name = "next", .shape = lg_shape1(2), .unit = "rad, rad/s"}};
+    const lg_port in[] = {
+        {.name = "x", .shape = lg_shape1(2), .unit = "rad, rad/s", .low = -2, .high = 2},
+        {.name = "u", .shape = lg_shape1(1), .unit = "rad/s^2"},
+        {.name = "h", .shape = lg_shape1(1), .unit = "s", .low = 0.05, .high = 0.3},
+        {.name = "next", .shape = lg_shape1(2), .unit = "rad, rad/s", .low = -2, .high = 2}};
     const lg_port f = {.name = "f"}, y = {.name = "y"}, mean = {.name = "mean_square"};
     const lg_function_spec functions[] = {{"field", in, 2, &f, 1, field, &net},
                                           {"step", in, 3, &y, 1, step, &net},

@@ -44,8 +44,11 @@ int main(int argc, char **argv) {
         lg_error error;
         char path[1024];
         (void)snprintf(path, sizeof path, "%s/%s.h5", argv[1], models[i].name);
-        if (models[i].make(&program, &how, &error) != LG_OK) {
-            (void)fprintf(stderr, "%s: %s\n", models[i].name, error.message);
+        error.message[0] = '\0';
+        const lg_status status = models[i].make(&program, &how, &error);
+        if (status != LG_OK) {
+            (void)fprintf(stderr, "%s: %s\n", models[i].name,
+                          error.message[0] != '\0' ? error.message : lg_status_sentence(status));
             return 1;
         }
         (void)printf("%s: %s\n", models[i].name, lg_program_description(program));

@@ -118,8 +118,9 @@ lg_status make_throw(lg_program **out, training *how, lg_error *error) {
         lg_mlp_initialise(&r.net, &rng, theta);
         status = fit(&r, theta, error);
     }
-    const lg_port in[] = {{.name = "x", .shape = lg_shape1(IN), .unit = "rad, m/s, m"},
-                          {.name = "wanted", .shape = lg_shape1(OUT), .unit = "m"}};
+    /* low and high: about those of the data, so that lg_program_build records what the data would do. */
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1(IN), .unit = "rad, m/s, m", .low = 0, .high = 20},
+                          {.name = "wanted", .shape = lg_shape1(OUT), .unit = "m", .low = 0, .high = 50}};
     const lg_port y = {.name = "y", .unit = "m"}, mean = {.name = "mean_square"};
     const lg_function_spec functions[] = {{"value", in, 1, &y, 1, value, &r},
                                           {"loss", in, 2, &mean, 1, loss, &r}};

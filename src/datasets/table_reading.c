@@ -239,6 +239,60 @@ static void hash(lg_table_reading *r) {
     lg_sha256_finish(&state, r->out.sha256);
 }
 
+/* ---- complete rows ---- */
+
+static bool is_complete(const lg_table_data *data, size_t row) {
+    for (uint32_t c = 0; c < data->columns; c++)
+        if (isnan(data->values[row * data->columns + c])) return false;
+    return data->label == NULL || data->label[row] != LG_TABLE_NO_CLASS;
+}
+
+static bool are_complete(lg_table_data *const *tables, size_t count, size_t row) {
+    bool all = true;
+    for (size_t i = 0; i < count; i++) all = all && is_complete(tables[i], row);
+    return all;
+}
+
+static void move_row(lg_table_data *data, size_t from, size_t to) {
+    memmove(data->values + to * data->columns, data->values + from * data->columns,
+            data->columns * sizeof *data->values);
+    data->line[to] = data->line[from];
+    if (data->label != NULL) data->label[to] = data->label[from];
+}
+
+lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, size_t *left_out,
+                                 lg_error *error) {
+    const size_t rows = count > 0 ? tables[0]->rows : 0;
+    size_t complete = 0, kept = 0;
+    for (size_t i = 0; i < count; i++)
+        if (tables[i]->rows != rows)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "tables of %zu and %zu rows are not of one file", rows,
+                           tables[i]->rows);
+    for (size_t row = 0; row < rows; row++) complete += are_complete(tables, count, row);
+    if (complete == 0 && rows > 0)
+        return lg_fail(error, LG_FORMAT, "all %zu rows have missing cells in the columns that are used",
+                       rows);
+    for (size_t row = 0; row < rows; row++) {
+        if (!are_complete(tables, count, row)) continue;
+        for (size_t i = 0; i < count; i++) move_row(tables[i], row, kept);
+        kept++;
+    }
+    for (size_t i = 0; i < count; i++) tables[i]->rows = kept;
+    if (left_out != NULL) *left_out = rows - kept;
+    return LG_OK;
+}
+
+lg_port lg_table_port(const lg_table_data *of, const char *name, uint32_t numbers) {
+    lg_port port = {
+        .name = name, .shape = lg_shape1(numbers), .low = (double)INFINITY, .high = -(double)INFINITY};
+    for (size_t i = 0; i < of->rows * of->columns; i++) {
+        port.low = fmin(port.low, of->values[i]); /* of NaN and a number, the number */
+        port.high = fmax(port.high, of->values[i]);
+    }
+    if (!(port.low <= port.high)) port.low = port.high = 0.0;
+    return port;
+}
+
 /* ---- outside ---- */
 
 static lg_status read_any(lg_table_reading *r, lg_error *error) {
