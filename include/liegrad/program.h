@@ -19,7 +19,7 @@
  * The recording must not depend on the numbers in the inputs or parameters: no branch on a value, no value
  * read from the tape and put back. lg_program_build records eight times, at random points and three numbers
  * of rows. If the recordings differ, it refuses the function and names the difference. It cannot see a branch
- * that all these points take alike.
+ * that all these points take alike: ports should have the range of the data (lg_port.low, high).
  * Operations of the caller's own (lg_custom) cannot be in a program.
  */
 #ifndef LIEGRAD_PROGRAM_H
@@ -43,7 +43,8 @@ typedef struct lg_port {
     lg_shape shape;   /* of one row, without the batch axis: rank 0 to 3. Shared: of the whole, rank 0 to 4 */
     bool shared;      /* one value for all rows */
     const char *unit; /* NULL: unknown; at most 64 bytes, no control characters, \ " ? or comment marks */
-    double low, high; /* inputs: the range in which checks draw random numbers; 0, 0: -1 to 1 */
+    double low, high; /* inputs: the range in which recordings and checks draw random numbers, best that of
+                         the data; 0, 0: -1 to 1 */
 } lg_port;
 
 /* The port's shape on a tape with `rows` rows: (rows, shape...), or the shape itself if it is shared. */
