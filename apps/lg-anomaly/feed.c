@@ -183,19 +183,22 @@ static void make_hour(void *user, size_t slot) {
  * device) is written to directly. */
 typedef struct sink {
     int fd;
-    char *temporary; /* NULL: written directly */
+    bool direct; /* not under a temporary name */
+    lg_temporary temporary;
 } sink;
 
-static bool sink_open(const char *path, sink *out) {
+static lg_status sink_open(const app *self, const char *path, sink *out, lg_error *error) {
     struct stat information;
-    *out = (sink){STDOUT_FILENO, NULL};
-    if (path == NULL) return true;
-    const bool special = stat(path, &information) == 0 && !S_ISREG(information.st_mode);
-    if (!special) out->temporary = app_format("%s.tmp-%ld", path, (long)getpid());
-    out->fd = open(special ? path : out->temporary, special ? O_WRONLY : O_WRONLY | O_CREAT | O_EXCL, 0666);
-    if (out->fd >= 0) return true;
-    free(out->temporary);
-    return false;
+    *out = (sink){.fd = STDOUT_FILENO, .direct = true};
+    if (path == NULL) return LG_OK;
+    out->direct = stat(path, &information) == 0 && !S_ISREG(information.st_mode);
+    if (!out->direct) {
+        const lg_status status = lg_temporary_create(self->context, path, false, &out->temporary, error);
+        out->fd = status == LG_OK ? out->temporary.fd : -1;
+        return status;
+    }
+    out->fd = open(path, O_WRONLY | O_CLOEXEC);
+    return out->fd >= 0 ? LG_OK : app_error(error, LG_FILE, "%s: %s", path, strerror(errno));
 }
 
 static bool sink_write(const sink *to, const char *text, size_t bytes) {
@@ -212,18 +215,11 @@ static bool sink_write(const sink *to, const char *text, size_t bytes) {
 /* `keep`: the file is complete. False with errno when it could not be finished. */
 static bool sink_close(sink *to, const char *path, bool keep) {
     if (path == NULL) return true;
-    bool whole = to->temporary == NULL || !keep || fsync(to->fd) == 0;
-    int number = whole ? 0 : errno;
-    if (close(to->fd) != 0 && whole && keep) {
-        whole = false;
-        number = errno;
-    }
-    if (to->temporary != NULL && keep && whole && rename(to->temporary, path) != 0) {
-        whole = false;
-        number = errno;
-    }
-    if (to->temporary != NULL && (!keep || !whole)) (void)unlink(to->temporary);
-    free(to->temporary);
+    if (to->direct) return close(to->fd) == 0 || !keep;
+    const bool whole = !keep || (fsync(to->fd) == 0 && rename(to->temporary.name, path) == 0);
+    const int number = whole ? 0 : errno;
+    if (!keep || !whole) (void)unlink(to->temporary.name);
+    lg_temporary_end(&to->temporary);
     errno = number;
     return whole;
 }
@@ -307,6 +303,7 @@ static int run(app *self) {
     const app_path path = {"out", values.out, APP_WRITTEN};
     lg_riser_run defaults;
     totals sum = {0, 0, 0, 0};
+    lg_error error = {LG_OK, ""};
     sink to;
     if (values.out == NULL && self->json)
         return app_usage(self, "--json: the feed would also go to standard output; give --out FILE.csv");
@@ -316,7 +313,8 @@ static int run(app *self) {
     feeding feed = {.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
     feed.samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
     if (feed.samples == 0) return app_usage(self, "--hours %g: is shorter than a sample", values.hours);
-    if (!sink_open(values.out, &to)) return write_failed(self);
+    const lg_status opened = sink_open(self, values.out, &to, &error);
+    if (opened != LG_OK) return app_fail(self, opened, "%s", error.message);
     const double begin = app_seconds();
     feed.hours = app_alloc(feed.crew, sizeof *feed.hours);
     for (size_t i = 0; i < feed.crew; i++) {

@@ -314,7 +314,8 @@ typedef struct place {
     const export_source *source;
     const char *out; /* without slashes at its end */
     bool replace;    /* `out` is a folder with files */
-    char *temporary; /* the folder they are written in, once it exists */
+    lg_temporary holds;
+    const char *temporary; /* the folder they are written in, once it exists */
 } place;
 
 static lg_status place_error(const place *at, const char *what, int code, lg_error *error) {
@@ -385,18 +386,13 @@ static lg_status look(place *at, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status make_temporary(place *at, lg_error *error) {
-    for (int attempt = 0; attempt < 1000; attempt++) {
-        char *path = app_format("%s%stmp-%ld-%d", at->out, at->replace ? "/." : ".", (long)getpid(), attempt);
-        if (mkdir(path, 0777) == 0) {
-            at->temporary = path;
-            return LG_OK;
-        }
-        const int code = errno;
-        free(path);
-        if (code != EEXIST) return place_error(at, "cannot be written", code, error);
-    }
-    return place_error(at, "cannot be written", EEXIST, error);
+/* Beside the folder, or in it where it stays. */
+static lg_status make_temporary(const app *self, place *at, lg_error *error) {
+    char *target = app_format("%s%s", at->out, at->replace ? "/" : "");
+    const lg_status status = lg_temporary_create(self->context, target, true, &at->holds, error);
+    free(target);
+    if (status == LG_OK) at->temporary = at->holds.name;
+    return status;
 }
 
 static int write_whole(const char *path, const text *content) {
@@ -473,13 +469,13 @@ static void remove_temporary(const place *at) {
     (void)rmdir(at->temporary);
 }
 
-static lg_status put(place *at, lg_error *error) {
+static lg_status put(const app *self, place *at, lg_error *error) {
     lg_status status = look(at, error);
-    if (status == LG_OK) status = make_temporary(at, error);
+    if (status == LG_OK) status = make_temporary(self, at, error);
     if (status == LG_OK) status = write_files(at, error);
     if (status == LG_OK) status = at->replace ? rename_files(at, error) : rename_folder(at, error);
     if (status != LG_OK) remove_temporary(at);
-    free(at->temporary);
+    if (at->temporary != NULL) lg_temporary_end(&at->holds);
     return status;
 }
 
@@ -501,7 +497,7 @@ int export_write(const app *self, const export_source *source, const char *out) 
     }
     const lg_status status = unfit                         ? refuse_unfit(source, "holds", &error)
                              : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
-                                                           : put(&at, &error);
+                                                           : put(self, &at, &error);
     const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, out);
     free(folder);
     return code;

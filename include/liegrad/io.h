@@ -9,7 +9,8 @@
  *   it is not thread-safe: only one thread of the process may read or write HDF5 at a time.
  * - Writers compose the file in memory, write it under a temporary name in the target's folder, fsync it,
  *   rename it, and fsync the folder. The old file stays whole until the rename. After a failure the old file
- *   is still whole, and no temporary file is left. A target that exists and is not a regular file (a device,
+ *   is still whole, and no temporary file is left; what a killed process left is removed by the next writer
+ *   of the file. A target that exists and is not a regular file (a device,
  *   a folder) is refused. A full disk and RLIMIT_FSIZE give LG_FILE.
  *
  * Statuses of readers:
@@ -68,6 +69,19 @@ LG_API void lg_read_options_init(lg_read_options *options);
  * written by it too. */
 LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                                lg_error *error);
+
+/* A file or folder under a temporary name, `target`.tmp-PID-i, until it is whole and is renamed. Its writer
+ * holds a lock on it (flock); what killed writers of the same target left is removed first. */
+typedef struct lg_temporary {
+    int fd;     /* of the file, for writing, or of the folder; holds the lock */
+    char *name; /* to be renamed, or removed */
+    const lg_context *context;
+} lg_temporary;
+/* Errors: LG_FILE with a sentence, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
+                                     lg_temporary *out, lg_error *error);
+/* Closes it, after the renaming; that fsync had no error is the caller's business. */
+LG_API void lg_temporary_end(lg_temporary *temporary);
 
 /* A decimal number, consumed whole, whatever the locale: [+-] digits with optional point and exponent.
  * LG_FORMAT for anything else (empty, "9,81", "9.81m", "0x1p3", "nan"), LG_NOT_FINITE when it overflows. */

@@ -49,16 +49,6 @@ static int write_all(int fd, const unsigned char *data, size_t bytes) {
     return code;
 }
 
-/* Creates `target`.tmp-PID-i, which did not exist. Returns the descriptor, or -1 with errno. */
-static int create_temporary(const char *target, char *name, size_t size, mode_t mode) {
-    for (unsigned attempt = 0; attempt < 1000; attempt++) {
-        (void)snprintf(name, size, "%s.tmp-%ld-%u", target, (long)getpid(), attempt);
-        int fd = open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-        if (fd >= 0 || errno != EEXIST) return fd;
-    }
-    return -1;
-}
-
 /* Some file systems cannot sync a folder; the file is renamed nevertheless. */
 static void sync_folder(const char *target, char *buffer) {
     const char *slash = strrchr(target, '/');
@@ -71,17 +61,14 @@ static void sync_folder(const char *target, char *buffer) {
     (void)close(fd);
 }
 
-static lg_status write_temporary(const char *path, const char *target, char *name, size_t size,
+static lg_status write_temporary(const char *path, const char *target, const lg_temporary *to,
                                  const struct stat *old, const void *data, size_t bytes, lg_error *error) {
-    int fd = create_temporary(target, name, size, 0666);
-    if (fd < 0) return file_error(error, path, "cannot be written", errno);
-    int code = write_all(fd, data, bytes);
-    if (code == 0 && old != NULL && fchmod(fd, old->st_mode & 0777) != 0) code = errno;
-    if (code == 0 && fsync(fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
-    if (close(fd) != 0 && code == 0 && errno != EINTR) code = errno;
-    if (code == 0 && rename(name, target) != 0) code = errno;
+    int code = write_all(to->fd, data, bytes);
+    if (code == 0 && old != NULL && fchmod(to->fd, old->st_mode & 0777) != 0) code = errno;
+    if (code == 0 && fsync(to->fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
+    if (code == 0 && rename(to->name, target) != 0) code = errno;
     if (code == 0) return LG_OK;
-    (void)unlink(name);
+    (void)unlink(to->name);
     return file_error(error, path, "cannot be written", code);
 }
 
@@ -96,15 +83,13 @@ lg_status lg_file_write(const lg_context *context, const char *path, const void 
     /* A symbolic link is kept; its target is replaced. */
     char *resolved = exists ? realpath(path, NULL) : NULL;
     const char *target = resolved != NULL ? resolved : path;
-    size_t size = strlen(target) + 64;
-    char *name = lg_alloc(context, size, 1);
-    lg_status status = LG_OK;
-    if (name == NULL)
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    else
-        status = write_temporary(path, target, name, size, exists ? &old : NULL, data, bytes, error);
-    if (status == LG_OK) sync_folder(target, name);
-    lg_free(context, name);
+    lg_temporary to;
+    lg_status status = lg_temporary_create(context, target, false, &to, error);
+    if (status == LG_OK) {
+        status = write_temporary(path, target, &to, exists ? &old : NULL, data, bytes, error);
+        if (status == LG_OK) sync_folder(target, to.name);
+        lg_temporary_end(&to);
+    }
     free(resolved);
     return status;
 }

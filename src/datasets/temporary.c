@@ -1,0 +1,114 @@
+/* Temporary names. Whoever writes one holds a lock on it (flock, which the kernel lifts when a process dies), so
+ * that what a killed writer left is known from what another one is writing. */
+#define _DEFAULT_SOURCE /* flock */
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "core/core.h"
+#include "liegrad/io.h"
+
+enum { NAME_BYTES = 256 };
+
+/* ---- what killed writers left ---- */
+
+/* "tmp-PID-i" after the target's own name and a point. */
+static bool is_temporary(const char *name, const char *base) {
+    const size_t length = strlen(base);
+    long pid;
+    unsigned attempt;
+    int end = 0;
+    if (strncmp(name, base, length) != 0) return false;
+    return sscanf(name + length, ".tmp-%ld-%u%n", &pid, &attempt, &end) == 2 && name[length + end] == '\0';
+}
+
+/* A folder holds files alone. */
+static void remove_folder(int folder, const char *path) {
+    DIR *open_folder = fdopendir(dup(folder));
+    const struct dirent *entry;
+    while (open_folder != NULL && (entry = readdir(open_folder)) != NULL)
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+            (void)unlinkat(folder, entry->d_name, 0);
+    if (open_folder != NULL) (void)closedir(open_folder);
+    (void)rmdir(path);
+}
+
+static void remove_left(const char *path) {
+    struct stat about;
+    int fd = open(path, O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0 && errno == EISDIR) fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) return;
+    if (flock(fd, LOCK_EX | LOCK_NB) == 0 && fstat(fd, &about) == 0) {
+        if (S_ISDIR(about.st_mode))
+            remove_folder(fd, path);
+        else if (S_ISREG(about.st_mode))
+            (void)unlink(path);
+    }
+    (void)close(fd);
+}
+
+static void sweep(const lg_context *context, const char *target) {
+    const char *slash = strrchr(target, '/'), *base = slash != NULL ? slash + 1 : target;
+    const size_t folder_length = (size_t)(base - target), room = folder_length + NAME_BYTES;
+    char *path = lg_alloc(context, room, 1);
+    if (path == NULL) return;
+    memcpy(path, target, folder_length);
+    DIR *folder = opendir(folder_length > 0 ? path : ".");
+    const struct dirent *entry;
+    while (folder != NULL && (entry = readdir(folder)) != NULL) {
+        if (!is_temporary(entry->d_name, base)) continue;
+        (void)snprintf(path + folder_length, room - folder_length, "%s", entry->d_name);
+        remove_left(path);
+    }
+    if (folder != NULL) (void)closedir(folder);
+    lg_free(context, path);
+}
+
+/* ---- a new one ---- */
+
+static int create(const char *name, bool folder) {
+    if (!folder) return open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    return mkdir(name, 0777) == 0 ? open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+}
+
+/* False: another process has removed it before it was locked. A file system without locks is no reason to
+ * fail. */
+static bool hold(int fd) {
+    struct stat about;
+    if (flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
+    return fstat(fd, &about) == 0 && about.st_nlink > 0;
+}
+
+lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder, lg_temporary *out,
+                              lg_error *error) {
+    const size_t size = strlen(target) + 64;
+    int code = 0;
+    lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, size, 1)};
+    if (made.name == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", target);
+    sweep(context, target);
+    for (unsigned attempt = 0; attempt < 1000; attempt++) {
+        (void)snprintf(made.name, size, "%s.tmp-%ld-%u", target, (long)getpid(), attempt);
+        made.fd = create(made.name, folder);
+        code = errno;
+        if (made.fd >= 0 && hold(made.fd)) {
+            *out = made;
+            return LG_OK;
+        }
+        if (made.fd < 0 && code != EEXIST) break;
+        if (made.fd >= 0) (void)close(made.fd);
+    }
+    lg_free(context, made.name);
+    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", target, strerror(code));
+}
+
+void lg_temporary_end(lg_temporary *temporary) {
+    if (temporary->fd >= 0) (void)close(temporary->fd);
+    lg_free(temporary->context, temporary->name);
+    *temporary = (lg_temporary){.fd = -1};
+}
