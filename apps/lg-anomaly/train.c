@@ -173,7 +173,7 @@ const app_command train_command = {
         "the same bits.",
     .options = train_options,
     .values = &train_given,
-    TRAIN_SHARED,
+    TRAIN_SHARED_NO_SIZE,
     .settings = train_settings,
     .arguments_min = 1,
     .arguments_max = 1,

@@ -120,8 +120,7 @@ static const struct {
               {"resume", CNN},
               {"history", CNN},
               {"seconds", CNN},
-              {"evaluations", CNN},
-              {"size", CNN}};
+              {"evaluations", CNN}};
 
 int train_check_options(const app *self) {
     const train_values *values = &train_given;

@@ -45,8 +45,7 @@ static lg_status step(void *none, lg_tape *t, const lg_var *theta, const lg_var 
                               in, next);
 }
 
-/* STEPS predictions, one after the other, from the first row of the window in[0] (B, WINDOW), less its others.
- */
+/* STEPS predictions, one after the other, from the first row of the window in[0], less the rows after it. */
 static lg_status miss(void *none, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *out) {
     lg_var x[2] = {lg_slice(t, in[0], 1, 0, X)}, next = LG_NONE, off[STEPS] = {LG_NONE};
     for (uint32_t k = 0; k < STEPS && lg_tape_status(t) == LG_OK; k++, x[0] = next) {

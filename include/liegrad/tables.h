@@ -54,9 +54,9 @@ LG_API lg_status lg_table_read(const lg_context *context, const char *path, cons
                                uint32_t count, const char *class_column, const lg_read_options *options,
                                lg_table_data *out, lg_error *error);
 LG_API void lg_table_data_destroy(lg_table_data *data); /* NULL or zeros are fine */
-/* Of `count` tables that were read from the same rows, as inputs and outputs are: leaves the rows out in which
- * a number or a label of any of them is missing. *left_out (NULL: not wanted): how many. Errors, the tables as
- * before: LG_INVALID_ARGUMENT (different numbers of rows), LG_FORMAT (no row is complete). */
+/* Of `count` tables that were read from the same rows, as inputs and outputs are: leaves the rows out in
+ * which a number or a label of any of them is missing. *left_out (NULL: not wanted): how many. Errors, the
+ * tables as before: LG_INVALID_ARGUMENT (different numbers of rows), LG_FORMAT (no row is complete). */
 LG_API lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, size_t *left_out,
                                         lg_error *error);
 /* A port of a program that takes `numbers` numbers of such rows, with their range: lg_program_build then

@@ -1,5 +1,5 @@
-/* Temporary names. Whoever writes one holds a lock on it (flock, which the kernel lifts when a process dies), so
- * that what a killed writer left is known from what another one is writing. */
+/* Temporary names. Whoever writes one holds a lock on it (flock, which the kernel lifts when a process
+ * dies), so that what a killed writer left is known from what another one is writing. */
 #define _DEFAULT_SOURCE /* flock */
 #include <dirent.h>
 #include <errno.h>
