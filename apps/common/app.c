@@ -346,10 +346,13 @@ static void on_log(void *user, lg_log_level level, const char *message) {
 }
 
 static char *join(int argc, char **argv) {
-    size_t bytes = 1;
-    for (int i = 0; i < argc; i++) bytes += strlen(argv[i]) + 1;
-    char *text = app_alloc(bytes, 1);
-    for (int i = 0, at = 0; i < argc; i++) at += sprintf(text + at, "%s%s", i > 0 ? " " : "", argv[i]);
+    char *text = app_format("%s", "");
+    for (int i = 0; i < argc; i++) {
+        char *word = app_quote(argv[i]), *longer = app_format("%s%s%s", text, i > 0 ? " " : "", word);
+        free(word);
+        free(text);
+        text = longer;
+    }
     return text;
 }
 

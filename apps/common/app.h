@@ -124,7 +124,7 @@ struct app {
     const char *program;
     const app_command *command;
     char title[64];     /* "lg-hamiltonian train", begins every message */
-    char *command_line; /* as typed, for what we write into files */
+    char *command_line; /* as a shell takes it, for what we write into files */
     bool json;
     uint64_t seed, threads;
     bool seed_given;
@@ -179,6 +179,8 @@ void app_out_of_memory(void) __attribute__((noreturn));
 void *app_alloc(size_t count, size_t size);
 /* The same, but NULL when there is none: for sizes that the user chooses in a run that can go on. */
 void *app_try_alloc(size_t count, size_t size);
+/* A word of a command line, in quotes where a shell needs them. Freed with free. */
+char *app_quote(const char *word);
 /* printf into memory, with the same law. */
 char *app_format(const char *format, ...) __attribute__((format(printf, 1, 2)));
 char *app_format_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));

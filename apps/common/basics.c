@@ -101,6 +101,20 @@ char *app_format_list(const char *format, va_list arguments) {
     return text;
 }
 
+char *app_quote(const char *word) {
+    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
+    char *out = app_alloc(4 * strlen(word) + 3, 1), *to = out;
+    const bool quoted = *word == '\0' || word[strspn(word, plain)] != '\0';
+    if (quoted) *to++ = '\'';
+    for (; *word != '\0'; word++)
+        if (*word == '\'')
+            to += sprintf(to, "'\\''");
+        else
+            *to++ = *word;
+    if (quoted) *to++ = '\'';
+    return out;
+}
+
 char *app_format(const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);

@@ -266,18 +266,21 @@ static void print_trials(const searching *search) {
 static void print_given(const app *self) {
     const app_command *command = self->command;
     for (const app_option *o = command->options; o != NULL && o->name != NULL; o++)
-        if (o->kind == APP_TEXT && app_given(self, o->name))
-            (void)printf(" --%s %s", o->name,
-                         *(const char *const *)((const char *)command->values + o->offset));
+        if (o->kind == APP_TEXT && app_given(self, o->name)) {
+            char *word = app_quote(*(const char *const *)((const char *)command->values + o->offset));
+            (void)printf(" --%s %s", o->name, word);
+            free(word);
+        }
 }
 
 /* The best trial's settings as words of a command line. */
 static void print_best(const searching *search, size_t best) {
     const lg_search_file *file = search->file;
-    char text[64];
+    char text[64], *data = app_quote(search->app->arguments[1]);
     (void)printf("best: trial %llu, objective %.4e; %s train %s",
                  (unsigned long long)search->trials[best].number, search->trials[best].objective,
-                 search->app->program, search->app->arguments[1]);
+                 search->app->program, data);
+    free(data);
     print_given(search->app);
     for (size_t i = 0; i < file->fixed_count; i++)
         (void)printf(" --%s %s", file->fixed_name[i], file->fixed_value[i]);
