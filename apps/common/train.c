@@ -10,28 +10,7 @@ enum { CHECKPOINT_EVERY = 10 };
 train_files train_given_files;
 
 /* --size is first: TRAIN_SHARED_NO_SIZE begins after it. */
-const app_option train_file_options[] = {
-    APP_ROW_TEXT(train_files, size, "size", "auto|W,...",
-                 "auto: choose --hidden by a race of a few widths on a validation part, each for half of the "
-                 "epochs and all for a third of --seconds, which counts them; else as --hidden"),
-    APP_ROW_TEXT(train_files, out, "out", "FILE", "The model file to write"),
-    APP_ROW_TEXT(train_files, checkpoint, "checkpoint", "FILE",
-                 "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),
-    APP_ROW_SIZE(train_files, checkpoint_every, "checkpoint-every", "n", 1, 1e9,
-                 "Number of epochs between checkpoints (default 10 with --checkpoint)"),
-    APP_ROW_SIZE(train_files, stop_after, "stop-after", "n", 1, 1e9,
-                 "Save the state and stop after n epochs of this run"),
-    APP_ROW_SIZE(train_files, evaluations, "evaluations", "n", 1, 1e9, "Another name of --epochs"),
-    APP_ROW_REAL(train_files, seconds, "seconds", "S", 0, 1e9,
-                 "Stop after so many seconds of training; with a method other than adam and no --epochs this "
-                 "is the only limit"),
-    APP_ROW_TEXT(train_files, resume, "resume", "FILE",
-                 "Continue from a checkpoint; the result has the same bits as one run. Options not given "
-                 "are the checkpoint's"),
-    APP_ROW_TEXT(train_files, history, "history", "FILE.csv",
-                 "Write one row for each epoch: epoch, loss, validation, rate, seconds"),
-    APP_ROW_TEXT(train_files, plot, "plot", "FILE.svg|.png", "Draw the loss"),
-    APP_ROW_END};
+const app_option train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the loss"), APP_ROW_END};
 
 static const train_files *const files = &train_given_files;
 

@@ -26,6 +26,33 @@ extern train_files train_given_files;
 extern const app_option train_file_options[];
 #define TRAIN_SHARED         .shared = train_file_options, .shared_values = &train_given_files
 #define TRAIN_SHARED_NO_SIZE .shared = train_file_options + 1, .shared_values = &train_given_files
+#define TRAIN_SIZE_ROW                                                                                       \
+    APP_ROW_TEXT(train_files, size, "size", "auto|W,...",                                                    \
+                 "auto: choose --hidden by a race of a few widths on a validation part, each for half of "   \
+                 "the epochs and all for a third of --seconds, which counts them; else as --hidden")
+/* The same for a command whose --plot draws something else than the loss. */
+#define TRAIN_FILE_ROWS(drawn)                                                                               \
+    APP_ROW_TEXT(train_files, out, "out", "FILE", "The model file to write"),                                \
+        APP_ROW_TEXT(                                                                                        \
+            train_files, checkpoint, "checkpoint", "FILE",                                                   \
+            "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),    \
+        APP_ROW_SIZE(train_files, checkpoint_every, "checkpoint-every", "n", 1, 1e9,                         \
+                     "Number of epochs between checkpoints (default 10 with --checkpoint)"),                 \
+        APP_ROW_SIZE(train_files, stop_after, "stop-after", "n", 1, 1e9,                                     \
+                     "Save the state and stop after n epochs of this run"),                                  \
+        APP_ROW_SIZE(train_files, evaluations, "evaluations", "n", 1, 1e9, "Another name of --epochs"),      \
+        APP_ROW_REAL(                                                                                        \
+            train_files, seconds, "seconds", "S", 0, 1e9,                                                    \
+            "Stop after so many seconds of training; with a method other than adam and no --epochs this is " \
+            "the only limit"),                                                                               \
+        APP_ROW_TEXT(                                                                                        \
+            train_files, resume, "resume", "FILE",                                                           \
+            "Continue from a checkpoint; the result has the same bits as one run. Options not given "        \
+            "are the checkpoint's"),                                                                         \
+        APP_ROW_TEXT(train_files, history, "history", "FILE.csv",                                            \
+                     "Write one row for each epoch: epoch, loss, validation, rate, seconds"),                \
+        APP_ROW_TEXT(train_files, plot, "plot", "FILE.svg|.png",                                             \
+                     drawn "; its data and script stay beside it, as FILE.dat and FILE.gp")
 
 /* A training while it goes on and after it. */
 typedef struct train_session train_session;
