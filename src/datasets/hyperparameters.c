@@ -300,7 +300,10 @@ const lg_hyperparameter lg_table_hyperparameters[] = {
           .value = "tanh", .meaning = "Activation of the hidden layers"),
     TABLE("model", "hidden", WHOLES, model.options, .get = get_widths, .put = put_widths, .low = 1,
           .high = 1 << 20, .most = LG_TABLE_LAYERS,
-          .otherwise = "one layer, as wide as rows and columns suggest", .unit = "W,W,...",
+          .otherwise = "one layer, as wide as the evidence of the data says; 32 for a classification; where "
+                       "Adam takes part or "
+                       "weight decay is given, by rows and columns",
+          .unit = "W,W,...",
           .meaning = "Widths of the hidden layers, all equal; the first one reads the inputs"),
     TABLE("model", "linear", FLAG, model.options.linear, .value_name = lg_name_truth, .value = "true",
           .meaning = "A linear map of the inputs is added to the network"),
