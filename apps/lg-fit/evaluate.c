@@ -9,7 +9,8 @@ typedef struct evaluate_values {
 
 static const app_option evaluate_options[] = {
     APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
-                 "Draw predicted against true values, or the table of confusion"),
+                 "Draw predicted against true values, or the table of confusion; its data and script stay "
+                 "beside it, as FILE.dat and FILE.gp"),
     APP_ROW_END};
 
 static evaluate_values values;

@@ -13,8 +13,13 @@ typedef struct column_names {
     uint32_t count;
     lg_table_text *name; /* freed with free */
 } column_names;
-/* "a,b,c"; usage errors for empty, long and repeated names; an exit code. */
+/* a,"b, in s",c: names with CSV's quotes where they are needed; blanks around names do not count. Usage
+ * errors for empty, long and repeated names; an exit code. */
 int parse_names(const app *self, const char *option, const char *text, column_names *out);
+/* One name, as it is or in quotes. */
+int parse_class(const app *self, const char *text, lg_table_text out);
+/* The names as parse_names takes them. Freed with free. */
+char *list_names(const column_names *names);
 bool has_name(const column_names *names, const char *name);
 void free_names(column_names *names);
 
@@ -25,7 +30,12 @@ typedef struct fit_table {
     uint32_t inputs, outputs; /* outputs: 0 for a classification */
     size_t left_out;          /* rows with missing cells */
 } fit_table;
-/* Rows with missing cells are left out, which is told (`complete`), or kept. An exit code. */
+/* The table with rows as they are. */
+lg_status load_table(const app *self, const char *path, const column_names *inputs,
+                     const column_names *outputs, const char *class_column, fit_table *out, lg_error *error);
+/* Rows with missing cells are left out, which is told. An exit code; no row is left: an error. */
+int leave_incomplete(const app *self, fit_table *table);
+/* load_table, told; `complete`: then leave_incomplete. An exit code. */
 int read_table(const app *self, const char *path, const column_names *inputs, const column_names *outputs,
                const char *class_column, bool complete, fit_table *out);
 static inline const double *table_row(const fit_table *table, size_t row) {

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "datasets/table_names.h"
 #include "lg-fit/fit.h"
 
 /* ---- names ---- */
@@ -18,23 +19,69 @@ bool has_name(const column_names *names, const char *name) {
     return false;
 }
 
+/* In quotes: two are one of the name. Behind the last one; NULL: not closed, or too long. */
+static const char *take_quoted(const char *at, char *name) {
+    for (size_t used = 0; *at != '\0' && used + 1 < LG_TABLE_NAME; at++) {
+        if (*at == '"' && at[1] != '"') return at + 1;
+        at += *at == '"';
+        name[used++] = *at;
+        name[used] = '\0';
+    }
+    return *at == '"' && at[1] != '"' ? at + 1 : NULL;
+}
+
+/* Up to a comma. Behind it; NULL: too long. */
+static const char *take_plain(const char *at, char *name) {
+    const size_t length = strcspn(at, ",");
+    size_t kept = length;
+    while (kept > 0 && at[kept - 1] == ' ') kept--;
+    if (kept >= LG_TABLE_NAME) return NULL;
+    memcpy(name, at, kept);
+    name[kept] = '\0';
+    return at + length;
+}
+
+/* The next name of a list, up to a comma or the end; NULL: there is none. */
+static const char *take_name(const char *at, char *name) {
+    name[0] = '\0';
+    at += strspn(at, " ");
+    at = *at == '"' ? take_quoted(at + 1, name) : take_plain(at, name);
+    if (at == NULL || name[0] == '\0') return NULL;
+    at += strspn(at, " ");
+    return *at == ',' || *at == '\0' ? at : NULL;
+}
+
 int parse_names(const app *self, const char *option, const char *text, column_names *out) {
     size_t count = 1;
     for (const char *c = text; *c != '\0'; c++) count += *c == ',';
     *out = (column_names){0, app_alloc(count, sizeof *out->name)};
     for (const char *at = text;; at++) {
-        const size_t length = strcspn(at, ",");
         char name[LG_TABLE_NAME];
-        if (length == 0 || length >= sizeof name)
+        at = take_name(at, name);
+        if (at == NULL)
             return app_usage(self, "--%s: names of 1 to %d bytes are expected, with commas between them",
                              option, LG_TABLE_NAME - 1);
-        memcpy(name, at, length);
-        name[length] = '\0';
         if (has_name(out, name)) return app_usage(self, "--%s: '%s' is there twice", option, name);
         memcpy(out->name[out->count++], name, sizeof name);
-        at += length;
         if (*at == '\0') return APP_EXIT_OK;
     }
+}
+
+int parse_class(const app *self, const char *text, lg_table_text out) {
+    const char *end = text[0] == '"' ? take_name(text, out) : text + strlen(text);
+    if (text[0] != '"' && strlen(text) < LG_TABLE_NAME) (void)snprintf(out, LG_TABLE_NAME, "%s", text);
+    if (end == NULL || *end != '\0' || out[0] == '\0')
+        return app_usage(self, "--class: one name of 1 to %d bytes is expected", LG_TABLE_NAME - 1);
+    return APP_EXIT_OK;
+}
+
+char *list_names(const column_names *names) {
+    char *text = app_alloc((size_t)names->count + 1, LG_TABLE_QUOTED + 1), *to = text;
+    for (uint32_t i = 0; i < names->count; i++) {
+        if (i > 0) *to++ = ',';
+        to += strlen(lg_table_quote(names->name[i], to));
+    }
+    return text;
 }
 
 /* ---- rows ---- */
@@ -60,27 +107,42 @@ static void keep_complete(fit_table *table) {
     data->rows = kept;
 }
 
-int read_table(const app *self, const char *path, const column_names *inputs, const column_names *outputs,
-               const char *class_column, bool complete, fit_table *out) {
+lg_status load_table(const app *self, const char *path, const column_names *inputs,
+                     const column_names *outputs, const char *class_column, fit_table *out, lg_error *error) {
     const uint32_t count = inputs->count + outputs->count;
-    const char **names = app_alloc(count, sizeof *names);
-    lg_error error = {LG_OK, ""};
+    const char **names = app_alloc((size_t)count + 1, sizeof *names);
     *out = (fit_table){.path = path, .inputs = inputs->count, .outputs = outputs->count};
     for (uint32_t i = 0; i < count; i++)
         names[i] = i < inputs->count ? inputs->name[i] : outputs->name[i - inputs->count];
     const lg_status status =
-        lg_table_read(self->context, path, names, count, class_column, NULL, &out->data, &error);
+        lg_table_read(self->context, path, names, count, class_column, NULL, &out->data, error);
     free(names);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    if (out->data.cut) app_warn(self, "%s: the last line was cut off and left out", path);
-    if (!complete) return APP_EXIT_OK;
-    keep_complete(out);
-    if (out->data.rows == 0)
+    return status;
+}
+
+static void warn_cut(const app *self, const fit_table *table) {
+    if (table->data.cut) app_warn(self, "%s: the last line was cut off and left out", table->path);
+}
+
+int leave_incomplete(const app *self, fit_table *table) {
+    warn_cut(self, table);
+    keep_complete(table);
+    if (table->data.rows == 0)
         return app_fail(self, LG_FORMAT, "%s: all %zu rows have missing cells in the columns that are used",
-                        path, out->left_out);
-    if (out->left_out > 0)
-        app_warn(self, "%s: %zu of %zu rows have missing cells and are left out", path, out->left_out,
-                 out->left_out + out->data.rows);
+                        table->path, table->left_out);
+    if (table->left_out > 0)
+        app_warn(self, "%s: %zu of %zu rows have missing cells and are left out", table->path,
+                 table->left_out, table->left_out + table->data.rows);
+    return APP_EXIT_OK;
+}
+
+int read_table(const app *self, const char *path, const column_names *inputs, const column_names *outputs,
+               const char *class_column, bool complete, fit_table *out) {
+    lg_error error = {LG_OK, ""};
+    const lg_status status = load_table(self, path, inputs, outputs, class_column, out, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    if (complete) return leave_incomplete(self, out);
+    warn_cut(self, out);
     return APP_EXIT_OK;
 }
 

@@ -11,8 +11,10 @@
 
 #define COLUMNS                                                                                              \
     APP_ROW_TEXT(train_values, inputs, "inputs", "A,B,...",                                                  \
-                 "Columns to learn from (default: all that are not outputs)"),                               \
+                 "Columns to learn from (default: all that are not outputs). A name with a comma stands "    \
+                 "in quotes: '\"time, s\",b'"),                                                              \
         APP_ROW_TEXT(train_values, outputs, "outputs", "Y,...", "Columns to learn (default: the last one)"), \
+        APP_ROW_TEXT(train_values, without, "without", "A,B,...", "Columns that are neither, as texts are"), \
         APP_ROW_TEXT(train_values, class_column, "class", "COLUMN",                                          \
                      "Classification: the column with the classes, texts or numbers")
 
@@ -22,6 +24,9 @@ static const app_option train_options[] = {
                  "Judge the model on this table (default: on the validation part)"),
     APP_ROW_END};
 static const app_option columns_options[] = {COLUMNS, APP_ROW_END};
+
+static const app_option file_options[] = {
+    TRAIN_FILE_ROWS("Draw predicted against true values, or the table of confusion"), APP_ROW_END};
 
 static train_values values;
 static lg_table_run run;
@@ -215,6 +220,7 @@ static int end(int code) {
     lg_table_data_destroy(&state.test.data);
     free_names(&state.inputs);
     free_names(&state.outputs);
+    free_names(&state.without);
     return code;
 }
 
@@ -237,13 +243,16 @@ const app_command train_command = {
         "Levenberg-Marquardt with a weight decay for each array of parameters that the evidence of the data "
         "gives: it needs no validation part, and a network that is too wide does not learn the noise. A "
         "classification is trained by lbfgs, the parameters are those of the best epoch on the validation "
-        "part.\n\nrmse, r2, accuracy and f1 are those of the validation part or of --test. --plot draws "
+        "part.\n\nWithout --test a tenth of the rows is held out for judging and not learned; with it a "
+        "regression learns all rows.\n\nrmse, r2, accuracy and f1 are those of the validation part or of "
+        "--test. --plot draws "
         "predicted against true values, or the table of confusion.\n\nCtrl-C saves a checkpoint and ends "
         "with "
         "exit code 130; --resume continues to the same bits.",
     .options = train_options,
     .values = &values,
-    TRAIN_SHARED,
+    .shared = file_options,
+    .shared_values = &train_given_files,
     .settings = settings,
     .arguments_min = 1,
     .arguments_max = 1,

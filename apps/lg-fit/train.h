@@ -5,17 +5,20 @@
 #include "lg-fit/fit.h"
 
 typedef struct train_values {
-    const char *inputs, *outputs, *class_column, *test;
+    const char *inputs, *outputs, *without, *class_column, *test;
 } train_values;
 
 typedef struct training {
     const train_values *given;
     lg_table_run *run;            /* all that determines the result */
     column_names inputs, outputs; /* outputs: of a classification the classes */
+    column_names without;         /* columns that are neither */
+    lg_table_text class_name;     /* of the column with the classes; "" for a regression */
     fit_table table, test;
     bool resumed;
     uint32_t *order; /* (rows): the training rows, then the validation part */
     size_t trained;
+    bool few_told; /* that there are few rows */
     lg_scaler input_scaler, output_scaler;
     lg_table_samples samples; /* scaled, in that order */
     double *decay;            /* (parameters), or NULL */
@@ -27,6 +30,10 @@ typedef struct training {
 
 static inline bool is_regression(const training *state) {
     return state->given->class_column == NULL;
+}
+
+static inline const char *class_column(const training *state) {
+    return is_regression(state) ? NULL : state->class_name;
 }
 
 /* ---- data (train_data.c) ---- */

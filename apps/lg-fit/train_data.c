@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "datasets/table_names.h"
 #include "lg-fit/train.h"
 
 enum { STREAM_SPLIT = 2 };
@@ -11,11 +12,10 @@ enum { STREAM_SPLIT = 2 };
 
 /* An output, or the column with the classes. */
 static bool is_learned(const training *state, const char *name) {
-    const char *class_column = state->given->class_column;
-    return has_name(&state->outputs, name) || (class_column != NULL && strcmp(name, class_column) == 0);
+    return has_name(&state->outputs, name) || (!is_regression(state) && strcmp(name, state->class_name) == 0);
 }
 
-/* All columns with a name that are none of the outputs. */
+/* All columns with a name that are none of the outputs, and not left out by --without. */
 static int default_inputs(const app *self, const lg_table_names *all, training *state) {
     column_names *out = &state->inputs;
     *out = (column_names){0, app_alloc((size_t)all->count + 1, sizeof *out->name)};
@@ -23,35 +23,81 @@ static int default_inputs(const app *self, const lg_table_names *all, training *
         const char *name = all->name[i];
         if (name[0] == '\0')
             app_warn(self, "column %u has no name and is not used", i + 1);
-        else if (!is_learned(state, name))
+        else if (!is_learned(state, name) && !has_name(&state->without, name))
             memcpy(out->name[out->count++], name, sizeof *out->name);
     }
     return APP_EXIT_OK;
 }
 
-/* The last column that has a name. */
-static int default_outputs(const app *self, const lg_table_names *all, const char *path, column_names *out) {
+static bool may_be_used(const training *state, const char *name) {
+    return name[0] != '\0' && !has_name(&state->without, name);
+}
+
+/* The last column that has a name and is not left out. */
+static int default_outputs(const app *self, const lg_table_names *all, const char *path, training *state) {
+    column_names *out = &state->outputs;
+    char quoted[LG_TABLE_QUOTED];
     uint32_t last = all->count;
-    while (last > 0 && all->name[last - 1][0] == '\0') last--;
+    while (last > 0 && !may_be_used(state, all->name[last - 1])) last--;
     if (last == 0) return app_fail(self, LG_FORMAT, "%s: there is no column with a name", path);
     *out = (column_names){1, app_alloc(1, sizeof *out->name)};
     memcpy(out->name[0], all->name[last - 1], sizeof *out->name);
     (void)fprintf(stderr, "%s: the output is the last column, %s; --outputs or --class names others\n",
-                  self->title, out->name[0]);
+                  self->title, lg_table_quote(out->name[0], quoted));
     return APP_EXIT_OK;
+}
+
+static int no_column(const app *self, const column_names *have, const char *path, const char *name) {
+    enum { SHOWN = 20 };
+    const column_names first = {have->count < SHOWN ? have->count : SHOWN, have->name};
+    char *list = list_names(&first);
+    const int code = app_fail(self, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s%s", path,
+                              name, list, have->count > SHOWN ? ", ..." : "");
+    free(list);
+    return code;
+}
+
+/* --class and --without: one name, and names of the table. */
+static int name_others(const app *self, const lg_table_names *all, const char *path, training *state) {
+    const train_values *given = state->given;
+    const column_names have = {all->count, all->name};
+    int code = APP_EXIT_OK;
+    if (!is_regression(state)) code = parse_class(self, given->class_column, state->class_name);
+    if (code == APP_EXIT_OK && given->without != NULL)
+        code = parse_names(self, "without", given->without, &state->without);
+    for (uint32_t i = 0; i < state->without.count && code == APP_EXIT_OK; i++) {
+        if (has_name(&have, state->without.name[i])) continue;
+        code = no_column(self, &have, path, state->without.name[i]);
+    }
+    return code;
 }
 
 /* Inputs and outputs of all columns. */
 static int name_columns(const app *self, const lg_table_names *all, const char *path, training *state) {
     const train_values *given = state->given;
-    int code = APP_EXIT_OK;
+    int code = name_others(self, all, path, state);
+    if (code != APP_EXIT_OK) return code;
     if (given->outputs != NULL)
         code = parse_names(self, "outputs", given->outputs, &state->outputs);
     else if (is_regression(state))
-        code = default_outputs(self, all, path, &state->outputs);
+        code = default_outputs(self, all, path, state);
     if (code != APP_EXIT_OK) return code;
     return given->inputs != NULL ? parse_names(self, "inputs", given->inputs, &state->inputs)
                                  : default_inputs(self, all, state);
+}
+
+/* No column has two of the roles input, output and left out. */
+static int check_roles(const app *self, const training *state) {
+    for (uint32_t i = 0; i < state->inputs.count; i++)
+        if (is_learned(state, state->inputs.name[i]))
+            return app_usage(self, "column %s is an input and an output", state->inputs.name[i]);
+    for (uint32_t i = 0; i < state->without.count; i++) {
+        const char *name = state->without.name[i];
+        if (is_learned(state, name) || has_name(&state->inputs, name))
+            return app_usage(self, "--without: column %s is an %s", name,
+                             is_learned(state, name) ? "output" : "input");
+    }
+    return APP_EXIT_OK;
 }
 
 static int choose_columns(const app *self, const char *path, training *state) {
@@ -65,12 +111,9 @@ static int choose_columns(const app *self, const char *path, training *state) {
     const int code = name_columns(self, &all, path, state);
     lg_table_names_destroy(&all);
     if (code != APP_EXIT_OK) return code;
-    for (uint32_t i = 0; i < state->inputs.count; i++)
-        if (is_learned(state, state->inputs.name[i]))
-            return app_usage(self, "column %s is an input and an output", state->inputs.name[i]);
     if (state->inputs.count == 0)
         return app_fail(self, LG_FORMAT, "%s: there is no column to learn from", path);
-    return APP_EXIT_OK;
+    return check_roles(self, state);
 }
 
 /* ---- the tables ---- */
@@ -83,7 +126,7 @@ static int count_classes(const app *self, const training *state, uint64_t *membe
     for (uint32_t c = 0; c < data->classes; c++) present += members[c] > 0;
     if (present < 2)
         return app_fail(self, LG_FORMAT, "%s: column %s has one class only: there is nothing to tell apart",
-                        state->table.path, state->given->class_column);
+                        state->table.path, state->class_name);
     for (uint32_t c = 0; c < data->classes; c++)
         if (members[c] < 2)
             app_warn(self, "%s: class '%s' has %llu %s", state->table.path, data->class_name[c],
@@ -103,17 +146,84 @@ static int take_classes(const app *self, training *state) {
     return APP_EXIT_OK;
 }
 
-static void warn_constant(const app *self, const training *state) {
+static bool is_constant(const lg_table_data *data, uint32_t column) {
+    size_t same = 1;
+    while (same < data->rows && data->values[same * data->columns + column] == data->values[column]) same++;
+    return same == data->rows;
+}
+
+/* The columns of `keep` (columns of the table) stay; the outputs are among them. */
+static void keep_columns(training *state, const bool *keep) {
+    lg_table_data *data = &state->table.data;
+    uint32_t kept = 0, inputs = 0;
+    for (uint32_t c = 0; c < data->columns; c++) kept += keep[c];
+    for (size_t i = 0, to = 0; i < data->rows; i++)
+        for (uint32_t c = 0; c < data->columns; c++)
+            if (keep[c]) data->values[to++] = data->values[i * data->columns + c];
+    for (uint32_t c = 0; c < state->inputs.count; c++)
+        if (keep[c]) memmove(state->inputs.name[inputs++], state->inputs.name[c], sizeof(lg_table_text));
+    data->columns = kept;
+    state->inputs.count = state->table.inputs = inputs;
+}
+
+/* Constant inputs are left out, as if they had not been named: they would change width and priors. */
+static int leave_constant(const app *self, training *state) {
     const lg_table_data *data = &state->table.data;
+    bool *keep = app_alloc(data->columns, sizeof *keep);
+    char quoted[LG_TABLE_QUOTED];
     for (uint32_t c = 0; c < data->columns; c++) {
-        size_t same = 1;
-        while (same < data->rows && data->values[same * data->columns + c] == data->values[c]) same++;
-        const bool input = c < state->inputs.count;
-        if (same == data->rows)
-            app_warn(self, "%s: column %s is constant%s", state->table.path,
-                     input ? state->inputs.name[c] : state->outputs.name[c - state->inputs.count],
-                     input ? ": it says nothing" : ": there is nothing to learn of it");
+        const bool input = c < state->inputs.count, constant = is_constant(data, c);
+        const char *name = input ? state->inputs.name[c] : state->outputs.name[c - state->inputs.count];
+        keep[c] = !input || !constant;
+        if (constant)
+            app_warn(self, "%s: column %s is constant: %s", state->table.path, lg_table_quote(name, quoted),
+                     input ? "it says nothing and is left out" : "there is nothing to learn of it");
     }
+    keep_columns(state, keep);
+    free(keep);
+    if (state->inputs.count > 0) return APP_EXIT_OK;
+    return app_fail(self, LG_FORMAT, "%s: all inputs are constant: there is nothing to learn from",
+                    state->table.path);
+}
+
+/* Whether these inputs, the outputs and the classes can be read. */
+static bool is_readable(const app *self, const char *path, const training *state,
+                        const column_names *inputs) {
+    fit_table table;
+    const lg_status status =
+        load_table(self, path, inputs, &state->outputs, class_column(state), &table, NULL);
+    lg_table_data_destroy(&table.data);
+    return status == LG_OK;
+}
+
+/* The inputs that cannot be read, where all the rest can. Freed with free_names. */
+static column_names find_unreadable(const app *self, const char *path, const training *state) {
+    enum { MOST_TRIED = 100 }; /* each reads the file again */
+    column_names bad = {0, NULL};
+    if (state->inputs.count > MOST_TRIED || !is_readable(self, path, state, &bad)) return bad;
+    bad.name = app_alloc(state->inputs.count, sizeof *bad.name);
+    for (uint32_t i = 0; i < state->inputs.count; i++) {
+        const column_names one = {1, state->inputs.name + i};
+        if (!is_readable(self, path, state, &one)) memcpy(bad.name[bad.count++], one.name, sizeof *bad.name);
+    }
+    return bad;
+}
+
+/* Where inputs were not named and some are no numbers: how to leave them out. */
+static int fail_columns(const app *self, const char *path, const training *state, lg_error *error) {
+    enum { MOST_SHOWN = 200 };
+    const lg_error was = *error;
+    column_names bad = {0, NULL};
+    if (was.status == LG_FORMAT && state->given->inputs == NULL) bad = find_unreadable(self, path, state);
+    if (bad.count > 0) {
+        char *list = list_names(&bad), *word = app_quote(list);
+        (void)app_error(error, was.status, "%.250s; --without %s leaves out what is no number", was.message,
+                        strlen(word) <= MOST_SHOWN ? word : "A,B,...");
+        free(word);
+        free(list);
+    }
+    free_names(&bad);
+    return app_fail_file(self, was.status, error, path);
 }
 
 static int read_test(const app *self, training *state) {
@@ -121,24 +231,30 @@ static int read_test(const app *self, training *state) {
     const column_names none = {0, NULL};
     const bool regression = is_regression(state);
     const int code = read_table(self, given->test, &state->inputs, regression ? &state->outputs : &none,
-                                given->class_column, true, &state->test);
+                                class_column(state), true, &state->test);
     if (code != APP_EXIT_OK || regression) return code;
     return match_classes(self, &state->test, state->outputs.name, state->outputs.count);
+}
+
+/* The columns that are learned, and learned from; complete rows. */
+static int read_columns(const app *self, const char *path, training *state) {
+    lg_error error = {LG_OK, ""};
+    const lg_status status =
+        load_table(self, path, &state->inputs, &state->outputs, class_column(state), &state->table, &error);
+    if (status != LG_OK) return fail_columns(self, path, state, &error);
+    const int code = leave_incomplete(self, &state->table);
+    if (code != APP_EXIT_OK) return code;
+    if (state->table.data.rows < 2)
+        return app_fail(self, LG_FORMAT, "%s: has one complete row; two at least are needed", path);
+    return leave_constant(self, state);
 }
 
 int read_training(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
     training *state = user;
     int code = choose_columns(self, path, state);
-    if (code == APP_EXIT_OK)
-        code = read_table(self, path, &state->inputs, &state->outputs, state->given->class_column, true,
-                          &state->table);
-    if (code != APP_EXIT_OK) return code;
-    if (state->table.data.rows < 2)
-        return app_fail(self, LG_FORMAT, "%s: has one complete row; two at least are needed", path);
-    if (!is_regression(state)) code = take_classes(self, state);
-    if (code != APP_EXIT_OK) return code;
-    warn_constant(self, state);
-    if (state->given->test != NULL) code = read_test(self, state);
+    if (code == APP_EXIT_OK) code = read_columns(self, path, state);
+    if (code == APP_EXIT_OK && !is_regression(state)) code = take_classes(self, state);
+    if (code == APP_EXIT_OK && state->given->test != NULL) code = read_test(self, state);
     if (code == APP_EXIT_OK) memcpy(sha256, state->table.data.sha256, LG_SHA256_TEXT);
     return code;
 }
@@ -233,6 +349,19 @@ static lg_status make_samples(training *state, const app *self, lg_error *error)
     return LG_OK;
 }
 
+/* Once, whatever the number of fits. */
+static void warn_few(training *state, const app *self) {
+    enum { LEAST = 10 };
+    const size_t inputs = state->inputs.count, least = inputs + 2 > LEAST ? inputs + 2 : LEAST;
+    if (state->few_told || state->trained >= least) return;
+    state->few_told = true;
+    app_warn(
+        self,
+        "%s: there are too few rows: %zu to learn from, with %zu inputs; at least %zu are wanted; errors "
+        "and noise say little",
+        state->table.path, state->trained, inputs, least);
+}
+
 lg_status split_rows(training *state, const app *self, lg_error *error) {
     const size_t rows = state->table.data.rows;
     const double part = state->run->training.validation;
@@ -245,5 +374,6 @@ lg_status split_rows(training *state, const app *self, lg_error *error) {
     for (size_t i = 0; i < rows; i++) state->order[i] = (uint32_t)i;
     lg_rng_shuffle(&rng, state->order, rows);
     state->trained = rows - held;
+    warn_few(state, self);
     return make_samples(state, self, error);
 }

@@ -16,7 +16,8 @@ static void find_ranges(const training *state, double *low, double *high) {
     }
 }
 
-/* The model as a file; borrows from the state, but for theta, low and high. */
+/* The model as a file; borrows from the state, but for theta, low and high. Its rows are those that were
+ * learned. */
 static lg_table_file file_of(const training *state, const app *self) {
     lg_table_file file = {.run = *state->run,
                           .inputs = state->input_scaler,
@@ -26,6 +27,7 @@ static lg_table_file file_of(const training *state, const app *self) {
                           .rmse = (double)NAN,
                           .accuracy = (double)NAN,
                           .f1 = (double)NAN};
+    file.run.rows = state->trained;
     file.parameters = lg_table_parameters(&state->run->model);
     file.theta = app_alloc(file.parameters, sizeof *file.theta);
     lg_fit_parameters(state->fit, file.theta);
@@ -33,7 +35,7 @@ static lg_table_file file_of(const training *state, const app *self) {
     file.high = app_alloc(state->inputs.count, sizeof *file.high);
     find_ranges(state, file.low, file.high);
     if (!is_regression(state))
-        (void)snprintf(file.class_column, sizeof file.class_column, "%s", state->given->class_column);
+        (void)snprintf(file.class_column, sizeof file.class_column, "%s", state->class_name);
     file.provenance = app_provenance(self, state->run->training.seed);
     return file;
 }
@@ -97,13 +99,15 @@ static void report(const training *state, const train_session *session, const lg
         report_json(state, session, file, v);
         return;
     }
-    (void)printf("%s: %s of %zu rows, %u inputs, %s network, %zu parameters\n", train_given_files.out,
-                 lg_table_task_name(state->run->model.options.task), state->trained, state->inputs.count,
-                 lg_net_kind_name(state->run->model.options.network), file->parameters);
+    (void)printf("%s: %s of %zu of %zu rows, %u inputs, %s network, %zu parameters\n", train_given_files.out,
+                 lg_table_task_name(state->run->model.options.task), state->trained, state->table.data.rows,
+                 state->inputs.count, lg_net_kind_name(state->run->model.options.network), file->parameters);
     if (state->evidence.evaluations > 0)
         (void)printf("the data determine %.1f parameters; noise about %.3g of the outputs' deviation\n",
                      state->evidence.effective, noise_of(state, v));
-    (void)printf("%s rows (%zu):\n", v->part, v->judged.rows);
+    (void)printf("%s rows (%zu%s):\n", v->part, v->judged.rows,
+                 state->given->test == NULL && state->trained < state->table.data.rows ? ", not learned"
+                                                                                       : "");
     judgement_print(file, &v->judged);
 }
 
@@ -146,6 +150,11 @@ static int judge_model(const training *state, const train_session *session, lg_t
     const lg_status status = judge(state, self, file, v, &error);
     if (status != LG_OK) return app_fail(self, status, "after training: %s", app_sentence(status, &error));
     warn_duplicates(self, state);
+    if (v->judged.rows < 2)
+        app_warn(self,
+                 "the %s part has one row, which cannot say how good the model is; --test TABLE judges "
+                 "it on others",
+                 v->part);
     if (test != NULL) warn_outside(self, v->judged.outside, v->judged.rows, test, train_given_files.out);
     file->rmse = v->judged.scaled_rmse;
     file->accuracy = v->judged.accuracy;

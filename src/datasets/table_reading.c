@@ -8,6 +8,7 @@
 
 #include "datasets/log_table.h"
 #include "datasets/names.h"
+#include "datasets/table_names.h"
 
 enum { FIRST_NAMES = 16, FIRST_ROWS = 1024 };
 
@@ -72,7 +73,9 @@ lg_status lg_table_add_name(lg_table_reading *r, const char *name, lg_error *err
 
 static lg_status missing_column(const lg_table_reading *r, const char *name, lg_error *error) {
     lg_log_names have = {.used = 0};
-    for (uint32_t i = 0; i < r->all.count; i++) lg_log_add_name(&have, r->all.name[i]);
+    char quoted[LG_TABLE_QUOTED];
+    for (uint32_t i = 0; i < r->all.count; i++)
+        lg_log_add_name(&have, lg_table_quote(r->all.name[i], quoted));
     return lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s", r->shown, name,
                    have.text);
 }

@@ -224,6 +224,68 @@ TEST("columns are found by name: swapped ones give the same numbers, missing cel
     cli_expect(fit, "predict s.h5 some.csv --out some.csv", 2, "some.csv", &result);
 }
 
+/* ---- columns that are not used ---- */
+
+TEST(
+    "a constant column and one that is left out leave no trace: the bits are those of a table without them") {
+    static char header[1 << 17];
+    need_tables();
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "a,\"rate,kg/s\",unit,tag,y\n");
+    for (size_t i = 0; i < 60; i++)
+        put(s, "%.9g,%.9g,7,P-%02zu,%.9g\n", noise(2 * i), noise(2 * i + 1), i % 7,
+            sin(noise(2 * i)) + noise(2 * i + 1));
+    cli_write("pump.csv", s->text);
+    cli_expect(fit, "train pump.csv --inputs a,\"rate,kg/s\" --outputs y --out two.h5 --validation 0.2", 0,
+               "regression of 48 of 60 rows, 2 inputs", &result);
+    assert_says(result.out, "validation rows (12, not learned)");
+    if (strstr(result.err, "warning") != NULL) fail_msg("%s", result.err);
+    cli_expect(fit, "train pump.csv --without tag --out all.h5 --validation 0.2", 0,
+               "48 of 60 rows, 2 inputs", &result);
+    assert_says(result.err, "column unit is constant: it says nothing and is left out");
+    cli_expect(fit,
+               "train pump.csv --without tag --out part.h5 --validation 0.2 --stop-after 2 --checkpoint "
+               "pump.chk",
+               0, "", &result);
+    cli_expect(fit, "train pump.csv --without tag --out part.h5 --resume pump.chk", 0, "", &result);
+    const lg_table_file *two = model_of("two.h5");
+    static const char *const others[] = {"all.h5", "part.h5"};
+    for (size_t i = 0; i < LG_COUNT(others); i++) {
+        const lg_table_file *other = model_of(others[i]);
+        assert_int_equal(two->parameters, other->parameters);
+        assert_memory_equal(two->theta, other->theta, two->parameters * sizeof(double));
+    }
+    cli_write("bare.csv", "\"rate,kg/s\",a,y\n0.1,0.2,0.3\n-0.1,0.4,0.2\n");
+    cli_expect(fit, "predict all.h5 bare.csv", 0, "y\n", &result);
+    cli_json(fit, "evaluate all.h5 bare.csv", "judged_rows 2", &result);
+    /* The header says which rows were learned, and how, in words that a shell takes. */
+    cli_expect("lg-export", "two.h5 --out two --name two", 0, "", &result);
+    (void)cli_read("two/two.h", header, sizeof header);
+    assert_says(header, ", 48 rows");
+    assert_says(header, "--inputs 'a,\"rate,kg/s\"' --outputs y");
+    cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [2, 4]}\nfixed: {epochs: 3}\n");
+    cli_expect(fit,
+               "search ranges.yaml pump.csv --outputs \"rate,kg/s\" --without tag --trials 1 --out p.csv", 0,
+               "train pump.csv --outputs '\"rate,kg/s\"' --without tag --epochs 3", &result);
+    assert_says(result.err, "column unit is constant: it says nothing and is left out");
+    cli_expect(fit, "train pump.csv --class \"tag\" --inputs a,y --out tag.h5 --epochs 3", 0,
+               "classification", &result);
+    cli_expect(fit, "evaluate tag.h5 pump.csv", 0, "accuracy", &result);
+}
+
+TEST("the help says what --plot draws and where its data are, and how the width is chosen") {
+    static char text[1 << 17];
+    size_t used = 0;
+    cli_expect(fit, "train --help", 0, "", &result);
+    for (const char *c = result.out; *c != '\0' && used + 1 < sizeof text; c++) /* one line, single blanks */
+        if (strchr(" \n", *c) == NULL || (used > 0 && text[used - 1] != ' '))
+            text[used++] = *c == '\n' ? ' ' : *c;
+    text[used] = '\0';
+    assert_says(text, "Draw predicted against true values, or the table of confusion; its data and script");
+    assert_says(text, "as wide as the evidence of the data says");
+    if (strstr(text, "Draw the loss") != NULL) fail_msg("%s", result.out);
+}
+
 /* ---- HDF5 and numpy ---- */
 
 /* A file of numpy with this header and these numbers. */
@@ -349,6 +411,20 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n", "--outputs x", 3, "there is no column 'x'"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--class x", 3, "there is no column 'x'"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,,b", 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,\"b", 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"a\"b", 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"\",b", 2, "names of 1 to 63 bytes"},
+    {"a,b,k\n1,2,3\n4,5,6\n", "--class \"k\",b", 2, "one name of 1 to 63 bytes"},
+    {"a,\"b,c\",\"d\"\"\",y\n1,2,3,4\n4,5,6,7\n", "--inputs q", 3,
+     "the columns are: a, \"b,c\", \"d\"\"\", y"},
+    {"a,\"b,c\",y\n1,x,3\n4,y,6\n", "", 3, "--without '\"b,c\"' leaves out"},
+    {"a,b,u,y\n1,x,kg,3\n4,y,kg,6\n", "", 3, "'x' is not a number; --without b,u leaves out"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--without q", 3, "there is no column 'q'; the columns are: a,b,y"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--without a --inputs a,b", 2, "--without: column a is an input"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--without y --outputs y", 2, "--without: column y is an output"},
+    {"a,b,k\n1,2,3\n4,5,6\n", "--without k --class k", 2, "--without: column k is an output"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--without a,b", 3, "there is no column to learn from"},
+    {"a,b,y\n4,2,3\n4,2,6\n4,2,7\n", "", 3, "all inputs are constant: there is nothing to learn from"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,a", 2, "'a' is there twice"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,y --outputs y", 2, "column y is an input and an output"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--outputs y --class b", 2, "by regression or by classification"},
@@ -363,7 +439,9 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n", "--activation best", 2, "not one of"},
     {",,\n1,2,3\n4,5,6\n", "", 3, "there is no column with a name"},
     /* These end well. */
-    {"a,b,y\n1,2,3\n4,5,6\n", "", -1, ""},
+    {"a,b,y\n1,2,3\n4,5,6\n", "", -1, "there are too few rows: 1 to learn from, with 2 inputs; at least 10"},
+    {"a,b,y\n1,2,3\n4,5,6\n7,8,8\n", "", -1, "the validation part has one row"},
+    {"a,b,y,z\n1,2,3,x\n4,5,6,y\n7,8,8,x\n", "--without z", -1, "the output is the last column, y;"},
     {"\xef\xbb\xbf"
      "a,b,y\r\n1,2,3\r\n4,5,6\r\n7,8,8\r\n",
      "--inputs a,b --outputs y", -1, ""},
@@ -373,11 +451,11 @@ static const odd odds[] = {
     {",b,y\n0,2,3\n1,5,6\n2,8,8\n", "", -1, "column 1 has no name and is not used"},
     {"a,b,\n0,2,3\n1,5,6\n2,8,8\n", "", -1, "the output is the last column, b;"},
     {"a,b,y\n1,2,3\n4,5,6\n7,nan,9\n7,8,8\n", "", -1, "1 of 4 rows have missing cells"},
-    {"a,b,y\n1,2,3\n4,2,6\n7,2,8\n", "", -1, "column b is constant: it says nothing"},
+    {"a,b,y\n1,2,3\n4,2,6\n7,2,8\n", "", -1, "column b is constant: it says nothing and is left out"},
     {"a,b,y\n1,2,3\n4,5,3\n7,8,3\n", "", -1, "column y is constant"},
     {"a,b,y\n1,2,3\n4,5,6\n1,2,3\n4,5,6\n1,2,3\n", "--validation 0.4", -1,
      "3 rows are repetitions of others"},
-    {"a,b,y\n1,2,3\n1,2,3\n1,2,3\n1,2,3\n", "--validation 0.5", -1,
+    {"a,b,y\n1,2,3\n1,2,3\n1,2,3\n1,2,3\n2,3,4\n1,2,3\n1,2,3\n", "--validation 0.5", -1,
      "in the training and in the validation part"},
     {"a,b,y\n1e300,2,3\n-1e300,5,6\n3,8,8\n", "", -1, ""},
     {"a,b,y\n1e-300,2,1e-300\n2e-300,5,1e-305\n3e-300,8,2e-300\n", "", -1, ""},
