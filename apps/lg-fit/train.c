@@ -14,7 +14,7 @@
                  "Columns to learn from (default: all that are not outputs). A name with a comma stands "    \
                  "in quotes: '\"time, s\",b'"),                                                              \
         APP_ROW_TEXT(train_values, outputs, "outputs", "Y,...", "Columns to learn (default: the last one)"), \
-        APP_ROW_TEXT(train_values, without, "without", "A,B,...", "Columns that are neither, as texts are"), \
+        APP_ROW_TEXT(train_values, without, "without", "A,B,...", "Columns to leave out, such as texts"),    \
         APP_ROW_TEXT(train_values, class_column, "class", "COLUMN",                                          \
                      "Classification: the column with the classes, texts or numbers")
 
