@@ -26,7 +26,8 @@ static const app_option train_options[] = {
 static const app_option columns_options[] = {COLUMNS, APP_ROW_END};
 
 static const app_option file_options[] = {
-    TRAIN_FILE_ROWS("Draw predicted against true values, or the table of confusion"), APP_ROW_END};
+    TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw predicted against true values, or the table of confusion"),
+    APP_ROW_END};
 
 static train_values values;
 static lg_table_run run;
