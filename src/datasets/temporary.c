@@ -14,8 +14,6 @@
 #include "core/core.h"
 #include "liegrad/io.h"
 
-enum { NAME_BYTES = 256 };
-
 /* ---- what killed writers left ---- */
 
 /* "tmp-PID-i" after the target's own name and a point. */
@@ -53,21 +51,19 @@ static void remove_left(const char *path) {
     (void)close(fd);
 }
 
-static void sweep(const lg_context *context, const char *target) {
+/* path: room for the name of any of them. */
+static void sweep(const char *target, char *path, size_t size) {
     const char *slash = strrchr(target, '/'), *base = slash != NULL ? slash + 1 : target;
-    const size_t folder_length = (size_t)(base - target), room = folder_length + NAME_BYTES;
-    char *path = lg_alloc(context, room, 1);
-    if (path == NULL) return;
-    memcpy(path, target, folder_length);
-    DIR *folder = opendir(folder_length > 0 ? path : ".");
+    const size_t length = (size_t)(base - target);
+    (void)snprintf(path, size, "%.*s", (int)length, target);
+    DIR *folder = opendir(length > 0 ? path : ".");
     const struct dirent *entry;
-    while (folder != NULL && (entry = readdir(folder)) != NULL) {
-        if (!is_temporary(entry->d_name, base)) continue;
-        (void)snprintf(path + folder_length, room - folder_length, "%s", entry->d_name);
-        remove_left(path);
-    }
+    while (folder != NULL && (entry = readdir(folder)) != NULL)
+        if (is_temporary(entry->d_name, base) && strlen(entry->d_name) < size - length) {
+            (void)strcpy(path + length, entry->d_name);
+            remove_left(path);
+        }
     if (folder != NULL) (void)closedir(folder);
-    lg_free(context, path);
 }
 
 /* ---- a new one ---- */
@@ -91,7 +87,7 @@ lg_status lg_temporary_create(const lg_context *context, const char *target, boo
     int code = 0;
     lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, size, 1)};
     if (made.name == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", target);
-    sweep(context, target);
+    sweep(target, made.name, size);
     for (unsigned attempt = 0; attempt < 1000; attempt++) {
         (void)snprintf(made.name, size, "%s.tmp-%ld-%u", target, (long)getpid(), attempt);
         made.fd = create(made.name, folder);
