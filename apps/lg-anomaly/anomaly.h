@@ -75,7 +75,8 @@ lg_status well_model_save(const app *app, const char *path, const well_model *mo
 int read_series(const app *app, const char *path, const lg_series *like, lg_series_data *out);
 /* The same with the classes of a model, or of a novelty with any classes; channels must be the model's. */
 int read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
-/* For a novelty: labels become 0 for the class that is named `first`, 1 for all others. */
+/* For a novelty: labels become 0 for the class that is named `first`, 1 for all others; classes that have no
+ * window are no classes. */
 void merge_classes(lg_series *series, const char *first);
 
 /* Indices of windows, rising. */

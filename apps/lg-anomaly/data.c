@@ -28,6 +28,7 @@ int read_series_of(const app *self, const char *path, const well_model *model, l
     const int code = read_series(self, path, model->sort == WELL_NOVELTY ? NULL : &like, out);
     if (code != APP_EXIT_OK) return code;
     const lg_series *series = &out->series;
+    if (model->sort == WELL_NOVELTY) merge_classes(&out->series, model->class_name[0]);
     if (series->channels != model->channels) {
         const int failed = app_fail(self, LG_SHAPE, "%s: %u channels, the model was trained on %u", path,
                                     series->channels, model->channels);
@@ -42,8 +43,12 @@ int read_series_of(const app *self, const char *path, const well_model *model, l
 }
 
 void merge_classes(lg_series *series, const char *first) {
-    for (size_t i = 0; i < series->count; i++)
+    uint32_t others = 0;
+    for (size_t i = 0; i < series->count; i++) {
         series->label[i] = strcmp(series->class_name[series->label[i]], first) != 0;
+        others |= series->label[i];
+    }
+    series->classes = 1 + others;
 }
 
 part_indices part_of(const uint8_t *parts, size_t count, lg_part wanted) {

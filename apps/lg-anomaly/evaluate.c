@@ -427,7 +427,6 @@ static int evaluate(evaluation *e) {
                  "--votes: the %s part of a random split holds single windows of the recordings, not the "
                  "recordings: times to detection are too long",
                  e->part_name);
-    if (e->model->sort == WELL_NOVELTY) merge_classes(&e->from.data.series, e->model->class_name[0]);
     status = judge_windows(self, e->model, series, &e->from.windows, &e->part, &e->judged, &error);
     if (status == LG_CANCELLED) return app_fail(self, status, "stopped by Ctrl-C");
     if (status != LG_OK) return app_fail(self, status, "%s: %s", e->path, error.message);

@@ -25,7 +25,7 @@ typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sampl
  * them. From then on a line with another number of columns is malformed.
  *
  * A line of names before the first sample tells which column is which channel, where the model's channels
- * have names and one of them occurs. Names of other channels alone leave the order as it is (`unnamed`).
+ * have names and one of them occurs. `unnamed`: it has names of other channels alone.
  *
  * A last line without a line end may have been cut within its last number. It is malformed, with its time,
  * unless something (a separator, a blank, \r, a comment) follows that number, or it is the only line. */
@@ -43,7 +43,7 @@ typedef struct sample_reader {
     char problem[160];
     const char *const *names; /* (channels) of the model's channels, borrowed; NULL: they have none */
     uint32_t *place;          /* (channels): which number of a line each is, the time not counted */
-    bool named, unnamed;      /* a line of names told the places; it had no name of the model */
+    bool named, unnamed;      /* a line of names told the places; one had no name of the model */
     int failure;
     char *buffer; /* (room + 1) */
     size_t room, begin, end;

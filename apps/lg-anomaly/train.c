@@ -114,6 +114,13 @@ int cut_parts(trained *self) {
 
 /* ---- the command ---- */
 
+static void merge_into_two(trained *state) {
+    char first[LG_SERIES_NAME];
+    memcpy(first, state->all.data.series.class_name[0], sizeof first);
+    merge_classes(&state->all.data.series, first);
+    if (train_given.test != NULL) merge_classes(&state->foreign.data.series, first);
+}
+
 static int run_classical(trained *state) {
     app *self = state->app;
     const lg_series_data *data = &state->all.data;
@@ -123,6 +130,7 @@ static int run_classical(trained *state) {
                             .seed = self->seed};
     memcpy(state->cut.data_sha256, data->sha256, sizeof state->cut.data_sha256);
     const bool alone = train_given.method == METHOD_NOVELTY;
+    if (alone) merge_into_two(state);
     if (data->series.classes < 2 && !alone)
         return app_fail(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
                         data->series.class_name[0]);

@@ -49,14 +49,10 @@ static void describe(alone *self) {
                                .cut = base->cut};
 }
 
-/* Labels become 0 and 1; windows of other classes are no training windows. */
+/* Windows of other classes are no training windows. */
 static void keep_first_class(trained *base) {
-    lg_series *series = &base->all.data.series;
-    char first[LG_SERIES_NAME];
+    const lg_series *series = &base->all.data.series;
     size_t kept = 0;
-    memcpy(first, series->class_name[0], sizeof first);
-    merge_classes(series, first);
-    if (train_given.test != NULL) merge_classes(&base->foreign.data.series, first);
     for (size_t i = 0; i < base->train.count; i++)
         if (series->label[base->all.windows.first[base->train.list[i]]] == 0)
             base->train.list[kept++] = base->train.list[i];

@@ -83,13 +83,59 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
     return LG_OK;
 }
 
+/* ---- sensors that send no numbers ---- */
+
+static uint32_t most_silent(const watching *self) {
+    uint32_t most = 0;
+    for (uint32_t c = 1; c < self->bench.model->channels; c++)
+        if (self->silence.without[c] > self->silence.without[most]) most = c;
+    return most;
+}
+
+static void hear(watching *self, const float *sample) {
+    self->silence.samples++;
+    for (uint32_t c = 0; sample != NULL && c < self->bench.model->channels; c++)
+        self->silence.without[c] += !isfinite(sample[c]);
+}
+
+/* A window that is not judged because a channel sends no numbers is unlike anything seen, too. */
+static void blame_silence(watching *self, lg_verdict *v) {
+    silence *s = &self->silence;
+    const uint64_t n = values.votes_of, kept = n == 64 ? UINT64_MAX : ((uint64_t)1 << n) - 1;
+    const bool silent =
+        !v->judged && isfinite(self->bench.farthest) && 2 * s->without[most_silent(self)] > s->samples;
+    uint32_t votes = 0;
+    s->windows = (s->windows << 1 | silent) & kept;
+    for (uint64_t bits = s->windows; bits != 0; bits &= bits - 1) votes++;
+    if (silent) v->answer = LG_ANSWER_NOVEL;
+    if (votes > v->novel_votes) v->novel_votes = votes;
+    v->novel = v->novel || votes >= values.votes;
+}
+
+static void forget_silence(watching *self) {
+    self->silence.samples = 0;
+    memset(self->silence.without, 0, self->bench.model->channels * sizeof *self->silence.without);
+}
+
+static void tell_silence(const watching *self, char text[REASON]) {
+    const well_model *model = self->bench.model;
+    const uint32_t c = most_silent(self);
+    const bool named = model->channel_name != NULL && model->channel_name[c][0] != '\0';
+    int used = named ? snprintf(text, REASON, "%s", model->channel_name[c])
+                     : snprintf(text, REASON, "channel %u", c + 1);
+    (void)snprintf(text + used, (size_t)(REASON - used), ": no number in %llu of %llu samples",
+                   (unsigned long long)self->silence.without[c], (unsigned long long)self->silence.samples);
+}
+
 /* Why the window is unlike those of training, or an alarm of a novelty; "" where there is nothing to say. */
 static const char *reason_of(const watching *self, const lg_verdict *v, char text[REASON]) {
     const bench *b = &self->bench;
     const well_model *model = b->model;
     const bool alone = model->sort == WELL_NOVELTY && v->answer == LG_ANSWER_POSITIVE;
     text[0] = '\0';
-    if (v->judged && (v->answer == LG_ANSWER_NOVEL || alone))
+    if (!v->judged && v->answer == LG_ANSWER_NOVEL)
+        tell_silence(self, text);
+    else if (v->judged && (v->answer == LG_ANSWER_NOVEL || alone))
         (void)lg_novelty_explain(&model->novelty, &b->novelty, model->channel_name, model->rate, text,
                                  REASON);
     return text;
@@ -140,9 +186,9 @@ static void listen(watching *self, uint32_t missing) {
 static void print_json_novelty(const watching *self, const lg_verdict *v) {
     char text[REASON];
     const char *reason = reason_of(self, v, text);
-    (void)printf(", \"unlike\": %s, \"distance\": ",
-                 v->judged && v->answer == LG_ANSWER_NOVEL ? "true" : "false");
-    app_print_real(stdout, v->judged ? self->bench.novelty.distance : NAN);
+    (void)printf(", \"unlike\": %s, \"distance\": ", v->answer == LG_ANSWER_NOVEL ? "true" : "false");
+    app_print_real(stdout,
+                   v->judged && self->bench.novelty_work != NULL ? self->bench.novelty.distance : NAN);
     (void)fputs(", \"reason\": ", stdout);
     if (reason[0] != '\0')
         app_json_quote(stdout, reason);
@@ -157,7 +203,7 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
     (void)printf(", \"window\": %llu, \"first_sample\": %llu, \"judged\": %s, \"class\": ",
                  (unsigned long long)v->window, (unsigned long long)v->first_sample,
                  v->judged ? "true" : "false");
-    if (v->judged)
+    if (v->judged || v->answer == LG_ANSWER_NOVEL)
         app_json_quote(stdout, class_name(self, v));
     else
         (void)fputs("null", stdout);
@@ -165,7 +211,7 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
     app_print_real(stdout, v->judged ? v->score : NAN);
     (void)printf(", \"missing\": %u, \"positive_votes\": %u, \"votes\": %u, \"alarm\": %s", v->missing,
                  v->positive_votes, v->votes, v->alarm ? "true" : "false");
-    if (self->bench.novelty_work != NULL) print_json_novelty(self, v);
+    print_json_novelty(self, v);
     (void)fputs("}\n", stdout);
 }
 
@@ -176,7 +222,7 @@ static void print_verdict(const watching *self, const lg_verdict *v) {
     if (v->judged)
         (void)printf("%.15g\t%s\t%.6g", self->now, class_name(self, v), v->score);
     else
-        (void)printf("%.15g\t-\t-", self->now);
+        (void)printf("%.15g\t%s\t-", self->now, v->answer == LG_ANSWER_NOVEL ? class_name(self, v) : "-");
     (void)printf("\t%u/%u\t%u\t%s\t%s\n", v->positive_votes, v->votes, v->missing,
                  v->alarm   ? v->novel ? "ALARM,UNLIKE" : "ALARM"
                  : v->novel ? "UNLIKE"
@@ -188,7 +234,7 @@ static void count_verdict(watching *self, const lg_verdict *v) {
     tally *t = &self->tally;
     const bool before = !(self->now > values.crack_at), rises = v->alarm && !self->alarm;
     const bool positive = v->judged && v->answer == LG_ANSWER_POSITIVE;
-    t->unlike += v->judged && v->answer == LG_ANSWER_NOVEL;
+    t->unlike += v->answer == LG_ANSWER_NOVEL;
     t->unlike_alarms += v->novel && !self->unlike;
     if (v->novel && isnan(t->first_unlike)) t->first_unlike = self->now;
     t->windows++;
@@ -235,6 +281,7 @@ void watch_end_gap(watching *self) {
 void watch_push(watching *self, const float *sample) {
     lg_verdict v;
     bool ready = false;
+    hear(self, sample);
     const lg_status status = lg_monitor_push(self->watch, sample, &ready, &v);
     self->tally.samples++;
     if (status != LG_OK) {
@@ -245,12 +292,14 @@ void watch_push(watching *self, const float *sample) {
         return;
     }
     if (!ready) return;
+    blame_silence(self, &v);
     count_verdict(self, &v);
     if (v.judged) listen(self, v.missing);
     if (!left_out(self, &v) && (!values.quiet || changes(self, &v)))
         (self->app->json ? print_json_verdict : print_verdict)(self, &v);
     self->alarm = v.alarm;
     self->unlike = v.novel;
+    forget_silence(self);
 }
 
 /* ---- the summary ---- */
@@ -329,7 +378,7 @@ static void print_summary(const watching *self, const totals *all) {
                  (unsigned long long)t->windows, (unsigned long long)t->judged,
                  (unsigned long long)t->positive, (unsigned long long)t->alarms,
                  self->alarm ? ", standing" : "");
-    if (self->bench.novelty_work != NULL)
+    if (isfinite(self->bench.farthest))
         (void)printf("# unlike anything seen: %llu windows; alarms of it %llu%s\n",
                      (unsigned long long)t->unlike, (unsigned long long)t->unlike_alarms,
                      self->unlike ? ", standing" : "");
@@ -397,6 +446,12 @@ static int read_feed(watching *self, sample_reader *reader, float *sample) {
     double time;
     for (;;) {
         const sample_kind kind = sample_next(reader, sample, &time);
+        if (kind == SAMPLE_READ && reader->unnamed && !reader->named)
+            return app_fail(
+                self->app, LG_FILE,
+                "%s: no name of the feed's columns is a channel of the model (%s, ...): rename them, or "
+                "leave the line of names out, and they are taken in their order",
+                feed_name(), reader->names[0]);
         if (kind == SAMPLE_READ) {
             watch_take(self, sample, time, reader->line);
             self->malformed_in_row = 0;
@@ -433,11 +488,6 @@ static int watch_feed(watching *self, int file, size_t watch_bytes) {
     totals all = total(self, app_seconds() - start);
     all.start_rss = start_rss;
     all.watch_bytes = watch_bytes;
-    if (reader.unnamed && !reader.named)
-        app_warn(self->app,
-                 "no name of the feed's columns is a channel of the model (%s, ...): they are taken in their "
-                 "order",
-                 names[0]);
     sample_reader_close(&reader);
     free(names);
     watch_time_close(self);
@@ -458,6 +508,7 @@ static void open_novelty(watching *self) {
     bench *b = &self->bench;
     const lg_novelty *novelty = &b->model->novelty;
     b->farthest = values.unlike > 0 ? values.unlike : INFINITY;
+    self->silence.without = app_alloc(b->model->channels, sizeof *self->silence.without);
     if (novelty->channels == 0) {
         app_warn(self->app,
                  "the model does not know what its training windows look like: a dead sensor gets a "
@@ -490,6 +541,7 @@ static int watch_with(const app *self, const well_model *model, int file) {
     free(w.bench.features);
     free(w.bench.novelty_work);
     free(w.noise.sum);
+    free(w.silence.without);
     return code;
 }
 
@@ -525,7 +577,10 @@ const app_command watch_command = {
         "have the model's sampling rate is refused. --rate HZ accepts it unchanged: windows have the same "
         "number of samples, on a grid of HZ.\nA verdict is printed as soon as its window is complete: time "
         "of its last sample, class, score, votes for an alarm among the last windows, samples missing, "
-        "alarm. For a long gap only the first windows are printed; the others are counted. The summary "
+        "alarm, reason. The class is \"unlike\" where the window is unlike those of training, or a sensor "
+        "sends no "
+        "numbers: such a window has no vote for the alarm; the state is UNLIKE when K of the last N are so. "
+        "For a long gap only the first windows are printed; the others are counted. The summary "
         "follows at the end, also after Ctrl-C (exit code 130). With --json each verdict and the summary is "
         "one object on its own line.\nWith --crack-at the time to detection runs from T to the end of the "
         "first window that is not of the first class while the alarm is on (the time of its last sample "

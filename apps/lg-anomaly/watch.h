@@ -30,6 +30,12 @@ typedef struct noise_level {
     double *sum; /* (channels) */
 } noise_level;
 
+/* Samples that came without a number of a channel. */
+typedef struct silence {
+    uint64_t samples, *without; /* since the last verdict; (channels) of each channel */
+    uint64_t windows;           /* the last ones that were not judged for that reason, bit 0 the latest */
+} silence;
+
 typedef struct tally {
     uint64_t samples, received, absent, repeated, not_finite, malformed; /* absent: told by the times */
     uint64_t windows, judged, positive, failed, alarms, unlike, unlike_alarms;
@@ -60,6 +66,7 @@ typedef struct watching {
     double rate, hop; /* Hz; samples. rate 1 when nobody knows it */
     bool rate_known, started, alarm, unlike;
     noise_level noise;
+    silence silence;
     double origin;  /* time of a sample; s */
     uint64_t since; /* samples after it */
     double now;     /* time of the last sample: origin + since/rate */
@@ -73,7 +80,8 @@ typedef struct watching {
 
 /* ---- verdicts (watch.c) ---- */
 
-/* Passes a sample (NULL: lost) to the watch at the clock's time; counts and prints the results. */
+/* Passes a sample (NULL: lost; its numbers may be NaN) to the watch at the clock's time; counts and prints
+ * the results. */
 void watch_push(watching *self, const float *sample);
 /* Prints one line for the windows of a gap that were not printed one by one. */
 void watch_end_gap(watching *self);

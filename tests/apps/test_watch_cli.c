@@ -507,8 +507,8 @@ TEST("channels are found by their names; a feed without one of them is refused")
     reorder("$2, $3, $1, $4, $5, $6, $7", "late.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input late.csv", 3, "behind one of times", &result);
     reorder("$1, NR == 1 ? \"a,b,c,d,e,f\" : $2 \",\" $3 \",\" $4 \",\" $5 \",\" $6 \",\" $7", "others.csv");
-    cli_expect("lg-anomaly", "watch named.h5 --input others.csv", 0, "# windows", &result);
-    assert_says(result.err, "taken in their order");
+    cli_expect("lg-anomaly", "watch named.h5 --input others.csv", 3,
+               "no name of the feed's columns is a channel", &result);
 }
 
 /* In spoilt.csv a field of every sample is an expression of awk. */
@@ -540,14 +540,34 @@ TEST("windows unlike anything seen are a third answer, with the reason") {
         assert_says(result.out, "\tunlike\t");
         assert_says(result.out, "\tUNLIKE\t");
         assert_says(result.out, faults[i].reason);
-        cli_expect("lg-anomaly", "watch known.h5 --unlike 0 --input spoilt.csv", 0, "seen: 0 windows",
-                   &result);
+        cli_expect("lg-anomaly", "watch known.h5 --unlike 0 --input spoilt.csv", 0, "# windows 24", &result);
+        assert_null(strstr(result.out, "unlike"));
         cli_expect("lg-anomaly", "watch known.h5 --json --quiet --input spoilt.csv", 0, "\"unlike\": 24",
                    &result);
         json_expect(line_of(0),
                     "class \"unlike\", unlike true, unlike_votes 3, unlike_alarm true, alarm false");
         assert_says(line_of(0), faults[i].reason);
     }
+}
+
+TEST("a channel without numbers is unlike anything seen, a gap is not") {
+    for (int word = 0; word < 3; word++) {
+        static const char *const words[] = {"\"nan\"", "\"\"", "\"inf\""};
+        spoil("4", words[word]);
+        cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0, "# windows 24: judged 0, positive 0",
+                   &result);
+        assert_says(result.out, "# unlike anything seen: 24 windows; alarms of it 1, standing");
+        assert_says(result.out,
+                    "\tunlike\t-\t0/0\t300\tUNLIKE\tacc_upper_x: no number in 300 of 300 samples");
+        cli_expect("lg-anomaly", "watch known.h5 --json --quiet --input spoilt.csv", 0, "\"unlike\": 24",
+                   &result);
+        json_expect(line_of(0),
+                    "judged false, class \"unlike\", unlike true, unlike_votes 3, unlike_alarm true");
+        cli_expect("lg-anomaly", "watch known.h5 --unlike 0 --input spoilt.csv", 0, "judged 0", &result);
+    }
+    change("NR < 3000 || NR > 5000", "spoilt.csv");
+    cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0, "# unlike anything seen: 0 windows",
+               &result);
 }
 
 TEST("a feed of other noise is told, and a model that knows nothing of its windows") {
@@ -568,6 +588,19 @@ TEST("a feed of other noise is told, and a model that knows nothing of its windo
     assert_says(result.err, "does not know what its training windows look like");
 }
 
+static void keep_class_0(lg_series *s) {
+    const size_t each = (size_t)s->channels * s->length;
+    size_t kept = 0;
+    for (size_t i = 0; i < s->count; i++) {
+        if (s->label[i] != 0) continue;
+        memmove(s->x + kept * each, s->x + i * each, each * sizeof *s->x);
+        s->label[kept] = 0;
+        s->group[kept] = s->group[i];
+        s->run[kept++] = s->run[i];
+    }
+    s->count = kept;
+}
+
 TEST("a detector of intact data alone raises the alarm, and tells dead sensors apart") {
     cli_expect("lg-anomaly", "generate --noise 1 --runs 24 --hours 0.5 --out wells.h5", 0, "", &result);
     cli_expect("lg-anomaly", "train wells.h5 --method novelty --json --out alone.h5", 0, "\"unlike\"",
@@ -585,6 +618,18 @@ TEST("a detector of intact data alone raises the alarm, and tells dead sensors a
     cli_expect("lg-anomaly", "evaluate alone.h5 wells.h5 --json", 0, "\"part\": \"test\"", &result);
     assert_true(json_number(result.out, "recall") > 0.9 &&
                 json_number(result.out, "false_positive_rate") < 0.1);
+    char path[1024]; /* no window of the class that the file names */
+    lg_series_data data;
+    cli_path("wells.h5", path, sizeof path);
+    assert_ok(lg_series_read(NULL, path, NULL, NULL, &data, NULL));
+    keep_class_0(&data.series);
+    cli_path("intact.h5", path, sizeof path);
+    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    lg_series_data_destroy(&data);
+    cli_expect("lg-anomaly",
+               "train intact.h5 --method novelty --split group --test wells.h5 --json --out i.h5", 0,
+               "\"unlike\"", &result);
+    assert_true(json_number(result.out, "recall") > 0.9);
     cli_expect("lg-export", "alone.h5 --out alone", 3, "is not exported", &result);
 }
 
