@@ -22,6 +22,36 @@ static void warn_of_names(const app *self, const char *path, const lg_series *se
         }
 }
 
+/* from (channels): which channel of the series each name is. False: not all of them are there, each once. */
+static bool find_channels(const lg_series *series, char (*name)[LG_SERIES_NAME], uint32_t *from) {
+    for (uint32_t c = 0; c < series->channels; c++) {
+        from[c] = 0;
+        while (from[c] < series->channels && strcmp(name[c], series->channel_name[from[c]]) != 0) from[c]++;
+        if (from[c] == series->channels) return false;
+        for (uint32_t before = 0; before < c; before++)
+            if (from[before] == from[c]) return false;
+    }
+    return true;
+}
+
+/* Channels in the order of `name` (channels), where they have these names in another one. */
+static void order_channels(lg_series *series, char (*name)[LG_SERIES_NAME]) {
+    const uint32_t m = series->channels;
+    const size_t n = series->length;
+    if (name == NULL || series->channel_name == NULL) return;
+    uint32_t *from = app_alloc(m, sizeof *from);
+    float *window = app_alloc(m * n, sizeof *window);
+    const bool all = find_channels(series, name, from);
+    for (size_t i = 0; i < series->count && all; i++) {
+        float *x = series->x + i * m * n;
+        memcpy(window, x, m * n * sizeof *x);
+        for (uint32_t c = 0; c < m; c++) memcpy(x + c * n, window + from[c] * n, n * sizeof *x);
+    }
+    if (all) memcpy(series->channel_name, name, m * sizeof *name);
+    free(window);
+    free(from);
+}
+
 int read_series_of(const app *self, const char *path, const well_model *model, lg_series_data *out) {
     const lg_series like = {
         .classes = model->classes, .class_name = model->class_name, .class_label = model->class_label};
@@ -35,6 +65,7 @@ int read_series_of(const app *self, const char *path, const well_model *model, l
         lg_series_data_destroy(out);
         return failed;
     }
+    order_channels(&out->series, model->channel_name);
     warn_of_names(self, path, series, model->channels, model->channel_name);
     if (model->rate > 0 && series->rate > 0 && fabs(series->rate / model->rate - 1) > 1e-3)
         app_warn(self, "%s: %g samples a second, the model was trained on %g", path, series->rate,

@@ -550,6 +550,49 @@ TEST("windows unlike anything seen are a third answer, with the reason") {
     }
 }
 
+/* The channels of a set from the last to the first, with their names. */
+static void turn_channels(lg_series *s) {
+    const size_t n = s->length, last = s->channels - 1;
+    for (size_t i = 0; i < s->count * s->channels; i++) {
+        const size_t c = i % s->channels;
+        for (size_t t = 0; t < n && c < last - c; t++) {
+            float *a = s->x + i * n + t, *b = a + (last - 2 * c) * n, kept = *a;
+            *a = *b;
+            *b = kept;
+        }
+    }
+    for (size_t c = 0; c < last - c; c++) {
+        char kept[LG_SERIES_NAME];
+        memcpy(kept, s->channel_name[c], sizeof kept);
+        memcpy(s->channel_name[c], s->channel_name[last - c], sizeof kept);
+        memcpy(s->channel_name[last - c], kept, sizeof kept);
+    }
+}
+
+TEST("data whose channels stand in another order are judged by their names") {
+    char path[1024];
+    lg_series_data data;
+    cli_expect("lg-anomaly", "generate --noise 10 --runs 6 --hours 0.5 --seed 3 --out straight.h5", 0, "",
+               &result);
+    cli_path("straight.h5", path, sizeof path);
+    assert_ok(lg_series_read(NULL, path, NULL, NULL, &data, NULL));
+    turn_channels(&data.series);
+    cli_path("turned.h5", path, sizeof path);
+    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    lg_series_data_destroy(&data);
+    static const char *const files[] = {"straight.h5", "turned.h5"};
+    double mse[2];
+    for (size_t i = 0; i < 2; i++) {
+        char line[64];
+        (void)snprintf(line, sizeof line, "evaluate known.h5 %s --json", files[i]);
+        cli_expect("lg-anomaly", line, 0, "\"unlike\": 0,", &result);
+        assert_string_equal(result.err, "");
+        mse[i] = json_number(result.out, "mse");
+    }
+    assert_true(mse[0] > 0);
+    assert_close(mse[0], mse[1], 0, 0);
+}
+
 TEST("a channel without numbers is unlike anything seen, a gap is not") {
     for (int word = 0; word < 3; word++) {
         static const char *const words[] = {"\"nan\"", "\"\"", "\"inf\""};
