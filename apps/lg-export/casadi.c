@@ -359,9 +359,10 @@ static void write_file(job *j, char **functions, char *(*derived)[DERIVATIVES], 
     lg_text_add(
         to,
         " * casadi.external(\"%s_%s\", \"./lib%s.so\") loads one with its derivatives. Arguments and "
-        "results are\n * columns; rows of matrices stand one behind the other. Written by lg-export. */\n"
-        "#include <stddef.h>\n\n#include \"%s.h\"\n\n",
-        name, functions[0], name, name);
+        "results are\n * columns; rows of matrices stand one behind the other. Written by lg-export.\n",
+        name, functions[0], name);
+    export_add_words(j->source, to);
+    lg_text_add(to, " */\n#include <stddef.h>\n\n#include \"%s.h\"\n\n", name);
     lg_text_add(to,
                 "enum { MOST_INPUTS = %zu, MOST_OUTPUTS = %zu };\nstatic const double zeros[%zu] = {0};\n\n",
                 j->most_in, j->most_out, j->most_zeros);

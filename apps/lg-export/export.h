@@ -24,6 +24,7 @@
 #include "core/text.h"
 #include "liegrad/integrators.h"
 #include "liegrad/io.h"
+#include "liegrad/machine_model.h"
 #include "liegrad/model.h"
 #include "liegrad/program.h"
 
@@ -83,12 +84,15 @@ typedef struct export_source {
     double condition; /* 1, or the factor by which the model multiplies rounding; `about` explains it */
     text about;       /* lines (without comment signs, any bytes) for the head of NAME.h: description, inputs,
                    units, order, data, error */
-    text sizes;       /* #define NAME_LINKS 1 ... for NAME.h */
-    text declarations; /* prototypes with comments, beside NAME_eval and NAME_grad */
-    text arrays;       /* extern declarations of arrays, for NAME.c */
-    text weights;      /* their definitions, for NAME_weights.c */
-    text code;         /* enumerations, tables and fragments, for NAME.c */
-    text test;         /* for NAME_test.c, before code/test_main.c: `extra` */
+    text state, input;        /* words for the numbers of x and u, or empty */
+    text places, inputs_each; /* a name for each of their numbers, each followed by a newline, or empty */
+    text delay;               /* "inputs act 2 rows of the log, ... later than they are logged", or empty */
+    text sizes;               /* #define NAME_LINKS 1 ... for NAME.h */
+    text declarations;        /* prototypes with comments, beside NAME_eval and NAME_grad */
+    text arrays;              /* extern declarations of arrays, for NAME.c */
+    text weights;             /* their definitions, for NAME_weights.c */
+    text code;                /* enumerations, tables and fragments, for NAME.c */
+    text test;                /* for NAME_test.c, before code/test_main.c: `extra` */
     export_golden golden;
     char fragments[4096]; /* names already added, each followed by a blank */
     size_t parameters;    /* of the model; 0: `numbers` is told */
@@ -190,6 +194,14 @@ double export_golden_step(const export_source *source, double dt, size_t field);
 void export_write_motion(export_source *source, const double *input, size_t m, double h,
                          const char *fragment);
 
+/* What the numbers of a model are: state, input and delay of `source`. */
+void export_tell_machine(export_source *source, const lg_machine_model_run *run);
+void export_tell_hamiltonian(export_source *source, const lg_hamiltonian *model);
+/* The range of a machine's data. */
+void export_tell_range(text *about, const lg_machine_model_run *run);
+/* A warning where inputs act later. */
+void export_warn_delay(const app *self, const export_source *source);
+
 /* By how much a function of the program multiplies rounding, seen in the library's own single precision at
  * `points` inputs, one behind the other, numbers of single precision: the largest error over its eps times
  * the depth; infinite or NaN where single precision cannot hold the results. (program.c) */
@@ -261,6 +273,11 @@ char *export_name_from(const char *file);
  * comments; other formats need the words "lg-export: NAME" in their first 500 bytes. %s in the name: the
  * model's. */
 text *export_add_file(export_source *source, const char *name);
+/* Lines (without comment signs, any bytes) inside of a comment, broken where they are long. */
+void export_add_lines(text *to, const char *lines);
+/* What the numbers of x and u are, and the delay: as lines, and inside of a comment. */
+void export_tell_words(const export_source *source, text *to);
+void export_add_words(const export_source *source, text *to);
 /* Adds to the Makefile: what `all` makes and `clean` removes, and rules for it. NAME_. and NAME_x become the
  * model's name. Before export_compose. */
 void export_add_rules(export_source *source, const char *products, const char *rules);

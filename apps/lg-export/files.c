@@ -32,15 +32,30 @@ static void add_wrapped(text *to, const char *line, const char *end) {
     }
 }
 
-static void add_about(const export_source *source, text *to) {
+void export_add_lines(text *to, const char *lines) {
     text safe = {.data = NULL};
-    lg_text_add_comment(&safe, source->about.data != NULL ? source->about.data : "");
+    lg_text_add_comment(&safe, lines != NULL ? lines : "");
     for (const char *line = safe.data; line != NULL && *line != '\0';) {
         const char *end = line + strcspn(line, "\n");
         add_wrapped(to, line, end);
         line = *end == '\n' ? end + 1 : end;
     }
     lg_text_destroy(&safe);
+}
+
+void export_tell_words(const export_source *source, text *to) {
+    if (source->state.length > 0) lg_text_add(to, "x             %s\n", source->state.data);
+    if (source->input.length > 0) lg_text_add(to, "u             %s\n", source->input.data);
+    if (source->delay.length > 0)
+        lg_text_add(to, "delay         %s; these functions take them at once: delay them yourself\n",
+                    source->delay.data);
+}
+
+void export_add_words(const export_source *source, text *to) {
+    text lines = {.data = NULL};
+    export_tell_words(source, &lines);
+    export_add_lines(to, lines.data);
+    lg_text_destroy(&lines);
 }
 
 static const char unfit_inputs[] =
@@ -112,7 +127,7 @@ static void add_header(const export_source *source, text *to) {
     lg_text_add_comment(to, source->options->file);
     lg_text_add(to, "\n * (SHA-256 %s).\n *\n",
                 source->options->sha256[0] != '\0' ? source->options->sha256 : "unknown");
-    add_about(source, to);
+    export_add_lines(to, source->about.data);
     lg_text_add_named(to, name, usage);
     lg_text_add_named(to, name, source->bundle ? unfit_bundle : unfit_inputs);
     lg_text_add(to, "%s", flags);

@@ -92,11 +92,40 @@ static bool is_output(const block *b, const variable *v) {
     return v->kind == (any ? OUTPUT : STATE);
 }
 
-static void add_kind(const block *b, text *to, const variable *v) {
+enum { WHOLE = -1 };
+
+/* Line k of a list, or all words where there is none. */
+static void add_words(text *to, const text *each, const text *whole, long k) {
+    const char *line = k != WHOLE && each->length > 0 ? each->data : NULL;
+    for (long i = 0; line != NULL && i < k; i++) line = strchr(line, '\n') + 1;
+    if (line != NULL)
+        lg_text_append(to, line, strcspn(line, "\n"));
+    else
+        lg_text_add(to, "%s", whole->data != NULL ? whole->data : "");
+}
+
+/* What number k of the variable is, or all of them. */
+static void add_meaning(const block *b, text *to, const variable *v, long k) {
+    const export_source *source = b->source;
+    text words = {.data = NULL};
+    const bool input = v->kind == INPUT && strcmp(v->name, "u") == 0;
+    if (v == &b->variables[b->count - 1])
+        lg_text_add(&words, "%s", longest_step);
+    else if (v->kind == STATE)
+        add_words(&words, &source->places, &source->state, k);
+    else if (input)
+        add_words(&words, &source->inputs_each, &source->input, k);
+    if (input && source->delay.length > 0)
+        lg_text_add(&words, "; %s: delay them yourself", source->delay.data);
+    if (words.length > 0) add_attribute(to, "description", words.data);
+    lg_text_destroy(&words);
+}
+
+static void add_kind(const block *b, text *to, const variable *v, long k) {
     lg_text_add(to, " causality=\"%s\" variability=\"%s\"",
                 is_output(b, v) ? "output" : xml[v->kind].causality, xml[v->kind].variability);
     if (xml[v->kind].initial != NULL) lg_text_add(to, " initial=\"%s\"", xml[v->kind].initial);
-    if (v == &b->variables[b->count - 1]) add_attribute(to, "description", longest_step);
+    add_meaning(b, to, v, k);
 }
 
 /* "x[2]", "der(x[2])", "value": the name of number k. */
@@ -119,7 +148,7 @@ static void add_variables2(const job *j, text *to) {
             lg_text_add(to, "    <ScalarVariable");
             add_scalar_name(to, v, k);
             lg_text_add(to, " valueReference=\"%zu\"", v->at + k);
-            add_kind(&j->b, to, v);
+            add_kind(&j->b, to, v, (long)k);
             lg_text_add(to, "><Real");
             if (v->unit != NULL) add_attribute(to, "unit", v->unit);
             if (xml[v->kind].start) {
@@ -151,11 +180,16 @@ static void add_unknowns2(const job *j, const char *element, bool derivatives, b
 }
 
 static void add_common(const job *j, text *to) {
-    const char *about = lg_program_description(j->b.program);
+    text about = {.data = NULL};
+    lg_text_add(&about, "%s", lg_program_description(j->b.program));
+    if (j->b.source->delay.length > 0)
+        lg_text_add(&about, "%s%s: delay them yourself", about.length > 0 ? "; " : "",
+                    j->b.source->delay.data);
     lg_text_add(to, "\n ");
     add_attribute(to, "modelName", j->b.source->options->name);
     lg_text_add(to, " %s=\"%s\"\n ", j->version == 2 ? "guid" : "instantiationToken", j->token);
-    if (about[0] != '\0') add_attribute(to, "description", about);
+    if (about.length > 0) add_attribute(to, "description", about.data);
+    lg_text_destroy(&about);
     lg_text_add(to, " generationTool=\"lg-export of liegrad %s\" variableNamingConvention=\"structured\"",
                 lg_version());
 }
@@ -195,7 +229,7 @@ static void add_variables3(const job *j, text *to) {
         lg_text_add(to, "    <Float64");
         add_attribute(to, "name", v->name);
         lg_text_add(to, " valueReference=\"%zu\"", i);
-        add_kind(&j->b, to, v);
+        add_kind(&j->b, to, v, WHOLE);
         if (v->unit != NULL) add_attribute(to, "unit", v->unit);
         if (v->kind == DERIVATIVE) lg_text_add(to, " derivative=\"0\"");
         if (xml[v->kind].start) {

@@ -71,20 +71,24 @@ void export_tell_numbers(text *about, const char *what, size_t count, const char
 }
 
 /* "q1 p1 q2 p2 ..., each with |q| = 1 and q.p = 0" */
-static void tell_state(text *about, const lg_hamiltonian *model) {
+static void tell_state(export_source *source, const lg_hamiltonian *model) {
     const lg_hamiltonian_family *family = model->family;
     const uint32_t groups = !family->numbered || model->n == 1 ? 0 : 2; /* written out */
-    text words = {0};
+    text *words = &source->state;
     for (const char *const *part = family->layout; groups == 0 && *part != NULL; part++)
-        lg_text_add(&words, "%s%s", part > family->layout ? " " : "", *part);
+        lg_text_add(words, "%s%s", part > family->layout ? " " : "", *part);
     for (uint32_t i = 1; i <= groups; i++)
         for (const char *const *part = family->layout; *part != NULL; part++)
-            lg_text_add(&words, "%s%s%u", i > 1 || part > family->layout ? " " : "", *part, i);
-    lg_text_add(&words, "%s", groups > 0 && model->n > groups ? " ..." : "");
+            lg_text_add(words, "%s%s%u", i > 1 || part > family->layout ? " " : "", *part, i);
+    lg_text_add(words, "%s", groups > 0 && model->n > groups ? " ..." : "");
     if (family->manifold != NULL)
-        lg_text_add(&words, ", %s%s", groups > 0 ? "each with " : "", family->manifold);
-    export_tell_numbers(about, "state", lg_hamiltonian_state_dim(model), words.data);
-    lg_text_destroy(&words);
+        lg_text_add(words, ", %s%s", groups > 0 ? "each with " : "", family->manifold);
+}
+
+void export_tell_hamiltonian(export_source *source, const lg_hamiltonian *model) {
+    const char *meaning = model->family->input_meaning;
+    tell_state(source, model);
+    if (lg_hamiltonian_input_dim(model) > 0 && meaning != NULL) lg_text_add(&source->input, "%s", meaning);
 }
 
 static void tell_model(export_source *source, const lg_hamiltonian *model) {
@@ -95,7 +99,8 @@ static void tell_model(export_source *source, const lg_hamiltonian *model) {
     lg_text_add(about, "Learned Hamiltonian, family %s, of %u %s%s%s%s.\n\n", family->name, model->n,
                 family->copy, model->n == 1 ? "" : "s", family->formula != NULL ? ": H = " : "",
                 family->formula != NULL ? family->formula : "");
-    tell_state(about, model);
+    export_tell_hamiltonian(source, model);
+    export_tell_numbers(about, "state", d, source->state.data);
     (void)snprintf(input, sizeof input, "%s%sNULL for none",
                    family->input_meaning != NULL ? family->input_meaning : "",
                    family->input_meaning != NULL ? "; " : "");

@@ -71,6 +71,20 @@ static lg_status space_of_machine(const lg_model_file *file, lg_space *space, do
     return lg_machine_space(&file->machine->run.machine, space);
 }
 
+/* ---- words ---- */
+
+static void tell_hamiltonian(const lg_model_file *file, export_source *source) {
+    export_tell_hamiltonian(source, &file->hamiltonian.run.model);
+    export_tell_words(source, &source->about);
+}
+
+static void tell_machine(const lg_model_file *file, export_source *source) {
+    export_tell_machine(source, &file->machine->run);
+    export_tell_words(source, &source->about);
+    export_tell_range(&source->about, &file->machine->run);
+    lg_text_add(&source->about, "\n");
+}
+
 /* ---- a model of any kind ---- */
 
 static const struct {
@@ -78,11 +92,13 @@ static const struct {
                          lg_program **out, lg_error *error);
     /* Space of the state, and time between two points of the data; NULL: it has no state. */
     lg_status (*space)(const lg_model_file *file, lg_space *space, double *step);
-} kinds[LG_MODEL_KIND_COUNT] = {[LG_MODEL_HAMILTONIAN] = {of_hamiltonian, space_of_hamiltonian},
-                                [LG_MODEL_SURROGATE] = {of_surrogate, NULL},
-                                [LG_MODEL_DETECTOR] = {of_detector, NULL},
-                                [LG_MODEL_TABLE] = {of_table, NULL},
-                                [LG_MODEL_MACHINE] = {of_machine, space_of_machine}};
+    void (*tell)(const lg_model_file *file, export_source *source); /* with a state: what its numbers are */
+} kinds[LG_MODEL_KIND_COUNT] = {
+    [LG_MODEL_HAMILTONIAN] = {of_hamiltonian, space_of_hamiltonian, tell_hamiltonian},
+    [LG_MODEL_SURROGATE] = {of_surrogate, NULL, NULL},
+    [LG_MODEL_DETECTOR] = {of_detector, NULL, NULL},
+    [LG_MODEL_TABLE] = {of_table, NULL, NULL},
+    [LG_MODEL_MACHINE] = {of_machine, space_of_machine, tell_machine}};
 
 static lg_status load_model(const app *self, const char *path, export_source *source, lg_program **out,
                             lg_error *error) {
@@ -91,8 +107,11 @@ static lg_status load_model(const app *self, const char *path, export_source *so
     LG_TRY(lg_model_load(self->context, path, NULL, &file, error));
     const lg_status status = kinds[file.kind].program(self, &file, source->options->scheme, out, error);
     if (status == LG_OK && kinds[file.kind].space != NULL &&
-        kinds[file.kind].space(&file, &space, &source->step) == LG_OK)
+        kinds[file.kind].space(&file, &space, &source->step) == LG_OK) {
         make_start(&space, source);
+        kinds[file.kind].tell(&file, source);
+        export_warn_delay(self, source);
+    }
     lg_model_file_destroy(&file);
     return status;
 }

@@ -34,70 +34,16 @@ static const char linearise_declaration[] =
 
 /* ---- what NAME.h says ---- */
 
-static void tell_place(text *words, const lg_machine_coordinate *c, uint32_t k) {
-    if (lg_coordinate_row_of(c->kind)->places == 1)
-        lg_text_add(words, "%s ", c->name);
-    else
-        lg_text_add(words, "%s.%c ", c->name, "xyz"[k % 3]);
-}
-
-/* "x, theta, rod.q rod.p, body.R, momenta of x, theta, body" */
-static void tell_state(const job *j) {
-    const lg_machine *machine = &j->run->machine;
-    text words = {.data = NULL};
-    for (uint32_t i = 0; i < machine->coordinate_count; i++)
-        for (uint32_t k = 0; k < lg_coordinate_row_of(machine->coordinates[i].kind)->places; k++)
-            tell_place(&words, &machine->coordinates[i], k);
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_coordinate *c = &machine->coordinates[i];
-        if (lg_coordinate_row_of(c->kind)->directions > 0)
-            lg_text_add(&words, "%s.q (3) %s.p (3) ", c->name, c->name);
-    }
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_coordinate *c = &machine->coordinates[i];
-        if (lg_coordinate_row_of(c->kind)->rotations > 0) lg_text_add(&words, "%s.R (9, rows) ", c->name);
-    }
-    if (machine->momenta > 0) lg_text_add(&words, "momenta");
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_coordinate *c = &machine->coordinates[i];
-        const lg_coordinate_row *row = lg_coordinate_row_of(c->kind);
-        if (row->directions == 0) lg_text_add(&words, " %s (%u)", c->name, row->velocities);
-    }
-    export_tell_numbers(&j->source->about, "state", j->space.dim, words.data);
-    lg_text_destroy(&words);
-}
-
-static void tell_inputs(const job *j) {
-    const lg_machine *machine = &j->run->machine;
-    text words = {.data = NULL};
-    for (uint32_t i = 0; i < machine->input_count; i++) lg_text_add(&words, "%s ", machine->inputs[i]);
-    lg_text_add(&words, "%s", machine->input_count > 0 ? "as in the log; NULL for zeros" : "none: NULL");
-    export_tell_numbers(&j->source->about, "input", machine->input_count, words.data);
-    lg_text_destroy(&words);
-    if (j->run->delay > 0)
-        lg_text_add(&j->source->about,
-                    "delay         inputs act %u rows of the log, %g in time, later than they are logged\n",
-                    j->run->delay, j->run->delay * j->run->dt);
-}
-
-/* The range of the data; positions of directions and rotations are anywhere. */
-static void tell_range(const job *j) {
-    const lg_machine *machine = &j->run->machine;
-    const lg_machine_range *range = &j->run->range;
-    text *about = &j->source->about;
-    uint32_t q = 0, v = machine->positions;
-    lg_text_add(about, "\nrange of the data, which the model knows alone\n");
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_coordinate *c = &machine->coordinates[i];
-        const lg_coordinate_row *row = lg_coordinate_row_of(c->kind);
-        for (uint32_t k = 0; k < row->places; k++)
-            lg_text_add(about, "  position    %s %g to %g\n", c->name, range->low[q + k], range->high[q + k]);
-        for (uint32_t k = 0; k < row->velocities; k++, v++)
-            lg_text_add(about, "  velocity    %s %g to %g\n", c->name, range->low[v], range->high[v]);
-        q += lg_coordinate_positions(c->kind);
-    }
-    for (uint32_t i = 0; i < machine->input_count; i++, v++)
-        lg_text_add(about, "  input       %s %g to %g\n", machine->inputs[i], range->low[v], range->high[v]);
+static void tell_state_and_inputs(const job *j) {
+    export_source *source = j->source;
+    const uint32_t inputs = j->run->machine.input_count;
+    export_tell_machine(source, j->run);
+    export_tell_numbers(&source->about, "state", j->space.dim, source->state.data);
+    char *words = inputs > 0 ? app_format("%s as in the log; NULL for zeros", source->input.data)
+                             : app_format("none: NULL");
+    export_tell_numbers(&source->about, "input", inputs, words);
+    free(words);
+    if (source->delay.length > 0) lg_text_add(&source->about, "delay         %s\n", source->delay.data);
 }
 
 static void tell_training(const job *j) {
@@ -124,8 +70,7 @@ static void tell(const job *j, size_t evaluations) {
     const lg_machine *machine = &j->run->machine;
     text *about = &j->source->about;
     lg_text_add(about, "Learned machine with inputs and damping; liegrad/machine.h has the equations.\n\n");
-    tell_state(j);
-    tell_inputs(j);
+    tell_state_and_inputs(j);
     export_tell_numbers(about, "field", j->space.algebra_dim, words_of_field);
     export_tell_numbers(about, "positions", machine->positions, "in the order of the log, R by rows");
     export_tell_numbers(about, "velocities", machine->velocities, "in the order of the log");
@@ -137,7 +82,7 @@ static void tell(const job *j, size_t evaluations) {
         lg_text_add(about,
                     "condition     %.1f: by how much the machine multiplies rounding, and the tolerance\n",
                     j->source->condition);
-    tell_range(j);
+    export_tell_range(about, j->run);
     tell_training(j);
     export_size(j->source, "STATE_SIZE", j->space.dim, "numbers in state and next");
     export_size(j->source, "FIELD_SIZE", j->space.algebra_dim, "numbers in field");
@@ -362,6 +307,7 @@ static int export_parts(const job *j) {
     status = find_condition(j, input, h, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, path);
     tell(j, evaluations_of(j->program));
+    export_warn_delay(j->self, j->source);
     return APP_EXIT_OK;
 }
 

@@ -44,9 +44,10 @@ static void add_functions(const block *b) {
     lg_text_add(
         header,
         "/* Functions of %s.h for C Function blocks: add this header, %s_simulink.c, %s.c and %s_weights.c "
-        "to the\n * model's custom code. Work memory is on the stack. Written by lg-export. */\n"
-        "#ifndef %s_SIMULINK_H\n#define %s_SIMULINK_H\n\n",
-        name, name, name, name, name, name);
+        "to the\n * model's custom code. Work memory is on the stack. Written by lg-export.\n",
+        name, name, name, name);
+    export_add_words(b->source, header);
+    lg_text_add(header, " */\n#ifndef %s_SIMULINK_H\n#define %s_SIMULINK_H\n\n", name, name);
     lg_text_add(code,
                 "/* %s_simulink.h says what this is. */\n#include \"%s_simulink.h\"\n\n#include \"%s.h\"\n\n",
                 name, name, name);
@@ -64,12 +65,15 @@ static void add_functions(const block *b) {
 static void add_sfunction(const block *b) {
     const char *name = b->source->options->name;
     text *to = export_add_file(b->source, "%s_sfun.c");
-    lg_text_add(
-        to,
-        "/* %s as an S-function: mex %s_sfun.c %s.c %s_weights.c. %s.h says what it is. Written by "
-        "lg-export. */\n#define S_FUNCTION_NAME %s_sfun\n#define S_FUNCTION_LEVEL 2\n#include <string.h>\n\n"
-        "#include \"%s.h\"\n\n",
-        name, name, name, name, name, name, name);
+    lg_text_add(to,
+                "/* %s as an S-function: mex %s_sfun.c %s.c %s_weights.c. %s.h says what it is. Written by "
+                "lg-export.\n",
+                name, name, name, name, name);
+    export_add_words(b->source, to);
+    lg_text_add(to,
+                " */\n#define S_FUNCTION_NAME %s_sfun\n#define S_FUNCTION_LEVEL 2\n#include <string.h>\n\n"
+                "#include \"%s.h\"\n\n",
+                name, name);
     block_add_tables(b, to);
     block_add_evaluate(b, to);
     lg_text_add(to, "#define HAS_STATES %d\n\n%s", b->rate, export_fragment_text("sfunction"));

@@ -138,9 +138,10 @@ void export_provenance(export_source *source, const lg_provenance *provenance, c
 }
 
 void export_source_free(export_source *source) {
-    text *const texts[] = {&source->about,  &source->sizes,    &source->declarations,
-                           &source->arrays, &source->weights,  &source->code,
-                           &source->test,   &source->products, &source->rules};
+    text *const texts[] = {&source->about,       &source->sizes, &source->declarations, &source->arrays,
+                           &source->weights,     &source->code,  &source->test,         &source->products,
+                           &source->rules,       &source->state, &source->input,        &source->places,
+                           &source->inputs_each, &source->delay};
     double *const arrays[] = {source->golden.x, source->golden.y, source->golden.jacobian,
                               source->golden.extra};
     for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_destroy(texts[i]);

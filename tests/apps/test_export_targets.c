@@ -6,6 +6,7 @@
 #include "export_support.h"
 #include "liegrad/io.h"
 #include "liegrad/ops.h"
+#include "support/machine_models.h"
 
 /* ---- models ---- */
 
@@ -324,6 +325,61 @@ TEST("an FMU of version 3 pulls cotangents back as the program does") {
     assert_all_close(got, pulled, 3, 1e-13, 0);
     release(instance);
     assert_int_equal(dlclose(handle), 0);
+}
+
+/* ---- what the numbers are ---- */
+
+/* Broken lines of comments as one, blanks as one. */
+static void join_lines(char *text) {
+    char *to = text;
+    for (const char *at = text; *at != '\0'; at++) {
+        if (strncmp(at, "\n * ", 4) == 0) at += 3;
+        if (*at != ' ' || to == text || to[-1] != ' ') *to++ = *at;
+    }
+    *to = '\0';
+}
+
+TEST("targets say what the numbers of a machine are, and that inputs act later") {
+    static const struct {
+        const char *target, *file, *words[3];
+    } told[] = {
+        {"c",
+         "m.h",
+         {"momenta x (1)", "u1 u2 as in the log", "delay inputs act 3 rows of the log, 0.06 in time, later"}},
+        {"casadi", "m_casadi.c", {"momenta x (1)", "hull.R (9, rows)", "inputs act 3 rows of the log, 0.06"}},
+        {"simulink", "m_simulink.h", {"momenta x (1)", "u1 u2", "inputs act 3 rows of the log, 0.06"}},
+        {"simulink", "m_sfun.c", {"momenta x (1)", "u1 u2", "inputs act 3 rows of the log, 0.06"}},
+        {"fmu2", "m.h", {"position x -1 to 2", "inputs act 3 rows", "x x theta hull"}},
+        {"fmu2",
+         "modelDescription.xml",
+         {"name=\"x[1]\" valueReference=\"0\" causality=\"local\" variability=\"continuous\" "
+          "initial=\"exact\" "
+          "description=\"x\"",
+          "description=\"momentum of body 3\"", "description=\"u2; inputs act 3 rows of the log, 0.06"}},
+        {"fmu3",
+         "modelDescription.xml",
+         {"description=\"x theta hull.x hull.y hull.z rod.q (3) rod.p (3) body.R (9, rows) hull.R (9, rows) "
+          "momenta",
+          "description=\"u1 u2; inputs act 3 rows", "inputs act 3 rows"}}};
+    static char text[1 << 20];
+    static cli result;
+    char path[1024], line[256];
+    lg_machine_model_file *file = make_machine_model(machine_of_all_kinds, 3);
+    file->run.delay = 3;
+    cli_path("late.h5", path, sizeof path);
+    save_machine_model(file, path);
+    for (size_t i = 0; i < LG_COUNT(told); i++) {
+        (void)snprintf(line, sizeof line, "late.h5 --out late-%s --name m --target %s --golden 1",
+                       told[i].target, told[i].target);
+        cli_expect("lg-export", line, 0, "", &result);
+        assert_non_null(strstr(result.err, "inputs act 3 rows of the log, 0.06 in time, later"));
+        assert_non_null(strstr(result.err, "delay them yourself"));
+        (void)snprintf(line, sizeof line, "late-%s/%s", told[i].target, told[i].file);
+        assert_true(cli_read(line, text, sizeof text) > 0);
+        join_lines(text);
+        for (size_t k = 0; k < LG_COUNT(told[i].words); k++)
+            if (strstr(text, told[i].words[k]) == NULL) fail_msg("%s: no '%s'", line, told[i].words[k]);
+    }
 }
 
 /* ---- scenes ---- */

@@ -1,0 +1,118 @@
+/* What the numbers of a machine's state and input are, whatever the target. */
+#include "lg-export/export.h"
+
+#include <stdlib.h>
+
+#include "liegrad/machine_model.h"
+
+/* ---- the state ---- */
+
+/* A name in the list of the state's numbers. */
+static void add_number(text *list, const char *name, const char *part, const char *letters, uint32_t k,
+                       uint32_t count) {
+    lg_text_add(list, "%s%s", name, part);
+    if (count == 9)
+        lg_text_add(list, "%u%u", k / 3 + 1, k % 3 + 1);
+    else if (count > 1 && letters != NULL)
+        lg_text_add(list, ".%c", letters[k % 3]);
+    else if (count > 1)
+        lg_text_add(list, " %u", k + 1);
+    lg_text_add(list, "\n");
+}
+
+static void add_numbers(text *list, const char *name, const char *part, const char *letters, uint32_t count) {
+    for (uint32_t k = 0; k < count; k++) add_number(list, name, part, letters, k, count);
+}
+
+typedef void (*tell_coordinate)(export_source *source, const lg_machine_coordinate *c,
+                                const lg_coordinate_row *row);
+
+static void tell_places(export_source *source, const lg_machine_coordinate *c, const lg_coordinate_row *row) {
+    for (uint32_t k = 0; k < row->places; k++)
+        if (row->places == 1)
+            lg_text_add(&source->state, "%s ", c->name);
+        else
+            lg_text_add(&source->state, "%s.%c ", c->name, "xyz"[k % 3]);
+    add_numbers(&source->places, c->name, "", "xyz", row->places);
+}
+
+static void tell_direction(export_source *source, const lg_machine_coordinate *c,
+                           const lg_coordinate_row *row) {
+    if (row->directions == 0) return;
+    lg_text_add(&source->state, "%s.q (3) %s.p (3) ", c->name, c->name);
+    add_numbers(&source->places, c->name, ".q", "xyz", 3);
+    add_numbers(&source->places, c->name, ".p", "xyz", 3);
+}
+
+static void tell_rotation(export_source *source, const lg_machine_coordinate *c,
+                          const lg_coordinate_row *row) {
+    if (row->rotations == 0) return;
+    lg_text_add(&source->state, "%s.R (9, rows) ", c->name);
+    add_numbers(&source->places, c->name, ".R", NULL, 9);
+}
+
+static void tell_momenta(export_source *source, const lg_machine_coordinate *c,
+                         const lg_coordinate_row *row) {
+    if (row->directions > 0) return;
+    lg_text_add(&source->state, " %s (%u)", c->name, row->velocities);
+    char *name = app_format("momentum of %s", c->name);
+    add_numbers(&source->places, name, "", NULL, row->velocities);
+    free(name);
+}
+
+static void tell_each(export_source *source, const lg_machine *machine, tell_coordinate tell) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_coordinate *c = &machine->coordinates[i];
+        tell(source, c, lg_coordinate_row_of(c->kind));
+    }
+}
+
+/* "x theta rod.q (3) rod.p (3) body.R (9, rows) momenta x (1) theta (1) body (3)" */
+static void tell_state(export_source *source, const lg_machine *machine) {
+    tell_each(source, machine, tell_places);
+    tell_each(source, machine, tell_direction);
+    tell_each(source, machine, tell_rotation);
+    if (machine->momenta > 0) lg_text_add(&source->state, "momenta");
+    tell_each(source, machine, tell_momenta);
+}
+
+/* ---- inputs ---- */
+
+void export_tell_machine(export_source *source, const lg_machine_model_run *run) {
+    const lg_machine *machine = &run->machine;
+    tell_state(source, machine);
+    for (uint32_t i = 0; i < machine->input_count; i++) {
+        lg_text_add(&source->input, "%s%s", i > 0 ? " " : "", machine->inputs[i]);
+        lg_text_add(&source->inputs_each, "%s\n", machine->inputs[i]);
+    }
+    if (run->delay == 0) return;
+    lg_text_add(&source->delay, "inputs act %u rows of the log, %g in time, later than they are logged",
+                run->delay, run->delay * run->dt);
+}
+
+void export_warn_delay(const app *self, const export_source *source) {
+    if (source->delay.length > 0)
+        app_warn(self, "the model's %s; what is exported takes them at once: delay them yourself",
+                 source->delay.data);
+}
+
+/* ---- the range ---- */
+
+/* The range of the data; positions of directions and rotations are anywhere. */
+void export_tell_range(text *about, const lg_machine_model_run *run) {
+    const lg_machine *machine = &run->machine;
+    const lg_machine_range *range = &run->range;
+    uint32_t q = 0, v = machine->positions;
+    lg_text_add(about, "\nrange of the data, which the model knows alone\n");
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_coordinate *c = &machine->coordinates[i];
+        const lg_coordinate_row *row = lg_coordinate_row_of(c->kind);
+        for (uint32_t k = 0; k < row->places; k++)
+            lg_text_add(about, "  position    %s %g to %g\n", c->name, range->low[q + k], range->high[q + k]);
+        for (uint32_t k = 0; k < row->velocities; k++, v++)
+            lg_text_add(about, "  velocity    %s %g to %g\n", c->name, range->low[v], range->high[v]);
+        q += lg_coordinate_positions(c->kind);
+    }
+    for (uint32_t i = 0; i < machine->input_count; i++, v++)
+        lg_text_add(about, "  input       %s %g to %g\n", machine->inputs[i], range->low[v], range->high[v]);
+}
