@@ -3,7 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_NODES = 1 << 20 };
+/* Outputs of a function of a program: its own bound. */
+enum { MOST_NODES = 1 << 20, MOST_OUTPUTS = 64 };
 
 /* ---- writing calls out ---- */
 
@@ -137,10 +138,12 @@ static void mark(graph *g) {
     }
 }
 
-/* The constants that are needed, as outputs of a function of a program with the same parameters. */
+/* Constants as outputs of a function of a program with the same parameters. */
 static lg_status add_constants_function(const graph *g, lg_program *program, const uint32_t *which,
                                         size_t count, lg_error *error) {
-    lg_function_image image = {.name = "export_constants",
+    char name[48];
+    (void)snprintf(name, sizeof name, "export_constants_%zu", lg_program_functions(program));
+    lg_function_image image = {.name = name,
                                .inputs = g->inputs,
                                .input_count = g->input_count,
                                .output_count = count,
@@ -187,14 +190,18 @@ static lg_status evaluate_constants(graph *g, lg_program *program, const uint32_
     return LG_OK;
 }
 
+/* All constants that are needed; a function has MOST_OUTPUTS of them at most. */
 static lg_status fold(graph *g, lg_program *program, lg_error *error) {
     uint32_t *which = app_alloc(g->count, sizeof *which);
     size_t count = 0;
     for (size_t k = 0; k < g->count; k++)
         if (g->nodes[k].needed && !g->nodes[k].varies) which[count++] = (uint32_t)k;
     lg_status status = LG_OK;
-    if (count > 0) status = add_constants_function(g, program, which, count, error);
-    if (count > 0 && status == LG_OK) status = evaluate_constants(g, program, which, count, error);
+    for (size_t at = 0; at < count && status == LG_OK; at += MOST_OUTPUTS) {
+        const size_t some = count - at < MOST_OUTPUTS ? count - at : MOST_OUTPUTS;
+        status = add_constants_function(g, program, which + at, some, error);
+        if (status == LG_OK) status = evaluate_constants(g, program, which + at, some, error);
+    }
     free(which);
     return status;
 }

@@ -519,6 +519,52 @@ TEST("ONNX: names of inputs are whole; the sign of zero is 1, as here, which Sig
     export_expect("grep -qa GreaterOrEqual signs/m.onnx && ! grep -qaw Sign signs/m.onnx");
 }
 
+enum { LAYERS = 70 };
+
+static double weight_of(size_t layer) {
+    return 0.3 + 0.01 * (double)layer;
+}
+
+/* y = tanh(w70 ... tanh(w1 x)) */
+static lg_status record_deep(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    (void)user;
+    out[0] = in[0];
+    for (size_t i = 0; i < LAYERS; i++) out[0] = lg_act(tape, lg_matmul(tape, out[0], theta[i]), LG_TANH);
+    return lg_tape_status(tape);
+}
+static lg_status make_layers(lg_program **out, training *t, lg_error *error) {
+    lg_parameter_spec parameters[LAYERS];
+    char names[LAYERS][16];
+    double values[LAYERS];
+    const lg_port x = {.name = "x", .shape = lg_shape1(1)}, y = {.name = "y"};
+    const lg_function_spec value = {"value", &x, 1, &y, 1, record_deep, NULL};
+    lg_program_spec spec;
+    (void)t;
+    for (size_t i = 0; i < LAYERS; i++) {
+        (void)snprintf(names[i], sizeof names[i], "w%zu", i);
+        values[i] = weight_of(i);
+        parameters[i] = (lg_parameter_spec){names[i], lg_shape2(1, 1), &values[i]};
+    }
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters;
+    spec.parameter_count = LAYERS;
+    spec.functions = &value;
+    spec.function_count = 1;
+    return lg_program_build(NULL, &spec, out, error);
+}
+
+TEST("ONNX: there may be more constants than a function has outputs, and each has its numbers") {
+    static char text[1 << 16];
+    make_model("deep", make_layers);
+    export_run("deep.h5 --out deep --name m --target onnx");
+    const size_t size = cli_read("deep/m.onnx", text, sizeof text);
+    for (size_t i = 0, at = 0; i < LAYERS; i++) {
+        const double wanted = weight_of(i);
+        while (at + sizeof wanted <= size && memcmp(text + at, &wanted, sizeof wanted) != 0) at++;
+        if (at + sizeof wanted > size) fail_msg("weight %zu is missing or out of order", i);
+    }
+}
+
 TEST("a scheme that a target does not take is told; a function that is named twice counts once") {
     static cli result;
     make_model("throw", make_throw);
