@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/text.h"
 #include "lg-fit/fit.h"
 #include "liegrad/activation.h"
 #include "liegrad/ops.h"
@@ -11,7 +12,7 @@
 enum { MOST_LAYERS = 64 };
 
 typedef struct import_values {
-    const char *out;
+    const char *out, *layers;
     int activation, last, layout;
 } import_values;
 
@@ -26,6 +27,10 @@ static import_values values = {.activation = LG_TANH, .last = LG_IDENTITY};
 
 static const app_option options[] = {
     APP_ROW_TEXT(import_values, out, "out", "MODEL.h5", "Write the network here (required)"),
+    APP_ROW_TEXT(
+        import_values, layers, "layers", "A,B,...",
+        "The layers in their order from input to output, by their stems (numpy files: by their names "
+        "without ending); default: by the numbers and letters of the stems, files as given"),
     APP_ROW_CHOICE(import_values, activation, "activation", activations, "Between the layers (default tanh)"),
     APP_ROW_CHOICE(import_values, last, "last", activations, "After the last layer (default identity)"),
     APP_ROW_CHOICE(
@@ -44,6 +49,7 @@ typedef struct layer {
 typedef struct network {
     layer layers[MOST_LAYERS];
     size_t count;
+    bool by_name; /* names that do not count through put the layers of a file in order */
 } network;
 
 /* ---- layers from tensors ---- */
@@ -80,6 +86,18 @@ static void stem_of(const char *name, char *out) {
     out[length] = '\0';
 }
 
+/* Whether they differ in numbers alone. */
+static bool are_numbered(const char *a, const char *b) {
+    const char *const digits = "0123456789";
+    while (*a != '\0' && *b != '\0') {
+        const size_t m = strspn(a, digits), n = strspn(b, digits);
+        if ((m > 0) != (n > 0) || (m == 0 && *a != *b)) return false;
+        a += m > 0 ? m : 1;
+        b += n > 0 ? n : 1;
+    }
+    return *a == *b;
+}
+
 static double *transposed(const double *from, size_t rows, size_t columns) {
     double *to = app_alloc(rows * columns, sizeof *to);
     for (size_t r = 0; r < rows; r++)
@@ -91,7 +109,7 @@ static void add_weight(network *n, const char *name, const double *from, size_t 
                        bool inputs_first) {
     layer *l = &n->layers[n->count++];
     *l = (layer){.in = inputs_first ? rows : columns, .out = inputs_first ? columns : rows};
-    stem_of(name, l->name);
+    (void)snprintf(l->name, sizeof l->name, "%s", name);
     l->weight = inputs_first ? transposed(from, 1, rows * columns) : transposed(from, rows, columns);
 }
 
@@ -99,14 +117,16 @@ static bool inputs_first_of(bool told) {
     return values.layout == LAYOUT_IN_OUT || (values.layout == LAYOUT_AUTO && told);
 }
 
-static int take_biases(const app *self, const char *path, const lg_tensors *tensors, network *n) {
+/* Biases of the layers from `first` on. */
+static int take_biases(const app *self, const char *path, const lg_tensors *tensors, network *n,
+                       size_t first) {
     char stem[128];
     for (size_t i = 0; i < tensors->count; i++) {
         const lg_tensor *t = &tensors->tensor[i];
         layer *of = NULL;
         if (t->rank != 1) continue;
         stem_of(t->name, stem);
-        for (size_t k = 0; k < n->count; k++)
+        for (size_t k = first; k < n->count; k++)
             if (strcmp(n->layers[k].name, stem) == 0) of = &n->layers[k];
         if (of == NULL || of->bias != NULL || t->count != of->out)
             return app_fail(self, LG_FORMAT,
@@ -118,24 +138,45 @@ static int take_biases(const app *self, const char *path, const lg_tensors *tens
     return APP_EXIT_OK;
 }
 
+/* A table network has a linear part beside its layers, and scales: its weights alone are no chain. */
+static int check_tensor(const app *self, const char *path, const lg_tensors *tensors, const lg_tensor *t) {
+    if (tensors->inputs_first && strcmp(t->name, "linear.weight") == 0)
+        return app_fail(self, LG_FORMAT,
+                        "%s: was written by lg-export from a table network, whose linear part '%s' stands "
+                        "beside its layers: it is no chain of layers; use the model itself",
+                        path, t->name);
+    return APP_EXIT_OK;
+}
+
+static void sort_layers(network *n, size_t first) {
+    qsort(n->layers + first, n->count - first, sizeof n->layers[0], compare_layers);
+    for (size_t i = first + 1; i < n->count; i++)
+        n->by_name = n->by_name || !are_numbered(n->layers[i - 1].name, n->layers[i].name);
+}
+
 static int take_tensors(const app *self, const char *path, network *n) {
     lg_tensors tensors;
     lg_error error = {LG_OK, ""};
     int code = APP_EXIT_OK;
+    char stem[128];
+    const size_t first = n->count;
     const lg_status status = lg_tensors_read(self->context, path, &tensors, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     for (size_t i = 0; i < tensors.count && code == APP_EXIT_OK; i++) {
         const lg_tensor *t = &tensors.tensor[i];
         if (t->rank == 1) continue;
+        code = check_tensor(self, path, &tensors, t);
+        if (code != APP_EXIT_OK) break;
+        stem_of(t->name, stem);
         if (t->rank != 2 || t->count == 0 || n->count == MOST_LAYERS)
             code = app_fail(self, LG_FORMAT,
                             "%s: tensor '%s' is no weight of a dense layer (rank 2, at most %d layers)", path,
                             t->name, MOST_LAYERS);
         else
-            add_weight(n, t->name, t->values, t->dims[0], t->dims[1], inputs_first_of(tensors.inputs_first));
+            add_weight(n, stem, t->values, t->dims[0], t->dims[1], inputs_first_of(tensors.inputs_first));
     }
-    qsort(n->layers, n->count, sizeof n->layers[0], compare_layers);
-    if (code == APP_EXIT_OK) code = take_biases(self, path, &tensors, n);
+    sort_layers(n, first);
+    if (code == APP_EXIT_OK) code = take_biases(self, path, &tensors, n, first);
     lg_tensors_destroy(&tensors);
     return code;
 }
@@ -160,15 +201,25 @@ static bool is_bias_of(const layer *l, const lg_table_data *data) {
     return l->bias == NULL && (data->columns == 1 || data->rows == 1) && data->rows * data->columns == l->out;
 }
 
+/* "W1" of "net/W1.npy" */
+static void name_of_file(const char *path, char *out, size_t size) {
+    const char *slash = strrchr(path, '/'), *name = slash != NULL ? slash + 1 : path,
+               *dot = strrchr(name, '.');
+    (void)snprintf(out, size, "%.*s", (int)(dot != NULL && dot > name ? dot - name : (long)strlen(name)),
+                   name);
+}
+
 static int take_array(const app *self, const char *path, network *n) {
     lg_table_data data;
+    char name[128];
     layer *last = n->count > 0 ? &n->layers[n->count - 1] : NULL;
     int code = read_array(self, path, &data);
     if (code != APP_EXIT_OK) return code;
+    name_of_file(path, name, sizeof name);
     if (last != NULL && is_bias_of(last, &data))
         last->bias = transposed(data.values, 1, last->out);
     else if (n->count < MOST_LAYERS)
-        add_weight(n, "", data.values, data.rows, data.columns, inputs_first_of(false));
+        add_weight(n, name, data.values, data.rows, data.columns, inputs_first_of(false));
     else
         code = app_fail(self, LG_FORMAT, "%s: is the weight of one more layer than the %d that there may be",
                         path, MOST_LAYERS);
@@ -176,18 +227,85 @@ static int take_array(const app *self, const char *path, network *n) {
     return code;
 }
 
+/* ---- the order ---- */
+
+static void add_names(const network *n, lg_text *to) {
+    for (size_t i = 0; i < n->count; i++) lg_text_add(to, "%s%s", i > 0 ? "," : "", n->layers[i].name);
+}
+
+/* The layer of the name, from `first` on; n->count: none. */
+static size_t find_layer(const network *n, size_t first, const char *name) {
+    size_t at = first;
+    while (at < n->count && strcmp(n->layers[at].name, name) != 0) at++;
+    return at;
+}
+
+/* --layers: each layer once. */
+static int order_layers(const app *self, network *n) {
+    if (values.layers == NULL) return APP_EXIT_OK;
+    char *list = app_format("%s", values.layers);
+    size_t done = 0;
+    bool fits = true;
+    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL && fits;
+         name = strtok_r(NULL, ",", &save)) {
+        const size_t at = find_layer(n, done, name);
+        fits = at < n->count;
+        if (!fits) break;
+        const layer moved = n->layers[at];
+        n->layers[at] = n->layers[done];
+        n->layers[done++] = moved;
+    }
+    free(list);
+    if (fits && done == n->count) return APP_EXIT_OK;
+    lg_text names = {.data = NULL};
+    add_names(n, &names);
+    const int code = app_usage(self, "--layers: '%s' does not name each layer once; in some order: %s",
+                               values.layers, names.data != NULL ? names.data : "none");
+    lg_text_destroy(&names);
+    return code;
+}
+
+/* Whether the layers make another chain too. The widths w_0 ... w_n are a way through a graph with an edge a
+ * layer; there is another way if two pieces between the same two widths can change places, or if the way is
+ * closed and can begin elsewhere (Ukkonen, Theoret. Comput. Sci. 92 (1992) 191). */
+static bool has_other_order(const network *n) {
+    size_t w[MOST_LAYERS + 1];
+    bool other = false;
+    for (size_t i = 0; i < n->count; i++) w[i] = n->layers[i].in;
+    w[n->count] = n->layers[n->count - 1].out;
+    for (size_t i = 0; i <= n->count; i++)
+        for (size_t k = i + 1; k <= n->count; k++)
+            for (size_t j = i; w[i] == w[k] && j < k; j++)
+                for (size_t l = k + 1; l <= n->count; l++) other = other || w[j] == w[l];
+    return other || (n->count > 1 && w[0] == w[n->count]);
+}
+
+static void warn_order(const app *self, const network *n) {
+    if (values.layers != NULL || !n->by_name || !has_other_order(n)) return;
+    lg_text names = {.data = NULL};
+    add_names(n, &names);
+    app_warn(self,
+             "the layers fit each other in other orders too; taken in the order of their names, %s: give "
+             "another with --layers",
+             names.data);
+    lg_text_destroy(&names);
+}
+
 /* ---- the program ---- */
 
 static int check_chain(const app *self, const network *n) {
     if (n->count == 0)
         return app_fail(self, LG_FORMAT, "%s: there is no weight of a layer", self->arguments[0]);
-    for (size_t i = 1; i < n->count; i++)
-        if (n->layers[i].in != n->layers[i - 1].out)
+    for (size_t i = 1; i < n->count; i++) {
+        const layer *from = &n->layers[i - 1], *to = &n->layers[i];
+        if (from->out != to->in)
             return app_fail(
                 self, LG_FORMAT,
-                "layer %zu gives %zu numbers, layer %zu takes %zu: another order of files, or --layout %s", i,
-                n->layers[i - 1].out, i + 1, n->layers[i].in,
+                "layer %zu, %s, gives %zu numbers, layer %zu, %s, takes %zu: give the order of the "
+                "layers with --layers, or another order of files, or --layout %s",
+                i, from->name, from->out, i + 1, to->name, to->in,
                 values.layout == LAYOUT_IN_OUT ? "out-in" : "in-out");
+    }
     return APP_EXIT_OK;
 }
 
@@ -252,6 +370,9 @@ static void report(const app *self, const network *n) {
         app_json_begin(&json);
         app_json_text(&json, "out", values.out);
         app_json_size(&json, "layers", n->count);
+        app_json_open(&json, "order", '[');
+        for (size_t i = 0; i < n->count; i++) app_json_text(&json, NULL, n->layers[i].name);
+        app_json_close(&json, ']');
         app_json_size(&json, "inputs", n->layers[0].in);
         app_json_size(&json, "outputs", n->layers[n->count - 1].out);
         app_json_size(&json, "parameters", parameters);
@@ -262,6 +383,11 @@ static void report(const app *self, const network *n) {
     for (size_t i = 0; i < n->count; i++) (void)printf(" %zu -", n->layers[i].in);
     (void)printf(" %zu, %zu parameters, %s\n", n->layers[n->count - 1].out, parameters,
                  activations[values.activation]);
+    (void)printf("layers:");
+    for (size_t i = 0; i < n->count; i++)
+        (void)printf("%s %s %zu -> %zu", i > 0 ? "," : "", n->layers[i].name, n->layers[i].in,
+                     n->layers[i].out);
+    (void)printf("\n");
 }
 
 static bool is_safetensors(const char *path) {
@@ -276,7 +402,9 @@ static int run(app *self) {
                                   : app_check_outputs(self, &out, 1);
     for (int i = 0; i < self->argument_count && code == APP_EXIT_OK; i++)
         code = (is_safetensors(self->arguments[i]) ? take_tensors : take_array)(self, self->arguments[i], n);
+    if (code == APP_EXIT_OK) code = order_layers(self, n);
     if (code == APP_EXIT_OK) code = check_chain(self, n);
+    if (code == APP_EXIT_OK) warn_order(self, n);
     if (code == APP_EXIT_OK) code = write_program(self, n);
     if (code == APP_EXIT_OK) report(self, n);
     for (size_t i = 0; i < n->count; i++) {
@@ -294,7 +422,8 @@ const app_command import_command = {
     .details =
         "Dense layers y = sigma(x W + b). A safetensors file has STEM.weight and STEM.bias of each layer; "
         "the "
-        "layers follow the order of their stems, numbers in them counted. Numpy files follow each other: a "
+        "layers follow the order of their stems, numbers in them counted, or --layers; the order is printed. "
+        "Numpy files follow each other: a "
         "weight, "
         "its bias if it has one, the next weight. The program has the function value (x) -> y; lg-export and "
         "liegrad/program.h differentiate, run and export it.",

@@ -630,6 +630,52 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     cli_expect(fit, "import w.safetensors", 2, "--out is missing", &result);
 }
 
+TEST("the order of imported layers is printed, can be given, and is doubted where the sizes fit others") {
+    static const char header[] =
+        "{\"mlp.0.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]},"
+        "\"mlp.0.bias\":{\"dtype\":\"F64\",\"shape\":[2],\"data_offsets\":[32,48]},"
+        "\"head.weight\":{\"dtype\":\"F64\",\"shape\":[1,2],\"data_offsets\":[48,64]},"
+        "\"head.bias\":{\"dtype\":\"F64\",\"shape\":[1],\"data_offsets\":[64,72]}}";
+    static const char square[] =
+        "{\"layers.0.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]},"
+        "\"%s.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[32,64]}}";
+    static const char table[] =
+        "{\"__metadata__\":{\"writer\":\"lg-export: m\",\"layout\":\"weights are (in, out): y = x W + b\"},"
+        "\"first.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]},"
+        "\"linear.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[32,64]}}";
+    double numbers[9];
+    char text[512];
+    memcpy(numbers, weight1, sizeof weight1);
+    memcpy(numbers + 4, bias1, sizeof bias1);
+    memcpy(numbers + 6, weight2, sizeof weight2);
+    memcpy(numbers + 8, bias2, sizeof bias2);
+    write_tensors("named.safetensors", header, numbers, sizeof numbers);
+    cli_expect(fit, "import named.safetensors --out n.h5", 3, "--layers", &result);
+    cli_expect(fit, "import named.safetensors --layers mlp.0,head --out n.h5", 0,
+               "layers: mlp.0 2 -> 2, head 2 -> 1", &result);
+    check_imported("n.h5");
+    static const char *const wrong[] = {"mlp.0", "mlp.0,mlp.0", "mlp.0,head,head", "mlp.0,tail"};
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
+        (void)snprintf(text, sizeof text, "import named.safetensors --layers %s --out n.h5", wrong[i]);
+        cli_expect(fit, text, 2, "does not name each layer once", &result);
+    }
+    (void)snprintf(text, sizeof text, square, "head");
+    write_tensors("square.safetensors", text, numbers, 64);
+    cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: head 2 -> 2, layers.0 2 -> 2",
+               &result);
+    assert_non_null(strstr(result.err, "order of their names, head,layers.0"));
+    cli_expect(fit, "import square.safetensors --layers layers.0,head --out s.h5", 0,
+               "layers: layers.0 2 -> 2, head 2 -> 2", &result);
+    assert_null(strstr(result.err, "warning"));
+    (void)snprintf(text, sizeof text, square, "layers.10");
+    write_tensors("square.safetensors", text, numbers, 64);
+    cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: layers.0 2 -> 2, layers.10 2",
+               &result);
+    assert_null(strstr(result.err, "warning"));
+    write_tensors("table.safetensors", table, numbers, 64);
+    cli_expect(fit, "import table.safetensors --out t.h5", 3, "no chain of layers", &result);
+}
+
 TEST("an import of more layers than a network may have is refused") {
     enum { MOST = 64 };
     static const double numbers[MOST] = {1.0};
