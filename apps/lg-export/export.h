@@ -102,6 +102,7 @@ typedef struct export_source {
                                behind the first input; or NULL */
     size_t starts, tunable;
     double step;   /* between two points of the training data, 0 unknown */
+    double stop;   /* the end of the scene, 0 unknown */
     bool single;   /* the target chose single precision */
     text products; /* what the Makefile makes beside the objects: names, each behind a blank */
     text rules;    /* how: rules for the end of the Makefile */

@@ -194,6 +194,13 @@ static void add_common(const job *j, text *to) {
                 lg_version());
 }
 
+/* To the end of the scene, or a second. */
+static void add_experiment(const job *j, text *to) {
+    lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"");
+    add_number(to, j->b.source->stop > 0 ? j->b.source->stop : 1);
+    lg_text_add(to, "\"/>\n");
+}
+
 static void add_description2(job *j, text *to) {
     const char *name = j->b.source->options->name;
     const char *sources[] = {"_fmu.c", ".c", "_weights.c"};
@@ -213,7 +220,7 @@ static void add_description2(job *j, text *to) {
         lg_text_add(to, "</SourceFiles>\n  </%s>\n", co ? "CoSimulation" : "ModelExchange");
     }
     add_units(j, to);
-    lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"1\"/>\n");
+    add_experiment(j, to);
     add_variables2(j, to);
     lg_text_add(to, "  <ModelStructure>\n");
     add_unknowns2(j, "Outputs", false, true, to);
@@ -271,7 +278,7 @@ static void add_description3(job *j, text *to) {
             co ? "CoSimulation" : "ModelExchange", j->b.source->options->name, derivatives, adjoints,
             co ? " canHandleVariableCommunicationStepSize=\"true\"" : "");
     add_units(j, to);
-    lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"1\"/>\n");
+    add_experiment(j, to);
     add_variables3(j, to);
     lg_text_add(to, "  <ModelStructure>\n");
     add_unknowns3(j, "Output", OUTPUT, to);

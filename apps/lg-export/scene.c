@@ -84,12 +84,13 @@ static int refuse(const app *self, const char *path, const lg_system *system) {
                     lg_system_name(system));
 }
 
-/* Tunable parameters begin with the scene's values, the state with its start. */
+/* Tunable parameters begin with the scene's values, the state with its start; the end is the scene's. */
 static void take_values(const recording *r, const lg_scene *scene, export_source *source) {
     const size_t d = lg_system_dim(r->system);
     source->start = app_alloc(d + r->tunable, sizeof *source->start);
     source->starts = d;
     source->tunable = r->tunable;
+    source->stop = scene->has_t_end ? scene->t_end : 0;
     memcpy(source->start, scene->state, d * sizeof *scene->state);
     memcpy(source->start + d, lg_system_parameter_values(r->system), r->tunable * sizeof *source->start);
 }

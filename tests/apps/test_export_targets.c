@@ -273,6 +273,11 @@ TEST("an FMU of version 2 has the program's rate, its derivatives, steps and sta
     assert_all_close(got, moved, 2, 1e-13, 0);
 
     assert_int_equal(keep(instance, &state), 0);
+    const double refused[] = {0.0, -0.01, NAN, INFINITY};
+    for (size_t i = 0; i < LG_COUNT(refused); i++)
+        assert_int_equal(do_step(instance, 0.0, refused[i], 1), 3); /* fmi2Error */
+    assert_int_equal(get(instance, known, 2, got), 0);
+    assert_all_close(got, x_at, 2, 0, 0);
     assert_int_equal(do_step(instance, 0.0, h_at[0], 1), 0);
     assert_int_equal(get(instance, known, 2, got), 0);
     double *const after[] = {next};
@@ -393,7 +398,7 @@ TEST("a scene becomes an FMU with tunable parameters") {
         "initial: {q: [[0.6, 0, -0.8], [0, 0.6, 0.8]], p: [[0, 0.1, 0], [0.2, 0, 0]]}\nt_end: 0.2\n");
     export_run("chain.yaml --out scene --name m --target fmu3");
     export_expect("make -s -C scene CFLAGS='-O1 -Wall -Wextra -Werror' && grep -q 'name=\"m2\"' "
-                  "scene/modelDescription.xml");
+                  "scene/modelDescription.xml && grep -q 'stopTime=\"0.2' scene/modelDescription.xml");
     void *handle = open_library("scene/m.so");
     SYMBOL(handle, "fmi3InstantiateCoSimulation", void *,
            (const char *, const char *, const char *, bool, bool, bool, bool, const unsigned *, size_t,
@@ -412,6 +417,9 @@ TEST("a scene becomes an FMU with tunable parameters") {
     assert_int_equal(get(instance, masses, 2, m, 2), 0);
     assert_close(m[0], 1, 0, 0);
     assert_close(m[1], 1.3, 0, 0);
+    const double refused[] = {0.0, -0.01, NAN, INFINITY};
+    for (size_t i = 0; i < LG_COUNT(refused); i++)
+        assert_int_equal(do_step(instance, 0.0, refused[i], true, &flags[0], &flags[1], &flags[2], &last), 3);
     assert_int_equal(do_step(instance, 0.0, 0.2, true, &flags[0], &flags[1], &flags[2], &last), 0);
     assert_int_equal(get(instance, state, 1, y, 12), 0);
     cli_expect("lg-simulate", "chain.yaml --method cf4 --steps 20 --json", 0, "\"y\": [", &result);

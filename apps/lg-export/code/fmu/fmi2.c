@@ -251,6 +251,7 @@ FMI2(GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], s
 FMI2(DoStep, fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean final) {
     instance *i = (instance *)c;
     (void) final;
+    if (!is_step(step)) return fmi2Error;
     i->m.time = now;
     return advance(i, step) ? fmi2OK : fmi2Error;
 }

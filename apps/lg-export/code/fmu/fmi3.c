@@ -378,8 +378,9 @@ FMI3(DoStep, fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boolean fina
      fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
     instance *i = (instance *)c;
     (void) final;
-    i->m.time = now;
     *event = *terminate = *early = false;
+    if (!is_step(step)) return fmi3Error;
+    i->m.time = now;
     if (!advance(i, step)) return fmi3Error;
     *last = i->m.time;
     return fmi3OK;

@@ -51,11 +51,16 @@ static int is_known(int k) {
            ports[p].causality == CAUSALITY_PARAMETER;
 }
 
+/* A step of co-simulation goes forward. */
+static int is_step(double length) {
+    return length > 0 && length <= DBL_MAX;
+}
+
 #if HAS_STATES
 /* From `time` by `length`: equal steps no longer than the parameter. 0: a number became not finite. */
 static int advance(instance *i, double length) {
     const double longest = i->m.values[STEP_AT];
-    const double wanted = longest > 0 && length > 0 ? ceil(length / longest - 1e-9) : 1;
+    const double wanted = longest > 0 ? ceil(length / longest - 1e-9) : 1;
     const long count = wanted < 1 ? 1 : wanted > 1e9 ? 1000000000L : (long)wanted;
     const double start = i->m.time;
     long n;
