@@ -387,11 +387,25 @@ static lg_status look_at(const place *at, size_t file, lg_error *error) {
     return status;
 }
 
+/* The folder that `out` is made in has to exist. */
+static lg_status look_above(const place *at, lg_error *error) {
+    char *parent = app_format("%s", at->out), *slash = strrchr(parent, '/');
+    struct stat information;
+    if (slash != NULL) slash[slash == parent ? 1 : 0] = '\0';
+    const bool missing = slash != NULL && stat(parent, &information) != 0 && errno == ENOENT;
+    const lg_status status =
+        missing ? app_error(error, LG_FILE, "%s: cannot be made: there is no folder %s, make that first",
+                            at->out, parent)
+                : LG_OK;
+    free(parent);
+    return status;
+}
+
 /* What stands at `out`: nothing or an empty folder, or a folder in which the names are free or ours. */
 static lg_status look(place *at, lg_error *error) {
     struct stat information;
     if (stat(at->out, &information) != 0)
-        return errno == ENOENT ? LG_OK : place_error(at, "cannot be written", errno, error);
+        return errno == ENOENT ? look_above(at, error) : place_error(at, "cannot be written", errno, error);
     if (!S_ISDIR(information.st_mode)) return place_error(at, "cannot be written", ENOTDIR, error);
     at->replace = !is_empty_folder(at->out);
     for (size_t i = 0; i < at->source->file_count && at->replace; i++) {

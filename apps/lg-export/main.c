@@ -20,7 +20,9 @@ static const char *const dtypes[] = {"f64", "f32", NULL};
 static const app_option options[] = {
     APP_ROW_TEXT(
         export_values, out, "out", "DIR",
-        "Folder for the files (required); it is made if it does not exist. A folder that holds a file "
+        "Folder for the files (required); it is made if it does not exist, the folder that it is in is not. "
+        "A folder "
+        "that holds a file "
         "of these names is refused unless lg-export wrote it for the same NAME: each model needs its own "
         "folder"),
     APP_ROW_TEXT(export_values, name, "name", "NAME",
