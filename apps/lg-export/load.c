@@ -174,6 +174,18 @@ static void add_usual(const lg_program *program, const char *const *usual, text 
     }
 }
 
+/* What the code of machines has beside their program, other targets have as derivatives. */
+static void refuse_function(const app *self, const lg_program *program, const char *name) {
+    size_t at;
+    if (strcmp(name, "linearise") == 0 && lg_program_find(program, "step", &at) == LG_OK)
+        (void)app_usage(self,
+                        "--functions: linearise is for --target c alone; other targets have derivatives of "
+                        "velocity and step by x and u (casadi: jac_NAME_velocity, jac_NAME_step; FMUs: "
+                        "directional derivatives)");
+    else
+        (void)app_usage(self, "--functions: the model has no function '%s'", name);
+}
+
 char *export_choose(const app *self, const export_options *options, const lg_program *program,
                     const char *const *usual) {
     text list = {.data = NULL};
@@ -183,7 +195,7 @@ char *export_choose(const app *self, const export_options *options, const lg_pro
     else
         add_usual(program, usual, &list);
     if (missing != NULL || list.length == 0)
-        (void)app_usage(self, "--functions: the model has no function '%s'", missing != NULL ? missing : "");
+        refuse_function(self, program, missing != NULL ? missing : "");
     else
         out = app_format("%s", list.data);
     lg_text_destroy(&list);

@@ -594,6 +594,9 @@ TEST("single precision and missing functions are refused with a sentence") {
         (void)snprintf(line, sizeof line, "driven.h5 --out no --name m --functions nothing --target %s",
                        targets[i]);
         cli_expect("lg-export", line, 2, "no function 'nothing'", &result);
+        (void)snprintf(line, sizeof line, "driven.h5 --out no --name m --functions linearise --target %s",
+                       targets[i]);
+        cli_expect("lg-export", line, 2, "jac_NAME_step", &result);
     }
 }
 
