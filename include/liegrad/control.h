@@ -39,7 +39,7 @@ typedef struct lg_riccati_result {
     double residual;      /* |sum of the equation's terms|_F over the sum of their |.|_F */
     double correction;    /* |X|_F/|P|_F of the Newton correction X at P: an estimate of the error of P */
     double margin;        /* of the closed loop's eigenvalues z: continuous -max Re z, discrete 1 - max |z| */
-    uint32_t refinements; /* Newton steps that were taken, at most 3 */
+    uint32_t refinements; /* Newton steps that were taken, at most 8 */
 } lg_riccati_result;
 
 /* Bytes for lg_care and lg_dare: about 8 (11 N^2 + 10 n^2 + 50 N), N = 2 n + m. 0: sizes out of range. */
@@ -63,7 +63,8 @@ LG_API size_t lg_riccati_work_size(size_t n, size_t m);
  * - LG_NOT_FINITE: a number of A, B, Q, R, S
  * - LG_CHECK_FAILED: there is no stabilising solution: (A, B) is not stabilisable, or there are eigenvalues
  *   of the pencil on the imaginary axis or the unit circle (those closer than 2e-8 of their own size count
- *   as on it); lg_dare: W is not positive definite
+ *   as on it), or double precision finds none: the closed loop of what was found is not stable, Newton's
+ *   method does not contract there, or its correction is above 1e-2; lg_dare: W is not positive definite
  * - LG_NO_CONVERGENCE: LAPACK's iteration failed, or the residual is above 1e-6 */
 LG_API lg_status lg_care(const lg_riccati *equation, double *P, double *K, double *eigenvalues,
                          lg_riccati_result *result, void *work, size_t bytes, lg_error *error);

@@ -16,7 +16,7 @@
 #include "kernels/lapack.h"
 #include "models/control_internal.h"
 
-enum { MOST_ROWS = 10000, MOST_NEWTON = 3 };
+enum { MOST_ROWS = 10000, MOST_NEWTON = 8 };
 static const double on_boundary = 2e-8, most_residual = 1e-6, asymmetry = 1e-8, most_factor = 0.3,
                     most_correction = 1e-2, rounding = 1e-12;
 
