@@ -86,27 +86,6 @@ char *list_names(const column_names *names) {
 
 /* ---- rows ---- */
 
-static bool is_complete(const lg_table_data *data, size_t row) {
-    for (uint32_t c = 0; c < data->columns; c++)
-        if (isnan(data->values[row * data->columns + c])) return false;
-    return data->label == NULL || data->label[row] != LG_TABLE_NO_CLASS;
-}
-
-static void keep_complete(fit_table *table) {
-    lg_table_data *data = &table->data;
-    size_t kept = 0;
-    for (size_t i = 0; i < data->rows; i++) {
-        if (!is_complete(data, i)) continue;
-        memmove(data->values + kept * data->columns, data->values + i * data->columns,
-                data->columns * sizeof *data->values);
-        data->line[kept] = data->line[i];
-        if (data->label != NULL) data->label[kept] = data->label[i];
-        kept++;
-    }
-    table->left_out = data->rows - kept;
-    data->rows = kept;
-}
-
 lg_status load_table(const app *self, const char *path, const column_names *inputs,
                      const column_names *outputs, const char *class_column, fit_table *out, lg_error *error) {
     const uint32_t count = inputs->count + outputs->count;
@@ -125,11 +104,11 @@ static void warn_cut(const app *self, const fit_table *table) {
 }
 
 int leave_incomplete(const app *self, fit_table *table) {
+    lg_table_data *data = &table->data;
+    lg_error error = {LG_OK, ""};
     warn_cut(self, table);
-    keep_complete(table);
-    if (table->data.rows == 0)
-        return app_fail(self, LG_FORMAT, "%s: all %zu rows have missing cells in the columns that are used",
-                        table->path, table->left_out);
+    const lg_status status = lg_table_keep_complete(&data, 1, &table->left_out, &error);
+    if (status != LG_OK) return app_fail(self, status, "%s: %s", table->path, error.message);
     if (table->left_out > 0)
         app_warn(self, "%s: %zu of %zu rows have missing cells and are left out", table->path,
                  table->left_out, table->left_out + table->data.rows);
