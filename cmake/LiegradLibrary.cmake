@@ -79,6 +79,23 @@ function(liegrad_library name)
     COMPONENT development)
 endfunction()
 
+# liegrad_plugin(NAME SOURCES ... PACKAGE prefix COMPONENT component): a shared library on liegrad_shared and a package of
+# pkg-config, installed as a component of its own: what find_package(liegrad) gives as liegrad::NAME where it is there.
+function(liegrad_plugin name)
+  cmake_parse_arguments(ARG "" "PACKAGE;COMPONENT" "SOURCES" ${ARGN})
+  add_library(${name} SHARED ${ARG_SOURCES})
+  add_library(liegrad::${name} ALIAS ${name})
+  target_link_libraries(${name} PUBLIC liegrad_shared PRIVATE liegrad_flags PkgConfig::${ARG_PACKAGE})
+  set_target_properties(${name} PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}
+    INSTALL_RPATH "$ORIGIN" LINK_DEPENDS ${LIEGRAD_SYMBOLS})
+  target_link_options(${name} PRIVATE LINKER:--version-script=${LIEGRAD_SYMBOLS})
+  add_dependencies(${name} liegrad_symbols)
+  if(LIEGRAD_INSTALL)
+    install(TARGETS ${name} EXPORT ${name} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${ARG_COMPONENT})
+    install(EXPORT ${name} NAMESPACE liegrad:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/liegrad COMPONENT ${ARG_COMPONENT})
+  endif()
+endfunction()
+
 # Headers, the files that find_package(liegrad) reads, and the target `uninstall`.
 function(liegrad_install_package)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/liegrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}

@@ -20,6 +20,9 @@ set(CPACK_SOURCE_IGNORE_FILES "^${here}/[.]git/" "^${here}/[.]cache/" "^${here}/
   "/_CPack_Packages/" "[.](deb|tar[.]gz)([.]sha256)?$")
 
 set(CPACK_COMPONENTS_ALL runtime development tools documentation)
+if(TARGET liegrad_mpi)
+  list(APPEND CPACK_COMPONENTS_ALL mpi)
+endif()
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_RELEASE 0upstream1) # sorts before a package of Debian
@@ -65,6 +68,10 @@ liegrad_package(tools liegrad-tools "checks and measurements"
 "This package has lg-gradcheck, which checks every derivative of the library,
 and lg-bench, which measures its speed."
   DEPENDS "${same}")
+liegrad_package(mpi liegrad-mpi "training over MPI"
+"This package lets the programs train by processes of one machine or of a
+cluster, started by mpirun."
+  DEPENDS "${same}" RECOMMENDS openmpi-bin)
 liegrad_package(documentation liegrad-doc "pages"
 "This package has the pages on conventions, files and models, and the reports
 with their pictures."

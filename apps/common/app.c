@@ -364,7 +364,9 @@ static int run_command(app *self) {
     options.cancel = &interrupted;
     const lg_status status = lg_context_create(&options, &self->context);
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
-    int code = self->command->run(self);
+    int code = app_join_ranks(self);
+    if (code == APP_EXIT_OK) code = self->command->run(self);
+    code = app_leave_ranks(self, code);
     lg_context_destroy(self->context);
     if ((fflush(stdout) != 0 || ferror(stdout)) && code == APP_EXIT_OK)
         code = app_fail(self, LG_FILE, "the results could not be written to standard output");
@@ -372,9 +374,8 @@ static int run_command(app *self) {
 }
 
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands) {
-    const long processors = sysconf(_SC_NPROCESSORS_ONLN);
-    app self = {.program = program, .seed = 1, .threads = processors > 0 ? (uint64_t)processors : 1};
-    if (self.threads > 256) self.threads = 256;
+    app self = {.program = program, .seed = 1, .threads = app_processors()};
+    app_find_ranks(&self);
     self.warnings = app_warnings_create();
     running = &self;
     argp_err_exit_status = APP_EXIT_USAGE;

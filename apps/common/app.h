@@ -16,6 +16,7 @@
 #include "core/count.h"
 #include "liegrad/context.h"
 #include "liegrad/hyperparameters.h"
+#include "liegrad/ranks.h"
 #include "liegrad/status.h"
 
 enum {
@@ -95,6 +96,13 @@ typedef struct app_settings {
     size_t size; /* of the structure */
 } app_settings;
 
+/* What a command does with the processes that mpirun starts. */
+typedef enum app_together {
+    APP_ALONE,  /* refuses more than one */
+    APP_RANKS,  /* they compute one result: app->ranks */
+    APP_WORKERS /* they take pieces of work from a queue (common/board.h) */
+} app_together;
+
 typedef struct app_command {
     const char *name;          /* NULL in a program without commands; the table ends with run == NULL */
     const char *arguments;     /* "DATA.h5", for the usage line */
@@ -107,6 +115,7 @@ typedef struct app_command {
     const app_settings *settings; /* ends with rows == NULL; may be NULL */
     int arguments_min, arguments_max;
     int (*run)(app *app); /* returns the exit code */
+    app_together together;
 } app_command;
 
 /* An option of the command at hand: of one of its tables, or a hyperparameter. */
@@ -134,6 +143,8 @@ struct app {
     size_t slot_count;
     lg_context *context;
     app_warnings *warnings;
+    uint32_t rank, rank_count; /* as mpirun says: 0 of 1 without it */
+    const lg_ranks *ranks;     /* of an APP_RANKS command under mpirun; otherwise NULL */
 };
 
 app_warnings *app_warnings_create(void);
@@ -155,11 +166,26 @@ void app_adopt(app *app, const app_settings *settings, const void *from, bool pr
 /* True after the first Ctrl-C; the second one kills. */
 bool app_interrupted(void);
 
+/* ---- ranks (ranks.c) ---- */
+
+/* Before anything else: rank and count from the environment. Ranks other than 0 are silent: they would say
+ * what rank 0 says. */
+void app_find_ranks(app *app);
+/* Default of --threads: this rank's part of the processors. */
+uint64_t app_processors(void);
+/* Joins the other ranks where the command computes with them; an exit code. */
+int app_join_ranks(app *app);
+/* No exchange follows: what this rank does now, or fails in, is its own affair. */
+void app_end_exchanges(app *app);
+/* The last words of a command: a rank that fails while others wait for it ends them all. */
+int app_leave_ranks(app *app, int code);
+
 /* ---- failing ---- */
 
 int app_exit_code(lg_status status);
 /* A sentence on stderr; returns the status' exit code. */
 int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+const char *app_last_failure(void); /* the last such sentence */
 /* The same for what went wrong while reading or writing `path`: exit code 3 whatever the status, except for
  * memory and Ctrl-C. `error` may be NULL. */
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);

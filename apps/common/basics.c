@@ -39,9 +39,18 @@ int app_exit_code(lg_status status) {
     return APP_EXIT_CHECK;
 }
 
+static char last_failure[512];
+
+const char *app_last_failure(void) {
+    return last_failure;
+}
+
 int app_fail(const app *self, lg_status status, const char *format, ...) {
-    va_list arguments;
+    va_list arguments, again;
     va_start(arguments, format);
+    va_copy(again, arguments);
+    (void)vsnprintf(last_failure, sizeof last_failure, format, again);
+    va_end(again);
     (void)fprintf(stderr, "%s: ", self->title);
     (void)vfprintf(stderr, format, arguments);
     (void)fputc('\n', stderr);

@@ -53,6 +53,9 @@ static lg_status run_lane(app *self, const train_task *task, app_slot *slot, dou
     task->release(task->user);
     *task->training = kept;
     lane->seconds = app_seconds() - begin;
+    /* One clock decides what is raced. */
+    if (status == LG_OK && self->ranks != NULL)
+        status = lg_ranks_share(self->ranks, 0, &lane->seconds, sizeof lane->seconds);
     return status;
 }
 

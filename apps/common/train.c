@@ -141,6 +141,7 @@ lg_fit_options train_fit_options(const app *self, const lg_training *training) {
     lg_fit_options_init(&options);
     lg_training_apply(training, &options);
     options.threads = (int)self->threads;
+    options.ranks = self->ranks;
     return options;
 }
 
@@ -227,7 +228,8 @@ static int run_fit(train_session *self) {
     const lg_status status = lg_fit_run(self->fit, &error);
     app_progress_end(&self->progress);
     self->seconds = app_seconds() - begin;
-    return conclude(self, status, &error);
+    app_end_exchanges(self->app);
+    return self->app->rank == 0 ? conclude(self, status, &error) : app_exit_code(status);
 }
 
 /* With the run complete and the data split. */
@@ -239,7 +241,7 @@ static int train(train_session *self, lg_file_reader *stored) {
     int code = status == LG_OK ? APP_EXIT_OK : fail(self->app, status, &error);
     if (code == APP_EXIT_OK && stored != NULL) code = load_fit(self, stored);
     if (code == APP_EXIT_OK) code = run_fit(self);
-    return code == APP_EXIT_OK ? task->finish(task->user, self) : code;
+    return code == APP_EXIT_OK && self->app->rank == 0 ? task->finish(task->user, self) : code;
 }
 
 /* ---- what has come of it ---- */
@@ -483,6 +485,7 @@ void train_json(const train_session *self, app_json *json) {
     app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
     app_json_real(json, "seconds", self->seconds);
     app_json_size(json, "threads", self->app->threads);
+    app_json_size(json, "ranks", self->app->rank_count);
     app_json_size(json, "steps", lg_fit_steps_done(fit));
     app_json_size(json, "tape_bytes", lg_fit_tape_size(fit));
     app_json_text(json, "cpu", cpu);

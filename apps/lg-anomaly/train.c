@@ -146,6 +146,7 @@ static int train(app *self, const train_task *task) {
     int code = train_check_options(self);
     if (code != APP_EXIT_OK) return code;
     if (train_given.method == METHOD_CNN) return train_main(self, task);
+    if (self->rank_count > 1) return app_usage(self, "--method cnn alone trains by ranks");
     code = train_check(self, task);
     if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[0], sha256);
     return code == APP_EXIT_OK ? run_classical(task->user) : code;
@@ -185,4 +186,5 @@ const app_command train_command = {
     .settings = train_settings,
     .arguments_min = 1,
     .arguments_max = 1,
-    .run = run_train};
+    .run = run_train,
+    .together = APP_RANKS};

@@ -406,6 +406,7 @@ const app_command train_command = {
     .settings = settings,
     .arguments_min = 1,
     .arguments_max = 1,
-    .run = run_train};
+    .run = run_train,
+    .together = APP_RANKS};
 
 const app_command search_command = {SEARCH_COMMAND("DATA.h5"), .run = run_search};

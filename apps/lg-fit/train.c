@@ -257,7 +257,8 @@ const app_command train_command = {
     .settings = settings,
     .arguments_min = 1,
     .arguments_max = 1,
-    .run = run_train};
+    .run = run_train,
+    .together = APP_RANKS};
 
 const app_command search_command = {SEARCH_COMMAND("TABLE"), .options = columns_options, .values = &values,
                                     .run = run_search};

@@ -254,4 +254,5 @@ const app_command train_command = {
     .settings = settings,
     .arguments_min = 1,
     .arguments_max = 1,
-    .run = run_train};
+    .run = run_train,
+    .together = APP_RANKS};

@@ -541,4 +541,5 @@ const app_command fit_command = {
     .settings = settings,
     .arguments_min = 2,
     .arguments_max = APP_ARGUMENTS,
-    .run = run_fit};
+    .run = run_fit,
+    .together = APP_RANKS};

@@ -25,6 +25,7 @@
 #include "liegrad/archive.h"
 #include "liegrad/context.h"
 #include "liegrad/export.h"
+#include "liegrad/ranks.h"
 #include "liegrad/status.h"
 
 LG_BEGIN_DECLS
@@ -78,6 +79,9 @@ typedef struct lg_minimise_options {
     /* Levenberg-Marquardt: the last blocks x block variables are blocks of `block` of which no two meet in a
      * residual. They are eliminated: the cost grows with their number, not its cube. 0, 0. */
     size_t blocks, block;
+    /* NULL: alone; else ranks that minimise together (liegrad/ranks.h): SSBroyden's H is divided over them by
+     * rows, all else is done by each. Every rank tells the same f and g. */
+    const lg_ranks *ranks;
     /* Of lg_minimise alone. */
     uint64_t evaluations; /* 10000 */
     double seconds;       /* 0: no limit */
@@ -140,6 +144,8 @@ LG_API bool lg_minimiser_tell(lg_minimiser *minimiser, double value, const doubl
 LG_API size_t lg_minimise_matrix_length(size_t n, const lg_minimise_options *options);
 LG_API bool lg_minimiser_tell_squares(lg_minimiser *minimiser, double value, const double *gradient,
                                       const double *matrix);
+/* LG_OK, or why ranks could not exchange what a step needs: the minimiser is of no use any more. */
+LG_API lg_status lg_minimiser_status(const lg_minimiser *minimiser);
 /* The lowest point accepted so far (n), borrowed. */
 LG_API const double *lg_minimiser_best(const lg_minimiser *minimiser);
 /* g at the best point (n), borrowed. */
@@ -150,8 +156,12 @@ LG_API void lg_minimiser_change(lg_minimiser *minimiser, double value, const dou
 /* end, evaluations, iterations, and value and gradient at the best point. */
 LG_API lg_minimise_result lg_minimiser_result(const lg_minimiser *minimiser);
 
+/* Ranks, all of them before rank 0 saves: it gets what is divided, and gives it back by lg_minimiser_scatter.
+ * Alone they do nothing. Errors: LG_OUT_OF_MEMORY, those of the exchange. */
+LG_API lg_status lg_minimiser_collect(lg_minimiser *minimiser, lg_error *error);
+LG_API void lg_minimiser_scatter(lg_minimiser *minimiser);
 /* Saves the whole state as minimise/{x,point,gradient,direction,curvature,counts,numbers}. Errors: the
- * writer's. */
+ * writer's, LG_UNSUPPORTED on ranks that do not have all. */
 LG_API lg_status lg_minimiser_save(const lg_minimiser *minimiser, const lg_archive_writer *writer,
                                    lg_error *error);
 /* Replaces the state by one of the same n and options; as before on failure. Errors: the reader's, LG_FORMAT

@@ -16,6 +16,7 @@
 #include "liegrad/context.h"
 #include "liegrad/export.h"
 #include "liegrad/random.h"
+#include "liegrad/ranks.h"
 #include "liegrad/status.h"
 #include "liegrad/tape.h"
 
@@ -298,11 +299,15 @@ typedef struct lg_fit_options {
     uint64_t checkpoint_every; /* 0: off; else calls `checkpoint` after each so many epochs */
     /* Called on the thread of lg_fit_run with a state that can be saved: as said above, and whenever
      * lg_fit_run returns before the plan is finished because of stop_after, the cancel flag or on_epoch. May
-     * be NULL. A status other than LG_OK stops. */
+     * be NULL. A status other than LG_OK stops. Of ranks it is called on rank 0. */
     lg_status (*checkpoint)(void *user, const lg_fit *fit);
     /* May be NULL. A return other than 0 stops: lg_fit_run returns LG_CANCELLED. */
     int (*on_epoch)(void *user, const lg_fit_epoch *report);
     void *user; /* of checkpoint and on_epoch */
+    /* NULL: alone; else processes that train together (liegrad/ranks.h; must outlive the fit). Each computes
+     * its part of the shards, so at most `shards` ranks have work; the result does not depend on their
+     * number. Seconds are those of rank 0, and the cancel flag of any rank stops all. */
+    const lg_ranks *ranks;
 } lg_fit_options;
 
 /* The defaults named above. */
@@ -341,7 +346,8 @@ LG_API lg_fit_method lg_fit_method_now(const lg_fit *fit);
  *   optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng, minimise/... (liegrad/minimise.h)
  *   train/{permutation,epoch,...}, train/history/{loss,validation,seconds,rate}, train/options/...
  *   with options.restarts: train/restarts, train/restart_seconds
- * Errors: the writer's. */
+ * Of ranks, rank 0 alone can save, in the checkpoint callback and after lg_fit_run; any number of them may
+ * load. Errors: the writer's, LG_UNSUPPORTED on other ranks. */
 LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error);
 /* Replaces the state; on failure it is as before. Errors: LG_INVALID_ARGUMENT when a hyperparameter, the
  * number of parameters or samples differs (the sentence names it and both values), LG_FORMAT for an

@@ -156,9 +156,12 @@ static lg_status create_shards(lg_fit *fit) {
     if (tape.threads < 1) tape.threads = 1;
     fit->shards = lg_alloc(fit->context, fit->options.shards, sizeof *fit->shards);
     if (fit->shards == NULL) return LG_OUT_OF_MEMORY;
-    const size_t most = fit->training < fit->options.shards ? fit->training : fit->options.shards;
-    for (size_t i = 0; i < most; i++) {
+    fit->used = fit->training < fit->options.shards ? fit->training : fit->options.shards;
+    LG_TRY(lg_fit_ranks_create(fit));
+    for (size_t i = fit->first; i < fit->end; i++)
         LG_TRY(lg_tape_create(fit->context, &tape, &fit->shards[i].tape));
+    for (size_t i = 0; i < fit->used; i++) {
+        if (!lg_fit_holds(fit, i)) continue;
         fit->shards[i].gradient = lg_alloc(fit->context, fit->problem.parameters, fit->k->size);
         if (fit->shards[i].gradient == NULL) return LG_OUT_OF_MEMORY;
     }
@@ -213,10 +216,14 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     fit->training = problem->samples - validation_samples(problem, chosen.validation);
     fit->batch = chosen.batch == 0 || chosen.batch > fit->training ? fit->training : chosen.batch;
     lg_status status = create_machinery(fit);
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "no memory for the training state of %zu parameters",
+                      problem->parameters);
+    status = lg_fit_agree(fit, status, error);
+    if (status == LG_OK) status = lg_fit_share_seconds(fit, &fit->options.seconds);
     if (status != LG_OK) {
         lg_fit_destroy(fit);
-        return lg_fail(error, status, "no memory for the training state of %zu parameters",
-                       problem->parameters);
+        return status;
     }
     start(fit, theta);
     if (!fit->k->all_finite(problem->parameters, fit->state.theta)) {
@@ -238,6 +245,7 @@ void lg_fit_destroy(lg_fit *fit) {
         lg_free(fit->context, fit->shards[i].jacobian);
     }
     lg_free(fit->context, fit->shards);
+    lg_fit_ranks_destroy(fit);
     lg_free(fit->context, fit->partial);
     lg_free(fit->context, fit->overflowed);
     lg_free(fit->context, fit->backup);
@@ -264,9 +272,9 @@ static void open_epoch(lg_fit *fit) {
     s->open = true;
 }
 
-static lg_status cancelled(const lg_fit *fit, lg_error *error) {
-    return lg_fail(error, LG_CANCELLED, "stopped in epoch %" PRIu64 " after %" PRIu64 " of %zu samples",
-                   fit->state.epoch + 1, fit->state.position, fit->training);
+/* Ranks stop together: the exchange of a batch tells them. */
+static bool to_stop(const lg_fit *fit) {
+    return lg_fit_alone(fit) && lg_cancelled(fit->context);
 }
 
 /* All batches, by Adam. */
@@ -274,7 +282,7 @@ static lg_status train_batches(lg_fit *fit, double rate, lg_error *error) {
     lg_fit_state *s = &fit->state;
     measure_parameters(fit);
     while (s->position < fit->training) {
-        if (lg_cancelled(fit->context)) return cancelled(fit, error);
+        if (to_stop(fit)) return lg_fit_cancelled(fit, error);
         open_epoch(fit);
         const size_t rest = fit->training - (size_t)s->position;
         const size_t count = rest < fit->batch ? rest : fit->batch;
@@ -284,7 +292,6 @@ static lg_status train_batches(lg_fit *fit, double rate, lg_error *error) {
         s->position += count;
         s->step++;
     }
-    s->adam_epochs++;
     return LG_OK;
 }
 
@@ -318,6 +325,7 @@ static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
     s->history[LG_FIT_VALIDATION][s->epoch] = report->validation;
     s->history[LG_FIT_SECONDS][s->epoch] = report->seconds;
     s->history[LG_FIT_RATE][s->epoch] = report->rate;
+    s->adam_epochs += lg_fit_method_now(fit) == LG_FIT_ADAM;
     s->epoch++;
     s->position = 0;
     s->open = false;
@@ -334,7 +342,7 @@ static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
 static lg_status evaluate_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
     const lg_fit_state *s = &fit->state;
     bool moved = false;
-    if (lg_cancelled(fit->context)) return cancelled(fit, error);
+    if (to_stop(fit)) return lg_fit_cancelled(fit, error);
     LG_TRY(lg_fit_evaluate(fit, &moved, error));
     if (moved || s->epoch == 0) return validate(fit, &report->validation, error);
     report->validation = s->history[LG_FIT_VALIDATION][s->epoch - 1];
@@ -355,6 +363,7 @@ static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
     const lg_status status = adam ? batch_epoch(fit, report, error) : evaluate_epoch(fit, report, error);
     fit->state.running_seconds += lg_seconds() - begin;
     if (status != LG_OK) return status;
+    LG_TRY(lg_fit_share_seconds(fit, &fit->state.running_seconds));
     close_epoch(fit, report);
     lg_fit_next_phase(fit);
     return LG_OK;
@@ -406,12 +415,21 @@ static lg_status revive(lg_fit *fit, lg_error *error) {
 
 /* ---- the run ---- */
 
+/* Rank 0 gets all that is saved. */
+static lg_status collect(lg_fit *fit, lg_error *error) {
+    return fit->state.minimiser == NULL ? LG_OK : lg_minimiser_collect(fit->state.minimiser, error);
+}
+
 static lg_status checkpoint(lg_fit *fit, lg_error *error) {
     if (fit->options.checkpoint == NULL) return LG_OK;
-    const lg_status status = fit->options.checkpoint(fit->options.user, fit);
-    if (status == LG_OK) return LG_OK;
-    return lg_fail(error, status, "the checkpoint after %" PRIu64 " epochs failed: %s", fit->state.epoch,
-                   lg_status_sentence(status));
+    LG_TRY(collect(fit, error));
+    const bool saves = lg_fit_alone(fit) || fit->options.ranks->rank == 0;
+    const lg_status status = saves ? fit->options.checkpoint(fit->options.user, fit) : LG_OK;
+    if (fit->state.minimiser != NULL) lg_minimiser_scatter(fit->state.minimiser);
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "the checkpoint after %" PRIu64 " epochs failed: %s", fit->state.epoch,
+                      lg_status_sentence(status));
+    return lg_fit_agree(fit, status, error);
 }
 
 /* Ends before the planned total; `saved` says that the state at the last end of an epoch is saved. */
@@ -420,8 +438,7 @@ static lg_status leave(lg_fit *fit, lg_status status, bool saved, lg_error *erro
     return status;
 }
 
-lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
+static lg_status run(lg_fit *fit, lg_error *error) {
     const lg_fit_options *o = &fit->options;
     bool saved = false;
     for (uint64_t done = 0; !lg_fit_finished(fit); done++) {
@@ -439,6 +456,15 @@ lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
         return leave(fit, LG_CANCELLED, saved, error);
     }
     return LG_OK;
+}
+
+lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (fit->state.minimiser != NULL) lg_minimiser_scatter(fit->state.minimiser);
+    const lg_status status = run(fit, error);
+    if (lg_fit_alone(fit)) return status;
+    const lg_status collected = collect(fit, status == LG_OK ? error : NULL);
+    return status == LG_OK ? collected : status;
 }
 
 /* ---- accessors ---- */

@@ -316,11 +316,12 @@ static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, 
 
 lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
-    LG_TRY(check_hyperparameters(fit, reader, error));
-    lg_fit_state loaded;
-    if (lg_fit_state_create(fit, &loaded) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the saved state");
-    const lg_status status = load_state(fit, reader, &loaded, error);
+    lg_fit_state loaded = {0};
+    lg_status made = check_hyperparameters(fit, reader, error);
+    if (made == LG_OK && lg_fit_state_create(fit, &loaded) != LG_OK)
+        made = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the saved state");
+    LG_TRY(lg_fit_agree(fit, made, error));
+    const lg_status status = lg_fit_agree(fit, load_state(fit, reader, &loaded, error), error);
     if (status != LG_OK) {
         lg_fit_state_destroy(fit, &loaded);
         return status;

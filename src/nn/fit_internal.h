@@ -6,6 +6,7 @@
 #include "core/core.h"
 #include "liegrad/minimise.h"
 #include "liegrad/nn.h"
+#include "liegrad/ranks.h"
 
 /* Everything that the next step depends on, except the hyperparameters. One allocation each. */
 typedef struct lg_fit_state {
@@ -32,8 +33,9 @@ typedef struct lg_fit_state {
 } lg_fit_state;
 
 typedef struct lg_shard {
-    lg_tape *tape;
-    char *gradient; /* (parameters) */
+    uint32_t rank;  /* that computes it */
+    lg_tape *tape;  /* NULL: another rank's, or never needed */
+    char *gradient; /* (parameters); NULL where it stays on another rank */
     const uint32_t *samples;
     size_t count;
     double loss;
@@ -55,10 +57,15 @@ struct lg_fit {
     const void *point; /* where loss and gradients are taken */
     lg_thread_pool *pool;
     lg_shard *shards;
-    /* The present batch: pieces in use, its samples, whether gradients are wanted; then the data of the
-     * step. */
+    size_t used;       /* shards of a full batch; the others are never needed */
+    size_t first, end; /* of them, this rank's */
+    char *message;     /* to and from other ranks (message_room bytes); how long each rank's is */
+    size_t message_room, *message_bytes;
+    uint32_t *stops; /* (ranks): whether it was asked to stop */
+    /* The present batch: pieces in use, its samples, whether gradients and matrices are wanted; then the data
+     * of the step. */
     size_t active, batch_samples;
-    bool with_gradient;
+    bool with_gradient, with_squares;
     double clip, rate;
     size_t blocks;    /* of LG_FIT_BLOCK parameters: the unit of the reduction and of Adam */
     double *partial;  /* (blocks): squared norm of a block's gradient */
@@ -95,8 +102,46 @@ lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error 
 void lg_fit_add_diagonal(lg_fit *fit, size_t weights, double prior, double decay);
 /* Adds the gradients of all shards into that of the first one and returns its norm. */
 double lg_fit_reduce(lg_fit *fit);
+/* The pairs of the tree (0 + 1) + (2 + 3) ... by which arrays of shards are added into the first one's, in
+ * their order: `from` is to be added into `to`. LG_PAIRS_HERE: those that this rank adds alone, before the
+ * exchange; LG_PAIRS_REST: those that all ranks add after it, without ranks all of them. */
+typedef enum lg_pairs { LG_PAIRS_HERE, LG_PAIRS_REST } lg_pairs;
+typedef void (*lg_fit_add)(const lg_fit *fit, void *user, size_t to, size_t from);
+void lg_fit_for_pairs(const lg_fit *fit, lg_pairs pairs, lg_fit_add add, void *user);
 /* What a gradient is not finite in. */
 lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error *error);
+
+/* Loss and sums of squares: P, the part of the matrix that is added over shards, and what is a sample's own
+ * in the first shard's matrix: its rows C and its block B. Each NULL where there is none. */
+typedef struct lg_fit_own {
+    double *rows, *block;
+    size_t rows_length, block_length;
+} lg_fit_own;
+size_t lg_fit_squares_length(const lg_fit *fit);
+lg_fit_own lg_fit_own_of(const lg_fit *fit, uint32_t sample);
+
+/* ---- ranks (fit_ranks.c) ---- */
+
+static inline bool lg_fit_alone(const lg_fit *fit) {
+    return fit->options.ranks == NULL;
+}
+/* Divides the shards over ranks. */
+lg_status lg_fit_ranks_create(lg_fit *fit);
+void lg_fit_ranks_destroy(lg_fit *fit);
+/* The rank computes the shard, or gets a sum from it. */
+bool lg_fit_holds(const lg_fit *fit, size_t shard);
+/* Runs task(user, i) for i < active, in threads; then with ranks the exchange: afterwards each has the loss
+ * and status of all shards, and, if wanted, what LG_PAIRS_REST adds. LG_CANCELLED: a rank was asked to
+ * stop. */
+lg_status lg_fit_run_shards(lg_fit *fit, void (*task)(void *user, size_t shard), lg_error *error);
+/* Before the exchange: adds the pairs of LG_PAIRS_HERE. */
+void lg_fit_reduce_here(lg_fit *fit);
+void lg_fit_squares_here(lg_fit *fit);
+/* The failure of one rank becomes that of all. */
+lg_status lg_fit_agree(const lg_fit *fit, lg_status status, lg_error *error);
+/* Of rank 0, on all ranks. */
+lg_status lg_fit_share_seconds(const lg_fit *fit, double *seconds);
+lg_status lg_fit_cancelled(const lg_fit *fit, lg_error *error);
 
 /* ---- methods (fit_methods.c) ---- */
 

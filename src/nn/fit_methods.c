@@ -150,6 +150,7 @@ lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
     lg_minimise_options_init(&options);
     options.method = (lg_minimise_method)methods[lg_fit_method_of(fit, phase)].minimise;
     options.check = false; /* the tape's gradients are checked elsewhere */
+    options.ranks = fit->options.ranks;
     options.block = fit->problem.own;
     options.blocks = fit->problem.own > 0 ? fit->problem.samples : 0;
     return options;
@@ -257,6 +258,8 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     *moved = takes_squares(fit)
                  ? lg_minimiser_tell_squares(s->minimiser, value, gradient, fit->shards[0].matrix)
                  : lg_minimiser_tell(s->minimiser, value, gradient);
+    if (lg_minimiser_status(s->minimiser) != LG_OK)
+        return lg_fail(error, lg_minimiser_status(s->minimiser), "the ranks lost their connection");
     memcpy(s->theta, lg_minimiser_best(s->minimiser), n * sizeof(double));
     const double loss = plain_loss(fit);
     if (*moved && !takes_squares(fit) && fit->options.prior > 0.0 && fit->problem.observations > 0)

@@ -98,15 +98,27 @@ static void add_shared(const lg_fit *fit, lg_shard *shard, size_t rows, const do
         fit->k->axpy(n, residuals[row], jacobian + row * columns, gradient);
 }
 
+size_t lg_fit_squares_length(const lg_fit *fit) {
+    return shared_by_all(fit) * shared_by_all(fit);
+}
+
+lg_fit_own lg_fit_own_of(const lg_fit *fit, uint32_t sample) {
+    const size_t n = shared_by_all(fit), own = fit->problem.own, at = sample * own;
+    double *rest = fit->shards[0].matrix + n * n;
+    return (lg_fit_own){.rows = rest + at * n,
+                        .block = rest + fit->problem.samples * own * n + at * own,
+                        .rows_length = own * n,
+                        .block_length = own * own};
+}
+
 /* A sample's own rows C, block B and part of the gradient, which nobody else writes. */
 static void put_own(const lg_fit *fit, lg_shard *shard, uint32_t sample, size_t rows, const double *jacobian,
                     const double *residuals) {
-    const size_t columns = columns_of(fit), n = shared_by_all(fit), own = fit->problem.own, at = sample * own;
-    double *C = fit->shards[0].matrix + n * n + at * n,
-           *B = fit->shards[0].matrix + n * n + fit->problem.samples * own * n + at * own,
-           *gradient = (double *)(void *)shard->gradient + n + at;
-    fit->k->gemm(own, n, rows, jacobian + n, 1, columns, jacobian, columns, C, n, false);
-    fit->k->gemm(own, own, rows, jacobian + n, 1, columns, jacobian + n, columns, B, own, false);
+    const size_t columns = columns_of(fit), n = shared_by_all(fit), own = fit->problem.own;
+    const lg_fit_own to = lg_fit_own_of(fit, sample);
+    double *gradient = (double *)(void *)shard->gradient + n + sample * own;
+    fit->k->gemm(own, n, rows, jacobian + n, 1, columns, jacobian, columns, to.rows, n, false);
+    fit->k->gemm(own, own, rows, jacobian + n, 1, columns, jacobian + n, columns, to.block, own, false);
     for (size_t row = 0; row < rows; row++)
         fit->k->axpy(own, residuals[row], jacobian + row * columns + n, gradient);
 }
@@ -131,12 +143,13 @@ static lg_status add_shard(const lg_fit *fit, lg_shard *shard) {
     return lg_fit_chunks(fit, shard, add_chunk);
 }
 
-/* The first shard has room for all of the matrix. */
+/* The first shard, which comes last, has room for all of the matrix. */
 static lg_status make_matrices(lg_fit *fit) {
     const size_t n = shared_by_all(fit);
     const lg_minimise_options options = lg_fit_minimise_options(fit, fit->state.phase);
-    for (size_t i = 0; i < fit->options.shards; i++) {
+    for (size_t i = fit->used; i-- > 0;) {
         lg_shard *shard = &fit->shards[i];
+        if (!lg_fit_holds(fit, i)) continue;
         const size_t numbers = i > 0 ? n * n : lg_minimise_matrix_length(fit->problem.parameters, &options);
         if (shard->matrix == NULL) shard->matrix = lg_alloc(fit->context, numbers, sizeof(double));
         if (shard->matrix == NULL) return LG_OUT_OF_MEMORY;
@@ -149,14 +162,21 @@ static void shard_task(void *user, size_t index) {
     fit->shards[index].status = add_shard(fit, &fit->shards[index]);
 }
 
+static void add_matrices(const lg_fit *fit, void *user, size_t to, size_t from) {
+    (void)user;
+    fit->k->axpy(lg_fit_squares_length(fit), 1.0, fit->shards[from].matrix, fit->shards[to].matrix);
+}
+
+void lg_fit_squares_here(lg_fit *fit) {
+    lg_fit_for_pairs(fit, LG_PAIRS_HERE, add_matrices, NULL);
+}
+
 /* Sums over shards; twice, and the lower triangle as the upper. */
 static void add_up(lg_fit *fit) {
     const size_t n = shared_by_all(fit), all = fit->problem.parameters;
     double *matrix = fit->shards[0].matrix;
-    for (size_t i = 1; i < fit->active; i++) {
-        fit->k->axpy(all, 1.0, fit->shards[i].gradient, fit->shards[0].gradient);
-        fit->k->axpy(n * n, 1.0, fit->shards[i].matrix, matrix);
-    }
+    (void)lg_fit_reduce(fit);
+    lg_fit_for_pairs(fit, LG_PAIRS_REST, add_matrices, NULL);
     fit->k->unary[LG_K_SCALE](all, 2.0, fit->shards[0].gradient, fit->shards[0].gradient);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < i; j++) matrix[i * n + j] = matrix[j * n + i];
@@ -165,11 +185,16 @@ static void add_up(lg_fit *fit) {
 }
 
 lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error) {
-    if (make_matrices(fit) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the Gauss-Newton matrix of %zu parameters",
-                       fit->problem.parameters);
+    if (fit->shards[0].matrix == NULL) {
+        const lg_status made = make_matrices(fit);
+        if (made != LG_OK)
+            (void)lg_fail(error, made, "no memory for the Gauss-Newton matrix of %zu parameters",
+                          fit->problem.parameters);
+        LG_TRY(lg_fit_agree(fit, made, error));
+    }
     lg_fit_cut(fit, fit->state.order, fit->training);
-    lg_thread_pool_run(fit->pool, fit->active, shard_task, fit);
+    fit->with_gradient = fit->with_squares = true;
+    LG_TRY(lg_fit_run_shards(fit, shard_task, error));
     LG_TRY(lg_fit_sum_losses(fit, what, value, error));
     add_up(fit);
     return LG_OK;

@@ -74,16 +74,22 @@ static const char *shown(double x) {
     return isnan(x) ? "NaN" : x > 0 ? "inf" : "-inf";
 }
 
+/* The sentence of a shard that failed: its rank has it. */
+static lg_status shard_failure(const lg_fit *fit, const char *what, size_t index, lg_error *error) {
+    const lg_shard *shard = &fit->shards[index];
+    char message[256] = "";
+    if (index >= fit->first && index < fit->end)
+        (void)snprintf(message, sizeof message, "%s", lg_tape_message(shard->tape));
+    if (!lg_fit_alone(fit)) LG_TRY(lg_ranks_share(fit->options.ranks, shard->rank, message, sizeof message));
+    return lg_fail(error, shard->status, "%s, shard %zu: %s", what, index,
+                   message[0] != '\0' ? message : lg_status_sentence(shard->status));
+}
+
 lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error) {
     double sum = 0.0;
     for (size_t i = 0; i < fit->active; i++) {
-        const lg_shard *shard = &fit->shards[i];
-        if (shard->status != LG_OK) {
-            const char *message = lg_tape_message(shard->tape);
-            if (message[0] == '\0') message = lg_status_sentence(shard->status);
-            return lg_fail(error, shard->status, "%s, shard %zu: %s", what, i, message);
-        }
-        sum += shard->loss;
+        if (fit->shards[i].status != LG_OK) return shard_failure(fit, what, i, error);
+        sum += fit->shards[i].loss;
     }
     if (!isfinite(sum)) return lg_fail(error, LG_NOT_FINITE, "%s: the loss is %s", what, shown(sum));
     *loss = sum;
@@ -94,7 +100,8 @@ lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, 
                             const char *what, double *loss, lg_error *error) {
     lg_fit_cut(fit, samples, count);
     fit->with_gradient = with_gradient;
-    lg_thread_pool_run(fit->pool, fit->active, shard_task, fit);
+    fit->with_squares = false;
+    LG_TRY(lg_fit_run_shards(fit, shard_task, error));
     return lg_fit_sum_losses(fit, what, loss, error);
 }
 
@@ -111,15 +118,26 @@ static void for_blocks(lg_fit *fit, void (*task)(void *user, size_t block)) {
     for (size_t i = 0; i < fit->blocks; i++) task(fit, i);
 }
 
+static void add_gradients(const lg_fit *fit, void *user, size_t to, size_t from) {
+    const size_t block = *(const size_t *)user, at = block * LG_FIT_BLOCK * fit->k->size;
+    fit->k->axpy(block_length(fit, block), 1.0, fit->shards[from].gradient + at,
+                 fit->shards[to].gradient + at);
+}
+
+static void reduce_block_here(void *user, size_t block) {
+    lg_fit_for_pairs(user, LG_PAIRS_HERE, add_gradients, &block);
+}
+
+void lg_fit_reduce_here(lg_fit *fit) {
+    for_blocks(fit, reduce_block_here);
+}
+
 /* Adds the gradients of all shards into that of the first one. */
 static void reduce_block(void *user, size_t block) {
     lg_fit *fit = user;
-    const size_t n = block_length(fit, block), at = block * LG_FIT_BLOCK * fit->k->size;
-    for (size_t stride = 1; stride < fit->active; stride *= 2)
-        for (size_t i = 0; i + stride < fit->active; i += 2 * stride)
-            fit->k->axpy(n, 1.0, fit->shards[i + stride].gradient + at, fit->shards[i].gradient + at);
-    const char *gradient = fit->shards[0].gradient + at;
-    fit->partial[block] = fit->k->dot(n, gradient, gradient);
+    lg_fit_for_pairs(fit, LG_PAIRS_REST, add_gradients, &block);
+    const char *gradient = fit->shards[0].gradient + block * LG_FIT_BLOCK * fit->k->size;
+    fit->partial[block] = fit->k->dot(block_length(fit, block), gradient, gradient);
 }
 
 double lg_fit_reduce(lg_fit *fit) {

@@ -76,13 +76,30 @@ static lg_status check_options(size_t n, const lg_minimise_options *o, lg_error 
     return LG_OK;
 }
 
+enum { ROWS = 64 };
+
+void lg_minimise_rows(uint32_t rank, uint32_t ranks, size_t n, size_t *first, size_t *end) {
+    const size_t blocks = n / ROWS > 0 ? n / ROWS : 1;
+    lg_ranks_part(rank, ranks, blocks, first, end);
+    *first *= ROWS;
+    *end = *end == blocks ? n : *end * ROWS;
+    if (*first > *end) *first = *end;
+}
+
 static lg_status allocate(lg_minimiser *m) {
     enum { VECTORS = 6 };
+    const lg_ranks *ranks = m->options.ranks;
     const size_t stride = lg_minimise_stride(m->n);
-    m->length = m->row->length(m->n, &m->options);
+    m->length = m->held = m->row->length(m->n, &m->options);
     if (m->length > SIZE_MAX / sizeof(double) - VECTORS * stride) return LG_OUT_OF_MEMORY;
-    m->memory = lg_alloc(m->context, VECTORS * stride + m->length, sizeof *m->memory);
-    if (m->memory == NULL) return LG_OUT_OF_MEMORY;
+    m->end = m->n;
+    if (ranks != NULL && m->row->by_rows) {
+        lg_minimise_rows(ranks->rank, ranks->count, m->n, &m->first, &m->end);
+        m->held -= (m->n - (m->end - m->first)) * stride;
+    }
+    m->memory = lg_alloc(m->context, VECTORS * stride + m->held, sizeof *m->memory);
+    m->bytes = lg_alloc(m->context, ranks != NULL ? ranks->count : 1, sizeof *m->bytes);
+    if (m->memory == NULL || m->bytes == NULL) return LG_OUT_OF_MEMORY;
     double **const vectors[VECTORS] = {&m->x, &m->g, &m->d, &m->point, &m->s, &m->y};
     for (size_t i = 0; i < VECTORS; i++) *vectors[i] = m->memory + i * stride;
     m->curvature = m->memory + VECTORS * stride;
@@ -117,9 +134,26 @@ lg_status lg_minimiser_create(const lg_context *context, size_t n, const lg_mini
     return LG_OK;
 }
 
+lg_status lg_minimiser_status(const lg_minimiser *m) {
+    return m->status;
+}
+
+void lg_minimise_gather(lg_minimiser *m, double *x) {
+    const lg_ranks *ranks = m->options.ranks;
+    if (ranks == NULL || m->status != LG_OK) return;
+    for (uint32_t r = 0; r < ranks->count; r++) {
+        size_t first, end;
+        lg_minimise_rows(r, ranks->count, m->n, &first, &end);
+        m->bytes[r] = (end - first) * sizeof *x;
+    }
+    m->status = ranks->gather(ranks->user, x, m->bytes);
+}
+
 void lg_minimiser_destroy(lg_minimiser *m) {
     if (m == NULL) return;
     lg_free(m->context, m->memory);
+    lg_free(m->context, m->bytes);
+    lg_free(m->context, m->whole);
     lg_free(m->context, m);
 }
 

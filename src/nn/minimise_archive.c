@@ -13,8 +13,8 @@ typedef struct item {
 
 enum { ITEMS = 7 };
 
-/* `memory` has the layout of m->memory. */
-static void list(const lg_minimiser *m, double *memory, lg_minimise_counts *counts,
+/* `memory` has the layout of m->memory, and `curvature` all rows. */
+static void list(const lg_minimiser *m, double *memory, double *curvature, lg_minimise_counts *counts,
                  lg_minimise_numbers *numbers, item out[ITEMS]) {
     const item all[ITEMS] = {
         {"minimise/counts", LG_ELEMENT_U64, sizeof *counts / sizeof(uint64_t), counts},
@@ -23,17 +23,61 @@ static void list(const lg_minimiser *m, double *memory, lg_minimise_counts *coun
         {"minimise/gradient", LG_ELEMENT_F64, m->n, memory + (m->g - m->memory)},
         {"minimise/direction", LG_ELEMENT_F64, m->n, memory + (m->d - m->memory)},
         {"minimise/point", LG_ELEMENT_F64, m->n, memory + (m->point - m->memory)},
-        {"minimise/curvature", LG_ELEMENT_F64, m->length, memory + (m->curvature - m->memory)},
+        {"minimise/curvature", LG_ELEMENT_F64, m->length, curvature},
     };
     memcpy(out, all, sizeof all);
 }
 
-lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writer, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
+/* ---- ranks: the rows of each, and what stands behind the rows ---- */
+
+static bool divided(const lg_minimiser *m) {
+    return m->options.ranks != NULL && m->row->by_rows;
+}
+
+static size_t rows_length(const lg_minimiser *m) {
+    return (m->end - m->first) * lg_minimise_stride(m->n);
+}
+
+lg_status lg_minimiser_collect(lg_minimiser *m, lg_error *error) {
+    const lg_ranks *ranks = m->options.ranks;
+    if (!divided(m)) return LG_OK;
+    const size_t stride = lg_minimise_stride(m->n), behind = m->held - rows_length(m);
+    if (ranks->rank == 0 && m->whole == NULL) m->whole = lg_alloc(m->context, m->length, sizeof *m->whole);
+    const lg_status room = ranks->rank > 0 || m->whole != NULL
+                               ? LG_OK
+                               : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the rows of all ranks");
+    LG_TRY(lg_ranks_agree(ranks, room, error));
+    for (uint32_t r = 0; r < ranks->count; r++) {
+        size_t first, end;
+        lg_minimise_rows(r, ranks->count, m->n, &first, &end);
+        m->bytes[r] = (end - first) * stride * sizeof *m->whole;
+    }
+    LG_TRY(ranks->collect(ranks->user, m->curvature, m->whole, m->bytes));
+    if (m->whole != NULL)
+        memcpy(m->whole + (m->length - behind), m->curvature + rows_length(m), behind * sizeof *m->whole);
+    return LG_OK;
+}
+
+void lg_minimiser_scatter(lg_minimiser *m) {
+    lg_free(m->context, m->whole);
+    m->whole = NULL;
+}
+
+/* Of all rows those of this rank. */
+static void take_rows(const lg_minimiser *m, const double *all, double *curvature) {
+    const size_t behind = m->held - rows_length(m);
+    memcpy(curvature, all + m->first * lg_minimise_stride(m->n), rows_length(m) * sizeof *all);
+    memcpy(curvature + rows_length(m), all + (m->length - behind), behind * sizeof *all);
+}
+
+/* ---- saving ---- */
+
+static lg_status save_all(const lg_minimiser *m, double *curvature, const lg_archive_writer *writer,
+                          lg_error *error) {
     lg_minimise_counts counts = m->counts;
     lg_minimise_numbers numbers = m->numbers;
     item items[ITEMS];
-    list(m, m->memory, &counts, &numbers, items);
+    list(m, m->memory, curvature, &counts, &numbers, items);
     for (size_t i = 0; i < ITEMS; i++) {
         const item *it = &items[i];
         const lg_status status = writer->array(writer->user, it->path, it->type, 1, &it->count, it->data);
@@ -43,8 +87,18 @@ lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writ
     return LG_OK;
 }
 
-static lg_status check(const lg_minimiser *m, const double *memory, const lg_minimise_counts *c,
-                       const lg_minimise_numbers *numbers, lg_error *error) {
+lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writer, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    double *curvature = divided(m) ? m->whole : m->curvature;
+    if (curvature == NULL)
+        return lg_fail(error, LG_UNSUPPORTED, "rank 0 alone can save, when it has collected all rows");
+    return save_all(m, curvature, writer, error);
+}
+
+/* ---- loading ---- */
+
+static lg_status check(const lg_minimiser *m, const double *memory, const double *curvature,
+                       const lg_minimise_counts *c, const lg_minimise_numbers *numbers, lg_error *error) {
     const bool searching = c->stage == LG_STAGE_SEARCH;
     const struct {
         bool good;
@@ -60,8 +114,7 @@ static lg_status check(const lg_minimiser *m, const double *memory, const lg_min
          "minimise/counts has more points of a check than there are"},
         {!searching || (isfinite(numbers->alpha) && isfinite(numbers->value) && numbers->slope < 0.0),
          "minimise/numbers is no state of a search"},
-        {m->k->all_finite((size_t)(m->s - m->memory), memory) &&
-             m->k->all_finite(m->length, memory + (m->curvature - m->memory)),
+        {m->k->all_finite((size_t)(m->s - m->memory), memory) && m->k->all_finite(m->length, curvature),
          "minimise/ has values that are not finite"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
@@ -70,27 +123,29 @@ static lg_status check(const lg_minimiser *m, const double *memory, const lg_min
 }
 
 static lg_status load(const lg_minimiser *m, const lg_archive_reader *reader, double *memory,
-                      lg_minimise_counts *counts, lg_minimise_numbers *numbers, lg_error *error) {
+                      double *curvature, lg_minimise_counts *counts, lg_minimise_numbers *numbers,
+                      lg_error *error) {
     item items[ITEMS];
-    list(m, memory, counts, numbers, items);
+    list(m, memory, curvature, counts, numbers, items);
     for (size_t i = 0; i < ITEMS; i++) {
         const item *it = &items[i];
         const lg_status status = reader->array(reader->user, it->path, it->type, 1, &it->count, it->data);
         if (status != LG_OK) return lg_fail(error, status, "%s: %s", it->path, lg_status_sentence(status));
     }
-    return check(m, memory, counts, numbers, error);
+    return check(m, memory, curvature, counts, numbers, error);
 }
 
 lg_status lg_minimiser_load(lg_minimiser *m, const lg_archive_reader *reader, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
-    const size_t total = (size_t)(m->curvature - m->memory) + m->length;
+    const size_t vectors = (size_t)(m->curvature - m->memory);
     lg_minimise_counts counts;
     lg_minimise_numbers numbers;
-    double *memory = lg_alloc(m->context, total, sizeof *memory);
+    double *memory = lg_alloc(m->context, vectors + m->length, sizeof *memory), *curvature = memory + vectors;
     if (memory == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the saved minimiser");
-    const lg_status status = load(m, reader, memory, &counts, &numbers, error);
+    const lg_status status = load(m, reader, memory, curvature, &counts, &numbers, error);
     if (status == LG_OK) {
-        memcpy(m->memory, memory, total * sizeof *memory);
+        memcpy(m->memory, memory, vectors * sizeof *memory);
+        take_rows(m, curvature, m->curvature);
         m->counts = counts;
         m->numbers = numbers;
     }

@@ -14,16 +14,22 @@ static void coefficients(size_t n, double b, double h, double *tau, double *phi)
     *phi = (1.0 - theta) / (1.0 + a * theta);
 }
 
-/* memory: H, rows of n at a stride, then Hy. */
+/* memory: H, rows of n at a stride, then Hy; of H a rank has its rows. */
 static size_t length(size_t n, const lg_minimise_options *options) {
     (void)options;
     return (n + 1) * lg_minimise_stride(n);
 }
 
 static void start(lg_minimiser *m, double scale) {
-    const size_t n = m->n, stride = lg_minimise_stride(n);
-    m->k->fill(n * stride, 0.0, m->curvature);
-    for (size_t i = 0; i < n; i++) m->curvature[i * stride + i] = scale;
+    const size_t rows = m->end - m->first, stride = lg_minimise_stride(m->n);
+    m->k->fill(rows * stride, 0.0, m->curvature);
+    for (size_t i = 0; i < rows; i++) m->curvature[i * stride + m->first + i] = scale;
+}
+
+/* y = H x */
+static void multiply(lg_minimiser *m, const double *x, double *y) {
+    m->k->matvec(m->end - m->first, lg_minimise_stride(m->n), m->curvature, x, y + m->first, false);
+    lg_minimise_gather(m, y);
 }
 
 /* H <- (H - Hy Hy'/q + phi q v v')/tau + rho s s', v = rho s - Hy/q, q = y.Hy, rho = 1/y.s: row i is a
@@ -31,31 +37,31 @@ static void start(lg_minimiser *m, double scale) {
 static void update(lg_minimiser *m, double *s, double *y) {
     const lg_kernels *k = m->k;
     const size_t n = m->n, stride = lg_minimise_stride(n);
-    double *h = m->curvature, *hy = h + n * stride;
-    const double ys = k->dot(n, y, s), rho = 1.0 / ys;
+    double *h = m->curvature, *hy = h + (m->end - m->first) * stride;
+    const double ys = k->dot(n, y, s), rho = 1.0 / ys, scale = ys / k->dot(n, y, y);
     const bool first = m->counts.pairs == 0;
     if (first) {
-        start(m, ys / k->dot(n, y, y));
-        for (size_t i = 0; i < n; i++) hy[i] = h[0] * y[i], m->d[i] = h[0] * (y[i] - m->g[i]);
+        start(m, scale);
+        for (size_t i = 0; i < n; i++) hy[i] = scale * y[i], m->d[i] = scale * (y[i] - m->g[i]);
     } else {
-        k->matvec(n, stride, h, m->g, hy, false);
+        multiply(m, m->g, hy);
         for (size_t i = 0; i < n; i++) hy[i] += m->d[i];
     }
     /* With d = -H g before the step and s = alpha d: s.Bs = -alpha g.(s) = alpha^2 (-g.d). */
     const double q = k->dot(n, y, hy);
     const double sbs =
-        first ? k->dot(n, s, s) / h[0] : -m->numbers.alpha * m->numbers.alpha * m->numbers.slope;
+        first ? k->dot(n, s, s) / scale : -m->numbers.alpha * m->numbers.alpha * m->numbers.slope;
     double tau, phi;
     coefficients(n, sbs * rho, q * rho, &tau, &phi);
     if (!(q > 0.0) || !isfinite(tau) || !isfinite(phi) || !(tau > 0.0)) {
-        start(m, ys / k->dot(n, y, y));
-        for (size_t i = 0; i < n; i++) m->d[i] = -h[0] * m->g[i];
+        start(m, scale);
+        for (size_t i = 0; i < n; i++) m->d[i] = -scale * m->g[i];
         return;
     }
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = m->first; i < m->end; i++) {
         const double v = rho * s[i] - hy[i] / q;
         k->combine(n, phi * q * rho * v / tau + rho * s[i], s, -(hy[i] / q + phi * v) / tau, hy, 1.0 / tau,
-                   h + i * stride);
+                   h + (i - m->first) * stride);
     }
     /* y is scratch now: H_old g = Hy - d. */
     const double sg = k->dot(n, s, m->g), hyg = k->dot(n, hy, m->g), vg = rho * sg - hyg / q;
@@ -66,10 +72,13 @@ static void update(lg_minimiser *m, double *s, double *y) {
 }
 
 static void direction(lg_minimiser *m) {
-    const size_t n = m->n, stride = lg_minimise_stride(n);
-    m->k->matvec(n, stride, m->curvature, m->g, m->d, false);
-    for (size_t i = 0; i < n; i++) m->d[i] = -m->d[i];
+    multiply(m, m->g, m->d);
+    for (size_t i = 0; i < m->n; i++) m->d[i] = -m->d[i];
 }
 
-const lg_minimise_row lg_minimise_ssbroyden = {
-    .name = "ssbroyden", .slow = 200, .length = length, .update = update, .direction = direction};
+const lg_minimise_row lg_minimise_ssbroyden = {.name = "ssbroyden",
+                                               .slow = 200,
+                                               .length = length,
+                                               .by_rows = true,
+                                               .update = update,
+                                               .direction = direction};

@@ -40,8 +40,9 @@ typedef struct lg_minimise_numbers {
 typedef struct lg_minimise_row {
     const char *name;
     uint64_t slow; /* so many iterations without a fall of f end the run */
-    /* Doubles of its memory. */
+    /* Doubles of its memory, as saved. */
     size_t (*length)(size_t n, const lg_minimise_options *options);
+    bool by_rows; /* it begins with n rows at a stride, which ranks divide */
     /* Takes a step: s (n) and y (n), y.s > 0, and the new gradient m->g. Then m->d = -H g. s and y may be
      * used as scratch. */
     void (*update)(struct lg_minimiser *m, double *s, double *y);
@@ -53,10 +54,14 @@ struct lg_minimiser {
     const lg_kernels *k;
     lg_minimise_options options;
     const lg_minimise_row *row;
-    size_t n, length;
+    size_t n, length, held;
+    size_t first, end;         /* rows of this rank */
+    size_t *bytes;             /* (ranks): of an exchange */
+    lg_status status;          /* of the exchanges */
     double *memory;            /* all vectors */
     double *x, *g, *d, *point; /* (n) */
-    double *curvature;         /* (length) */
+    double *curvature;         /* (held): what this rank has of (length) */
+    double *whole;             /* (length): on rank 0 between a collection and the next step */
     double *s, *y;             /* (n), scratch */
     lg_minimise_counts counts;
     lg_minimise_numbers numbers;
@@ -79,6 +84,12 @@ void lg_minimise_search_begin(lg_minimiser *m, double alpha);
 typedef enum lg_search_verdict { LG_SEARCH_ON, LG_SEARCH_ACCEPT, LG_SEARCH_FAIL } lg_search_verdict;
 /* Takes f and g.d of the trial; LG_SEARCH_ON: numbers.alpha is the next trial. */
 lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope);
+
+/* Rows of the rank. The matrix is cut into blocks of rows that do not depend on the ranks. Each block has as
+ * many as a kernel takes at once, or the matrix has less. */
+void lg_minimise_rows(uint32_t rank, uint32_t ranks, size_t n, size_t *first, size_t *end);
+/* The ranks' parts of x (n), by rows, put together. */
+void lg_minimise_gather(lg_minimiser *m, double *x);
 
 /* Elements between two vectors of n. */
 static inline size_t lg_minimise_stride(size_t n) {

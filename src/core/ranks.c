@@ -1,0 +1,51 @@
+#include "liegrad/ranks.h"
+
+#include <stdint.h>
+#include <string.h>
+
+#include "core/core.h"
+
+void lg_ranks_part(uint32_t rank, uint32_t count, size_t total, size_t *first, size_t *end) {
+    const size_t each = total / count, more = total % count;
+    *first = rank * each + rank * more / count;
+    *end = (rank + 1) * each + (rank + 1) * more / count;
+}
+
+lg_status lg_ranks_share(const lg_ranks *ranks, uint32_t from, void *data, size_t bytes) {
+    size_t *list = lg_alloc(NULL, ranks->count, sizeof *list);
+    if (list == NULL) return LG_OUT_OF_MEMORY;
+    list[from] = bytes;
+    const lg_status status = ranks->gather(ranks->user, data, list);
+    lg_free(NULL, list);
+    return status;
+}
+
+static lg_status gather_equal(const lg_ranks *ranks, void *all, size_t bytes) {
+    size_t *list = lg_alloc(NULL, ranks->count, sizeof *list);
+    if (list == NULL) return LG_OUT_OF_MEMORY;
+    for (uint32_t r = 0; r < ranks->count; r++) list[r] = bytes;
+    const lg_status status = ranks->gather(ranks->user, all, list);
+    lg_free(NULL, list);
+    return status;
+}
+
+lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_error *error) {
+    typedef struct report {
+        uint32_t status;
+        char message[sizeof error->message];
+    } report;
+    report *all = lg_alloc(NULL, ranks->count, sizeof *all);
+    if (all == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the ranks' reports");
+    all[ranks->rank].status = (uint32_t)status;
+    if (error != NULL && status != LG_OK)
+        memcpy(all[ranks->rank].message, error->message, sizeof error->message);
+    lg_status first = gather_equal(ranks, all, sizeof *all);
+    if (first != LG_OK) (void)lg_fail(error, first, "the ranks lost their connection");
+    for (uint32_t r = 0; r < ranks->count && first == LG_OK; r++) {
+        if (all[r].status == LG_OK) continue;
+        first = (lg_status)all[r].status;
+        (void)lg_fail(error, first, r == ranks->rank ? "%s" : "%s (rank %u)", all[r].message, r);
+    }
+    lg_free(NULL, all);
+    return first;
+}

@@ -1,0 +1,176 @@
+/* Training by ranks. A rank computes a contiguous part of the shards and adds what lies within that part of
+ * the tree of sums; the sums that are left go to all ranks, which each add the rest. So every rank has the
+ * same state, with the bits of one process.
+ *
+ * One message a batch from each rank to all: whether it was asked to stop; loss, bound and status of its
+ * shards; its sums of gradients, and of sums of squares the matrices, and the rows and blocks of its
+ * samples. */
+#include <inttypes.h>
+#include <string.h>
+
+#include "autodiff/tape_internal.h"
+#include "nn/fit_internal.h"
+
+/* ---- the tree ---- */
+
+/* The shards below (to, to + stride) lie on several ranks, so that all ranks add. */
+static bool across(const lg_fit *fit, size_t to, size_t stride) {
+    if (lg_fit_alone(fit)) return true;
+    const size_t last = to + 2 * stride < fit->used ? to + 2 * stride - 1 : fit->used - 1;
+    return fit->shards[to].rank != fit->shards[last].rank;
+}
+
+void lg_fit_for_pairs(const lg_fit *fit, lg_pairs pairs, lg_fit_add add, void *user) {
+    for (size_t stride = 1; stride < fit->active; stride *= 2)
+        for (size_t i = 0; i + stride < fit->active; i += 2 * stride) {
+            const bool rest = across(fit, i, stride);
+            if (pairs == LG_PAIRS_REST ? rest : !rest && fit->shards[i].rank == fit->options.ranks->rank)
+                add(fit, user, i, i + stride);
+        }
+}
+
+/* The shard's sum is not added into another one by its rank alone. */
+static bool is_sent(const lg_fit *fit, size_t shard) {
+    const size_t stride = shard & (~shard + 1);
+    return shard == 0 || across(fit, shard - stride, stride);
+}
+
+bool lg_fit_holds(const lg_fit *fit, size_t shard) {
+    return lg_fit_alone(fit) || (shard >= fit->first && shard < fit->end) || is_sent(fit, shard);
+}
+
+lg_status lg_fit_ranks_create(lg_fit *fit) {
+    const lg_ranks *ranks = fit->options.ranks;
+    fit->end = fit->used;
+    if (ranks == NULL) return LG_OK;
+    for (uint32_t r = 0; r < ranks->count; r++) {
+        size_t first, end;
+        lg_ranks_part(r, ranks->count, fit->used, &first, &end);
+        for (size_t i = first; i < end; i++) fit->shards[i].rank = r;
+        if (r == ranks->rank) fit->first = first, fit->end = end;
+    }
+    fit->message_bytes = lg_alloc(fit->context, ranks->count, sizeof *fit->message_bytes);
+    fit->stops = lg_alloc(fit->context, ranks->count, sizeof *fit->stops);
+    return fit->message_bytes == NULL || fit->stops == NULL ? LG_OUT_OF_MEMORY : LG_OK;
+}
+
+void lg_fit_ranks_destroy(lg_fit *fit) {
+    lg_free(fit->context, fit->message);
+    lg_free(fit->context, fit->message_bytes);
+    lg_free(fit->context, fit->stops);
+}
+
+/* ---- messages ---- */
+
+/* A message as a list of arrays: each of them is passed to `take`. */
+typedef void (*take)(char **at, void *data, size_t bytes);
+
+static void count_bytes(char **at, void *data, size_t bytes) {
+    (void)data;
+    *at += bytes;
+}
+
+static void pack(char **at, void *data, size_t bytes) {
+    memcpy(*at, data, bytes);
+    *at += bytes;
+}
+
+static void unpack(char **at, void *data, size_t bytes) {
+    memcpy(data, *at, bytes);
+    *at += bytes;
+}
+
+static void list_shard(lg_fit *fit, size_t index, take each, char **at) {
+    lg_shard *shard = &fit->shards[index];
+    each(at, &shard->loss, sizeof shard->loss);
+    each(at, &shard->bound, sizeof shard->bound);
+    each(at, &shard->status, sizeof shard->status);
+    if (is_sent(fit, index) && fit->with_gradient)
+        each(at, shard->gradient, fit->problem.parameters * fit->k->size);
+    if (is_sent(fit, index) && fit->with_squares)
+        each(at, shard->matrix, lg_fit_squares_length(fit) * sizeof(double));
+    for (size_t i = 0; fit->with_squares && fit->problem.own > 0 && i < shard->count; i++) {
+        const lg_fit_own own = lg_fit_own_of(fit, shard->samples[i]);
+        each(at, own.rows, own.rows_length * sizeof(double));
+        each(at, own.block, own.block_length * sizeof(double));
+    }
+}
+
+/* The message of rank `from`, which begins at `at`. Returns its end. */
+static char *list_message(lg_fit *fit, uint32_t from, take each, char *at) {
+    each(&at, &fit->stops[from], sizeof *fit->stops);
+    for (size_t i = 0; i < fit->active; i++)
+        if (fit->shards[i].rank == from) list_shard(fit, i, each, &at);
+    return at;
+}
+
+/* Lengths of all messages, and room for them. */
+static lg_status make_room(lg_fit *fit) {
+    size_t total = 0;
+    for (uint32_t r = 0; r < fit->options.ranks->count; r++) {
+        fit->message_bytes[r] = (size_t)(list_message(fit, r, count_bytes, fit->message) - fit->message);
+        total += fit->message_bytes[r];
+    }
+    if (total <= fit->message_room) return LG_OK;
+    lg_free(fit->context, fit->message);
+    fit->message = lg_alloc(fit->context, total, 1);
+    fit->message_room = fit->message != NULL ? total : 0;
+    return fit->message != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+static lg_status exchange(lg_fit *fit, lg_error *error) {
+    const lg_ranks *ranks = fit->options.ranks;
+    fit->stops[ranks->rank] = fit->with_gradient && lg_cancelled(fit->context);
+    if (make_room(fit) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for what %u ranks exchange", ranks->count);
+    char *at = fit->message;
+    for (uint32_t r = 0; r < ranks->rank; r++) at += fit->message_bytes[r];
+    (void)list_message(fit, ranks->rank, pack, at);
+    const lg_status status = ranks->gather(ranks->user, fit->message, fit->message_bytes);
+    if (status != LG_OK) return lg_fail(error, status, "the ranks lost their connection");
+    at = fit->message;
+    uint32_t stopped = 0;
+    for (uint32_t r = 0; r < ranks->count; r++) {
+        if (r != ranks->rank) (void)list_message(fit, r, unpack, at);
+        at += fit->message_bytes[r];
+        stopped |= fit->stops[r];
+    }
+    return stopped != 0 ? lg_fit_cancelled(fit, error) : LG_OK;
+}
+
+/* ---- the pieces of a batch ---- */
+
+typedef struct work {
+    void (*task)(void *user, size_t shard);
+    lg_fit *fit;
+} work;
+
+static void own_task(void *user, size_t index) {
+    const work *w = user;
+    w->task(w->fit, w->fit->first + index);
+}
+
+lg_status lg_fit_run_shards(lg_fit *fit, void (*task)(void *user, size_t shard), lg_error *error) {
+    work w = {task, fit};
+    const size_t end = fit->end < fit->active ? fit->end : fit->active;
+    if (end > fit->first) lg_thread_pool_run(fit->pool, end - fit->first, own_task, &w);
+    if (lg_fit_alone(fit)) return LG_OK;
+    if (fit->with_gradient) lg_fit_reduce_here(fit);
+    if (fit->with_squares) lg_fit_squares_here(fit);
+    return exchange(fit, error);
+}
+
+/* ---- agreement ---- */
+
+lg_status lg_fit_agree(const lg_fit *fit, lg_status status, lg_error *error) {
+    return lg_fit_alone(fit) ? status : lg_ranks_agree(fit->options.ranks, status, error);
+}
+
+lg_status lg_fit_share_seconds(const lg_fit *fit, double *seconds) {
+    return lg_fit_alone(fit) ? LG_OK : lg_ranks_share(fit->options.ranks, 0, seconds, sizeof *seconds);
+}
+
+lg_status lg_fit_cancelled(const lg_fit *fit, lg_error *error) {
+    return lg_fail(error, LG_CANCELLED, "stopped in epoch %" PRIu64 " after %" PRIu64 " of %zu samples",
+                   fit->state.epoch + 1, fit->state.position, fit->training);
+}

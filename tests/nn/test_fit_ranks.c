@@ -1,0 +1,273 @@
+/* Training by ranks: threads of this process stand for them. Any number of ranks and threads gives the bits
+ * of one process, in one run or resumed. ctest-labels: threads */
+#include "nn_support.h"
+
+#include "core/core.h"
+#include "support/rank_team.h"
+
+enum { RANKS = 5 }; /* 1 to 5 */
+
+/* ---- a problem whose samples have numbers of their own: o_i is added to the prediction ---- */
+
+static lg_status own_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                               size_t batch, lg_var *residuals) {
+    const regression *r = user;
+    const uint32_t shared = (uint32_t)lg_mlp_parameters(&r->net), rows = (uint32_t)count;
+    lg_var d = LG_NONE, parts[2];
+    LG_TRY(regression_difference(r, tape, theta, samples, count, &d));
+    const lg_var all = lg_slice(tape, theta, 0, shared, REGRESSION_SAMPLES);
+    const lg_var own =
+        lg_gather(tape, lg_reshape(tape, all, lg_shape2(REGRESSION_SAMPLES, 1)), samples, rows);
+    parts[0] = lg_add(tape, d, own);
+    parts[1] = lg_scale(tape, own, 0.3);
+    *residuals = lg_scale(tape, lg_concat(tape, parts, 2, 1), 1.0 / sqrt((double)batch));
+    return LG_OK;
+}
+
+static lg_status own_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                          size_t batch, lg_var *loss) {
+    lg_var r = LG_NONE;
+    LG_TRY(own_residuals(user, tape, theta, samples, count, batch, &r));
+    *loss = lg_sum(tape, lg_square(tape, r));
+    return LG_OK;
+}
+
+/* ---- fits of a team ---- */
+
+typedef struct trained {
+    lg_fit_problem problem;
+    lg_fit_options options;
+    const double *theta;
+    memory_archive *from; /* NULL: from the start */
+    memory_archive *to;   /* state at the end, by rank 0 */
+    const volatile int *cancel[TEAM_MOST];
+    lg_fit_end end[TEAM_MOST];
+    double *last[TEAM_MOST]; /* parameters at the end of each rank; NULL: not wanted */
+} trained;
+
+static lg_status train_rank(void *user, const lg_ranks *ranks, lg_error *error) {
+    trained *t = user;
+    lg_fit_options options = t->options;
+    lg_context_options c;
+    lg_context *context = NULL;
+    lg_fit *fit = NULL;
+    const uint32_t rank = ranks != NULL ? ranks->rank : 0;
+    options.ranks = ranks;
+    lg_context_options_init(&c);
+    c.cancel = t->cancel[rank];
+    lg_status status = lg_context_create(&c, &context);
+    if (status == LG_OK) status = lg_fit_create(context, &t->problem, &options, t->theta, &fit, error);
+    if (status == LG_OK && t->from != NULL) {
+        const lg_archive_reader reader = memory_reader(t->from);
+        status = lg_fit_load(fit, &reader, error);
+    }
+    if (status == LG_OK) status = lg_fit_run(fit, error);
+    if (status == LG_OK || status == LG_CANCELLED) {
+        const lg_archive_writer writer = memory_writer(t->to);
+        const lg_status saved = rank == 0 ? lg_fit_save(fit, &writer, error) : LG_OK;
+        if (saved != LG_OK) status = saved;
+        t->end[rank] = lg_fit_why_finished(fit);
+        if (t->last[rank] != NULL) lg_fit_current_parameters(fit, t->last[rank]);
+    }
+    lg_fit_destroy(fit);
+    lg_context_destroy(context);
+    return status;
+}
+
+/* State after training by `count` ranks; 0: alone. All must end with `expected`. */
+static memory_archive trained_by(trained *t, uint32_t count, lg_status expected) {
+    memory_archive to = {.count = 0};
+    rank_team *team = TEST_ARRAY(rank_team, 1);
+    lg_error error = {LG_OK, ""};
+    t->to = &to;
+    if (count == 0) {
+        assert_int_equal(train_rank(t, NULL, &error), expected);
+        return to;
+    }
+    team_run(team, count, train_rank, t);
+    for (uint32_t r = 0; r < count; r++)
+        if (team->members[r].status != expected)
+            fail_msg("rank %u: %d, %s", r, (int)team->members[r].status, team->members[r].error.message);
+    return to;
+}
+
+static trained training(regression *r, const char *plan, uint64_t epochs) {
+    trained t = {
+        .problem = regression_problem(r), .options = options_of(epochs, 24), .theta = regression_start(r)};
+    lg_error error;
+    if (lg_fit_plan_parse(plan, &t.options.plan, &error) != LG_OK) fail_msg("%s", error.message);
+    t.options.validation = 0.2;
+    t.options.keep_best = true;
+    return t;
+}
+
+static void own_training(trained *t, regression *r) {
+    t->problem.parameters += REGRESSION_SAMPLES;
+    t->problem.own = 1;
+    t->problem.loss = own_loss;
+    t->problem.residuals = own_residuals;
+    double *theta = TEST_ARRAY(double, t->problem.parameters);
+    memcpy(theta, t->theta, lg_mlp_parameters(&r->net) * sizeof *theta);
+    t->theta = theta;
+}
+
+static void compare_numbers_of_ranks(trained *t) {
+    const memory_archive alone = trained_by(t, 0, LG_OK);
+    for (uint32_t count = 1; count <= RANKS; count++)
+        for (t->options.threads = 1; t->options.threads <= 2; t->options.threads++) {
+            const memory_archive together = trained_by(t, count, LG_OK);
+            assert_same_state(&alone, &together);
+        }
+    t->options.threads = 1;
+}
+
+TEST("any number of ranks and threads gives the bits of one process, by every method") {
+    static const char *const plans[] = {"adam", "ssbroyden", "lbfgs", "lm", "adam:3,ssbroyden:20,lm:5"};
+    regression r = make_regression();
+    for (size_t i = 0; i < LG_COUNT(plans); i++)
+        for (uint32_t shards = 4; shards <= 7; shards += 3) {
+            trained t = training(&r, plans[i], i == 4 ? 28 : 9);
+            t.options.shards = shards;
+            compare_numbers_of_ranks(&t);
+        }
+}
+
+TEST("in single precision, with decay, a prior and a bound on the gradient as well") {
+    regression r = make_regression();
+    trained t = training(&r, "adam", 8);
+    t.options.dtype = LG_F32;
+    t.options.clip_norm = 0.05;
+    t.options.adam.weight_decay = 1e-3;
+    compare_numbers_of_ranks(&t);
+    t = training(&r, "ssbroyden", 130);
+    t.options.prior = 1.0;
+    t.problem.observations = REGRESSION_SAMPLES;
+    compare_numbers_of_ranks(&t);
+}
+
+TEST("samples' own rows and blocks come from the rank of the sample") {
+    regression r = make_regression();
+    trained t = training(&r, "lm", 12);
+    t.options.validation = 0;
+    own_training(&t, &r);
+    compare_numbers_of_ranks(&t);
+}
+
+TEST("a matrix of several blocks of rows is divided, saved whole and resumed by another number of ranks") {
+    static const char *const plans[] = {"adam", "ssbroyden", "lm"};
+    regression r = make_regression();
+    for (size_t i = 0; i < LG_COUNT(plans); i++) {
+        trained whole = training(&r, plans[i], 24), first = whole, rest = whole;
+        const memory_archive expected = trained_by(&whole, 0, LG_OK);
+        first.options.stop_after = 11;
+        for (uint32_t a = 1; a <= 4; a++)
+            for (uint32_t b = 1; b <= 4; b++) {
+                memory_archive half = trained_by(&first, a, LG_OK);
+                rest.from = &half;
+                const memory_archive resumed = trained_by(&rest, b, LG_OK);
+                assert_same_state(&expected, &resumed);
+            }
+    }
+}
+
+TEST("every rank ends with the same parameters") {
+    regression r = make_regression();
+    trained t = training(&r, "ssbroyden", 40);
+    for (uint32_t k = 0; k < 4; k++) t.last[k] = TEST_ARRAY(double, t.problem.parameters);
+    (void)trained_by(&t, 4, LG_OK);
+    for (uint32_t k = 1; k < 4; k++)
+        assert_memory_equal(t.last[0], t.last[k], t.problem.parameters * sizeof(double));
+}
+
+TEST(
+    "one rank's cancel flag stops all on a batch boundary, and they go on with the bits of an unbroken run") {
+    static const char *const plans[] = {"adam", "ssbroyden"};
+    regression r = make_regression();
+    const int yes = 1;
+    for (size_t i = 0; i < LG_COUNT(plans); i++) {
+        trained whole = training(&r, plans[i], 9), first = whole, rest = whole;
+        const memory_archive expected = trained_by(&whole, 0, LG_OK);
+        first.cancel[2] = &yes;
+        memory_archive none = trained_by(&first, 3, LG_CANCELLED);
+        rest.from = &none;
+        const memory_archive resumed = trained_by(&rest, 2, LG_OK);
+        assert_same_state(&expected, &resumed);
+    }
+}
+
+TEST("a sample that cannot be trained on fails on all ranks, with the sentence of the rank that has it") {
+    regression r = make_regression();
+    rank_team *team = TEST_ARRAY(rank_team, 1);
+    trained t = training(&r, "adam", 3);
+    memory_archive to = {.count = 0};
+    r.poison = 40;
+    t.to = &to;
+    t.options.shuffle = false;
+    t.options.validation = 0;
+    t.options.batch = 0;
+    team_run(team, 3, train_rank, &t);
+    for (uint32_t k = 0; k < 3; k++) {
+        assert_int_equal(team->members[k].status, LG_NOT_FINITE);
+        assert_string_equal(team->members[k].error.message, team->members[0].error.message);
+        assert_message(&team->members[k].error, "epoch 1, batch 1: the loss is NaN");
+    }
+}
+
+static lg_status broken_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                             size_t batch, lg_var *loss) {
+    LG_TRY(regression_loss(user, tape, theta, samples, count, batch, loss));
+    for (size_t i = 0; i < count; i++)
+        if (samples[i] == 50) *loss = lg_matmul(tape, theta, theta); /* shapes that do not fit */
+    return LG_OK;
+}
+
+TEST("an error of the loss on one rank is told by all, with the operation") {
+    regression r = make_regression();
+    rank_team *team = TEST_ARRAY(rank_team, 1);
+    trained t = training(&r, "lbfgs", 3);
+    memory_archive to = {.count = 0};
+    t.to = &to;
+    t.problem.loss = broken_loss;
+    t.options.validation = 0;
+    team_run(team, 4, train_rank, &t);
+    for (uint32_t k = 0; k < 4; k++) {
+        assert_int_equal(team->members[k].status, LG_SHAPE);
+        assert_message(&team->members[k].error, "shard 3: matmul");
+    }
+}
+
+/* ---- parts and agreement ---- */
+
+TEST("parts of a total are contiguous, complete and differ by one at most") {
+    for (uint32_t count = 1; count < 12; count++)
+        for (size_t total = 0; total < 40; total++) {
+            size_t before = 0, first, end;
+            for (uint32_t rank = 0; rank < count; rank++) {
+                lg_ranks_part(rank, count, total, &first, &end);
+                assert_int_equal(first, before);
+                assert_true(end - first >= total / count && end - first <= total / count + 1);
+                before = end;
+            }
+            assert_int_equal(before, total);
+        }
+}
+
+static lg_status disagree(void *user, const lg_ranks *ranks, lg_error *error) {
+    const uint32_t from = *(const uint32_t *)user;
+    if (ranks->rank < from) return lg_ranks_agree(ranks, LG_OK, error);
+    (void)snprintf(error->message, sizeof error->message, "no room on %u", ranks->rank);
+    return lg_ranks_agree(ranks, LG_OUT_OF_MEMORY, error);
+}
+
+TEST("the first failure by rank is that of all") {
+    rank_team *team = TEST_ARRAY(rank_team, 1);
+    uint32_t from = 2;
+    team_run(team, 4, disagree, &from);
+    for (uint32_t k = 0; k < 4; k++) {
+        assert_int_equal(team->members[k].status, LG_OUT_OF_MEMORY);
+        assert_message(&team->members[k].error, "no room on 2");
+    }
+    from = 4;
+    team_run(team, 4, disagree, &from);
+    for (uint32_t k = 0; k < 4; k++) assert_int_equal(team->members[k].status, LG_OK);
+}
