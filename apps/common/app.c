@@ -376,6 +376,7 @@ static int run_command(app *self) {
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands) {
     app self = {.program = program, .seed = 1, .threads = app_processors()};
     app_find_ranks(&self);
+    (void)app_age();
     self.warnings = app_warnings_create();
     running = &self;
     argp_err_exit_status = APP_EXIT_USAGE;

@@ -221,6 +221,7 @@ uint32_t app_sizes_get(const void *member, double *values);
 void app_sizes_put(void *member, const double *values, uint32_t count);
 
 double app_seconds(void);                              /* monotonic clock */
+double app_age(void);                                  /* seconds since the program began */
 double app_median(double *values, size_t count);       /* sorts; NAN for none */
 int app_compare_doubles(const void *a, const void *b); /* for qsort; NaN last */
 

@@ -173,6 +173,12 @@ int app_compare_doubles(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
+double app_age(void) {
+    static double begin = -1.0;
+    if (begin < 0.0) begin = app_seconds();
+    return app_seconds() - begin;
+}
+
 double app_median(double *values, size_t count) {
     if (count == 0) return (double)NAN;
     qsort(values, count, sizeof *values, app_compare_doubles);

@@ -28,6 +28,7 @@ const app_option search_options[] = {
     APP_ROW_TEXT(search_values, plot, "plot", "FILE.svg|.png",
                  "Draw the objective of each trial and the "
                  "best so far"),
+    BOARD_ROWS(search_values),
     APP_ROW_END};
 
 typedef struct searching {
@@ -43,6 +44,7 @@ typedef struct searching {
     uint64_t failed;  /* its number */
     lg_error saving;  /* why the table could not be written */
     app_progress progress;
+    board *board; /* of processes that search together; otherwise NULL */
 } searching;
 
 /* ---- names and values as options of train ---- */
@@ -225,6 +227,126 @@ static lg_status on_finished(void *user, const lg_trial *trials, size_t count, c
                            search->setting, trials, count, &search->saving);
 }
 
+/* ---- trials beside those of other processes ---- */
+
+/* A piece of the board. */
+typedef struct posted {
+    lg_trial trial;
+    char why[256]; /* it failed */
+} posted;
+
+static lg_search_options options_of(const searching *search) {
+    lg_search_options options;
+    lg_search_options_init(&options);
+    options.trials = search->values->trials;
+    options.seed = search->app->seed;
+    options.rungs = (uint32_t)search->values->rungs;
+    options.warm_up = (uint32_t)search->values->warm_up;
+    options.quantile = search->values->quantile;
+    return options;
+}
+
+/* Posts how far the trial has come, and looks whether all trials before it have come as far. */
+static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **trials,
+                         size_t *count) {
+    searching *search = user;
+    const lg_search_options options = options_of(search);
+    posted piece = {.trial = *trial};
+    (void)board_write(search->board, (size_t)trial->number, &piece, BOARD_PARTIAL, NULL);
+    for (size_t i = 0; i < trial->number; i++) {
+        const board_state state = board_read(search->board, i, &piece);
+        if (state != BOARD_DONE && !(state == BOARD_PARTIAL && piece.trial.reports > rung)) return false;
+        search->trials[i] = piece.trial;
+    }
+    lg_search_settle(&options, search->trials, (size_t)trial->number);
+    *trials = search->trials;
+    *count = (size_t)trial->number;
+    return true;
+}
+
+static lg_status read_trials(searching *search, lg_error *error) {
+    const lg_status status = lg_trials_read(
+        search->app->context, search->values->out, search->file, search->app->seed, search->setting,
+        (size_t)search->values->trials, search->trials, &search->count, error);
+    return status == LG_NOT_FOUND ? LG_OK : status;
+}
+
+static lg_status post_earlier(searching *search, lg_error *error) {
+    const bool resumed =
+        search->values->resume || search->values->board.task != NULL || search->values->board.merge;
+    lg_status status = resumed ? read_trials(search, error) : LG_OK;
+    for (size_t i = 0; i < search->count && status == LG_OK; i++) {
+        const posted piece = {.trial = search->trials[i]};
+        status = board_write(search->board, (size_t)piece.trial.number, &piece, BOARD_DONE, error);
+    }
+    return status;
+}
+
+static lg_status work(searching *search, lg_error *error) {
+    const lg_search_options options = options_of(search);
+    const lg_search_problem problem = {run_trial, NULL, search};
+    size_t piece;
+    while (board_next(search->board, &piece)) {
+        posted result = {.why = ""};
+        lg_error why = {LG_OK, ""};
+        lg_status status = lg_search_run_trial(&search->file->space, &options, &problem, known_before, piece,
+                                               &result.trial, &why);
+        app_progress_end(&search->progress);
+        (void)snprintf(result.why, sizeof result.why, "%s", why.message);
+        if (status == LG_OK) status = board_write(search->board, piece, &result, BOARD_DONE, &why);
+        if (status == LG_OK) continue;
+        board_release(search->board, piece);
+        return app_error(error, status, "%s", why.message);
+    }
+    return app_interrupted() ? LG_CANCELLED : LG_OK;
+}
+
+/* The trials of all processes, settled, with what is said of those that failed. */
+static void collect(searching *search) {
+    const lg_search_options options = options_of(search);
+    posted piece;
+    search->count = 0;
+    for (size_t i = 0; i < search->values->trials; i++)
+        if (board_read(search->board, i, &piece) == BOARD_DONE) search->trials[search->count++] = piece.trial;
+    lg_search_settle(&options, search->trials, search->count);
+    for (size_t i = 0; i < search->count; i++) {
+        const lg_trial *trial = &search->trials[i];
+        if (trial->state != LG_TRIAL_FAILED) continue;
+        (void)board_read(search->board, (size_t)trial->number, &piece);
+        app_warn(search->app, "trial %llu failed: %s", (unsigned long long)trial->number, piece.why);
+        if (search->failure.status != LG_OK) continue;
+        search->failed = trial->number;
+        (void)app_error(&search->failure, LG_NO_CONVERGENCE, "%s", piece.why);
+    }
+}
+
+static lg_status open_board(searching *search, lg_error *error) {
+    bool fresh = false;
+    char label[LG_SEARCH_LABEL];
+    lg_search_label(search->file, search->app->seed, search->setting, label);
+    lg_status status =
+        board_open(search->app, &search->values->board, search->values->out, label, sizeof(posted),
+                   (size_t)search->values->trials, &search->board, &fresh, error);
+    if (status != LG_OK) return status;
+    if (fresh) status = post_earlier(search, error);
+    return status == LG_OK ? board_begin(search->board, error) : status;
+}
+
+/* Works, and makes the table when all is done or --merge asks for what there is. */
+static lg_status search_together(searching *search, lg_error *error) {
+    lg_status status = open_board(search, error);
+    if (status != LG_OK) return status;
+    if (!search->values->board.merge) status = work(search, error);
+    const size_t left = board_left(search->board);
+    search->count = (size_t)search->values->trials - left;
+    if (status != LG_OK || search->values->board.task != NULL || !board_lock(search->board)) return status;
+    collect(search);
+    status = lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
+                             search->setting, search->trials, search->count, error);
+    board_end(search->board, left > 0 || status != LG_OK);
+    return status;
+}
+
 /* ---- results ---- */
 
 static int by_objective(const void *a, const void *b) {
@@ -387,19 +509,6 @@ static lg_status draw_search(const app *self, const char *picture, const lg_tria
 
 /* ---- the command ---- */
 
-static int read_trials(searching *search) {
-    const app *self = search->app;
-    lg_error error = {LG_OK, ""};
-    if (!search->values->resume) return APP_EXIT_OK;
-    const lg_status status =
-        lg_trials_read(self->context, search->values->out, search->file, self->seed, search->setting,
-                       (size_t)search->values->trials, search->trials, &search->count, &error);
-    search->before = search->count;
-    if (status == LG_OK || status == LG_NOT_FOUND) return APP_EXIT_OK;
-    if (status == LG_INVALID_ARGUMENT) return app_fail(self, status, "%s", error.message);
-    return app_fail_file(self, status, &error, search->values->out);
-}
-
 static int none_done(const searching *search) {
     if (search->failure.status == LG_OK)
         return app_fail(search->app, LG_NO_CONVERGENCE, "none of the %zu trials in %s was finished",
@@ -409,32 +518,42 @@ static int none_done(const searching *search) {
                     (unsigned long long)search->failed, search->failure.message);
 }
 
-static int run_search(searching *search) {
+static lg_status search_alone(searching *search, lg_error *error) {
+    const lg_search_options options = options_of(search);
+    const lg_search_problem problem = {run_trial, on_finished, search};
+    lg_status status = search->values->resume ? read_trials(search, error) : LG_OK;
+    search->before = search->count;
+    app_progress_begin(&search->progress, search->before, search->values->trials);
+    if (status == LG_OK)
+        status = lg_search_run(search->app->context, &search->file->space, &options, &problem, search->trials,
+                               &search->count, error);
+    app_progress_end(&search->progress);
+    return status;
+}
+
+static int run_search(searching *search, bool together) {
     const app *self = search->app;
     lg_error error = {LG_OK, ""};
-    lg_search_options options;
-    const lg_search_problem problem = {run_trial, on_finished, search};
-    lg_search_options_init(&options);
-    options.trials = search->values->trials;
-    options.seed = self->seed;
-    options.rungs = (uint32_t)search->values->rungs;
-    options.warm_up = (uint32_t)search->values->warm_up;
-    options.quantile = search->values->quantile;
     const double begin = app_seconds();
-    app_progress_begin(&search->progress, search->before, search->values->trials);
-    lg_status status = lg_search_run(self->context, &search->file->space, &options, &problem, search->trials,
-                                     &search->count, &error);
-    app_progress_end(&search->progress);
+    lg_status status = together ? search_together(search, &error) : search_alone(search, &error);
+    board_close(search->board);
+    if (together && status == LG_NOT_FOUND) return APP_EXIT_OK; /* the others have come to the end */
     if (status == LG_CANCELLED) {
-        (void)fprintf(stderr, "%s: stopped after %zu of %llu trials; continue with --resume\n", self->title,
-                      search->count, (unsigned long long)search->values->trials);
+        (void)fprintf(stderr, "%s: stopped after %zu of %llu trials; continue with %s\n", self->title,
+                      search->count, (unsigned long long)search->values->trials,
+                      together ? "the same command" : "--resume");
         return APP_EXIT_INTERRUPTED;
+    }
+    if (together && status == LG_OK) {
+        if (search->values->board.task != NULL)
+            return board_report(self, &search->values->board, search->count, (size_t)search->values->trials);
+        status = read_trials(search, &error);
     }
     if (search->saving.status != LG_OK)
         return app_fail_file(self, search->saving.status, &search->saving, search->values->out);
-    if (status != LG_OK)
-        return app_fail(self, status, "%s",
-                        error.message[0] != '\0' ? error.message : lg_status_sentence(status));
+    if (status == LG_INVALID_ARGUMENT || status == LG_OUT_OF_MEMORY)
+        return app_fail(self, status, "%s", app_sentence(status, &error));
+    if (status != LG_OK) return app_fail_file(self, status, &error, search->values->out);
     if (search->values->plot != NULL) {
         status = draw_search(self, search->values->plot, search->trials, search->count, &error);
         if (status != LG_OK) return app_fail_file(self, status, &error, search->values->plot);
@@ -449,7 +568,9 @@ int search_main(app *self, const app_command *train, const train_task *task) {
     lg_error error = {LG_OK, ""};
     char sha256[LG_SHA256_TEXT];
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
+    bool together = false;
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    if (code == APP_EXIT_OK) code = board_wanted(self, &values->board, values->out, &together);
     if (code != APP_EXIT_OK) return code;
     lg_search_file *file = app_alloc(1, sizeof *file);
     const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);
@@ -467,8 +588,7 @@ int search_main(app *self, const app_command *train, const train_task *task) {
                        "data %s validation %.17g rungs %llu warm-up %llu quantile %.17g", sha256,
                        values->validation, (unsigned long long)values->rungs,
                        (unsigned long long)values->warm_up, values->quantile);
-        code = read_trials(&search);
-        if (code == APP_EXIT_OK) code = run_search(&search);
+        code = run_search(&search, together);
         free(search.trials);
     }
     free(file);

@@ -3,6 +3,7 @@
 #ifndef LG_APPS_SEARCH_H
 #define LG_APPS_SEARCH_H
 
+#include "common/board.h"
 #include "common/train.h"
 #include "liegrad/search.h"
 
@@ -11,6 +12,7 @@ typedef struct search_values {
     bool resume;
     uint64_t trials, rungs, warm_up;
     double quantile, validation;
+    board_values board;
 } search_values;
 
 extern search_values search_given;
@@ -28,7 +30,7 @@ extern const app_option search_options[];
 #define SEARCH_COMMAND(data)                                                                                 \
     .name = "search", .arguments = "RANGES.yaml " data,                                                      \
     .summary = "Random search over the options of train", .details = SEARCH_DETAILS, SEARCH_SHARED,          \
-    .arguments_min = 2, .arguments_max = 2
+    .arguments_min = 2, .arguments_max = 2, .together = APP_WORKERS
 
 /* Arguments RANGES.yaml DATA.h5; `train` is the command whose task is searched. Returns the exit code. */
 int search_main(app *app, const app_command *train, const train_task *task);

@@ -16,7 +16,8 @@ const app_option study_options[] = {
                  "Table of runs; runs that it already has are not repeated"),
     APP_ROW_SIZE(study_values, jobs, "jobs", "J", 1, 256,
                  "Number of simultaneous runs (default: --threads); each uses threads/jobs threads"),
-    APP_ROW_SIZE(study_values, stop_after, "stop-after", "n", 1, 1e9, "Stop after n new runs"), APP_ROW_END};
+    APP_ROW_SIZE(study_values, stop_after, "stop-after", "n", 1, 1e9, "Stop after n new runs"),
+    BOARD_ROWS(study_values), APP_ROW_END};
 
 typedef struct study {
     app *app;
@@ -25,6 +26,7 @@ typedef struct study {
     study_file file;
     uint64_t *pending; /* indices of the runs to do */
     size_t pending_count, done;
+    board *board; /* of processes that study together; otherwise NULL */
     uint64_t threads_each;
     pthread_mutex_t mutex; /* file, done, status, progress */
     lg_status status;
@@ -122,15 +124,18 @@ static void fail_row(const study_plan *plan, study_row *row) {
     for (uint32_t k = 0; k + 1 < plan->measure_count; k++) row->result[k] = (double)NAN;
 }
 
-static void run_task(void *user, size_t index) {
-    study *self = user;
-    char text[256];
+static bool is_stopped(study *self) {
     (void)pthread_mutex_lock(&self->mutex);
     const bool stop = self->status != LG_OK || app_interrupted();
     (void)pthread_mutex_unlock(&self->mutex);
-    if (stop) return;
+    return stop;
+}
+
+/* Run `index` of the plan; its row goes to the table, or to the board. */
+static void run_one(study *self, uint64_t index) {
+    char text[256];
     lg_error error = {LG_OK, ""};
-    study_row row = study_run_at(&self->plan, self->pending[index]);
+    study_row row = study_run_at(&self->plan, index);
     lg_status status =
         self->task->run(self->task->user, self->app, &self->plan, self->threads_each, &row, &error);
     if (is_result(status)) {
@@ -138,7 +143,9 @@ static void run_task(void *user, size_t index) {
         status = LG_OK;
     }
     (void)pthread_mutex_lock(&self->mutex);
-    if (status == LG_OK) status = study_file_append(&self->file, &row, &error);
+    if (status == LG_OK)
+        status = self->board != NULL ? board_write(self->board, (size_t)index, &row, BOARD_DONE, &error)
+                                     : study_file_append(&self->file, &row, &error);
     if (status == LG_OK) {
         self->done++;
         self->task->show(&self->plan, &row, text, sizeof text);
@@ -149,6 +156,11 @@ static void run_task(void *user, size_t index) {
         self->error = error;
     }
     (void)pthread_mutex_unlock(&self->mutex);
+}
+
+static void run_task(void *user, size_t index) {
+    study *self = user;
+    if (!is_stopped(self)) run_one(self, self->pending[index]);
 }
 
 static void collect_pending(study *self) {
@@ -162,18 +174,18 @@ static void collect_pending(study *self) {
         self->pending_count = (size_t)study_given.stop_after;
 }
 
-static int run_all(study *self) {
-    const uint64_t jobs = study_given.jobs > 0 ? study_given.jobs : self->app->threads;
+/* Calls task(self, i) for i < count, `jobs` at a time; `finished` runs are in `where` then. */
+static int run_jobs(study *self, uint64_t jobs, size_t count, void (*task)(void *user, size_t index),
+                    const char *where, size_t (*finished)(const study *self)) {
     self->threads_each = self->app->threads / jobs > 0 ? self->app->threads / jobs : 1;
     (void)pthread_mutex_init(&self->mutex, NULL);
     app_progress_begin(&self->progress, 0, self->pending_count);
-    app_parallel(jobs, self->pending_count, run_task, self);
+    app_parallel(jobs, count, task, self);
     app_progress_end(&self->progress);
     (void)pthread_mutex_destroy(&self->mutex);
     if (app_interrupted() || self->status == LG_CANCELLED) {
         (void)fprintf(stderr, "%s: stopped; %zu of %llu runs are in %s, the same command continues\n",
-                      self->app->title, self->file.count, (unsigned long long)study_runs(&self->plan),
-                      self->file.path);
+                      self->app->title, finished(self), (unsigned long long)study_runs(&self->plan), where);
         return APP_EXIT_INTERRUPTED;
     }
     if (self->status != LG_OK)
@@ -181,6 +193,116 @@ static int run_all(study *self) {
                         self->error.message[0] != '\0' ? self->error.message
                                                        : lg_status_sentence(self->status));
     return APP_EXIT_OK;
+}
+
+static uint64_t jobs_of(const study *self) {
+    return study_given.jobs > 0 ? study_given.jobs : self->app->threads;
+}
+
+static size_t rows_of(const study *self) {
+    return self->file.count;
+}
+
+static int run_all(study *self) {
+    return run_jobs(self, jobs_of(self), self->pending_count, run_task, self->file.path, rows_of);
+}
+
+/* ---- runs beside those of other processes ---- */
+
+static size_t done_on_board(const study *self) {
+    return (size_t)study_runs(&self->plan) - board_left(self->board);
+}
+
+static bool is_enough(const study *self) {
+    return study_given.stop_after > 0 && self->done >= study_given.stop_after;
+}
+
+static void board_task(void *user, size_t index) {
+    study *self = user;
+    size_t piece;
+    (void)index;
+    while (!is_stopped(self) && !is_enough(self) && board_next(self->board, &piece)) {
+        run_one(self, piece);
+        if (is_stopped(self)) board_release(self->board, piece);
+    }
+}
+
+/* What the runs depend on. */
+static void label_of(const study_plan *plan, char label[LG_SHA256_TEXT]) {
+    lg_sha256 sha;
+    lg_sha256_init(&sha);
+    lg_sha256_add(&sha, plan->protocol, strlen(plan->protocol));
+    lg_sha256_add(&sha, &plan->seed, sizeof plan->seed);
+    for (uint32_t i = 0; i < plan->axis_count; i++) {
+        const study_axis *axis = &plan->axes[i];
+        lg_sha256_add(&sha, axis->name, strlen(axis->name) + 1);
+        for (uint32_t k = 0; k < axis->count; k++)
+            lg_sha256_add(&sha, axis->text[k], strlen(axis->text[k]) + 1);
+    }
+    lg_sha256_finish(&sha, label);
+}
+
+/* The rows of the table onto the board. */
+static lg_status post_rows(study *self, lg_error *error) {
+    lg_status status = study_file_open(study_given.out, &self->plan, &self->file, error);
+    if (status != LG_OK) return status;
+    for (uint64_t i = 0; i < study_runs(&self->plan) && status == LG_OK; i++) {
+        const study_row key = study_run_at(&self->plan, i), *row = study_file_find(&self->file, &key);
+        if (row != NULL) status = board_write(self->board, (size_t)i, row, BOARD_DONE, error);
+    }
+    study_file_close(&self->file);
+    return status;
+}
+
+/* The rows of the board that the table does not have, in the order of the plan. */
+static lg_status append_rows(study *self, lg_error *error) {
+    lg_status status = study_file_open(study_given.out, &self->plan, &self->file, error);
+    if (status != LG_OK) return status;
+    for (uint64_t i = 0; i < study_runs(&self->plan) && status == LG_OK; i++) {
+        const study_row key = study_run_at(&self->plan, i);
+        study_row row;
+        if (study_file_find(&self->file, &key) == NULL &&
+            board_read(self->board, (size_t)i, &row) == BOARD_DONE)
+            status = study_file_append(&self->file, &row, error);
+    }
+    study_file_close(&self->file);
+    return status;
+}
+
+static lg_status open_board(study *self, lg_error *error) {
+    char label[LG_SHA256_TEXT];
+    bool fresh = false;
+    label_of(&self->plan, label);
+    lg_status status = board_open(self->app, &study_given.board, study_given.out, label, sizeof(study_row),
+                                  (size_t)study_runs(&self->plan), &self->board, &fresh, error);
+    if (status == LG_OK && fresh) status = post_rows(self, error);
+    return status == LG_OK ? board_begin(self->board, error) : status;
+}
+
+/* Works, and completes the table when all runs are done or --merge asks for what there is. *over: another
+ * process reports. */
+static int run_together(study *self, bool *over) {
+    lg_error error = {LG_OK, ""};
+    lg_status status = open_board(self, &error);
+    *over = status == LG_NOT_FOUND;
+    if (status != LG_OK)
+        return *over ? APP_EXIT_OK : app_fail_file(self->app, status, &error, study_given.out);
+    const size_t before = board_left(self->board), jobs = (size_t)jobs_of(self);
+    self->pending_count = before;
+    int code = study_given.board.merge
+                   ? APP_EXIT_OK
+                   : run_jobs(self, jobs, jobs, board_task, board_path(self->board), done_on_board);
+    const size_t left = board_left(self->board);
+    if (code == APP_EXIT_OK && study_given.board.task != NULL) {
+        *over = true;
+        code =
+            board_report(self->app, &study_given.board, done_on_board(self), (size_t)study_runs(&self->plan));
+    } else if (code == APP_EXIT_OK && board_lock(self->board)) {
+        status = append_rows(self, &error);
+        board_end(self->board, left > 0 || status != LG_OK);
+        if (status != LG_OK) code = app_fail_file(self->app, status, &error, study_given.out);
+    }
+    return code;
 }
 
 /* ---- the command ---- */
@@ -204,10 +326,9 @@ static int draw_pictures(const study *self) {
     return APP_EXIT_OK;
 }
 
-static int run_with_file(study *self) {
-    const double begin = app_seconds();
-    collect_pending(self);
-    int code = run_all(self);
+static int run_with_file(study *self, bool together, double begin) {
+    if (!together) collect_pending(self);
+    int code = together ? APP_EXIT_OK : run_all(self);
     if (code == APP_EXIT_OK) code = draw_pictures(self);
     if (code == APP_EXIT_OK) self->task->report(self->app, &self->file, self->done, app_seconds() - begin);
     free(self->pending);
@@ -216,15 +337,22 @@ static int run_with_file(study *self) {
 
 int study_main(app *host, const study_task *task) {
     if (study_given.out == NULL) return app_usage(host, "--out FILE.csv is missing");
+    bool together = false, over = false;
+    const double begin = app_seconds();
     int code = check_outputs(host, task);
+    if (code == APP_EXIT_OK) code = board_wanted(host, &study_given.board, study_given.out, &together);
     if (code != APP_EXIT_OK) return code;
     study *self = app_alloc(1, sizeof *self);
     self->app = host;
     self->task = task;
     code = task->read(task->user, host, &self->plan);
-    if (code == APP_EXIT_OK) {
+    if (code == APP_EXIT_OK && together) {
+        code = run_together(self, &over);
+        board_close(self->board);
+    }
+    if (code == APP_EXIT_OK && !over) {
         const lg_status status = study_file_open(study_given.out, &self->plan, &self->file, &self->error);
-        code = status == LG_OK ? run_with_file(self)
+        code = status == LG_OK ? run_with_file(self, together, begin)
                                : app_fail_file(host, status, &self->error, study_given.out);
         if (status == LG_OK) study_file_close(&self->file);
     }

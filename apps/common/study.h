@@ -6,7 +6,7 @@
 #ifndef LG_APPS_STUDY_DRIVER_H
 #define LG_APPS_STUDY_DRIVER_H
 
-#include "common/app.h"
+#include "common/board.h"
 
 enum { STUDY_AXES = 8, STUDY_VALUES = 16, STUDY_TEXT = 32, STUDY_MEASURES = 6, STUDY_PROTOCOL_TEXT = 13 };
 
@@ -93,6 +93,7 @@ study_summary study_cell_summary(const study_file *file, study_row key);
 typedef struct study_values {
     const char *out;
     uint64_t jobs, stop_after;
+    board_values board;
 } study_values;
 extern study_values study_given;
 extern const app_option study_options[];

@@ -22,4 +22,5 @@ const app_command search_command = {
     SEARCH_SHARED,
     .arguments_min = 2,
     .arguments_max = 2,
-    .run = run};
+    .run = run,
+    .together = APP_WORKERS};

@@ -234,4 +234,5 @@ const app_command study_command = {.name = "study",
                                    STUDY_SHARED,
                                    .arguments_min = 1,
                                    .arguments_max = 1,
-                                   .run = run};
+                                   .run = run,
+                                   .together = APP_WORKERS};

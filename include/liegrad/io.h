@@ -603,6 +603,10 @@ LG_API lg_status lg_search_file_read(const lg_context *context, const char *path
 LG_API lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
                                  uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
                                  lg_error *error);
+/* What the trials depend on, in short: the table's first line. */
+#define LG_SEARCH_LABEL 96
+LG_API void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
+                            char label[LG_SEARCH_LABEL]);
 /* Reads the trials of the same search: the ranges, fixed options, seed and setting that were written.
  * `trials` NULL and room 0: only counts them. A last line without its end is left out: that trial was not
  * saved and is to run again. LG_NOT_FOUND: no such file; LG_INVALID_ARGUMENT: of another search (the sentence

@@ -57,6 +57,8 @@ typedef struct lg_trial {
     double value[LG_RANGE_MAX];
     uint32_t reports;                /* rungs reached */
     double report[LG_TRIAL_REPORTS]; /* objective at each */
+    /* Of a trial that ran beside others: its planned epochs, and those done at each rung. 0: it is settled. */
+    uint64_t planned, report_epoch[LG_TRIAL_REPORTS];
 } lg_trial;
 
 typedef struct lg_search_options {
@@ -119,6 +121,21 @@ typedef struct lg_search_problem {
 LG_API lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
                                const lg_search_options *options, const lg_search_problem *problem,
                                lg_trial *trials, size_t *count, lg_error *error);
+/* ---- trials beside each other: on other threads, processes, machines ---- */
+
+/* What a trial learns of others where it passes a rung: sets *trials to those with lower numbers, settled.
+ * False: one of them has not come so far; then the trial goes on, and lg_search_settle decides later. */
+typedef bool (*lg_search_known)(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **trials,
+                                size_t *count);
+/* Runs one trial. `known` NULL: nothing is known. LG_OK (a trial that failed, too: `why`), LG_CANCELLED (it is
+ * not kept), or what lg_search_run refuses. */
+LG_API lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
+                                     const lg_search_problem *problem, lg_search_known known, uint64_t number,
+                                     lg_trial *trial, lg_error *why);
+/* Sorts the trials by number, and makes each that ran on where it would have been stopped one that was
+ * stopped there: when all numbers below are there, they are those of lg_search_run, but for their seconds. */
+LG_API void lg_search_settle(const lg_search_options *options, lg_trial *trials, size_t count);
+
 /* Position of the done trial with the lowest objective; among equal ones, the lowest number. `count` when no
  * trial is done. */
 LG_API size_t lg_search_best(const lg_trial *trials, size_t count);

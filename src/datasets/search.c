@@ -330,12 +330,19 @@ static void add_number(text *t, double x) {
         add(t, ",%.17g", x);
 }
 
-static void add_head(text *t, const lg_search_file *search, uint64_t seed, const char *setting,
-                     uint32_t reports) {
+void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
+                     char label[LG_SEARCH_LABEL]) {
     char space[HASH_DIGITS + 1], settings[HASH_DIGITS + 1];
     space_hash(&search->space, space);
     setting_hash(search, setting, settings);
-    add(t, "# seed %" PRIu64 " space %s setting %s\n", seed, space, settings);
+    (void)snprintf(label, LG_SEARCH_LABEL, "seed %" PRIu64 " space %s setting %s", seed, space, settings);
+}
+
+static void add_head(text *t, const lg_search_file *search, uint64_t seed, const char *setting,
+                     uint32_t reports) {
+    char label[LG_SEARCH_LABEL];
+    lg_search_label(search, seed, setting, label);
+    add(t, "# %s\n", label);
     for (size_t i = 0; i < LG_COUNT(columns); i++) add(t, "%s%s", i > 0 ? "," : "", columns[i]);
     for (size_t i = 0; i < search->space.count; i++) add(t, ",%s", search->space.ranges[i].name);
     for (uint32_t i = 0; i < reports; i++) add(t, ",rung%u", i + 1);

@@ -2,6 +2,7 @@
 #include "liegrad/search.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -16,6 +17,9 @@ struct lg_search {
     size_t count;
     lg_trial *trial; /* the one that runs */
     bool stopped;    /* a report said so */
+    bool beside;     /* others run at the same time: `known` says what is known of them; may be NULL */
+    lg_search_known known;
+    void *user;
 };
 
 const char *lg_trial_state_name(lg_trial_state state) {
@@ -159,17 +163,28 @@ static uint64_t rung_epoch(uint64_t total, uint32_t rung, uint32_t parts) {
     return total / parts * (rung + 1) + (total % parts * (rung + 1) + parts - 1) / parts;
 }
 
+/* Whether the trial is to be stopped at the rung that it has just reached; false where nobody knows yet. */
+static bool prunes(const lg_search *search, uint32_t rung) {
+    const lg_trial *before = search->before, *trial = search->trial;
+    size_t count = search->count;
+    if (search->beside &&
+        (search->known == NULL || !search->known(search->user, trial, rung, &before, &count)))
+        return !isfinite(trial->report[rung]);
+    return lg_search_prune(search->options, before, count, trial->number, rung, trial->report[rung]);
+}
+
 bool lg_search_report(lg_search *search, uint64_t done, uint64_t total, double objective) {
     if (search == NULL) return false;
     lg_trial *trial = search->trial;
     const uint32_t rungs = search->options->rungs;
     bool stop = !isfinite(objective);
     trial->objective = objective;
+    if (search->beside) trial->planned = total;
     while (trial->reports < rungs && done >= rung_epoch(total, trial->reports, rungs + 1)) {
         const uint32_t rung = trial->reports++;
         trial->report[rung] = objective;
-        stop = stop || (done < total && lg_search_prune(search->options, search->before, search->count,
-                                                        trial->number, rung, objective));
+        if (search->beside) trial->report_epoch[rung] = done;
+        stop = stop || (done < total && prunes(search, rung));
     }
     search->stopped = search->stopped || stop;
     return search->stopped;
@@ -222,21 +237,19 @@ static void explain(const lg_trial *trial, lg_status status, lg_error *why) {
     why->status = status == LG_OK ? LG_NOT_FINITE : status;
 }
 
-/* Runs trials[count]. False: it was cancelled and is not kept. */
-static bool run_trial(const lg_search_options *options, const lg_search_problem *problem,
-                      const lg_search_space *space, lg_trial *trials, size_t count, uint64_t number,
-                      lg_error *why) {
-    lg_trial *trial = &trials[count];
-    lg_search search = {options, trials, count, trial, false};
+/* Runs the trial of `search`. False: it was cancelled and is not kept. */
+static bool run_trial(lg_search *search, const lg_search_problem *problem, const lg_search_space *space,
+                      uint64_t number, lg_error *why) {
+    lg_trial *trial = search->trial;
     *trial = (lg_trial){.number = number, .objective = NAN};
-    lg_search_draw(space, options->seed, number, trial->value);
+    lg_search_draw(space, search->options->seed, number, trial->value);
     const double start = lg_seconds();
-    lg_status status = problem->run(problem->user, &search, trial, why);
+    lg_status status = problem->run(problem->user, search, trial, why);
     trial->seconds = lg_seconds() - start;
     trial->number = number;
-    if (status == LG_CANCELLED && search.stopped) status = LG_OK;
+    if (status == LG_CANCELLED && search->stopped) status = LG_OK;
     if (status == LG_CANCELLED) return false;
-    if (status == LG_OK && search.stopped)
+    if (status == LG_OK && search->stopped)
         trial->state = LG_TRIAL_PRUNED;
     else
         trial->state = status == LG_OK && isfinite(trial->objective) ? LG_TRIAL_DONE : LG_TRIAL_FAILED;
@@ -263,8 +276,9 @@ lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
     for (uint64_t number = 0; number < options->trials; number++) {
         if (has_number(trials, *count, number)) continue;
         lg_error why = {LG_OK, ""};
+        lg_search one = {.options = options, .before = trials, .count = *count, .trial = &trials[*count]};
         if (lg_cancelled(context)) return lg_fail(error, LG_CANCELLED, "the search was stopped");
-        if (!run_trial(options, problem, space, trials, *count, number, &why))
+        if (!run_trial(&one, problem, space, number, &why))
             return lg_fail(error, LG_CANCELLED, "the search was stopped in trial %llu",
                            (unsigned long long)number);
         ++*count;
@@ -276,6 +290,57 @@ lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
     }
     if (error != NULL) *error = (lg_error){LG_OK, ""};
     return LG_OK;
+}
+
+/* ---- trials beside each other ---- */
+
+lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
+                              const lg_search_problem *problem, lg_search_known known, uint64_t number,
+                              lg_trial *trial, lg_error *why) {
+    if (problem == NULL || problem->run == NULL || trial == NULL || options == NULL || why == NULL)
+        return lg_fail(why, LG_INVALID_ARGUMENT, "a search needs something to run and room for trials");
+    LG_TRY(lg_search_space_check(space, why));
+    LG_TRY(check_options(options, why));
+    lg_search one = {
+        .options = options, .trial = trial, .beside = true, .known = known, .user = problem->user};
+    *why = (lg_error){LG_OK, ""};
+    if (run_trial(&one, problem, space, number, why)) return LG_OK;
+    return lg_fail(why, LG_CANCELLED, "the search was stopped in trial %llu", (unsigned long long)number);
+}
+
+static int by_number(const void *a, const void *b) {
+    const lg_trial *x = a, *y = b;
+    return (x->number > y->number) - (x->number < y->number);
+}
+
+/* The trial after the report that passed the rungs up to `reports`. */
+static void stop_at(lg_trial *trial, uint32_t reports) {
+    trial->state = LG_TRIAL_PRUNED;
+    trial->reports = reports;
+    trial->objective = trial->report[reports - 1];
+    trial->epochs = trial->report_epoch[reports - 1];
+}
+
+/* Rungs that one report passed are stopped at together. */
+static void settle(const lg_search_options *options, const lg_trial *before, lg_trial *trial) {
+    for (uint32_t first = 0, end; first < trial->reports; first = end) {
+        const uint64_t epoch = trial->report_epoch[first];
+        bool stop = false;
+        for (end = first; end < trial->reports && trial->report_epoch[end] == epoch; end++)
+            stop = stop || lg_search_prune(options, before, (size_t)(trial - before), trial->number, end,
+                                           trial->report[end]);
+        if (!stop || epoch >= trial->planned) continue;
+        stop_at(trial, end);
+        return;
+    }
+}
+
+void lg_search_settle(const lg_search_options *options, lg_trial *trials, size_t count) {
+    qsort(trials, count, sizeof *trials, by_number);
+    for (size_t i = 0; i < count; i++) {
+        if (trials[i].planned > 0) settle(options, trials, &trials[i]);
+        trials[i].planned = 0;
+    }
 }
 
 size_t lg_search_best(const lg_trial *trials, size_t count) {

@@ -1,0 +1,298 @@
+/* A board of work: a file of results, and locks on bytes beyond its end. */
+#include "common/board.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+/* The file: a head, then count slots of a state (8 bytes) and a record. */
+typedef struct head {
+    char magic[16], sweep[128];
+    uint64_t record, count, ready; /* ready: what was known is put */
+} head;
+static const char magic[16] = "liegrad board 1";
+
+/* Bytes that are locked. */
+#define LOCKS ((off_t)1 << 40)
+enum { LOCK_BOARD, LOCK_RECORDS, LOCK_PIECES };
+
+struct board {
+    char *path;
+    int fd;
+    size_t record, count;
+    bool wait;
+    pthread_mutex_t mutex;
+    bool *done, *mine; /* (count): as far as this process knows; its claims */
+};
+
+/* ---- locks ---- */
+
+/* Blocks unless `try`. False: another process has it, or there are no locks. */
+static bool lock(const board *b, off_t byte, short type, bool try) {
+    struct flock range = {.l_type = type, .l_whence = SEEK_SET, .l_start = LOCKS + byte, .l_len = 1};
+    int code;
+    do code = fcntl(b->fd, try ? F_SETLK : F_SETLKW, &range);
+    while (code != 0 && errno == EINTR);
+    return code == 0;
+}
+
+static void unlock(const board *b, off_t byte) {
+    (void)lock(b, byte, F_UNLCK, true);
+}
+
+static void nap(long milliseconds) {
+    const struct timespec pause = {.tv_sec = 0, .tv_nsec = milliseconds * 1000000};
+    (void)nanosleep(&pause, NULL);
+}
+
+/* ---- reading and writing ---- */
+
+static lg_status put(const board *b, const void *data, size_t bytes, off_t at, lg_error *error) {
+    for (const char *from = data; bytes > 0;) {
+        const ssize_t n = pwrite(b->fd, from, bytes, at);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0)
+            return app_error(error, LG_FILE, "%s: cannot be written: %s", b->path,
+                             strerror(n < 0 ? errno : ENOSPC));
+        from += n, at += n, bytes -= (size_t)n;
+    }
+    return LG_OK;
+}
+
+static bool get(const board *b, void *data, size_t bytes, off_t at) {
+    for (char *to = data; bytes > 0;) {
+        const ssize_t n = pread(b->fd, to, bytes, at);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) return false;
+        to += n, at += n, bytes -= (size_t)n;
+    }
+    return true;
+}
+
+static off_t slot(const board *b, size_t piece) {
+    return (off_t)(sizeof(head) + piece * (sizeof(uint64_t) + b->record));
+}
+
+static board_state state_of(const board *b, size_t piece) {
+    uint64_t state;
+    return get(b, &state, sizeof state, slot(b, piece)) && state <= BOARD_DONE ? (board_state)state
+                                                                               : BOARD_EMPTY;
+}
+
+/* ---- opening ---- */
+
+int board_wanted(const app *self, const board_values *values, const char *out, bool *wanted) {
+    uint64_t i = 0, n = 1;
+    if (values->task != NULL) {
+        char *text = app_format("%s", values->task), *slash = strchr(text, '/');
+        if (slash != NULL) *slash = '\0';
+        const bool good = slash != NULL && app_parse_size(text, &i) && app_parse_size(slash + 1, &n) && i < n;
+        free(text);
+        if (!good) return app_usage(self, "--task: i/n with i from 0 to n - 1 is expected, as in 3/16");
+        if (values->merge) return app_usage(self, "--task works, and --merge does not; give one of them");
+    }
+    char *path = app_format("%s.board", out);
+    *wanted = self->rank_count > 1 || values->task != NULL || values->merge || access(path, F_OK) == 0;
+    free(path);
+    return APP_EXIT_OK;
+}
+
+/* The output is newer than this process: rank 0 has come to the end before the board was seen. */
+static bool is_over(const char *out) {
+    static const double slack = 2.0;
+    struct stat about;
+    struct timespec now;
+    (void)clock_gettime(CLOCK_REALTIME, &now);
+    return stat(out, &about) == 0 && difftime(now.tv_sec, about.st_mtime) <= app_age() + slack;
+}
+
+static lg_status open_file(board *b, bool make, lg_error *error) {
+    enum { PATIENCE = 10000, PAUSE = 20 }; /* milliseconds */
+    for (int waited = 0;; waited += PAUSE) {
+        struct stat about;
+        b->fd = open(b->path, make ? O_RDWR | O_CREAT | O_CLOEXEC : O_RDWR | O_CLOEXEC, 0666);
+        if (b->fd < 0 && (make || errno != ENOENT || waited >= PATIENCE))
+            return app_error(error, errno == ENOENT ? LG_NOT_FOUND : LG_FILE, "%s: cannot be opened: %s",
+                             b->path, strerror(errno));
+        if (b->fd >= 0) {
+            if (!lock(b, LOCK_BOARD, F_WRLCK, false))
+                return app_error(error, LG_FILE, "%s: cannot be locked: %s", b->path, strerror(errno));
+            if (fstat(b->fd, &about) == 0 && about.st_nlink > 0) return LG_OK;
+            (void)close(b->fd); /* it ended in the meantime */
+            b->fd = -1;
+        }
+        nap(PAUSE);
+    }
+}
+
+static lg_status check_head(const board *b, const head *mine, bool *fresh, lg_error *error) {
+    head found = {.ready = 0};
+    struct stat about;
+    if (fstat(b->fd, &about) == 0 && about.st_size == 0) {
+        *fresh = true;
+        return put(b, mine, sizeof *mine, 0, error);
+    }
+    const bool whole = get(b, &found, sizeof found, 0);
+    *fresh = whole && found.ready == 0;
+    if (whole && memcmp(found.magic, mine->magic, sizeof found.magic) == 0 && found.record == mine->record &&
+        found.count == mine->count && memcmp(found.sweep, mine->sweep, sizeof found.sweep) == 0)
+        return LG_OK;
+    return app_error(error, LG_FORMAT, "%s: belongs to other work; remove it, or write to another file",
+                     b->path);
+}
+
+lg_status board_open(const app *self, const board_values *values, const char *out, const char *sweep,
+                     size_t record, size_t count, board **board_out, bool *fresh, lg_error *error) {
+    board *b = app_alloc(1, sizeof *b);
+    head mine = {.record = record, .count = count};
+    memcpy(mine.magic, magic, sizeof magic);
+    (void)snprintf(mine.sweep, sizeof mine.sweep, "%s", sweep);
+    *b = (board){.path = app_format("%s.board", out),
+                 .fd = -1,
+                 .record = record,
+                 .count = count,
+                 .wait = values->task == NULL,
+                 .done = app_alloc(count, sizeof *b->done),
+                 .mine = app_alloc(count, sizeof *b->mine)};
+    (void)pthread_mutex_init(&b->mutex, NULL);
+    lg_status status = open_file(b, self->rank == 0, error);
+    if (status == LG_NOT_FOUND && !is_over(out))
+        status = app_error(error, LG_FILE, "%s: rank 0 has not made it", b->path);
+    if (status == LG_OK) status = check_head(b, &mine, fresh, error);
+    if (status == LG_OK)
+        *board_out = b;
+    else
+        board_close(b);
+    return status;
+}
+
+lg_status board_begin(board *b, lg_error *error) {
+    const uint64_t ready = 1;
+    const lg_status status = put(b, &ready, sizeof ready, offsetof(head, ready), error);
+    unlock(b, LOCK_BOARD);
+    return status;
+}
+
+void board_close(board *b) {
+    if (b == NULL) return;
+    if (b->fd >= 0) (void)close(b->fd); /* lifts all locks */
+    (void)pthread_mutex_destroy(&b->mutex);
+    free(b->path);
+    free(b->done);
+    free(b->mine);
+    free(b);
+}
+
+const char *board_path(const board *b) {
+    return b->path;
+}
+
+/* ---- pieces ---- */
+
+/* Locks are those of the process: its threads have a mutex. */
+bool board_claim(board *b, size_t *piece) {
+    bool found = false;
+    (void)pthread_mutex_lock(&b->mutex);
+    for (size_t i = 0; i < b->count && !found; i++) {
+        if (b->done[i] || b->mine[i] || !lock(b, LOCK_PIECES + (off_t)i, F_WRLCK, true)) continue;
+        b->done[i] = state_of(b, i) == BOARD_DONE;
+        if (b->done[i]) {
+            unlock(b, LOCK_PIECES + (off_t)i);
+            continue;
+        }
+        b->mine[i] = found = true;
+        *piece = i;
+    }
+    (void)pthread_mutex_unlock(&b->mutex);
+    return found;
+}
+
+bool board_next(board *b, size_t *piece) {
+    enum { PAUSE = 50 };
+    while (!app_interrupted()) {
+        if (board_claim(b, piece)) return true;
+        if (!b->wait || board_left(b) == 0) return false;
+        nap(PAUSE);
+    }
+    return false;
+}
+
+void board_release(board *b, size_t piece) {
+    (void)pthread_mutex_lock(&b->mutex);
+    b->mine[piece] = false;
+    unlock(b, LOCK_PIECES + (off_t)piece);
+    (void)pthread_mutex_unlock(&b->mutex);
+}
+
+board_state board_read(board *b, size_t piece, void *record) {
+    (void)pthread_mutex_lock(&b->mutex);
+    (void)lock(b, LOCK_RECORDS, F_RDLCK, false);
+    board_state state = state_of(b, piece);
+    if (state != BOARD_EMPTY && !get(b, record, b->record, slot(b, piece) + (off_t)sizeof(uint64_t)))
+        state = BOARD_EMPTY;
+    unlock(b, LOCK_RECORDS);
+    (void)pthread_mutex_unlock(&b->mutex);
+    return state;
+}
+
+/* The record comes before its state, so that a piece is done only when its result is there. */
+lg_status board_write(board *b, size_t piece, const void *record, board_state state, lg_error *error) {
+    const uint64_t word = state;
+    (void)pthread_mutex_lock(&b->mutex);
+    (void)lock(b, LOCK_RECORDS, F_WRLCK, false);
+    lg_status status = put(b, record, b->record, slot(b, piece) + (off_t)sizeof word, error);
+    if (status == LG_OK && state == BOARD_DONE && fdatasync(b->fd) != 0)
+        status = app_error(error, LG_FILE, "%s: cannot be written: %s", b->path, strerror(errno));
+    if (status == LG_OK) status = put(b, &word, sizeof word, slot(b, piece), error);
+    unlock(b, LOCK_RECORDS);
+    if (status == LG_OK && state == BOARD_DONE) b->done[piece] = true;
+    (void)pthread_mutex_unlock(&b->mutex);
+    if (status == LG_OK && state == BOARD_DONE) board_release(b, piece);
+    return status;
+}
+
+size_t board_left(board *b) {
+    size_t left = 0;
+    (void)pthread_mutex_lock(&b->mutex);
+    for (size_t i = 0; i < b->count; i++) {
+        if (!b->done[i]) b->done[i] = state_of(b, i) == BOARD_DONE;
+        left += !b->done[i];
+    }
+    (void)pthread_mutex_unlock(&b->mutex);
+    return left;
+}
+
+int board_report(const app *self, const board_values *values, size_t done, size_t count) {
+    app_json json;
+    if (!self->json) {
+        (void)printf("task %s: %zu of %zu are done by all tasks%s\n", values->task, done, count,
+                     done == count ? "; put them together by --merge" : "");
+        return APP_EXIT_OK;
+    }
+    app_json_begin(&json);
+    app_json_text(&json, "task", values->task);
+    app_json_size(&json, "done", done);
+    app_json_size(&json, "count", count);
+    app_json_end(&json);
+    return APP_EXIT_OK;
+}
+
+/* ---- the output ---- */
+
+bool board_lock(board *b) {
+    struct stat about;
+    if (!lock(b, LOCK_BOARD, F_WRLCK, false)) return false;
+    if (fstat(b->fd, &about) == 0 && about.st_nlink > 0) return true;
+    unlock(b, LOCK_BOARD);
+    return false;
+}
+
+void board_end(board *b, bool kept) {
+    if (!kept) (void)unlink(b->path);
+    unlock(b, LOCK_BOARD);
+}
