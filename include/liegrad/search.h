@@ -57,7 +57,7 @@ typedef struct lg_trial {
     double value[LG_RANGE_MAX];
     uint32_t reports;                /* rungs reached */
     double report[LG_TRIAL_REPORTS]; /* objective at each */
-    /* Of a trial that ran beside others: its planned epochs, and those done at each rung. 0: it is settled. */
+    /* Of a trial that ran beside others: its planned epochs, and those done at each rung. 0: settled. */
     uint64_t planned, report_epoch[LG_TRIAL_REPORTS];
 } lg_trial;
 
@@ -127,8 +127,8 @@ LG_API lg_status lg_search_run(const lg_context *context, const lg_search_space 
  * False: one of them has not come so far; then the trial goes on, and lg_search_settle decides later. */
 typedef bool (*lg_search_known)(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **trials,
                                 size_t *count);
-/* Runs one trial. `known` NULL: nothing is known. LG_OK (a trial that failed, too: `why`), LG_CANCELLED (it is
- * not kept), or what lg_search_run refuses. */
+/* Runs one trial. `known` NULL: nothing is known. LG_OK (a trial that failed, too: `why`), LG_CANCELLED (it
+ * is not kept), or what lg_search_run refuses. */
 LG_API lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
                                      const lg_search_problem *problem, lg_search_known known, uint64_t number,
                                      lg_trial *trial, lg_error *why);

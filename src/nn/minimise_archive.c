@@ -34,8 +34,9 @@ static bool divided(const lg_minimiser *m) {
     return m->options.ranks != NULL && m->row->by_rows;
 }
 
+/* Numbers in the rows of this rank; 0 of a method without rows. */
 static size_t rows_length(const lg_minimiser *m) {
-    return (m->end - m->first) * lg_minimise_stride(m->n);
+    return m->row->by_rows ? (m->end - m->first) * lg_minimise_stride(m->n) : 0;
 }
 
 lg_status lg_minimiser_collect(lg_minimiser *m, lg_error *error) {

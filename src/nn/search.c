@@ -319,6 +319,7 @@ static void stop_at(lg_trial *trial, uint32_t reports) {
     trial->reports = reports;
     trial->objective = trial->report[reports - 1];
     trial->epochs = trial->report_epoch[reports - 1];
+    for (uint32_t r = reports; r < LG_TRIAL_REPORTS; r++) trial->report[r] = 0.0;
 }
 
 /* Rungs that one report passed are stopped at together. */

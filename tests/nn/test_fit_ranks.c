@@ -154,7 +154,7 @@ TEST("samples' own rows and blocks come from the rank of the sample") {
 }
 
 TEST("a matrix of several blocks of rows is divided, saved whole and resumed by another number of ranks") {
-    static const char *const plans[] = {"adam", "ssbroyden", "lm"};
+    static const char *const plans[] = {"adam", "ssbroyden", "lbfgs", "lm"};
     regression r = make_regression();
     for (size_t i = 0; i < LG_COUNT(plans); i++) {
         trained whole = training(&r, plans[i], 24), first = whole, rest = whole;

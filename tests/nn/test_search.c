@@ -1,5 +1,6 @@
 /* Random search: draws, early stopping, what an interruption leaves. */
 #include "test_support.h"
+#include "liegrad/random.h"
 #include "liegrad/search.h"
 static lg_range bounds(const char *name, lg_range_kind kind, double low, double high) {
     lg_range range = {.kind = kind, .low = low, .high = high};
@@ -484,4 +485,96 @@ TEST("the best trial is the first of the least objective that is done") {
     assert_int_equal(lg_search_best(NULL, 0), 0);
     assert_string_equal(lg_trial_state_name(LG_TRIAL_PRUNED), "pruned");
     assert_string_equal(lg_trial_state_name((lg_trial_state)LG_TRIAL_STATE_COUNT), "unknown");
+}
+/* ---- trials beside each other ---- */
+
+/* Trials that run in any order; each knows those before it when all of them have run. */
+typedef struct beside {
+    training training;
+    lg_search_options options;
+    lg_trial all[TRIALS]; /* by number */
+    bool ran[TRIALS];
+    bool tells; /* a trial may ask */
+    size_t asked, stopped;
+} beside;
+
+static lg_status run_beside(void *user, lg_search *search, lg_trial *trial, lg_error *error) {
+    beside *b = user;
+    return run(&b->training, search, trial, error);
+}
+
+static bool known(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **trials, size_t *count) {
+    static lg_trial settled[TRIALS];
+    beside *b = user;
+    b->asked++;
+    assert_true(trial->reports > rung);
+    for (size_t i = 0; i < trial->number; i++)
+        if (!b->ran[i]) return false;
+    memcpy(settled, b->all, sizeof settled);
+    lg_search_settle(&b->options, settled, trial->number);
+    *trials = settled;
+    *count = trial->number;
+    return b->tells;
+}
+
+static void run_in_order(beside *b, const size_t *order) {
+    const lg_search_space space = example();
+    const lg_search_problem problem = {run_beside, NULL, b};
+    for (size_t i = 0; i < TRIALS; i++) {
+        lg_error why = {LG_OK, ""};
+        lg_trial *trial = &b->all[order[i]];
+        assert_ok(lg_search_run_trial(&space, &b->options, &problem, known, order[i], trial, &why));
+        assert_int_equal(trial->state == LG_TRIAL_FAILED, why.message[0] != '\0');
+        b->ran[order[i]] = true;
+        b->stopped += trial->state == LG_TRIAL_PRUNED;
+    }
+}
+
+TEST("trials that ran in any order, knowing of others or not, settle to those of a search one after the "
+     "other") {
+    lg_trial whole[TRIALS], mixed[TRIALS];
+    training t = {.stop_at = 0};
+    search_whole(&t, whole);
+    for (uint64_t round = 0; round < 40; round++) {
+        beside *b = lg_test_memory(sizeof *b);
+        size_t order[TRIALS];
+        lg_rng rng;
+        b->options = few();
+        b->tells = round % 2 == 0;
+        b->training.by_status = round % 3 == 0;
+        lg_rng_seed(&rng, round, 0);
+        for (size_t i = 0; i < TRIALS; i++) order[i] = round == 0 ? i : TRIALS - 1 - i;
+        for (size_t i = TRIALS - 1; round > 1 && i > 0; i--) {
+            const size_t k = (size_t)lg_rng_below(&rng, i + 1), kept = order[i];
+            order[i] = order[k];
+            order[k] = kept;
+        }
+        run_in_order(b, order);
+        assert_true(b->asked > 0);
+        for (size_t i = 0; i < TRIALS; i++) mixed[i] = b->all[order[i]];
+        lg_search_settle(&b->options, mixed, TRIALS);
+        assert_same_trials(whole, mixed, TRIALS);
+        /* In the order of numbers nothing is left to settle. */
+        if (round == 0) assert_same_trials(whole, b->all, TRIALS);
+        lg_search_settle(&b->options, mixed, TRIALS);
+        assert_same_trials(whole, mixed, TRIALS);
+    }
+}
+
+TEST("rungs that one report passed are stopped at together, and a cancelled trial is not kept") {
+    const lg_search_space space = example();
+    lg_trial whole[TRIALS], alone[TRIALS];
+    training t = {.stop_at = 0}, u = {.stop_at = 1};
+    lg_search_options o = few();
+    const lg_search_problem problem = {run, finished, &t}, broken = {run, NULL, &u};
+    size_t count = 0;
+    lg_error why;
+    o.rungs = LG_TRIAL_REPORTS;
+    assert_ok(lg_search_run(NULL, &space, &o, &problem, whole, &count, NULL));
+    for (size_t i = 0; i < TRIALS; i++)
+        assert_ok(lg_search_run_trial(&space, &o, &problem, NULL, i, &alone[i], &why));
+    lg_search_settle(&o, alone, TRIALS);
+    assert_same_trials(whole, alone, TRIALS);
+    assert_status(lg_search_run_trial(&space, &o, &broken, NULL, 1, &alone[1], &why), LG_CANCELLED);
+    assert_status(lg_search_run_trial(&space, &o, NULL, NULL, 0, &alone[0], &why), LG_INVALID_ARGUMENT);
 }

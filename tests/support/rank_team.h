@@ -1,5 +1,5 @@
-/* Ranks (liegrad/ranks.h) as threads of a test: team_run runs one function on each, which returns a status and
- * must not assert. */
+/* Ranks (liegrad/ranks.h) as threads of a test: team_run runs one function on each, which returns a status
+ * and must not assert. */
 #ifndef LG_RANK_TEAM_H
 #define LG_RANK_TEAM_H
 

@@ -1,0 +1,59 @@
+# Searches and studies by several processes give the table of one: tasks of a job array, killed ones among them, and the
+# same command in two terminals. ctest-labels: slow
+set -eu
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+export PATH=$LG_BIN_DIR:$PATH
+cd "$work"
+. "$LG_TEST_DIR/apps/sweeps.sh"
+
+search="lg-elastica search ranges.yaml data.h5 --trials 16 --threads 1"
+study="lg-hamiltonian study grid.yaml --threads 1"
+make_sweeps
+$search --out search.csv >one 2>&1
+$study --out study.csv >one 2>&1
+
+for kind in search study; do
+    command=${!kind}
+    # Tasks: together all of the work, the table by --merge, and no board behind it.
+    for i in 0 1 2; do $command --out t.csv --task $i/3 >"task$i" & done
+    wait
+    $command --out t.csv --merge >merged
+    same_table $kind.csv t.csv || fail "$kind: tasks gave another table"
+    [ ! -e t.csv.board ] || fail "$kind: the board is left"
+    # A task that comes late has nothing to do.
+    $command --out t.csv --task 2/3 | grep -q "are done by all tasks; put them together" || fail "$kind: a late task works"
+    rm -f t.csv*
+
+    # What killed tasks had not finished the next one does; --merge before that gives a part, and keeps the board.
+    for kill in 1 2 3; do
+        $command --out t.csv --task $kill/4 >task 2>&1 &
+        pid=$!
+        sleep 0.$((kill + 2))
+        kill -9 $pid 2>/dev/null || true
+        wait $pid 2>/dev/null || true
+    done
+    $command --out t.csv --merge >part 2>&1 || true
+    [ -e t.csv.board ] || same_table $kind.csv t.csv || fail "$kind: the board of unfinished work is gone"
+    # Without --task the command that finds a board takes part, and completes the table.
+    $command --out t.csv >rest 2>&1 &
+    $command --out t.csv >rest2 2>&1
+    wait
+    same_table $kind.csv t.csv || fail "$kind: killed tasks changed the table"
+    [ ! -e t.csv.board ] || fail "$kind: the board is left after killed tasks"
+    rm -f t.csv*
+done
+
+# A board of other work is refused, and a wrong task is a usage error.
+$search --out t.csv --task 0/2 >task
+code=0
+lg-elastica search ranges.yaml data.h5 --trials 16 --threads 1 --seed 2 --out t.csv 2>err || code=$?
+[ $code = 3 ] && grep -q "belongs to other work" err || fail "another search took the board: $code $(cat err)"
+for task in 2/2 x 1 /2 1/ -1/2; do
+    code=0
+    $search --out t.csv --task=$task 2>err >out || code=$?
+    [ $code = 2 ] || fail "--task $task: exit code $code"
+done
+code=0
+$search --out t.csv --task 0/2 --merge 2>err >out || code=$?
+[ $code = 2 ] || fail "--task with --merge: exit code $code"

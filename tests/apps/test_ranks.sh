@@ -1,0 +1,100 @@
+# Ranks of mpirun: training with the bits of one process by 1 to 4 ranks of 1 and 2 threads, resumed by another number of
+# them; sweeps whose ranks are killed; what is refused. Skipped without mpirun or liegrad_mpi. ctest-labels: slow
+set -eu
+command -v mpirun >/dev/null && ls "$LG_BIN_DIR"/../libliegrad_mpi.so >/dev/null 2>&1 || { echo "no MPI here"; exit 77; }
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+export PATH=$LG_BIN_DIR:$PATH OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+cd "$work"
+. "$LG_TEST_DIR/apps/sweeps.sh"
+make_sweeps
+ranks() { timeout 300 mpirun --oversubscribe "$@"; }
+
+# Numbers of a model file, but for times.
+numbers() { lg-export "$1" --out "$2" --name m >/dev/null 2>&1 && cat "$2"/m_weights.c; }
+same_model() {
+    rm -rf a b
+    numbers "$1" a >a.txt
+    numbers "$2" b >b.txt
+    [ -s a.txt ] && cmp -s a.txt b.txt
+}
+same_history() { diff <(cut -d, -f1-4 "$1") <(cut -d, -f1-4 "$2") >/dev/null; }
+
+lg-hamiltonian generate pendulum.yaml --trajectories 40 --points 5 --t-end 0.5 --out h.h5 >made
+for method in adam ssbroyden lbfgs; do
+    train="lg-hamiltonian train h.h5 --hidden 12,12 --method $method --epochs 14"
+    $train --threads 1 --out one.h5 --history one.csv >out 2>&1
+    for R in 1 2 3 4; do
+        for T in 1 2; do
+            ranks -n $R $train --threads $T --out many.h5 --history many.csv --json >out 2>err || fail "$method $R: $(cat err)"
+            same_model one.h5 many.h5 && same_history one.csv many.csv || fail "$method: $R ranks of $T threads give other bits"
+            grep -q "\"ranks\": $R" out || fail "$method $R: $(cat out)"
+        done
+    done
+    # In two parts, by other numbers of ranks.
+    for parts in "1 3" "3 2" "4 1"; do
+        set -- $parts
+        ranks -n $1 $train --threads 1 --out many.h5 --stop-after 6 --checkpoint c.h5 >out 2>err || fail "$method: $(cat err)"
+        ranks -n $2 lg-hamiltonian train h.h5 --resume c.h5 --threads 1 --out many.h5 --history many.csv >out 2>err || fail "$method: $(cat err)"
+        same_model one.h5 many.h5 && same_history one.csv many.csv || fail "$method: resumed by $2 after $1 gives other bits"
+    done
+done
+# Levenberg-Marquardt, with numbers of their own for each window.
+awk 'BEGIN {print "x,y"; for (i = 0; i < 200; i++) print i / 100 "," sin(i / 20)}' >table.csv
+fit="lg-fit train table.csv --inputs x --outputs y --hidden 10 --epochs 30 --threads 1"
+$fit --out one.h5 >out 2>&1
+for R in 2 3; do
+    ranks -n $R $fit --out many.h5 >out 2>err || fail "lm $R: $(cat err)"
+    same_model one.h5 many.h5 || fail "lm: $R ranks give other bits"
+done
+
+# Sweeps: ranks are killed, the table is that of one process.
+search="lg-elastica search ranges.yaml data.h5 --trials 16 --threads 1"
+study="lg-hamiltonian study grid.yaml --threads 1"
+for kind in search study; do
+    command=${!kind}
+    $command --out one.csv >out 2>&1
+    ranks -n 3 $command --out many.csv --json >out 2>err || fail "$kind: $(cat err)"
+    same_table one.csv many.csv || fail "$kind: 3 ranks give another table"
+    [ "$(wc -l <out)" = 1 ] || fail "$kind: all ranks report: $(cat out)"
+    rm -f many.csv
+    ranks --enable-recovery -n 4 $command --out many.csv >out 2>err &
+    job=$!
+    sleep 0.7
+    for i in 1 2; do
+        pid=$(pgrep -f -- "--out many.csv" | while read -r p; do [ "$(cat /proc/$p/comm 2>/dev/null)" != "${command%% *}" ] || echo $p; done | tail -n 1)
+        [ -z "$pid" ] || kill -9 "$pid" 2>/dev/null || true
+        sleep 0.2
+    done
+    wait $job || true
+    [ ! -e many.csv.board ] || $command --out many.csv >out 2>&1
+    same_table one.csv many.csv || fail "$kind: killed ranks change the table"
+    rm -f one.csv many.csv*
+done
+
+# What is refused, once and with its exit code.
+code=0
+ranks -n 3 lg-hamiltonian train none.h5 --out x.h5 >out 2>err || code=$?
+[ $code = 3 ] && [ "$(grep -c "none.h5" err)" = 1 ] || fail "a missing file: $code $(cat err)"
+code=0
+ranks -n 2 lg-export one.h5 --out x >out 2>err || code=$?
+[ $code = 2 ] && grep -q "runs alone" err || fail "an export by two: $code $(cat err)"
+code=0
+ranks -n 1 lg-hamiltonian train h.h5 --out x.h5 --epochs 2 : -n 1 -x LIEGRAD_ISA=baseline lg-hamiltonian train h.h5 --out x.h5 --epochs 2 >out 2>err || code=$?
+[ $code = 2 ] && grep -q "ranks must be of one kind" err || fail "two kinds of processors: $code $(cat err)"
+
+# Ctrl-C: the state is saved, and goes on to the same bits.
+train="lg-hamiltonian train h.h5 --hidden 12,12 --method adam --epochs 4000 --threads 1"
+$train --out one.h5 >out 2>&1
+rm -f c.h5 many.h5
+mpirun --oversubscribe -n 2 $train --out many.h5 --checkpoint c.h5 --checkpoint-every 50 >out 2>err &
+job=$!
+for i in $(seq 100); do [ ! -e c.h5 ] || break; sleep 0.1; done
+kill -INT $job
+wait $job || true
+if [ ! -e many.h5 ]; then
+    [ -e c.h5 ] || fail "Ctrl-C saved nothing: $(cat err)"
+    grep -q "continue with --resume" err || fail "Ctrl-C says nothing: $(cat err)"
+    lg-hamiltonian train h.h5 --resume c.h5 --out many.h5 >out 2>&1
+fi
+same_model one.h5 many.h5 || fail "after Ctrl-C other bits"
