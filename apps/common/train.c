@@ -468,6 +468,17 @@ static void json_run(app_json *json, const app_settings *settings) {
     }
 }
 
+/* How many, and of the time of this process the part for its shards and that for exchanges. */
+static void json_ranks(const train_session *self, app_json *json) {
+    const lg_fit_cost cost = lg_fit_cost_of(self->fit);
+    app_json_size(json, "ranks", self->app->rank_count);
+    app_json_real(json, "training_seconds", cost.seconds);
+    app_json_real(json, "shard_seconds", cost.shard_seconds);
+    app_json_real(json, "exchange_seconds", cost.exchange_seconds);
+    app_json_size(json, "exchanges", cost.exchanges);
+    app_json_size(json, "exchanged_bytes", cost.bytes);
+}
+
 void train_json(const train_session *self, app_json *json) {
     char cpu[256];
     const lg_fit *fit = self->fit;
@@ -485,7 +496,7 @@ void train_json(const train_session *self, app_json *json) {
     app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
     app_json_real(json, "seconds", self->seconds);
     app_json_size(json, "threads", self->app->threads);
-    app_json_size(json, "ranks", self->app->rank_count);
+    json_ranks(self, json);
     app_json_size(json, "steps", lg_fit_steps_done(fit));
     app_json_size(json, "tape_bytes", lg_fit_tape_size(fit));
     app_json_text(json, "cpu", cpu);

@@ -376,6 +376,15 @@ typedef enum lg_fit_series { LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_SECONDS, LG_
 LG_API const double *lg_fit_history(const lg_fit *fit, lg_fit_series series);
 /* Median over the epochs after the first (of the first when it is the only one); NaN before. */
 LG_API double lg_fit_seconds_per_epoch(const lg_fit *fit);
+/* Where the time of this process's lg_fit_run went, and what it exchanged with other ranks (their messages
+ * included): the model of docs/reports/scale.md in numbers. */
+typedef struct lg_fit_cost {
+    double seconds;          /* of all epochs of this process */
+    double shard_seconds;    /* for its shards */
+    double exchange_seconds; /* in exchanges, with the wait for slower ranks */
+    uint64_t exchanges, bytes;
+} lg_fit_cost;
+LG_API lg_fit_cost lg_fit_cost_of(const lg_fit *fit);
 /* Bytes held by the tapes of all shards: the memory of a step. */
 LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 

@@ -362,6 +362,7 @@ static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
     const bool adam = lg_fit_method_now(fit) == LG_FIT_ADAM;
     const lg_status status = adam ? batch_epoch(fit, report, error) : evaluate_epoch(fit, report, error);
     fit->state.running_seconds += lg_seconds() - begin;
+    fit->cost.seconds += lg_seconds() - begin;
     if (status != LG_OK) return status;
     LG_TRY(lg_fit_share_seconds(fit, &fit->state.running_seconds));
     close_epoch(fit, report);
@@ -522,6 +523,10 @@ double lg_fit_seconds_per_epoch(const lg_fit *fit) {
     memcpy(fit->scratch, fit->state.history[LG_FIT_SECONDS] + skip, n * sizeof *fit->scratch);
     qsort(fit->scratch, n, sizeof *fit->scratch, compare);
     return 0.5 * (fit->scratch[(n - 1) / 2] + fit->scratch[n / 2]);
+}
+
+lg_fit_cost lg_fit_cost_of(const lg_fit *fit) {
+    return fit->cost;
 }
 
 size_t lg_fit_tape_size(const lg_fit *fit) {

@@ -61,7 +61,10 @@ struct lg_fit {
     size_t first, end; /* of them, this rank's */
     char *message;     /* to and from other ranks (message_room bytes); how long each rank's is */
     size_t message_room, *message_bytes;
-    uint32_t *stops; /* (ranks): whether it was asked to stop */
+    uint32_t *stops;  /* (ranks): whether it was asked to stop */
+    lg_ranks counted; /* those of the options, with what they cost */
+    const lg_ranks *given;
+    lg_fit_cost cost;
     /* The present batch: pieces in use, its samples, whether gradients and matrices are wanted; then the data
      * of the step. */
     size_t active, batch_samples;

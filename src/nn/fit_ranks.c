@@ -39,10 +39,35 @@ bool lg_fit_holds(const lg_fit *fit, size_t shard) {
     return lg_fit_alone(fit) || (shard >= fit->first && shard < fit->end) || is_sent(fit, shard);
 }
 
+/* ---- exchanges ---- */
+
+static void count(lg_fit *fit, const size_t *bytes, double begin) {
+    fit->cost.exchange_seconds += lg_seconds() - begin;
+    fit->cost.exchanges++;
+    for (uint32_t r = 0; r < fit->given->count; r++) fit->cost.bytes += bytes[r];
+}
+
+static lg_status counted_gather(void *user, void *all, const size_t *bytes) {
+    lg_fit *fit = user;
+    const double begin = lg_seconds();
+    const lg_status status = fit->given->gather(fit->given->user, all, bytes);
+    count(fit, bytes, begin);
+    return status;
+}
+
+/* Of a checkpoint, not of an epoch. */
+static lg_status collect(void *user, const void *mine, void *all, const size_t *bytes) {
+    const lg_fit *fit = user;
+    return fit->given->collect(fit->given->user, mine, all, bytes);
+}
+
 lg_status lg_fit_ranks_create(lg_fit *fit) {
     const lg_ranks *ranks = fit->options.ranks;
     fit->end = fit->used;
     if (ranks == NULL) return LG_OK;
+    fit->given = ranks;
+    fit->counted = (lg_ranks){sizeof *ranks, ranks->rank, ranks->count, fit, counted_gather, collect};
+    fit->options.ranks = &fit->counted;
     for (uint32_t r = 0; r < ranks->count; r++) {
         size_t first, end;
         lg_ranks_part(r, ranks->count, fit->used, &first, &end);
@@ -153,7 +178,9 @@ static void own_task(void *user, size_t index) {
 lg_status lg_fit_run_shards(lg_fit *fit, void (*task)(void *user, size_t shard), lg_error *error) {
     work w = {task, fit};
     const size_t end = fit->end < fit->active ? fit->end : fit->active;
+    const double begin = lg_seconds();
     if (end > fit->first) lg_thread_pool_run(fit->pool, end - fit->first, own_task, &w);
+    fit->cost.shard_seconds += lg_seconds() - begin;
     if (lg_fit_alone(fit)) return LG_OK;
     if (fit->with_gradient) lg_fit_reduce_here(fit);
     if (fit->with_squares) lg_fit_squares_here(fit);

@@ -1,0 +1,38 @@
+/* What an exchange costs: medians of MPI_Allgatherv over all ranks, one line "bytes seconds" for each message
+ * length of a rank. For bench/scale. */
+#include <mpi.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+static int by_value(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+int main(int argc, char **argv) {
+    enum { ROUNDS = 60, MOST = 1 << 20 };
+    int ranks, rank;
+    MPI_Init(&argc, &argv);
+    MPI_Comm_size(MPI_COMM_WORLD, &ranks);
+    MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+    char *all = malloc((size_t)ranks * MOST);
+    int *counts = malloc(2 * (size_t)ranks * sizeof *counts), *offsets = counts + ranks;
+    double seconds[ROUNDS];
+    for (int bytes = 64; bytes <= MOST; bytes *= 8) {
+        for (int r = 0; r < ranks; r++) counts[r] = bytes, offsets[r] = r * bytes;
+        const int rounds = bytes > 1 << 16 ? ROUNDS / 6 : ROUNDS;
+        for (int i = 0; i < rounds; i++) {
+            MPI_Barrier(MPI_COMM_WORLD);
+            const double begin = MPI_Wtime();
+            MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, all, counts, offsets, MPI_BYTE,
+                           MPI_COMM_WORLD);
+            seconds[i] = MPI_Wtime() - begin;
+        }
+        qsort(seconds, (size_t)rounds, sizeof *seconds, by_value);
+        if (rank == 0) printf("%d %.9f\n", bytes, seconds[rounds / 2]);
+    }
+    free(all);
+    free(counts);
+    MPI_Finalize();
+    return 0;
+}
