@@ -111,6 +111,18 @@ static bool is_over(const char *out) {
     return stat(out, &about) == 0 && difftime(now.tv_sec, about.st_mtime) <= app_age() + slack;
 }
 
+void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT]) {
+    lg_sha256 sha;
+    char block[4096];
+    size_t n;
+    lg_sha256_init(&sha);
+    lg_sha256_add(&sha, text, strlen(text) + 1);
+    FILE *file = path != NULL ? fopen(path, "re") : NULL;
+    while (file != NULL && (n = fread(block, 1, sizeof block, file)) > 0) lg_sha256_add(&sha, block, n);
+    if (file != NULL) (void)fclose(file);
+    lg_sha256_finish(&sha, label);
+}
+
 static lg_status open_file(board *b, bool make, lg_error *error) {
     enum { PATIENCE = 10000, PAUSE = 20 }; /* milliseconds */
     for (int waited = 0;; waited += PAUSE) {
@@ -290,6 +302,15 @@ bool board_lock(board *b) {
     if (fstat(b->fd, &about) == 0 && about.st_nlink > 0) return true;
     unlock(b, LOCK_BOARD);
     return false;
+}
+
+void board_wait_for_end(const board *b) {
+    enum { PATIENCE = 3000, PAUSE = 50 };
+    struct stat about;
+    for (int waited = 0; waited < PATIENCE; waited += PAUSE) {
+        if (fstat(b->fd, &about) != 0 || about.st_nlink == 0) return;
+        nap(PAUSE);
+    }
 }
 
 void board_end(board *b, bool kept) {

@@ -10,6 +10,7 @@
 #define LG_APPS_BOARD_H
 
 #include "common/app.h"
+#include "liegrad/io.h"
 
 typedef enum board_state { BOARD_EMPTY, BOARD_PARTIAL, BOARD_DONE } board_state;
 
@@ -30,6 +31,9 @@ typedef struct board_values {
 /* The command's processes share a board: there are several, or one left by others. `out`: the output. An exit
  * code; APP_EXIT_USAGE with a sentence for a --task that is none. */
 int board_wanted(const app *app, const board_values *values, const char *out, bool *wanted);
+
+/* What results depend on, in short: this text, and the file at `path` (NULL: none). */
+void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT]);
 
 /* Opens OUT.board, or makes it. `sweep`: what the results depend on, so that no other sweep's are taken: the
  * first 127 bytes are compared. Ranks beyond 0 wait for that of rank 0, and get LG_NOT_FOUND where the sweep
@@ -58,6 +62,8 @@ int board_report(const app *app, const board_values *values, size_t done, size_t
 /* The output is made once: true for the process that is to make it now, which calls board_end after that.
  * `kept`: pieces are left, and the board stays. */
 bool board_lock(board *b);
+/* Ranks beyond 0 leave that to rank 0, which reports; they wait in case it is dead. */
+void board_wait_for_end(const board *b);
 void board_end(board *b, bool kept);
 
 #endif

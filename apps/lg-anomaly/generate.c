@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/pieces.h"
 #include "lg-anomaly/anomaly.h"
 #include "common/train.h"
 
@@ -13,6 +14,7 @@ typedef struct generate_values {
     uint64_t runs;
     int housing, picture;
     double noise, hours, severity, window;
+    board_values board;
 } generate_values;
 
 static const char *const housings[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
@@ -38,6 +40,7 @@ static const app_option generate_options[] = {
                  "Draw recordings against time, and their moments against their accelerations"),
     APP_ROW_CHOICE(generate_values, picture, "picture", pictures,
                    "With --plot: states, intact and broken (default), or housings, slack and tight"),
+    BOARD_ROWS(generate_values),
     APP_ROW_END};
 
 static generate_values values = {
@@ -47,8 +50,6 @@ typedef struct generating {
     const app *app;
     lg_series *series;
     size_t windows_of_run;
-    lg_status *status; /* (runs) */
-    lg_error *error;   /* (runs) */
 } generating;
 
 /* Recording `index` of `runs`: pairs of intact and broken, which share their waves. */
@@ -70,7 +71,7 @@ static void transpose(const float *samples, size_t windows, uint32_t channels, u
                 x[(w * channels + c) * length + t] = samples[(w * length + t) * channels + c];
 }
 
-static void generate_run(void *user, size_t index) {
+static lg_status generate_run(void *user, size_t index, lg_error *error) {
     generating *self = user;
     lg_series *series = self->series;
     const size_t windows = self->windows_of_run, first = index * windows;
@@ -78,19 +79,12 @@ static void generate_run(void *user, size_t index) {
     lg_riser_parameters parameters;
     lg_riser_run run;
     uint32_t label, sea_state;
-    if (app_interrupted()) {
-        self->status[index] = LG_CANCELLED;
-        return;
-    }
+    lg_error why = {LG_OK, ""};
     scene_of(self->app, index, (lg_housing)values.housing, &parameters, &run, &label, &sea_state);
     float *samples = app_try_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
-    if (samples == NULL) {
-        self->status[index] = LG_OUT_OF_MEMORY;
-        return;
-    }
-    self->status[index] =
-        lg_riser_simulate(self->app->context, &parameters, &run, count, samples, &self->error[index]);
-    if (self->status[index] == LG_OK)
+    if (samples == NULL) return app_error(error, LG_OUT_OF_MEMORY, "run %zu: out of memory", index);
+    const lg_status status = lg_riser_simulate(self->app->context, &parameters, &run, count, samples, &why);
+    if (status == LG_OK)
         transpose(samples, windows, series->channels, series->length,
                   series->x + first * series->channels * series->length);
     free(samples);
@@ -99,6 +93,9 @@ static void generate_run(void *user, size_t index) {
         series->group[w] = sea_state;
         series->run[w] = (uint32_t)index;
     }
+    return status == LG_OK ? LG_OK
+                           : app_error(error, status, "run %zu: %s", index,
+                                       why.message[0] != '\0' ? why.message : lg_status_sentence(status));
 }
 
 /* Set while the series lives; not freed with it. */
@@ -188,23 +185,33 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
     app_json_end(&json);
 }
 
-static lg_status simulate(const app *self, size_t windows_of_run, lg_series *series, lg_error *error) {
-    const size_t runs = (size_t)values.runs;
-    generating what = {.app = self, .series = series, .windows_of_run = windows_of_run};
-    what.status = app_alloc(runs, sizeof *what.status);
-    what.error = app_alloc(runs, sizeof *what.error);
-    app_parallel(self->threads, runs, generate_run, &what);
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < runs && status == LG_OK; i++) {
-        status = what.status[i];
-        if (status != LG_OK)
-            (void)app_error(error, status, "run %zu: %s", i,
-                            what.error[i].message[0] != '\0' ? what.error[i].message
-                                                             : lg_status_sentence(status));
+/* All runs, of all processes. *complete: they are there. An exit code. */
+static int simulate(const app *self, size_t windows, lg_series *series, pieces *made, bool *complete) {
+    const size_t runs = (size_t)values.runs, window = (size_t)series->channels * series->length;
+    generating what = {.app = self, .series = series, .windows_of_run = windows};
+    char label[LG_SHA256_TEXT],
+        *text = app_format("%llu %.17g %.17g %.17g %d %.17g %llu", (unsigned long long)values.runs,
+                           values.hours, values.window, values.noise, values.housing, values.severity,
+                           (unsigned long long)self->seed);
+    board_label(text, NULL, label);
+    free(text);
+    *made = (pieces){.app = self,
+                     .board = &values.board,
+                     .out = values.out,
+                     .sweep = label,
+                     .count = runs,
+                     .array_count = 4,
+                     .make = generate_run,
+                     .user = &what};
+    const pieces_array arrays[] = {{series->x, windows * window * sizeof *series->x, 0},
+                                   {series->label, windows * sizeof *series->label, 0},
+                                   {series->group, windows * sizeof *series->group, 0},
+                                   {series->run, windows * sizeof *series->run, 0}};
+    for (size_t k = 0; k < made->array_count; k++) {
+        made->arrays[k] = arrays[k];
+        made->arrays[k].total = runs * arrays[k].each;
     }
-    free(what.status);
-    free(what.error);
-    return app_interrupted() ? LG_CANCELLED : status;
+    return pieces_make(made, complete);
 }
 
 /* A recording must have whole windows, a window whole samples. */
@@ -232,6 +239,8 @@ static int run(app *self) {
     lg_riser_run defaults;
     uint32_t length = 0;
     size_t windows = 0;
+    bool complete = false;
+    pieces made;
     lg_riser_run_init(&defaults);
     if (values.out == NULL) return app_usage(self, "--out FILE is missing");
     if (app_given(self, "picture") && values.plot == NULL)
@@ -245,23 +254,20 @@ static int run(app *self) {
         return app_fail(self, status, "out of memory: %llu windows of %u samples",
                         (unsigned long long)(windows * values.runs), length);
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
-    status = simulate(self, windows, &data.series, &error);
+    code = simulate(self, windows, &data.series, &made, &complete);
     const double seconds = app_seconds() - begin;
     (void)snprintf(data.housing, sizeof data.housing, "%s", housings[values.housing]);
     data.provenance = app_provenance(self, self->seed);
-    if (status == LG_CANCELLED)
-        code = app_fail(self, status, "stopped by Ctrl-C");
-    else if (status != LG_OK)
-        code = app_fail(self, status, "%s", error.message);
-    if (code == APP_EXIT_OK) {
+    if (complete) {
         status = lg_series_write(self->context, values.out, &data, &error);
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.out);
+        pieces_end(&made, status == LG_OK);
     }
-    if (code == APP_EXIT_OK && values.plot != NULL) {
+    if (code == APP_EXIT_OK && complete && values.plot != NULL) {
         status = draw(self, data.series.rate, &error);
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
     }
-    if (code == APP_EXIT_OK) report(self, &data, seconds);
+    if (code == APP_EXIT_OK && complete) report(self, &data, seconds);
     free_data(&data);
     return code;
 }
@@ -277,4 +283,5 @@ const app_command generate_command = {
         "--severity.",
     .options = generate_options,
     .values = &values,
-    .run = run};
+    .run = run,
+    .together = APP_WORKERS};

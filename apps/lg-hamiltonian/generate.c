@@ -1,11 +1,16 @@
 /* lg-hamiltonian generate: trajectories of a scene into a data file. */
 #include "lg-hamiltonian/learning.h"
 
+#include <stdlib.h>
+
+#include "common/pieces.h"
+
 typedef struct generate_values {
     const char *out;
     uint64_t trajectories, points, segments;
     double t_end, noise;
     int noise_kind, noise_on;
+    board_values board;
 } generate_values;
 
 static const char *const noise_names[] = {"normal", "uniform", NULL};
@@ -27,6 +32,7 @@ static const app_option generate_options[] = {
         generate_values, noise_on, "noise-on", noise_on_names,
         "later: all points but the first; all: the first, too, which then goes back to its manifold"),
     APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
+    BOARD_ROWS(generate_values),
     APP_ROW_END};
 
 static generate_values values = {.trajectories = 500, .points = 5};
@@ -55,6 +61,50 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
                  values.out, data->count, data->system, data->points, data->dt, data->state_dim, seconds);
 }
 
+/* ---- pieces: trajectories of some starts ---- */
+
+enum { STARTS_OF_PIECE = 16 };
+
+typedef struct generating {
+    const app *app;
+    const lg_scene *scene;
+    const sampling *how;
+    lg_trajectories *data;
+    size_t each; /* trajectories of a piece */
+} generating;
+
+static lg_status make_piece(void *user, size_t piece, lg_error *error) {
+    const generating *self = user;
+    const size_t first = piece * self->each, rest = self->data->count - first;
+    return sample_part(self->app->context, self->scene, self->how, first,
+                       rest < self->each ? rest : self->each, self->data, error);
+}
+
+/* All trajectories, of all processes. *complete: they are there. An exit code. */
+static int make_all(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data,
+                    pieces *made, bool *complete) {
+    const size_t segments = scene->segments > 0 ? scene->segments : 1;
+    const size_t each = STARTS_OF_PIECE * segments, point = data->points * data->state_dim * sizeof(double);
+    generating what = {self, scene, how, data, each};
+    char label[LG_SHA256_TEXT],
+        *text = app_format("%zu %zu %.17g %.17g %d %d %llu %zu", how->trajectories, how->points, how->t_end,
+                           how->noise, how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed,
+                           segments);
+    board_label(text, self->arguments[0], label);
+    free(text);
+    *made = (pieces){.app = self,
+                     .board = &values.board,
+                     .out = values.out,
+                     .sweep = label,
+                     .count = (data->count + each - 1) / each,
+                     .array_count = 2,
+                     .arrays = {{data->data, each * point, data->count * point},
+                                {data->hamiltonian, each * sizeof(double), data->count * sizeof(double)}},
+                     .make = make_piece,
+                     .user = &what};
+    return pieces_make(made, complete);
+}
+
 static int generate(app *self, const lg_scene *scene) {
     lg_error error = {LG_OK, ""};
     lg_trajectories data;
@@ -68,16 +118,24 @@ static int generate(app *self, const lg_scene *scene) {
                           .noise_first = values.noise_on == 1,
                           .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
                           .seed = self->seed};
-    lg_status status = sample_scene(self->context, scene, &how, &data, &error);
+    bool complete = false;
+    pieces made;
+    lg_status status = sample_create(self->context, scene, &how, &data, &error);
     if (status == LG_UNSUPPORTED)
         return app_fail(self, LG_FORMAT, "%s: line %u: %s", self->arguments[0], scene->line_system,
                         error.message);
     if (status != LG_OK) return app_fail(self, status, "%s: %s", self->arguments[0], error.message);
-    data.provenance = app_provenance(self, self->seed);
-    status = lg_trajectories_write(self->context, values.out, &data, &error);
-    if (status == LG_OK) report(self, &data, app_seconds() - begin);
+    int code = make_all(self, scene, &how, &data, &made, &complete);
+    if (complete) {
+        data.provenance = app_provenance(self, self->seed);
+        status = lg_trajectories_set_truth(&data, scene->system);
+        if (status == LG_OK) status = lg_trajectories_write(self->context, values.out, &data, &error);
+        if (status != LG_OK) code = app_fail_file(self, status, &error, values.out);
+        pieces_end(&made, status == LG_OK);
+    }
+    if (code == APP_EXIT_OK && complete) report(self, &data, app_seconds() - begin);
     lg_trajectories_destroy(&data);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
+    return code;
 }
 
 static int run(app *self) {
@@ -112,4 +170,5 @@ const app_command generate_command = {.name = "generate",
                                       .values = &values,
                                       .arguments_min = 1,
                                       .arguments_max = 1,
-                                      .run = run};
+                                      .run = run,
+                                      .together = APP_WORKERS};

@@ -29,6 +29,12 @@ typedef struct sampling {
 } sampling;
 /* Trajectories of the scene's system from random starts as the scene's `starts` say; energies of the starts
  * included. The caller frees. */
+/* Room for all trajectories, and their times; then a part of them, from any thread. */
+lg_status sample_create(const lg_context *context, const lg_scene *scene, const sampling *how,
+                        lg_trajectories *out, lg_error *error);
+lg_status sample_part(const lg_context *context, const lg_scene *scene, const sampling *how, size_t first,
+                      size_t count, lg_trajectories *data, lg_error *error);
+/* Both at once. */
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
                        lg_trajectories *out, lg_error *error);
 /* ---- training (learn.c) ---- */

@@ -1,6 +1,8 @@
 /* Trajectories of a scene. */
 #include "lg-hamiltonian/learning.h"
 
+#include <stdlib.h>
+
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
                        lg_error *error) {
     size_t copies = 0;
@@ -17,19 +19,25 @@ lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **fami
     return LG_OK;
 }
 
-lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
-                       lg_trajectories *out, lg_error *error) {
+lg_status sample_create(const lg_context *context, const lg_scene *scene, const sampling *how,
+                        lg_trajectories *out, lg_error *error) {
     const lg_hamiltonian_family *family = NULL;
     uint32_t n = 0;
-    lg_trajectories data;
     lg_status status = scene_family(scene, &family, &n, error);
     if (status != LG_OK) return status;
     status = lg_trajectories_create(context, lg_system_name(scene->system), family, n, how->trajectories,
-                                    how->points, how->t_end, true, 0, &data);
+                                    how->points, how->t_end, true, 0, out);
     if (status != LG_OK) return app_error(error, status, "%s", lg_status_sentence(status));
+    for (size_t j = 0; j < out->points; j++) out->t[j] = how->t_end * (double)j / (double)(out->points - 1);
+    return LG_OK;
+}
+
+lg_status sample_part(const lg_context *context, const lg_scene *scene, const sampling *how, size_t first,
+                      size_t count, lg_trajectories *data, lg_error *error) {
     lg_trajectory_options options;
     lg_trajectory_options_init(&options);
-    options.trajectories = how->trajectories;
+    options.trajectories = count;
+    options.first = first;
     options.points = how->points;
     options.t_end = how->t_end;
     options.noise = how->noise;
@@ -41,8 +49,20 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
     options.ahead = scene->ahead;
     options.segments = scene->segments > 0 ? scene->segments : 1;
     options.seed = how->seed;
-    status = lg_generate_trajectories(context, scene->system, &options, data.t, data.data, data.hamiltonian,
-                                      error);
+    double *t = app_alloc(data->points, sizeof *t);
+    const lg_status status = lg_generate_trajectories(context, scene->system, &options, t,
+                                                      data->data + first * data->points * data->state_dim,
+                                                      data->hamiltonian + first, error);
+    free(t);
+    return status;
+}
+
+lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
+                       lg_trajectories *out, lg_error *error) {
+    lg_trajectories data;
+    lg_status status = sample_create(context, scene, how, &data, error);
+    if (status != LG_OK) return status;
+    status = sample_part(context, scene, how, 0, data.count, &data, error);
     if (status == LG_OK) status = lg_trajectories_set_truth(&data, scene->system);
     if (status == LG_OK)
         *out = data;

@@ -243,6 +243,7 @@ typedef struct lg_trajectory_options {
     /* s >= 1: each start is followed for s consecutive trajectories of length T; 1. With 3, 900 trajectories
      * come from 300 starts. */
     size_t segments;
+    size_t first;      /* 0: number of the first trajectory, a multiple of segments: a part of a larger set */
     uint64_t seed;     /* 1 */
     double rtol, atol; /* of the reference integration; 1e-12, 1e-13 */
 } lg_trajectory_options;

@@ -129,6 +129,7 @@ static const char *options_fault(const lg_trajectory_options *o) {
     if ((unsigned)o->noise_kind > LG_NOISE_UNIFORM) return "unknown kind of noise";
     if (!(o->ahead >= 0.0) || !isfinite(o->ahead)) return "ahead must not be negative";
     if (o->segments < 1) return "segments must be at least 1";
+    if (o->first % o->segments != 0) return "first must be a multiple of segments";
     if (!is_tolerance(o->rtol) || !is_tolerance(o->atol) || !(o->rtol + o->atol > 0.0))
         return "tolerances must not be negative, nor both zero";
     return NULL;
@@ -166,13 +167,14 @@ static lg_status go_ahead(sampling *s, lg_rng *rng, double *y) {
     return lg_integrate_adaptive(s->reference.stepper, &s->reference.control, 0.0, y, end, 1, y, NULL);
 }
 
-/* Segments of start `number`: each begins where the one before ended; noise comes last. */
+/* Segments of the start after `number` others: each begins where the one before ended; noise comes last. */
 static lg_status sample_start(sampling *s, size_t number) {
     const lg_trajectory_options *o = s->options;
+    const uint64_t start = o->first / o->segments + number;
     const size_t d = s->system->space.dim, block = o->points * d, first = number * o->segments;
     const size_t last = first + o->segments < o->trajectories ? first + o->segments : o->trajectories;
     lg_rng rng;
-    lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number);
+    lg_rng_seed(&rng, o->seed, 2 * start);
     LG_TRY(lg_system_start(s->system, o, &rng, s->trajectories + first * block));
     LG_TRY(go_ahead(s, &rng, s->trajectories + first * block));
     for (size_t i = first; i < last; i++) {
@@ -184,7 +186,7 @@ static lg_status sample_start(sampling *s, size_t number) {
         s->hamiltonian[i] = lg_system_hamiltonian(s->system, y, s->reference.work);
     }
     for (size_t i = first; o->noise > 0.0 && i < last; i++)
-        add_noise(o, &s->system->space, i, s->trajectories + i * block);
+        add_noise(o, &s->system->space, o->first + i, s->trajectories + i * block);
     return LG_OK;
 }
 
@@ -194,8 +196,8 @@ static lg_status sample_all(sampling *s, lg_error *error) {
     for (size_t number = 0; number * o->segments < o->trajectories; number++) {
         const lg_status status = sample_start(s, number);
         if (status != LG_OK)
-            return lg_fail(error, status, "%s, start %zu: %s", s->system->row->name, number,
-                           lg_status_sentence(status));
+            return lg_fail(error, status, "%s, start %zu: %s", s->system->row->name,
+                           o->first / o->segments + number, lg_status_sentence(status));
     }
     return LG_OK;
 }

@@ -34,3 +34,6 @@ without_seconds() {
 }
 
 same_table() { diff <(without_seconds "$1") <(without_seconds "$2") >/dev/null; }
+
+# Of the data that a command has written, by its JSON.
+sha() { grep -o '"sha256": "[0-9a-f]*"' "$1"; }

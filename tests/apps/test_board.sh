@@ -44,6 +44,21 @@ for kind in search study; do
     rm -f t.csv*
 done
 
+# generate: the file of one process.
+generate="lg-hamiltonian generate pendulum.yaml --trajectories 203 --segments 3 --noise 1e-3 --threads 1"
+$generate --out one.h5 --json >one
+for i in 0 1 2; do $generate --out t.h5 --task $i/3 >"task$i" & done
+wait
+code=0
+$generate --out other.h5 --merge 2>err >out || code=$?
+[ $code = 3 ] && grep -q "pieces are not done yet" err || fail "a merge of nothing: $code $(cat err)"
+rm -f other.h5.board
+$generate --out t.h5 --merge --json >merged
+[ "$(sha one)" = "$(sha merged)" ] || fail "tasks generate other data"
+[ ! -e t.h5.board ] || fail "generate: the board is left"
+$generate --out two.h5 --threads 2 --json >two
+[ "$(sha one)" = "$(sha two)" ] || fail "two threads generate other data"
+
 # A board of other work is refused, and a wrong task is a usage error.
 $search --out t.csv --task 0/2 >task
 code=0

@@ -72,6 +72,11 @@ for kind in search study; do
     rm -f one.csv many.csv*
 done
 
+generate="lg-anomaly generate --runs 6 --hours 0.05 --threads 1 --json"
+$generate --out one.h5 >one
+ranks --enable-recovery -n 3 $generate --out many.h5 >many 2>err || fail "generate: $(cat err)"
+[ "$(sha one)" = "$(sha many)" ] || fail "3 ranks generate other data: $(cat many)"
+
 # What is refused, once and with its exit code.
 code=0
 ranks -n 3 lg-hamiltonian train none.h5 --out x.h5 >out 2>err || code=$?
