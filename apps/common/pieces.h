@@ -32,8 +32,9 @@ typedef struct pieces {
     size_t failed;
 } pieces;
 
-/* Makes all pieces. *complete: the arrays are, and the caller writes the file and then calls pieces_end; false:
- * another process writes it, or a task has said what there is. An exit code, and what is wrong is told. */
+/* Makes all pieces. *complete: the arrays are, and the caller writes the file and then calls pieces_end;
+ * false: another process writes it, or a task has said what there is. An exit code, and what is wrong is
+ * told. */
 int pieces_make(pieces *self, bool *complete);
 void pieces_end(pieces *self, bool written);
 
