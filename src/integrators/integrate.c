@@ -54,7 +54,7 @@ void lg_step_controller_init(lg_step_controller *control) {
                                     .max_steps = 1000000};
 }
 
-static bool control_is_valid(const lg_step_controller *c) {
+bool lg_step_controller_valid(const lg_step_controller *c) {
     const double values[] = {c->rtol,       c->atol,      c->safety, c->factor_min,
                              c->factor_max, c->h_initial, c->h_max,  c->max_angle};
     for (size_t i = 0; i < LG_COUNT(values); i++)
@@ -225,7 +225,7 @@ lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *c
     if (!control) control = &defaults;
     if (!stepper || !y0 || !times || !out || count < 1) return LG_INVALID_ARGUMENT;
     if (stepper->scheme->embedded_order < 1) return LG_UNSUPPORTED;
-    if (!control_is_valid(control) || !times_are_valid(t0, times, count) ||
+    if (!lg_step_controller_valid(control) || !times_are_valid(t0, times, count) ||
         !lg_all_finite(stepper->ode.space.dim, y0))
         return LG_INVALID_ARGUMENT;
     const size_t before = stepper->evaluations;

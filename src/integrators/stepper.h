@@ -93,5 +93,6 @@ lg_status lg_newton_solve(lg_stepper *s, double t, double h, const double *y, co
 bool lg_slgi_fits(const lg_space *space);
 
 bool lg_all_finite(size_t n, const double *x);
+bool lg_step_controller_valid(const lg_step_controller *control);
 
 #endif

@@ -5,6 +5,10 @@
 #include <string.h>
 
 #include "liegrad/geometry.h"
+#include "mechanics/fields/scalars.h"
+
+typedef lg_chain chain_numbers;
+#include "mechanics/fields/chain.inc"
 
 static const double one = 1.0;
 
@@ -46,33 +50,16 @@ void lg_chain_prepare(lg_system *system, double *constants) {
 /* ---- tridiagonal systems ---- */
 
 lg_status lg_tridiagonal_factor(size_t k, double *d, double *e) {
-    for (size_t i = 0; i < k; i++) {
-        if (!(d[i] > 0.0) || !isfinite(d[i])) return LG_NOT_FINITE;
-        if (i + 1 == k) break;
-        const double l = e[i] / d[i];
-        d[i + 1] -= l * e[i];
-        e[i] = l;
-    }
-    return LG_OK;
+    tridiagonal_factor_of(k, d, e);
+    return isnan(d[k - 1]) ? LG_NOT_FINITE : LG_OK;
 }
 
 void lg_tridiagonal_solve(size_t k, const double *d, const double *e, const double *b, double *x) {
-    x[0] = b[0];
-    for (size_t i = 1; i < k; i++) x[i] = b[i] - e[i - 1] * x[i - 1];
-    x[k - 1] /= d[k - 1];
-    for (size_t i = k - 1; i-- > 0;) x[i] = x[i] / d[i] - e[i] * x[i + 1];
+    tridiagonal_solve_of(k, d, e, b, x);
 }
 
 void lg_chain_apply_w(const lg_chain *chain, const double *x, size_t stride, double *out) {
-    const size_t k = chain->links;
-    for (size_t i = 0; i < k; i++) {
-        for (int c = 0; c < 3; c++) {
-            double sum = chain->w[i] * x[stride * i + c];
-            if (i > 0) sum += chain->w_next[i - 1] * x[stride * (i - 1) + c];
-            if (i + 1 < k) sum += chain->w_next[i] * x[stride * (i + 1) + c];
-            out[3 * i + c] = sum;
-        }
-    }
+    apply_w_of(chain, x, stride, out);
 }
 
 /* m = D U diag(m_l) U^T D: the velocities of the masses, then the momenta below each joint. */

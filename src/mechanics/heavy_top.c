@@ -28,10 +28,14 @@
 #include "mechanics/rotation.h"
 #include "mechanics/system.h"
 
-#include "liegrad/geometry.h"
+#include <float.h>
 
-/* Places in the parameters, in the order of the table. */
-enum { INERTIA = 0, MASS = 3, LENGTH = 4, CHI = 5, GAMMA0 = 8 };
+#include "liegrad/geometry.h"
+#include "mechanics/fields/scalars.h"
+
+#include "mechanics/fields/vectors.inc"
+
+#include "mechanics/fields/rotations.inc"
 
 static const double inertia_fallback[3] = {0.234375, 0.46875, 0.234375}, mass_fallback = 15.0,
                     length_fallback = 2.0, chi_fallback[3] = {0.0, 1.0, 0.0},
@@ -56,7 +60,7 @@ static const double *parameters_of(const void *user) {
 
 /* ---- (Q, pi): the state of cotangent and direct, and the first part of the state of quadratic ---- */
 
-enum { ATTITUDE = 0, MOMENTUM = 9, POSITION = 12, SHIFT = 15 }; /* places in the state */
+enum { ATTITUDE = 0 }; /* place in the state; the others: fields/rotations.inc */
 
 static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 
@@ -67,18 +71,6 @@ static const lg_state_entry spatial_state[] = {
 };
 
 static const char *const spatial_invariants[] = {"energy", "pi.Gamma0", NULL};
-
-/* M l chi */
-static void weight_arm(const double *parameter, double out[3]) {
-    for (int i = 0; i < 3; i++) out[i] = parameter[MASS] * parameter[LENGTH] * parameter[CHI + i];
-}
-
-/* Gamma0 x Q arm */
-static void torque(const double *parameter, const double Q[9], const double arm[3], double out[3]) {
-    double spatial[3];
-    lg_so3_adjoint(Q, arm, spatial);
-    lg_cross3(parameter + GAMMA0, spatial, out);
-}
 
 static double spatial_energy(const double *parameter, const double *y, const double arm[3]) {
     double body[3], gamma[3];
@@ -92,30 +84,19 @@ static double spatial_invariant(const lg_system *system, size_t index, const dou
     double arm[3];
     (void)work;
     if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
-    weight_arm(parameter, arm);
+    weight_arm_of(parameter, arm);
     return spatial_energy(parameter, y, arm);
 }
 
 static lg_status direct_field(void *user, double t, const double *y, const double *input, double *out) {
-    const double *parameter = parameters_of(user);
-    double arm[3];
     (void)t, (void)input;
-    weight_arm(parameter, arm);
-    lg_body_velocity(parameter + INERTIA, y + ATTITUDE, y + MOMENTUM, out);
-    torque(parameter, y + ATTITUDE, arm, out + 3);
+    direct_field_of(parameters_of(user), y, out);
     return LG_OK;
 }
 
-/* From (omega, tau) to (omega, tau - omega x pi). */
-static void to_cotangent(const double pi[3], double out[6]) {
-    double cross[3];
-    lg_cross3(out, pi, cross);
-    for (int i = 0; i < 3; i++) out[3 + i] -= cross[i];
-}
-
 static lg_status cotangent_field(void *user, double t, const double *y, const double *input, double *out) {
-    LG_TRY(direct_field(user, t, y, input, out));
-    to_cotangent(y + MOMENTUM, out);
+    (void)t, (void)input;
+    cotangent_field_of(parameters_of(user), y, out);
     return LG_OK;
 }
 
@@ -188,6 +169,7 @@ const lg_system_row lg_system_row_top_cotangent = {
     .invariant = spatial_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {cotangent_field, NULL},
+    .lanes = LG_LANES_TOP_COTANGENT,
     .taped = cotangent_taped,
 };
 
@@ -201,12 +183,13 @@ const lg_system_row lg_system_row_top_direct = {
     .invariant = spatial_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {direct_field, NULL},
+    .lanes = LG_LANES_TOP_DIRECT,
     .taped = direct_taped,
 };
 
 /* ---- lie-poisson ---- */
 
-enum { GAMMA = 0, BODY_MOMENTUM = 3 }; /* places in the state */
+enum { GAMMA = 0 }; /* place in the state */
 
 static const lg_state_entry poisson_state[] = {
     {"Gamma", 1, 1, 3, GAMMA, 3, NULL},
@@ -226,19 +209,13 @@ static double poisson_invariant(const lg_system *system, size_t index, const dou
     double arm[3];
     (void)work;
     if (index > 0) return lg_dot3(y + GAMMA, y + (index == 1 ? GAMMA : BODY_MOMENTUM));
-    weight_arm(parameter, arm);
+    weight_arm_of(parameter, arm);
     return lg_body_energy(parameter + INERTIA, y + BODY_MOMENTUM) + lg_dot3(y + GAMMA, arm);
 }
 
 static lg_status poisson_field(void *user, double t, const double *y, const double *input, double *out) {
-    const double *parameter = parameters_of(user);
-    double arm[3];
     (void)t, (void)input;
-    weight_arm(parameter, arm);
-    for (int i = 0; i < 3; i++) {
-        out[i] = -y[BODY_MOMENTUM + i] / parameter[INERTIA + i];
-        out[3 + i] = -arm[i];
-    }
+    poisson_field_of(parameters_of(user), y, out);
     return LG_OK;
 }
 
@@ -262,6 +239,7 @@ const lg_system_row lg_system_row_top_lie_poisson = {
     .invariant = poisson_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {poisson_field, NULL},
+    .lanes = LG_LANES_TOP_LIE_POISSON,
     .taped = poisson_taped,
 };
 
@@ -272,42 +250,26 @@ static lg_status quadratic_space(size_t links, lg_space *out) {
     return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}}, 2);
 }
 
-/* out = -p */
-static void quadratic_arm(const double *parameter, const double *y, double out[3]) {
-    weight_arm(parameter, out);
-    for (int i = 0; i < 3; i++) out[i] -= y[SHIFT + i];
-}
-
 /* The invariant called energy is H - |p|^2/2, the same as in the other forms. */
 static double quadratic_invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const double *parameter = system->parameters;
     double arm[3];
     (void)work;
     if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
-    quadratic_arm(parameter, y, arm);
+    quadratic_arm_of(parameter, y, arm);
     return spatial_energy(parameter, y, arm);
 }
 
 /* H: the energy plus |p|^2/2, which is constant. */
 static double quadratic_generating(const lg_system *system, const double *y, double *work) {
     double arm[3];
-    quadratic_arm(system->parameters, y, arm);
+    quadratic_arm_of(system->parameters, y, arm);
     return quadratic_invariant(system, 0, y, work) + 0.5 * lg_dot3(arm, arm);
 }
 
 static lg_status quadratic_field(void *user, double t, const double *y, const double *input, double *out) {
-    const double *parameter = parameters_of(user);
-    double arm[3], gamma[3];
     (void)t, (void)input;
-    quadratic_arm(parameter, y, arm);
-    lg_body_velocity(parameter + INERTIA, y + ATTITUDE, y + MOMENTUM, out);
-    torque(parameter, y + ATTITUDE, arm, out + 3);
-    to_cotangent(y + MOMENTUM, out);
-    lg_so3_coadjoint(y + ATTITUDE, parameter + GAMMA0, gamma);
-    for (int i = 0; i < 3; i++) {
-        out[6 + i] = -arm[i] - gamma[i];
-        out[9 + i] = 0.0;
-    }
+    quadratic_field_of(parameters_of(user), y, out);
     return LG_OK;
 }
 
@@ -338,5 +300,6 @@ const lg_system_row lg_system_row_top_quadratic = {
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .generating = quadratic_generating,
     .field = {quadratic_field, NULL},
+    .lanes = LG_LANES_TOP_QUADRATIC,
     .taped = quadratic_taped,
 };

@@ -3,7 +3,10 @@
  * integral. None has parameters.
  */
 #include "liegrad/ops.h"
+#include "mechanics/fields/scalars.h"
 #include "mechanics/system.h"
+
+#include "mechanics/fields/oscillators.inc"
 
 static const lg_parameter_entry no_parameters[] = {{.key = NULL}};
 static const lg_state_entry one_degree[] = {
@@ -35,14 +38,14 @@ static double oscillator_energy(const lg_system *system, size_t index, const dou
 
 static lg_status oscillator_force(void *user, double t, const double *q, const double *input, double *out) {
     (void)user, (void)t, (void)input;
-    out[0] = -q[0];
+    oscillator_force_of(q, out);
     return LG_OK;
 }
 
 static lg_status oscillator_velocity(void *user, double t, const double *p, const double *input,
                                      double *out) {
     (void)user, (void)t, (void)input;
-    out[0] = p[0];
+    oscillator_velocity_of(p, out);
     return LG_OK;
 }
 
@@ -82,6 +85,7 @@ const lg_system_row lg_system_row_oscillator = {
     .force = oscillator_force,
     .velocity = oscillator_velocity,
     .step = oscillator_step,
+    .lanes = LG_LANES_OSCILLATOR,
     .taped = lg_separable_taped,
     .taped_force = oscillator_taped_force,
     .taped_velocity = identity_velocity,
@@ -98,14 +102,13 @@ static double quartic_energy(const lg_system *system, size_t index, const double
 
 static lg_status quartic_force(void *user, double t, const double *q, const double *input, double *out) {
     (void)user, (void)t, (void)input;
-    for (int i = 0; i < 2; i++) out[i] = -q[i] * (q[i] * q[i] + 1.0);
+    quartic_force_of(q, out);
     return LG_OK;
 }
 
 static lg_status quartic_velocity(void *user, double t, const double *p, const double *input, double *out) {
     (void)user, (void)t, (void)input;
-    out[0] = 5.0 * p[0] - p[1];
-    out[1] = 5.0 * p[1] - p[0];
+    quartic_velocity_of(p, out);
     return LG_OK;
 }
 
@@ -136,6 +139,7 @@ const lg_system_row lg_system_row_quartic = {
     .field = {lg_separable_field},
     .force = quartic_force,
     .velocity = quartic_velocity,
+    .lanes = LG_LANES_QUARTIC,
     .taped = lg_separable_taped,
     .taped_force = quartic_taped_force,
     .taped_velocity = quartic_taped_velocity,
@@ -151,15 +155,13 @@ static double coupled_invariant(const lg_system *system, size_t index, const dou
 
 static lg_status coupled_force(void *user, double t, const double *q, const double *input, double *out) {
     (void)user, (void)t, (void)input;
-    out[0] = -q[0];
-    out[1] = -q[1] * (1.0 + q[1] * q[1]);
+    coupled_force_of(q, out);
     return LG_OK;
 }
 
 static lg_status coupled_velocity(void *user, double t, const double *p, const double *input, double *out) {
     (void)user, (void)t, (void)input;
-    out[0] = p[0];
-    out[1] = p[1];
+    coupled_velocity_of(p, out);
     return LG_OK;
 }
 
@@ -186,6 +188,7 @@ const lg_system_row lg_system_row_coupled = {
     .field = {lg_separable_field},
     .force = coupled_force,
     .velocity = coupled_velocity,
+    .lanes = LG_LANES_COUPLED,
     .taped = lg_separable_taped,
     .taped_force = coupled_taped_force,
     .taped_velocity = identity_velocity,

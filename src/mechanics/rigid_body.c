@@ -15,6 +15,11 @@
 
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
+#include "mechanics/fields/scalars.h"
+
+#include "mechanics/fields/vectors.inc"
+
+#include "mechanics/fields/rotations.inc"
 
 static const double inertia_fallback[3] = {1.0, 2.0, 3.0};
 static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
@@ -45,12 +50,8 @@ static double momentum_invariant(const lg_system *system, size_t index, const do
 }
 
 static lg_status momentum_field(void *user, double t, const double *y, const double *input, double *out) {
-    const double *inertia = inertia_of(user);
-    double velocity[3];
     (void)t, (void)input;
-    for (int i = 0; i < 3; i++) velocity[i] = y[i] / inertia[i];
-    const double along = lg_dot3(y, velocity) / (lg_dot3(y, y) + DBL_MIN);
-    for (int i = 0; i < 3; i++) out[i] = along * y[i] - velocity[i];
+    momentum_field_of(inertia_of(user), y, out);
     return LG_OK;
 }
 
@@ -73,6 +74,7 @@ const lg_system_row lg_system_row_rigid_body = {
     .invariant = momentum_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {momentum_field, NULL},
+    .lanes = LG_LANES_RIGID_BODY,
     .taped = momentum_taped,
 };
 
@@ -102,8 +104,7 @@ static double attitude_invariant(const lg_system *system, size_t index, const do
 
 static lg_status attitude_field(void *user, double t, const double *y, const double *input, double *out) {
     (void)t, (void)input;
-    lg_body_velocity(inertia_of(user), y + ATTITUDE, y + SPATIAL_MOMENTUM, out);
-    for (int i = 3; i < 6; i++) out[i] = 0.0;
+    attitude_field_of(inertia_of(user), y, out);
     return LG_OK;
 }
 
@@ -127,5 +128,6 @@ const lg_system_row lg_system_row_attitude = {
     .invariant = attitude_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {attitude_field, NULL},
+    .lanes = LG_LANES_ATTITUDE,
     .taped = attitude_taped,
 };

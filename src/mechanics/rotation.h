@@ -7,16 +7,6 @@
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 
-/* omega = R I^-1 R^T pi, both in the inertial frame, I diagonal: the angular velocity of a body of momentum
- * pi. */
-static inline void lg_body_velocity(const double inertia[3], const double R[9], const double pi[3],
-                                    double omega[3]) {
-    double body[3];
-    lg_so3_coadjoint(R, pi, body);
-    for (int i = 0; i < 3; i++) body[i] /= inertia[i];
-    lg_so3_adjoint(R, body, omega);
-}
-
 /* 1/2 sum_i x_i^2 / inertia_i */
 static inline double lg_body_energy(const double inertia[3], const double body_momentum[3]) {
     double sum = 0.0;

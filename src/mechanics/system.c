@@ -262,24 +262,33 @@ static lg_status check_options(const lg_system_row *row, const lg_system_options
 }
 
 /* One block: the structure, parameters, constants, the text of the layout. */
+#define HEAD_DOUBLES ((sizeof(lg_system) + 7) / sizeof(double))
+
+static size_t block_size(const lg_system_row *row, size_t links, size_t parameters, size_t constants) {
+    const size_t text = write_layout(row, links, NULL) / sizeof(double) + 1;
+    return (HEAD_DOUBLES + parameters + constants + text) * sizeof(double);
+}
+
+static void lay_out(lg_system *system, size_t constants) {
+    system->parameters = (double *)system + HEAD_DOUBLES;
+    system->constants = system->parameters + system->parameter_count;
+    system->layout = (char *)(system->constants + constants);
+}
+
 static lg_status make(const lg_context *context, const lg_system_row *row, const lg_system_options *options,
                       size_t links, lg_system **out) {
-    const size_t head = (sizeof(lg_system) + 7) / sizeof(double), none = SIZE_MAX;
-    const size_t count = parameter_offset(row, links, none);
+    const size_t none = SIZE_MAX, count = parameter_offset(row, links, none);
     const size_t constants = row->constants ? row->constants(links) : 0;
-    const size_t text = write_layout(row, links, NULL) / sizeof(double) + 1;
     lg_space space;
     LG_TRY(row->space(links, &space));
-    lg_system *system = lg_alloc(context, head + count + constants + text, sizeof(double));
+    lg_system *system = lg_alloc(context, block_size(row, links, count, constants), 1);
     if (!system) return LG_OUT_OF_MEMORY;
     system->context = context;
     system->row = row;
     system->links = links;
     system->space = space;
     system->parameter_count = count;
-    system->parameters = (double *)system + head;
-    system->constants = system->parameters + count;
-    system->layout = (char *)(system->constants + constants);
+    lay_out(system, constants);
     (void)write_layout(row, links, system->layout);
     for (size_t i = 0; row->parameters[i].key; i++)
         copy_parameter(options, &row->parameters[i], links,
@@ -304,6 +313,34 @@ lg_status lg_system_create(const lg_context *context, const char *name, const lg
     const lg_status status = make(context, row, options, links, out);
     if (status == LG_OUT_OF_MEMORY) return lg_fail(error, status, "no memory for %s", row->name);
     return lg_fail(error, status, "%s", status == LG_OK ? "" : lg_status_sentence(status));
+}
+
+size_t lg_system_constants(const lg_system *system) {
+    return system->row->constants ? system->row->constants(system->links) : 0;
+}
+
+lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out) {
+    const size_t constants = lg_system_constants(system);
+    const size_t bytes = block_size(system->row, system->links, system->parameter_count, constants);
+    lg_system *copy = lg_alloc(context, bytes, 1);
+    if (!copy) return LG_OUT_OF_MEMORY;
+    memcpy(copy, system, bytes);
+    copy->context = context;
+    lay_out(copy, constants);
+    *out = copy;
+    return LG_OK;
+}
+
+lg_status lg_system_set_parameters(lg_system *system, const double *values) {
+    const double *from = values;
+    for (const lg_parameter_entry *p = system->row->parameters; p->key; p++) {
+        const size_t n = lg_parameter_numbers(p, system->links);
+        LG_TRY(lg_parameter_check(p, from, n, NULL));
+        from += n;
+    }
+    memcpy(system->parameters, values, system->parameter_count * sizeof(*values));
+    if (system->row->prepare) system->row->prepare(system, system->constants);
+    return LG_OK;
 }
 
 void lg_system_destroy(lg_system *system) {

@@ -7,6 +7,7 @@
 #define LG_SYSTEM_H
 
 #include "core/core.h"
+#include "integrators/lanes.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/taped.h"
 
@@ -49,6 +50,7 @@ typedef struct lg_system_row {
     double (*generating)(const lg_system *system, const double *y, double *work);
     /* By lg_coordinates; AMBIENT NULL: the generator of the other one. The user is lg_system_user. */
     lg_field field[2];
+    lg_lane_system lanes; /* the same fields on lanes; LG_LANES_NONE: there are none */
     bool extended; /* field[AMBIENT] is not the generator of the other one off the manifold, and has no taped
                       form */
     lg_half_field force, velocity;
@@ -75,6 +77,12 @@ struct lg_system {
     double *parameters; /* in the order of the table */
     double *constants;
 };
+
+/* Another one with the same parameters, whose parameters may be set; lg_system_destroy. */
+lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out);
+/* All parameters. LG_INVALID_ARGUMENT, nothing changed: one is against its rule. */
+lg_status lg_system_set_parameters(lg_system *system, const double *values);
+size_t lg_system_constants(const lg_system *system);
 
 /* The numbers of the parameter at `index` of the row's table. */
 const double *lg_system_parameter(const lg_system *system, size_t index);

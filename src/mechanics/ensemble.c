@@ -1,0 +1,330 @@
+/* Ensembles: blocks of members go to threads; a block is integrated on lanes, or one member at a time. */
+#include "liegrad/ensemble.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+#include "integrators/lanes.h"
+#include "integrators/stepper.h"
+#include "mechanics/ensemble_member.h"
+#include "mechanics/system.h"
+
+/* What one thread owns. */
+typedef struct worker {
+    lg_system *system; /* with the parameters of the member at hand */
+    lg_lane_block block;
+    double *start, *parameter, *constant; /* as in the block; the numbers of one member below */
+    double *own_start, *own_parameter, *work;
+    unsigned char *refused; /* (room) */
+    void *memory;
+    lg_one_by_one one; /* where there are no lanes */
+    uint64_t attempts, vectors, failed, steps, rejected;
+} worker;
+
+typedef struct ensemble {
+    const lg_context *context;
+    const lg_system *system;
+    lg_ensemble_options options;
+    lg_lane_plan plan;
+    const lg_lane_table *lanes; /* NULL: one by one */
+    lg_ensemble_start draw;
+    lg_ensemble_keep keep;
+    void *draw_user, *keep_user;
+    size_t room;
+    uint64_t blocks;
+    worker *workers;
+    atomic_ullong next;
+    atomic_int status; /* the first that is not LG_OK */
+} ensemble;
+
+/* ---- options ---- */
+
+void lg_ensemble_options_init(lg_ensemble_options *options) {
+    *options = (lg_ensemble_options){.size = sizeof(lg_ensemble_options), .threads = 1};
+    lg_step_controller_init(&options->control);
+}
+
+static lg_status check_times(const lg_ensemble_options *o, lg_error *error) {
+    if (!o->times || o->count < 1 || !(o->times[0] >= 0.0) || !(o->times[o->count - 1] > 0.0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an ensemble needs times from 0 on, and a final time above 0");
+    for (size_t i = 0; i < o->count; i++)
+        if (!isfinite(o->times[i]) || (i > 0 && !(o->times[i] > o->times[i - 1])))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "the times of an ensemble do not ascend at index %zu", i);
+    return LG_OK;
+}
+
+static lg_status check_events(const lg_ensemble_options *o, size_t dim, lg_error *error) {
+    if (o->event_count > LG_EVENTS_MAX || (o->event_count > 0 && !o->events))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d events, or none given", LG_EVENTS_MAX);
+    for (size_t e = 0; e < o->event_count; e++) {
+        const lg_ensemble_event *event = &o->events[e];
+        bool sound = event->terms >= 1 && event->terms <= LG_EVENT_TERMS && isfinite(event->level) &&
+                     event->direction >= -1 && event->direction <= 1;
+        for (size_t i = 0; sound && i < event->terms; i++)
+            sound = event->index[i] < dim && isfinite(event->weight[i]);
+        if (!sound) return lg_fail(error, LG_INVALID_ARGUMENT, "event %zu does not fit the state", e);
+    }
+    return LG_OK;
+}
+
+/* Between equal steps there are states for schemes with dense output only. */
+static lg_status check_steps(const lg_ensemble_options *o, lg_error *error) {
+    const double h = o->times[o->count - 1] / (double)o->steps;
+    if (o->steps == 0 || o->scheme->dense_order > 0) return LG_OK;
+    for (size_t i = 0; i < o->count; i++) {
+        const double n = o->times[i] / h;
+        if (fabs(n - round(n)) > 1e-9 + 4.0 * DBL_EPSILON * n)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "the time %.17g is no multiple of the step %.17g, and '%s' has no dense output",
+                           o->times[i], h, o->scheme->name);
+    }
+    return LG_OK;
+}
+
+static size_t block_of(const lg_ensemble_options *o, size_t dim) {
+    const size_t bytes = o->count * dim * sizeof(double);
+    size_t room = 1024;
+    if (o->block > 0) return o->block;
+    while (room > 16 && room * bytes > (size_t)4 << 20) room /= 2;
+    return room;
+}
+
+static lg_status prepare(ensemble *all, lg_error *error) {
+    lg_ensemble_options *o = &all->options;
+    const lg_system *system = all->system;
+    if (!o->scheme) o->scheme = lg_scheme_find(lg_space_is_abelian(&system->space) ? "dp54" : "rkmk54");
+    LG_TRY(lg_scheme_check(o->scheme, error));
+    LG_TRY(check_times(o, error));
+    LG_TRY(check_events(o, system->space.dim, error));
+    LG_TRY(check_steps(o, error));
+    if (o->threads < 1 || o->threads > 1024)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%d threads", o->threads);
+    if (o->steps == 0 && o->scheme->embedded_order < 1)
+        return lg_fail(error, LG_UNSUPPORTED, "'%s' does not estimate its error: it needs a number of steps",
+                       o->scheme->name);
+    if (o->steps == 0 && !lg_step_controller_valid(&o->control))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the step control of an ensemble is not valid");
+    o->control.observe = NULL;
+    o->control.dense = true;
+    all->plan = (lg_lane_plan){
+        .scheme = o->scheme,
+        .system = system->row->lanes,
+        .space = system->space,
+        .ambient = lg_system_coordinates_for(o->scheme) == LG_COORDINATES_AMBIENT,
+        .links = system->links,
+        .parameters = system->parameter_count,
+        .constants = lg_system_constants(system),
+        .work = system->row->work ? system->row->work(system->links) : 0,
+        .varied = o->varied,
+        .control = &o->control,
+        .steps = o->steps,
+        .t_end = o->times[o->count - 1],
+        .times = o->times,
+        .count = o->count,
+        .events = o->events,
+        .event_count = o->event_count,
+    };
+    if (!o->one_by_one && lg_lanes_fit(&all->plan)) all->lanes = lg_lanes();
+    all->room = block_of(o, system->space.dim);
+    all->blocks = (o->members + all->room - 1) / all->room;
+    return LG_OK;
+}
+
+/* ---- memory ---- */
+
+static void free_worker(const ensemble *all, worker *w) {
+    void *const parts[] = {w->start,        w->constant,      w->block.states, w->block.events, w->block.outcome,
+                           w->own_start,    w->own_parameter, w->work,         w->refused,      w->memory,
+                           w->parameter};
+    for (size_t i = 0; i < LG_COUNT(parts); i++) lg_free(all->context, parts[i]);
+    lg_one_by_one_end(&w->one);
+    lg_system_destroy(w->system);
+}
+
+static lg_status make_worker(const ensemble *all, worker *w) {
+    const lg_lane_plan *plan = &all->plan;
+    const size_t room = all->room, dim = plan->space.dim, own = plan->varied ? room : 1;
+    LG_TRY(lg_system_copy(all->context, all->system, &w->system));
+    double **const rows[] = {&w->start, &w->parameter, &w->constant, &w->block.states, &w->block.events,
+                             &w->own_start, &w->own_parameter};
+    const size_t counts[] = {dim * room,        plan->parameters * own, plan->constants * own,
+                             plan->count * dim * room, plan->event_count * room, dim, plan->parameters};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        *rows[i] = lg_alloc(all->context, counts[i] > 0 ? counts[i] : 1, sizeof(double));
+        if (!*rows[i]) return LG_OUT_OF_MEMORY;
+    }
+    w->block.outcome = lg_alloc(all->context, room, sizeof(*w->block.outcome));
+    w->refused = lg_alloc(all->context, room, 1);
+    w->work = lg_alloc(all->context, lg_system_work_size(all->system), 1);
+    w->memory = lg_alloc(all->context, all->lanes ? all->lanes->memory(plan, room) : 1, 1);
+    if (!w->block.outcome || !w->refused || !w->work || !w->memory) return LG_OUT_OF_MEMORY;
+    w->block.room = room;
+    w->block.start = w->start;
+    w->block.parameter = w->parameter;
+    w->block.constant = w->constant;
+    w->block.attempts = &w->vectors;
+    w->block.memory = w->memory;
+    memcpy(w->parameter, all->system->parameters, (plan->varied ? 0 : plan->parameters) * sizeof(double));
+    memcpy(w->constant, all->system->constants, (plan->varied ? 0 : plan->constants) * sizeof(double));
+    return all->lanes ? LG_OK : lg_one_by_one_begin(all->context, plan, w->system, &w->one);
+}
+
+/* ---- a block ---- */
+
+#define START_TOLERANCE 1e-6 /* a start this far from the manifold is off by rounding */
+
+/* The start and the parameters of a member; false: they are not allowed. */
+static bool allowed(const ensemble *all, worker *w) {
+    if (all->plan.varied && lg_system_set_parameters(w->system, w->own_parameter) != LG_OK) return false;
+    if (!(lg_space_manifold_error(&all->plan.space, w->own_start) <= START_TOLERANCE)) return false;
+    lg_space_project(&all->plan.space, w->own_start);
+    for (size_t c = 0; c < all->plan.space.dim; c++)
+        if (!isfinite(w->own_start[c])) return false;
+    return true;
+}
+
+static void put_column(size_t n, size_t room, size_t member, const double *from, double *to) {
+    for (size_t i = 0; i < n; i++) to[i * room + member] = from[i];
+}
+
+static lg_status draw_members(const ensemble *all, worker *w, uint64_t first, size_t members) {
+    const lg_lane_plan *plan = &all->plan;
+    const size_t dim = plan->space.dim, room = all->room;
+    for (size_t m = 0; m < members; m++) {
+        memset(w->own_start, 0, dim * sizeof(double));
+        if (all->options.start) memcpy(w->own_start, all->options.start, dim * sizeof(double));
+        memcpy(w->own_parameter, all->system->parameters, plan->parameters * sizeof(double));
+        if (all->draw) LG_TRY(all->draw(all->draw_user, first + m, w->own_start, w->own_parameter));
+        w->refused[m] = !allowed(all, w);
+        if (w->refused[m]) {
+            for (size_t c = 0; c < dim; c++) w->own_start[c] = NAN;
+            memcpy(w->own_parameter, all->system->parameters, plan->parameters * sizeof(double));
+            LG_TRY(lg_system_set_parameters(w->system, w->own_parameter));
+        }
+        put_column(dim, room, m, w->own_start, w->start);
+        if (!plan->varied) continue;
+        put_column(plan->parameters, room, m, w->own_parameter, w->parameter);
+        put_column(plan->constants, room, m, w->system->constants, w->constant);
+    }
+    return LG_OK;
+}
+
+static void run_one_by_one(const ensemble *all, worker *w, size_t members) {
+    const size_t room = all->room;
+    for (size_t m = 0; m < members; m++) {
+        for (size_t c = 0; c < all->plan.space.dim; c++) w->own_start[c] = w->start[c * room + m];
+        for (size_t i = 0; all->plan.varied && i < all->plan.parameters; i++)
+            w->own_parameter[i] = w->parameter[i * room + m];
+        if (all->plan.varied) (void)lg_system_set_parameters(w->system, w->own_parameter);
+        lg_one_by_one_run(&w->one, w->own_start, m, &w->block);
+    }
+}
+
+/* Times that a failed member did not reach have NaN. */
+static void settle_failures(const ensemble *all, worker *w, size_t members) {
+    const lg_lane_plan *plan = &all->plan;
+    const size_t dim = plan->space.dim, room = all->room;
+    for (size_t m = 0; m < members; m++) {
+        lg_ensemble_member *outcome = &w->block.outcome[m];
+        if (w->refused[m]) *outcome = (lg_ensemble_member){.status = LG_INVALID_ARGUMENT};
+        w->steps += outcome->steps;
+        w->rejected += outcome->rejected;
+        if (outcome->status == LG_OK) continue;
+        w->failed++;
+        for (size_t i = 0; i < plan->count; i++)
+            for (size_t c = 0; c < dim && (w->refused[m] || plan->times[i] > outcome->reached); c++)
+                w->block.states[(i * dim + c) * room + m] = NAN;
+    }
+}
+
+static lg_status run_block(const ensemble *all, worker *w, uint64_t index) {
+    const lg_lane_plan *plan = &all->plan;
+    const uint64_t done = index * all->room, left = all->options.members - done;
+    const size_t members = left < all->room ? (size_t)left : all->room;
+    w->block.members = members;
+    LG_TRY(draw_members(all, w, all->options.first + done, members));
+    for (size_t i = 0; i < plan->event_count * all->room; i++) w->block.events[i] = NAN;
+    if (all->lanes)
+        all->lanes->run(plan, &w->block);
+    else
+        run_one_by_one(all, w, members);
+    settle_failures(all, w, members);
+    if (!all->keep) return LG_OK;
+    const lg_ensemble_block kept = {.first = all->options.first + done,
+                                    .members = members,
+                                    .room = all->room,
+                                    .dim = plan->space.dim,
+                                    .count = plan->count,
+                                    .parameter_count = plan->parameters,
+                                    .event_count = plan->event_count,
+                                    .start = w->start,
+                                    .parameter = plan->varied ? w->parameter : NULL,
+                                    .states = w->block.states,
+                                    .events = w->block.events,
+                                    .member = w->block.outcome,
+                                    .thread = (size_t)(w - all->workers)};
+    return all->keep(all->keep_user, &kept);
+}
+
+/* One thread: blocks until there are none. */
+static void work(void *user, size_t index) {
+    ensemble *all = user;
+    for (;;) {
+        const uint64_t block = atomic_fetch_add(&all->next, 1);
+        if (block >= all->blocks || atomic_load(&all->status) != LG_OK) return;
+        lg_status status = lg_cancelled(all->context) ? LG_CANCELLED : LG_OK;
+        if (status == LG_OK) status = run_block(all, &all->workers[index], block);
+        int none = LG_OK;
+        if (status != LG_OK) (void)atomic_compare_exchange_strong(&all->status, &none, (int)status);
+    }
+}
+
+static lg_status run_threads(ensemble *all, size_t threads) {
+    lg_thread_pool *pool = NULL;
+    for (size_t i = 0; i < threads; i++) LG_TRY(make_worker(all, &all->workers[i]));
+    LG_TRY(lg_thread_pool_create(all->context, (int)threads, &pool));
+    lg_thread_pool_run(pool, threads, work, all);
+    lg_thread_pool_destroy(pool);
+    return (lg_status)atomic_load(&all->status);
+}
+
+static void sum_up(const ensemble *all, size_t threads, double seconds, lg_ensemble_stats *out) {
+    uint64_t vectors = 0;
+    *out = (lg_ensemble_stats){
+        .lanes = all->lanes ? all->lanes->lanes : 1, .block = all->room, .occupancy = NAN, .seconds = seconds};
+    for (size_t i = 0; i < threads; i++) {
+        const worker *w = &all->workers[i];
+        out->failed += w->failed;
+        out->steps += w->steps;
+        out->rejected += w->rejected;
+        vectors += w->vectors;
+    }
+    if (all->lanes && vectors > 0)
+        out->occupancy = (double)(out->steps + out->rejected) / ((double)vectors * (double)out->lanes);
+}
+
+lg_status lg_ensemble_run(const lg_context *context, const lg_system *system,
+                          const lg_ensemble_options *options, lg_ensemble_start start, void *start_user,
+                          lg_ensemble_keep keep, void *keep_user, lg_ensemble_stats *stats, lg_error *error) {
+    if (!system || !options || options->size != sizeof(*options) || options->members > SIZE_MAX / 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an ensemble needs a system and options of this version");
+    ensemble all = {.context = context,
+                    .system = system,
+                    .options = *options,
+                    .draw = start,
+                    .keep = keep,
+                    .draw_user = start_user,
+                    .keep_user = keep_user};
+    const double begin = lg_seconds();
+    LG_TRY(prepare(&all, error));
+    const size_t most = (size_t)all.options.threads;
+    const size_t threads = all.blocks < most ? (all.blocks > 0 ? (size_t)all.blocks : 1) : most;
+    all.workers = lg_alloc(context, threads, sizeof(*all.workers));
+    lg_status status = all.workers ? run_threads(&all, threads) : LG_OUT_OF_MEMORY;
+    if (status == LG_OK && stats) sum_up(&all, threads, lg_seconds() - begin, stats);
+    for (size_t i = 0; all.workers && i < threads; i++) free_worker(&all, &all.workers[i]);
+    lg_free(context, all.workers);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_status_sentence(status));
+}

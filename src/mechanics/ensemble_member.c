@@ -1,0 +1,125 @@
+#include "mechanics/ensemble_member.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "integrators/event_search.h"
+
+lg_status lg_one_by_one_begin(const lg_context *context, const lg_lane_plan *plan, const lg_system *system,
+                              lg_one_by_one *out) {
+    const size_t dim = plan->space.dim;
+    lg_ode ode;
+    out->context = context;
+    out->plan = plan;
+    double **const parts[] = {&out->rows, &out->y, &out->before, &out->trial, &out->events};
+    const size_t counts[] = {plan->count * dim, dim, dim, dim, LG_EVENTS_MAX};
+    for (size_t i = 0; i < LG_COUNT(parts); i++) {
+        *parts[i] = lg_alloc(context, counts[i], sizeof(double));
+        if (!*parts[i]) return LG_OUT_OF_MEMORY;
+    }
+    out->work = lg_alloc(context, lg_system_work_size(system), 1);
+    if (!out->work) return LG_OUT_OF_MEMORY;
+    LG_TRY(lg_system_ode(system, lg_system_coordinates_for(plan->scheme), &ode, &out->user, out->work));
+    LG_TRY(lg_stepper_create(context, plan->scheme, &ode, &out->stepper));
+    return lg_stepper_create(context, plan->scheme, &ode, &out->looker);
+}
+
+void lg_one_by_one_end(lg_one_by_one *one) {
+    double *const parts[] = {one->rows, one->y, one->before, one->trial, one->work, one->events};
+    if (!one->plan) return;
+    for (size_t i = 0; i < LG_COUNT(parts); i++) lg_free(one->context, parts[i]);
+    lg_stepper_destroy(one->stepper);
+    lg_stepper_destroy(one->looker);
+}
+
+/* ---- events ---- */
+
+static double event_of(const lg_ensemble_event *event, const double *y) {
+    double sum = -event->level;
+    for (size_t i = 0; i < event->terms; i++) sum += event->weight[i] * y[event->index[i]];
+    return sum;
+}
+
+static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, double t, double h, double after,
+                           double *out) {
+    lg_event_search search = {.high = 1.0, .g_low = event_of(event, one->before), .g_high = after};
+    const double close = 4.0 * DBL_EPSILON * one->plan->t_end / h;
+    bool done = false;
+    lg_event_guess(&search);
+    while (!done) {
+        LG_TRY(lg_step(one->looker, t, search.fraction * h, one->before, NULL, one->trial));
+        done = lg_event_narrow(&search, event_of(event, one->trial), close);
+    }
+    *out = t + search.fraction * h;
+    return LG_OK;
+}
+
+/* After a step from `before` to y; h > 0. */
+static lg_status look(void *user, double t, double h, const double *y) {
+    lg_one_by_one *one = user;
+    for (size_t e = 0; e < one->plan->event_count; e++) {
+        const lg_ensemble_event *event = &one->plan->events[e];
+        const double after = event_of(event, y);
+        if (isnan(one->events[e]) && lg_event_counts(event->direction, event_of(event, one->before), after))
+            LG_TRY(find_time(one, event, t, h, after, &one->events[e]));
+    }
+    memcpy(one->before, y, one->plan->space.dim * sizeof(*y));
+    one->reached = t + h;
+    return LG_OK;
+}
+
+/* ---- equal steps ---- */
+
+static lg_status run_fixed(lg_one_by_one *one, lg_ensemble_member *outcome) {
+    const lg_lane_plan *plan = one->plan;
+    const size_t dim = plan->space.dim;
+    const double h = plan->t_end / (double)plan->steps, near = 1e-9 * h + 4.0 * DBL_EPSILON * plan->t_end;
+    size_t row = 0;
+    if (plan->times[0] == 0.0) memcpy(one->rows + dim * row++, one->y, dim * sizeof(double));
+    for (size_t n = 0; n < plan->steps; n++) {
+        const double t = (double)n * h, end = (double)(n + 1) * h;
+        LG_TRY(lg_step(one->stepper, t, h, one->y, NULL, one->y));
+        for (; row < plan->count && plan->times[row] <= end + near; row++) {
+            double *to = one->rows + row * dim;
+            if (plan->times[row] >= end - near)
+                memcpy(to, one->y, dim * sizeof(*to));
+            else
+                LG_TRY(lg_stepper_dense(one->stepper, (plan->times[row] - t) / h, to));
+        }
+        LG_TRY(look(one, t, h, one->y));
+        outcome->steps++;
+    }
+    return LG_OK;
+}
+
+static lg_status run_adaptive(lg_one_by_one *one, lg_ensemble_member *outcome) {
+    const lg_lane_plan *plan = one->plan;
+    lg_step_controller control = *plan->control;
+    lg_run_stats stats = {0};
+    control.observe = look;
+    control.observer = one;
+    const lg_status status = lg_integrate_adaptive(one->stepper, &control, 0.0, one->y, plan->times, plan->count,
+                                                   one->rows, &stats);
+    outcome->steps = stats.steps;
+    outcome->rejected = stats.rejected;
+    return status;
+}
+
+void lg_one_by_one_run(lg_one_by_one *one, const double *y0, size_t member, const lg_lane_block *block) {
+    const lg_lane_plan *plan = one->plan;
+    const size_t dim = plan->space.dim;
+    lg_ensemble_member outcome = {.status = isfinite(y0[0]) ? LG_OK : LG_NOT_FINITE};
+    memcpy(one->y, y0, dim * sizeof(*y0));
+    memcpy(one->before, y0, dim * sizeof(*y0));
+    for (size_t e = 0; e < LG_EVENTS_MAX; e++) one->events[e] = NAN;
+    one->reached = 0.0;
+    lg_stepper_reset(one->stepper);
+    lg_stepper_reset(one->looker);
+    if (outcome.status == LG_OK)
+        outcome.status = plan->steps > 0 ? run_fixed(one, &outcome) : run_adaptive(one, &outcome);
+    outcome.reached = outcome.status == LG_OK ? plan->t_end : one->reached;
+    for (size_t i = 0; i < plan->count * dim; i++) block->states[i * block->room + member] = one->rows[i];
+    for (size_t e = 0; e < plan->event_count; e++) block->events[e * block->room + member] = one->events[e];
+    block->outcome[member] = outcome;
+}

@@ -1,0 +1,14 @@
+/* The fields of this folder for one state: a number is a double. */
+#ifndef LG_FIELD_SCALARS_H
+#define LG_FIELD_SCALARS_H
+
+#include <math.h>
+
+typedef double number;
+
+/* x where it is positive and finite, else NaN */
+static inline number field_positive(number x) {
+    return x > 0.0 && isfinite(x) ? x : NAN;
+}
+
+#endif

@@ -1,0 +1,216 @@
+/* The fields of the systems on lanes, and the loops over steps with them. Compiled once for each instruction set
+ * (LG_KERNEL_ISA = baseline, avx2, avx512, and LG_KERNEL_ISA_<set>); the only external symbol is the table
+ * lg_lanes_<set>. */
+#define LG_KERNEL_f64
+#include "integrators/event_search.h"
+#include "integrators/lanes.h"
+#include "integrators/series.h"
+#include "kernels/kernels.h"
+#include "kernels/stumpff.h"
+
+#include "kernels/common.inc"
+#include "kernels/math.inc"
+
+#include "kernels/lanes.inc"
+
+#include "integrators/lanes.inc"
+
+/* ---- the fields ---- */
+
+typedef lanes number;
+
+/* x where it is positive and finite, else NaN */
+INLINE lanes field_positive(lanes x) {
+    const lanes zero = {0};
+    const lane_test sound = lane_lt(zero, x) & lane_le(x, lie_all(DBL_MAX));
+    return lane_choose(sound, x, lie_all((double)NAN));
+}
+
+/* lg_chain of lanes: the parameters g, m, L and the constants in the order of lg_chain_of. */
+typedef struct chain_numbers {
+    size_t links;
+    lanes gravity;
+    const lanes *mass, *length, *light, *diagonal, *curvature, *weight, *m_inverse, *w, *w_next;
+} chain_numbers;
+
+INLINE chain_numbers chain_of(const lane_problem *problem) {
+    const size_t k = problem->links;
+    const lanes *p = problem->parameter, *c = problem->constant;
+    return (chain_numbers){.links = k,
+                           .gravity = p[0],
+                           .mass = p + 1,
+                           .length = p + 1 + k,
+                           .light = c,
+                           .diagonal = c + k,
+                           .curvature = c + 2 * k,
+                           .weight = c + 4 * k,
+                           .m_inverse = c + 5 * k,
+                           .w = c + 6 * k,
+                           .w_next = c + 7 * k};
+}
+
+#include "mechanics/fields/vectors.inc"
+
+#include "mechanics/fields/chain.inc"
+#include "mechanics/fields/chain_hamiltonian.inc"
+#include "mechanics/fields/chain_lagrangian.inc"
+#include "mechanics/fields/oscillators.inc"
+#include "mechanics/fields/rotations.inc"
+
+#define SEPARABLE(name, n)                                                                                   \
+    INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
+        (void)problem;                                                                                       \
+        name##_velocity_of(y + (n), out);                                                                    \
+        name##_force_of(y, out + (n));                                                                       \
+    }
+SEPARABLE(oscillator, 1)
+SEPARABLE(quartic, 2)
+SEPARABLE(coupled, 2)
+
+/* Fields of bodies, which need their parameters alone. */
+#define BODY(name)                                                                                           \
+    INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
+        name##_field_of(problem->parameter, y, out);                                                         \
+    }
+BODY(momentum)
+BODY(attitude)
+BODY(direct)
+BODY(cotangent)
+BODY(poisson)
+BODY(quadratic)
+
+INLINE void write_lie(const lanes *y, const lanes *a, lanes *out) {
+    const lanes along = field_dot(y, a);
+    for (int c = 0; c < 3; c++) {
+        out[c] = y[3 + c];
+        out[3 + c] = y[c] * along - a[c];
+    }
+}
+
+INLINE void pendulum_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
+    const chain_numbers chain = chain_of(problem);
+    pendulum_ambient(&chain, y, out);
+}
+
+INLINE void pendulum_lie_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
+    const chain_numbers chain = chain_of(problem);
+    pendulum_lie(&chain, y, out);
+}
+
+static void lagrangian_lie_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
+    const chain_numbers chain = chain_of(problem);
+    chain_field(&chain, y, problem->work, out, write_lie);
+}
+
+static void lagrangian_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
+    const chain_numbers chain = chain_of(problem);
+    chain_field(&chain, y, problem->work, out, write_ambient);
+}
+
+static void hamiltonian_lie_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
+    const chain_numbers chain = chain_of(problem);
+    hamiltonian_lie_of(&chain, y, problem->work, out);
+}
+
+static void hamiltonian_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
+    const chain_numbers chain = chain_of(problem);
+    hamiltonian_ambient_of(&chain, y, problem->work, out);
+}
+
+/* The ambient field as the generator of the other one: of a copy of `kind`, then of R^n; m numbers in the algebra. */
+#define GENERATED(name, m, kind)                                                                             \
+    INLINE void name##_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {              \
+        lanes a[m];                                                                                          \
+        name##_lanes(problem, y, a);                                                                         \
+        lane_generate_copy(kind, a, y, out);                                                                 \
+        const size_t own = lane_kinds[kind].algebra, at = lane_kinds[kind].state;                            \
+        for (size_t i = own; i < (m); i++) out[at + i - own] = a[i];                                         \
+    }
+GENERATED(momentum, 3, LG_SPACE_SO3_DUAL)
+GENERATED(attitude, 6, LG_SPACE_SO3)
+GENERATED(direct, 6, LG_SPACE_SO3)
+GENERATED(cotangent, 6, LG_SPACE_SE3)
+GENERATED(poisson, 6, LG_SPACE_SE3_DUAL)
+GENERATED(quadratic, 12, LG_SPACE_SE3)
+
+/* ---- the loops ---- */
+
+/* A loop with its own inlined field where the field costs no more than a call. */
+#define CLASSICAL_LOOP(name, dim)                                                                            \
+    static void name##_loop(lane_run *r) {                                                                   \
+        r->field = name;                                                                                     \
+        lane_run_members(r, LANE_CLASSICAL, dim, name);                                                      \
+    }
+CLASSICAL_LOOP(oscillator_lanes, 2)
+CLASSICAL_LOOP(quartic_lanes, 4)
+CLASSICAL_LOOP(coupled_lanes, 4)
+CLASSICAL_LOOP(pendulum_ambient_lanes, 6)
+CLASSICAL_LOOP(momentum_ambient_lanes, 3)
+
+static void classical_loop(lane_run *r) {
+    lane_run_members(r, LANE_CLASSICAL, r->dim, r->field);
+}
+
+static void rkmk_loop(lane_run *r) {
+    lane_run_members(r, LANE_RKMK, r->dim, r->field);
+}
+
+static void free_loop(lane_run *r) {
+    lane_run_members(r, LANE_FREE, r->dim, r->field);
+}
+
+typedef struct lane_entry {
+    lg_lane_system system;
+    size_t links; /* 0: any */
+    lane_field field[2]; /* by lg_coordinates */
+    void (*loop)(lane_run *r); /* of classical schemes; NULL: classical_loop */
+} lane_entry;
+
+static const lane_entry entries[] = {
+    {LG_LANES_OSCILLATOR, 0, {oscillator_lanes, oscillator_lanes}, oscillator_lanes_loop},
+    {LG_LANES_QUARTIC, 0, {quartic_lanes, quartic_lanes}, quartic_lanes_loop},
+    {LG_LANES_COUPLED, 0, {coupled_lanes, coupled_lanes}, coupled_lanes_loop},
+    {LG_LANES_CHAIN_LAGRANGIAN, 1, {pendulum_lie_lanes, pendulum_ambient_lanes}, pendulum_ambient_lanes_loop},
+    {LG_LANES_CHAIN_LAGRANGIAN, 0, {lagrangian_lie_lanes, lagrangian_ambient_lanes}, NULL},
+    {LG_LANES_CHAIN_HAMILTONIAN, 0, {hamiltonian_lie_lanes, hamiltonian_ambient_lanes}, NULL},
+    {LG_LANES_RIGID_BODY, 0, {momentum_lanes, momentum_ambient_lanes}, momentum_ambient_lanes_loop},
+    {LG_LANES_ATTITUDE, 0, {attitude_lanes, attitude_ambient_lanes}, NULL},
+    {LG_LANES_TOP_COTANGENT, 0, {cotangent_lanes, cotangent_ambient_lanes}, NULL},
+    {LG_LANES_TOP_DIRECT, 0, {direct_lanes, direct_ambient_lanes}, NULL},
+    {LG_LANES_TOP_LIE_POISSON, 0, {poisson_lanes, poisson_ambient_lanes}, NULL},
+    {LG_LANES_TOP_QUADRATIC, 0, {quadratic_lanes, quadratic_ambient_lanes}, NULL},
+};
+
+static const lane_entry *entry_of(const lg_lane_plan *plan) {
+    for (size_t i = 0; i < LG_COUNT(entries); i++)
+        if (entries[i].system == plan->system && (entries[i].links == 0 || entries[i].links == plan->links))
+            return &entries[i];
+    return NULL;
+}
+
+static size_t memory(const lg_lane_plan *plan, size_t room) {
+    lane_run r = {.plan = NULL};
+    return lane_lay_out(&r, plan, room, NULL);
+}
+
+static void run(const lg_lane_plan *plan, const lg_lane_block *block) {
+    const lane_entry *entry = entry_of(plan);
+    const bool flat = plan->ambient || lg_space_is_abelian(&plan->space);
+    lane_run r = {.field = entry->field[plan->ambient]};
+    lane_prepare(&r, plan, block);
+    if (plan->scheme->kind == LG_SCHEME_COMMUTATOR_FREE)
+        free_loop(&r);
+    else if (!flat)
+        rkmk_loop(&r);
+    else if (entry->loop)
+        entry->loop(&r);
+    else
+        classical_loop(&r);
+}
+
+#define PASTE_(a, b) a##b
+#define PASTE(a, b)  PASTE_(a, b)
+#define TABLE        PASTE(lg_lanes_, LG_KERNEL_ISA)
+
+extern const lg_lane_table TABLE;
+const lg_lane_table TABLE = {.lanes = LANES, .memory = memory, .run = run};

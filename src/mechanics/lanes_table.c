@@ -1,0 +1,32 @@
+/* Which lanes there are, and what runs on them. */
+#include "integrators/lanes.h"
+
+extern const lg_lane_table lg_lanes_baseline;
+#if defined(__x86_64__)
+extern const lg_lane_table lg_lanes_avx2, lg_lanes_avx512;
+#endif
+
+const lg_lane_table *lg_lanes(void) {
+    static const lg_lane_table *const tables[LG_ISA_COUNT] = {
+        [LG_ISA_BASELINE] = &lg_lanes_baseline,
+#if defined(__x86_64__)
+        [LG_ISA_AVX2] = &lg_lanes_avx2,
+        [LG_ISA_AVX512] = &lg_lanes_avx512,
+#endif
+    };
+    return tables[lg_isa_in_use()];
+}
+
+/* Projections on lanes are those of T*S^2. */
+static bool projects(const lg_space *space) {
+    for (size_t i = 0; i < space->factors; i++)
+        if (space->factor[i].kind == LG_SPACE_SO3 || space->factor[i].kind == LG_SPACE_SE3) return false;
+    return true;
+}
+
+bool lg_lanes_fit(const lg_lane_plan *plan) {
+    const lg_scheme *scheme = plan->scheme;
+    if (plan->system == LG_LANES_NONE || (scheme->project && !projects(&plan->space))) return false;
+    if (scheme->kind == LG_SCHEME_COMMUTATOR_FREE) return true;
+    return scheme->kind == LG_SCHEME_RKMK && scheme->commutator_count == 0;
+}
