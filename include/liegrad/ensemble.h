@@ -34,8 +34,8 @@ LG_BEGIN_DECLS
 
 /* An event: g(y) = sum_i weight_i y_index_i - level changes its sign from one step's end to the next. Its time is
  * found by steps of the scheme itself from the step's start. What comes and goes inside of a step is not seen. */
-#define LG_EVENT_TERMS  8
-#define LG_EVENTS_MAX   8
+#define LG_EVENT_TERMS 8
+#define LG_EVENTS_MAX  8
 typedef struct lg_ensemble_event {
     size_t terms; /* 1..LG_EVENT_TERMS */
     size_t index[LG_EVENT_TERMS];
@@ -80,13 +80,13 @@ typedef struct lg_ensemble_options {
     size_t block;            /* members of a block; 0: as many as give 4 MB of states, 16 to 1024 */
     int threads;             /* 1 */
     const lg_scheme *scheme; /* NULL: dp54 on R^n, else rkmk54 */
-    size_t steps;            /* > 0: equal steps, t_end/steps each, after which all times lie unless the scheme has
+    size_t steps; /* > 0: equal steps, t_end/steps each, after which all times lie unless the scheme has
                               * dense output; 0: adaptive */
     lg_step_controller control; /* adaptive; `observe` is not used, dense is true */
-    const double *times;     /* (count): ascending from 0; the last one is t_end > 0 */
+    const double *times;        /* (count): ascending from 0; the last one is t_end > 0 */
     size_t count;
-    const double *start;     /* (dim) of the scene; NULL: zeros */
-    bool varied;             /* parameters differ between members */
+    const double *start; /* (dim) of the scene; NULL: zeros */
+    bool varied;         /* parameters differ between members */
     const lg_ensemble_event *events;
     size_t event_count; /* at most LG_EVENTS_MAX */
     bool one_by_one;    /* false; true: no lanes, for comparison */
@@ -95,11 +95,11 @@ typedef struct lg_ensemble_options {
 LG_API void lg_ensemble_options_init(lg_ensemble_options *options);
 
 typedef struct lg_ensemble_stats {
-    size_t lanes;   /* members side by side in a thread; 1: one at a time */
-    size_t block;   /* members of a block */
+    size_t lanes; /* members side by side in a thread; 1: one at a time */
+    size_t block; /* members of a block */
     uint64_t failed;
     uint64_t steps, rejected; /* of all members */
-    double occupancy; /* share of the lanes' steps that belong to a member; NaN where lanes is 1 */
+    double occupancy;         /* share of the lanes' steps that belong to a member; NaN where lanes is 1 */
     double seconds;
 } lg_ensemble_stats;
 
@@ -107,9 +107,9 @@ typedef struct lg_ensemble_stats {
  * LG_UNSUPPORTED (adaptive without an embedded solution, a scheme that does not apply to the system),
  * LG_OUT_OF_MEMORY, LG_CANCELLED, those of `start` and `keep`. Members that fail are no error. */
 LG_API lg_status lg_ensemble_run(const lg_context *context, const lg_system *system,
-                                 const lg_ensemble_options *options, lg_ensemble_start start, void *start_user,
-                                 lg_ensemble_keep keep, void *keep_user, lg_ensemble_stats *stats,
-                                 lg_error *error);
+                                 const lg_ensemble_options *options, lg_ensemble_start start,
+                                 void *start_user, lg_ensemble_keep keep, void *keep_user,
+                                 lg_ensemble_stats *stats, lg_error *error);
 
 LG_END_DECLS
 

@@ -141,7 +141,7 @@ typedef struct lg_ode {
 
 /* ---- Schemes ---- */
 
-#define LG_SCHEME_MAX_STAGES       8
+#define LG_SCHEME_MAX_STAGES       16
 #define LG_SCHEME_MAX_EXPONENTIALS 4
 
 /* How an interpreter uses the data. h is the step, y the start of the step. */
@@ -230,6 +230,7 @@ typedef struct lg_scheme {
  * Classical (ambient = true):
  * - euler, implicit-euler, midpoint, rk4, rk4-projected
  * - dp54: Dormand-Prince 5(4), adaptive
+ * - dp85: the method of order 8 in DOP853 with an estimate of order 5, adaptive
  * Splitting:
  * - symplectic-euler (p first), stormer-verlet
  * - forest-ruth: Forest and Ruth (1990), order 4, 3 forces a step

@@ -51,7 +51,7 @@ typedef struct lg_lane_block {
     const double *parameter; /* (parameters, room), or (parameters) where they are not varied */
     const double *constant;  /* (constants, room) or (constants) */
     double *states;          /* (count, dim, room) */
-    double *events;          /* (event_count, room): the time of the first one; untouched where there is none */
+    double *events; /* (event_count, room): the time of the first one; untouched where there is none */
     lg_ensemble_member *outcome;
     uint64_t *attempts; /* of vectors of steps, added */
     void *memory;       /* of `memory` bytes, aligned */

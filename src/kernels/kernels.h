@@ -137,7 +137,7 @@ typedef struct lg_scalar_group {
     uint32_t op, count, result, operands;
 } lg_scalar_group;
 
-#define LG_K_STAGES      8
+#define LG_K_STAGES      16
 #define LG_K_STAGE_BLOCK ((size_t)8)
 
 typedef struct lg_kernels {

@@ -48,10 +48,12 @@ void lg_ensemble_options_init(lg_ensemble_options *options) {
 
 static lg_status check_times(const lg_ensemble_options *o, lg_error *error) {
     if (!o->times || o->count < 1 || !(o->times[0] >= 0.0) || !(o->times[o->count - 1] > 0.0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "an ensemble needs times from 0 on, and a final time above 0");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "an ensemble needs times from 0 on, and a final time above 0");
     for (size_t i = 0; i < o->count; i++)
         if (!isfinite(o->times[i]) || (i > 0 && !(o->times[i] > o->times[i - 1])))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "the times of an ensemble do not ascend at index %zu", i);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "the times of an ensemble do not ascend at index %zu",
+                           i);
     return LG_OK;
 }
 
@@ -135,9 +137,9 @@ static lg_status prepare(ensemble *all, lg_error *error) {
 /* ---- memory ---- */
 
 static void free_worker(const ensemble *all, worker *w) {
-    void *const parts[] = {w->start,        w->constant,      w->block.states, w->block.events, w->block.outcome,
-                           w->own_start,    w->own_parameter, w->work,         w->refused,      w->memory,
-                           w->parameter};
+    void *const parts[] = {w->start,         w->constant,  w->block.states,  w->block.events,
+                           w->block.outcome, w->own_start, w->own_parameter, w->work,
+                           w->refused,       w->memory,    w->parameter};
     for (size_t i = 0; i < LG_COUNT(parts); i++) lg_free(all->context, parts[i]);
     lg_one_by_one_end(&w->one);
     lg_system_destroy(w->system);
@@ -147,10 +149,15 @@ static lg_status make_worker(const ensemble *all, worker *w) {
     const lg_lane_plan *plan = &all->plan;
     const size_t room = all->room, dim = plan->space.dim, own = plan->varied ? room : 1;
     LG_TRY(lg_system_copy(all->context, all->system, &w->system));
-    double **const rows[] = {&w->start, &w->parameter, &w->constant, &w->block.states, &w->block.events,
-                             &w->own_start, &w->own_parameter};
-    const size_t counts[] = {dim * room,        plan->parameters * own, plan->constants * own,
-                             plan->count * dim * room, plan->event_count * room, dim, plan->parameters};
+    double **const rows[] = {&w->start,        &w->parameter, &w->constant,     &w->block.states,
+                             &w->block.events, &w->own_start, &w->own_parameter};
+    const size_t counts[] = {dim * room,
+                             plan->parameters * own,
+                             plan->constants * own,
+                             plan->count * dim * room,
+                             plan->event_count * room,
+                             dim,
+                             plan->parameters};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         *rows[i] = lg_alloc(all->context, counts[i] > 0 ? counts[i] : 1, sizeof(double));
         if (!*rows[i]) return LG_OUT_OF_MEMORY;
@@ -292,8 +299,10 @@ static lg_status run_threads(ensemble *all, size_t threads) {
 
 static void sum_up(const ensemble *all, size_t threads, double seconds, lg_ensemble_stats *out) {
     uint64_t vectors = 0;
-    *out = (lg_ensemble_stats){
-        .lanes = all->lanes ? all->lanes->lanes : 1, .block = all->room, .occupancy = NAN, .seconds = seconds};
+    *out = (lg_ensemble_stats){.lanes = all->lanes ? all->lanes->lanes : 1,
+                               .block = all->room,
+                               .occupancy = NAN,
+                               .seconds = seconds};
     for (size_t i = 0; i < threads; i++) {
         const worker *w = &all->workers[i];
         out->failed += w->failed;

@@ -41,8 +41,8 @@ static double event_of(const lg_ensemble_event *event, const double *y) {
     return sum;
 }
 
-static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, double t, double h, double after,
-                           double *out) {
+static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, double t, double h,
+                           double after, double *out) {
     lg_event_search search = {.high = 1.0, .g_low = event_of(event, one->before), .g_high = after};
     const double close = 4.0 * DBL_EPSILON * one->plan->t_end / h;
     bool done = false;
@@ -99,8 +99,8 @@ static lg_status run_adaptive(lg_one_by_one *one, lg_ensemble_member *outcome) {
     lg_run_stats stats = {0};
     control.observe = look;
     control.observer = one;
-    const lg_status status = lg_integrate_adaptive(one->stepper, &control, 0.0, one->y, plan->times, plan->count,
-                                                   one->rows, &stats);
+    const lg_status status = lg_integrate_adaptive(one->stepper, &control, 0.0, one->y, plan->times,
+                                                   plan->count, one->rows, &stats);
     outcome->steps = stats.steps;
     outcome->rejected = stats.rejected;
     return status;

@@ -161,8 +161,8 @@ static void free_loop(lane_run *r) {
 
 typedef struct lane_entry {
     lg_lane_system system;
-    size_t links; /* 0: any */
-    lane_field field[2]; /* by lg_coordinates */
+    size_t links;              /* 0: any */
+    lane_field field[2];       /* by lg_coordinates */
     void (*loop)(lane_run *r); /* of classical schemes; NULL: classical_loop */
 } lane_entry;
 
