@@ -1,7 +1,8 @@
 /* lg-simulate: integrate a mechanical system and look at the result. */
-#include "lg-simulate/simulate.h"
+#include "lg-simulate/ensemble.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 static simulate_values values = {.tol = 1e-9, .atol = -1, .theta = 0.5, .levels = 9, .max_steps = 1000000};
 
@@ -46,6 +47,25 @@ static const app_option options[] = {
                  "Compute J = sum W_k y_k at the end and its gradient by the start and the parameters"),
     APP_ROW_SIZE(simulate_values, checkpoints, "checkpoints", "C", 1, 1e12,
                  "Number of states stored for --gradient (default: the square root of the number of steps)"),
+    APP_ROW_SIZE(
+        simulate_values, ensemble, "ensemble", "N", 1, 1e15,
+        "N runs side by side from other starts or with other parameters: statistics at the points (default "
+        "51)"),
+    APP_ROW_TEXT(
+        simulate_values, vary, "vary", "NAME=DISTRIBUTION,...",
+        "What differs between members (default: the scene's key `ensemble`), e.g. 'q = sphere, omega = "
+        "normal 0 1, masses = within 5%'"),
+    APP_ROW_TEXT(simulate_values, starts, "starts", "FILE.csv|.h5|.npy",
+                 "A member a row: columns named as numbers of the state or parameters (q1.x, m2)"),
+    APP_ROW_TEXT(
+        simulate_values, event, "event", "NAME=VALUE,...",
+        "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards"),
+    APP_ROW_TEXT(simulate_values, save, "save", "all|K",
+                 "Keep the trajectories of all or of the first K members"),
+    APP_ROW_TEXT(simulate_values, task, "task", "I/N",
+                 "Part I of N of the ensemble, into a part file for `lg-simulate merge OUT.h5 PARTS...`"),
+    APP_ROW_FLAG(simulate_values, one_by_one, "one-by-one",
+                 "Without lanes: one member at a time, for comparison"),
     APP_ROW_END};
 
 /* ---- options against each other ---- */
@@ -55,12 +75,25 @@ typedef struct dependency {
     bool needs; /* the option needs the other; else they exclude each other */
 } dependency;
 
-static const dependency dependencies[] = {
-    {"checkpoints", "gradient", true},     {"plot-kind", "plot", true},
-    {"methods", "work-precision", true},   {"levels", "work-precision", true},
-    {"method", "scheme", false},           {"points", "times", false},
-    {"work-precision", "gradient", false}, {"work-precision", "out", false},
-    {"work-precision", "method", false},   {"work-precision", "plot-kind", false}};
+static const dependency dependencies[] = {{"checkpoints", "gradient", true},
+                                          {"plot-kind", "plot", true},
+                                          {"methods", "work-precision", true},
+                                          {"levels", "work-precision", true},
+                                          {"method", "scheme", false},
+                                          {"points", "times", false},
+                                          {"work-precision", "gradient", false},
+                                          {"work-precision", "out", false},
+                                          {"work-precision", "method", false},
+                                          {"work-precision", "plot-kind", false},
+                                          {"vary", "ensemble", true},
+                                          {"starts", "ensemble", true},
+                                          {"event", "ensemble", true},
+                                          {"save", "ensemble", true},
+                                          {"task", "ensemble", true},
+                                          {"one-by-one", "ensemble", true},
+                                          {"ensemble", "gradient", false},
+                                          {"ensemble", "work-precision", false},
+                                          {"ensemble", "plot-kind", false}};
 
 static int check_options(const app *self) {
     for (size_t i = 0; i < LG_COUNT(dependencies); i++) {
@@ -79,13 +112,14 @@ static int check_outputs(const app *self) {
     const bool weights = values.gradient != NULL && values.gradient[0] == '@';
     const app_path paths[] = {{"scheme", values.scheme, APP_READ},
                               {"gradient", weights ? values.gradient + 1 : NULL, APP_READ},
+                              {"starts", values.starts, APP_READ},
                               {"out", values.out, APP_WRITTEN},
                               {"plot", values.plot, APP_DRAWN}};
     return app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
 /* Equal or adaptive steps must fit the method. */
-static int check_control(const simulation *sim, const lg_scheme *scheme) {
+int check_control(const simulation *sim, const lg_scheme *scheme) {
     const app *self = sim->self;
     if (values.steps > 0 || scheme->embedded_order > 0) return APP_EXIT_OK;
     char *names = method_names(sim, true, true);
@@ -216,7 +250,10 @@ static int run(app *self) {
     if (code == APP_EXIT_OK) code = check_outputs(self);
     if (code != APP_EXIT_OK) return code;
     code = simulation_open(self, &values, self->arguments[0], &sim);
-    if (code == APP_EXIT_OK) code = values.work_precision ? work_precision(&sim) : run_once(&sim);
+    if (code == APP_EXIT_OK)
+        code = values.ensemble > 0     ? ensemble(&sim)
+               : values.work_precision ? work_precision(&sim)
+                                       : run_once(&sim);
     simulation_close(&sim);
     return code;
 }
@@ -276,6 +313,7 @@ static char *describe_methods(void) {
 }
 
 int main(int argc, char **argv) {
+    if (argc > 1 && strcmp(argv[1], "merge") == 0) return merge_main(argc, argv);
     char *details = describe_methods();
     const app_command command[] = {
         {.arguments = "SCENE.yaml",

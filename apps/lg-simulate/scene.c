@@ -83,14 +83,15 @@ int simulation_open(app *self, const simulate_values *values, const char *path, 
     lg_error error = {LG_OK, ""};
     *out = (simulation){.self = self, .values = values};
     lg_status status = lg_scene_read(self->context, path, NULL, &out->scene, &error);
-    /* Starts are drawn in Hamiltonian form. */
-    if (status == LG_OK && !out->scene.has_initial && out->scene.line_form == 0) {
+    /* Starts are drawn in Hamiltonian form; an ensemble says itself what is drawn. */
+    if (status == LG_OK && !out->scene.has_initial && out->scene.line_form == 0 && values->ensemble == 0) {
         lg_scene_destroy(&out->scene);
         status = lg_scene_read(self->context, path, "hamiltonian", &out->scene, &error);
     }
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     out->system = out->scene.system;
-    const int code = app_scene_start(self, &out->scene, path);
+    /* The members of an ensemble have starts of their own. */
+    const int code = values->ensemble > 0 ? APP_EXIT_OK : app_scene_start(self, &out->scene, path);
     if (code != APP_EXIT_OK) return code;
     out->dim = lg_system_dim(out->system);
     out->reported = lg_system_reported(out->system);

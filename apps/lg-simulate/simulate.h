@@ -22,11 +22,12 @@ typedef enum picture_kind {
 
 typedef struct simulate_values {
     const char *method, *scheme, *dexpinv, *out, *plot, *methods, *gradient;
-    uint64_t steps, points, checkpoints, levels, max_steps;
+    const char *vary, *starts, *event, *save, *task; /* of --ensemble */
+    uint64_t steps, points, checkpoints, levels, max_steps, ensemble;
     double tol, atol, t_end, theta;
     app_reals times;
     int plot_kind;
-    bool work_precision;
+    bool work_precision, one_by_one;
 } simulate_values;
 
 /* ---- the scene (scene.c) ---- */
@@ -80,6 +81,8 @@ int method_choose(const simulation *sim, method *out);
 int method_named(const simulation *sim, const char *option, const char *name, method *out);
 int method_read(const simulation *sim, const char *path, method *out);
 void method_free(method *what);
+/* Equal or adaptive steps must fit the method (main.c). */
+int check_control(const simulation *sim, const lg_scheme *scheme);
 /* NULL when the scheme applies to the system, else why it does not. */
 const char *method_obstacle(const simulation *sim, const lg_scheme *scheme);
 /* Names separated by ", "; of those that apply to the system, adaptive ones alone where asked. The caller

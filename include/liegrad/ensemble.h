@@ -93,6 +93,8 @@ typedef struct lg_ensemble_options {
 } lg_ensemble_options;
 
 LG_API void lg_ensemble_options_init(lg_ensemble_options *options);
+/* Members of a block, for states of `dim` numbers. */
+LG_API size_t lg_ensemble_block_size(const lg_ensemble_options *options, size_t dim);
 
 typedef struct lg_ensemble_stats {
     size_t lanes; /* members side by side in a thread; 1: one at a time */
@@ -110,6 +112,59 @@ LG_API lg_status lg_ensemble_run(const lg_context *context, const lg_system *sys
                                  const lg_ensemble_options *options, lg_ensemble_start start,
                                  void *start_user, lg_ensemble_keep keep, void *keep_user,
                                  lg_ensemble_stats *stats, lg_error *error);
+
+/* ---- statistics in fixed memory ---- */
+
+/* Of a table of cells (rows, columns), say times and components: count, mean, standard deviation, least, largest
+ * and quantiles of the numbers added to each. Sums are exact, so that the result does not depend on the order or
+ * the parts in which numbers and objects were added: only the sums of one call of lg_statistics_add are rounded,
+ * and ensembles call it for whole blocks. About (1.1 + bins/256) KB a cell. */
+typedef struct lg_statistics lg_statistics;
+
+/* Where the bins of a cell lie: equal ones in [low, high], or in its logarithm, and one on either side. `centre` is
+ * subtracted before squares are summed. */
+typedef struct lg_statistics_range {
+    double low, high, centre;
+} lg_statistics_range;
+
+/* `bins` in 1..65536; `logarithmic` (columns) or NULL: those columns hold numbers >= 0 whose bins lie in the
+ * logarithm. Ranges are those of 0..1 until they are set. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_statistics_create(const lg_context *context, size_t rows, size_t columns, size_t bins,
+                                      const bool *logarithmic, lg_statistics **out);
+LG_API void lg_statistics_destroy(lg_statistics *statistics); /* NULL is fine */
+/* An empty one with the same cells and ranges. */
+LG_API lg_status lg_statistics_like(const lg_statistics *statistics, lg_statistics **out);
+/* Before the first number. */
+LG_API void lg_statistics_set_range(lg_statistics *statistics, size_t row, size_t column,
+                                    const lg_statistics_range *range);
+/* From a sample of `count` numbers (NaN are left out): theirs, and a quarter of its width more on either side. */
+LG_API lg_statistics_range lg_statistics_range_of(const lg_statistics *statistics, size_t column,
+                                                  const double *values, size_t count);
+/* Adds `count` numbers to a cell; those that are not finite are left out. */
+LG_API void lg_statistics_add(lg_statistics *statistics, size_t row, size_t column, const double *values,
+                              size_t count);
+/* `into` += `from`. LG_SHAPE: other cells, bins or ranges. */
+LG_API lg_status lg_statistics_merge(lg_statistics *into, const lg_statistics *from);
+
+typedef struct lg_statistics_cell {
+    uint64_t count;
+    double mean, deviation; /* divisor count - 1 */
+    double least, largest;
+    double resolution; /* width of a bin; of the logarithm (base e) in logarithmic columns */
+} lg_statistics_cell;
+
+/* NaN where too few numbers were added. */
+LG_API lg_statistics_cell lg_statistics_of(const lg_statistics *statistics, size_t row, size_t column);
+/* 0 <= p <= 1: from the bins, to within `resolution` unless it lies beyond the range. */
+LG_API double lg_statistics_quantile(const lg_statistics *statistics, size_t row, size_t column, double p);
+/* (bins + 2): below the range, in the bins, above it. */
+LG_API const uint64_t *lg_statistics_bins(const lg_statistics *statistics, size_t row, size_t column);
+LG_API lg_statistics_range lg_statistics_range_at(const lg_statistics *statistics, size_t row, size_t column);
+
+/* All that there is, as arrays: count, least, largest, sum, square, bins, low, high, centre. Loading needs an
+ * object of the same cells, bins and logarithmic columns. Errors: those of the archive. */
+LG_API lg_status lg_statistics_save(const lg_statistics *statistics, const lg_archive_writer *archive);
+LG_API lg_status lg_statistics_load(lg_statistics *statistics, const lg_archive_reader *archive);
 
 LG_END_DECLS
 

@@ -136,6 +136,37 @@ LG_API lg_status lg_file_writer_commit(lg_file_writer *writer, lg_error *error);
 LG_API void
 lg_file_writer_destroy(lg_file_writer *writer); /* NULL is fine; without a commit no file is made */
 
+/* ---- trajectories of an ensemble, written as they come ---- */
+
+typedef struct lg_rows_options {
+    const lg_provenance *provenance; /* may be NULL */
+    uint64_t first, rows;            /* members first, first + 1, ... */
+    size_t points, dim;
+    const double *t; /* (points) */
+    const char *layout;
+} lg_rows_options;
+
+/* A file with /t and /trajectories (rows, points, dim), whose rows are written one by one into their places on the
+ * disk: no row is kept in memory. All room is taken at once: a disk that is too small is known at the start. Rows
+ * that are not put are zeros. */
+typedef struct lg_rows_file lg_rows_file;
+LG_API lg_status lg_rows_file_create(const lg_context *context, const char *path,
+                                     const lg_rows_options *options, lg_rows_file **out, lg_error *error);
+/* (points, dim). From any thread; each row once. LG_FILE: errno says why. */
+LG_API lg_status lg_rows_file_put(const lg_rows_file *file, uint64_t row, const double *values);
+/* Under its name once it is on the disk. */
+LG_API lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error);
+LG_API void lg_rows_file_destroy(lg_rows_file *file); /* NULL is fine; without a commit no file is left */
+
+/* /trajectories of the writer's file: a virtual data set, the rows of these files in their order. The files stand in
+ * the folder of the writer's file. */
+typedef struct lg_rows_part {
+    const char *path;
+    uint64_t rows;
+} lg_rows_part;
+LG_API lg_status lg_file_writer_rows(lg_file_writer *writer, const lg_rows_part *parts, size_t count,
+                                     uint64_t points, uint64_t dim, lg_error *error);
+
 typedef struct lg_file_reader lg_file_reader;
 
 /* `kind` NULL: any. With options->probe every array and attribute of the file is read once in the child. */
@@ -630,9 +661,10 @@ typedef struct lg_scene {
     double t_end;
     bool has_starts; /* otherwise thesis, 1 segment */
     lg_starts starts;
-    double low, high;  /* box: chains p = q x u, u ~ U[low,high]^3; others U[low,high]^d; -1, 1 */
-    double ahead;      /* trajectories begin where their start is after a time of U[0, ahead]; 0 */
-    uint32_t segments; /* consecutive trajectories from one start, >= 1 */
+    double low, high;   /* box: chains p = q x u, u ~ U[low,high]^3; others U[low,high]^d; -1, 1 */
+    double ahead;       /* trajectories begin where their start is after a time of U[0, ahead]; 0 */
+    uint32_t segments;  /* consecutive trajectories from one start, >= 1 */
+    char ensemble[256]; /* what the members of an ensemble have of their own, as lg-simulate --vary; "" */
     uint32_t line_system, line_form, line_initial,
         line_starts;           /* for the caller's own messages; 0 when absent */
     const lg_context *context; /* whose memory the arrays are in */
@@ -640,7 +672,7 @@ typedef struct lg_scene {
 
 /* A YAML (or JSON) file. Keys: `system`; `form`; the parameters of the system; `links` where lists have one
  * entry a link (else the lists determine it); `initial` with the parts of the state; `t_end`; `starts`
- * {kind, low, high, segments, ahead}; quadrotors: `reference` (parabola). Chains take `omega` or `p` in
+ * {kind, low, high, segments, ahead}; `ensemble`, a text; quadrotors: `reference` (parabola). Chains take `omega` or `p` in
  * either form and convert them: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. If the
  * system has the form `form_wanted`, the scene has this form, whatever `form` says. If form_wanted is NULL,
  * the form is `form`, else the first form whose state `initial` gives, else the system's first. A

@@ -5,7 +5,7 @@
  * coupled-oscillators; pendulum-chain (lagrangian | hamiltonian); rigid-body; rigid-body-attitude; heavy-top
  * (cotangent | direct | lie-poisson | quadratic); quadrotors.
  *
- * A system is immutable after it is made and may be shared by threads; each thread brings its own workspace.
+ * A system is immutable after it is made (but see lg_system_set_parameters) and may be shared by threads; each thread brings its own workspace.
  * Evaluation allocates nothing. Chains cost O(links).
  */
 #ifndef LIEGRAD_MECHANICS_H
@@ -84,6 +84,10 @@ LG_API const lg_state_entry *lg_system_state(const char *name, const char *form)
 LG_API lg_status lg_system_create(const lg_context *context, const char *name,
                                   const lg_system_options *options, lg_system **out, lg_error *error);
 LG_API void lg_system_destroy(lg_system *system); /* NULL is fine */
+/* Another one with the same parameters, and other parameters for a system that nobody else uses: all of them, in
+ * the order of lg_system_parameters. LG_INVALID_ARGUMENT, nothing changed: a value against its rule. */
+LG_API lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out);
+LG_API lg_status lg_system_set_parameters(lg_system *system, const double *values);
 
 LG_API const char *lg_system_name(const lg_system *system);
 LG_API const char *lg_system_form(const lg_system *system); /* NULL where there is one only */

@@ -103,6 +103,7 @@ enum {
     KEY_HIGH,
     KEY_SEGMENTS,
     KEY_AHEAD,
+    KEY_ENSEMBLE,
     COMMON_KEYS
 };
 
@@ -118,6 +119,7 @@ static const lg_key common_keys[COMMON_KEYS] = {
     [KEY_HIGH] = {"starts.high", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL},
     [KEY_SEGMENTS] = {"starts.segments", LG_KEY_COUNT, false, false, 1, 1000, 1, NULL},
     [KEY_AHEAD] = {"starts.ahead", LG_KEY_REAL, false, false, 0, LARGEST, 1, NULL},
+    [KEY_ENSEMBLE] = {"ensemble", LG_KEY_TEXT, false, false, 0, 0, 1, NULL},
 };
 static const lg_key links_key = {"links", LG_KEY_COUNT, false, false, 1, MAX_LINKS, 1, NULL};
 static const lg_key reference_key = {"reference", LG_KEY_NAME, false, false, 0, 0, 1, reference_name};
@@ -367,6 +369,8 @@ static lg_status fill(reading *r) {
                          .line_form = v[KEY_FORM].line,
                          .line_initial = v[KEY_INITIAL].line,
                          .line_starts = v[KEY_STARTS].line};
+    if (v[KEY_ENSEMBLE].line != 0)
+        (void)snprintf(r->out->ensemble, sizeof r->out->ensemble, "%s", v[KEY_ENSEMBLE].text);
     LG_TRY(find_links(r));
     LG_TRY(read_starts(r));
     LG_TRY(read_system(r));

@@ -85,7 +85,7 @@ static lg_status check_steps(const lg_ensemble_options *o, lg_error *error) {
     return LG_OK;
 }
 
-static size_t block_of(const lg_ensemble_options *o, size_t dim) {
+size_t lg_ensemble_block_size(const lg_ensemble_options *o, size_t dim) {
     const size_t bytes = o->count * dim * sizeof(double);
     size_t room = 1024;
     if (o->block > 0) return o->block;
@@ -129,7 +129,7 @@ static lg_status prepare(ensemble *all, lg_error *error) {
         .event_count = o->event_count,
     };
     if (!o->one_by_one && lg_lanes_fit(&all->plan)) all->lanes = lg_lanes();
-    all->room = block_of(o, system->space.dim);
+    all->room = lg_ensemble_block_size(o, system->space.dim);
     all->blocks = (o->members + all->room - 1) / all->room;
     return LG_OK;
 }

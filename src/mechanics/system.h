@@ -78,10 +78,6 @@ struct lg_system {
     double *constants;
 };
 
-/* Another one with the same parameters, whose parameters may be set; lg_system_destroy. */
-lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out);
-/* All parameters. LG_INVALID_ARGUMENT, nothing changed: one is against its rule. */
-lg_status lg_system_set_parameters(lg_system *system, const double *values);
 size_t lg_system_constants(const lg_system *system);
 
 /* The numbers of the parameter at `index` of the row's table. */

@@ -1,0 +1,548 @@
+#include "lg-simulate/ensemble.h"
+
+#include <errno.h>
+#include <float.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { POINTS = 51, BINS = 256, PILOT = 256 };
+
+/* ---- results ---- */
+
+void result_free(result *self) {
+    free(self->what);
+    free(self->t);
+    free(self->column);
+    free(self->event);
+    lg_statistics_destroy(self->states);
+    lg_statistics_destroy(self->times);
+    *self = (result){.what = NULL};
+}
+
+uint64_t result_failed(const result *self) {
+    uint64_t sum = 0;
+    for (size_t i = 0; i < STATUSES; i++) sum += self->failed[i];
+    return sum;
+}
+
+void result_list(result *self, const failure *what) {
+    size_t at = self->listed;
+    if (at == LISTED && self->failures[LISTED - 1].member < what->member) return;
+    if (at == LISTED) at--;
+    for (; at > 0 && self->failures[at - 1].member > what->member; at--)
+        self->failures[at] = self->failures[at - 1];
+    self->failures[at] = *what;
+    if (self->listed < LISTED) self->listed++;
+}
+
+lg_status result_merge(result *into, const result *from, lg_error *error) {
+    if (strcmp(into->what, from->what) != 0)
+        return app_error(error, LG_FORMAT, "a part of another ensemble: %.200s", from->what);
+    lg_status status = lg_statistics_merge(into->states, from->states);
+    if (status == LG_OK && into->times != NULL) status = lg_statistics_merge(into->times, from->times);
+    if (status != LG_OK) return app_error(error, LG_FORMAT, "a part with other cells or ranges");
+    into->members += from->members;
+    into->steps += from->steps;
+    into->rejected += from->rejected;
+    for (size_t i = 0; i < STATUSES; i++) into->failed[i] += from->failed[i];
+    for (size_t i = 0; i < from->listed; i++) result_list(into, &from->failures[i]);
+    return LG_OK;
+}
+
+/* ---- what a thread gathers ---- */
+
+typedef struct gatherer {
+    result part;               /* its own accumulators */
+    double *invariant, *start; /* (room) of the member's block; (invariants, room) at the start */
+    double *row;               /* (points, reported): a trajectory */
+    double *state, *work;
+    lg_system *system; /* with the member's parameters */
+} gatherer;
+
+typedef struct study {
+    simulation *sim;
+    result *total;
+    vary *varied;
+    lg_ensemble_options options;
+    size_t invariants;
+    gatherer *gatherers;
+    uint64_t saved; /* members 0 .. saved - 1 are kept as trajectories */
+    lg_rows_file *rows;
+    uint64_t rows_first;
+    atomic_ullong done;
+    app_progress progress;
+} study;
+
+/* Columns: the numbers of the state, then each invariant and the size of its drift. */
+static void name_columns(study *all) {
+    const simulation *sim = all->sim;
+    result *total = all->total;
+    total->columns = sim->reported + 2 * all->invariants;
+    total->column = app_alloc(total->columns, sizeof *total->column);
+    for (size_t c = 0; c < sim->reported; c++) component_name(sim, c, total->column[c], NAME_SIZE);
+    for (size_t i = 0; i < all->invariants; i++) {
+        const char *name = lg_system_invariant_name(sim->system, i);
+        (void)snprintf(total->column[sim->reported + 2 * i], NAME_SIZE, "%s", name);
+        (void)snprintf(total->column[sim->reported + 2 * i + 1], NAME_SIZE, "drift of %s", name);
+    }
+}
+
+static bool *logarithmic_columns(const study *all) {
+    bool *out = app_alloc(all->total->columns, sizeof *out);
+    for (size_t i = 0; i < all->invariants; i++) out[all->sim->reported + 2 * i + 1] = true;
+    return out;
+}
+
+/* visit(user, row, column, values, count) for all cells of a block. */
+typedef void (*cell_visitor)(void *user, size_t row, size_t column, const double *values, size_t count);
+
+static double invariant_of(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row, size_t i,
+                           size_t m) {
+    for (size_t c = 0; c < of->dim; c++) own->state[c] = of->states[(row * of->dim + c) * of->room + m];
+    return lg_system_invariant(own->system != NULL ? own->system : all->sim->system, i, own->state,
+                               own->work);
+}
+
+/* Invariants need the parameters of each member: members are the outer loop, so that they are set once a row. */
+static void fill_invariants(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row) {
+    for (size_t m = 0; m < of->members; m++) {
+        if (own->system != NULL) {
+            double *parameters = own->row; /* scratch: at least as long */
+            for (size_t i = 0; i < of->parameter_count; i++) parameters[i] = of->parameter[i * of->room + m];
+            (void)lg_system_set_parameters(own->system, parameters);
+        }
+        for (size_t i = 0; i < all->invariants; i++)
+            own->invariant[i * of->room + m] = invariant_of(all, own, of, row, i, m);
+    }
+}
+
+static void visit_cells(const study *all, gatherer *own, const lg_ensemble_block *of, cell_visitor visit,
+                        void *user) {
+    const size_t reported = all->sim->reported, room = of->room;
+    for (size_t row = 0; row < of->count; row++) {
+        for (size_t c = 0; c < reported; c++)
+            visit(user, row, c, of->states + (row * of->dim + c) * room, of->members);
+        if (all->invariants > 0) fill_invariants(all, own, of, row);
+        for (size_t i = 0; i < all->invariants; i++) {
+            double *value = own->invariant + i * room, *start = own->start + i * room;
+            if (row == 0) memcpy(start, value, of->members * sizeof *start);
+            visit(user, row, reported + 2 * i, value, of->members);
+            for (size_t m = 0; m < of->members; m++) value[m] = fabs(value[m] - start[m]);
+            visit(user, row, reported + 2 * i + 1, value, of->members);
+        }
+    }
+}
+
+static void set_range(void *user, size_t row, size_t column, const double *values, size_t count) {
+    lg_statistics *states = user;
+    const lg_statistics_range range = lg_statistics_range_of(states, column, values, count);
+    lg_statistics_set_range(states, row, column, &range);
+}
+
+static void add_cell(void *user, size_t row, size_t column, const double *values, size_t count) {
+    lg_statistics_add(user, row, column, values, count);
+}
+
+static lg_status keep_ranges(void *user, const lg_ensemble_block *of) {
+    study *all = user;
+    visit_cells(all, &all->gatherers[of->thread], of, set_range, all->total->states);
+    return LG_OK;
+}
+
+static lg_status save_rows(const study *all, gatherer *own, const lg_ensemble_block *of) {
+    const size_t reported = all->sim->reported;
+    lg_status status = LG_OK;
+    for (size_t m = 0; m < of->members && of->first + m < all->saved && status == LG_OK; m++) {
+        for (size_t row = 0; row < of->count; row++)
+            for (size_t c = 0; c < reported; c++)
+                own->row[row * reported + c] = of->states[(row * of->dim + c) * of->room + m];
+        status = lg_rows_file_put(all->rows, of->first + m - all->rows_first, own->row);
+    }
+    return status;
+}
+
+static lg_status keep_block(void *user, const lg_ensemble_block *of) {
+    study *all = user;
+    gatherer *own = &all->gatherers[of->thread];
+    result *part = &own->part;
+    visit_cells(all, own, of, add_cell, part->states);
+    for (size_t e = 0; e < of->event_count; e++)
+        lg_statistics_add(part->times, 0, e, of->events + e * of->room, of->members);
+    for (size_t m = 0; m < of->members; m++) {
+        const lg_ensemble_member *member = &of->member[m];
+        part->steps += member->steps;
+        part->rejected += member->rejected;
+        if (member->status == LG_OK) continue;
+        part->failed[(size_t)member->status < STATUSES ? (size_t)member->status : STATUSES - 1]++;
+        const failure what = {of->first + m, (uint64_t)member->status, member->reached};
+        result_list(part, &what);
+    }
+    part->members += of->members;
+    const unsigned long long done = atomic_fetch_add(&all->done, of->members) + of->members;
+    if (of->thread == 0) app_progress_show(&all->progress, done, "%llu members", done);
+    return all->rows != NULL ? save_rows(all, own, of) : LG_OK;
+}
+
+/* ---- options ---- */
+
+/* NAME=VALUE, NAME>VALUE, NAME<VALUE: when it passes the value, upwards, downwards. */
+static int read_event(const simulation *sim, char *text, lg_ensemble_event *event, column_name name) {
+    char *sign = strpbrk(text, "=<>");
+    size_t index = 0;
+    double level = 0;
+    while (*text == ' ') text++;
+    (void)snprintf(name, NAME_SIZE, "%s", text);
+    const char kind = sign != NULL ? *sign : '\0';
+    if (sign != NULL) {
+        char *end = sign;
+        while (end > text && end[-1] == ' ') end--;
+        *end = '\0';
+        for (sign++; *sign == ' ';) sign++;
+    }
+    if (sign == NULL || !app_parse_real(sign, &level))
+        return app_usage(sim->self, "--event: expected NAME=VALUE, NAME>VALUE or NAME<VALUE, not '%s'", name);
+    if (!component_find(sim, text, &index)) {
+        char own[NAME_SIZE];
+        component_name(sim, 0, own, sizeof own);
+        return app_usage(sim->self, "--event: '%s' is no number of the state %s; the first one is %s", text,
+                         lg_system_layout(sim->system), own);
+    }
+    *event = (lg_ensemble_event){.terms = 1,
+                                 .index = {index},
+                                 .weight = {1.0},
+                                 .level = level,
+                                 .direction = kind == '>'   ? 1
+                                              : kind == '<' ? -1
+                                                            : 0};
+    return APP_EXIT_OK;
+}
+
+static int read_events(study *all, lg_ensemble_event events[LG_EVENTS_MAX]) {
+    const simulation *sim = all->sim;
+    if (sim->values->event == NULL) return APP_EXIT_OK;
+    char *copy = app_format("%s", sim->values->event), *rest = NULL;
+    all->total->event = app_alloc(LG_EVENTS_MAX, sizeof *all->total->event);
+    int code = APP_EXIT_OK;
+    for (char *item = strtok_r(copy, ",", &rest); item != NULL && code == APP_EXIT_OK;
+         item = strtok_r(NULL, ",", &rest)) {
+        const size_t e = all->total->events++;
+        code = e < LG_EVENTS_MAX ? read_event(sim, item, &events[e], all->total->event[e])
+                                 : app_usage(sim->self, "--event: at most %d of them", LG_EVENTS_MAX);
+    }
+    free(copy);
+    all->options.events = events;
+    all->options.event_count = all->total->events;
+    return code;
+}
+
+static int choose_times(study *all) {
+    const simulation *sim = all->sim;
+    const simulate_values *values = sim->values;
+    result *total = all->total;
+    if (values->times.count > 0) {
+        const bool to_end = values->times.values[values->times.count - 1] == sim->t_end;
+        total->points = values->times.count + !to_end;
+        total->t = app_alloc(total->points, sizeof *total->t);
+        memcpy(total->t, values->times.values, values->times.count * sizeof *total->t);
+    } else {
+        total->points = values->points > 0 ? (size_t)values->points : POINTS;
+        total->t = app_alloc(total->points, sizeof *total->t);
+        for (size_t i = 0; i + 1 < total->points; i++)
+            total->t[i] = sim->t_end * ((double)i / (double)(total->points - 1));
+    }
+    total->t[total->points - 1] = sim->t_end;
+    all->options.times = total->t;
+    all->options.count = total->points;
+    return APP_EXIT_OK;
+}
+
+/* "3/8": this process does part 3 of 8. Under a launcher of processes, rank r of R is task r + 1 of R. */
+static int read_task(const simulation *sim, uint64_t *task, uint64_t *tasks) {
+    const char *text = sim->values->task;
+    *task = *tasks = 1;
+    if (text == NULL) return APP_EXIT_OK;
+    char *copy = app_format("%s", text), *slash = strchr(copy, '/');
+    if (slash != NULL) *slash = '\0';
+    const bool read = slash != NULL && app_parse_size(copy, task) && app_parse_size(slash + 1, tasks);
+    free(copy);
+    if (read && *task >= 1 && *task <= *tasks && *tasks <= 1000000) return APP_EXIT_OK;
+    return app_usage(sim->self, "--task: expected I/N with 1 <= I <= N, not '%s'", text);
+}
+
+/* What an ensemble is, in one line: parts with the same one belong together. */
+static char *describe(const study *all, const char *text) {
+    const simulation *sim = all->sim;
+    const lg_ensemble_options *o = &all->options;
+    lg_sha256 state;
+    char hash[LG_SHA256_TEXT];
+    const double control[] = {o->control.rtol, o->control.atol, (double)o->steps};
+    lg_sha256_init(&state);
+    lg_sha256_add(&state, lg_system_parameter_values(sim->system),
+                  lg_system_parameter_count(sim->system) * sizeof(double));
+    if (sim->scene.state != NULL) lg_sha256_add(&state, sim->scene.state, sim->dim * sizeof(double));
+    lg_sha256_add(&state, all->total->t, all->total->points * sizeof(double));
+    lg_sha256_add(&state, control, sizeof control);
+    lg_sha256_add(&state, o->scheme->a, sizeof o->scheme->a);
+    lg_sha256_add(&state, o->scheme->b, sizeof o->scheme->b);
+    lg_sha256_add(&state, &o->scheme->dexpinv, sizeof o->scheme->dexpinv);
+    lg_sha256_finish(&state, hash);
+    return app_format(
+        "%s %s, %s, %llu members, seed %llu, vary %s%s%s%s%s, sha256 %.16s", lg_system_name(sim->system),
+        lg_system_form(sim->system) != NULL ? lg_system_form(sim->system) : "", o->scheme->name,
+        (unsigned long long)all->total->total, (unsigned long long)sim->self->seed,
+        text[0] != '\0' ? text : "nothing", sim->values->starts != NULL ? ", starts " : "",
+        sim->values->starts != NULL ? sim->values->starts : "", sim->values->event != NULL ? ", events " : "",
+        sim->values->event != NULL ? sim->values->event : "", hash);
+}
+
+/* ---- running ---- */
+
+static void open_gatherers(study *all) {
+    const size_t threads = (size_t)all->options.threads, room = 1024;
+    const size_t parameters = lg_system_parameter_count(all->sim->system);
+    const size_t row = all->total->points * all->sim->reported;
+    all->gatherers = app_alloc(threads, sizeof *all->gatherers);
+    for (size_t i = 0; i < threads; i++) {
+        gatherer *own = &all->gatherers[i];
+        own->invariant = app_alloc(all->invariants * room, sizeof(double));
+        own->start = app_alloc(all->invariants * room, sizeof(double));
+        own->row = app_alloc(row > parameters ? row : parameters, sizeof(double));
+        own->state = app_alloc(all->sim->dim, sizeof(double));
+        own->work = app_alloc(lg_system_work_size(all->sim->system), 1);
+        if (all->options.varied &&
+            lg_system_copy(all->sim->self->context, all->sim->system, &own->system) != LG_OK)
+            app_out_of_memory();
+    }
+}
+
+static void close_gatherers(study *all) {
+    for (size_t i = 0; all->gatherers != NULL && i < (size_t)all->options.threads; i++) {
+        gatherer *own = &all->gatherers[i];
+        double *const parts[] = {own->invariant, own->start, own->row, own->state, own->work};
+        for (size_t k = 0; k < LG_COUNT(parts); k++) free(parts[k]);
+        lg_system_destroy(own->system);
+        result_free(&own->part);
+    }
+    free(all->gatherers);
+}
+
+static lg_status run(const study *all, const lg_ensemble_options *options, lg_ensemble_keep keep,
+                     lg_ensemble_stats *stats, lg_error *error) {
+    return lg_ensemble_run(all->sim->self->context, all->sim->system, options, vary_draw, all->varied, keep,
+                           (void *)all, stats, error);
+}
+
+/* The first members say where the bins of the cells lie. */
+static lg_status run_pilot(study *all, lg_error *error) {
+    result *total = all->total;
+    lg_ensemble_options pilot = all->options;
+    bool *logarithmic = logarithmic_columns(all);
+    lg_status status = lg_statistics_create(all->sim->self->context, total->points, total->columns, BINS,
+                                            logarithmic, &total->states);
+    free(logarithmic);
+    if (status == LG_OK && total->events > 0)
+        status = lg_statistics_create(all->sim->self->context, 1, total->events, BINS, NULL, &total->times);
+    if (status != LG_OK) return app_error(error, status, "the statistics of %zu points", total->points);
+    for (size_t e = 0; e < total->events; e++)
+        lg_statistics_set_range(total->times, 0, e, &(lg_statistics_range){0.0, all->sim->t_end, 0.0});
+    pilot.first = 0;
+    pilot.members = total->total < PILOT ? total->total : PILOT;
+    pilot.block = PILOT;
+    pilot.threads = 1;
+    return run(all, &pilot, keep_ranges, NULL, error);
+}
+
+static lg_status like(const result *total, result *part) {
+    lg_status status = lg_statistics_like(total->states, &part->states);
+    if (status == LG_OK && total->times != NULL) status = lg_statistics_like(total->times, &part->times);
+    part->what = app_format("%s", total->what);
+    return status;
+}
+
+static lg_status run_all(study *all, lg_ensemble_stats *stats, lg_error *error) {
+    const size_t threads = (size_t)all->options.threads;
+    lg_status status = run_pilot(all, error);
+    for (size_t i = 0; i < threads && status == LG_OK; i++)
+        status = like(all->total, &all->gatherers[i].part);
+    app_progress_begin(&all->progress, 0, all->options.members);
+    if (status == LG_OK) status = run(all, &all->options, keep_block, stats, error);
+    app_progress_end(&all->progress);
+    all->total->members = 0;
+    for (size_t i = 0; i < threads && status == LG_OK; i++)
+        status = result_merge(all->total, &all->gatherers[i].part, error);
+    return status;
+}
+
+/* ---- files ---- */
+
+/* "out.h5" -> "out.part-3-of-8.h5"; "" between: the whole. */
+static char *part_name(const char *out, uint64_t task, uint64_t tasks, const char *kind) {
+    const char *dot = strrchr(out, '.'), *slash = strrchr(out, '/');
+    const int stem =
+        (int)(dot != NULL && (slash == NULL || dot > slash) ? dot - out : (ptrdiff_t)strlen(out));
+    char *part = tasks > 1
+                     ? app_format(".part-%llu-of-%llu", (unsigned long long)task, (unsigned long long)tasks)
+                     : app_format("%s", "");
+    char *name = app_format("%.*s%s%s%s", stem, out, part, kind, out + stem);
+    free(part);
+    return name;
+}
+
+static lg_status open_rows(study *all, const char *path, lg_error *error) {
+    const result *total = all->total;
+    const uint64_t end = total->first + all->options.members;
+    if (all->saved <= total->first) return LG_OK;
+    lg_provenance provenance = {.has_seed = true, .seed = all->sim->self->seed};
+    (void)snprintf(provenance.command, sizeof provenance.command, "%s", all->sim->self->command_line);
+    (void)lg_cpu_describe(provenance.cpu, sizeof provenance.cpu);
+    all->rows_first = total->first;
+    const lg_rows_options options = {.provenance = &provenance,
+                                     .first = total->first,
+                                     .rows = (all->saved < end ? all->saved : end) - total->first,
+                                     .points = total->points,
+                                     .dim = all->sim->reported,
+                                     .t = total->t,
+                                     .layout = lg_system_layout(all->sim->system)};
+    return lg_rows_file_create(all->sim->self->context, path, &options, &all->rows, error);
+}
+
+static int fail(const study *all, lg_status status, const lg_error *error, const char *path) {
+    const app *self = all->sim->self;
+    if (status == LG_FILE && error->message[0] == '\0')
+        return app_fail(self, status, "%s: %s", path, strerror(errno));
+    if (status == LG_CANCELLED)
+        return app_fail(self, status, "stopped by Ctrl-C: an ensemble is not written in part");
+    return status == LG_FILE
+               ? app_fail_file(self, status, error, path)
+               : app_fail(self, status, "%s",
+                          error->message[0] != '\0' ? error->message : lg_status_sentence(status));
+}
+
+static int write_out(study *all, const char *path, const char *rows_path) {
+    lg_error error = {LG_OK, ""};
+    lg_status status = all->rows != NULL ? lg_rows_file_commit(all->rows, &error) : LG_OK;
+    const char *const parts[] = {rows_path};
+    if (status == LG_OK && path != NULL)
+        status = result_write(all->sim->self, path, all->total, parts, all->rows != NULL ? 1 : 0, &error);
+    if (status == LG_OK && all->sim->values->plot != NULL)
+        status = ensemble_draw(all->sim->self, all->total, all->sim->values->plot, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(all->sim->self, status, &error, path);
+}
+
+static int run_and_write(study *all, uint64_t task, uint64_t tasks) {
+    const simulate_values *values = all->sim->values;
+    lg_error error = {LG_OK, ""};
+    lg_ensemble_stats stats;
+    char *path = values->out != NULL ? part_name(values->out, task, tasks, "") : NULL;
+    char *rows_path = values->out != NULL ? part_name(values->out, task, tasks, ".trajectories") : NULL;
+    open_gatherers(all);
+    lg_status status = values->save != NULL ? open_rows(all, rows_path, &error) : LG_OK;
+    if (status == LG_OK) status = run_all(all, &stats, &error);
+    int code = status == LG_OK ? write_out(all, path, rows_path) : fail(all, status, &error, rows_path);
+    const ensemble_run shown = {all->total, &stats, path};
+    if (code == APP_EXIT_OK) {
+        const uint64_t failed = result_failed(all->total);
+        if (failed > 0)
+            app_warn(all->sim->self, "%llu of %llu members failed; the statistics are of what they reached",
+                     (unsigned long long)failed, (unsigned long long)all->total->members);
+        if (all->sim->self->json)
+            ensemble_json(all->sim->self, &shown);
+        else
+            ensemble_text(&shown);
+    }
+    lg_rows_file_destroy(all->rows);
+    close_gatherers(all);
+    free(path);
+    free(rows_path);
+    return code;
+}
+
+/* Whole blocks go to tasks; a block depends on the scene alone. */
+static void choose_members(study *all, uint64_t task, uint64_t tasks) {
+    const uint64_t size = lg_ensemble_block_size(&all->options, all->sim->dim), total = all->total->total;
+    const uint64_t blocks = (total + size - 1) / size;
+    const uint64_t from = blocks * (task - 1) / tasks * size, to = blocks * task / tasks * size;
+    all->options.block = (size_t)size;
+    all->options.first = all->total->first = from;
+    all->options.members = (to < total ? to : total) - from;
+    all->total->block = size;
+}
+
+static int choose_saved(study *all) {
+    const char *text = all->sim->values->save;
+    if (text == NULL) return APP_EXIT_OK;
+    all->saved = all->total->total;
+    if (strcmp(text, "all") == 0 || (app_parse_size(text, &all->saved) && all->saved > 0)) {
+        if (all->saved > all->total->total) all->saved = all->total->total;
+        return APP_EXIT_OK;
+    }
+    return app_usage(all->sim->self, "--save: expected `all` or a number of members, not '%s'", text);
+}
+
+static int prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *events, uint64_t *task,
+                   uint64_t *tasks) {
+    const simulation *sim = all->sim;
+    const simulate_values *values = sim->values;
+    plan how;
+    plan_init(sim, scheme, &how);
+    lg_ensemble_options *o = &all->options;
+    lg_ensemble_options_init(o);
+    o->threads = (int)sim->self->threads;
+    o->scheme = scheme;
+    o->steps = how.steps;
+    o->control.rtol = how.rtol;
+    o->control.atol = how.atol;
+    o->control.max_steps = how.max_steps;
+    o->start = sim->scene.state;
+    o->one_by_one = values->one_by_one;
+    all->total->total = values->ensemble;
+    all->invariants = lg_system_invariants(sim->system);
+    int code = read_task(sim, task, tasks);
+    if (code == APP_EXIT_OK && *tasks > 1 && values->out == NULL)
+        code = app_usage(sim->self, "--task: the part needs a file: give --out");
+    if (code == APP_EXIT_OK) code = choose_saved(all);
+    if (code == APP_EXIT_OK && values->save != NULL && values->out == NULL)
+        code = app_usage(sim->self, "--save: trajectories need a file: give --out");
+    if (code == APP_EXIT_OK) code = read_events(all, events);
+    if (code == APP_EXIT_OK) code = choose_times(all);
+    if (code != APP_EXIT_OK) return code;
+    o->varied = vary_parameters(all->varied);
+    if (vary_rows(all->varied) > 0 && values->ensemble > vary_rows(all->varied))
+        return app_usage(sim->self, "--starts: %s has %zu rows, fewer than --ensemble %llu", values->starts,
+                         vary_rows(all->varied), (unsigned long long)values->ensemble);
+    choose_members(all, *task, *tasks);
+    name_columns(all);
+    return APP_EXIT_OK;
+}
+
+static int run_with(simulation *sim, const lg_scheme *scheme) {
+    const simulate_values *values = sim->values;
+    const char *text = values->vary != NULL ? values->vary : sim->scene.ensemble;
+    lg_ensemble_event events[LG_EVENTS_MAX];
+    result total = {.what = NULL};
+    study all = {.sim = sim, .total = &total};
+    uint64_t task = 1, tasks = 1;
+    int code = vary_open(sim, text, values->starts, &all.varied);
+    if (code == APP_EXIT_OK) code = prepare(&all, scheme, events, &task, &tasks);
+    if (code == APP_EXIT_OK && text[0] == '\0' && values->starts == NULL && sim->scene.has_initial)
+        app_warn(sim->self,
+                 "nothing varies: all members are the same; give --vary, --starts or the key `ensemble`");
+    if (code == APP_EXIT_OK) {
+        total.what = describe(&all, text);
+        code = run_and_write(&all, task, tasks);
+    }
+    vary_close(all.varied);
+    result_free(&total);
+    return code;
+}
+
+int ensemble(simulation *sim) {
+    method what = {.file = NULL};
+    int code = method_choose(sim, &what);
+    if (code == APP_EXIT_OK) code = check_control(sim, &what.scheme);
+    if (code == APP_EXIT_OK) code = run_with(sim, &what.scheme);
+    method_free(&what);
+    return code;
+}

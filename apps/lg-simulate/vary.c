@@ -1,0 +1,372 @@
+/* What the members of an ensemble have of their own: distributions of parameters and starts, or the rows of a
+ * table. Member i is a function of the seed and i alone. */
+#include "lg-simulate/ensemble.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "liegrad/geometry.h"
+
+/* ---- names of numbers ---- */
+
+void component_name(const simulation *sim, size_t index, char *text, size_t size) {
+    for (size_t i = 0; i < sim->block_count; i++) {
+        const block *at = &sim->blocks[i];
+        if (index < at->offset || index >= at->offset + at->count) continue;
+        const size_t c = index - at->offset;
+        char name[32];
+        block_name(at, name, sizeof name);
+        if (at->count == 1)
+            (void)snprintf(text, size, "%s", name);
+        else if (at->count == 9)
+            (void)snprintf(text, size, "%s.%u%u", name, (unsigned)(c / 3 % 3) + 1, (unsigned)(c % 3) + 1);
+        else if (at->count == 3)
+            (void)snprintf(text, size, "%s.%c", name, "xyz"[c]);
+        else
+            (void)snprintf(text, size, "%s.%zu", name, c + 1);
+        return;
+    }
+    (void)snprintf(text, size, "y%zu", index + 1);
+}
+
+bool component_find(const simulation *sim, const char *name, size_t *index) {
+    char own[64];
+    for (size_t i = 0; i < sim->reported; i++) {
+        component_name(sim, i, own, sizeof own);
+        if (strcmp(own, name) == 0) return *index = i, true;
+    }
+    return false;
+}
+
+static bool label_find(const simulation *sim, const char *name, size_t *index) {
+    char own[64];
+    for (size_t i = 0; i < lg_system_parameter_count(sim->system); i++) {
+        lg_system_parameter_label(sim->system, i, own);
+        if (strcmp(own, name) == 0) return *index = i, true;
+    }
+    return false;
+}
+
+/* ---- distributions ---- */
+
+typedef enum distribution {
+    UNIFORM,  /* low high */
+    NORMAL,   /* mean deviation */
+    WITHIN,   /* the scene's value + s U(-1, 1) */
+    AROUND,   /* the scene's value + s N(0, 1) */
+    SPHERE,   /* a direction, uniform */
+    CONE,     /* a direction at most an angle from the scene's, uniform on the cap */
+    ROTATION, /* uniform on SO(3) */
+    DISTRIBUTIONS
+} distribution;
+
+static const struct {
+    const char *name;
+    size_t numbers, block; /* that it takes; of consecutive numbers it makes, 0: any */
+    const char *usage;
+} distributions[DISTRIBUTIONS] = {[UNIFORM] = {"uniform", 2, 0, "uniform LOW HIGH"},
+                                  [NORMAL] = {"normal", 2, 0, "normal MEAN DEVIATION"},
+                                  [WITHIN] = {"within", 1, 0, "within S or S%"},
+                                  [AROUND] = {"around", 1, 0, "around S or S%"},
+                                  [SPHERE] = {"sphere", 0, 3, "sphere"},
+                                  [CONE] = {"cone", 1, 3, "cone ANGLE"},
+                                  [ROTATION] = {"rotation", 0, 9, "rotation"}};
+
+/* One item of the text: a run of numbers of the state or of the parameters. */
+typedef struct vary_item {
+    bool parameter;
+    size_t offset, count;
+    distribution kind;
+    double value[2];
+    bool percent;
+} vary_item;
+
+struct vary {
+    const simulation *sim;
+    uint64_t seed;
+    size_t count, room;
+    vary_item *items;
+    lg_table_data table; /* --starts */
+    size_t *column;      /* where each of its columns goes: of the state, then of the parameters */
+    bool of_state;       /* something is drawn for the state */
+};
+
+static void add_item(vary *self, vary_item item, bool parameter, size_t offset, size_t count) {
+    if (self->count == self->room) {
+        self->room = self->room > 0 ? 2 * self->room : 16;
+        vary_item *more = app_alloc(self->room, sizeof *more);
+        if (self->count > 0) memcpy(more, self->items, self->count * sizeof *more);
+        free(self->items);
+        self->items = more;
+    }
+    item.parameter = parameter;
+    item.offset = offset;
+    item.count = count;
+    self->items[self->count++] = item;
+    self->of_state = self->of_state || !parameter;
+}
+
+/* All numbers of that name: a parameter or one of its numbers, a part of the state, a block, a component. */
+static bool add_named(vary *self, const vary_item *item, const char *name) {
+    const simulation *sim = self->sim;
+    size_t count = 0, index = 0;
+    const double *values = parameter_values(sim, name, &count);
+    const size_t before = self->count;
+    if (values != NULL) {
+        add_item(self, *item, true, (size_t)(values - lg_system_parameter_values(sim->system)), count);
+        return true;
+    }
+    for (size_t i = 0; i < sim->block_count; i++) {
+        char own[64];
+        block_name(&sim->blocks[i], own, sizeof own);
+        if (strcmp(sim->blocks[i].key, name) == 0 || strcmp(own, name) == 0)
+            add_item(self, *item, false, sim->blocks[i].offset, sim->blocks[i].count);
+    }
+    if (self->count > before) return true;
+    if (component_find(sim, name, &index))
+        add_item(self, *item, false, index, 1);
+    else if (label_find(sim, name, &index))
+        add_item(self, *item, true, index, 1);
+    return self->count > before;
+}
+
+/* ---- reading ---- */
+
+static int refuse_name(const simulation *sim, const char *option, const char *name) {
+    char *known = app_format("%s", ""), own[64];
+    for (size_t i = 0; i < lg_system_parameter_count(sim->system) && i < 8; i++) {
+        lg_system_parameter_label(sim->system, i, own);
+        char *longer = app_format("%s%s%s", known, i > 0 ? ", " : "", own);
+        free(known);
+        known = longer;
+    }
+    component_name(sim, 0, own, sizeof own);
+    const int code =
+        app_usage(sim->self,
+                  "--%s: '%s' is neither a parameter (%s), nor a part of the state (%s), nor one of "
+                  "its numbers (%s)",
+                  option, name, known, lg_system_layout(sim->system), own);
+    free(known);
+    return code;
+}
+
+static char *trimmed(char *text) {
+    while (*text == ' ') text++;
+    for (size_t n = strlen(text); n > 0 && text[n - 1] == ' '; n--) text[n - 1] = '\0';
+    return text;
+}
+
+/* "normal 0 1" */
+static int read_distribution(const simulation *sim, char *text, vary_item *item) {
+    char *rest = NULL;
+    const char *word = strtok_r(text, " ", &rest);
+    int kind = 0;
+    while (kind < DISTRIBUTIONS && (word == NULL || strcmp(distributions[kind].name, word) != 0)) kind++;
+    if (kind == DISTRIBUTIONS)
+        return app_usage(
+            sim->self,
+            "--vary: '%s' is not one of uniform LOW HIGH, normal MEAN DEVIATION, within S, within S%%, "
+            "around S, around S%%, sphere, cone ANGLE, rotation",
+            word != NULL ? word : "");
+    *item = (vary_item){.kind = (distribution)kind};
+    for (size_t i = 0; i < distributions[kind].numbers; i++) {
+        char *number = strtok_r(NULL, " ", &rest);
+        const size_t length = number != NULL ? strlen(number) : 0;
+        if ((kind == WITHIN || kind == AROUND) && length > 0 && number[length - 1] == '%') {
+            item->percent = true;
+            number[length - 1] = '\0';
+        }
+        if (number == NULL || !app_parse_real(number, &item->value[i]))
+            return app_usage(sim->self, "--vary: expected '%s'", distributions[kind].usage);
+    }
+    const bool ordered = kind != UNIFORM || item->value[0] <= item->value[1];
+    const double size = item->value[kind == NORMAL];
+    if (strtok_r(NULL, " ", &rest) != NULL || !ordered || (kind != UNIFORM && size < 0))
+        return app_usage(sim->self, "--vary: expected '%s', with LOW <= HIGH and sizes from 0 on",
+                         distributions[kind].usage);
+    return APP_EXIT_OK;
+}
+
+static int read_item(vary *self, char *text) {
+    const simulation *sim = self->sim;
+    vary_item item;
+    char *equal = strchr(text, '=');
+    if (equal == NULL)
+        return app_usage(sim->self, "--vary: expected NAME = DISTRIBUTION, ... in '%s'", trimmed(text));
+    *equal = '\0';
+    const char *name = trimmed(text);
+    const int code = read_distribution(sim, trimmed(equal + 1), &item);
+    if (code != APP_EXIT_OK) return code;
+    const size_t before = self->count, block_size = distributions[item.kind].block;
+    if (!add_named(self, &item, name)) return refuse_name(sim, "vary", name);
+    for (size_t i = before; i < self->count; i++)
+        if (block_size > 0 && self->items[i].count != block_size)
+            return app_usage(sim->self, "--vary: %s: '%s' is for blocks of %zu numbers, not of %zu", name,
+                             distributions[item.kind].name, block_size, self->items[i].count);
+    const bool relative = item.kind == WITHIN || item.kind == AROUND || item.kind == CONE;
+    if (relative && !self->items[before].parameter && !sim->scene.has_initial)
+        return app_usage(sim->self, "--vary: %s: '%s' needs the scene's own value: give `initial`", name,
+                         distributions[item.kind].name);
+    return APP_EXIT_OK;
+}
+
+/* Columns of the table by their names. */
+static int read_table(vary *self, const char *path) {
+    const simulation *sim = self->sim;
+    lg_error error = {LG_OK, ""};
+    lg_table_names names = {.count = 0};
+    lg_status status = lg_table_names_read(sim->self->context, path, NULL, &names, &error);
+    if (status != LG_OK) return app_fail_file(sim->self, status, &error, path);
+    const char **chosen = app_alloc(names.count, sizeof *chosen);
+    self->column = app_alloc(names.count, sizeof *self->column);
+    int code = APP_EXIT_OK;
+    for (uint32_t i = 0; i < names.count && code == APP_EXIT_OK; i++) {
+        size_t index = 0;
+        chosen[i] = names.name[i];
+        if (component_find(sim, chosen[i], &index)) {
+            self->column[i] = index;
+            self->of_state = true;
+        } else if (label_find(sim, chosen[i], &index)) {
+            self->column[i] = sim->dim + index;
+        } else {
+            code = refuse_name(sim, "starts", chosen[i]);
+        }
+    }
+    if (code == APP_EXIT_OK) {
+        status =
+            lg_table_read(sim->self->context, path, chosen, names.count, NULL, NULL, &self->table, &error);
+        if (status != LG_OK) code = app_fail_file(sim->self, status, &error, path);
+    }
+    free(chosen);
+    lg_table_names_destroy(&names);
+    return code;
+}
+
+int vary_open(const simulation *sim, const char *text, const char *table, vary **out) {
+    vary *self = app_alloc(1, sizeof *self);
+    char *copy = app_format("%s", text), *rest = NULL;
+    int code = APP_EXIT_OK;
+    *self = (vary){.sim = sim, .seed = sim->self->seed};
+    for (char *item = strtok_r(copy, ",", &rest); item != NULL && code == APP_EXIT_OK;
+         item = strtok_r(NULL, ",", &rest))
+        code = read_item(self, item);
+    free(copy);
+    if (code == APP_EXIT_OK && table != NULL) code = read_table(self, table);
+    *out = self;
+    return code;
+}
+
+void vary_close(vary *self) {
+    if (self == NULL) return;
+    lg_table_data_destroy(&self->table);
+    free(self->column);
+    free(self->items);
+    free(self);
+}
+
+bool vary_parameters(const vary *self) {
+    for (size_t i = 0; i < self->count; i++)
+        if (self->items[i].parameter) return true;
+    for (uint32_t i = 0; i < self->table.columns; i++)
+        if (self->column[i] >= self->sim->dim) return true;
+    return false;
+}
+
+bool vary_state(const vary *self) {
+    return self->of_state;
+}
+
+size_t vary_rows(const vary *self) {
+    return self->table.rows;
+}
+
+/* ---- drawing ---- */
+
+static void draw_direction(lg_rng *rng, double *x) {
+    for (double size = 0; !(size > 1e-6);) {
+        for (int c = 0; c < 3; c++) x[c] = lg_rng_normal(rng);
+        size = sqrt(lg_dot3(x, x));
+        for (int c = 0; c < 3; c++) x[c] /= size;
+    }
+}
+
+/* Uniform on the cap around x: the cosine is uniform. */
+static void draw_cone(lg_rng *rng, double angle, double *x) {
+    double side[3], turn[3];
+    const double cosine = 1.0 - lg_rng_uniform(rng) * (1.0 - cos(fmin(angle, 3.14159265358979323846)));
+    const double tilt = acos(cosine);
+    draw_direction(rng, side);
+    lg_cross3(x, side, turn);
+    const double size = sqrt(lg_dot3(turn, turn));
+    for (int c = 0; c < 3 && size > 0.0; c++) turn[c] *= tilt / size;
+    if (size > 0.0) lg_so3_exp_act(turn, x, x);
+}
+
+/* The rotation of a uniform unit quaternion. */
+static void draw_rotation(lg_rng *rng, double *R) {
+    double q[4], size = 0.0;
+    for (int c = 0; c < 4; c++) q[c] = lg_rng_normal(rng), size += q[c] * q[c];
+    size = sqrt(size);
+    const double w = q[0] / size, x = q[1] / size, y = q[2] / size, z = q[3] / size;
+    const double out[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+                           2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+                           2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
+    memcpy(R, out, sizeof out);
+}
+
+static double draw_number(lg_rng *rng, const vary_item *item, double own) {
+    const double size = item->percent ? 0.01 * item->value[0] * fabs(own) : item->value[0];
+    switch (item->kind) {
+    case UNIFORM:
+        return lg_rng_uniform_in(rng, item->value[0], item->value[1]);
+    case NORMAL:
+        return item->value[0] + item->value[1] * lg_rng_normal(rng);
+    case WITHIN:
+        return own + size * lg_rng_uniform_in(rng, -1.0, 1.0);
+    default:
+        return own + size * lg_rng_normal(rng);
+    }
+}
+
+static void draw_item(lg_rng *rng, const vary_item *item, double *x) {
+    if (item->kind == SPHERE)
+        draw_direction(rng, x);
+    else if (item->kind == CONE)
+        draw_cone(rng, item->value[0], x);
+    else if (item->kind == ROTATION)
+        draw_rotation(rng, x);
+    else
+        for (size_t i = 0; i < item->count; i++) x[i] = draw_number(rng, item, x[i]);
+}
+
+lg_status vary_draw(void *user, uint64_t member, double *y0, double *parameters) {
+    const vary *self = user;
+    const simulation *sim = self->sim;
+    lg_rng rng;
+    lg_rng_seed(&rng, self->seed, member);
+    if (!sim->scene.has_initial && !self->of_state) {
+        lg_trajectory_options starts;
+        lg_trajectory_options_init(&starts);
+        starts.starts = sim->scene.starts;
+        starts.low = sim->scene.low;
+        starts.high = sim->scene.high;
+        const lg_status status = lg_system_start(sim->system, &starts, &rng, y0);
+        if (status != LG_OK) return status;
+    }
+    for (size_t i = 0; i < self->count; i++) {
+        const vary_item *item = &self->items[i];
+        draw_item(&rng, item, (item->parameter ? parameters : y0) + item->offset);
+    }
+    for (uint32_t c = 0; c < self->table.columns; c++) {
+        const double value = self->table.values[(size_t)member * self->table.columns + c];
+        const size_t to = self->column[c];
+        if (to < sim->dim)
+            y0[to] = value;
+        else
+            parameters[to - sim->dim] = value;
+    }
+    /* What was drawn number by number is brought to the manifold: directions to length 1, omega across q. */
+    if (self->of_state && self->table.rows == 0) lg_space_project(lg_system_space(sim->system), y0);
+    return LG_OK;
+}

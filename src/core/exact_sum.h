@@ -1,0 +1,19 @@
+/* Sums of doubles without rounding: what is added, in which order and in how many parts, does not matter. */
+#ifndef LG_EXACT_SUM_H
+#define LG_EXACT_SUM_H
+
+#include <stdint.h>
+
+/* The value is sum_i part_i 2^(32 i - 1074). Up to 2^30 numbers may be added. */
+#define LG_EXACT_PARTS 67
+typedef struct lg_exact_sum {
+    int64_t part[LG_EXACT_PARTS];
+} lg_exact_sum;
+
+/* x is finite. */
+void lg_exact_add(lg_exact_sum *sum, double x);
+void lg_exact_merge(lg_exact_sum *into, const lg_exact_sum *from);
+/* The sum to a few units in the last place. */
+double lg_exact_value(const lg_exact_sum *sum);
+
+#endif

@@ -1,0 +1,201 @@
+/* Trajectories of an ensemble as they come: HDF5 lays the file out, then rows are written in place, from any thread
+ * and in any order, without HDF5. A file on top of several of them is a virtual data set. */
+#define _DEFAULT_SOURCE /* flock */
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "datasets/h5_internal.h"
+
+struct lg_rows_file {
+    const lg_context *context;
+    char *path;
+    lg_temporary temporary;
+    uint64_t rows, offset; /* of the data in the file */
+    size_t row_bytes;
+};
+
+static lg_status failed(lg_error *error, const char *path, const char *what) {
+    return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(errno));
+}
+
+/* ---- the layout ---- */
+
+/* /trajectories contiguous, with its place in the file, and not filled. */
+static bool lay_out(lg_h5 *h5, const uint64_t dims[3], uint64_t *offset) {
+    const hsize_t extent[3] = {dims[0], dims[1], dims[2]};
+    hid_t space = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE),
+          set = H5I_INVALID_HID;
+    haddr_t place = HADDR_UNDEF;
+    if (space >= 0 && create >= 0 && H5Pset_obj_track_times(create, false) >= 0 &&
+        H5Pset_layout(create, H5D_CONTIGUOUS) >= 0 && H5Pset_alloc_time(create, H5D_ALLOC_TIME_EARLY) >= 0 &&
+        H5Pset_fill_time(create, H5D_FILL_TIME_NEVER) >= 0)
+        set = H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, space, H5P_DEFAULT, create, H5P_DEFAULT);
+    if (set >= 0) place = H5Dget_offset(set);
+    if (set >= 0) (void)H5Dclose(set);
+    if (create >= 0) (void)H5Pclose(create);
+    if (space >= 0) (void)H5Sclose(space);
+    *offset = (uint64_t)place;
+    return place != HADDR_UNDEF;
+}
+
+/* The file without its rows, under the name `scratch`. */
+static lg_status write_layout(lg_rows_file *file, const char *scratch, const lg_rows_options *o,
+                              lg_error *error) {
+    const uint64_t dims[3] = {o->rows, o->points, o->dim};
+    lg_h5 *h5;
+    LG_TRY(lg_h5_new(file->context, file->path, &h5, error));
+    lg_h5_quiet quiet = lg_quiet_begin();
+    h5->file = H5Fcreate(scratch, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    lg_status status = h5->file >= 0 && lay_out(h5, dims, &file->offset)
+                           ? LG_OK
+                           : lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
+    lg_quiet_end(quiet);
+    if (status == LG_OK) status = lg_h5_put_header(h5, "ensemble-trajectories", o->provenance, error);
+    if (status == LG_OK) status = lg_h5_put(h5, "t", LG_ELEMENT_F64, 1, &dims[1], o->t, error);
+    if (status == LG_OK) status = lg_h5_put_number(h5, "", "first", LG_ELEMENT_U64, &o->first, error);
+    if (status == LG_OK) status = lg_h5_put_text(h5, "", "layout", o->layout, error);
+    quiet = lg_quiet_begin();
+    if (h5->file >= 0 && H5Fflush(h5->file, H5F_SCOPE_LOCAL) < 0 && status == LG_OK)
+        status = lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
+    lg_quiet_end(quiet);
+    lg_h5_close(h5);
+    return status;
+}
+
+/* The laid-out file takes the temporary's name and its lock, and all of its room on the disk. */
+static lg_status take_over(lg_rows_file *file, const char *scratch, lg_error *error) {
+    struct rlimit limit;
+    const uint64_t bytes = file->offset + file->rows * file->row_bytes;
+    const int fd = open(scratch, O_RDWR | O_CLOEXEC);
+    if (fd < 0) return failed(error, file->path, "cannot be written");
+    if (getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY && bytes > limit.rlim_cur)
+        errno = EFBIG;
+    else
+        errno = posix_fallocate(fd, 0, (off_t)bytes);
+    const bool whole = errno == 0 && flock(fd, LOCK_EX | LOCK_NB) == 0 && dup2(fd, file->temporary.fd) >= 0 &&
+                       rename(scratch, file->temporary.name) == 0;
+    const int code = errno;
+    (void)close(fd);
+    errno = code;
+    return whole ? LG_OK : failed(error, file->path, "cannot be written");
+}
+
+lg_status lg_rows_file_create(const lg_context *context, const char *path, const lg_rows_options *options,
+                              lg_rows_file **out, lg_error *error) {
+    if (!path || !options || !out || options->rows < 1 || options->points < 1 || options->dim < 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "rows need a file and a shape");
+    if (options->points > SIZE_MAX / 64 / options->dim ||
+        options->rows > (uint64_t)INT64_MAX / 2 / (options->points * options->dim * sizeof(double)))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: too many numbers", lg_shown_path(path));
+    lg_rows_file *file = lg_alloc(context, 1, sizeof(*file));
+    char *copy = file ? lg_strdup(context, path) : NULL, *scratch = NULL;
+    if (!copy) {
+        lg_free(context, file);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    }
+    *file = (lg_rows_file){.context = context,
+                           .path = copy,
+                           .temporary = {.fd = -1},
+                           .rows = options->rows,
+                           .row_bytes = options->points * options->dim * sizeof(double)};
+    lg_status status = lg_temporary_create(context, path, false, &file->temporary, error);
+    if (status == LG_OK) {
+        const size_t length = strlen(file->temporary.name);
+        scratch = lg_alloc(context, length + 8, 1);
+        if (!scratch) status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    }
+    if (status == LG_OK) {
+        (void)sprintf(scratch, "%s.layout", file->temporary.name);
+        status = write_layout(file, scratch, options, error);
+        if (status == LG_OK) status = take_over(file, scratch, error);
+        if (status != LG_OK) (void)unlink(scratch);
+    }
+    lg_free(context, scratch);
+    if (status != LG_OK)
+        lg_rows_file_destroy(file);
+    else
+        *out = file;
+    return status;
+}
+
+/* ---- rows ---- */
+
+lg_status lg_rows_file_put(const lg_rows_file *file, uint64_t row, const double *values) {
+    const char *from = (const char *)values;
+    size_t left = file->row_bytes;
+    off_t to = (off_t)(file->offset + row * file->row_bytes);
+    if (row >= file->rows) return LG_INVALID_ARGUMENT;
+    while (left > 0) {
+        const ssize_t n = pwrite(file->temporary.fd, from, left, to);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) return LG_FILE;
+        from += n, to += n, left -= (size_t)n;
+    }
+    return LG_OK;
+}
+
+lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error) {
+    if (fsync(file->temporary.fd) != 0 || rename(file->temporary.name, file->path) != 0)
+        return failed(error, file->path, "cannot be written");
+    lg_temporary_end(&file->temporary);
+    file->temporary = (lg_temporary){.fd = -1};
+    return LG_OK;
+}
+
+void lg_rows_file_destroy(lg_rows_file *file) {
+    if (!file) return;
+    if (file->temporary.fd >= 0) {
+        (void)unlink(file->temporary.name);
+        lg_temporary_end(&file->temporary);
+    }
+    lg_free(file->context, file->path);
+    lg_free(file->context, file);
+}
+
+/* ---- several files as one data set ---- */
+
+/* The last part of a path: files stand beside the one that names them. */
+static const char *base_of(const char *path) {
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
+static bool map_part(hid_t create, hid_t whole, const lg_rows_part *part, uint64_t at,
+                     const hsize_t extent[3]) {
+    const hsize_t start[3] = {at, 0, 0}, count[3] = {part->rows, extent[1], extent[2]};
+    hid_t from = H5Screate_simple(3, count, NULL);
+    const bool mapped = from >= 0 &&
+                        H5Sselect_hyperslab(whole, H5S_SELECT_SET, start, NULL, count, NULL) >= 0 &&
+                        H5Pset_virtual(create, whole, base_of(part->path), "trajectories", from) >= 0;
+    if (from >= 0) (void)H5Sclose(from);
+    return mapped;
+}
+
+lg_status lg_file_writer_rows(lg_file_writer *writer, const lg_rows_part *parts, size_t count,
+                              uint64_t points, uint64_t dim, lg_error *error) {
+    lg_h5 *h5 = lg_file_writer_h5(writer);
+    hsize_t extent[3] = {0, points, dim};
+    bool made = true;
+    for (size_t i = 0; i < count; i++) extent[0] += parts[i].rows;
+    lg_h5_quiet quiet = lg_quiet_begin();
+    hid_t whole = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE),
+          set = H5I_INVALID_HID;
+    uint64_t at = 0;
+    made = whole >= 0 && create >= 0 && H5Pset_obj_track_times(create, false) >= 0;
+    for (size_t i = 0; made && i < count; at += parts[i++].rows)
+        made = map_part(create, whole, &parts[i], at, extent);
+    if (made) (void)H5Sselect_all(whole);
+    if (made)
+        set = H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, whole, H5P_DEFAULT, create, H5P_DEFAULT);
+    made = set >= 0;
+    if (set >= 0) (void)H5Dclose(set);
+    if (create >= 0) (void)H5Pclose(create);
+    if (whole >= 0) (void)H5Sclose(whole);
+    lg_quiet_end(quiet);
+    return made ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "/trajectories could not be stored in memory");
+}

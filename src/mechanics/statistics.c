@@ -1,0 +1,245 @@
+/* Statistics of many numbers in fixed memory, whatever the order in which they come. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "core/exact_sum.h"
+#include "liegrad/ensemble.h"
+
+typedef struct cell {
+    uint64_t count;
+    double least, largest;
+    lg_statistics_range range;
+    lg_exact_sum sum, square; /* of the numbers less the centre */
+} cell;
+
+struct lg_statistics {
+    const lg_context *context;
+    size_t rows, columns, bins;
+    bool *logarithmic; /* (columns) */
+    cell *cells;       /* (rows, columns) */
+    uint64_t *bin;     /* (rows, columns, bins + 2) */
+};
+
+static cell *cell_of(const lg_statistics *s, size_t row, size_t column) {
+    return &s->cells[row * s->columns + column];
+}
+
+static uint64_t *bins_of(const lg_statistics *s, size_t row, size_t column) {
+    return s->bin + (row * s->columns + column) * (s->bins + 2);
+}
+
+lg_status lg_statistics_create(const lg_context *context, size_t rows, size_t columns, size_t bins,
+                               const bool *logarithmic, lg_statistics **out) {
+    if (!out || rows < 1 || columns < 1 || bins < 1 || bins > 65536) return LG_INVALID_ARGUMENT;
+    if (rows > SIZE_MAX / sizeof(cell) / (bins + 2) / columns) return LG_OUT_OF_MEMORY;
+    lg_statistics *s = lg_alloc(context, 1, sizeof(*s));
+    if (!s) return LG_OUT_OF_MEMORY;
+    *s = (lg_statistics){.context = context, .rows = rows, .columns = columns, .bins = bins};
+    s->logarithmic = lg_alloc(context, columns, sizeof(*s->logarithmic));
+    s->cells = lg_alloc(context, rows * columns, sizeof(*s->cells));
+    s->bin = lg_alloc(context, rows * columns * (bins + 2), sizeof(*s->bin));
+    if (!s->logarithmic || !s->cells || !s->bin) {
+        lg_statistics_destroy(s);
+        return LG_OUT_OF_MEMORY;
+    }
+    if (logarithmic) memcpy(s->logarithmic, logarithmic, columns * sizeof(*logarithmic));
+    for (size_t i = 0; i < rows * columns; i++)
+        s->cells[i] = (cell){.least = INFINITY, .largest = -INFINITY, .range = {0.0, 1.0, 0.0}};
+    *out = s;
+    return LG_OK;
+}
+
+void lg_statistics_destroy(lg_statistics *statistics) {
+    if (!statistics) return;
+    lg_free(statistics->context, statistics->logarithmic);
+    lg_free(statistics->context, statistics->cells);
+    lg_free(statistics->context, statistics->bin);
+    lg_free(statistics->context, statistics);
+}
+
+lg_status lg_statistics_like(const lg_statistics *s, lg_statistics **out) {
+    LG_TRY(lg_statistics_create(s->context, s->rows, s->columns, s->bins, s->logarithmic, out));
+    for (size_t i = 0; i < s->rows * s->columns; i++) (*out)->cells[i].range = s->cells[i].range;
+    return LG_OK;
+}
+
+/* ---- ranges ---- */
+
+/* Where a number lies in the range of its column. */
+static double scaled(bool logarithmic, double x) {
+    return logarithmic ? log(x > DBL_MIN ? x : DBL_MIN) : x;
+}
+
+void lg_statistics_set_range(lg_statistics *statistics, size_t row, size_t column,
+                             const lg_statistics_range *range) {
+    cell_of(statistics, row, column)->range = *range;
+}
+
+lg_statistics_range lg_statistics_range_of(const lg_statistics *s, size_t column, const double *values,
+                                           size_t count) {
+    const bool logarithmic = s->logarithmic[column];
+    double low = INFINITY, high = -INFINITY, sum = 0.0;
+    size_t n = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (!isfinite(values[i])) continue;
+        const double x = scaled(logarithmic, values[i]);
+        low = x < low ? x : low;
+        high = x > high ? x : high;
+        sum += values[i];
+        n++;
+    }
+    if (n == 0) return (lg_statistics_range){0.0, 1.0, 0.0};
+    double more = 0.25 * (high - low);
+    if (!(more > 1e-12 * fmax(fabs(low), fabs(high))))
+        more = fmax(1e-12 * fmax(fabs(low), fabs(high)), 1e-300);
+    const double centre = sum / (double)n;
+    return (lg_statistics_range){low - more, high + more, isfinite(centre) ? centre : 0.0};
+}
+
+/* ---- adding ---- */
+
+static size_t bin_of(const lg_statistics *s, const lg_statistics_range *range, double x) {
+    const double place = (x - range->low) / (range->high - range->low) * (double)s->bins;
+    if (!(place >= 0.0)) return 0;
+    return place < (double)s->bins ? 1 + (size_t)place : s->bins + 1;
+}
+
+void lg_statistics_add(lg_statistics *statistics, size_t row, size_t column, const double *values,
+                       size_t count) {
+    cell *at = cell_of(statistics, row, column);
+    uint64_t *bins = bins_of(statistics, row, column);
+    const bool logarithmic = statistics->logarithmic[column];
+    double sum = 0.0, square = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double x = values[i], z = x - at->range.centre;
+        if (!isfinite(x)) continue;
+        sum += z;
+        square += z * z;
+        at->least = x < at->least ? x : at->least;
+        at->largest = x > at->largest ? x : at->largest;
+        at->count++;
+        bins[bin_of(statistics, &at->range, scaled(logarithmic, x))]++;
+    }
+    if (isfinite(sum)) lg_exact_add(&at->sum, sum);
+    if (isfinite(square)) lg_exact_add(&at->square, square);
+}
+
+lg_status lg_statistics_merge(lg_statistics *into, const lg_statistics *from) {
+    const size_t cells = into->rows * into->columns;
+    if (into->rows != from->rows || into->columns != from->columns || into->bins != from->bins)
+        return LG_SHAPE;
+    for (size_t i = 0; i < cells; i++)
+        if (memcmp(&into->cells[i].range, &from->cells[i].range, sizeof(lg_statistics_range)) != 0)
+            return LG_SHAPE;
+    for (size_t i = 0; i < cells; i++) {
+        cell *a = &into->cells[i];
+        const cell *b = &from->cells[i];
+        a->count += b->count;
+        a->least = b->least < a->least ? b->least : a->least;
+        a->largest = b->largest > a->largest ? b->largest : a->largest;
+        lg_exact_merge(&a->sum, &b->sum);
+        lg_exact_merge(&a->square, &b->square);
+    }
+    for (size_t i = 0; i < cells * (into->bins + 2); i++) into->bin[i] += from->bin[i];
+    return LG_OK;
+}
+
+/* ---- asking ---- */
+
+lg_statistics_cell lg_statistics_of(const lg_statistics *s, size_t row, size_t column) {
+    const cell *at = cell_of(s, row, column);
+    const double n = (double)at->count, width = (at->range.high - at->range.low) / (double)s->bins;
+    lg_statistics_cell out = {at->count, NAN, NAN, NAN, NAN, width};
+    if (at->count == 0) return out;
+    const double sum = lg_exact_value(&at->sum), square = lg_exact_value(&at->square);
+    out.mean = at->range.centre + sum / n;
+    out.least = at->least;
+    out.largest = at->largest;
+    if (at->count > 1) out.deviation = sqrt(fmax(square - sum * (sum / n), 0.0) / (n - 1.0));
+    return out;
+}
+
+/* The ends of a bin, as numbers of the column, within what was seen. */
+static double bin_end(const lg_statistics *s, const cell *at, size_t column, size_t end) {
+    const double width = (at->range.high - at->range.low) / (double)s->bins;
+    const double x = at->range.low + (double)end * width, value = s->logarithmic[column] ? exp(x) : x;
+    return fmin(fmax(value, at->least), at->largest);
+}
+
+double lg_statistics_quantile(const lg_statistics *s, size_t row, size_t column, double p) {
+    const cell *at = cell_of(s, row, column);
+    const uint64_t *bins = bins_of(s, row, column);
+    if (at->count == 0 || !(p >= 0.0 && p <= 1.0)) return NAN;
+    const double rank = p * (double)at->count;
+    double before = 0.0;
+    size_t i = 0;
+    for (; i < s->bins + 1 && before + (double)bins[i] < rank; i++) before += (double)bins[i];
+    const double low = i == 0 ? at->least : bin_end(s, at, column, i - 1);
+    const double high = i == s->bins + 1 ? at->largest : bin_end(s, at, column, i);
+    return bins[i] > 0 ? low + (high - low) * fmin((rank - before) / (double)bins[i], 1.0) : low;
+}
+
+const uint64_t *lg_statistics_bins(const lg_statistics *statistics, size_t row, size_t column) {
+    return bins_of(statistics, row, column);
+}
+
+lg_statistics_range lg_statistics_range_at(const lg_statistics *statistics, size_t row, size_t column) {
+    return cell_of(statistics, row, column)->range;
+}
+
+/* ---- archives: each member of the cells as an array ---- */
+
+typedef struct member {
+    const char *name;
+    size_t offset, count; /* in a cell; 8 bytes each */
+    lg_element type;
+} member;
+
+static const member members[] = {
+    {"count", offsetof(cell, count), 1, LG_ELEMENT_U64},
+    {"least", offsetof(cell, least), 1, LG_ELEMENT_F64},
+    {"largest", offsetof(cell, largest), 1, LG_ELEMENT_F64},
+    {"low", offsetof(cell, range.low), 1, LG_ELEMENT_F64},
+    {"high", offsetof(cell, range.high), 1, LG_ELEMENT_F64},
+    {"centre", offsetof(cell, range.centre), 1, LG_ELEMENT_F64},
+    {"sum", offsetof(cell, sum), LG_EXACT_PARTS, LG_ELEMENT_I64},
+    {"square", offsetof(cell, square), LG_EXACT_PARTS, LG_ELEMENT_I64},
+};
+
+lg_status lg_statistics_save(const lg_statistics *s, const lg_archive_writer *archive) {
+    const size_t cells = s->rows * s->columns;
+    uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
+    char *values = lg_alloc(s->context, cells, 8 * LG_EXACT_PARTS);
+    if (!values) return LG_OUT_OF_MEMORY;
+    lg_status status = archive->array(archive->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin);
+    for (size_t m = 0; m < LG_COUNT(members) && status == LG_OK; m++) {
+        const size_t size = 8 * members[m].count;
+        for (size_t i = 0; i < cells; i++)
+            memcpy(values + i * size, (const char *)&s->cells[i] + members[m].offset, size);
+        dims[2] = members[m].count;
+        status = archive->array(archive->user, members[m].name, members[m].type, members[m].count > 1 ? 3 : 2,
+                                dims, values);
+    }
+    lg_free(s->context, values);
+    return status;
+}
+
+lg_status lg_statistics_load(lg_statistics *s, const lg_archive_reader *archive) {
+    const size_t cells = s->rows * s->columns;
+    uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
+    char *values = lg_alloc(s->context, cells, 8 * LG_EXACT_PARTS);
+    if (!values) return LG_OUT_OF_MEMORY;
+    lg_status status = archive->array(archive->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin);
+    for (size_t m = 0; m < LG_COUNT(members) && status == LG_OK; m++) {
+        const size_t size = 8 * members[m].count;
+        dims[2] = members[m].count;
+        status = archive->array(archive->user, members[m].name, members[m].type, members[m].count > 1 ? 3 : 2,
+                                dims, values);
+        for (size_t i = 0; i < cells && status == LG_OK; i++)
+            memcpy((char *)&s->cells[i] + members[m].offset, values + i * size, size);
+    }
+    lg_free(s->context, values);
+    return status;
+}
