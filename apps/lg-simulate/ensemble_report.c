@@ -207,9 +207,13 @@ lg_status ensemble_draw(const app *self, const result *what, const char *path, l
                  rows = (panels + columns - 1) / columns;
     const lg_status status = app_plot_begin(&plot, path, 560 * (int)columns, 340 * (int)rows);
     if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", path);
-    (void)fprintf(plot.script.stream, "set encoding utf8\nset tics nomirror\nset multiplot layout %zu,%zu\n",
-                  rows, columns);
-    for (size_t i = 0; i < shown; i++) draw_bands(&plot, what, chosen[i], i);
+    (void)fprintf(plot.script.stream,
+                  "set encoding utf8\nset tics nomirror\nset key below\nset multiplot layout %zu,%zu\n", rows,
+                  columns);
+    for (size_t i = 0; i < shown; i++) {
+        draw_bands(&plot, what, chosen[i], i);
+        (void)fputs("unset key\n", plot.script.stream); /* the first panel has it */
+    }
     for (size_t e = 0; e < what->events; e++) draw_times(&plot, what, e, shown + e);
     (void)fputs("unset multiplot\n", plot.script.stream);
     return app_plot_end(self, &plot, &drawn, error);
