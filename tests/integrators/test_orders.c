@@ -146,20 +146,23 @@ static void assert_order(const problem *p, const lg_scheme *scheme, int order) {
     const double slope = measured_order(p, scheme, order < 5 ? 2 : 12, &halvings);
     print_message("  %-16s %-11s dexpinv %2d: order %.3f over %.2f halvings\n", scheme->name, p->name,
                   scheme->dexpinv, slope, halvings);
-    if (halvings < 4.99)
-        fail_msg("%s: errors between 1e-3 and 1e-11 over %.2f halvings of h, not five", scheme->name,
-                 halvings);
+    const double wanted = order > 5 ? 0.85 * log2(1e8) / order : 4.99;
+    if (halvings < wanted)
+        fail_msg("%s: errors between 1e-3 and 1e-11 over %.2f halvings of h, not %.2f", scheme->name,
+                 halvings, wanted);
     if (!has_order(slope, order) || has_order(slope, order + 1))
         fail_msg("%s: measured order %.3f, expected %d", scheme->name, slope, order);
 }
 
 /* Order 5 leaves room for 5.3 halvings between errors of 1e-3 and 1e-11: its runs are long enough for the
- * coarse steps to be asymptotic already. */
+ * coarse steps to be asymptotic already. Higher orders have less room: 3.3 halvings for order 8. */
 static double chain_time(const lg_scheme *scheme, int order) {
+    if (order > 5) return 2.0;
     return order == 1 ? 0.125 : order < 5 ? 1.0 : scheme->ambient ? 5.0 : 3.5;
 }
 
 static double rigid_time(int order) {
+    if (order > 5) return 105.0;
     return order == 1 ? 0.5 : order < 5 ? 4.0 : 28.0;
 }
 

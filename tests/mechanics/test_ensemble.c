@@ -1,0 +1,533 @@
+/* Ensembles: a member's bits whatever its company, lanes against one member at a time for the whole tables of systems
+ * and schemes, events, failures, and statistics that do not depend on any order.
+ * ctest-labels: isa threads */
+#include "system_check.h"
+
+#include <float.h>
+
+#include "core/exact_sum.h"
+#include "liegrad/ensemble.h"
+#include "support/fail_alloc.h"
+#include "support/memory_archive.h"
+
+enum { MOST = 64, DIM = 32 };
+
+/* What a test keeps of its members. */
+typedef struct seen {
+    const lg_system *system;
+    size_t count;     /* times */
+    uint64_t first;   /* of the members that are kept */
+    bool vary, spoil; /* parameters; some members are refused */
+    double *states;   /* (members, count, dim) */
+    double events[MOST][2];
+    lg_ensemble_member member[MOST];
+    size_t kept;
+} seen;
+
+/* A random point of the space: directions, rotations, numbers of size 1. */
+static lg_status random_start(void *user, uint64_t member, double *y, double *parameters) {
+    const seen *my = user;
+    const lg_space *space = lg_system_space(my->system);
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, member);
+    for (size_t i = 0; i < space->dim; i++) y[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
+    for (size_t f = 0, at = 0; f < space->factors; f++)
+        for (size_t i = 0; i < space->factor[f].count; i++) {
+            const lg_space_kind kind = space->factor[f].kind;
+            if (kind == LG_SPACE_TS2) random_links(&rng, 1, y + at);
+            if (kind == LG_SPACE_SO3 || kind == LG_SPACE_SE3) random_rotation(&rng, y + at);
+            at += lg_space_kind_entry(kind)->state;
+        }
+    for (size_t i = 0; my->vary && i < lg_system_parameter_count(my->system); i++) {
+        /* a direction stays one: its entries are not varied */
+        char label[32];
+        lg_system_parameter_label(my->system, i, label);
+        if (strncmp(label, "chi", 3) != 0) parameters[i] *= lg_rng_uniform_in(&rng, 0.9, 1.1);
+    }
+    if (my->spoil && member % 7 == 3) y[0] = member % 2 == 0 ? (double)NAN : y[0] + 0.1;
+    if (my->spoil && my->vary && member % 7 == 5) parameters[1] = -1.0;
+    return LG_OK;
+}
+
+static lg_status keep(void *user, const lg_ensemble_block *block) {
+    seen *my = user;
+    for (size_t m = 0; m < block->members; m++) {
+        const size_t to = (size_t)(block->first + m - my->first);
+        assert_true(to < MOST);
+        my->member[to] = block->member[m];
+        for (size_t i = 0; i < block->count * block->dim; i++)
+            my->states[to * block->count * block->dim + i] = block->states[i * block->room + m];
+        for (size_t e = 0; e < block->event_count; e++)
+            my->events[to][e] = block->events[e * block->room + m];
+    }
+    __atomic_fetch_add(&my->kept, block->members, __ATOMIC_SEQ_CST);
+    return LG_OK;
+}
+
+static const double times[] = {0.0, 0.3, 0.55, 1.0};
+
+static lg_ensemble_options options_for(const lg_scheme *scheme, uint64_t members) {
+    lg_ensemble_options o;
+    lg_ensemble_options_init(&o);
+    o.members = members;
+    o.block = 16;
+    o.scheme = scheme;
+    o.times = times;
+    o.count = LG_COUNT(times);
+    o.control.rtol = o.control.atol = 1e-7;
+    o.steps = scheme && scheme->embedded_order > 0 ? 0 : 40;
+    return o;
+}
+
+static seen run(const lg_system *system, const lg_ensemble_options *o, bool vary, lg_ensemble_stats *stats) {
+    lg_error error = {LG_OK, ""};
+    seen my = {.system = system, .count = o->count, .first = o->first, .vary = vary};
+    my.states = TEST_ARRAY(double, (size_t)o->members * o->count * lg_system_dim(system));
+    if (lg_ensemble_run(NULL, system, o, random_start, &my, keep, &my, stats, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    assert_int_equal(my.kept, o->members);
+    return my;
+}
+
+/* Whether the scheme can run on the system at all. */
+static bool applies(const lg_system *system, const lg_scheme *scheme) {
+    double *work = test_work(lg_system_work_size(system));
+    lg_system_user user;
+    lg_ode ode;
+    assert_ok(lg_system_ode(system, lg_system_coordinates_for(scheme), &ode, &user, work));
+    return lg_stepper_size(scheme, &ode) > 0;
+}
+
+/* Calls visit for every system, chains with one and three links, and every explicit scheme that applies. */
+static void each_pair(void (*visit)(const lg_system *, const lg_scheme *)) {
+    static const double gravity = 9.81;
+    static const lg_named_values chain = {"gravity", &gravity, 1};
+    const char *name, *form;
+    for (size_t i = 0; lg_system_at(i, &name, &form); i++) {
+        if (strcmp(name, "quadrotors") == 0) continue; /* driven to a path: starts at random fly away */
+        const bool links = strcmp(name, "pendulum-chain") == 0;
+        for (size_t n = 1; n <= (links ? 3 : 1); n += 2) {
+            lg_system_options options;
+            lg_system_options_init(&options);
+            options.form = form;
+            options.links = n;
+            options.parameters = &chain;
+            options.parameter_count = links;
+            const lg_system *system = make_system_with(name, &options);
+            for (size_t s = 0; s < lg_scheme_count(); s++)
+                if (applies(system, lg_scheme_at(s))) visit(system, lg_scheme_at(s));
+        }
+    }
+}
+
+/* ---- bits ---- */
+
+static void check_company(const lg_system *system, const lg_scheme *scheme) {
+    enum { MEMBERS = 37, CHOSEN = 17 };
+    lg_ensemble_options o = options_for(scheme, MEMBERS);
+    const bool vary = lg_system_parameter_count(system) > 0;
+    const size_t row = LG_COUNT(times) * lg_system_dim(system);
+    const lg_ensemble_event event = {.terms = 1, .index = {0}, .weight = {1.0}, .level = 0.05};
+    o.varied = vary;
+    o.events = &event;
+    o.event_count = 1;
+    const seen all = run(system, &o, vary, NULL);
+    o.first = CHOSEN;
+    o.members = 1;
+    o.block = 1;
+    const seen alone = run(system, &o, vary, NULL);
+    o.first = 11;
+    o.members = 13;
+    o.block = 5;
+    o.threads = 3;
+    const seen some = run(system, &o, vary, NULL);
+    assert_memory_equal(alone.states, all.states + CHOSEN * row, row * sizeof(double));
+    assert_memory_equal(some.states + 6 * row, all.states + CHOSEN * row, row * sizeof(double));
+    assert_memory_equal(alone.events[0], all.events[CHOSEN], sizeof(double));
+    assert_memory_equal(some.events[6], all.events[CHOSEN], sizeof(double));
+    assert_int_equal(alone.member[0].steps, all.member[CHOSEN].steps);
+    assert_int_equal(some.member[6].rejected, all.member[CHOSEN].rejected);
+}
+
+TEST("a member alone has the bits that it has among others, for every system and scheme") {
+    each_pair(check_company);
+}
+
+TEST("blocks and threads do not change a bit") {
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    lg_ensemble_options o = options_for(lg_scheme_find("dp85"), MOST);
+    const seen few = run(system, &o, false, NULL);
+    o.first = 0, o.block = 0, o.threads = 4;
+    const seen other = run(system, &o, false, NULL);
+    assert_memory_equal(few.states, other.states, MOST * LG_COUNT(times) * 6 * sizeof(double));
+}
+
+/* ---- lanes against steps of one state ---- */
+
+/* Members that failed have NaN in both; where a coarse method has blown up in both there is nothing to compare. */
+static double worst_difference(const double *a, const double *b, size_t n) {
+    double worst = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        const bool lost = (isnan(a[i]) && isnan(b[i])) || (fabs(a[i]) > 1e3 && fabs(b[i]) > 1e3);
+        if (!lost) worst = fmax(worst, isnan(a[i] - b[i]) ? INFINITY : fabs(a[i] - b[i]));
+    }
+    return worst;
+}
+
+static void check_lanes(const lg_system *system, const lg_scheme *scheme) {
+    enum { MEMBERS = 11 };
+    lg_ensemble_options o = options_for(scheme, MEMBERS);
+    const size_t n = MEMBERS * LG_COUNT(times) * lg_system_dim(system);
+    lg_ensemble_stats side, single;
+    const bool vary = lg_system_parameter_count(system) > 0;
+    o.varied = vary;
+    const seen lanes = run(system, &o, vary, &side);
+    o.one_by_one = true;
+    const seen one = run(system, &o, vary, &single);
+    const bool explicit_one = (scheme->kind == LG_SCHEME_RKMK && scheme->commutator_count == 0) ||
+                              scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
+    const bool turns = lg_system_dim(system) >= 12 && strcmp(lg_system_name(system), "pendulum-chain") != 0;
+    assert_int_equal(single.lanes, 1);
+    assert_int_equal(side.lanes > 1, explicit_one && !(scheme->project && turns));
+    const double worst = worst_difference(lanes.states, one.states, n);
+    if (worst > 1e-8) fail_msg("%s %s: %g", lg_system_name(system), scheme->name, worst);
+    for (size_t m = 0; m < MEMBERS; m++) assert_int_equal(lanes.member[m].status, one.member[m].status);
+}
+
+TEST("lanes and one member at a time agree, for every system and scheme") {
+    each_pair(check_lanes);
+}
+
+TEST("parameters of a member are those that it was given") {
+    enum { MEMBERS = 9 };
+    const double masses[] = {1.0, 1.3}, lengths[] = {1.0, 0.8};
+    const lg_system *system = make_chain("lagrangian", 2, 9.81, masses, lengths);
+    lg_ensemble_options o = options_for(lg_scheme_find("rkmk54"), MEMBERS);
+    o.varied = true;
+    o.control.rtol = o.control.atol = 1e-11;
+    const seen all = run(system, &o, true, NULL);
+    for (size_t m = 0; m < MEMBERS; m++) {
+        double y0[12] = {0}, p[5], end[12];
+        memcpy(p, lg_system_parameter_values(system), sizeof p);
+        const seen draw = {.system = system, .vary = true};
+        assert_ok(random_start((void *)(uintptr_t)&draw, m, y0, p));
+        const lg_system *own = make_system_of("pendulum-chain", "lagrangian", 2, p);
+        integrate(own, 1e-12, y0, (const double[]){1.0}, 1, end);
+        assert_all_close(all.states + (m * LG_COUNT(times) + 3) * 12, end, 12, 0, 1e-8);
+    }
+}
+
+/* ---- known solutions ---- */
+
+/* q = r cos(t - a): member m has r = 1 + m and a = 0.1 m. */
+static lg_status circle_start(void *user, uint64_t member, double *y, double *parameters) {
+    const double r = 1.0 + (double)member, a = 0.1 * (double)member;
+    y[0] = r * cos(a);
+    y[1] = r * sin(a);
+    return LG_OK;
+}
+
+static seen run_circle(const lg_ensemble_options *o) {
+    const lg_system *system = make_system("oscillator", NULL, NULL, 0);
+    seen my = {.system = system, .count = o->count};
+    my.states = TEST_ARRAY(double, (size_t)o->members * o->count * 2);
+    assert_ok(lg_ensemble_run(NULL, system, o, circle_start, &my, keep, &my, NULL, NULL));
+    return my;
+}
+
+TEST("events have the times of the exact solution, with their directions") {
+    static const char *const schemes[] = {"dp54", "dp85", "rk4", "cf4", "stormer-verlet"};
+    static const double tolerance[] = {1e-9, 1e-9, 1e-9, 1e-9, 1e-4}, end[] = {0.0, 10.0};
+    const lg_ensemble_event events[] = {
+        {.terms = 1, .index = {0}, .weight = {1.0}, .direction = 1},
+        {.terms = 2, .index = {0, 1}, .weight = {1.0, -1.0}, .direction = -1}};
+    for (size_t s = 0; s < LG_COUNT(schemes); s++)
+        for (int one_by_one = 0; one_by_one < 2; one_by_one++) {
+            lg_ensemble_options o = options_for(lg_scheme_find(schemes[s]), 13);
+            o.times = end, o.count = 2;
+            o.events = events, o.event_count = 2;
+            o.one_by_one = one_by_one;
+            o.control.rtol = o.control.atol = 1e-11;
+            if (o.steps > 0) o.steps = 2000;
+            const seen my = run_circle(&o);
+            for (int m = 0; m < 13; m++) {
+                /* q rises through 0 at t - a = 3 pi/2; p = -r sin(t - a), q - p falls at t - a = 3 pi/4 */
+                assert_close(my.events[m][0], 4.71238898038469 + 0.1 * m, 0, tolerance[s]);
+                assert_close(my.events[m][1], 2.356194490192345 + 0.1 * m, 0, tolerance[s]);
+            }
+        }
+}
+
+TEST("a member without the event has none, and a start on the level is none") {
+    static const double end[] = {3.0};
+    const lg_ensemble_event events[] = {
+        {.terms = 1, .index = {0}, .weight = {1.0}, .level = 5.5, .direction = -1},
+        {.terms = 1, .index = {0}, .weight = {1.0}, .level = 1.0}};
+    lg_ensemble_options o = options_for(lg_scheme_find("dp54"), 8);
+    o.times = end, o.count = 1, o.events = events, o.event_count = 2;
+    const seen my = run_circle(&o);
+    for (int m = 0; m < 8; m++) assert_int_equal(isnan(my.events[m][0]), (1.0 + m) <= 5.5);
+    assert_true(isnan(my.events[0][1])); /* q = cos t leaves 1 at once and does not come back */
+}
+
+TEST("states at times inside of steps, at their ends and at the start are those of the exact solution") {
+    static const char *const schemes[] = {"dp54", "dp85", "rkmk54", "cf43", "rk4"};
+    for (size_t s = 0; s < LG_COUNT(schemes); s++) {
+        lg_ensemble_options o = options_for(lg_scheme_find(schemes[s]), 10);
+        o.control.rtol = o.control.atol = 1e-11;
+        if (o.steps > 0) o.steps = 4000;
+        const seen my = run_circle(&o);
+        for (int m = 0; m < 10; m++)
+            for (size_t i = 0; i < LG_COUNT(times); i++)
+                assert_close(my.states[(m * LG_COUNT(times) + i) * 2], (1.0 + m) * cos(times[i] - 0.1 * m), 0,
+                             1e-7);
+    }
+}
+
+TEST("the upright pendulum stays, and one a little off does not") {
+    const double start[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0}, off[6] = {1e-6, 0.0, 1.0 - 5e-13, 0.0, 0.0, 0.0};
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    static const double end[] = {6.0};
+    for (int k = 0; k < 2; k++) {
+        lg_ensemble_options o = options_for(lg_scheme_find("rkmk54"), 3);
+        seen my = {.system = system, .count = 1, .states = TEST_ARRAY(double, 18)};
+        o.times = end, o.count = 1, o.start = k == 0 ? start : off;
+        o.control.rtol = o.control.atol = 1e-12;
+        assert_ok(lg_ensemble_run(NULL, system, &o, NULL, NULL, keep, &my, NULL, NULL));
+        for (int m = 0; m < 3; m++) assert_int_equal(my.states[6 * m + 2] > 0.999999, k == 0);
+    }
+}
+
+/* ---- failures ---- */
+
+TEST("members that are refused or fail are counted, and the others keep their bits") {
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    enum { MEMBERS = 41 };
+    for (int one_by_one = 0; one_by_one < 2; one_by_one++)
+        for (int fixed = 0; fixed < 2; fixed++) {
+            lg_ensemble_options o = options_for(lg_scheme_find(fixed ? "cf4" : "rkmk54"), MEMBERS);
+            lg_ensemble_stats stats;
+            o.varied = true;
+            o.one_by_one = one_by_one;
+            const seen sound = run(system, &o, true, NULL);
+            seen my = {.system = system, .count = o.count, .vary = true, .spoil = true};
+            my.states = TEST_ARRAY(double, MEMBERS *LG_COUNT(times) * 6);
+            assert_ok(lg_ensemble_run(NULL, system, &o, random_start, &my, keep, &my, &stats, NULL));
+            size_t failed = 0;
+            for (size_t m = 0; m < MEMBERS; m++) {
+                const bool bad = m % 7 == 3 || m % 7 == 5;
+                const double *a = my.states + m * LG_COUNT(times) * 6,
+                             *b = sound.states + m * LG_COUNT(times) * 6;
+                failed += bad;
+                assert_int_equal(my.member[m].status, bad ? LG_INVALID_ARGUMENT : LG_OK);
+                for (size_t i = 0; i < LG_COUNT(times) * 6; i++)
+                    assert_true(bad ? isnan(a[i]) : a[i] == b[i]);
+            }
+            assert_int_equal(stats.failed, failed);
+        }
+}
+
+TEST("a member that needs too many steps says when it ended") {
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    for (int one_by_one = 0; one_by_one < 2; one_by_one++) {
+        lg_ensemble_options o = options_for(lg_scheme_find("rkmk54"), 9);
+        o.one_by_one = one_by_one;
+        o.control.max_steps = 6;
+        o.control.rtol = o.control.atol = 1e-10;
+        const seen my = run(system, &o, false, NULL);
+        for (size_t m = 0; m < 9; m++) {
+            assert_int_equal(my.member[m].status, LG_TOO_MANY_STEPS);
+            assert_true(my.member[m].reached > 0.0 && my.member[m].reached < 1.0);
+            assert_int_equal(my.member[m].steps + my.member[m].rejected, 6);
+            assert_true(isnan(my.states[(m * 4 + 3) * 6]) && my.states[m * 24] == my.states[m * 24]);
+        }
+    }
+}
+
+TEST("what an ensemble refuses") {
+    static const double down[] = {1.0, 0.5}, before[] = {-1.0, 1.0};
+    const lg_system *system = make_system("oscillator", NULL, NULL, 0);
+    const lg_ensemble_event beyond = {.terms = 1, .index = {2}, .weight = {1.0}};
+    lg_error error;
+    lg_ensemble_options good = options_for(lg_scheme_find("dp54"), 3), o = good;
+#define REFUSED(status, part, ...)                                                                           \
+    o = good, __VA_ARGS__;                                                                                   \
+    assert_status(lg_ensemble_run(NULL, system, &o, NULL, NULL, NULL, NULL, NULL, &error), status);          \
+    assert_says(error.message, part)
+    REFUSED(LG_INVALID_ARGUMENT, "ascend", o.times = down, o.count = 2);
+    REFUSED(LG_INVALID_ARGUMENT, "times from 0", o.times = before, o.count = 2);
+    REFUSED(LG_INVALID_ARGUMENT, "final time", o.count = 0);
+    REFUSED(LG_INVALID_ARGUMENT, "event 0", o.events = &beyond, o.event_count = 1);
+    REFUSED(LG_INVALID_ARGUMENT, "threads", o.threads = 0);
+    REFUSED(LG_INVALID_ARGUMENT, "options", o.size = 1);
+    REFUSED(LG_INVALID_ARGUMENT, "control", o.control.rtol = -1.0);
+    REFUSED(LG_UNSUPPORTED, "number of steps", o.scheme = lg_scheme_find("rk4"));
+    REFUSED(LG_INVALID_ARGUMENT, "multiple of the step", o.scheme = lg_scheme_find("rk4"), o.steps = 7);
+    REFUSED(LG_UNSUPPORTED, "", o.scheme = lg_scheme_find("slgi"), o.steps = 40);
+#undef REFUSED
+    assert_ok(lg_ensemble_run(NULL, system, &good, NULL, NULL, NULL, NULL, NULL, &error));
+    good.members = 0;
+    assert_ok(lg_ensemble_run(NULL, system, &good, NULL, NULL, NULL, NULL, NULL, &error));
+}
+
+static lg_status refuse(void *user, const lg_ensemble_block *block) {
+    return block->first == 16 ? LG_CHECK_FAILED : LG_OK;
+}
+
+TEST("a keeper's status ends the run") {
+    const lg_system *system = make_system("oscillator", NULL, NULL, 0);
+    lg_ensemble_options o = options_for(lg_scheme_find("dp54"), 64);
+    assert_status(lg_ensemble_run(NULL, system, &o, NULL, NULL, refuse, NULL, NULL, NULL), LG_CHECK_FAILED);
+}
+
+TEST("every allocation may fail") {
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    for (int one_by_one = 0; one_by_one < 2; one_by_one++) {
+        lg_ensemble_options o = options_for(lg_scheme_find("rkmk54"), 2);
+        o.one_by_one = one_by_one;
+        const double start[6] = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+        o.start = start;
+        EVERY_ALLOCATION_FAILS(context, 10, {
+            status = lg_ensemble_run(context, system, &o, NULL, NULL, NULL, NULL, NULL, NULL);
+        });
+    }
+}
+
+TEST("members of unlike lengths keep the lanes busy") {
+    enum { MEMBERS = 64 };
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    lg_ensemble_options o = options_for(lg_scheme_find("rkmk54"), MEMBERS);
+    lg_ensemble_stats stats;
+    o.block = MEMBERS;
+    (void)run(system, &o, false, &stats);
+    if (stats.lanes > 1) assert_true(stats.occupancy > 0.6 && stats.occupancy <= 1.0);
+}
+
+/* ---- sums and statistics ---- */
+
+TEST("exact sums do not depend on order, and cancel without loss") {
+    enum { N = 2000 };
+    lg_exact_sum up = {{0}}, down = {{0}}, half = {{0}}, rest = {{0}};
+    double *x = TEST_ARRAY(double, N);
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 2);
+    for (int i = 0; i < N; i++) x[i] = ldexp(lg_rng_normal(&rng), (int)lg_rng_below(&rng, 600) - 300);
+    for (int i = 0; i < N; i++) {
+        lg_exact_add(&up, x[i]);
+        lg_exact_add(&down, x[N - 1 - i]);
+        lg_exact_add(i % 3 == 0 ? &half : &rest, x[i]);
+    }
+    lg_exact_merge(&half, &rest);
+    assert_memory_equal(&up, &down, sizeof up);
+    assert_memory_equal(&up, &half, sizeof up);
+    for (int i = 0; i < N; i++) lg_exact_add(&up, -x[i]);
+    assert_true(lg_exact_value(&up) == 0.0);
+    const double parts[] = {1e300, 1.0, -1e300, 0x1p-1074, -0x1p-1074, 0.25, DBL_MAX, -DBL_MAX, 1e-320};
+    lg_exact_sum few = {{0}};
+    for (size_t i = 0; i < LG_COUNT(parts); i++) lg_exact_add(&few, parts[i]);
+    assert_true(lg_exact_value(&few) == 1.25);
+    lg_exact_add(&few, -3.0);
+    assert_true(lg_exact_value(&few) == -1.75);
+    lg_exact_sum least = {{0}};
+    lg_exact_add(&least, -0x1p-1074);
+    assert_true(lg_exact_value(&least) == -0x1p-1074);
+}
+
+static void release_statistics(void *statistics) {
+    lg_statistics_destroy(statistics);
+}
+
+static lg_statistics *make_statistics(size_t bins, const double *values, size_t count) {
+    static const bool logarithmic[] = {false, true};
+    lg_statistics *s;
+    assert_ok(lg_statistics_create(NULL, 1, 2, bins, logarithmic, &s));
+    lg_test_owns(s, release_statistics);
+    for (size_t c = 0; c < 2; c++) {
+        const lg_statistics_range range = lg_statistics_range_of(s, c, values, count);
+        lg_statistics_set_range(s, 0, c, &range);
+    }
+    return s;
+}
+
+static void add_both(lg_statistics *s, const double *values, size_t count) {
+    for (size_t c = 0; c < 2; c++) lg_statistics_add(s, 0, c, values, count);
+}
+
+TEST("mean, deviation, extremes and quantiles are those of the sorted numbers") {
+    enum { N = 20000, BLOCK = 100 };
+    double *x = TEST_ARRAY(double, N), sum = 0.0, square = 0.0;
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 0);
+    for (int i = 0; i < N; i++) x[i] = exp(9.0 + 0.01 * lg_rng_normal(&rng)), sum += x[i];
+    for (int i = 0; i < N; i++) square += (x[i] - sum / N) * (x[i] - sum / N);
+    lg_statistics *s = make_statistics(400, x, 256), *other = make_statistics(400, x, 256);
+    for (int i = 0; i < N; i += BLOCK) add_both(s, x + i, BLOCK);
+    for (int i = N - BLOCK; i >= 0; i -= BLOCK) add_both(other, x + i, BLOCK);
+    for (int i = 1; i < N; i++) /* sorted */
+        for (int k = i; k > 0 && x[k] < x[k - 1]; k--) {
+            const double y = x[k];
+            x[k] = x[k - 1], x[k - 1] = y;
+        }
+    for (size_t c = 0; c < 2; c++) {
+        const lg_statistics_cell cell = lg_statistics_of(s, 0, c), again = lg_statistics_of(other, 0, c);
+        assert_int_equal(cell.count, N);
+        assert_memory_equal(&cell, &again, sizeof cell);
+        assert_close(cell.mean, sum / N, 1e-14, 0);
+        assert_close(cell.deviation, sqrt(square / (N - 1)), 1e-10, 0);
+        assert_true(cell.least == x[0] && cell.largest == x[N - 1]);
+        const double close = c == 0 ? cell.resolution : cell.resolution * x[N / 2];
+        for (double p = 0.05; p < 1.0; p += 0.1)
+            assert_close(lg_statistics_quantile(s, 0, c, p), x[(int)(p * N)], 0, 1.5 * close);
+        assert_true(lg_statistics_quantile(s, 0, c, 0.0) >= x[0]);
+        assert_true(lg_statistics_quantile(s, 0, c, 1.0) == x[N - 1]);
+    }
+}
+
+TEST("numbers beyond the range of the bins count, those that are none do not") {
+    const double x[] = {0.0, 1.0, 2.0, 3.0}, more[] = {-100.0, (double)NAN, 100.0, (double)INFINITY, 1.5};
+    lg_statistics *s = make_statistics(8, x, 4);
+    lg_statistics_add(s, 0, 0, more, 5);
+    const lg_statistics_cell cell = lg_statistics_of(s, 0, 0);
+    const uint64_t *bins = lg_statistics_bins(s, 0, 0);
+    assert_int_equal(cell.count, 3);
+    assert_true(cell.least == -100.0 && cell.largest == 100.0);
+    assert_int_equal(bins[0], 1);
+    assert_int_equal(bins[9], 1);
+    assert_true(lg_statistics_quantile(s, 0, 0, 1.0) == 100.0);
+    assert_true(isnan(lg_statistics_quantile(s, 0, 1, 0.5)) && isnan(lg_statistics_of(s, 0, 1).mean));
+}
+
+TEST("statistics are saved, loaded and merged without loss") {
+    enum { N = 500 };
+    const double *x = test_numbers(4, N, 0.1, 2.0);
+    lg_statistics *whole = make_statistics(32, x, 50), *parts[2], *loaded = make_statistics(32, x, 1);
+    for (int i = 0; i < 2; i++) {
+        assert_ok(lg_statistics_like(whole, &parts[i]));
+        lg_test_owns(parts[i], release_statistics);
+    }
+    for (int i = 0; i < N; i += 50) {
+        add_both(whole, x + i, 50);
+        add_both(parts[i / 50 % 2], x + i, 50);
+    }
+    memory_archive archive = {.count = 0};
+    const lg_archive_writer to = memory_writer(&archive);
+    const lg_archive_reader from = memory_reader(&archive);
+    assert_ok(lg_statistics_merge(parts[1], parts[0]));
+    assert_ok(lg_statistics_save(parts[1], &to));
+    assert_ok(lg_statistics_load(loaded, &from));
+    for (size_t c = 0; c < 2; c++) {
+        const lg_statistics_cell a = lg_statistics_of(whole, 0, c), b = lg_statistics_of(loaded, 0, c);
+        assert_memory_equal(&a, &b, sizeof a);
+        assert_memory_equal(lg_statistics_bins(whole, 0, c), lg_statistics_bins(loaded, 0, c),
+                            34 * sizeof(uint64_t));
+        assert_true(lg_statistics_quantile(whole, 0, c, 0.3) == lg_statistics_quantile(loaded, 0, c, 0.3));
+    }
+    lg_statistics *other = make_statistics(16, x, 50), *shifted = make_statistics(32, x + 100, 50);
+    assert_status(lg_statistics_merge(other, whole), LG_SHAPE);
+    assert_status(lg_statistics_merge(shifted, whole), LG_SHAPE);
+    EVERY_ALLOCATION_FAILS(context, 2, {
+        lg_statistics *made = NULL;
+        status = lg_statistics_create(context, 3, 2, 10, NULL, &made);
+        if (status == LG_OK) lg_statistics_destroy(made);
+    });
+}
