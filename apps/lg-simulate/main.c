@@ -53,8 +53,9 @@ static const app_option options[] = {
         "51)"),
     APP_ROW_TEXT(
         simulate_values, vary, "vary", "NAME=DISTRIBUTION,...",
-        "What differs between members (default: the scene's key `ensemble`), e.g. 'q = sphere, omega = "
-        "normal 0 1, masses = within 5%'"),
+        "What differs between members (default: the scene's key `ensemble`): uniform:LOW:HIGH, "
+        "normal:MEAN:DEVIATION, within:S, within:S% or around:S of the scene's value, sphere, cone:ANGLE, "
+        "rotation; e.g. q=sphere,omega=normal:0:1,masses=within:5%"),
     APP_ROW_TEXT(simulate_values, starts, "starts", "FILE.csv|.h5|.npy",
                  "A member a row: columns named as numbers of the state or parameters (q1.x, m2)"),
     APP_ROW_TEXT(

@@ -157,10 +157,10 @@ static char *trimmed(char *text) {
     return text;
 }
 
-/* "normal 0 1" */
+/* "normal 0 1", or without blanks "normal:0:1" */
 static int read_distribution(const simulation *sim, char *text, vary_item *item) {
     char *rest = NULL;
-    const char *word = strtok_r(text, " ", &rest);
+    const char *word = strtok_r(text, " :", &rest);
     int kind = 0;
     while (kind < DISTRIBUTIONS && (word == NULL || strcmp(distributions[kind].name, word) != 0)) kind++;
     if (kind == DISTRIBUTIONS)
@@ -171,7 +171,7 @@ static int read_distribution(const simulation *sim, char *text, vary_item *item)
             word != NULL ? word : "");
     *item = (vary_item){.kind = (distribution)kind};
     for (size_t i = 0; i < distributions[kind].numbers; i++) {
-        char *number = strtok_r(NULL, " ", &rest);
+        char *number = strtok_r(NULL, " :", &rest);
         const size_t length = number != NULL ? strlen(number) : 0;
         if ((kind == WITHIN || kind == AROUND) && length > 0 && number[length - 1] == '%') {
             item->percent = true;
@@ -182,7 +182,7 @@ static int read_distribution(const simulation *sim, char *text, vary_item *item)
     }
     const bool ordered = kind != UNIFORM || item->value[0] <= item->value[1];
     const double size = item->value[kind == NORMAL];
-    if (strtok_r(NULL, " ", &rest) != NULL || !ordered || (kind != UNIFORM && size < 0))
+    if (strtok_r(NULL, " :", &rest) != NULL || !ordered || (kind != UNIFORM && size < 0))
         return app_usage(sim->self, "--vary: expected '%s', with LOW <= HIGH and sizes from 0 on",
                          distributions[kind].usage);
     return APP_EXIT_OK;

@@ -1,0 +1,252 @@
+/* lg-simulate --ensemble and merge from outside: distributions, statistics with known answers, parts of an ensemble
+ * against the whole, trajectories, what is refused. */
+#include "cli_support.h"
+
+#include <hdf5.h>
+
+#include "liegrad/io.h"
+
+static const char lg[] = "lg-simulate";
+static cli result;
+
+static const char circles[] =
+    "system: oscillator\ninitial: {q: 1, p: 0}\nensemble: q = normal 0 2, p = normal 0 2\nt_end: 3\n";
+static const char pendulums[] = "system: pendulum-chain\ngravity: 9.81\nmasses: [1]\nlengths: [1]\n"
+                                "initial: {q: [[1, 0, 0]], omega: [[0, 1, 0]]}\nt_end: 1\n";
+static const char top[] = "system: heavy-top\nform: direct\ninitial: {pi: [0.1, 0.2, 0.3]}\nt_end: 0.2\n";
+
+static int setup(void **state) {
+    if (cli_begin() != 0) return -1;
+    cli_write("circles.yaml", circles);
+    cli_write("pendulums.yaml", pendulums);
+    cli_write("top.yaml", top);
+    return 0;
+}
+
+static void json(const char *arguments, const char *members) {
+    cli_json(lg, arguments, members, &result);
+}
+
+static const char *within(const char *object, const char *key) {
+    const char *found = json_find(object, key);
+    if (found == NULL) fail_msg("no '%s' in %.300s", key, object);
+    return found;
+}
+
+static double at_end(const char *column, const char *what) {
+    return json_number(within(within(result.out, "end"), column), what);
+}
+
+/* ---- what varies ---- */
+
+TEST("distributions have their means and deviations") {
+    enum { N = 20000 };
+    json("circles.yaml --ensemble 20000 --points 2 --method dp85",
+         "members 20000, total 20000, failed 0, lanes >0");
+    assert_close(at_end("q", "mean"), 0, 0, 4 * 2 / sqrt(N));
+    assert_close(at_end("q", "deviation"), 2, 0.03, 0);
+    assert_close(at_end("energy", "mean"), 4, 0.04, 0);
+    assert_close(at_end("q", "median"), 0, 0, 0.1);
+    assert_close(at_end("q", "q95"), 1.6449 * 2, 0.03, 0);
+    assert_true(at_end("drift of energy", "largest") < 1e-7);
+    json("circles.yaml --ensemble 20000 --points 2 --vary q=uniform:2:4,p=uniform:0:0 --t-end "
+         "6.283185307179586",
+         "");
+    assert_close(at_end("q", "mean"), 3, 0.01, 0);
+    assert_close(at_end("q", "deviation"), 2 / sqrt(12), 0.02, 0);
+    assert_true(at_end("q", "least") >= 2 - 1e-6 && at_end("q", "largest") <= 4 + 1e-6);
+    json("circles.yaml --ensemble 20000 --points 2 --vary q=within:10%,p=around:0.5 --t-end "
+         "6.283185307179586",
+         "");
+    assert_close(at_end("q", "deviation"), 0.1 / sqrt(3), 0.02, 0);
+    assert_close(at_end("p", "deviation"), 0.5, 0.02, 0);
+}
+
+TEST("directions, cones and rotations are where they belong") {
+    json("pendulums.yaml --ensemble 20000 --times 0 --t-end 1e-3 --vary q=sphere,omega=normal:0:1",
+         "failed 0");
+    assert_close(at_end("q1.z", "mean"), 0, 0, 0.02);
+    assert_close(at_end("q1.x", "deviation"), 1 / sqrt(3), 0.02, 0);
+    json("pendulums.yaml --ensemble 5000 --points 2 --t-end 1e-6 --vary q1=cone:0.1", "failed 0");
+    assert_true(at_end("q1.x", "least") >= cos(0.1) - 1e-6 && at_end("q1.x", "least") < cos(0.099));
+    assert_close(at_end("q1.x", "mean"), (1 + cos(0.1)) / 2, 1e-4, 0);
+    json("top.yaml --ensemble 5000 --points 2 --t-end 1e-6 --vary Q=rotation", "failed 0");
+    assert_close(at_end("Q.11", "deviation"), 1 / sqrt(3), 0.05, 0);
+    assert_close(at_end("Q.23", "mean"), 0, 0, 0.04);
+}
+
+TEST("parameters vary for each member, and a value against its rule is a failure that is told") {
+    json("pendulums.yaml --ensemble 4000 --points 3 --vary gravity=uniform:9:10,L1=within:5%", "failed 0");
+    assert_true(at_end("drift of energy", "largest") < 1e-6);
+    assert_true(at_end("q1.z", "deviation") > 1e-3);
+    json("pendulums.yaml --ensemble 4000 --points 3 --vary m1=normal:0.2:0.1", "failed >10");
+    assert_close(json_number(result.out, "failed"), 4000 * 0.02275, 0.3, 0);
+    assert_close(json_number(within(result.out, "failed_by_status"), "INVALID_ARGUMENT"),
+                 json_number(result.out, "failed"), 0, 0);
+    assert_says(result.err, "members failed");
+}
+
+TEST("rows of a table are the members") {
+    cli_write("starts.csv", "q1.x,q1.y,q1.z,g\n0,1,0,0\n0,0,1,1\n0,0,-1,2\n");
+    json("pendulums.yaml --ensemble 3 --starts starts.csv --points 2 --t-end 1e-9", "members 3, failed 1");
+    assert_says(result.out, "\"member\": 0");
+    cli_write("good.csv", "omega1.y\n0.5\n1.5\n-2\n");
+    json("pendulums.yaml --ensemble 3 --starts good.csv --points 2 --t-end 1e-9", "members 3, failed 0");
+    assert_close(at_end("omega1.y", "mean"), 0, 0, 1e-6);
+    assert_close(at_end("omega1.y", "least"), -2, 1e-6, 0);
+}
+
+/* ---- events ---- */
+
+TEST("times of first events") {
+    json("circles.yaml --ensemble 3000 --points 2 --vary q=uniform:1:2,p=uniform:0:0 --event q=0,q>0,p<-1.5 "
+         "--method dp85 --tol 1e-10",
+         "");
+    const char *events = within(result.out, "events"), *first = within(events, "q=0");
+    assert_close(json_number(first, "mean"), 1.5707963267948966, 1e-8, 0);
+    assert_close(json_number(first, "count"), 3000, 0, 0);
+    assert_close(json_number(within(events, "q>0"), "count"), 0, 0, 0);
+    assert_close(json_number(within(events, "p<-1.5"), "without"), 1500, 0.1, 0);
+}
+
+/* ---- parts ---- */
+
+/* Two files hold the same numbers under this name. */
+static void assert_same(const char *a, const char *b, const char *name) {
+    lg_file_reader *readers[2] = {NULL, NULL};
+    const char *const files[] = {a, b};
+    char *data[2], path[1024];
+    uint64_t dims[4] = {0}, count = 1;
+    uint32_t rank = 0;
+    for (int i = 0; i < 2; i++) {
+        lg_archive_reader from;
+        lg_error error = {LG_OK, ""};
+        cli_path(files[i], path, sizeof path);
+        if (lg_file_reader_create(NULL, path, NULL, NULL, &readers[i], &error) != LG_OK)
+            fail_msg("%s", error.message);
+        assert_ok(lg_file_reader_archive(readers[i], "", &from));
+        assert_ok(from.shape(from.user, name, &rank, dims));
+        count = 1;
+        for (uint32_t k = 0; k < rank; k++) count *= dims[k];
+        data[i] = lg_test_memory(count * 8);
+        const bool whole =
+            strstr(name, "sum") != NULL || strstr(name, "bins") != NULL || strstr(name, "count") != NULL;
+        assert_ok(from.array(from.user, name, whole ? LG_ELEMENT_I64 : LG_ELEMENT_F64, rank, dims, data[i]));
+    }
+    if (memcmp(data[0], data[1], count * 8) != 0) fail_msg("%s and %s differ in %s", a, b, name);
+    for (int i = 0; i < 2; i++) lg_file_reader_destroy(readers[i]);
+}
+
+/* /trajectories of a file as any reader of HDF5 sees it, through the virtual data set. */
+static double *rows_of(const char *name, hsize_t dims[3]) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT),
+                set = H5Dopen2(file, "trajectories", H5P_DEFAULT);
+    const hid_t space = H5Dget_space(set);
+    assert_true(file >= 0 && set >= 0);
+    assert_int_equal(H5Sget_simple_extent_dims(space, dims, NULL), 3);
+    double *rows = TEST_ARRAY(double, dims[0] * dims[1] * dims[2]);
+    assert_true(H5Dread(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, rows) >= 0);
+    (void)H5Sclose(space);
+    (void)H5Dclose(set);
+    (void)H5Fclose(file);
+    return rows;
+}
+
+#define STUDY                                                                                                \
+    "pendulums.yaml --ensemble 5000 --vary q=sphere,gravity=within:5% --event q1.z=0 --points 6 "            \
+    "--save 2500 "
+
+TEST("parts merge into the bits of one process, whatever the threads") {
+    static const char *const names[] = {"mean",
+                                        "deviation",
+                                        "least",
+                                        "largest",
+                                        "quantiles",
+                                        "count",
+                                        "event_times/mean",
+                                        "event_times/quantiles",
+                                        "accumulators/states/sum",
+                                        "accumulators/states/bins",
+                                        "accumulators/events/sum"};
+    json(STUDY "--threads 1 --out whole.h5", "members 5000");
+    json(STUDY "--threads 2 --task 1/3 --out part.h5", "members <5000, first 0");
+    json(STUDY "--threads 1 --task 2/3 --out part.h5", "");
+    json(STUDY "--threads 2 --task 3/3 --out part.h5", "");
+    json("merge merged.h5 part.part-3-of-3.h5 part.part-1-of-3.h5 part.part-2-of-3.h5",
+         "members 5000, total 5000");
+    for (size_t i = 0; i < LG_COUNT(names); i++) assert_same("whole.h5", "merged.h5", names[i]);
+    hsize_t whole[3], merged[3];
+    const double *a = rows_of("whole.h5", whole), *b = rows_of("merged.h5", merged);
+    assert_int_equal(whole[0], 2500);
+    assert_memory_equal(whole, merged, sizeof whole);
+    assert_memory_equal(a, b, whole[0] * whole[1] * whole[2] * sizeof(double));
+    assert_true(a[0] != 0.0 && a[2499 * whole[1] * whole[2]] != 0.0); /* no fill values */
+    cli_expect(lg, "merge merged.h5 part.part-3-of-3.h5 part.part-1-of-3.h5", 3, "are missing", &result);
+    cli_expect(lg, "merge merged.h5 part.part-1-of-3.h5 part.part-1-of-3.h5", 3, "are there twice", &result);
+    cli_expect(lg, "merge merged.h5 part.part-1-of-3.h5", 3, "are missing", &result);
+    cli_expect(lg, "merge merged.h5 foreign.h5 part.part-1-of-3.h5", 3, "foreign.h5", &result);
+    json("circles.yaml --ensemble 5000 --points 6 --task 2/3 --out other.h5", "");
+    cli_expect(lg, "merge merged.h5 part.part-1-of-3.h5 other.part-2-of-3.h5 part.part-3-of-3.h5", 3,
+               "another ensemble", &result);
+}
+
+TEST("lanes and one at a time have the same statistics") {
+    json("circles.yaml --ensemble 300 --points 5 --tol 1e-11", "");
+    const double mean = at_end("q", "mean");
+    json("circles.yaml --ensemble 300 --points 5 --tol 1e-11 --one-by-one", "lanes 1, occupancy null");
+    assert_close(at_end("q", "mean"), mean, 0, 1e-9);
+    json("circles.yaml --ensemble 300 --points 5 --method midpoint --steps 1000", "lanes 1");
+    assert_close(at_end("q", "mean"), mean, 0, 1e-4);
+}
+
+TEST("a screen for people, and a picture") {
+    cli_expect(lg, "circles.yaml --ensemble 100 --event q=0 --plot bands.svg", 0, "", &result);
+    assert_says(result.out, "Time of the first event");
+    assert_true(cli_exists("bands.gp") && cli_exists("bands.dat"));
+}
+
+/* ---- refusals ---- */
+
+TEST("what is refused") {
+    static const struct {
+        const char *arguments;
+        int code;
+        const char *words;
+    } rows[] = {
+        {"circles.yaml --vary q=sphere", 2, "--vary: needs --ensemble"},
+        {"circles.yaml --ensemble 5 --gradient 1,0", 2, "cannot be given together"},
+        {"circles.yaml --ensemble 5 --vary q", 2, "expected NAME = DISTRIBUTION"},
+        {"circles.yaml --ensemble 5 --vary x=normal:0:1", 2, "'x' is neither a parameter"},
+        {"circles.yaml --ensemble 5 --vary q=gauss:0:1", 2, "'gauss' is not one of"},
+        {"circles.yaml --ensemble 5 --vary q=normal:0", 2, "expected 'normal MEAN DEVIATION'"},
+        {"circles.yaml --ensemble 5 --vary q=normal:0:-1", 2, "sizes from 0 on"},
+        {"circles.yaml --ensemble 5 --vary q=uniform:2:1", 2, "LOW <= HIGH"},
+        {"circles.yaml --ensemble 5 --vary q=sphere", 2, "blocks of 3 numbers"},
+        {"circles.yaml --ensemble 5 --event q", 2, "expected NAME=VALUE"},
+        {"circles.yaml --ensemble 5 --event z=1", 2, "'z' is no number of the state"},
+        {"circles.yaml --ensemble 5 --task 1/2", 2, "give --out"},
+        {"circles.yaml --ensemble 5 --task 3/2 --out a.h5", 2, "1 <= I <= N"},
+        {"circles.yaml --ensemble 5 --save all", 2, "give --out"},
+        {"circles.yaml --ensemble 5 --save some --out a.h5", 2, "`all` or a number"},
+        {"circles.yaml --ensemble 5 --method rk4", 2, "needs --steps"},
+        {"circles.yaml --ensemble 5 --method rk4 --steps 7 --points 3", 2, "multiple of the step"},
+        {"circles.yaml --ensemble 5 --starts missing.csv", 3, "missing.csv"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        cli_expect(lg, rows[i].arguments, rows[i].code, rows[i].words, &result);
+    assert_false(cli_exists("a.h5"));
+    cli_expect(lg, "circles.yaml --ensemble 2 --vary q=within:0", 0, "", &result);
+}
+
+TEST("Ctrl-C ends an ensemble and leaves no file") {
+    const cli_child child =
+        cli_start(lg, "pendulums.yaml --ensemble 100000000 --vary q=sphere --save 100 --out gone.h5", 0);
+    (void)nanosleep(&(struct timespec){0, 400000000}, NULL);
+    cli_interrupt(child, &result);
+    assert_says(result.err, "stopped by Ctrl-C");
+    assert_int_equal(cli_count_files("gone"), 0);
+}
+
+TEST_GROUP(setup, cli_end)
