@@ -139,7 +139,7 @@ GENERATED(quadratic, 12, LG_SPACE_SE3)
 #define CLASSICAL_LOOP(name, dim)                                                                            \
     static void name##_loop(lane_run *r) {                                                                   \
         r->field = name;                                                                                     \
-        lane_run_members(r, LANE_CLASSICAL, dim, name);                                                      \
+        lane_run_members(r, GROUPS, LANE_CLASSICAL, dim, name);                                              \
     }
 CLASSICAL_LOOP(oscillator_lanes, 2)
 CLASSICAL_LOOP(quartic_lanes, 4)
@@ -148,15 +148,15 @@ CLASSICAL_LOOP(pendulum_ambient_lanes, 6)
 CLASSICAL_LOOP(momentum_ambient_lanes, 3)
 
 static void classical_loop(lane_run *r) {
-    lane_run_members(r, LANE_CLASSICAL, r->dim, r->field);
+    lane_run_members(r, 1, LANE_CLASSICAL, r->dim, r->field);
 }
 
 static void rkmk_loop(lane_run *r) {
-    lane_run_members(r, LANE_RKMK, r->dim, r->field);
+    lane_run_members(r, 1, LANE_RKMK, r->dim, r->field);
 }
 
 static void free_loop(lane_run *r) {
-    lane_run_members(r, LANE_FREE, r->dim, r->field);
+    lane_run_members(r, 1, LANE_FREE, r->dim, r->field);
 }
 
 typedef struct lane_entry {
@@ -189,23 +189,23 @@ static const lane_entry *entry_of(const lg_lane_plan *plan) {
 }
 
 static size_t memory(const lg_lane_plan *plan, size_t room) {
-    lane_run r = {.plan = NULL};
-    return lane_lay_out(&r, plan, room, NULL);
+    lane_run r[GROUPS];
+    return lane_lay_out(r, plan, room, NULL);
 }
 
 static void run(const lg_lane_plan *plan, const lg_lane_block *block) {
     const lane_entry *entry = entry_of(plan);
     const bool flat = plan->ambient || lg_space_is_abelian(&plan->space);
-    lane_run r = {.field = entry->field[plan->ambient]};
-    lane_prepare(&r, plan, block);
+    lane_run r[GROUPS] = {{.field = entry->field[plan->ambient]}};
+    lane_prepare(r, plan, block);
     if (plan->scheme->kind == LG_SCHEME_COMMUTATOR_FREE)
-        free_loop(&r);
+        free_loop(r);
     else if (!flat)
-        rkmk_loop(&r);
+        rkmk_loop(r);
     else if (entry->loop)
-        entry->loop(&r);
+        entry->loop(r);
     else
-        classical_loop(&r);
+        classical_loop(r);
 }
 
 #define PASTE_(a, b) a##b
