@@ -105,7 +105,8 @@ static double invariant_of(const study *all, gatherer *own, const lg_ensemble_bl
                                own->work);
 }
 
-/* Invariants need the parameters of each member: members are the outer loop, so that they are set once a row. */
+/* Invariants need the parameters of each member: members are the outer loop, so that they are set once a
+ * row. */
 static void fill_invariants(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row) {
     for (size_t m = 0; m < of->members; m++) {
         if (own->system != NULL) {

@@ -1,5 +1,5 @@
-/* An ensemble, or a part of one, in HDF5. What people read: /t, /mean, /deviation, /least, /largest, /quantiles,
- * /events. What parts are merged from: /accumulators. */
+/* An ensemble, or a part of one, in HDF5. What people read: /t, /mean, /deviation, /least, /largest,
+ * /quantiles, /events. What parts are merged from: /accumulators. */
 #include "lg-simulate/ensemble.h"
 
 #include <math.h>

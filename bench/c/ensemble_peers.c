@@ -5,9 +5,10 @@
  *   ensemble_peers ours METHOD TOL N THREADS SAMPLE FILE  the ends of the first SAMPLE members
  *   ensemble_peers cvode|erk5|erk8 TOL N SAMPLE FILE
  *
- * q uniform on the sphere, omega normal, brought to the tangent space; g = 9.81, L = 1; relative and absolute
- * tolerance are equal. SUNDIALS has one solver that is initialised again for each member, serial vectors and the
- * field written out. Prints one JSON object: seconds of the clock and of the processor, steps a member. */
+ * q uniform on the sphere, omega normal, brought to the tangent space; g = 9.81, L = 1; relative and
+ * absolute tolerance are equal. SUNDIALS has one solver that is initialised again for each member, serial
+ * vectors and the field written out. Prints one JSON object: seconds of the clock and of the processor,
+ * steps a member. */
 #define _GNU_SOURCE
 #include <math.h>
 #include <stdio.h>

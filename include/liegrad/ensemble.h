@@ -6,14 +6,13 @@
  *   options.times = &t_end, options.count = 1;
  *   lg_ensemble_run(context, system, &options, my_start, &mine, my_keep, &mine, &stats, &error);
  *
- * Explicit schemes of most systems run on the lanes of vector registers: a lane is a member with its own time,
- * step size and parameters, and a member that is done makes room for the next one. Other systems and schemes run
- * one member at a time. Blocks of members go to threads.
+ * Explicit schemes of most systems run on the lanes of vector registers: a lane is a member with its own
+ * time, step size and parameters, and a member that is done makes room for the next one. Other systems and
+ * schemes run one member at a time. Blocks of members go to threads.
  *
- * The numbers of a member depend on its start, its parameters and the options alone: not on the other members, on
- * `first`, `members`, `block` or `threads`. They are the same for the same binary on the same instruction set
- * (lg_cpu_describe).
- */
+ * The numbers of a member depend on its start, its parameters and the options alone: not on the other
+ * members, on `first`, `members`, `block` or `threads`. They are the same for the same binary on the same
+ * instruction set (lg_cpu_describe). */
 #ifndef LIEGRAD_ENSEMBLE_H
 #define LIEGRAD_ENSEMBLE_H
 
@@ -32,8 +31,9 @@ LG_BEGIN_DECLS
 
 /* ---- members ---- */
 
-/* An event: g(y) = sum_i weight_i y_index_i - level changes its sign from one step's end to the next. Its time is
- * found by steps of the scheme itself from the step's start. What comes and goes inside of a step is not seen. */
+/* An event: g(y) = sum_i weight_i y_index_i - level changes its sign from one step's end to the next. Its
+ * time is found by steps of the scheme itself from the step's start. What comes and goes inside of a step is
+ * not seen. */
 #define LG_EVENT_TERMS 8
 #define LG_EVENTS_MAX  8
 typedef struct lg_ensemble_event {
@@ -51,13 +51,13 @@ typedef struct lg_ensemble_member {
     uint64_t steps, rejected;
 } lg_ensemble_member;
 
-/* Writes the start of a member, lg_system_dim numbers that hold those of the options' `start` or zeros, and its
- * parameters, lg_system_parameter_count numbers that hold the system's own. It must be a function of `member`
- * alone. From several threads at once. A status other than LG_OK ends the run. */
+/* Writes the start of a member, lg_system_dim numbers that hold those of the options' `start` or zeros, and
+ * its parameters, lg_system_parameter_count numbers that hold the system's own. It must be a function of
+ * `member` alone. From several threads at once. A status other than LG_OK ends the run. */
 typedef lg_status (*lg_ensemble_start)(void *user, uint64_t member, double *y0, double *parameters);
 
-/* What is known of a block of members, first, first + 1, ..., when they are done. Rows of `room` numbers, a number
- * a member; members that failed have NaN from the time on that they did not reach. */
+/* What is known of a block of members, first, first + 1, ..., when they are done. Rows of `room` numbers, a
+ * number a member; members that failed have NaN from the time on that they did not reach. */
 typedef struct lg_ensemble_block {
     uint64_t first;
     size_t members, room;
@@ -70,8 +70,8 @@ typedef struct lg_ensemble_block {
     size_t thread; /* 0..threads-1: no other block of this number is kept at the same time */
 } lg_ensemble_block;
 
-/* Keeps what it wants of a block. From several threads at once, in any order of blocks. A status other than LG_OK
- * ends the run. */
+/* Keeps what it wants of a block. From several threads at once, in any order of blocks. A status other than
+ * LG_OK ends the run. */
 typedef lg_status (*lg_ensemble_keep)(void *user, const lg_ensemble_block *block);
 
 typedef struct lg_ensemble_options {
@@ -105,9 +105,9 @@ typedef struct lg_ensemble_stats {
     double seconds;
 } lg_ensemble_stats;
 
-/* `keep` may be NULL, `stats` too. Errors: LG_INVALID_ARGUMENT with a sentence (times, steps, events, scheme),
- * LG_UNSUPPORTED (adaptive without an embedded solution, a scheme that does not apply to the system),
- * LG_OUT_OF_MEMORY, LG_CANCELLED, those of `start` and `keep`. Members that fail are no error. */
+/* `keep` may be NULL, `stats` too. Errors: LG_INVALID_ARGUMENT with a sentence (times, steps, events,
+ * scheme), LG_UNSUPPORTED (adaptive without an embedded solution, a scheme that does not apply to the
+ * system), LG_OUT_OF_MEMORY, LG_CANCELLED, those of `start` and `keep`. Members that fail are no error. */
 LG_API lg_status lg_ensemble_run(const lg_context *context, const lg_system *system,
                                  const lg_ensemble_options *options, lg_ensemble_start start,
                                  void *start_user, lg_ensemble_keep keep, void *keep_user,
@@ -115,14 +115,14 @@ LG_API lg_status lg_ensemble_run(const lg_context *context, const lg_system *sys
 
 /* ---- statistics in fixed memory ---- */
 
-/* Of a table of cells (rows, columns), say times and components: count, mean, standard deviation, least, largest
- * and quantiles of the numbers added to each. Sums are exact, so that the result does not depend on the order or
- * the parts in which numbers and objects were added: only the sums of one call of lg_statistics_add are rounded,
- * and ensembles call it for whole blocks. About (1.1 + bins/256) KB a cell. */
+/* Of a table of cells (rows, columns), say times and components: count, mean, standard deviation, least,
+ * largest and quantiles of the numbers added to each. Sums are exact, so that the result does not depend on
+ * the order or the parts in which numbers and objects were added: only the sums of one call of
+ * lg_statistics_add are rounded, and ensembles call it for whole blocks. About (1.1 + bins/256) KB a cell. */
 typedef struct lg_statistics lg_statistics;
 
-/* Where the bins of a cell lie: equal ones in [low, high], or in its logarithm, and one on either side. `centre` is
- * subtracted before squares are summed. */
+/* Where the bins of a cell lie: equal ones in [low, high], or in its logarithm, and one on either side.
+ * `centre` is subtracted before squares are summed. */
 typedef struct lg_statistics_range {
     double low, high, centre;
 } lg_statistics_range;
@@ -137,7 +137,8 @@ LG_API lg_status lg_statistics_like(const lg_statistics *statistics, lg_statisti
 /* Before the first number. */
 LG_API void lg_statistics_set_range(lg_statistics *statistics, size_t row, size_t column,
                                     const lg_statistics_range *range);
-/* From a sample of `count` numbers (NaN are left out): theirs, and a quarter of its width more on either side. */
+/* From a sample of `count` numbers (NaN are left out): theirs, and a quarter of its width more on either
+ * side. */
 LG_API lg_statistics_range lg_statistics_range_of(const lg_statistics *statistics, size_t column,
                                                   const double *values, size_t count);
 /* Adds `count` numbers to a cell; those that are not finite are left out. */

@@ -146,9 +146,9 @@ typedef struct lg_rows_options {
     const char *layout;
 } lg_rows_options;
 
-/* A file with /t and /trajectories (rows, points, dim), whose rows are written one by one into their places on the
- * disk: no row is kept in memory. All room is taken at once: a disk that is too small is known at the start. Rows
- * that are not put are zeros. */
+/* A file with /t and /trajectories (rows, points, dim), whose rows are written one by one into their places
+ * on the disk: no row is kept in memory. All room is taken at once: a disk that is too small is known at the
+ * start. Rows that are not put are zeros. */
 typedef struct lg_rows_file lg_rows_file;
 LG_API lg_status lg_rows_file_create(const lg_context *context, const char *path,
                                      const lg_rows_options *options, lg_rows_file **out, lg_error *error);
@@ -158,8 +158,8 @@ LG_API lg_status lg_rows_file_put(const lg_rows_file *file, uint64_t row, const 
 LG_API lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error);
 LG_API void lg_rows_file_destroy(lg_rows_file *file); /* NULL is fine; without a commit no file is left */
 
-/* /trajectories of the writer's file: a virtual data set, the rows of these files in their order. The files stand in
- * the folder of the writer's file. */
+/* /trajectories of the writer's file: a virtual data set, the rows of these files in their order. The files
+ * stand in the folder of the writer's file. */
 typedef struct lg_rows_part {
     const char *path;
     uint64_t rows;
@@ -672,11 +672,11 @@ typedef struct lg_scene {
 
 /* A YAML (or JSON) file. Keys: `system`; `form`; the parameters of the system; `links` where lists have one
  * entry a link (else the lists determine it); `initial` with the parts of the state; `t_end`; `starts`
- * {kind, low, high, segments, ahead}; `ensemble`, a text; quadrotors: `reference` (parabola). Chains take `omega` or `p` in
- * either form and convert them: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. If the
- * system has the form `form_wanted`, the scene has this form, whatever `form` says. If form_wanted is NULL,
- * the form is `form`, else the first form whose state `initial` gives, else the system's first. A
- * projection is logged as a warning with its line. `out` is overwritten. */
+ * {kind, low, high, segments, ahead}; `ensemble`, a text; quadrotors: `reference` (parabola). Chains take
+ * `omega` or `p` in either form and convert them: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' =
+ * omega_i x q_i. If the system has the form `form_wanted`, the scene has this form, whatever `form` says. If
+ * form_wanted is NULL, the form is `form`, else the first form whose state `initial` gives, else the
+ * system's first. A projection is logged as a warning with its line. `out` is overwritten. */
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
                                lg_scene *out, lg_error *error);
 /* Draws the start of a scene without `initial` according to `starts`, `ahead` left out. It is the first

@@ -1,12 +1,12 @@
 /* Mechanical systems: parameters, states, vector fields, invariants, and trajectories sampled from them.
  *
- * A system is an entry of a table (src/mechanics), found by name and form; docs/systems.md has its equations,
- * keys, state order, invariants and the names of its parameters in gradients. Rows: oscillator; quartic;
- * coupled-oscillators; pendulum-chain (lagrangian | hamiltonian); rigid-body; rigid-body-attitude; heavy-top
- * (cotangent | direct | lie-poisson | quadratic); quadrotors.
+ * A system is an entry of a table (src/mechanics), found by name and form; docs/systems.md has its
+ * equations, keys, state order, invariants and the names of its parameters in gradients. Rows: oscillator;
+ * quartic; coupled-oscillators; pendulum-chain (lagrangian | hamiltonian); rigid-body; rigid-body-attitude;
+ * heavy-top (cotangent | direct | lie-poisson | quadratic); quadrotors.
  *
- * A system is immutable after it is made (but see lg_system_set_parameters) and may be shared by threads; each thread brings its own workspace.
- * Evaluation allocates nothing. Chains cost O(links).
+ * A system is immutable after it is made (but see lg_system_set_parameters) and may be shared by threads;
+ * each thread brings its own workspace. Evaluation allocates nothing. Chains cost O(links).
  */
 #ifndef LIEGRAD_MECHANICS_H
 #define LIEGRAD_MECHANICS_H
@@ -84,8 +84,9 @@ LG_API const lg_state_entry *lg_system_state(const char *name, const char *form)
 LG_API lg_status lg_system_create(const lg_context *context, const char *name,
                                   const lg_system_options *options, lg_system **out, lg_error *error);
 LG_API void lg_system_destroy(lg_system *system); /* NULL is fine */
-/* Another one with the same parameters, and other parameters for a system that nobody else uses: all of them, in
- * the order of lg_system_parameters. LG_INVALID_ARGUMENT, nothing changed: a value against its rule. */
+/* Another one with the same parameters, and other parameters for a system that nobody else uses: all of
+ * them, in the order of lg_system_parameters. LG_INVALID_ARGUMENT, nothing changed: a value against its
+ * rule. */
 LG_API lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out);
 LG_API lg_status lg_system_set_parameters(lg_system *system, const double *values);
 

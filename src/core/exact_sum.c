@@ -19,8 +19,8 @@ void lg_exact_merge(lg_exact_sum *into, const lg_exact_sum *from) {
     for (int i = 0; i < LG_EXACT_PARTS; i++) into->part[i] += from->part[i];
 }
 
-/* With carries every part but the last is in 0..2^32 - 1; a negative sum is negated first, so that no two parts
- * cancel. */
+/* With carries every part but the last is in 0..2^32 - 1; a negative sum is negated first, so that no two
+ * parts cancel. */
 double lg_exact_value(const lg_exact_sum *sum) {
     int64_t part[LG_EXACT_PARTS];
     double sign = 1.0, value = 0.0;

@@ -1,5 +1,5 @@
-/* Trajectories of an ensemble as they come: HDF5 lays the file out, then rows are written in place, from any thread
- * and in any order, without HDF5. A file on top of several of them is a virtual data set. */
+/* Trajectories of an ensemble as they come: HDF5 lays the file out, then rows are written in place, from any
+ * thread and in any order, without HDF5. A file on top of several of them is a virtual data set. */
 #define _DEFAULT_SOURCE /* flock */
 #include <errno.h>
 #include <fcntl.h>

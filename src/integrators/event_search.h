@@ -1,4 +1,5 @@
-/* The search for the time at which a number g changes its sign inside of a step, by steps of a fraction of it. */
+/* The search for the time at which a number g changes its sign inside of a step, by steps of a fraction of
+ * it. */
 #ifndef LG_EVENT_SEARCH_H
 #define LG_EVENT_SEARCH_H
 
@@ -25,8 +26,8 @@ static inline void lg_event_guess(lg_event_search *s) {
     if (!(s->fraction > s->low && s->fraction < s->high)) s->fraction = 0.5 * (s->low + s->high);
 }
 
-/* The step of `fraction` ended with g. An end that stays twice loses half of its weight (the Illinois rule). True:
- * the time is known to `close` of the step, and is `fraction`. */
+/* The step of `fraction` ended with g. An end that stays twice loses half of its weight (the Illinois rule).
+ * True: the time is known to `close` of the step, and is `fraction`. */
 static inline bool lg_event_narrow(lg_event_search *s, double g, double close) {
     const double last = s->fraction;
     const int side = g != 0.0 && (g < 0.0) == (s->g_low < 0.0) ? -1 : 1;

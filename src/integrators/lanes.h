@@ -1,6 +1,6 @@
-/* Many integrations side by side: a lane of a vector register is a member, with its own time, step and parameters.
- * Compiled once for each instruction set (mechanics/lanes.c). What a member gets does not depend on the other
- * lanes: each operation is that of its own lane, and a lane that waits keeps its numbers. */
+/* Many integrations side by side: a lane of a vector register is a member, with its own time, step and
+ * parameters. Compiled once for each instruction set (mechanics/lanes.c). What a member gets does not depend
+ * on the other lanes: each operation is that of its own lane, and a lane that waits keeps its numbers. */
 #ifndef LG_LANES_H
 #define LG_LANES_H
 

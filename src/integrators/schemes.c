@@ -44,8 +44,8 @@
         {0.0, -282668133.0 / 205662961.0, 2019193451.0 / 616988883.0, -1453857185.0 / 822651844.0},          \
         {0.0, 40617522.0 / 29380423.0, -110615467.0 / 29380423.0, 69997945.0 / 29380423.0}}
 
-/* Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.5 and II.10: the method of order 8 of their
- * DOP853 (after Dormand and Prince), with its estimate of order 5 alone. */
+/* Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.5 and II.10: the method of order
+ * 8 of their DOP853 (after Dormand and Prince), with its estimate of order 5 alone. */
 #define TABLEAU_DP85                                                                                         \
     .stages = 12, .order = 8, .embedded_order = 5,                                                           \
     .c = {0.0,                                                                                               \

@@ -1,6 +1,6 @@
-/* The fields of the systems on lanes, and the loops over steps with them. Compiled once for each instruction set
- * (LG_KERNEL_ISA = baseline, avx2, avx512, and LG_KERNEL_ISA_<set>); the only external symbol is the table
- * lg_lanes_<set>. */
+/* The fields of the systems on lanes, and the loops over steps with them. Compiled once for each instruction
+ * set (LG_KERNEL_ISA = baseline, avx2, avx512, and LG_KERNEL_ISA_<set>); the only external symbol is the
+ * table lg_lanes_<set>. */
 #define LG_KERNEL_f64
 #include "integrators/event_search.h"
 #include "integrators/lanes.h"
@@ -117,7 +117,8 @@ static void hamiltonian_ambient_lanes(const lane_problem *problem, const lanes *
     hamiltonian_ambient_of(&chain, y, problem->work, out);
 }
 
-/* The ambient field as the generator of the other one: of a copy of `kind`, then of R^n; m numbers in the algebra. */
+/* The ambient field as the generator of the other one: of a copy of `kind`, then of R^n; m numbers in the
+ * algebra. */
 #define GENERATED(name, m, kind)                                                                             \
     INLINE void name##_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {              \
         lanes a[m];                                                                                          \

@@ -1,5 +1,5 @@
-/* lg-simulate --ensemble and merge from outside: distributions, statistics with known answers, parts of an ensemble
- * against the whole, trajectories, what is refused. */
+/* lg-simulate --ensemble and merge from outside: distributions, statistics with known answers, parts of an
+ * ensemble against the whole, trajectories, what is refused. */
 #include "cli_support.h"
 
 #include <hdf5.h>

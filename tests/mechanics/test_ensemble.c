@@ -1,5 +1,5 @@
-/* Ensembles: a member's bits whatever its company, lanes against one member at a time for the whole tables of systems
- * and schemes, events, failures, and statistics that do not depend on any order.
+/* Ensembles: a member's bits whatever its company, lanes against one member at a time for the whole tables
+ * of systems and schemes, events, failures, and statistics that do not depend on any order.
  * ctest-labels: isa threads */
 #include "system_check.h"
 
@@ -164,7 +164,8 @@ TEST("blocks and threads do not change a bit") {
 
 /* ---- lanes against steps of one state ---- */
 
-/* Members that failed have NaN in both; where a coarse method has blown up in both there is nothing to compare. */
+/* Members that failed have NaN in both; where a coarse method has blown up in both there is nothing to
+ * compare. */
 static double worst_difference(const double *a, const double *b, size_t n) {
     double worst = 0.0;
     for (size_t i = 0; i < n; i++) {
