@@ -507,5 +507,6 @@ int lg_scene_describe(const char *system, const char *form, char *text, size_t s
     add_line(&w, "starts.", "high", "a number", "of box");
     add_line(&w, "starts.", "segments", "a whole number", "consecutive trajectories from one start");
     add_line(&w, "starts.", "ahead", "a number", "trajectories begin after a time of U[0, ahead]");
+    add_line(&w, "", "ensemble", "a text", "what the members of an ensemble have of their own");
     return (int)w.used;
 }
