@@ -145,6 +145,7 @@ struct app {
     app_warnings *warnings;
     uint32_t rank, rank_count; /* as mpirun says: 0 of 1 without it */
     const lg_ranks *ranks;     /* of an APP_RANKS command under mpirun; otherwise NULL */
+    bool shares;               /* the outputs with the processes of a board: none claims them */
 };
 
 app_warnings *app_warnings_create(void);
@@ -312,6 +313,10 @@ typedef struct app_path {
  * what is APP_READ) or another output, pictures have a picture's ending. Otherwise tells why; an exit code.
  */
 int app_check_outputs(const app *app, const app_path *paths, size_t count);
+/* This process alone writes the file or folder until it ends (lg_lock_take); app_check_outputs claims the
+ * outputs. Once more is nothing new; pipes and devices are nobody's, and of ranks the first one claims. LG_FILE: another process is at it, which
+ * `error` names. */
+lg_status app_claim(const app *app, const char *path, lg_error *error);
 /* Creates the folder if there is none (one level). */
 lg_status app_make_folder(const char *path, lg_error *error);
 

@@ -118,6 +118,82 @@ static int check_output(const app *self, const used_file *files, size_t at) {
     return APP_EXIT_OK;
 }
 
+/* ---- outputs that this process works on ---- */
+
+typedef struct claim {
+    struct claim *next;
+    char *target;
+    lg_lock lock;
+} claim;
+
+static claim *claims;
+
+static void release_claims(void) {
+    while (claims != NULL) {
+        claim *first = claims;
+        claims = first->next;
+        lg_lock_release(&first->lock);
+        free(first->target);
+        free(first);
+    }
+}
+
+/* What `path` is once links are resolved, without slashes at its end; a folder in one that cannot be written is
+ * locked within. Freed with free. */
+static char *target_of(const char *path, bool folder) {
+    char *named = app_format("%s", path);
+    for (size_t n = strlen(named); n > 1 && named[n - 1] == '/'; n--) named[n - 1] = '\0';
+    char *real = realpath(named, NULL), *target = real != NULL ? app_format("%s", real) : resolved(named);
+    char *above = app_format("%s/..", target);
+    if (folder && access(above, W_OK) != 0) {
+        char *within = app_format("%s/", target);
+        free(target);
+        target = within;
+    }
+    free(above);
+    free(real);
+    free(named);
+    return target;
+}
+
+static bool is_claimed(const char *target) {
+    for (const claim *c = claims; c != NULL; c = c->next)
+        if (strcmp(c->target, target) == 0) return true;
+    return false;
+}
+
+lg_status app_claim(const app *self, const char *path, lg_error *error) {
+    static bool registered;
+    struct stat about;
+    if (self->rank > 0 || self->shares) return LG_OK;
+    const bool there = stat(path, &about) == 0, folder = there && S_ISDIR(about.st_mode);
+    if (there && !folder && !S_ISREG(about.st_mode)) return LG_OK;
+    char *target = target_of(path, folder);
+    lg_lock lock = {.fd = -1};
+    lg_status status = LG_OK;
+    if (!is_claimed(target)) status = lg_lock_take(NULL, target, self->command_line, &lock, error);
+    if (lock.fd < 0) {
+        free(target);
+        return status;
+    }
+    claim *made = app_alloc(1, sizeof *made);
+    *made = (claim){claims, target, lock};
+    claims = made;
+    if (!registered) (void)atexit(release_claims);
+    registered = true;
+    return LG_OK;
+}
+
+static int claim_outputs(const app *self, const used_file *files, size_t count) {
+    lg_error error = {LG_OK, ""};
+    for (size_t i = 0; i < count; i++) {
+        if (!files[i].written) continue;
+        const lg_status status = app_claim(self, files[i].path, &error);
+        if (status != LG_OK) return app_fail_file(self, status, &error, files[i].path);
+    }
+    return APP_EXIT_OK;
+}
+
 int app_check_outputs(const app *self, const app_path *paths, size_t count) {
     for (size_t i = 0; i < count; i++)
         if (paths[i].use == APP_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
@@ -127,6 +203,7 @@ int app_check_outputs(const app *self, const app_path *paths, size_t count) {
     int code = APP_EXIT_OK;
     for (size_t i = 0; i < n && code == APP_EXIT_OK; i++)
         if (files[i].written) code = check_output(self, files, i);
+    if (code == APP_EXIT_OK) code = claim_outputs(self, files, n);
     for (size_t i = 0; i < n; i++) free(files[i].path);
     free(files);
     return code;

@@ -569,8 +569,9 @@ int search_main(app *self, const app_command *train, const train_task *task) {
     char sha256[LG_SHA256_TEXT];
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
     bool together = false;
-    int code = app_check_outputs(self, paths, LG_COUNT(paths));
-    if (code == APP_EXIT_OK) code = board_wanted(self, &values->board, values->out, &together);
+    int code = board_wanted(self, &values->board, values->out, &together);
+    self->shares = together;
+    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     lg_search_file *file = app_alloc(1, sizeof *file);
     const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);

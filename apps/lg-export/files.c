@@ -405,7 +405,7 @@ static lg_status look_above(const place *at, lg_error *error) {
 static lg_status look(place *at, lg_error *error) {
     struct stat information;
     if (stat(at->out, &information) != 0)
-        return errno == ENOENT ? look_above(at, error) : place_error(at, "cannot be written", errno, error);
+        return errno == ENOENT ? LG_OK : place_error(at, "cannot be written", errno, error);
     if (!S_ISDIR(information.st_mode)) return place_error(at, "cannot be written", ENOTDIR, error);
     at->replace = !is_empty_folder(at->out);
     for (size_t i = 0; i < at->source->file_count && at->replace; i++) {
@@ -499,7 +499,9 @@ static void remove_temporary(const place *at) {
 }
 
 static lg_status put(const app *self, place *at, lg_error *error) {
-    lg_status status = look(at, error);
+    lg_status status = look_above(at, error);
+    if (status == LG_OK) status = app_claim(self, at->out, error);
+    if (status == LG_OK) status = look(at, error);
     if (status == LG_OK) status = make_temporary(self, at, error);
     if (status == LG_OK) status = write_files(at, error);
     if (status == LG_OK) status = at->replace ? rename_files(at, error) : rename_folder(at, error);

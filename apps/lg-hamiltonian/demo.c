@@ -232,6 +232,7 @@ static int run(app *host) {
     demo self = {.app = host};
     const double begin = app_seconds();
     lg_status status = app_make_folder(values.out, &self.error);
+    if (status == LG_OK) status = app_claim(host, values.out, &self.error);
     if (status != LG_OK) return app_fail_file(host, status, &self.error, values.out);
     status = sample_all(&self);
     if (status == LG_OK) status = train_model(&self);

@@ -158,10 +158,12 @@ static int check_record(const app *self) {
     if (app_same_file(path, self->arguments[1]))
         return app_usage(self, "--record: %s is the model and the test data too", path);
     char *real = realpath(path, NULL);
-    const lg_status status = app_check_writable(real != NULL ? real : path, &error);
+    lg_status status = app_check_writable(real != NULL ? real : path, &error);
     free(real);
+    if (status == LG_OK && access(path, W_OK) != 0)
+        status = app_error(&error, LG_FILE, "%s: %s", path, strerror(errno));
+    if (status == LG_OK) status = app_claim(self, path, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    if (access(path, W_OK) != 0) return app_fail(self, LG_FILE, "%s: %s", path, strerror(errno));
     return APP_EXIT_OK;
 }
 

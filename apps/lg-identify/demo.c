@@ -373,7 +373,8 @@ static int run_demo(app *self) {
     demo *d = app_alloc(1, sizeof *d);
     d->app = self;
     const double begin = app_seconds();
-    const lg_status status = app_make_folder(values.out, &error);
+    lg_status status = app_make_folder(values.out, &error);
+    if (status == LG_OK) status = app_claim(self, values.out, &error);
     int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
     if (code == APP_EXIT_OK) code = write_text(d, "truth.yaml", truth_text);
     if (code == APP_EXIT_OK) code = write_text(d, "machine.yaml", machine_text);

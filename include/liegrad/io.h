@@ -83,6 +83,23 @@ LG_API lg_status lg_temporary_create(const lg_context *context, const char *targ
 /* Closes it, after the renaming; that fsync had no error is the caller's business. */
 LG_API void lg_temporary_end(lg_temporary *temporary);
 
+/* Who is at work on a file or folder: a lock on the file `target`.lock, which says process, host and `words`
+ * (a command line, say). It is between processes, not threads, and over NFS too; where the file system has no
+ * locks it is nobody's. The kernel lifts it when the process dies; the file is then taken over by the next
+ * one. Readers need none: files are replaced whole. */
+typedef struct lg_lock {
+    int fd; /* -1: none is held */
+    long process;
+    char *name;
+    const lg_context *context;
+} lg_lock;
+/* LG_FILE: another process holds it, and the sentence says which. `target` is a path whose links are resolved:
+ * two names are two locks. Must not be taken twice in a process. */
+LG_API lg_status lg_lock_take(const lg_context *context, const char *target, const char *words, lg_lock *out,
+                              lg_error *error);
+/* Removes the file, unless this is a child of the process that took it. */
+LG_API void lg_lock_release(lg_lock *lock);
+
 /* A decimal number, consumed whole, whatever the locale: [+-] digits with optional point and exponent.
  * LG_FORMAT for anything else (empty, "9,81", "9.81m", "0x1p3", "nan"), LG_NOT_FINITE when it overflows. */
 LG_API lg_status lg_number_parse(const char *text, double *out);

@@ -1,5 +1,6 @@
-/* Temporary names: what killed writers leave. */
+/* Temporary names and locks: what killed writers leave, and two writers of one file. */
 #define _XOPEN_SOURCE 700 /* mkdtemp */
+#include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
@@ -112,4 +113,162 @@ TEST("a writer that was killed leaves a file for the next one to remove") {
     assert_true(is_there(name));
     assert_ok(lg_file_write(NULL, "dead.h5", "x", 1, NULL));
     assert_false(is_there(name));
+}
+
+/* ---- locks ---- */
+
+/* A child that takes the lock of `target`, says so and waits. */
+typedef struct holder {
+    pid_t pid;
+    int said;
+} holder;
+
+static holder hold(const char *target, bool orphan) {
+    int ends[2];
+    char byte;
+    assert_int_equal(pipe(ends), 0);
+    const holder h = {fork(), ends[0]};
+    if (h.pid == 0) {
+        lg_lock lock;
+        if (lg_lock_take(NULL, target, "model --out 'a b'", &lock, NULL) != LG_OK) _exit(1);
+        if (orphan) (void)setpgid(0, 0);
+        if (orphan && fork() == 0) /* it inherits the descriptor, and outlives its parent */
+            for (;;) (void)pause();
+        (void)!write(ends[1], "x", 1);
+        for (;;) (void)pause();
+    }
+    (void)close(ends[1]);
+    assert_int_equal(read(ends[0], &byte, 1), 1);
+    return h;
+}
+
+static void end_holder(holder h) {
+    assert_int_equal(kill(h.pid, SIGKILL), 0);
+    assert_int_equal(waitpid(h.pid, NULL, 0), h.pid);
+    (void)close(h.said);
+}
+
+TEST("a second process is told who holds the lock, and takes it over when that one was killed") {
+    lg_lock lock;
+    lg_error error = {LG_OK, ""};
+    char wanted[256], host[65] = "";
+    io_enter_folder();
+    (void)gethostname(host, sizeof host - 1);
+    const holder h = hold("model.h5", false);
+    (void)snprintf(wanted, sizeof wanted,
+                   "model.h5: is being written by process %ld on %s: model --out 'a b'", (long)h.pid, host);
+    assert_int_equal(lg_lock_take(NULL, "model.h5", "another", &lock, &error), LG_FILE);
+    assert_string_equal(error.message, wanted);
+    assert_int_equal(lock.fd, -1);
+    assert_true(is_there("model.h5.lock"));
+    end_holder(h);
+    assert_true(is_there("model.h5.lock"));
+    assert_ok(lg_lock_take(NULL, "model.h5", "another", &lock, NULL));
+    lg_lock_release(&lock);
+    assert_false(is_there("model.h5.lock"));
+}
+
+TEST("a child of a killed holder does not keep the lock, and does not remove it") {
+    lg_lock lock;
+    io_enter_folder();
+    const holder h = hold("model.h5", true);
+    end_holder(h);
+    const lg_status taken = lg_lock_take(NULL, "model.h5", "another", &lock, NULL);
+    assert_int_equal(kill(-h.pid, SIGKILL), 0);
+    assert_ok(taken);
+    const pid_t child = fork();
+    if (child == 0) {
+        lg_lock_release(&lock);
+        _exit(0);
+    }
+    assert_int_equal(waitpid(child, NULL, 0), child);
+    assert_true(is_there("model.h5.lock"));
+    lg_lock_release(&lock);
+    assert_false(is_there("model.h5.lock"));
+}
+
+TEST("a holder that could not say who it is is told by its number") {
+    lg_lock lock;
+    lg_error error = {LG_OK, ""};
+    char wanted[256];
+    io_enter_folder();
+    const holder h = hold("model.h5", false);
+    assert_int_equal(truncate("model.h5.lock", 0), 0);
+    (void)snprintf(wanted, sizeof wanted, "model.h5: is being written by process %ld", (long)h.pid);
+    assert_int_equal(lg_lock_take(NULL, "model.h5", "another", &lock, &error), LG_FILE);
+    assert_string_equal(error.message, wanted);
+    end_holder(h);
+}
+
+TEST("what a lock says is printed without control characters, and long words are cut") {
+    static char words[1000];
+    char line[1000] = "";
+    lg_lock lock;
+    io_enter_folder();
+    memset(words, 'w', sizeof words - 1);
+    assert_ok(lg_lock_take(NULL, "a", words, &lock, NULL));
+    FILE *file = fopen("a.lock", "r");
+    assert_non_null(file);
+    assert_non_null(fgets(line, sizeof line, file));
+    assert_true(strlen(line) < 500 && line[strlen(line) - 1] == '\n');
+    (void)fclose(file);
+    lg_lock_release(&lock);
+    lg_error error = {LG_OK, ""};
+    const holder h = hold("b", false);
+    file = fopen("b.lock", "w");
+    assert_non_null(file);
+    (void)fputs("\033[31mred\nsecond", file);
+    (void)fclose(file);
+    assert_int_equal(lg_lock_take(NULL, "b", "another", &lock, &error), LG_FILE);
+    assert_string_equal(error.message, "b: is being written by ?[31mred");
+    end_holder(h);
+}
+
+TEST("a lock where none can be made is refused; where the target's folder is missing, too") {
+    lg_lock lock = {.fd = 7};
+    lg_error error = {LG_OK, ""};
+    io_enter_folder();
+    assert_int_equal(lg_lock_take(NULL, "none/model.h5", "x", &lock, &error), LG_FILE);
+    assert_non_null(strstr(error.message, "none/model.h5: cannot be written: its lock none/model.h5.lock: "));
+    assert_int_equal(lock.fd, -1);
+    assert_int_equal(symlink("elsewhere", "model.h5.lock"), 0);
+    assert_int_equal(lg_lock_take(NULL, "model.h5", "x", &lock, &error), LG_FILE);
+    assert_false(is_there("elsewhere"));
+    assert_int_equal(lg_lock_take(NULL, NULL, "x", &lock, &error), LG_INVALID_ARGUMENT);
+}
+
+/* Adds 1 to the number in a file, `rounds` times, each under the lock. */
+static void count_up(int rounds) {
+    while (rounds > 0) {
+        lg_lock lock;
+        char text[16] = "";
+        if (lg_lock_take(NULL, "count", "counting", &lock, NULL) != LG_OK) continue;
+        const int fd = open("count", O_RDWR);
+        if (fd < 0 || pread(fd, text, sizeof text - 1, 0) < 0) _exit(1);
+        (void)snprintf(text, sizeof text, "%-8d", atoi(text) + 1);
+        if (pwrite(fd, text, 8, 0) != 8) _exit(1);
+        (void)close(fd);
+        lg_lock_release(&lock);
+        rounds--;
+    }
+    _exit(0);
+}
+
+TEST("one process at a time holds a lock that is taken and removed all the time") {
+    enum { PROCESSES = 4, ROUNDS = 400 };
+    char text[16] = "";
+    io_enter_folder();
+    put("count");
+    for (int i = 0; i < PROCESSES; i++)
+        if (fork() == 0) count_up(ROUNDS);
+    for (int i = 0; i < PROCESSES; i++) {
+        int status = 1;
+        assert_true(wait(&status) > 0);
+        assert_int_equal(status, 0);
+    }
+    const int fd = open("count", O_RDONLY);
+    assert_true(pread(fd, text, sizeof text - 1, 0) > 0);
+    (void)close(fd);
+    assert_int_equal(atoi(text), PROCESSES * ROUNDS);
+    assert_false(is_there("count.lock"));
 }
