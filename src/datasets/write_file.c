@@ -61,11 +61,19 @@ static void sync_folder(const char *target, char *buffer) {
     (void)close(fd);
 }
 
+/* NFS tells of a failed write when a descriptor is closed, which must be before the name is given; a copy is
+ * closed, because the descriptor itself holds the lock. */
+static int close_copy(int fd) {
+    const int copy = dup(fd);
+    return copy < 0 || close(copy) == 0 || errno == EINTR ? 0 : errno;
+}
+
 static lg_status write_temporary(const char *path, const char *target, const lg_temporary *to,
                                  const struct stat *old, const void *data, size_t bytes, lg_error *error) {
     int code = write_all(to->fd, data, bytes);
     if (code == 0 && old != NULL && fchmod(to->fd, old->st_mode & 0777) != 0) code = errno;
     if (code == 0 && fsync(to->fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
+    if (code == 0) code = close_copy(to->fd);
     if (code == 0 && rename(to->name, target) != 0) code = errno;
     if (code == 0) return LG_OK;
     (void)unlink(to->name);
