@@ -6,11 +6,15 @@
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
+
+#include "liegrad/io.h"
 
 enum { KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000 };
 
-static volatile int interrupted;
+static volatile int stopped_by; /* the first signal that asked for the end; 0: none */
+static volatile sig_atomic_t hung_up;
 static const app *running; /* for --version and the last words */
 
 static const app_option common_options[] = {
@@ -26,7 +30,7 @@ void app_out_of_memory(void) {
 }
 
 bool app_interrupted(void) {
-    return interrupted != 0;
+    return stopped_by != 0;
 }
 
 /* ---- one option ---- */
@@ -318,22 +322,45 @@ static void print_version(FILE *stream, struct argp_state *state) {
 
 /* ---- running ---- */
 
-static void on_interrupt(int signal_number) {
-    (void)signal_number;
-    interrupted = 1;
+/* What stops a command with its state saved; the same signal again kills. SIGHUP that is ignored (nohup) stays
+ * so. */
+static void on_stop(int number) {
+    if (stopped_by == 0) stopped_by = number;
 }
 
 static void install_signals(void) {
-    struct sigaction action;
+    static const int stops[] = {SIGINT, SIGTERM, SIGHUP}, ignored[] = {SIGXFSZ, SIGPIPE};
+    struct sigaction action, before;
     memset(&action, 0, sizeof action);
-    action.sa_handler = on_interrupt;
+    action.sa_handler = on_stop;
     action.sa_flags = SA_RESTART | (int)SA_RESETHAND;
-    (void)sigaction(SIGINT, &action, NULL);
-    (void)sigaction(SIGTERM, &action, NULL);
+    for (size_t i = 0; i < LG_COUNT(stops); i++) {
+        const bool known = sigaction(stops[i], NULL, &before) == 0;
+        if (stops[i] == SIGHUP && known && before.sa_handler == SIG_IGN) continue;
+        (void)sigaction(stops[i], &action, NULL);
+    }
     action.sa_handler = SIG_IGN;
     action.sa_flags = 0;
-    (void)sigaction(SIGXFSZ, &action, NULL);
-    (void)sigaction(SIGPIPE, &action, NULL);
+    for (size_t i = 0; i < LG_COUNT(ignored); i++) (void)sigaction(ignored[i], &action, NULL);
+}
+
+static void on_hangup(int number) {
+    (void)number;
+    hung_up = 1;
+}
+
+void app_reopen_on_hangup(void) {
+    struct sigaction action;
+    memset(&action, 0, sizeof action);
+    action.sa_handler = on_hangup;
+    action.sa_flags = SA_RESTART;
+    (void)sigaction(SIGHUP, &action, NULL);
+}
+
+bool app_reopen_asked(void) {
+    if (hung_up == 0) return false;
+    hung_up = 0;
+    return true;
 }
 
 static void on_log(void *user, lg_log_level level, const char *message) {
@@ -356,12 +383,40 @@ static char *join(int argc, char **argv) {
     return text;
 }
 
+/* ---- a limit on the memory ---- */
+
+static bool is_limited(void) {
+    static const int resources[] = {RLIMIT_AS, RLIMIT_DATA};
+    struct rlimit limit;
+    bool limited = false;
+    for (size_t i = 0; i < LG_COUNT(resources); i++)
+        limited = limited || (getrlimit(resources[i], &limit) == 0 && limit.rlim_cur != RLIM_INFINITY);
+    return limited;
+}
+
+/* OpenBLAS starts threads when it is loaded, and each asks without end for memory that the limit denies. So this
+ * program is begun again, with OpenBLAS told to start none. */
+static void begin_without_threads(char **argv) {
+    if (!is_limited() || getenv("OPENBLAS_NUM_THREADS") != NULL) return;
+    if (setenv("OPENBLAS_NUM_THREADS", "1", 1) == 0) (void)execv("/proc/self/exe", argv);
+}
+
+static int reserve(const app *self) {
+    if (!is_limited() || lg_runtime_reserve((int)self->threads)) return APP_EXIT_OK;
+    return app_fail(
+        self, LG_OUT_OF_MEMORY,
+        "out of memory: the limit (ulimit -v) leaves less than the %llu MiB of addresses that %llu "
+        "thread%s of OpenBLAS take: raise it, or reduce --threads",
+        (unsigned long long)self->threads * 128, (unsigned long long)self->threads,
+        self->threads == 1 ? "" : "s");
+}
+
 static int run_command(app *self) {
     lg_context_options options;
     lg_context_options_init(&options);
     options.log = on_log;
     options.log_user = self;
-    options.cancel = &interrupted;
+    options.cancel = &stopped_by;
     const lg_status status = lg_context_create(&options, &self->context);
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
     int code = app_join_ranks(self);
@@ -370,10 +425,11 @@ static int run_command(app *self) {
     lg_context_destroy(self->context);
     if ((fflush(stdout) != 0 || ferror(stdout)) && code == APP_EXIT_OK)
         code = app_fail(self, LG_FILE, "the results could not be written to standard output");
-    return code;
+    return code == APP_EXIT_INTERRUPTED && stopped_by != 0 ? 128 + stopped_by : code;
 }
 
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands) {
+    begin_without_threads(argv);
     app self = {.program = program, .seed = 1, .threads = app_processors()};
     app_find_ranks(&self);
     (void)app_age();
@@ -392,7 +448,9 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
         parse_with_commands(&self, argc, argv, summary, commands);
     }
     lg_runtime_setup();
-    const int code = run_command(&self);
+    lg_io_setup();
+    int code = reserve(&self);
+    if (code == APP_EXIT_OK) code = run_command(&self);
     free(self.command_line);
     app_warnings_destroy(self.warnings);
     running = NULL;

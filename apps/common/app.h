@@ -2,7 +2,7 @@
  * tables, progress, worker threads, text files and plots.
  *
  * Exit codes: 0 success; 1 a check failed; 2 usage; 3 a file; 4 not finite or no convergence; 5 out of
- * memory; 130 stopped by Ctrl-C with the state saved. Results go to stdout, everything else to stderr.
+ * memory; 128 + n stopped by signal n with the state saved (130: Ctrl-C). Results go to stdout, everything else to stderr.
  */
 #ifndef LG_APPS_APP_H
 #define LG_APPS_APP_H
@@ -26,7 +26,7 @@ enum {
     APP_EXIT_FILE = 3,
     APP_EXIT_NUMERIC = 4,
     APP_EXIT_MEMORY = 5,
-    APP_EXIT_INTERRUPTED = 130
+    APP_EXIT_INTERRUPTED = 130 /* app_main makes it 128 + the signal */
 };
 
 /* ---- options as data ---- */
@@ -164,8 +164,12 @@ lg_status app_store(app_slot *slot, const char *text, lg_error *error);
 /* What was not given becomes that of `from`, a structure like settings->values. `preset`: only where the rows
  * have no default of their own. */
 void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);
-/* True after the first Ctrl-C; the second one kills. */
+/* True after the first SIGINT (Ctrl-C), SIGTERM or SIGHUP; the second one of a kind kills. */
 bool app_interrupted(void);
+/* From now on SIGHUP asks for new log files instead of the end, under nohup too. */
+void app_reopen_on_hangup(void);
+/* True once after such a signal. */
+bool app_reopen_asked(void);
 
 /* ---- ranks (ranks.c) ---- */
 

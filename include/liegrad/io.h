@@ -51,6 +51,10 @@ LG_BEGIN_DECLS
 /* Major version of every format written here (attribute `format_version`, an integer). */
 #define LG_FORMAT_VERSION 1
 
+/* For executables, before any file: HDF5 does nothing when the process ends. Files are composed in memory and
+ * closed when they are written, so nothing is open then; but HDF5 crashes there after it ran out of memory. */
+LG_API void lg_io_setup(void);
+
 typedef struct lg_read_options {
     size_t size; /* sizeof(lg_read_options) */
     /* HDF5 crashes or loops on some damaged files. With probe, a forked child first reads the complete file,

@@ -1,11 +1,13 @@
+#define _DEFAULT_SOURCE /* MAP_ANONYMOUS */
 #include "core/core.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <time.h>
 
-/* OpenBLAS' own functions, weak: a BLAS without them links too. The last two are exported but not documented.
+/* OpenBLAS' own functions, weak: a BLAS without them links too. The last four are exported but not documented.
  */
 #define LG_WEAK __attribute__((weak, visibility("default")))
 extern LG_WEAK char *openblas_get_corename(void);
@@ -14,6 +16,8 @@ extern LG_WEAK void openblas_set_num_threads(int threads);
 extern LG_WEAK int openblas_get_num_threads(void);
 extern LG_WEAK void gotoblas_dynamic_quit(void);
 extern LG_WEAK void gotoblas_dynamic_init(void);
+extern LG_WEAK void *blas_memory_alloc(int procedure);
+extern LG_WEAK void blas_memory_free(void *buffer);
 
 int lg_cpu_describe(char *text, size_t size) {
     const char *isa = lg_isa_name(lg_isa_in_use());
@@ -51,6 +55,33 @@ static void fit_core_type(void) {
 void lg_runtime_setup(void) {
     fit_core_type();
     if (openblas_set_num_threads != NULL) openblas_set_num_threads(1);
+}
+
+/* ---- little memory ----
+ *
+ * OpenBLAS takes a buffer of address space for each thread that multiplies, up to 128 MiB, and asks for it again
+ * without end where there is none. Below a limit (ulimit -v) the buffers are therefore taken at the start, when
+ * their lack can be told. */
+
+enum { BUFFERS = 32 };
+#define BUFFER_SIZE ((size_t)1 << 27)
+
+static bool has_room(size_t bytes) {
+    void *room =
+        mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (room == MAP_FAILED) return false;
+    (void)munmap(room, bytes);
+    return true;
+}
+
+bool lg_runtime_reserve(int threads) {
+    void *buffer[BUFFERS];
+    const int count = threads < 1 ? 1 : threads < BUFFERS ? threads : BUFFERS;
+    if (blas_memory_alloc == NULL || blas_memory_free == NULL) return true;
+    if (!has_room((size_t)count * BUFFER_SIZE)) return false;
+    for (int i = 0; i < count; i++) buffer[i] = blas_memory_alloc(0);
+    for (int i = 0; i < count; i++) blas_memory_free(buffer[i]);
+    return true;
 }
 
 double lg_seconds(void) {

@@ -1,6 +1,11 @@
+#include <stdlib.h>
 #include <string.h>
 
 #include "datasets/h5_internal.h"
+
+void lg_io_setup(void) {
+    (void)H5dont_atexit();
+}
 
 static hid_t file_type(lg_element type) {
     switch (type) {
@@ -18,8 +23,18 @@ static hid_t file_type(lg_element type) {
     return H5I_INVALID_HID;
 }
 
+/* HDF5 1.10 crashes where there is no memory for the cache of a file. */
+static bool has_room_for_cache(void) {
+    enum { CACHE = 4 << 20 };
+    void *volatile room = malloc(CACHE);
+    free(room);
+    return room != NULL;
+}
+
 lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
     lg_h5 *h5;
+    if (!has_room_for_cache())
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     LG_TRY(lg_h5_new(context, path, &h5, error));
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);
