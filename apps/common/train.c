@@ -232,6 +232,19 @@ static int run_fit(train_session *self) {
     return self->app->rank == 0 ? conclude(self, status, &error) : app_exit_code(status);
 }
 
+/* What was trained is not lost when there is no room for the model: its state is saved, by a process alone. */
+static int finish(train_session *self) {
+    const int code = self->task->finish(self->task->user, self);
+    if ((code != APP_EXIT_FILE && code != APP_EXIT_MEMORY) || self->app->rank_count > 1) return code;
+    (void)on_checkpoint(self, self->fit);
+    if (self->checkpoint_status != LG_OK) return code;
+    char *path = checkpoint_path();
+    (void)fprintf(stderr, "%s: the training is kept in %s; write the model with --resume %s\n",
+                  self->app->title, path, path);
+    free(path);
+    return code;
+}
+
 /* With the run complete and the data split. */
 static int train(train_session *self, lg_file_reader *stored) {
     const train_task *task = self->task;
@@ -241,7 +254,7 @@ static int train(train_session *self, lg_file_reader *stored) {
     int code = status == LG_OK ? APP_EXIT_OK : fail(self->app, status, &error);
     if (code == APP_EXIT_OK && stored != NULL) code = load_fit(self, stored);
     if (code == APP_EXIT_OK) code = run_fit(self);
-    return code == APP_EXIT_OK && self->app->rank == 0 ? task->finish(task->user, self) : code;
+    return code == APP_EXIT_OK && self->app->rank == 0 ? finish(self) : code;
 }
 
 /* ---- what has come of it ---- */
