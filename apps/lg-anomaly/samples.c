@@ -376,6 +376,7 @@ static bool fill(sample_reader *reader) {
     (void)fflush(stdout);
     while (!app_interrupted()) {
         const int ready = poll(&poll_in, 1, PATIENCE_MS);
+        if (reader->idle != NULL) reader->idle(reader->user);
         if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
         const ssize_t n = read(reader->file, reader->buffer + reader->end, reader->room - reader->end);
         if (n < 0 && (errno == EINTR || errno == EAGAIN)) continue;

@@ -50,6 +50,8 @@ typedef struct sample_reader {
     bool at_end, skipping; /* skipping: within a line that is longer than the buffer */
     bool looked;           /* at the first lines, for the layout */
     bool unended;          /* the line is the last one and has no end */
+    void (*idle)(void *);  /* idle(user) while no sample comes, several times a second; may be NULL */
+    void *user;
 } sample_reader;
 
 void sample_reader_open(int file, uint32_t channels, const char *const *names, sample_reader *out);

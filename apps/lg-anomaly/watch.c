@@ -19,7 +19,7 @@ enum {
 static const double SAME_NOISE = 1.5, UNEXPLAINED = 2;
 
 typedef struct watch_values {
-    const char *input;
+    const char *input, *log;
     bool quiet;
     uint64_t votes, votes_of;
     double hop, bridge, missing, rate, crack_at, unlike;
@@ -47,6 +47,9 @@ static const app_option watch_options[] = {
     APP_ROW_REAL(watch_values, crack_at, "crack-at", "T", -1e300, 1e300,
                  "Time at which the damage began, in seconds of the feed (`feed --crack-at` takes hours), "
                  "for trials with a known truth"),
+    APP_ROW_TEXT(
+        watch_values, log, "log", "FILE",
+        "Append the verdicts to FILE instead of printing them; SIGHUP opens it again (log rotation)"),
     APP_ROW_FLAG(watch_values, quiet, "quiet", "Print changes of the alarm only"),
     APP_ROW_END};
 
@@ -184,50 +187,59 @@ static void listen(watching *self, uint32_t missing) {
 /* ---- verdicts ---- */
 
 static void print_json_novelty(const watching *self, const lg_verdict *v) {
+    FILE *out = self->log.stream;
     char text[REASON];
     const char *reason = reason_of(self, v, text);
-    (void)printf(", \"unlike\": %s, \"distance\": ", v->answer == LG_ANSWER_NOVEL ? "true" : "false");
-    app_print_real(stdout,
-                   v->judged && self->bench.novelty_work != NULL ? self->bench.novelty.distance : NAN);
-    (void)fputs(", \"reason\": ", stdout);
+    (void)fprintf(out, ", \"unlike\": %s, \"distance\": ", v->answer == LG_ANSWER_NOVEL ? "true" : "false");
+    app_print_real(out, v->judged && self->bench.novelty_work != NULL ? self->bench.novelty.distance : NAN);
+    (void)fputs(", \"reason\": ", out);
     if (reason[0] != '\0')
-        app_json_quote(stdout, reason);
+        app_json_quote(out, reason);
     else
-        (void)fputs("null", stdout);
-    (void)printf(", \"unlike_votes\": %u, \"unlike_alarm\": %s", v->novel_votes, v->novel ? "true" : "false");
+        (void)fputs("null", out);
+    (void)fprintf(out, ", \"unlike_votes\": %u, \"unlike_alarm\": %s", v->novel_votes,
+                  v->novel ? "true" : "false");
 }
 
 static void print_json_verdict(const watching *self, const lg_verdict *v) {
-    (void)fputs("{\"time\": ", stdout);
-    app_print_real(stdout, self->now);
-    (void)printf(", \"window\": %llu, \"first_sample\": %llu, \"judged\": %s, \"class\": ",
-                 (unsigned long long)v->window, (unsigned long long)v->first_sample,
-                 v->judged ? "true" : "false");
+    FILE *out = self->log.stream;
+    (void)fputs("{\"time\": ", out);
+    app_print_real(out, self->now);
+    (void)fprintf(out, ", \"window\": %llu, \"first_sample\": %llu, \"judged\": %s, \"class\": ",
+                  (unsigned long long)v->window, (unsigned long long)v->first_sample,
+                  v->judged ? "true" : "false");
     if (v->judged || v->answer == LG_ANSWER_NOVEL)
-        app_json_quote(stdout, class_name(self, v));
+        app_json_quote(out, class_name(self, v));
     else
-        (void)fputs("null", stdout);
-    (void)fputs(", \"score\": ", stdout);
-    app_print_real(stdout, v->judged ? v->score : NAN);
-    (void)printf(", \"missing\": %u, \"positive_votes\": %u, \"votes\": %u, \"alarm\": %s", v->missing,
-                 v->positive_votes, v->votes, v->alarm ? "true" : "false");
+        (void)fputs("null", out);
+    (void)fputs(", \"score\": ", out);
+    app_print_real(out, v->judged ? v->score : NAN);
+    (void)fprintf(out, ", \"missing\": %u, \"positive_votes\": %u, \"votes\": %u, \"alarm\": %s", v->missing,
+                  v->positive_votes, v->votes, v->alarm ? "true" : "false");
     print_json_novelty(self, v);
-    (void)fputs("}\n", stdout);
+    (void)fputs("}\n", out);
+}
+
+/* Before the first verdict, and in each new log. */
+static bool wants_names(const watching *self) {
+    return values.log != NULL ? watch_log_is_empty(&self->log) : self->tally.windows == 1;
 }
 
 static void print_verdict(const watching *self, const lg_verdict *v) {
+    FILE *out = self->log.stream;
     char text[REASON];
     const char *reason = reason_of(self, v, text);
-    if (self->tally.windows == 1) (void)puts("# time\tclass\tscore\tvotes\tmissing\talarm\treason");
+    if (wants_names(self)) (void)fputs("# time\tclass\tscore\tvotes\tmissing\talarm\treason\n", out);
     if (v->judged)
-        (void)printf("%.15g\t%s\t%.6g", self->now, class_name(self, v), v->score);
+        (void)fprintf(out, "%.15g\t%s\t%.6g", self->now, class_name(self, v), v->score);
     else
-        (void)printf("%.15g\t%s\t-", self->now, v->answer == LG_ANSWER_NOVEL ? class_name(self, v) : "-");
-    (void)printf("\t%u/%u\t%u\t%s\t%s\n", v->positive_votes, v->votes, v->missing,
-                 v->alarm   ? v->novel ? "ALARM,UNLIKE" : "ALARM"
-                 : v->novel ? "UNLIKE"
-                            : "-",
-                 reason[0] != '\0' ? reason : "-");
+        (void)fprintf(out, "%.15g\t%s\t-", self->now,
+                      v->answer == LG_ANSWER_NOVEL ? class_name(self, v) : "-");
+    (void)fprintf(out, "\t%u/%u\t%u\t%s\t%s\n", v->positive_votes, v->votes, v->missing,
+                  v->alarm   ? v->novel ? "ALARM,UNLIKE" : "ALARM"
+                  : v->novel ? "UNLIKE"
+                             : "-",
+                  reason[0] != '\0' ? reason : "-");
 }
 
 static void count_verdict(watching *self, const lg_verdict *v) {
@@ -263,19 +275,21 @@ static bool left_out(watching *self, const lg_verdict *v) {
 }
 
 void watch_end_gap(watching *self) {
+    FILE *out = self->log.stream;
     const unsigned long long count =
         self->gap_windows > TOLD_NOT_JUDGED ? self->gap_windows - TOLD_NOT_JUDGED : 0;
     self->gap_windows = 0;
     if (count == 0 || values.quiet) return;
     if (self->app->json) {
-        (void)printf("{\"not_judged\": %llu, \"first_time\": ", count);
-        app_print_real(stdout, self->gap_first);
-        (void)fputs(", \"time\": ", stdout);
-        app_print_real(stdout, self->now);
-        (void)fputs("}\n", stdout);
+        (void)fprintf(out, "{\"not_judged\": %llu, \"first_time\": ", count);
+        app_print_real(out, self->gap_first);
+        (void)fputs(", \"time\": ", out);
+        app_print_real(out, self->now);
+        (void)fputs("}\n", out);
     } else
-        (void)printf("# not judged: %llu window%s more, the last ends before %.15g s\n", count,
-                     count == 1 ? "" : "s", self->now + 1 / self->rate);
+        (void)fprintf(out, "# not judged: %llu window%s more, the last ends before %.15g s\n", count,
+                      count == 1 ? "" : "s", self->now + 1 / self->rate);
+    watch_log_put(&self->log);
 }
 
 void watch_push(watching *self, const float *sample) {
@@ -295,8 +309,10 @@ void watch_push(watching *self, const float *sample) {
     blame_silence(self, &v);
     count_verdict(self, &v);
     if (v.judged) listen(self, v.missing);
-    if (!left_out(self, &v) && (!values.quiet || changes(self, &v)))
+    if (!left_out(self, &v) && (!values.quiet || changes(self, &v))) {
         (self->app->json ? print_json_verdict : print_verdict)(self, &v);
+        watch_log_put(&self->log);
+    }
     self->alarm = v.alarm;
     self->unlike = v.novel;
     forget_silence(self);
@@ -476,12 +492,19 @@ static int read_feed(watching *self, sample_reader *reader, float *sample) {
     return APP_EXIT_OK;
 }
 
+static void on_idle(void *user) {
+    watching *self = user;
+    watch_log_turn(&self->log);
+}
+
 static int watch_feed(watching *self, int file, size_t watch_bytes) {
     sample_reader reader;
     float *sample = app_alloc(self->bench.model->channels, sizeof *sample);
     watch_time_open(self);
     const char **names = names_of(self->bench.model);
     sample_reader_open(file, self->bench.model->channels, names, &reader);
+    reader.idle = on_idle;
+    reader.user = self;
     const uint64_t start_rss = max_rss_kb();
     const double start = app_seconds();
     const int code = read_feed(self, &reader, sample);
@@ -528,6 +551,8 @@ static int watch_with(const app *self, const well_model *model, int file) {
     lg_error error = {LG_OK, ""};
     int code = set_options(self, model, &w, &options);
     if (code != APP_EXIT_OK) return code;
+    if (watch_log_open(&w.log, self, values.log, &error) != LG_OK)
+        return app_fail_file(self, LG_FILE, &error, values.log);
     const size_t bytes = lg_monitor_size(&options), work = well_model_work(model);
     void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
     w.bench.score = app_alloc(model->classes, sizeof *w.bench.score);
@@ -535,6 +560,7 @@ static int watch_with(const app *self, const well_model *model, int file) {
     open_novelty(&w);
     const lg_status status = lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error);
     code = status == LG_OK ? watch_feed(&w, file, bytes) : app_fail(self, status, "%s", error.message);
+    code = watch_log_close(&w.log, code);
     free(memory);
     free(w.bench.score);
     free(w.bench.work);
@@ -548,7 +574,9 @@ static int watch_with(const app *self, const well_model *model, int file) {
 static int run(app *self) {
     well_model model;
     int file = STDIN_FILENO;
-    int code = well_model_load(self, self->arguments[0], &model);
+    const app_path paths[] = {{"input", values.input, APP_READ}, {"log", values.log, APP_WRITTEN}};
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    if (code == APP_EXIT_OK) code = well_model_load(self, self->arguments[0], &model);
     if (code != APP_EXIT_OK) return code;
     if (values.input != NULL) file = open(values.input, O_RDONLY | O_CLOEXEC);
     if (file < 0)
@@ -582,7 +610,11 @@ const app_command watch_command = {
         "numbers: such a window has no vote for the alarm; the state is UNLIKE when K of the last N are so. "
         "For a long gap only the first windows are printed; the others are counted. The summary "
         "follows at the end, also after Ctrl-C (exit code 130). With --json each verdict and the summary is "
-        "one object on its own line.\nWith --crack-at the time to detection runs from T to the end of the "
+        "one object on its own line.\nWith --log verdicts are appended to a file, one write a line; the "
+        "summary "
+        "stays on standard output. logrotate: rename and SIGHUP loses no line; copytruncate loses those "
+        "written between its copy and its cut.\nWith --crack-at the time to detection runs from T to the end "
+        "of the "
         "first window that is not of the first class while the alarm is on (the time of its last sample "
         "plus one interval). Alarms that begin before T are false; days before T count judged windows only.",
     .options = watch_options,

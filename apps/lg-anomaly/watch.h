@@ -59,8 +59,21 @@ typedef struct timing {
     double usual;                      /* steps of the clock from one sample to the next */
 } timing;
 
+/* Where verdicts go: standard output, or with --log a file. */
+typedef struct watch_log {
+    const app *app;
+    const char *path;
+    FILE *stream; /* of the next line */
+    int fd;       /* -1: standard output */
+    char *text;   /* of the stream in memory */
+    size_t length;
+    bool failing;  /* the last line could not be written */
+    uint64_t lost; /* lines */
+} watch_log;
+
 typedef struct watching {
     const app *app;
+    watch_log log;
     bench bench;
     lg_monitor *watch;
     double rate, hop; /* Hz; samples. rate 1 when nobody knows it */
@@ -85,6 +98,18 @@ typedef struct watching {
 void watch_push(watching *self, const float *sample);
 /* Prints one line for the windows of a gap that were not printed one by one. */
 void watch_end_gap(watching *self);
+
+/* ---- the file of verdicts (watch_log.c) ---- */
+
+/* `path` NULL: standard output, for which the other functions do nothing. An unfinished last line is cut off. */
+lg_status watch_log_open(watch_log *log, const app *app, const char *path, lg_error *error);
+/* Opens the file again when SIGHUP asked for it; the old one goes on where that fails. */
+void watch_log_turn(watch_log *log);
+bool watch_log_is_empty(const watch_log *log);
+/* Writes what was printed to the stream: wholly, or a warning says that it is lost, and it is counted. */
+void watch_log_put(watch_log *log);
+/* `code`, or that of lines that were lost. */
+int watch_log_close(watch_log *log, int code);
 
 /* ---- samples and their times (watch_time.c) ---- */
 

@@ -1,0 +1,113 @@
+/* The file of verdicts: whole lines, appended one write a line, and opened again when its name was given away
+ * (logrotate). */
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "lg-anomaly/watch.h"
+
+enum { LONGEST_LINE = 1 << 16 };
+
+/* Cuts off what a killed process wrote of a last line. LG_FORMAT: the file is none of lines. */
+static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
+    struct stat about;
+    char *text = app_alloc(LONGEST_LINE, 1);
+    lg_status status = LG_OK;
+    if (fstat(fd, &about) == 0 && about.st_size > 0) {
+        const off_t from = about.st_size > LONGEST_LINE ? about.st_size - LONGEST_LINE : 0;
+        ssize_t n = pread(fd, text, LONGEST_LINE, from);
+        while (n > 0 && text[n - 1] != '\n') n--;
+        if (n <= 0 && from > 0)
+            status = app_error(error, LG_FORMAT, "%s: is not a file of lines", log->path);
+        else if (n >= 0 && from + n < about.st_size && ftruncate(fd, from + n) != 0)
+            status = app_error(error, LG_FILE, "%s: %s", log->path, strerror(errno));
+    }
+    free(text);
+    return status;
+}
+
+static lg_status open_file(const watch_log *log, int *out, lg_error *error) {
+    const int fd = open(log->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+    if (fd < 0) return app_error(error, LG_FILE, "%s: %s", log->path, strerror(errno));
+    const lg_status status = end_line(log, fd, error);
+    if (status == LG_OK)
+        *out = fd;
+    else
+        (void)close(fd);
+    return status;
+}
+
+lg_status watch_log_open(watch_log *log, const app *self, const char *path, lg_error *error) {
+    *log = (watch_log){.app = self, .path = path, .fd = -1, .stream = stdout};
+    if (path == NULL) return LG_OK;
+    const lg_status status = open_file(log, &log->fd, error);
+    if (status != LG_OK) return status;
+    log->stream = open_memstream(&log->text, &log->length);
+    if (log->stream == NULL) app_out_of_memory();
+    app_reopen_on_hangup();
+    return LG_OK;
+}
+
+void watch_log_turn(watch_log *log) {
+    lg_error error = {LG_OK, ""};
+    int fd = -1;
+    if (log->fd < 0 || !app_reopen_asked()) return;
+    if (open_file(log, &fd, &error) != LG_OK) {
+        app_warn(log->app, "the log is written on where it was: %s", error.message);
+        return;
+    }
+    if (close(log->fd) != 0 && errno != EINTR) app_warn(log->app, "%s: %s", log->path, strerror(errno));
+    log->fd = fd;
+}
+
+bool watch_log_is_empty(const watch_log *log) {
+    struct stat about;
+    return log->fd >= 0 && fstat(log->fd, &about) == 0 && about.st_size == 0;
+}
+
+/* All or nothing. What a full disk let through is cut off, unless somebody else has cut the file. */
+static int append(int fd, const char *text, size_t length) {
+    const off_t before = lseek(fd, 0, SEEK_END);
+    struct stat about;
+    int code = 0;
+    for (size_t done = 0; done < length && code == 0;) {
+        const ssize_t n = write(fd, text + done, length - done);
+        if (n > 0)
+            done += (size_t)n;
+        else if (n == 0 || errno != EINTR)
+            code = n == 0 ? ENOSPC : errno;
+    }
+    if (code != 0 && fstat(fd, &about) == 0 && about.st_size > before && before >= 0)
+        (void)!ftruncate(fd, before);
+    return code;
+}
+
+void watch_log_put(watch_log *log) {
+    if (log->fd < 0) return;
+    if (fflush(log->stream) != 0) app_out_of_memory();
+    watch_log_turn(log);
+    const int code = append(log->fd, log->text, log->length);
+    if (code != 0 && !log->failing)
+        app_warn(log->app, "%s: verdicts cannot be written: %s", log->path, strerror(code));
+    if (code == 0 && log->failing) app_warn(log->app, "%s: verdicts are written again", log->path);
+    log->lost += code != 0;
+    log->failing = code != 0;
+    if (fseeko(log->stream, 0, SEEK_SET) != 0) app_out_of_memory();
+}
+
+int watch_log_close(watch_log *log, int code) {
+    if (log->fd < 0) return code;
+    (void)fclose(log->stream);
+    free(log->text);
+    const bool whole = close(log->fd) == 0 || errno == EINTR;
+    const int number = errno;
+    log->fd = -1;
+    if (code != APP_EXIT_OK && code != APP_EXIT_INTERRUPTED) return code;
+    if (log->lost > 0)
+        return app_fail(log->app, LG_FILE, "%s: %llu verdicts could not be written", log->path,
+                        (unsigned long long)log->lost);
+    return whole ? code : app_fail(log->app, LG_FILE, "%s: %s", log->path, strerror(number));
+}
