@@ -1,0 +1,303 @@
+#!/bin/bash
+# What the commands do at the limits of the system: a full disk, folders that cannot be written, limits on memory, size of
+# files and descriptors, signals, closed pipes, clocks that jump, two writers of one output. A failure names the line.
+set -u
+bin=$LG_BIN_DIR
+export PATH=$bin:$PATH LC_ALL=C
+folder=$(mktemp -d "${TMPDIR:-/tmp}/lg-limits-XXXXXX")
+failures=0
+mounted=
+leave() {
+    [ -z "$mounted" ] || umount "$mounted"
+    chmod -R u+w "$folder"
+    rm -rf "$folder"
+}
+trap leave EXIT
+cd "$folder" || exit 2
+mkdir in w
+
+# fail WORDS: told with the line of the test.
+fail() {
+    echo "test_limits.sh: line ${BASH_LINENO[1]}: $*"
+    failures=$((failures + 1))
+}
+# expect CODE WORDS COMMAND...: the exit code, and the words on standard error (none: WORDS is empty).
+expect() {
+    local code=$1 words=$2 got
+    shift 2
+    timeout 120 "$@" >out.txt 2>err.txt
+    got=$?
+    [ $got = "$code" ] || fail "exit code $got, not $code: $* $(cat err.txt)"
+    [ -z "$words" ] || grep -qF -- "$words" err.txt || fail "no '$words' of $*: $(cat err.txt)"
+}
+# Nothing temporary is left below the folder w.
+clean() {
+    local left
+    left=$(find w -name '*.tmp-*' -o -name '*.lock')
+    [ -z "$left" ] || fail "left: $left"
+}
+# same FILE COPY: byte for byte.
+same() { cmp -s "$1" "$2" || fail "$1 is not $2"; }
+# until_file FILE: half a minute for it to appear.
+until_file() {
+    for _ in $(seq 600); do [ ! -e "$1" ] || return 0; sleep 0.05; done
+    fail "no $1"
+}
+
+cat >in/pendulum.yaml <<'END'
+system: pendulum-chain
+form: hamiltonian
+gravity: 1
+masses: [1]
+lengths: [1]
+t_end: 0.1
+starts: {kind: thesis}
+END
+cat >in/grid.yaml <<'END'
+scene: pendulum.yaml
+integrators: [euler]
+N: [20]
+M: [3]
+eps: [0]
+repeats: 2
+t_end: 0.1
+epochs: 5
+batch: 80
+lr: 1e-2
+lr_step: 50
+lr_gamma: 0.1
+test: {trajectories: 10, points: 5}
+END
+cat >in/ranges.yaml <<'END'
+fixed: {network: discrete, method: adam, epochs: 3, most-curves: 0, modes: 0, mirror: false}
+ranges: {hidden: {integer: [8, 24]}}
+END
+lg-hamiltonian generate in/pendulum.yaml --trajectories 60 --points 10 --out in/data.h5 >/dev/null || exit 2
+lg-hamiltonian train in/data.h5 --epochs 20 --hidden 16,16 --out in/model.h5 >/dev/null || exit 2
+lg-elastica generate --count 60 --out in/curves.h5 >/dev/null || exit 2
+lg-anomaly generate --noise 10 --runs 9 --out in/well.h5 >/dev/null || exit 2
+lg-anomaly train in/well.h5 --method logistic --out in/alarm.h5 >/dev/null 2>&1 || exit 2
+lg-anomaly feed --hours 1 --noise 10 --out in/feed.csv >/dev/null || exit 2
+
+train="lg-hamiltonian train in/data.h5 --threads 1 --hidden 16,16"
+# Commands that write w/out, and what else they write.
+writers=(
+    "lg-hamiltonian generate in/pendulum.yaml --trajectories 60 --points 10 --out w/out"
+    "$train --epochs 20 --out w/out"
+    "$train --epochs 20 --checkpoint w/check --out w/out"
+    "lg-hamiltonian predict in/model.h5 in/pendulum.yaml --t-end 10 --points 100 --out w/out"
+    "lg-hamiltonian study in/grid.yaml --out w/out"
+    "lg-elastica search in/ranges.yaml in/curves.h5 --trials 2 --out w/out"
+    "lg-elastica solve --case both-ends --sweep 5 --out w/out"
+    "lg-anomaly train in/well.h5 --method tree --out w/out"
+    "lg-anomaly feed --hours 0.2 --noise 10 --out w/out"
+    "lg-anomaly watch in/alarm.h5 --input in/feed.csv --log w/out"
+    "lg-export in/model.h5 --name energy --out w/out"
+    "lg-export in/model.h5 --name energy --target package --out w/out"
+    "lg-export in/model.h5 --name energy --target onnx --out w/out"
+)
+
+# ---- a full disk ----
+
+if mount -t tmpfs -o size=1m tmpfs w 2>/dev/null; then
+    mounted=$folder/w
+    for writer in "${writers[@]}"; do
+        printf old >w/out
+        [ "${writer#lg-export}" = "$writer" ] || rm w/out
+        [ "${writer#*study}" = "$writer" ] || rm w/out
+        [ "${writer#*watch}" = "$writer" ] || rm w/out
+        dd if=/dev/zero of=w/fill bs=4k 2>/dev/null
+        before=$(ls w)
+        expect 3 "No space left" $writer
+        [ ! -f w/out ] || [ ! -s w/out ] || [ "$(cat w/out)" = old ] || fail "half a file of $writer"
+        clean
+        rm w/fill
+        [ "${writer#*search}" != "$writer" ] || rm -f w/out
+        expect 0 "" $writer
+        clean
+        rm -rf w/*
+    done
+    # A training that cannot write its model keeps its state elsewhere.
+    dd if=/dev/zero of=w/fill bs=4k 2>/dev/null
+    expect 3 "the training is kept in check" $train --epochs 20 --checkpoint check --out w/out
+    rm w/fill
+    expect 0 "" $train --epochs 20 --resume check --checkpoint check --out w/out
+    # Verdicts are written again when there is room, and those that were lost are counted.
+    rm -rf w/*
+    head -60000 in/feed.csv | (
+        head -3000
+        dd if=/dev/zero of=w/fill bs=4k 2>/dev/null
+        head -3000
+        sleep 1
+        rm w/fill
+        cat
+    ) | lg-anomaly watch in/alarm.h5 --log w/log >/dev/null 2>err.txt
+    umount w
+    mounted=
+else
+    echo "a full disk: skipped, a file system cannot be mounted"
+fi
+
+# ---- folders that cannot be written ----
+
+if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 --regid=65534 --clear-groups "$bin/lg-export" --version >/dev/null 2>&1; then
+    chmod 755 . in
+    chmod 644 in/*
+    printf old >w/out
+    chmod 555 w
+    for writer in "${writers[@]}"; do
+        expect 3 "w/out: " setpriv --reuid=65534 --regid=65534 --clear-groups $writer
+        [ "$(cat w/out)" = old ] || fail "changed by $writer"
+        clean
+    done
+    chmod 755 w
+    rm w/out
+    # A folder of the user's own in one that is not: an export goes there.
+    mkdir w/out
+    chown 65534 w/out
+    expect 0 "" setpriv --reuid=65534 --regid=65534 --clear-groups lg-export in/model.h5 --name energy --out w/out
+    expect 0 "" setpriv --reuid=65534 --regid=65534 --clear-groups lg-export in/model.h5 --name energy --out w/out
+    clean
+    rm -r w/out
+else
+    echo "folders that cannot be written: skipped, only root can become somebody else"
+fi
+if mkdir ro && mount --bind w ro 2>/dev/null && mount -o remount,ro,bind ro 2>/dev/null; then
+    mounted=$folder/ro
+    expect 3 "Read-only file system" $train --epochs 20 --out ro/out
+    expect 3 "Read-only file system" lg-export in/model.h5 --name energy --out ro/out
+    expect 3 "Read-only file system" lg-anomaly watch in/alarm.h5 --input in/feed.csv --log ro/log
+    umount ro
+    mounted=
+fi
+
+# ---- limits of the process ----
+
+# Files that grow too large: no signal kills, the old file stands.
+for writer in "${writers[@]}"; do
+    rm -rf w/*
+    case $writer in *study* | *search* | *sweep*) continue ;; esac # they write less than a kilobyte
+    expect 3 "File too large" bash -c "ulimit -f 1; exec $writer"
+    [ ! -f w/out ] || [ "$(tail -c 1 w/out)" = "" ] || fail "half a line of $writer"
+    clean
+done
+rm -rf w/*
+
+# Memory: an exit code and a sentence, never a signal and no waiting without end. Below 80 MB the libraries do not load.
+for kilobytes in 80000 150000 250000 300000 330000 $(seq 338000 500 353000) 400000 800000; do
+    (ulimit -v $kilobytes && timeout 60 $train --threads 2 --method ssbroyden --epochs 20 --out w/out >/dev/null 2>err.txt)
+    got=$?
+    case $got in
+        0) [ -s w/out ] || fail "no model below $kilobytes" ;;
+        5) grep -qE "out of memory|no memory|allocation failed" err.txt || fail "$kilobytes: $(cat err.txt)" ;;
+        *) fail "exit code $got at $kilobytes: $(cat err.txt)" ;;
+    esac
+    clean
+    rm -f w/*
+done
+
+# Descriptors: the same.
+for count in 4 5 6 7 8 9 10 11 12 14 16 20; do
+    (ulimit -n $count && timeout 60 $train --epochs 20 --checkpoint w/check --history w/h.csv --plot w/p.svg --out w/out \
+        >/dev/null 2>err.txt)
+    got=$?
+    case $got in
+        0) [ -s w/out ] || fail "no model with $count descriptors" ;;
+        3 | 5) grep -q "^lg-hamiltonian" err.txt || fail "$count: $(cat err.txt)" ;;
+        *) fail "exit code $got with $count descriptors: $(cat err.txt)" ;;
+    esac
+    clean
+    rm -f w/*
+done
+
+# ---- signals ----
+
+long="$train --epochs 1000000 --checkpoint-every 1000000 --checkpoint w/check --out w/out"
+# stopped SIGNAL CODE WORDS COMMAND...: a signal after a second.
+stopped() {
+    local signal=$1 code=$2 words=$3 pid got
+    shift 3
+    timeout 120 "$@" >out.txt 2>err.txt &
+    pid=$!
+    sleep 1
+    pkill "-$signal" -P $pid
+    wait $pid
+    got=$?
+    [ $got = "$code" ] || fail "exit code $got, not $code after SIG$signal: $(cat err.txt)"
+    grep -qF -- "$words" err.txt || fail "no '$words' after SIG$signal: $(cat err.txt)"
+    clean
+}
+stopped INT 130 "continue with --resume w/check" $long
+stopped TERM 143 "continue with --resume w/check" $long
+rm w/*
+stopped HUP 129 "continue with --resume w/check" $long
+expect 0 "" lg-hamiltonian train in/data.h5 --threads 1 --hidden 16,16 --resume w/check --stop-after 1 --checkpoint w/check --out w/out
+rm w/*
+stopped TERM 143 "" lg-anomaly feed --hours 10000 --noise 10 --out w/out
+[ ! -e w/out ] || fail "half a feed"
+stopped TERM 143 "stopped after" lg-elastica search in/ranges.yaml in/curves.h5 --trials 10000 --out w/trials.csv
+sed "s/repeats: 2/repeats: 9999/" in/grid.yaml >in/long.yaml
+stopped HUP 129 "the same command continues" lg-hamiltonian study in/long.yaml --out w/study.csv
+rm -f w/*
+# nohup: SIGHUP stays ignored.
+stopped HUP 143 "" nohup bash -c "$long & sleep 2; kill -TERM \$!; wait \$!"
+# The same signal twice: killed at the second one, if the first is not obeyed at once; nothing but that run is lost.
+timeout 60 $long >/dev/null 2>err.txt &
+sleep 1
+pkill -TERM -P $!
+pkill -TERM -P $!
+wait $!
+expect 0 "" $train --epochs 20 --checkpoint w/check --out w/out
+clean
+rm -f w/*
+
+# ---- a pipe that is closed ----
+
+lg-anomaly feed --hours 20 --noise 10 2>err.txt | head -1 >/dev/null
+got=${PIPESTATUS[0]}
+[ "$got" = 3 ] || fail "exit code $got of a feed into a closed pipe"
+$train --epochs 20 --out w/out 2>err.txt | true
+got=${PIPESTATUS[0]}
+{ [ "$got" = 3 ] || [ "$got" = 0 ]; } || fail "exit code $got of a training into a closed pipe"
+lg-hamiltonian evaluate w/out in/data.h5 >/dev/null || fail "a broken model"
+lg-anomaly watch in/alarm.h5 --input in/feed.csv 2>err.txt | head -2 >/dev/null
+got=${PIPESTATUS[0]}
+{ [ "$got" = 3 ] || [ "$got" = 0 ]; } || fail "exit code $got of a watch into a closed pipe"
+clean
+rm -f w/*
+
+# ---- two writers ----
+
+rm -f w/*
+$long >/dev/null 2>&1 &
+first=$!
+until_file w/out.lock
+until_file w/check.lock
+expect 3 "w/out: is being written by process $first on " $train --epochs 3 --out w/out
+expect 3 "w/check: is being written by process $first on " $train --epochs 3 --checkpoint w/check --out w/other
+printf old >w/out
+ln -s out w/link
+expect 3 "is being written by process $first on " lg-hamiltonian generate in/pendulum.yaml --out w/link
+kill -TERM $first
+wait $first
+clean
+expect 0 "" $train --epochs 3 --out w/out
+rm -f w/*
+lg-hamiltonian study in/long.yaml --out w/study.csv >/dev/null 2>&1 &
+first=$!
+until_file w/study.csv.lock
+expect 3 "w/study.csv: is being written by process $first on " lg-hamiltonian study in/long.yaml --out w/study.csv
+kill -KILL $first
+wait $first 2>/dev/null
+expect 0 "" lg-hamiltonian study in/long.yaml --stop-after 1 --out w/study.csv
+clean
+rm -f w/*
+
+# ---- a clock that jumps ----
+
+if command -v faketime >/dev/null; then
+    begin=$SECONDS
+    expect 0 "" faketime -f '+0 x1000' $train --method ssbroyden --seconds 1 --out w/out || true
+fi
+
+[ $failures = 0 ]
