@@ -124,6 +124,8 @@ lg-anomaly search searches/anomaly.yaml well.h5 --trials 1 --out trials.csv
 #: lg-anomaly watch
 # The crack of the feed is after 3600 seconds.
 lg-anomaly watch detector.h5 --input feed.csv --crack-at 3600
+# Verdicts to a file that logrotate may turn (kill -HUP).
+lg-anomaly watch detector.h5 --input feed.csv --log verdicts.log
 
 #: lg-fit
 # A table of 300 rows, y = sin(3 a) b, and a network that learns it.
