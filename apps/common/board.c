@@ -86,7 +86,7 @@ static board_state state_of(const board *b, size_t piece) {
 
 /* ---- opening ---- */
 
-int board_wanted(const app *self, const board_values *values, const char *out, bool *wanted) {
+int board_wanted(app *self, const board_values *values, const char *out, bool *wanted) {
     uint64_t i = 0, n = 1;
     if (values->task != NULL) {
         char *text = app_format("%s", values->task), *slash = strchr(text, '/');
@@ -99,6 +99,7 @@ int board_wanted(const app *self, const board_values *values, const char *out, b
     char *path = app_format("%s.board", out);
     *wanted = self->rank_count > 1 || values->task != NULL || values->merge || access(path, F_OK) == 0;
     free(path);
+    self->shares = *wanted;
     return APP_EXIT_OK;
 }
 

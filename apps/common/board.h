@@ -28,9 +28,10 @@ typedef struct board_values {
         APP_ROW_FLAG(type, board.merge, "merge",                                                             \
                      "Put what the tasks have finished into the output, and do no work")
 
-/* The command's processes share a board: there are several, or one left by others. `out`: the output. An exit
+/* The command's processes share a board, and so its outputs (app->shares): there are several, or one left by
+ * others. `out`: the output. An exit
  * code; APP_EXIT_USAGE with a sentence for a --task that is none. */
-int board_wanted(const app *app, const board_values *values, const char *out, bool *wanted);
+int board_wanted(app *app, const board_values *values, const char *out, bool *wanted);
 
 /* What results depend on, in short: this text, and the file at `path` (NULL: none). */
 void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT]);

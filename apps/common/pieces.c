@@ -123,11 +123,9 @@ static int make_together(pieces *self, bool *complete) {
 }
 
 int pieces_make(pieces *self, bool *complete) {
-    bool together = false;
     *complete = false;
     (void)pthread_mutex_init(&self->mutex, NULL);
-    int code = board_wanted(self->app, self->board, self->out, &together);
-    if (code == APP_EXIT_OK) code = together ? make_together(self, complete) : make_alone(self, complete);
+    const int code = self->together ? make_together(self, complete) : make_alone(self, complete);
     if (!*complete) pieces_end(self, false);
     return code;
 }

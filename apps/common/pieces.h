@@ -17,6 +17,7 @@ enum { PIECES_ARRAYS = 4 };
 typedef struct pieces {
     const app *app;
     const board_values *board;
+    bool together;     /* as board_wanted says */
     const char *out;   /* the file that the arrays are for */
     const char *sweep; /* what they depend on */
     size_t count, array_count;

@@ -570,7 +570,6 @@ int search_main(app *self, const app_command *train, const train_task *task) {
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
     bool together = false;
     int code = board_wanted(self, &values->board, values->out, &together);
-    self->shares = together;
     if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     lg_search_file *file = app_alloc(1, sizeof *file);

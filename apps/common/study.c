@@ -340,7 +340,6 @@ int study_main(app *host, const study_task *task) {
     bool together = false, over = false;
     const double begin = app_seconds();
     int code = board_wanted(host, &study_given.board, study_given.out, &together);
-    host->shares = together;
     if (code == APP_EXIT_OK) code = check_outputs(host, task);
     if (code != APP_EXIT_OK) return code;
     study *self = app_alloc(1, sizeof *self);

@@ -197,6 +197,7 @@ static int simulate(const app *self, size_t windows, lg_series *series, pieces *
     free(text);
     *made = (pieces){.app = self,
                      .board = &values.board,
+                     .together = self->shares,
                      .out = values.out,
                      .sweep = label,
                      .count = runs,
@@ -245,7 +246,9 @@ static int run(app *self) {
     if (values.out == NULL) return app_usage(self, "--out FILE is missing");
     if (app_given(self, "picture") && values.plot == NULL)
         return app_usage(self, "--picture: needs --plot FILE");
-    int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    bool together;
+    int code = board_wanted(self, &values.board, values.out, &together);
+    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code == APP_EXIT_OK) code = cut(self, defaults.rate, &length, &windows);
     if (code != APP_EXIT_OK) return code;
     const double begin = app_seconds();

@@ -94,6 +94,7 @@ static int make_all(const app *self, const lg_scene *scene, const sampling *how,
     free(text);
     *made = (pieces){.app = self,
                      .board = &values.board,
+                     .together = self->shares,
                      .out = values.out,
                      .sweep = label,
                      .count = (data->count + each - 1) / each,
@@ -143,7 +144,9 @@ static int run(app *self) {
     lg_scene scene;
     if (values.out == NULL) return app_usage(self, "--out FILE is missing");
     const app_path out = {"out", values.out, APP_WRITTEN};
-    int code = app_check_outputs(self, &out, 1);
+    bool together;
+    int code = board_wanted(self, &values.board, values.out, &together);
+    if (code == APP_EXIT_OK) code = app_check_outputs(self, &out, 1);
     if (code != APP_EXIT_OK) return code;
     const lg_status status = lg_scene_read(self->context, self->arguments[0], FORM, &scene, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
