@@ -55,8 +55,10 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
     if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", shown);
     FILE *file = fopen(path, "rb");
     if (file == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
-    unsigned char *data = lg_alloc(context, MAX_BYTES + 1, 1);
-    size_t size = data != NULL ? fread(data, 1, MAX_BYTES + 1, file) : 0;
+    /* One byte more than there should be tells that the file grows. */
+    const size_t room = ((uintmax_t)about.st_size < MAX_BYTES ? (size_t)about.st_size : MAX_BYTES) + 1;
+    unsigned char *data = lg_alloc(context, room + 1, 1);
+    size_t size = data != NULL ? fread(data, 1, room, file) : 0;
     bool broken = ferror(file) != 0;
     (void)fclose(file);
     lg_status status = LG_OK;
@@ -66,6 +68,8 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
         status = lg_fail(error, LG_FILE, "%s: cannot be read", shown);
     else if (size > MAX_BYTES)
         status = lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
+    else if (size == room)
+        status = lg_fail(error, LG_FILE, "%s: is being written", shown);
     else if (size == 0)
         status = lg_fail(error, LG_FORMAT, "%s: line 1: is empty", shown);
     if (status == LG_OK) {
