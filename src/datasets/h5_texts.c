@@ -128,7 +128,7 @@ static lg_status visit_attribute(lg_h5 *h5, hid_t attribute, hid_t type, const c
     if (count < 0 || (uint64_t)count > h5->max_size)
         status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
     if (status == LG_OK && count > 0) {
-        status = begin_texts(h5, type, count == 1 ? ATTRIBUTE_BYTES : LG_H5_TEXT, UINT64_MAX, &t);
+        status = begin_texts(h5, type, count == 1 ? ATTRIBUTE_BYTES : LG_H5_TEXT, (uint64_t)count, &t);
         if (status != LG_OK)
             status = no_texts(&t, name, status, error);
         else if ((uint64_t)count > t.piece)
