@@ -28,15 +28,39 @@ static lg_status check_file(const char *path, uint64_t *bytes, lg_error *error) 
     return LG_OK;
 }
 
-/* For reading the file itself, for editing a copy in memory. */
-static hid_t open_file(const char *path, bool edit) {
-    hid_t access_list = H5Pcreate(H5P_FILE_ACCESS), file = H5I_INVALID_HID;
+static hid_t new_access_list(void) {
+    hid_t access_list = H5Pcreate(H5P_FILE_ACCESS);
 #if H5_VERSION_GE(1, 10, 7)
     if (access_list >= 0) (void)H5Pset_file_locking(access_list, false, true);
 #endif
-    if (access_list >= 0 && (!edit || H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) >= 0))
-        file = H5Fopen(path, edit ? H5F_ACC_RDWR : H5F_ACC_RDONLY, access_list);
+    return access_list;
+}
+
+static hid_t open_file(const char *path) {
+    hid_t access_list = new_access_list();
+    hid_t file = access_list >= 0 ? H5Fopen(path, H5F_ACC_RDONLY, access_list) : H5I_INVALID_HID;
     if (access_list >= 0) (void)H5Pclose(access_list);
+    return file;
+}
+
+/* A copy in memory, to be changed. HDF5 takes an image only under the name of a file that is not there. */
+static hid_t open_image(void *image, size_t bytes) {
+    hid_t access_list = new_access_list(), file = H5I_INVALID_HID;
+    if (access_list >= 0 && H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) >= 0 &&
+        H5Pset_file_image(access_list, image, bytes) >= 0)
+        file = H5Fopen("/dev/null/liegrad-in-memory", H5F_ACC_RDWR, access_list);
+    if (access_list >= 0) (void)H5Pclose(access_list);
+    return file;
+}
+
+/* HDF5 by itself would open the file for writing, though nothing is written to it. */
+static hid_t open_copy(const lg_context *context, const char *path, uint64_t bytes) {
+    FILE *from = fopen(path, "rb");
+    void *image = from != NULL ? lg_alloc(context, (size_t)bytes, 1) : NULL;
+    const bool whole = image != NULL && fread(image, 1, (size_t)bytes, from) == bytes;
+    hid_t file = whole ? open_image(image, (size_t)bytes) : H5I_INVALID_HID;
+    lg_free(context, image);
+    if (from != NULL) (void)fclose(from);
     return file;
 }
 
@@ -52,7 +76,7 @@ static lg_status open_handle(const lg_context *context, const char *path, const 
         uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
         h5->max_size = chosen.max_size < plausible ? chosen.max_size : plausible;
         lg_h5_quiet quiet = lg_quiet_begin();
-        h5->file = open_file(path, edit);
+        h5->file = edit ? open_copy(context, path, bytes) : open_file(path);
         lg_quiet_end(quiet);
         if (h5->file < 0)
             status = lg_fail(error, LG_FORMAT,
