@@ -1,0 +1,142 @@
+/* A filter of system calls: what is not on the list is answered by EPERM. The reader then fails as it does
+ * where a call fails for other reasons, so a good file is read even where a library tries something unusual.
+ *
+ * The list is that of a process which reads: glibc, HDF5, and the sanitizers and valgrind under which tests
+ * run. Where a call has parameters that decide, these are filtered: `open` for reading, `write` to two
+ * descriptors, memory that is shared with no file, signals to oneself. Structures behind pointers cannot be
+ * filtered, so openat2 and clone3 are answered by ENOSYS, and the C library takes the older calls. */
+#define _GNU_SOURCE /* syscall numbers, prctl */
+#include "datasets/sandbox.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#ifdef __linux__
+#include <sys/prctl.h>
+#endif
+#ifdef LG_SECCOMP
+#include <seccomp.h>
+#endif
+
+#include "core/count.h"
+
+/* Also without a filter: a file that is written to stays as long as it is, and a set-uid program that is
+ * started gives no rights. */
+static void limit_what_is_left(void) {
+    const struct rlimit none = {0, 0};
+    (void)signal(SIGXFSZ, SIG_IGN);
+    (void)setrlimit(RLIMIT_FSIZE, &none);
+#if defined(__linux__) && defined(PR_SET_NO_NEW_PRIVS)
+    (void)prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+#endif
+}
+
+#ifndef LG_SECCOMP
+
+bool lg_sandbox_enter(int report) {
+    (void)report;
+    limit_what_is_left();
+    return false;
+}
+
+#else
+
+/* Calls with any parameters. Those that this architecture has not are passed over. */
+static const int free_calls[] = {
+    /* reading, and asking about files */
+    SCMP_SYS(read), SCMP_SYS(pread64), SCMP_SYS(readv), SCMP_SYS(preadv), SCMP_SYS(lseek), SCMP_SYS(_llseek),
+    SCMP_SYS(close), SCMP_SYS(stat), SCMP_SYS(lstat), SCMP_SYS(fstat), SCMP_SYS(newfstatat),
+    SCMP_SYS(fstatat64), SCMP_SYS(statx), SCMP_SYS(statfs), SCMP_SYS(fstatfs), SCMP_SYS(access),
+    SCMP_SYS(faccessat), SCMP_SYS(faccessat2), SCMP_SYS(readlink), SCMP_SYS(readlinkat), SCMP_SYS(getcwd),
+    SCMP_SYS(getdents64), SCMP_SYS(flock), SCMP_SYS(fadvise64), SCMP_SYS(poll), SCMP_SYS(ppoll),
+    SCMP_SYS(select), SCMP_SYS(pselect6),
+    /* memory */
+    SCMP_SYS(brk), SCMP_SYS(munmap), SCMP_SYS(mprotect), SCMP_SYS(mremap), SCMP_SYS(madvise),
+    SCMP_SYS(mincore), SCMP_SYS(get_mempolicy), SCMP_SYS(membarrier),
+    /* waiting and time */
+    SCMP_SYS(futex), SCMP_SYS(futex_time64), SCMP_SYS(sched_yield), SCMP_SYS(nanosleep),
+    SCMP_SYS(clock_nanosleep), SCMP_SYS(clock_gettime), SCMP_SYS(clock_getres), SCMP_SYS(gettimeofday),
+    SCMP_SYS(time), SCMP_SYS(times), SCMP_SYS(getrusage), SCMP_SYS(alarm), SCMP_SYS(setitimer),
+    /* signals to itself, from others */
+    SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn), SCMP_SYS(rt_sigtimedwait),
+    SCMP_SYS(rt_sigpending), SCMP_SYS(sigaltstack), SCMP_SYS(restart_syscall),
+    /* about itself */
+    SCMP_SYS(getpid), SCMP_SYS(gettid), SCMP_SYS(getppid), SCMP_SYS(getuid), SCMP_SYS(geteuid),
+    SCMP_SYS(getgid), SCMP_SYS(getegid), SCMP_SYS(getrlimit), SCMP_SYS(sched_getaffinity), SCMP_SYS(sysinfo),
+    SCMP_SYS(uname), SCMP_SYS(getrandom), SCMP_SYS(getcpu), SCMP_SYS(set_robust_list), SCMP_SYS(rseq),
+    SCMP_SYS(arch_prctl), SCMP_SYS(set_tid_address), SCMP_SYS(exit), SCMP_SYS(exit_group)};
+
+/* Calls of which a parameter, masked, has a value. */
+typedef struct condition {
+    int call;
+    struct scmp_arg_cmp is;
+} condition;
+#define IS(parameter, mask, value)                                                                           \
+    { (parameter), SCMP_CMP_MASKED_EQ, (mask), (value) }
+
+/* Beyond the descriptors that a program can open: valgrind keeps its own there; otherwise there is none. */
+static struct scmp_arg_cmp is_beyond_descriptors(void) {
+    struct rlimit most = {1024, 1024};
+    (void)getrlimit(RLIMIT_NOFILE, &most);
+    return (struct scmp_arg_cmp){0, SCMP_CMP_GE, most.rlim_cur < INT_MAX ? most.rlim_cur : INT_MAX, 0};
+}
+
+enum { MOST_CONDITIONS = 24 };
+static size_t list_conditions(int report, condition out[MOST_CONDITIONS]) {
+    const uint64_t all = UINT64_MAX, self = (uint64_t)getpid();
+    const uint64_t writing = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC | O_APPEND, low = UINT32_MAX;
+    size_t n = 0;
+    const condition list[] = {
+        {SCMP_SYS(open), IS(1, writing, 0)},
+        {SCMP_SYS(openat), IS(2, writing, 0)},
+        {SCMP_SYS(write), IS(0, low, (uint64_t)report)},
+        {SCMP_SYS(write), IS(0, low, STDERR_FILENO)},
+        {SCMP_SYS(write), is_beyond_descriptors()},
+        {SCMP_SYS(writev), IS(0, low, STDERR_FILENO)},
+        {SCMP_SYS(mmap), IS(3, MAP_SHARED, 0)},
+        {SCMP_SYS(mmap2), IS(3, MAP_SHARED, 0)},
+        {SCMP_SYS(kill), IS(0, low, self)},
+        {SCMP_SYS(tkill), IS(0, low, self)},
+        {SCMP_SYS(tgkill), IS(0, low, self)},
+        {SCMP_SYS(fcntl), IS(1, all, F_GETFD)},
+        {SCMP_SYS(fcntl), IS(1, all, F_SETFD)},
+        {SCMP_SYS(fcntl), IS(1, all, F_GETFL)},
+        {SCMP_SYS(fcntl), IS(1, all, F_GETLK)},
+        {SCMP_SYS(fcntl), IS(1, all, F_DUPFD_CLOEXEC)},
+        {SCMP_SYS(prlimit64), IS(2, all, 0)}, /* asks, and sets nothing */
+    };
+    for (; n < LG_COUNT(list); n++) out[n] = list[n];
+    return n;
+}
+
+static bool add_rules(scmp_filter_ctx filter, int report) {
+    static const int missing[] = {SCMP_SYS(openat2), SCMP_SYS(clone3)};
+    condition conditions[MOST_CONDITIONS];
+    bool good = true;
+    for (size_t i = 0; i < LG_COUNT(free_calls); i++)
+        if (free_calls[i] >= 0) good &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, free_calls[i], 0) == 0;
+    for (size_t i = 0; i < LG_COUNT(missing); i++)
+        if (missing[i] >= 0) good &= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), missing[i], 0) == 0;
+    const size_t n = list_conditions(report, conditions);
+    for (size_t i = 0; i < n; i++) {
+        const condition *c = &conditions[i];
+        if (c->call >= 0) good &= seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, c->call, 1, &c->is) == 0;
+    }
+    return good;
+}
+
+bool lg_sandbox_enter(int report) {
+    limit_what_is_left();
+    const scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
+    if (filter == NULL) return false;
+    const bool loaded = add_rules(filter, report) && seccomp_load(filter) == 0;
+    seccomp_release(filter);
+    return loaded;
+}
+
+#endif

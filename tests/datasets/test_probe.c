@@ -1,0 +1,293 @@
+/* The child that reads a foreign file first: what it cannot do, and that it can still read. */
+#define _GNU_SOURCE /* ptrace, process_vm_writev */
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/ptrace.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
+#include <sys/wait.h>
+
+#include "datasets/sandbox.h"
+#include "io_test.h"
+
+/* What the attempts are made on. */
+static struct {
+    const char *old, *fresh; /* a file that is there, and one that is not */
+    int descriptor;          /* of the file, opened for writing before the fork */
+    int heard;               /* a pipe's end that is not the report */
+    pid_t parent;
+    int word;
+} scene;
+
+/* ---- attempts: 0, or errno ---- */
+
+static int result(long value) {
+    return value < 0 ? errno : 0;
+}
+
+static int creates(void) {
+    const int fd = open(scene.fresh, O_WRONLY | O_CREAT, 0600);
+    const int code = result(fd);
+    if (fd >= 0) (void)close(fd);
+    return code;
+}
+static int opens_for_writing(void) {
+    const int fd = open(scene.old, O_RDWR);
+    const int code = result(fd);
+    if (fd >= 0) (void)close(fd);
+    return code;
+}
+static int empties(void) {
+    const int fd = openat(AT_FDCWD, scene.old, O_RDONLY | O_TRUNC);
+    const int code = result(fd);
+    if (fd >= 0) (void)close(fd);
+    return code;
+}
+static int makes_stream(void) {
+    FILE *file = fopen(scene.fresh, "w");
+    const int code = file == NULL ? errno : 0;
+    if (file != NULL) (void)fclose(file);
+    return code;
+}
+static int writes_descriptor(void) {
+    return result(pwrite(scene.descriptor, "x", 1, 0));
+}
+static int writes_elsewhere(void) {
+    return result(write(scene.heard, "x", 1));
+}
+static int shortens(void) {
+    return result(ftruncate(scene.descriptor, 1));
+}
+static int shares_memory(void) {
+    void *at = mmap(NULL, 1, PROT_READ | PROT_WRITE, MAP_SHARED, scene.descriptor, 0);
+    return at == MAP_FAILED ? errno : result(munmap(at, 1));
+}
+static int removes(void) {
+    return result(unlink(scene.old));
+}
+static int renames(void) {
+    return result(rename(scene.old, scene.fresh));
+}
+static int links(void) {
+    return result(link(scene.old, scene.fresh));
+}
+static int links_softly(void) {
+    return result(symlink(scene.old, scene.fresh));
+}
+static int makes_folder(void) {
+    return result(mkdir(scene.fresh, 0700));
+}
+static int changes_mode(void) {
+    return result(chmod(scene.old, 0777));
+}
+static int changes_mode_open(void) {
+    return result(fchmod(scene.descriptor, 0777));
+}
+static int changes_owner(void) {
+    return result(chown(scene.old, getuid(), getgid()));
+}
+static int opens_socket(void) {
+    const int fd = socket(AF_INET, SOCK_STREAM, 0);
+    const int code = result(fd);
+    if (fd >= 0) (void)close(fd);
+    return code;
+}
+static int opens_pair(void) {
+    int ends[2];
+    const int code = result(socketpair(AF_UNIX, SOCK_STREAM, 0, ends));
+    if (code == 0) (void)close(ends[0]), (void)close(ends[1]);
+    return code;
+}
+static int forks(void) {
+    const pid_t child = fork();
+    if (child == 0) _exit(0);
+    return child < 0 ? errno : result(waitpid(child, NULL, 0));
+}
+/* Of a program that is not there: where it is allowed, it is not found. */
+static int starts_program(void) {
+    char *arguments[] = {NULL};
+    (void)execve(scene.fresh, arguments, arguments);
+    return errno == ENOENT ? 0 : errno;
+}
+static int traces(void) {
+    (void)ptrace(PTRACE_PEEKDATA, (pid_t)1 << 29, NULL, NULL);
+    return errno == ESRCH ? 0 : errno;
+}
+static int signals_parent(void) {
+    return result(kill(scene.parent, 0));
+}
+static int signals_group(void) {
+    return result(kill(0, 0));
+}
+static int writes_memory(void) {
+    int one = 1;
+    const struct iovec local = {&one, sizeof one}, remote = {&scene.word, sizeof scene.word};
+    return process_vm_writev(scene.parent, &local, 1, &remote, 1, 0) < 0 ? errno : 0;
+}
+static int raises_limit(void) {
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_CPU, &limit) != 0) return 0;
+    return result(setrlimit(RLIMIT_CPU, &limit));
+}
+
+static const struct attempt {
+    const char *what;
+    int (*attempt)(void);
+} attempts[] = {{"makes a file", creates},
+                {"opens a file for writing", opens_for_writing},
+                {"empties a file", empties},
+                {"makes a stream", makes_stream},
+                {"writes to an open file", writes_descriptor},
+                {"writes to another pipe", writes_elsewhere},
+                {"shortens an open file", shortens},
+                {"shares memory with a file", shares_memory},
+                {"removes a file", removes},
+                {"renames a file", renames},
+                {"links a file", links},
+                {"makes a symbolic link", links_softly},
+                {"makes a folder", makes_folder},
+                {"changes a mode", changes_mode},
+                {"changes the mode of an open file", changes_mode_open},
+                {"changes an owner", changes_owner},
+                {"opens a socket", opens_socket},
+                {"opens a pair of sockets", opens_pair},
+                {"forks", forks},
+                {"starts a program", starts_program},
+                {"traces a process", traces},
+                {"signals its parent", signals_parent},
+                {"signals its group", signals_group},
+                {"writes to its parent's memory", writes_memory},
+                {"sets a limit", raises_limit}};
+
+static void set_scene(int pipe_end) {
+    scene.old = scratch_path("old");
+    scene.fresh = scratch_path("fresh");
+    (void)unlink(scene.fresh);
+    (void)rmdir(scene.fresh);
+    write_text_to(scene.old, "as it was");
+    scene.descriptor = open(scene.old, O_RDWR);
+    scene.heard = pipe_end;
+    scene.parent = getpid();
+    assert_true(scene.descriptor >= 0);
+}
+
+/* A reader that does something else. */
+static lg_status attempts_it(void *user, lg_error *error) {
+    const struct attempt *it = user;
+    const int code = it->attempt();
+    return code == 0 ? LG_OK : lg_fail(error, LG_FILE, "%s: %s", it->what, strerror(code));
+}
+
+/* Whether the system and the build confine the child. */
+static bool is_confined(void) {
+    const pid_t child = fork();
+    if (child == 0) _exit(lg_sandbox_enter(STDERR_FILENO) ? 0 : 1);
+    int status = 0;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+/* ---- the tests ---- */
+
+TEST("without the probe every attempt succeeds: the table tries what can be done") {
+    int ends[2];
+    assert_int_equal(pipe(ends), 0);
+    for (size_t i = 0; i < LG_COUNT(attempts); i++) {
+        set_scene(ends[1]);
+        const int code = attempts[i].attempt();
+        if (code != 0) print_message("%s: %s\n", attempts[i].what, strerror(code));
+        /* What a container may forbid. */
+        assert_true(code == 0 || code == EPERM);
+        (void)close(scene.descriptor);
+    }
+    (void)unlink(scene.fresh);
+    (void)rmdir(scene.fresh);
+    (void)close(ends[0]), (void)close(ends[1]);
+}
+
+TEST("in the probe nothing is written, sent, started or signalled, and the parent is told why") {
+    int ends[2];
+    if (!is_confined()) skip();
+    assert_int_equal(pipe(ends), 0);
+    for (size_t i = 0; i < LG_COUNT(attempts); i++) {
+        struct attempt it = attempts[i];
+        lg_error error = {LG_OK, ""};
+        char sentence[128];
+        set_scene(ends[1]);
+        (void)snprintf(sentence, sizeof sentence, "%s: %s", it.what, strerror(EPERM));
+        if (lg_probe(scene.old, NULL, attempts_it, &it, &error) != LG_FILE) fail_msg("it %s", it.what);
+        assert_string_equal(error.message, sentence);
+        assert_int_equal(access(scene.fresh, F_OK), -1);
+        struct stat about;
+        assert_int_equal(stat(scene.old, &about), 0);
+        assert_int_equal(about.st_size, 9);
+        (void)close(scene.descriptor);
+    }
+    (void)close(ends[0]), (void)close(ends[1]);
+}
+
+/* Also where the system has no filter. */
+static lg_status grows_a_file(void *user, lg_error *error) {
+    (void)user;
+    const ssize_t written = pwrite(scene.descriptor, "more than there was", 19, 0);
+    return written > 9 ? LG_OK : lg_fail(error, LG_FILE, "it did not grow");
+}
+
+TEST("no file grows") {
+    set_scene(-1);
+    assert_status(lg_probe(scene.old, NULL, grows_a_file, NULL, NULL), LG_FILE);
+    (void)close(scene.descriptor);
+}
+
+static lg_status reads(void *user, lg_error *error) {
+    char text[16] = "";
+    (void)user;
+    FILE *file = fopen(scene.old, "r");
+    if (file == NULL) return lg_fail(error, LG_FILE, "%s", strerror(errno));
+    const size_t length = fread(text, 1, sizeof text - 1, file);
+    (void)fclose(file);
+    void *much = malloc((size_t)1 << 24); /* by mmap */
+    if (much == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory");
+    memset(much, 1, (size_t)1 << 24);
+    free(much);
+    return length == 9 && strcmp(text, "as it was") == 0 ? LG_OK : lg_fail(error, LG_FORMAT, "other bytes");
+}
+
+static lg_status aborts(void *user, lg_error *error) {
+    (void)user, (void)error;
+    abort();
+}
+
+static void *computes(void *user) {
+    volatile double *x = user;
+    for (int i = 0; i < 1000 || *x > 0; i++) *x = *x * 0.999999 - (i > 1000000);
+    return NULL;
+}
+
+TEST("the probe reads, with threads in the parent too, and a crash is a crash") {
+    volatile double x = 1;
+    pthread_t thread;
+    lg_error error = {LG_OK, ""};
+    set_scene(-1);
+    assert_int_equal(pthread_create(&thread, NULL, computes, (void *)&x), 0);
+    for (int i = 0; i < 20; i++)
+        if (lg_probe(scene.old, NULL, reads, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_status(lg_probe(scene.old, NULL, aborts, NULL, &error), LG_FORMAT);
+    assert_says(error.message, "crashed or did not end");
+    assert_int_equal(pthread_join(thread, NULL), 0);
+    (void)close(scene.descriptor);
+}
+
+TEST("the parent can do as before") {
+    set_scene(-1);
+    assert_ok(lg_probe(scene.old, NULL, reads, NULL, NULL));
+    assert_int_equal(creates(), 0);
+    assert_int_equal(forks(), 0);
+    assert_int_equal(opens_pair(), 0);
+    (void)close(scene.descriptor);
+}
