@@ -34,6 +34,7 @@ function(liegrad_library name)
   set_target_properties(${name}_shared PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}
     INSTALL_RPATH "$ORIGIN" LINK_DEPENDS ${LIEGRAD_SYMBOLS})
   target_link_options(${name}_shared PRIVATE LINKER:--version-script=${LIEGRAD_SYMBOLS})
+  target_link_libraries(${name}_shared PRIVATE liegrad_hardening)
   add_dependencies(${name}_shared liegrad_symbols)
   if(LIEGRAD_SANITIZE)
     target_link_options(${name}_shared PRIVATE -fsanitize=${LIEGRAD_SANITIZE})
