@@ -66,7 +66,9 @@ static void write_holder(int fd, const char *words) {
     const int n = snprintf(text, sizeof text - 1, "process %ld on %s: %s", (long)getpid(), host, words);
     size_t length = n < (int)sizeof text - 1 ? (size_t)n : sizeof text - 2;
     text[length++] = '\n';
-    if (ftruncate(fd, 0) != 0 || pwrite(fd, text, length, 0) != (ssize_t)length) (void)ftruncate(fd, 0);
+    bool whole = ftruncate(fd, 0) == 0 && pwrite(fd, text, length, 0) == (ssize_t)length;
+    if (!whole) whole = ftruncate(fd, 0) == 0;
+    (void)whole;
 }
 
 /* One attempt: *fd stays open where the lock is held here. */
