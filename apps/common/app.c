@@ -322,8 +322,8 @@ static void print_version(FILE *stream, struct argp_state *state) {
 
 /* ---- running ---- */
 
-/* What stops a command with its state saved; the same signal again kills. SIGHUP that is ignored (nohup) stays
- * so. */
+/* What stops a command with its state saved; the same signal again kills. SIGHUP that is ignored (nohup)
+ * stays so. */
 static void on_stop(int number) {
     if (stopped_by == 0) stopped_by = number;
 }
@@ -394,8 +394,8 @@ static bool is_limited(void) {
     return limited;
 }
 
-/* OpenBLAS starts threads when it is loaded, and each asks without end for memory that the limit denies. So this
- * program is begun again, with OpenBLAS told to start none. */
+/* OpenBLAS starts threads when it is loaded, and each asks without end for memory that the limit denies. So
+ * this program is begun again, with OpenBLAS told to start none. */
 static void begin_without_threads(char **argv) {
     if (!is_limited() || getenv("OPENBLAS_NUM_THREADS") != NULL) return;
     if (setenv("OPENBLAS_NUM_THREADS", "1", 1) == 0) (void)execv("/proc/self/exe", argv);

@@ -2,7 +2,8 @@
  * tables, progress, worker threads, text files and plots.
  *
  * Exit codes: 0 success; 1 a check failed; 2 usage; 3 a file; 4 not finite or no convergence; 5 out of
- * memory; 128 + n stopped by signal n with the state saved (130: Ctrl-C). Results go to stdout, everything else to stderr.
+ * memory; 128 + n stopped by signal n with the state saved (130: Ctrl-C). Results go to stdout, everything
+ * else to stderr.
  */
 #ifndef LG_APPS_APP_H
 #define LG_APPS_APP_H
@@ -318,8 +319,8 @@ typedef struct app_path {
  */
 int app_check_outputs(const app *app, const app_path *paths, size_t count);
 /* This process alone writes the file or folder until it ends (lg_lock_take); app_check_outputs claims the
- * outputs. Once more is nothing new; pipes and devices are nobody's, and of ranks the first one claims. LG_FILE: another process is at it, which
- * `error` names. */
+ * outputs. Once more is nothing new; pipes and devices are nobody's, and of ranks the first one claims.
+ * LG_FILE: another process is at it, which `error` names. */
 lg_status app_claim(const app *app, const char *path, lg_error *error);
 /* Creates the folder if there is none (one level). */
 lg_status app_make_folder(const char *path, lg_error *error);

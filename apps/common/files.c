@@ -138,8 +138,8 @@ static void release_claims(void) {
     }
 }
 
-/* What `path` is once links are resolved, without slashes at its end; a folder in one that cannot be written is
- * locked within. Freed with free. */
+/* What `path` is once links are resolved, without slashes at its end; a folder in one that cannot be
+ * written is locked within. Freed with free. */
 static char *target_of(const char *path, bool folder) {
     char *named = app_format("%s", path);
     for (size_t n = strlen(named); n > 1 && named[n - 1] == '/'; n--) named[n - 1] = '\0';

@@ -232,7 +232,7 @@ static int run_fit(train_session *self) {
     return self->app->rank == 0 ? conclude(self, status, &error) : app_exit_code(status);
 }
 
-/* What was trained is not lost when there is no room for the model: its state is saved, by a process alone. */
+/* What was trained is not lost when there is no room for the model: the state is saved, by one process. */
 static int finish(train_session *self) {
     const int code = self->task->finish(self->task->user, self);
     if ((code != APP_EXIT_FILE && code != APP_EXIT_MEMORY) || self->app->rank_count > 1) return code;

@@ -280,6 +280,7 @@ void watch_end_gap(watching *self) {
         self->gap_windows > TOLD_NOT_JUDGED ? self->gap_windows - TOLD_NOT_JUDGED : 0;
     self->gap_windows = 0;
     if (count == 0 || values.quiet) return;
+    watch_log_turn(&self->log);
     if (self->app->json) {
         (void)fprintf(out, "{\"not_judged\": %llu, \"first_time\": ", count);
         app_print_real(out, self->gap_first);
@@ -310,6 +311,7 @@ void watch_push(watching *self, const float *sample) {
     count_verdict(self, &v);
     if (v.judged) listen(self, v.missing);
     if (!left_out(self, &v) && (!values.quiet || changes(self, &v))) {
+        watch_log_turn(&self->log);
         (self->app->json ? print_json_verdict : print_verdict)(self, &v);
         watch_log_put(&self->log);
     }

@@ -101,9 +101,11 @@ void watch_end_gap(watching *self);
 
 /* ---- the file of verdicts (watch_log.c) ---- */
 
-/* `path` NULL: standard output, for which the other functions do nothing. An unfinished last line is cut off. */
+/* `path` NULL: standard output, for which the other functions do nothing. An unfinished last line is cut
+ * off. */
 lg_status watch_log_open(watch_log *log, const app *app, const char *path, lg_error *error);
-/* Opens the file again when SIGHUP asked for it; the old one goes on where that fails. */
+/* Opens the file again when SIGHUP asked for it; the old one goes on where that fails. Before a line is made,
+ * which begins with the names where the file is empty, and while no sample comes. */
 void watch_log_turn(watch_log *log);
 bool watch_log_is_empty(const watch_log *log);
 /* Writes what was printed to the stream: wholly, or a warning says that it is lost, and it is counted. */

@@ -88,7 +88,6 @@ static int append(int fd, const char *text, size_t length) {
 void watch_log_put(watch_log *log) {
     if (log->fd < 0) return;
     if (fflush(log->stream) != 0) app_out_of_memory();
-    watch_log_turn(log);
     const int code = append(log->fd, log->text, log->length);
     if (code != 0 && !log->failing)
         app_warn(log->app, "%s: verdicts cannot be written: %s", log->path, strerror(code));

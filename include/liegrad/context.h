@@ -57,7 +57,8 @@ LG_API int lg_cpu_describe(char *text, size_t size);
  * core type that fits this CPU. The library never calls it by itself. */
 LG_API void lg_runtime_setup(void);
 /* For executables below a limit on their memory (RLIMIT_AS), after the set-up: takes the address space that
- * OpenBLAS needs for so many threads, 128 MiB each; without it OpenBLAS never returns. False: it is not there. */
+ * OpenBLAS needs for so many threads, 128 MiB each; without it OpenBLAS never returns. False: it is not
+ * there. */
 LG_API bool lg_runtime_reserve(int threads);
 
 LG_END_DECLS

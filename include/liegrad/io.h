@@ -51,8 +51,9 @@ LG_BEGIN_DECLS
 /* Major version of every format written here (attribute `format_version`, an integer). */
 #define LG_FORMAT_VERSION 1
 
-/* For executables, before any file: HDF5 does nothing when the process ends. Files are composed in memory and
- * closed when they are written, so nothing is open then; but HDF5 crashes there after it ran out of memory. */
+/* For executables, before any file: HDF5 does nothing when the process ends. Files are composed in memory
+ * and closed when they are written, so nothing is open then; but HDF5 crashes there after it ran out of
+ * memory. */
 LG_API void lg_io_setup(void);
 
 typedef struct lg_read_options {
@@ -97,8 +98,8 @@ typedef struct lg_lock {
     char *name;
     const lg_context *context;
 } lg_lock;
-/* LG_FILE: another process holds it, and the sentence says which. `target` is a path whose links are resolved:
- * two names are two locks. Must not be taken twice in a process. */
+/* LG_FILE: another process holds it, and the sentence says which. `target` is a path whose links are
+ * resolved: two names are two locks. Must not be taken twice in a process. */
 LG_API lg_status lg_lock_take(const lg_context *context, const char *target, const char *words, lg_lock *out,
                               lg_error *error);
 /* Removes the file, unless this is a child of the process that took it. */

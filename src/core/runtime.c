@@ -7,8 +7,8 @@
 #include <sys/mman.h>
 #include <time.h>
 
-/* OpenBLAS' own functions, weak: a BLAS without them links too. The last four are exported but not documented.
- */
+/* OpenBLAS' own functions, weak: a BLAS without them links too. The last four are exported but not
+ * documented. */
 #define LG_WEAK __attribute__((weak, visibility("default")))
 extern LG_WEAK char *openblas_get_corename(void);
 extern LG_WEAK char *openblas_get_config(void);
@@ -59,9 +59,9 @@ void lg_runtime_setup(void) {
 
 /* ---- little memory ----
  *
- * OpenBLAS takes a buffer of address space for each thread that multiplies, up to 128 MiB, and asks for it again
- * without end where there is none. Below a limit (ulimit -v) the buffers are therefore taken at the start, when
- * their lack can be told. */
+ * OpenBLAS takes a buffer of address space for each thread that multiplies, up to 128 MiB, and asks for it
+ * again without end where there is none. Below a limit (ulimit -v) the buffers are therefore taken at the
+ * start, when their lack can be told. */
 
 enum { BUFFERS = 32 };
 #define BUFFER_SIZE ((size_t)1 << 27)

@@ -1,7 +1,7 @@
-/* Locks on outputs: one process at a time is at work on a file or folder, and another one is told which. The
- * lock is a record lock of POSIX on a small file beside the output: the kernel lifts it when the process dies,
- * children do not inherit it, and NFS passes it on to the server. The file says who holds it; a killed
- * process leaves it, unlocked, for the next one to take over. */
+/* Locks on outputs: one process at a time is at work on a file or folder, and another one is told which.
+ * The lock is a record lock of POSIX on a small file beside the output: the kernel lifts it when the
+ * process dies, children do not inherit it, and NFS passes it on to the server. The file says who holds it;
+ * a killed process leaves it, unlocked, for the next one to take over. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>

@@ -593,6 +593,9 @@ static const refusal simulate[] = {
     {"chain.yaml --method euler --steps 40 --t-end 1e6", 4, "not finite"},
 };
 
+/* More stages than there may be. */
+#define MANY "0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01"
+
 static const char *const schemes[][2] = {
     {"order: 3\n", "kind"},
     {"kind: magic\norder: 3\n", "'magic' is none of rkmk, runge-kutta, commutator-free, splitting"},
@@ -606,7 +609,7 @@ static const char *const schemes[][2] = {
     {"kind: rkmk\norder: 1\na: [[]]\nb: [one]\n", "line 4: b: 'one' is neither a number nor a quotient"},
     {"kind: rkmk\norder: 1\na: [[]]\nb: [1/0]\n", "'1/0'"},
     {"kind: rkmk\norder: 1\na: [[]]\nb: 1\n", "0 stages"},
-    {"kind: rkmk\norder: 1\na: [[]]\nb: [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2]\n", "9 stages, 1 to 8"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [" MANY "," MANY "," MANY "," MANY "]\n", "stages, 1 to "},
     {"kind: rkmk\norder: 2\na: [[]]\nb: [0.5, 0.5]\n", "line 3: a: a list for each stage"},
     {"kind: rkmk\norder: 2\na: [[1], [1]]\nb: [0.5, 0.5]\n", "not explicit"},
     {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\nc: [0, 0.5]\n", "c_i is not the sum"},

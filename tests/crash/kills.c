@@ -1,5 +1,5 @@
-/* Kills commands (SIGKILL) at random moments, lets them go on, and compares what comes of it with the unbroken
- * run:
+/* Kills commands (SIGKILL) at random moments, lets them go on, and compares what comes of it with the
+ * unbroken run:
  *
  *     kills FOLDER-OF-EXECUTABLES [-n KILLS] [-s SEED] [-o NAME]
  *
@@ -445,8 +445,8 @@ static long whole_lines(const char *path) {
     return end;
 }
 
-/* From byte `from` on the log is the beginning of the whole one, or all of it; the line of names stands at the
- * top alone. */
+/* From byte `from` on the log is the beginning of the whole one, or all of it; the line of names stands at
+ * the top alone. */
 static bool continues(const char *path, long from, const char *whole, bool all) {
     FILE *log = fopen(path, "rb"), *model = fopen(whole, "rb");
     bool same = log != NULL && model != NULL && fseek(log, from, SEEK_SET) == 0;
@@ -550,16 +550,14 @@ static void clean(void) {
     run_shell("rm -rf '%s/w'; mkdir '%s/w'", base, base);
 }
 
+/* Kills the command until a draw says enough, or, with a checkpoint, a run comes to its end unkilled. */
 static void kill_once(bench *b, uint64_t wanted) {
     const uint64_t failures = b->sum.failed;
-    bool again = true;
     clean();
     if (b->job->keeps && lg_rng_uniform(&rng) < 0.5) put_old(b);
-    for (int draw = 0; draw < DRAWS && again && b->sum.kills < wanted; draw++) {
+    for (int draw = 0; draw < DRAWS && b->sum.kills < wanted && b->sum.failed == failures; draw++) {
         const bool killed = run_killed(b);
-        again = killed ? lg_rng_uniform(&rng) < 1.0 / 3 : draw == 0 || b->sum.failed == failures;
-        if (!killed && b->job->checkpoint == NULL) continue;
-        if (!killed) break;
+        if (killed ? lg_rng_uniform(&rng) > 1.0 / 3 : b->job->checkpoint != NULL) break;
     }
     run_rest(b);
 }
@@ -631,7 +629,7 @@ static void make_inputs(void) {
 }
 
 int main(int argc, char **argv) {
-    uint64_t kills = 44, seed = 1, failed = 0, done = 0, made = 0, chosen = 0;
+    uint64_t kills = 32, seed = 1, failed = 0, done = 0, made = 0, chosen = 0;
     const char *only = "";
     for (int c; (c = getopt(argc, argv, "n:s:o:")) != -1;) {
         if (c == 'n') kills = strtoull(optarg, NULL, 10);

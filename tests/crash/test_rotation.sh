@@ -18,6 +18,12 @@ until_holds() {
     fail "nothing in $1"
 }
 
+# until_there FILE: the same for the file.
+until_there() {
+    for _ in $(seq 600); do [ ! -e "$1" ] || return 0; sleep 0.05; done
+    fail "no $1"
+}
+
 lg-anomaly generate --noise 10 --runs 9 --out well.h5 >/dev/null || exit 2
 lg-anomaly train well.h5 --method logistic --out alarm.h5 >/dev/null 2>&1 || exit 2
 lg-anomaly feed --hours 4 --noise 10 --crack-at 2 --gaps 2 --seed 5 --out feed.csv >/dev/null || exit 2
@@ -34,7 +40,7 @@ for kind in "" --json; do
     [ "$(cat whole summary | sed 's/^# [0-9.]* s, .*//; s/"seconds".*//')" = \
         "$(sed 's/^# [0-9.]* s, .*//; s/"seconds".*//' whole.txt)" ] || fail "$kind: the summary is another one"
 
-    # Renamed and SIGHUP, 20 times while samples come.
+    # Renamed and SIGHUP, 20 times, half of them while samples come.
     rm -f log*
     mkfifo pipe
     lg-anomaly watch alarm.h5 $kind --log log <pipe >summary &
@@ -43,9 +49,10 @@ for kind in "" --json; do
     for i in $(seq 20); do
         sed -n "$(((i - 1) * lines / 20 + 1)),$((i * lines / 20))p" feed.csv >&3 &
         until_holds log
+        [ $((i % 2)) = 0 ] || wait $!
         mv log "log.$(printf %02d "$i")"
         kill -HUP $watch
-        until [ -e log ] || ! kill -0 $watch 2>/dev/null; do sleep 0.02; done # it comes without a verdict, too
+        until_there log # without a verdict, too
         wait $!
     done
     exec 3>&-

@@ -6,6 +6,7 @@
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "test_support.h"
@@ -117,35 +118,42 @@ TEST("a writer that was killed leaves a file for the next one to remove") {
 
 /* ---- locks ---- */
 
-/* A child that takes the lock of `target`, says so and waits. */
+/* A child, of a process group of its own, that takes the lock of `target`, says so and waits; the running
+ * test owns it. */
 typedef struct holder {
-    pid_t pid;
+    pid_t pid; /* 0: it was ended */
     int said;
 } holder;
 
-static holder hold(const char *target, bool orphan) {
+static void end_holder(void *of) {
+    holder *h = of;
+    if (h->pid == 0) return;
+    (void)kill(h->pid, SIGKILL);
+    (void)waitpid(h->pid, NULL, 0);
+    (void)kill(-h->pid, SIGKILL);
+    (void)close(h->said);
+    h->pid = 0;
+}
+
+static holder *hold(const char *target, bool orphan) {
     int ends[2];
     char byte;
+    holder *h = lg_test_memory(sizeof *h);
     assert_int_equal(pipe(ends), 0);
-    const holder h = {fork(), ends[0]};
-    if (h.pid == 0) {
+    *h = (holder){fork(), ends[0]};
+    if (h->pid == 0) {
         lg_lock lock;
+        (void)setpgid(0, 0);
         if (lg_lock_take(NULL, target, "model --out 'a b'", &lock, NULL) != LG_OK) _exit(1);
-        if (orphan) (void)setpgid(0, 0);
         if (orphan && fork() == 0) /* it inherits the descriptor, and outlives its parent */
             for (;;) (void)pause();
         (void)!write(ends[1], "x", 1);
         for (;;) (void)pause();
     }
+    lg_test_owns(h, end_holder);
     (void)close(ends[1]);
     assert_int_equal(read(ends[0], &byte, 1), 1);
     return h;
-}
-
-static void end_holder(holder h) {
-    assert_int_equal(kill(h.pid, SIGKILL), 0);
-    assert_int_equal(waitpid(h.pid, NULL, 0), h.pid);
-    (void)close(h.said);
 }
 
 TEST("a second process is told who holds the lock, and takes it over when that one was killed") {
@@ -154,9 +162,9 @@ TEST("a second process is told who holds the lock, and takes it over when that o
     char wanted[256], host[65] = "";
     io_enter_folder();
     (void)gethostname(host, sizeof host - 1);
-    const holder h = hold("model.h5", false);
+    holder *h = hold("model.h5", false);
     (void)snprintf(wanted, sizeof wanted,
-                   "model.h5: is being written by process %ld on %s: model --out 'a b'", (long)h.pid, host);
+                   "model.h5: is being written by process %ld on %s: model --out 'a b'", (long)h->pid, host);
     assert_int_equal(lg_lock_take(NULL, "model.h5", "another", &lock, &error), LG_FILE);
     assert_string_equal(error.message, wanted);
     assert_int_equal(lock.fd, -1);
@@ -171,11 +179,10 @@ TEST("a second process is told who holds the lock, and takes it over when that o
 TEST("a child of a killed holder does not keep the lock, and does not remove it") {
     lg_lock lock;
     io_enter_folder();
-    const holder h = hold("model.h5", true);
-    end_holder(h);
-    const lg_status taken = lg_lock_take(NULL, "model.h5", "another", &lock, NULL);
-    assert_int_equal(kill(-h.pid, SIGKILL), 0);
-    assert_ok(taken);
+    holder *h = hold("model.h5", true);
+    assert_int_equal(kill(h->pid, SIGKILL), 0);
+    assert_int_equal(waitpid(h->pid, NULL, 0), h->pid);
+    assert_ok(lg_lock_take(NULL, "model.h5", "another", &lock, NULL));
     const pid_t child = fork();
     if (child == 0) {
         lg_lock_release(&lock);
@@ -192,9 +199,9 @@ TEST("a holder that could not say who it is is told by its number") {
     lg_error error = {LG_OK, ""};
     char wanted[256];
     io_enter_folder();
-    const holder h = hold("model.h5", false);
+    holder *h = hold("model.h5", false);
     assert_int_equal(truncate("model.h5.lock", 0), 0);
-    (void)snprintf(wanted, sizeof wanted, "model.h5: is being written by process %ld", (long)h.pid);
+    (void)snprintf(wanted, sizeof wanted, "model.h5: is being written by process %ld", (long)h->pid);
     assert_int_equal(lg_lock_take(NULL, "model.h5", "another", &lock, &error), LG_FILE);
     assert_string_equal(error.message, wanted);
     end_holder(h);
@@ -214,7 +221,7 @@ TEST("what a lock says is printed without control characters, and long words are
     (void)fclose(file);
     lg_lock_release(&lock);
     lg_error error = {LG_OK, ""};
-    const holder h = hold("b", false);
+    holder *h = hold("b", false);
     file = fopen("b.lock", "w");
     assert_non_null(file);
     (void)fputs("\033[31mred\nsecond", file);
@@ -245,6 +252,8 @@ static void count_up(int rounds) {
         if (lg_lock_take(NULL, "count", "counting", &lock, NULL) != LG_OK) continue;
         const int fd = open("count", O_RDWR);
         if (fd < 0 || pread(fd, text, sizeof text - 1, 0) < 0) _exit(1);
+        const struct timespec pause = {0, 20000};
+        (void)nanosleep(&pause, NULL);
         (void)snprintf(text, sizeof text, "%-8d", atoi(text) + 1);
         if (pwrite(fd, text, 8, 0) != 8) _exit(1);
         (void)close(fd);
