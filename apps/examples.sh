@@ -11,9 +11,9 @@ lg-simulate scenes/double-pendulum.yaml --gradient 1,0,0,0,0,0,0,0,0,0,0,0 --jso
 # 10000 pendulums from random starts: bands of quantiles, and when each one passes the height of its hinge.
 lg-simulate scenes/pendulum-ensemble.yaml --ensemble 10000 --method dp85 --event 'q1.z>0' --plot bands.svg
 # Two parts of an ensemble with masses of 5 % tolerance, as two jobs of an array would run them, become one file.
+lg-simulate scenes/double-pendulum.yaml --ensemble 4000 --vary masses=within:5% --task 0/2 --out study.h5
 lg-simulate scenes/double-pendulum.yaml --ensemble 4000 --vary masses=within:5% --task 1/2 --out study.h5
-lg-simulate scenes/double-pendulum.yaml --ensemble 4000 --vary masses=within:5% --task 2/2 --out study.h5
-lg-simulate merge study.h5 study.part-1-of-2.h5 study.part-2-of-2.h5
+lg-simulate merge study.h5 study.part-0-of-2.h5 study.part-1-of-2.h5
 
 #: lg-hamiltonian
 # From a scene to a learned model, its error and a prediction.

@@ -259,17 +259,22 @@ static int choose_times(study *all) {
     return APP_EXIT_OK;
 }
 
-/* "3/8": this process does part 3 of 8. Under a launcher of processes, rank r of R is task r + 1 of R. */
+/* "3/8": this process does part 3 of 0..7. Under mpirun rank r of R is task r of R, and rank 0 merges. */
 static int read_task(const simulation *sim, uint64_t *task, uint64_t *tasks) {
     const char *text = sim->values->task;
-    *task = *tasks = 1;
+    const app *self = sim->self;
+    *task = self->rank;
+    *tasks = self->rank_count;
+    if (text == NULL && *tasks > 1 && sim->values->out == NULL)
+        return app_usage(self, "ranks of mpirun write parts: give --out");
     if (text == NULL) return APP_EXIT_OK;
+    if (*tasks > 1) return app_usage(self, "--task is not for ranks of mpirun, which are tasks themselves");
     char *copy = app_format("%s", text), *slash = strchr(copy, '/');
     if (slash != NULL) *slash = '\0';
     const bool read = slash != NULL && app_parse_size(copy, task) && app_parse_size(slash + 1, tasks);
     free(copy);
-    if (read && *task >= 1 && *task <= *tasks && *tasks <= 1000000) return APP_EXIT_OK;
-    return app_usage(sim->self, "--task: expected I/N with 1 <= I <= N, not '%s'", text);
+    if (read && *task < *tasks && *tasks <= 1000000) return APP_EXIT_OK;
+    return app_usage(self, "--task: expected i/n with 0 <= i < n, not '%s'", text);
 }
 
 /* What an ensemble is, in one line: parts with the same one belong together. */
@@ -427,13 +432,45 @@ static int write_out(study *all, const char *path, const char *rows_path) {
     const char *const parts[] = {rows_path};
     if (status == LG_OK && path != NULL)
         status = result_write(all->sim->self, path, all->total, parts, all->rows != NULL ? 1 : 0, &error);
-    if (status == LG_OK && all->sim->values->plot != NULL)
+    if (status == LG_OK && all->sim->values->plot != NULL && all->sim->self->ranks == NULL)
         status = ensemble_draw(all->sim->self, all->total, all->sim->values->plot, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(all->sim->self, status, &error, path);
 }
 
+static void show(const app *self, const ensemble_run *shown) {
+    const uint64_t failed = result_failed(shown->what);
+    if (failed > 0)
+        app_warn(self, "%llu of %llu members failed; the statistics are of what they reached",
+                 (unsigned long long)failed, (unsigned long long)shown->what->members);
+    if (self->json)
+        ensemble_json(self, shown);
+    else
+        ensemble_text(shown);
+}
+
+/* All ranks have written their parts: rank 0 makes one file of them, and shows it. */
+static int merge_ranks(study *all, lg_status status, uint64_t tasks) {
+    app *self = all->sim->self;
+    const simulate_values *values = all->sim->values;
+    lg_error error = {LG_OK, ""};
+    status = lg_ranks_agree(self->ranks, status, &error);
+    app_end_exchanges(self);
+    if (status != LG_OK) return app_fail(self, status, "%s", error.message);
+    if (self->rank > 0) return APP_EXIT_OK;
+    const char **parts = app_alloc(tasks, sizeof *parts);
+    for (uint64_t i = 0; i < tasks; i++) parts[i] = part_name(values->out, i, tasks, "");
+    const int code = merge_parts(self, values->out, parts, tasks, values->plot);
+    for (uint64_t i = 0; i < tasks; i++) {
+        if (code == APP_EXIT_OK) (void)remove(parts[i]);
+        free((void *)(uintptr_t)parts[i]);
+    }
+    free(parts);
+    return code;
+}
+
 static int run_and_write(study *all, uint64_t task, uint64_t tasks) {
     const simulate_values *values = all->sim->values;
+    const app *self = all->sim->self;
     lg_error error = {LG_OK, ""};
     lg_ensemble_stats stats;
     char *path = values->out != NULL ? part_name(values->out, task, tasks, "") : NULL;
@@ -443,16 +480,10 @@ static int run_and_write(study *all, uint64_t task, uint64_t tasks) {
     if (status == LG_OK) status = run_all(all, &stats, &error);
     int code = status == LG_OK ? write_out(all, path, rows_path) : fail(all, status, &error, rows_path);
     const ensemble_run shown = {all->total, &stats, path};
-    if (code == APP_EXIT_OK) {
-        const uint64_t failed = result_failed(all->total);
-        if (failed > 0)
-            app_warn(all->sim->self, "%llu of %llu members failed; the statistics are of what they reached",
-                     (unsigned long long)failed, (unsigned long long)all->total->members);
-        if (all->sim->self->json)
-            ensemble_json(all->sim->self, &shown);
-        else
-            ensemble_text(&shown);
-    }
+    if (self->ranks != NULL)
+        code = merge_ranks(all, code == APP_EXIT_OK ? LG_OK : status != LG_OK ? status : LG_FILE, tasks);
+    else if (code == APP_EXIT_OK)
+        show(self, &shown);
     lg_rows_file_destroy(all->rows);
     close_gatherers(all);
     free(path);
@@ -464,7 +495,7 @@ static int run_and_write(study *all, uint64_t task, uint64_t tasks) {
 static void choose_members(study *all, uint64_t task, uint64_t tasks) {
     const uint64_t size = lg_ensemble_block_size(&all->options, all->sim->dim), total = all->total->total;
     const uint64_t blocks = (total + size - 1) / size;
-    const uint64_t from = blocks * (task - 1) / tasks * size, to = blocks * task / tasks * size;
+    const uint64_t from = blocks * task / tasks * size, to = blocks * (task + 1) / tasks * size;
     all->options.block = (size_t)size;
     all->options.first = all->total->first = from;
     all->options.members = (to < total ? to : total) - from;
@@ -524,7 +555,7 @@ static int run_with(simulation *sim, const lg_scheme *scheme) {
     lg_ensemble_event events[LG_EVENTS_MAX];
     result total = {.what = NULL};
     study all = {.sim = sim, .total = &total};
-    uint64_t task = 1, tasks = 1;
+    uint64_t task = 0, tasks = 1;
     int code = vary_open(sim, text, values->starts, &all.varied);
     if (code == APP_EXIT_OK) code = prepare(&all, scheme, events, &task, &tasks);
     if (code == APP_EXIT_OK && text[0] == '\0' && values->starts == NULL && sim->scene.has_initial)

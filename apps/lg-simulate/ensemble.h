@@ -75,7 +75,8 @@ lg_status ensemble_draw(const app *self, const result *what, const char *path, l
 
 /* ensemble.c */
 int ensemble(simulation *sim);
-/* merge.c: lg-simulate merge OUT.h5 PARTS... */
+/* merge.c: one file of the parts, and what it says; then lg-simulate merge OUT.h5 PARTS... */
+int merge_parts(const app *self, const char *out, const char *const *paths, size_t count, const char *plot);
 int merge_main(int argc, char **argv);
 
 #endif

@@ -63,8 +63,9 @@ static const app_option options[] = {
         "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards"),
     APP_ROW_TEXT(simulate_values, save, "save", "all|K",
                  "Keep the trajectories of all or of the first K members"),
-    APP_ROW_TEXT(simulate_values, task, "task", "I/N",
-                 "Part I of N of the ensemble, into a part file for `lg-simulate merge OUT.h5 PARTS...`"),
+    APP_ROW_TEXT(
+        simulate_values, task, "task", "i/n",
+        "Part i of n (i from 0) of the ensemble, into a file for `lg-simulate merge OUT.h5 PARTS...`"),
     APP_ROW_FLAG(simulate_values, one_by_one, "one-by-one",
                  "Without lanes: one member at a time, for comparison"),
     APP_ROW_END};
@@ -247,6 +248,9 @@ static int run_once(const simulation *sim) {
 
 static int run(app *self) {
     simulation sim = {.self = NULL};
+    if (self->rank_count > 1 && values.ensemble == 0)
+        return app_usage(self, "runs alone without --ensemble, and mpirun started %u of it",
+                         self->rank_count);
     int code = check_options(self);
     if (code == APP_EXIT_OK) code = check_outputs(self);
     if (code != APP_EXIT_OK) return code;
@@ -326,7 +330,8 @@ int main(int argc, char **argv) {
          .values = &values,
          .arguments_min = 1,
          .arguments_max = 1,
-         .run = run}};
+         .run = run,
+         .together = APP_RANKS}};
     const int code = app_main(argc, argv, "lg-simulate", command[0].summary, command);
     free(details);
     return code;

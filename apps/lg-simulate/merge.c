@@ -57,10 +57,10 @@ static int check_whole(const app *self, const part_list *list) {
                     (unsigned long long)list->parts[0].is.total - 1);
 }
 
-static int read_parts(const app *self, part_list *list) {
+static int read_parts(const app *self, part_list *list, const char *const *paths, size_t count) {
     lg_error error = {LG_OK, ""};
-    for (int i = 1; i < self->argument_count; i++) {
-        const char *path = self->arguments[i];
+    for (size_t i = 0; i < count; i++) {
+        const char *path = paths[i];
         const lg_status status = result_read(self, path, &list->parts[list->count].is, &error);
         if (status != LG_OK) return app_fail_file(self, status, &error, path);
         list->parts[list->count++].path = path;
@@ -79,16 +79,12 @@ static void find_rows(part_list *list) {
     }
 }
 
-static int run(app *self) {
-    const char *out = self->arguments[0];
+int merge_parts(const app *self, const char *out, const char *const *paths, size_t count, const char *plot) {
     lg_error error = {LG_OK, ""};
     part_list list = {.count = 0};
-    const app_path paths[] = {{"OUT.h5", out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
-    int code = app_check_outputs(self, paths + 1, 1);
-    if (code != APP_EXIT_OK) return code;
-    list.parts = app_alloc((size_t)self->argument_count, sizeof *list.parts);
-    list.rows = app_alloc((size_t)self->argument_count, sizeof *list.rows);
-    code = read_parts(self, &list);
+    list.parts = app_alloc(count, sizeof *list.parts);
+    list.rows = app_alloc(count, sizeof *list.rows);
+    int code = read_parts(self, &list, paths, count);
     if (code == APP_EXIT_OK) code = check_whole(self, &list);
     lg_status status = LG_OK;
     for (size_t i = 1; code == APP_EXIT_OK && i < list.count && status == LG_OK; i++)
@@ -98,8 +94,8 @@ static int run(app *self) {
         status = result_write(self, out, &list.parts[0].is, (const char *const *)list.rows, list.row_count,
                               &error);
     }
-    if (code == APP_EXIT_OK && status == LG_OK && values.plot != NULL)
-        status = ensemble_draw(self, &list.parts[0].is, values.plot, &error);
+    if (code == APP_EXIT_OK && status == LG_OK && plot != NULL)
+        status = ensemble_draw(self, &list.parts[0].is, plot, &error);
     if (code == APP_EXIT_OK && status != LG_OK) code = app_fail_file(self, status, &error, out);
     const ensemble_run shown = {&list.parts[0].is, NULL, out};
     if (code == APP_EXIT_OK && self->json) ensemble_json(self, &shown);
@@ -109,6 +105,14 @@ static int run(app *self) {
     free(list.parts);
     free(list.rows);
     return code;
+}
+
+static int run(app *self) {
+    const app_path paths[] = {{"plot", values.plot, APP_DRAWN}};
+    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    if (code != APP_EXIT_OK) return code;
+    return merge_parts(self, self->arguments[0], self->arguments + 1, (size_t)self->argument_count - 1,
+                       values.plot);
 }
 
 int merge_main(int argc, char **argv) {

@@ -171,10 +171,10 @@ TEST("parts merge into the bits of one process, whatever the threads") {
                                         "accumulators/states/bins",
                                         "accumulators/events/sum"};
     json(STUDY "--threads 1 --out whole.h5", "members 5000");
-    json(STUDY "--threads 2 --task 1/3 --out part.h5", "members <5000, first 0");
-    json(STUDY "--threads 1 --task 2/3 --out part.h5", "");
-    json(STUDY "--threads 2 --task 3/3 --out part.h5", "");
-    json("merge merged.h5 part.part-3-of-3.h5 part.part-1-of-3.h5 part.part-2-of-3.h5",
+    json(STUDY "--threads 2 --task 0/3 --out part.h5", "members <5000, first 0");
+    json(STUDY "--threads 1 --task 1/3 --out part.h5", "");
+    json(STUDY "--threads 2 --task 2/3 --out part.h5", "");
+    json("merge merged.h5 part.part-2-of-3.h5 part.part-0-of-3.h5 part.part-1-of-3.h5",
          "members 5000, total 5000");
     for (size_t i = 0; i < LG_COUNT(names); i++) assert_same("whole.h5", "merged.h5", names[i]);
     hsize_t whole[3], merged[3];
@@ -183,12 +183,12 @@ TEST("parts merge into the bits of one process, whatever the threads") {
     assert_memory_equal(whole, merged, sizeof whole);
     assert_memory_equal(a, b, whole[0] * whole[1] * whole[2] * sizeof(double));
     assert_true(a[0] != 0.0 && a[2499 * whole[1] * whole[2]] != 0.0); /* no fill values */
-    cli_expect(lg, "merge merged.h5 part.part-3-of-3.h5 part.part-1-of-3.h5", 3, "are missing", &result);
-    cli_expect(lg, "merge merged.h5 part.part-1-of-3.h5 part.part-1-of-3.h5", 3, "are there twice", &result);
-    cli_expect(lg, "merge merged.h5 part.part-1-of-3.h5", 3, "are missing", &result);
-    cli_expect(lg, "merge merged.h5 foreign.h5 part.part-1-of-3.h5", 3, "foreign.h5", &result);
-    json("circles.yaml --ensemble 5000 --points 6 --task 2/3 --out other.h5", "");
-    cli_expect(lg, "merge merged.h5 part.part-1-of-3.h5 other.part-2-of-3.h5 part.part-3-of-3.h5", 3,
+    cli_expect(lg, "merge merged.h5 part.part-2-of-3.h5 part.part-0-of-3.h5", 3, "are missing", &result);
+    cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5 part.part-0-of-3.h5", 3, "are there twice", &result);
+    cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5", 3, "are missing", &result);
+    cli_expect(lg, "merge merged.h5 foreign.h5 part.part-0-of-3.h5", 3, "foreign.h5", &result);
+    json("circles.yaml --ensemble 5000 --points 6 --task 1/3 --out other.h5", "");
+    cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5 other.part-1-of-3.h5 part.part-2-of-3.h5", 3,
                "another ensemble", &result);
 }
 
@@ -227,7 +227,7 @@ TEST("what is refused") {
         {"circles.yaml --ensemble 5 --event q", 2, "expected NAME=VALUE"},
         {"circles.yaml --ensemble 5 --event z=1", 2, "'z' is no number of the state"},
         {"circles.yaml --ensemble 5 --task 1/2", 2, "give --out"},
-        {"circles.yaml --ensemble 5 --task 3/2 --out a.h5", 2, "1 <= I <= N"},
+        {"circles.yaml --ensemble 5 --task 2/2 --out a.h5", 2, "0 <= i < n"},
         {"circles.yaml --ensemble 5 --save all", 2, "give --out"},
         {"circles.yaml --ensemble 5 --save some --out a.h5", 2, "`all` or a number"},
         {"circles.yaml --ensemble 5 --method rk4", 2, "needs --steps"},
