@@ -60,3 +60,9 @@ file(WRITE ${CPACK_TEMPORARY_DIRECTORY}/runtime/usr/share/lintian/overrides/lieg
 liegrad: package-name-doesnt-match-sonames *\n\
 # CPack writes these two scripts itself; the trigger is there too.\n\
 liegrad: maintscript-calls-ldconfig *\n")
+if("mpi" IN_LIST CPACK_COMPONENTS_ALL)
+  file(WRITE ${CPACK_TEMPORARY_DIRECTORY}/mpi/usr/share/lintian/overrides/liegrad-mpi "\
+# A library that the programs load; its name is theirs.\n\
+liegrad-mpi: package-name-doesnt-match-sonames *\n\
+liegrad-mpi: maintscript-calls-ldconfig *\n")
+endif()

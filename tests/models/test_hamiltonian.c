@@ -200,7 +200,9 @@ TEST("the floor falls by 4^p with twice the substeps, p the order, for every fam
                                           .dt = 1.0,
                                           .data = y};
         if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) continue;
-        while (!(floor_of(&problem, b.theta) < 1e-18)) problem.dt *= 0.5;
+        /* Three halvings of a high order end above rounding. */
+        const double first = fmax(1e-9, 1e-13 * pow(8, problem.scheme->order));
+        while (!(floor_of(&problem, b.theta) < first * first)) problem.dt *= 0.5;
         fit_line fit = {0};
         for (; problem.substeps <= 8; problem.substeps *= 2)
             fit_add(&fit, log(1.0 / problem.substeps), 0.5 * log(floor_of(&problem, b.theta)));
