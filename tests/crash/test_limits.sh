@@ -26,7 +26,7 @@ fail() {
 expect() {
     local code=$1 words=$2 got
     shift 2
-    timeout 120 "$@" >out.txt 2>err.txt
+    timeout -k 5 120 "$@" >out.txt 2>err.txt
     got=$?
     [ $got = "$code" ] || fail "exit code $got, not $code: $* $(cat err.txt)"
     [ -z "$words" ] || grep -qF -- "$words" err.txt || fail "no '$words' of $*: $(cat err.txt)"
@@ -196,7 +196,7 @@ rm -rf w/*
 # Memory: an exit code and a sentence, never a signal and no waiting without end. Below 80 MB the libraries do not load.
 # limited KILOBYTES: sets got.
 limited() {
-    (ulimit -v "$1" && timeout 60 $train --threads 2 --method ssbroyden --epochs 20 --out w/out >/dev/null 2>err.txt)
+    (ulimit -v "$1" && timeout -k 5 60 $train --threads 2 --method ssbroyden --epochs 20 --out w/out >/dev/null 2>err.txt)
     got=$?
     case $got in
         0) [ -s w/out ] || fail "no model below $1" ;;
@@ -206,6 +206,11 @@ limited() {
     clean
     rm -f w/*
 }
+small=$train # a network whose products OpenBLAS takes
+train="lg-hamiltonian train in/data.h5 --hidden 300,300"
+limited 200000
+[ $got = 5 ] || fail "200 MB are enough for OpenBLAS"
+train=$small
 low=80000 high=1600000
 limited $low
 [ $got = 5 ] || fail "$low kB are enough"
@@ -242,7 +247,7 @@ long="$train --epochs 1000000 --checkpoint-every 1000000 --checkpoint w/check --
 stopped() {
     local signal=$1 code=$2 words=$3 pid got
     shift 3
-    timeout 120 "$@" >out.txt 2>err.txt &
+    timeout -k 5 120 "$@" >out.txt 2>err.txt &
     pid=$!
     sleep 1
     pkill "-$signal" -P $pid
@@ -267,7 +272,7 @@ rm -f w/*
 # nohup: SIGHUP stays ignored.
 stopped HUP 143 "" nohup bash -c "$long & sleep 2; kill -TERM \$!; wait \$!"
 # The same signal twice: killed at the second one, if the first is not obeyed at once; nothing but that run is lost.
-timeout 60 $long >/dev/null 2>err.txt &
+timeout -k 5 60 $long >/dev/null 2>err.txt &
 sleep 1
 pkill -TERM -P $!
 pkill -TERM -P $!
