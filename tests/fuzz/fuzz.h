@@ -1,0 +1,46 @@
+/* Harnesses: each gives any bytes to one reader of files or texts, in this process, and frees what it got.
+ * The same table is run by libFuzzer, by AFL++ and by the replay of the corpora in the tests. */
+#ifndef LG_FUZZ_H
+#define LG_FUZZ_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct fuzz_harness {
+    const char *name;
+    void (*run)(const uint8_t *data, size_t size);
+    bool tree;          /* the bytes are a tree (tree.h), which becomes an HDF5 file */
+    size_t most;        /* bytes of an input */
+    const char *reader; /* what is tested */
+} fuzz_harness;
+
+/* Ends with a row without a name. */
+extern const fuzz_harness fuzz_harnesses[];
+/* NULL: none of that name. */
+const fuzz_harness *fuzz_find(const char *name);
+
+/* The bytes as a file; its path, the same for all. */
+const char *fuzz_file(const void *data, size_t size);
+int fuzz_file_descriptor(void);
+
+/* The harnesses of text and of trees. */
+void fuzz_scene(const uint8_t *data, size_t size);
+void fuzz_machine(const uint8_t *data, size_t size);
+void fuzz_scheme(const uint8_t *data, size_t size);
+void fuzz_grid(const uint8_t *data, size_t size);
+void fuzz_search(const uint8_t *data, size_t size);
+void fuzz_trials(const uint8_t *data, size_t size);
+void fuzz_study(const uint8_t *data, size_t size);
+void fuzz_table(const uint8_t *data, size_t size);
+void fuzz_log(const uint8_t *data, size_t size);
+void fuzz_npy(const uint8_t *data, size_t size);
+void fuzz_tensors(const uint8_t *data, size_t size);
+void fuzz_feed(const uint8_t *data, size_t size);
+void fuzz_options(const uint8_t *data, size_t size);
+void fuzz_model(const uint8_t *data, size_t size);
+void fuzz_data(const uint8_t *data, size_t size);
+void fuzz_program(const uint8_t *data, size_t size);
+void fuzz_checkpoint(const uint8_t *data, size_t size);
+
+#endif

@@ -1,0 +1,92 @@
+/* The table of harnesses, and the file that they read. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "datasets/h5.h"
+#include "fuzz.h"
+
+const fuzz_harness fuzz_harnesses[] = {
+    {"scene", fuzz_scene, false, 1024, "scenes (YAML)"},
+    {"machine", fuzz_machine, false, 1536, "machines (YAML)"},
+    {"scheme", fuzz_scheme, false, 512, "schemes of integration (YAML)"},
+    {"grid", fuzz_grid, false, 768, "grids of studies (YAML)"},
+    {"search", fuzz_search, false, 768, "ranges of searches (YAML)"},
+    {"trials", fuzz_trials, false, 1024, "trials of a search (CSV)"},
+    {"study", fuzz_study, false, 512, "table of a study (CSV)"},
+    {"table", fuzz_table, false, 512, "tables (CSV)"},
+    {"log", fuzz_log, false, 512, "logs of machines (CSV)"},
+    {"npy", fuzz_npy, false, 512, "tables (numpy)"},
+    {"tensors", fuzz_tensors, false, 1024, "weights (safetensors)"},
+    {"feed", fuzz_feed, false, 512, "the feed of lg-anomaly watch"},
+    {"options", fuzz_options, false, 256, "numbers, names, lists and settings of the command line"},
+    {"model", fuzz_model, true, 16384, "models and classifiers (HDF5)"},
+    {"data", fuzz_data, true, 8192, "trajectories, curves, series, tables, logs (HDF5)"},
+    {"program", fuzz_program, true, 16384, "programs (HDF5)"},
+    {"checkpoint", fuzz_checkpoint, true, 16384, "checkpoints (HDF5)"},
+    {NULL, NULL, false, 0, NULL}};
+
+const fuzz_harness *fuzz_find(const char *name) {
+    for (const fuzz_harness *h = fuzz_harnesses; h->name != NULL; h++)
+        if (strcmp(h->name, name) == 0) return h;
+    return NULL;
+}
+
+/* ---- the file ---- */
+
+static int file = -1;
+static char path[256];
+
+static void remove_file(void) {
+    (void)unlink(path);
+}
+
+/* In TMPDIR, which scripts/fuzz has in memory. One in memory without a name is none for HDF5. */
+static void open_once(void) {
+    if (file >= 0) return;
+    const char *folder = getenv("TMPDIR");
+    (void)snprintf(path, sizeof path, "%s/liegrad-fuzz-XXXXXX", folder != NULL ? folder : "/tmp");
+    file = mkstemp(path);
+    if (file >= 0 && atexit(remove_file) == 0) return;
+    perror(path);
+    exit(1);
+}
+
+const char *fuzz_file(const void *data, size_t size) {
+    open_once();
+    if (ftruncate(file, 0) != 0 || pwrite(file, data, size, 0) != (ssize_t)size ||
+        lseek(file, 0, SEEK_SET) != 0) {
+        perror(path);
+        exit(1);
+    }
+    return path;
+}
+
+int fuzz_file_descriptor(void) {
+    return file;
+}
+
+/* ---- in place of the library's own, by the linker ----
+ *
+ * No child reads the file first, so that what it would survive is found here. Arrays are small, so that a
+ * thousand files a second can be read. */
+
+lg_status __real_lg_read_options_resolve(const lg_read_options *options, lg_read_options *out,
+                                         lg_error *error);
+lg_status __wrap_lg_read_options_resolve(const lg_read_options *options, lg_read_options *out,
+                                         lg_error *error);
+lg_status __wrap_lg_read_options_resolve(const lg_read_options *options, lg_read_options *out,
+                                         lg_error *error) {
+    LG_TRY(__real_lg_read_options_resolve(options, out, error));
+    out->max_size = (uint64_t)1 << 16;
+    return LG_OK;
+}
+
+lg_status __wrap_lg_probe(const char *name, const lg_read_options *options,
+                          lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error);
+lg_status __wrap_lg_probe(const char *name, const lg_read_options *options,
+                          lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error) {
+    (void)name, (void)options, (void)read, (void)user, (void)error;
+    return LG_OK;
+}

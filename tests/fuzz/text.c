@@ -1,0 +1,322 @@
+/* Harnesses of files and words that are text. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "common/study.h"
+#include "fuzz.h"
+#include "lg-fit/fit.h"
+#include "liegrad/io.h"
+#include "liegrad/logs.h"
+#include "liegrad/tables.h"
+
+/* A reader that refuses says why. */
+static void refused(lg_status status, const lg_error *error) {
+    if (status != LG_OK && error->message[0] == '\0') abort();
+}
+
+/* ---- YAML ---- */
+
+/* `links: 1000000` is a fair scene, and takes a hundred times the time of others: more than a thousand are
+ * left to the tests. */
+static bool has_many_links(const uint8_t *data, size_t size) {
+    static const char word[] = "links";
+    for (const uint8_t *at = data, *end = data + size;; at++) {
+        at = memmem(at, (size_t)(end - at), word, sizeof word - 1);
+        if (at == NULL) return false;
+        char text[24] = "";
+        size_t used = 0;
+        for (const uint8_t *p = at + sizeof word - 1; p < end && used + 1 < sizeof text && *p != '\n'; p++)
+            if ((*p >= '0' && *p <= '9') || *p == '.' || *p == 'e' || *p == 'E' || *p == '+')
+                text[used++] = (char)*p;
+        text[used] = '\0';
+        if (strtod(text, NULL) > 1000) return true;
+    }
+}
+
+void fuzz_scene(const uint8_t *data, size_t size) {
+    if (has_many_links(data, size)) return;
+    lg_error error = {LG_OK, ""};
+    lg_scene scene;
+    const lg_status status = lg_scene_read(NULL, fuzz_file(data, size), NULL, &scene, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_scene_destroy(&scene);
+}
+
+void fuzz_machine(const uint8_t *data, size_t size) {
+    lg_error error = {LG_OK, ""};
+    lg_machine_file file;
+    const lg_status status =
+        lg_machine_file_parse(NULL, "machine.yaml", (const char *)data, size, &file, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_machine_file_destroy(&file);
+}
+
+void fuzz_scheme(const uint8_t *data, size_t size) {
+    lg_error error = {LG_OK, ""};
+    lg_scheme *scheme;
+    const lg_status status = lg_scheme_read(NULL, fuzz_file(data, size), &scheme, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_scheme_destroy(scheme);
+}
+
+void fuzz_grid(const uint8_t *data, size_t size) {
+    if (has_many_links(data, size)) return;
+    lg_error error = {LG_OK, ""};
+    lg_grid grid;
+    const lg_status status = lg_grid_read(NULL, fuzz_file(data, size), &grid, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    if (lg_grid_runs(&grid) == 0) abort();
+    lg_grid_destroy(&grid);
+}
+
+void fuzz_search(const uint8_t *data, size_t size) {
+    lg_error error = {LG_OK, ""};
+    lg_search_file file;
+    double value[LG_RANGE_MAX];
+    const lg_status status = lg_search_file_read(NULL, fuzz_file(data, size), &file, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    lg_search_draw(&file.space, 1, 0, value);
+    for (size_t i = 0; i < file.space.count; i++)
+        if (!isfinite(value[i])) abort();
+}
+
+/* ---- tables that commands continue ---- */
+
+void fuzz_trials(const uint8_t *data, size_t size) {
+    enum { ROOM = 64 };
+    static const lg_search_file search = {
+        .space = {3,
+                  {{.name = "lr", .kind = LG_RANGE_LOG_UNIFORM, .low = 1e-4, .high = 1},
+                   {.name = "layers", .kind = LG_RANGE_INTEGER, .low = 0, .high = 4},
+                   {.name = "kind", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"mlp", "resnet"}}}}};
+    static lg_trial trials[ROOM];
+    lg_error error = {LG_OK, ""};
+    size_t count = 0;
+    const lg_status status =
+        lg_trials_read(NULL, fuzz_file(data, size), &search, 1, NULL, ROOM, trials, &count, &error);
+    refused(status, &error);
+    if (status == LG_OK && count > ROOM) abort();
+}
+
+void fuzz_study(const uint8_t *data, size_t size) {
+    static study_plan plan;
+    if (plan.axis_count == 0) {
+        plan = (study_plan){.axis_count = 2, .measure_count = 2, .measures = {"E1", "seconds"}, .repeats = 2};
+        plan.axes[0].name = "integrator";
+        plan.axes[1].name = "N";
+        study_axis_add(&plan.axes[0], "cf4", 0);
+        study_axis_add(&plan.axes[0], "euler", 0);
+        study_axis_add(&plan.axes[1], NULL, 10);
+        study_axis_add(&plan.axes[1], NULL, 20.5);
+        study_set_protocol(&plan, "fuzz");
+    }
+    lg_error error = {LG_OK, ""};
+    study_file file;
+    const lg_status status = study_file_open(fuzz_file(data, size), &plan, &file, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    for (uint64_t i = 0; i < study_runs(&plan); i++) {
+        const study_row run = study_run_at(&plan, i);
+        (void)study_file_find(&file, &run);
+    }
+    for (uint64_t i = 0; i < study_cells(&plan); i++) (void)study_cell_summary(&file, study_run_at(&plan, i));
+    study_file_close(&file);
+}
+
+/* ---- tables and logs ---- */
+
+/* Inputs from the first columns, the last one is the class. */
+static void read_table_file(const char *path) {
+    lg_error error = {LG_OK, ""};
+    lg_table_names names;
+    lg_status status = lg_table_names_read(NULL, path, NULL, &names, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    if (names.count > 0) {
+        const char *columns[3];
+        const uint32_t count = names.count < 3 ? names.count : 3;
+        for (uint32_t i = 0; i < count; i++) columns[i] = names.name[i];
+        lg_table_data table;
+        status = lg_table_read(NULL, path, columns, count, count == 3 ? names.name[names.count - 1] : NULL,
+                               NULL, &table, &error);
+        refused(status, &error);
+        if (status == LG_OK) {
+            lg_table_data *const all = &table;
+            (void)lg_table_keep_complete(&all, 1, NULL, &error);
+            lg_table_data_destroy(&table);
+        }
+    }
+    lg_table_names_destroy(&names);
+}
+
+void fuzz_table(const uint8_t *data, size_t size) {
+    read_table_file(fuzz_file(data, size));
+}
+
+/* The bytes behind the magic word of numpy. */
+void fuzz_npy(const uint8_t *data, size_t size) {
+    static const char magic[] = "\x93NUMPY";
+    char bytes[4096];
+    const size_t head = sizeof magic - 1;
+    if (size > sizeof bytes - head) size = sizeof bytes - head;
+    memcpy(bytes, magic, head);
+    if (size > 0) memcpy(bytes + head, data, size);
+    read_table_file(fuzz_file(bytes, head + size));
+}
+
+void fuzz_tensors(const uint8_t *data, size_t size) {
+    lg_error error = {LG_OK, ""};
+    lg_tensors tensors;
+    const lg_status status = lg_tensors_read(NULL, fuzz_file(data, size), &tensors, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_tensors_destroy(&tensors);
+}
+
+/* Machines whose columns are named by single letters, so that a few bytes are a log. */
+static const char *const machines[] = {
+    "columns: {time: t, run: r}\ncoordinates:\n  - {name: x, kind: line, velocity: v}\n"
+    "  - {name: a, kind: angle, velocity: w}\ninputs: {columns: [u], hold: cubic, delay: 2}\n"
+    "measured: velocities\n",
+    "columns: {time: t, max_step: 2}\ncoordinates:\n  - {name: a, kind: angle}\n  - {name: x, kind: line}\n"
+    "inputs: {columns: [u]}\nmeasured: positions\nmass: {kind: constant}\n",
+    "columns: {time: t}\ncoordinates:\n  - {name: d, kind: direction, columns: [a, b, c], velocity: [e, f, "
+    "g]}\n"
+    "measured: velocities\n",
+    "columns: {time: t, run: r}\ncoordinates:\n"
+    "  - {name: R, kind: rotation, columns: [a, b, c, d], velocity: [e, f, g]}\nmeasured: velocities\n"};
+
+void fuzz_log(const uint8_t *data, size_t size) {
+    static lg_machine_file machine[LG_COUNT(machines)];
+    if (size == 0) return;
+    lg_error error = {LG_OK, ""};
+    lg_machine_file *of = &machine[data[0] % LG_COUNT(machines)];
+    const char *text = machines[data[0] % LG_COUNT(machines)];
+    if (of->column_count == 0 &&
+        lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), of, &error) != LG_OK) {
+        (void)fprintf(stderr, "%s\n", error.message);
+        abort();
+    }
+    const char *paths[2] = {fuzz_file(data + 1, size - 1), NULL};
+    paths[1] = paths[0];
+    lg_logs logs;
+    const lg_status status = lg_logs_read(NULL, of, paths, 1 + (data[0] >> 7), NULL, &logs, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_logs_destroy(&logs);
+}
+
+/* ---- words of the command line ---- */
+
+static void numbers(const char *text) {
+    double real = 0.0, again = 0.0;
+    uint64_t whole = 0, size = 0;
+    if (lg_number_parse(text, &real) == LG_OK) {
+        char shown[32];
+        (void)snprintf(shown, sizeof shown, "%.17g", real);
+        if (!isfinite(real) || lg_number_parse(shown, &again) != LG_OK || again != real) abort();
+    }
+    const bool is_whole = lg_integer_parse(text, &whole) == LG_OK;
+    if (app_parse_size(text, &size) && (!is_whole || size != whole)) abort();
+    (void)app_parse_real(text, &real);
+}
+
+/* What is read of a list is written as a list of the same names. */
+static void names(const char *text) {
+    const app self = {.title = "fuzz"};
+    column_names read, again;
+    lg_table_text label;
+    if (parse_names(&self, "inputs", text, &read) == APP_EXIT_OK) {
+        char *list = list_names(&read);
+        if (parse_names(&self, "inputs", list, &again) != APP_EXIT_OK || again.count != read.count) abort();
+        for (uint32_t i = 0; i < read.count; i++)
+            if (strcmp(read.name[i], again.name[i]) != 0) abort();
+        free_names(&again);
+        free(list);
+    }
+    free_names(&read);
+    (void)parse_class(&self, text, label);
+}
+
+/* A hyperparameter that is set is shown as a text that sets the same. */
+static void hyperparameter(const lg_hyperparameter *table, size_t at, void *run, const char *text) {
+    static char shown[LG_HYPER_TEXT_SIZE], again[LG_HYPER_TEXT_SIZE];
+    lg_error error = {LG_OK, ""};
+    size_t rows = 0;
+    while (table[rows].name != NULL) rows++;
+    const lg_hyperparameter *row = &table[at % rows];
+    lg_hyperparameters_default(table, run);
+    const lg_status status = lg_hyperparameter_set(row, text, run, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    lg_hyperparameter_show(row, run, shown, sizeof shown);
+    if (lg_hyperparameter_set(row, shown, run, &error) != LG_OK) abort();
+    lg_hyperparameter_show(row, run, again, sizeof again);
+    if (strcmp(shown, again) != 0) abort();
+}
+
+static void option(size_t at, const char *text) {
+    typedef struct values {
+        uint64_t size;
+        double real;
+        const char *text;
+        int choice;
+        app_sizes sizes;
+        app_reals reals;
+    } values;
+    static const char *const choices[] = {"one", "two", NULL};
+    static const app_option options[] = {APP_ROW_SIZE(values, size, "size", "N", 0, 1e15, ""),
+                                         APP_ROW_REAL(values, real, "real", "X", -1, 1e9, ""),
+                                         APP_ROW_TEXT(values, text, "text", "TEXT", ""),
+                                         APP_ROW_CHOICE(values, choice, "choice", choices, ""),
+                                         APP_ROW_SIZES(values, sizes, "sizes", "N,..", 1, 1e6, ""),
+                                         APP_ROW_REALS(values, reals, "reals", "X,..", "", NULL)};
+    values to = {.size = 0};
+    lg_error error = {LG_OK, ""};
+    app_slot slot = {.option = &options[at % LG_COUNT(options)], .values = &to};
+    refused(app_store(&slot, text, &error), &error);
+}
+
+/* The first two bytes say what the rest is. */
+void fuzz_options(const uint8_t *data, size_t size) {
+    static lg_hamiltonian_run hamiltonian;
+    static lg_surrogate_run surrogate;
+    static lg_detector_run detector;
+    static lg_table_run table;
+    lg_fit_plan plan;
+    lg_error error = {LG_OK, ""};
+    if (size < 2) return;
+    char *text = malloc(size - 1); /* of its exact size: one byte beyond is seen */
+    if (text == NULL) abort();
+    memcpy(text, data + 2, size - 2);
+    text[size - 2] = '\0';
+    switch (data[0] % 8) {
+    case 0:
+        numbers(text);
+        break;
+    case 1:
+        names(text);
+        break;
+    case 2:
+        option(data[1], text);
+        break;
+    case 3:
+        refused(lg_fit_plan_parse(text, &plan, &error), &error);
+        break;
+    case 4:
+        hyperparameter(lg_hamiltonian_hyperparameters, data[1], &hamiltonian, text);
+        break;
+    case 5:
+        hyperparameter(lg_surrogate_hyperparameters, data[1], &surrogate, text);
+        break;
+    case 6:
+        hyperparameter(lg_detector_hyperparameters, data[1], &detector, text);
+        break;
+    default:
+        hyperparameter(lg_table_hyperparameters, data[1], &table, text);
+    }
+    free(text);
+}

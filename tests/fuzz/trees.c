@@ -1,0 +1,257 @@
+/* Harnesses of HDF5 files, from trees. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/classifier_file.h"
+#include "datasets/run.h"
+#include "fuzz.h"
+#include "liegrad/io.h"
+#include "liegrad/logs.h"
+#include "liegrad/machine_model.h"
+#include "liegrad/tables.h"
+#include "tree.h"
+
+static tree_record records[TREE_RECORDS];
+
+static void refused(lg_status status, const lg_error *error) {
+    if (status != LG_OK && error->message[0] == '\0') abort();
+}
+
+/* The record of that name; NULL: none. */
+static const tree_record *find(size_t count, const char *name) {
+    const size_t length = strlen(name);
+    for (size_t i = 0; i < count; i++)
+        if (records[i].name_length == length && memcmp(records[i].name, name, length) == 0)
+            return &records[i];
+    return NULL;
+}
+
+/* ---- models ---- */
+
+enum { MOST_NUMBERS = 1 << 12, MOST_WORK = 1 << 20 };
+
+static void evaluate(const lg_model_file *file) {
+    const lg_model *model = file->model;
+    const size_t inputs = lg_model_inputs(model), outputs = lg_model_outputs(model);
+    const size_t work = lg_model_work_size(model);
+    const double *values;
+    lg_slice_info slice;
+    for (uint32_t i = 0; lg_model_file_slice(file, i, &slice, &values); i++)
+        if (values == NULL) abort();
+    if (inputs > MOST_NUMBERS || outputs > MOST_NUMBERS || inputs * outputs > MOST_NUMBERS ||
+        work > MOST_WORK)
+        return;
+    double *x = lg_alloc(NULL, inputs, sizeof *x), *y = lg_alloc(NULL, outputs, sizeof *y);
+    double *jacobian = lg_alloc(NULL, inputs * outputs, sizeof *jacobian);
+    void *memory = lg_alloc(NULL, work, 1);
+    if (x == NULL || y == NULL || jacobian == NULL || memory == NULL) abort();
+    for (size_t i = 0; i < inputs; i++) x[i] = 0.25 + 0.5 * (double)(i % 3);
+    lg_model_eval(model, x, y, memory);
+    lg_model_jacobian(model, x, y, jacobian, memory);
+    lg_free(NULL, memory);
+    lg_free(NULL, jacobian);
+    lg_free(NULL, y);
+    lg_free(NULL, x);
+}
+
+void fuzz_model(const uint8_t *data, size_t size) {
+    const char *path = tree_file(data, size);
+    lg_error error = {LG_OK, ""};
+    char kind[64] = "";
+    lg_status status = lg_file_kind(NULL, path, NULL, kind, sizeof kind, &error);
+    refused(status, &error);
+    if (status == LG_OK && strcmp(kind, "classifier") == 0) {
+        classifier_file file;
+        status = classifier_file_load(NULL, path, &file, &error);
+        refused(status, &error);
+        if (status == LG_OK) classifier_file_free(&file);
+    } else if (status == LG_OK) {
+        lg_model_file file;
+        status = lg_model_load(NULL, path, NULL, &file, &error);
+        refused(status, &error);
+        if (status != LG_OK) return;
+        evaluate(&file);
+        lg_model_file_destroy(&file);
+    }
+}
+
+/* ---- data ---- */
+
+static void read_trajectories(const char *path) {
+    lg_error error = {LG_OK, ""};
+    lg_trajectories data;
+    const lg_status status = lg_trajectories_read(NULL, path, NULL, &data, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_trajectories_destroy(&data);
+}
+
+static void read_curves(const char *path) {
+    lg_error error = {LG_OK, ""};
+    lg_elastica_data data;
+    const lg_status status = lg_elastica_data_read(NULL, path, NULL, &data, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_elastica_data_destroy(&data);
+}
+
+static void read_series(const char *path) {
+    lg_error error = {LG_OK, ""};
+    lg_series_data data;
+    const lg_status status = lg_series_read(NULL, path, NULL, NULL, &data, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_series_data_destroy(&data);
+}
+
+static void read_log(const char *path) {
+    static const char text[] = "columns: {time: time, run: run}\ncoordinates:\n"
+                               "  - {name: x, kind: line, velocity: v}\n"
+                               "  - {name: a, kind: angle, velocity: w}\ninputs: {columns: [u]}\n"
+                               "measured: velocities\n";
+    static lg_machine_file machine;
+    lg_error error = {LG_OK, ""};
+    if (machine.column_count == 0 &&
+        lg_machine_file_parse(NULL, "machine.yaml", text, sizeof text - 1, &machine, &error) != LG_OK)
+        abort();
+    lg_logs logs;
+    const lg_status status = lg_logs_read(NULL, &machine, &path, 1, NULL, &logs, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_logs_destroy(&logs);
+}
+
+static void read_table(const char *path) {
+    lg_error error = {LG_OK, ""};
+    lg_table_names names;
+    lg_status status = lg_table_names_read(NULL, path, NULL, &names, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    const char *columns[3];
+    const uint32_t count = names.count < 3 ? names.count : 3;
+    for (uint32_t i = 0; i < count; i++) columns[i] = names.name[i];
+    lg_table_data table;
+    if (count > 0) {
+        status = lg_table_read(NULL, path, columns, count, count == 3 ? names.name[names.count - 1] : NULL,
+                               NULL, &table, &error);
+        refused(status, &error);
+        if (status == LG_OK) lg_table_data_destroy(&table);
+    }
+    lg_table_names_destroy(&names);
+}
+
+/* Each reader gets the files that have its data set. */
+void fuzz_data(const uint8_t *data, size_t size) {
+    static const struct {
+        const char *mark;
+        void (*read)(const char *path);
+    } readers[] = {{"trajectories", read_trajectories},
+                   {"boundary", read_curves},
+                   {"X", read_series},
+                   {"time", read_log},
+                   {"column", read_table}};
+    const size_t count = tree_read(data, size, records);
+    const char *path = tree_file(data, size);
+    for (size_t i = 0; i < LG_COUNT(readers); i++)
+        if (find(count, readers[i].mark) != NULL) readers[i].read(path);
+}
+
+/* ---- programs ---- */
+
+/* What has loaded can be planned and run. */
+static void run_program(const lg_program *program, size_t function) {
+    enum { PORTS = 16 };
+    const void *inputs[PORTS];
+    void *outputs[PORTS];
+    static double in[MOST_NUMBERS], out[PORTS][MOST_NUMBERS];
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    options.max_size = MOST_WORK;
+    options.most_work = 1e5;
+    lg_error error = {LG_OK, ""};
+    lg_plan *plan;
+    const lg_status status = lg_plan_create(program, function, &options, &plan, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    size_t input_count, output_count;
+    (void)lg_program_inputs(program, function, &input_count);
+    (void)lg_program_outputs(program, function, &output_count);
+    bool fits = input_count <= PORTS && output_count <= PORTS;
+    for (size_t i = 0; i < MOST_NUMBERS; i++) in[i] = 0.25 + 0.5 * (double)(i % 3);
+    for (size_t i = 0; fits && i < input_count; i++) {
+        inputs[i] = in;
+        fits = lg_plan_input_count(plan, i) <= MOST_NUMBERS;
+    }
+    for (size_t i = 0; fits && i < output_count; i++) {
+        outputs[i] = out[i];
+        fits = lg_plan_output_count(plan, i) <= MOST_NUMBERS;
+    }
+    void *work = fits ? lg_alloc(NULL, lg_plan_work_size(plan), 1) : NULL;
+    if (work != NULL) lg_plan_eval(plan, inputs, outputs, work);
+    lg_free(NULL, work);
+    lg_plan_destroy(plan);
+}
+
+void fuzz_program(const uint8_t *data, size_t size) {
+    lg_error error = {LG_OK, ""};
+    lg_program *program;
+    const lg_status status = lg_program_load(NULL, tree_file(data, size), NULL, &program, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    const size_t functions = lg_program_functions(program);
+    for (size_t i = 0; i < functions && i < 4; i++) run_program(program, i);
+    lg_program_destroy(program);
+}
+
+/* ---- checkpoints ---- */
+
+static const lg_run_kind *const kinds[] = {&lg_run_hamiltonian, &lg_run_surrogate, &lg_run_detector,
+                                           &lg_run_table, &lg_run_machine_model};
+
+static lg_status no_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                         size_t batch, lg_var *loss) {
+    (void)user, (void)tape, (void)theta, (void)samples, (void)count, (void)batch, (void)loss;
+    return LG_UNSUPPORTED;
+}
+
+static void load_fit(const lg_run_kind *kind, const void *run, lg_file_reader *reader, size_t samples) {
+    const lg_training *training = (const lg_training *)((const char *)run + kind->training);
+    const size_t parameters = kind->parameters(run);
+    lg_error error = {LG_OK, ""};
+    lg_archive_reader archive;
+    lg_fit_options options;
+    lg_fit *fit = NULL;
+    if (training->epochs > MOST_NUMBERS || parameters > MOST_NUMBERS || samples > MOST_NUMBERS) return;
+    const lg_fit_problem problem = {.parameters = parameters, .samples = samples, .loss = no_loss};
+    double *theta = lg_alloc(NULL, parameters, sizeof *theta);
+    lg_fit_options_init(&options);
+    lg_training_apply(training, &options);
+    options.shards = 1;
+    lg_status status = lg_fit_create(NULL, &problem, &options, theta, &fit, &error);
+    if (status == LG_OK && lg_file_reader_archive(reader, "fit", &archive) == LG_OK) {
+        status = lg_fit_load(fit, &archive, &error);
+        refused(status, &error);
+        if (status == LG_OK) lg_fit_parameters(fit, theta);
+    }
+    lg_fit_destroy(fit);
+    lg_free(NULL, theta);
+}
+
+void fuzz_checkpoint(const uint8_t *data, size_t size) {
+    lg_error error = {LG_OK, ""};
+    const size_t count = tree_read(data, size, records);
+    const tree_record *name = find(count, "@kind"), *order = find(count, "fit/train/permutation");
+    const lg_run_kind *kind = kinds[0];
+    for (size_t i = 0; name != NULL && i < LG_COUNT(kinds); i++) {
+        const char *checkpoint = kinds[i]->checkpoint;
+        if (name->length >= strlen(checkpoint) && memcmp(name->data, checkpoint, strlen(checkpoint)) == 0)
+            kind = kinds[i];
+    }
+    lg_file_reader *reader;
+    void *run = lg_alloc(NULL, 1, kind->run_size);
+    if (run == NULL) abort();
+    const lg_status status =
+        lg_checkpoint_open(NULL, tree_file(data, size), NULL, kind, run, &reader, &error);
+    refused(status, &error);
+    if (status == LG_OK) {
+        load_fit(kind, run, reader, order != NULL && order->rank == 1 ? order->dims[0] : 10);
+        lg_file_reader_destroy(reader);
+    }
+    lg_free(NULL, run);
+}
