@@ -233,7 +233,9 @@ TEST("in the probe nothing is written, sent, started or signalled, and the paren
 
 /* Also where the system has no filter. */
 static lg_status grows_a_file(void *user, lg_error *error) {
+    struct rlimit limit;
     (void)user;
+    if (getrlimit(RLIMIT_FSIZE, &limit) != 0 || limit.rlim_cur != 0) return LG_OK;
     const ssize_t written = pwrite(scene.descriptor, "more than there was", 19, 0);
     return written > 9 ? LG_OK : lg_fail(error, LG_FILE, "it did not grow");
 }
