@@ -60,7 +60,8 @@ file(WRITE ${CPACK_TEMPORARY_DIRECTORY}/runtime/usr/share/lintian/overrides/lieg
 liegrad: package-name-doesnt-match-sonames *\n\
 # CPack writes these two scripts itself; the trigger is there too.\n\
 liegrad: maintscript-calls-ldconfig *\n")
-if("mpi" IN_LIST CPACK_COMPONENTS_ALL)
+list(FIND CPACK_COMPONENTS_ALL mpi mpi)
+if(NOT mpi EQUAL -1)
   file(WRITE ${CPACK_TEMPORARY_DIRECTORY}/mpi/usr/share/lintian/overrides/liegrad-mpi "\
 # A library that the programs load; its name is theirs.\n\
 liegrad-mpi: package-name-doesnt-match-sonames *\n\
