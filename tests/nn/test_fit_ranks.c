@@ -5,7 +5,7 @@
 #include "core/core.h"
 #include "support/rank_team.h"
 
-enum { RANKS = 5 }; /* 1 to 5 */
+enum { RANKS = 3 }; /* 1 to 3 */
 
 /* ---- a problem whose samples have numbers of their own: o_i is added to the prediction ---- */
 
@@ -160,8 +160,8 @@ TEST("a matrix of several blocks of rows is divided, saved whole and resumed by 
         trained whole = training(&r, plans[i], 24), first = whole, rest = whole;
         const memory_archive expected = trained_by(&whole, 0, LG_OK);
         first.options.stop_after = 11;
-        for (uint32_t a = 1; a <= 4; a++)
-            for (uint32_t b = 1; b <= 4; b++) {
+        for (uint32_t a = 1; a <= 3; a += 2)
+            for (uint32_t b = 2; b <= 4; b += 2) {
                 memory_archive half = trained_by(&first, a, LG_OK);
                 rest.from = &half;
                 const memory_archive resumed = trained_by(&rest, b, LG_OK);
