@@ -114,8 +114,8 @@ void lg_fit_for_pairs(const lg_fit *fit, lg_pairs pairs, lg_fit_add add, void *u
 /* What a gradient is not finite in. */
 lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error *error);
 
-/* Loss and sums of squares: P, the part of the matrix that is added over shards, and what is a sample's own
- * in the first shard's matrix: its rows C and its block B. Each NULL where there is none. */
+/* Of the matrix of sums of squares: the length of P, which is added over shards, and what is a sample's own
+ * in the first shard's matrix, its rows C and its block B. */
 typedef struct lg_fit_own {
     double *rows, *block;
     size_t rows_length, block_length;

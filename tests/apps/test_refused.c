@@ -3,6 +3,8 @@
  * reads it. */
 #include "cli_support.h"
 
+#include "liegrad/integrators.h"
+
 #include <hdf5.h>
 
 #include "liegrad/io.h"
@@ -594,7 +596,9 @@ static const refusal simulate[] = {
 };
 
 /* More stages than there may be. */
-#define MANY "0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01"
+#define TEXT_OF(x) #x
+#define TEXT(x)    TEXT_OF(x)
+#define MANY       "0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01"
 
 static const char *const schemes[][2] = {
     {"order: 3\n", "kind"},
@@ -609,7 +613,8 @@ static const char *const schemes[][2] = {
     {"kind: rkmk\norder: 1\na: [[]]\nb: [one]\n", "line 4: b: 'one' is neither a number nor a quotient"},
     {"kind: rkmk\norder: 1\na: [[]]\nb: [1/0]\n", "'1/0'"},
     {"kind: rkmk\norder: 1\na: [[]]\nb: 1\n", "0 stages"},
-    {"kind: rkmk\norder: 1\na: [[]]\nb: [" MANY "," MANY "," MANY "," MANY "]\n", "stages, 1 to "},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [" MANY "," MANY "," MANY "," MANY "]\n",
+     "40 stages, 1 to " TEXT(LG_SCHEME_MAX_STAGES)},
     {"kind: rkmk\norder: 2\na: [[]]\nb: [0.5, 0.5]\n", "line 3: a: a list for each stage"},
     {"kind: rkmk\norder: 2\na: [[1], [1]]\nb: [0.5, 0.5]\n", "not explicit"},
     {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\nc: [0, 0.5]\n", "c_i is not the sum"},
