@@ -42,6 +42,8 @@ lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, 
 /* Every link on the way exists and the last one leads to an object. */
 bool lg_path_exists(lg_h5 *h5, const char *name);
 
+bool lg_is_number(hid_t type); /* a sound type of floats or integers */
+bool lg_is_whole(double x);
 hid_t lg_h5_memory_type(lg_element type); /* native, not to be closed */
 size_t lg_element_size(lg_element type);
 /* A handle without a file: path copied, link access list made. */

@@ -1,0 +1,162 @@
+/* Attributes: reading them, and what those of the file say of it. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/h5_internal.h"
+
+typedef struct attribute {
+    hid_t attribute, type;
+    bool single; /* one element; none for an empty (null) data space */
+} attribute;
+
+static void close_attribute(attribute *a) {
+    if (a->type >= 0) (void)H5Tclose(a->type);
+    if (a->attribute >= 0) (void)H5Aclose(a->attribute);
+}
+
+static lg_status attribute_error(const lg_h5 *h5, const char *object, const char *name, lg_status status,
+                                 const char *what, lg_error *error) {
+    return lg_fail(error, status, "%s: /%s: attribute %s: %s", lg_shown_path(h5->path), object, name, what);
+}
+
+static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name, attribute *a,
+                                lg_error *error) {
+    *a = (attribute){.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID};
+    const char *at = *object == '\0' ? "/" : object;
+    if ((*object != '\0' && !lg_path_exists(h5, object)) ||
+        H5Aexists_by_name(h5->file, at, name, h5->links) <= 0)
+        return attribute_error(h5, object, name, LG_NOT_FOUND, "is missing", error);
+    a->attribute = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links);
+    a->type = a->attribute >= 0 ? H5Aget_type(a->attribute) : H5I_INVALID_HID;
+    hid_t space = a->attribute >= 0 ? H5Aget_space(a->attribute) : H5I_INVALID_HID;
+    hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
+    if (space >= 0) (void)H5Sclose(space);
+    if (a->type < 0 || count < 0 || count > 1)
+        return attribute_error(h5, object, name, LG_FORMAT,
+                               count > 1 ? "has more than one value" : "cannot be read", error);
+    a->single = count == 1;
+    return LG_OK;
+}
+
+/* Any string type, terminated, padding removed. Allocates nothing. */
+static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char *out,
+                           size_t size, lg_error *error) {
+    if (H5Tget_class(a->type) != H5T_STRING)
+        return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
+    bool variable = H5Tis_variable_str(a->type) > 0, read = true;
+    char fixed[LG_H5_TEXT + 1] = "", *pointer = NULL;
+    const char *text = fixed;
+    if (!variable && H5Tget_size(a->type) > LG_H5_TEXT)
+        return attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
+    if (variable && a->single) {
+        read = H5Aread(a->attribute, a->type, &pointer) >= 0;
+        if (pointer != NULL) text = pointer;
+    } else if (a->single) {
+        read = H5Aread(a->attribute, a->type, fixed) >= 0;
+        if (H5Tget_strpad(a->type) == H5T_STR_SPACEPAD)
+            for (size_t n = strlen(fixed); n > 0 && fixed[n - 1] == ' ';) fixed[--n] = '\0';
+    }
+    size_t length = strlen(text);
+    lg_status status = LG_OK;
+    if (!read)
+        status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
+    else if (length >= size)
+        status = attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
+    else
+        memcpy(out, text, length + 1);
+    if (pointer != NULL) (void)H5free_memory(pointer);
+    return status;
+}
+
+lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
+                     lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    attribute a;
+    lg_status status = open_attribute(h5, object, name, &a, error);
+    if (status == LG_OK) status = read_text(h5, object, name, &a, out, size, error);
+    close_attribute(&a);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
+                       lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    attribute a;
+    union {
+        double f64;
+        float f32;
+        int64_t i64;
+        uint64_t u64;
+        uint32_t u32;
+    } value = {0}, wide = {0};
+    lg_status status = open_attribute(h5, object, name, &a, error);
+    if (status == LG_OK) {
+        H5T_class_t kind = H5Tget_class(a.type);
+        bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
+        if (!a.single || !lg_is_number(a.type))
+            status = attribute_error(h5, object, name, LG_FORMAT,
+                                     to_float ? "is not a number" : "is not an integer", error);
+        else if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
+                 (!to_float && H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &wide) < 0))
+            status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
+        else if (!to_float && kind == H5T_FLOAT && !lg_is_whole(wide.f64))
+            status = attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
+    }
+    if (status == LG_OK && type != LG_ELEMENT_F64 && type != LG_ELEMENT_F32) {
+        /* The conversion clips; compare with the value as a double. */
+        double got = type == LG_ELEMENT_I64   ? (double)value.i64
+                     : type == LG_ELEMENT_U64 ? (double)value.u64
+                                              : value.u32;
+        if (got != wide.f64) status = attribute_error(h5, object, name, LG_FORMAT, "is out of range", error);
+    }
+    if (status == LG_OK) memcpy(out, &value, lg_element_size(type));
+    close_attribute(&a);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+/* ---- what a file says of itself ---- */
+
+lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error) {
+    char text[64] = "";
+    int64_t version = LG_FORMAT_VERSION;
+    bool has_format = lg_h5_has_attribute(h5, "", "format");
+    const char *shown = lg_shown_path(h5->path);
+    if (has_format && lg_h5_text(h5, "", "format", text, sizeof text, NULL) != LG_OK) text[0] = '\0';
+    bool ours = has_format && strcmp(text, "liegrad") == 0;
+    if (has_format && !ours && foreign) return LG_OK;
+    if (has_format && !ours)
+        return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown,
+                       lg_tamed(text));
+    if (lg_h5_has_attribute(h5, "", "format_version")) {
+        LG_TRY(lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
+        if (version > LG_FORMAT_VERSION)
+            return lg_fail(error, LG_VERSION,
+                           "%s: attribute format_version is %lld, this program reads up to %d", shown,
+                           (long long)version, LG_FORMAT_VERSION);
+        if (version < 1)
+            return lg_fail(error, LG_FORMAT, "%s: attribute format_version is %lld", shown,
+                           (long long)version);
+    }
+    if (kind == NULL || (foreign && !lg_h5_has_attribute(h5, "", "kind"))) return LG_OK;
+    if (!lg_h5_has_attribute(h5, "", "kind"))
+        return lg_fail(error, LG_FORMAT, "%s: attribute kind is missing, expected '%s'", shown, kind);
+    lg_status status = lg_h5_text(h5, "", "kind", text, sizeof text, error);
+    if (status != LG_OK)
+        return status == LG_SHAPE ? lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown)
+                                  : status;
+    if (strcmp(text, kind) != 0 && (ours || !foreign))
+        return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s'", shown, lg_tamed(text),
+                       kind);
+    return LG_OK;
+}
+
+void lg_h5_provenance(lg_h5 *h5, lg_provenance *out) {
+    *out = (lg_provenance){0};
+    (void)lg_h5_text(h5, "", "liegrad_version", out->liegrad_version, sizeof out->liegrad_version, NULL);
+    (void)lg_h5_text(h5, "", "command", out->command, sizeof out->command, NULL);
+    (void)lg_h5_text(h5, "", "cpu", out->cpu, sizeof out->cpu, NULL);
+    out->has_seed = lg_h5_number(h5, "", "seed", LG_ELEMENT_U64, &out->seed, NULL) == LG_OK;
+}
