@@ -118,11 +118,18 @@ static inline const char *fresh_copy(const char *name, void (*write)(const char 
 typedef lg_status (*read_fn)(const lg_context *context, const char *path, const lg_read_options *options,
                              lg_error *error);
 
-/* The status is one of two, and every word is in the sentence ("" for none). */
-static inline void assert_refused(read_fn reader, const char *path, lg_status expected, const char *word1,
-                                  const char *word2) {
+static inline lg_read_options without_probe(void) {
+    lg_read_options options;
+    lg_read_options_init(&options);
+    options.probe = false;
+    return options;
+}
+
+/* Every word is in the sentence ("" for none). */
+static inline void assert_refused_by(read_fn reader, const lg_read_options *options, const char *path,
+                                     lg_status expected, const char *word1, const char *word2) {
     lg_error error = {LG_OK, ""};
-    lg_status status = reader(NULL, path, NULL, &error);
+    lg_status status = reader(NULL, path, options, &error);
     if (status != expected)
         fail_msg("%s: %s (%s), expected %s", path, lg_status_name(status), error.message,
                  lg_status_name(expected));
@@ -131,7 +138,12 @@ static inline void assert_refused(read_fn reader, const char *path, lg_status ex
     for (size_t i = 0; i < 3; i++)
         if (strstr(error.message, words[i]) == NULL) fail_msg("no '%s' in: %s", words[i], error.message);
     /* A NULL error is fine too. */
-    assert_int_equal(reader(NULL, path, NULL, NULL), expected);
+    assert_int_equal(reader(NULL, path, options, NULL), expected);
+}
+
+static inline void assert_refused(read_fn reader, const char *path, lg_status expected, const char *word1,
+                                  const char *word2) {
+    assert_refused_by(reader, NULL, path, expected, word1, word2);
 }
 
 /* Missing, empty, a folder, cut at each tenth, PNG, text: the same for every reader. `line`: what stands in
@@ -329,11 +341,14 @@ static inline const char *apply_change(const char *path, const char *at, const c
     return mark + 1;
 }
 
+/* HDF5 itself wrote these files: no child reads them first, which takes 20 ms under a sanitizer. */
 static inline void refuse_damage(read_fn reader, fresh_fn fresh, const damage *rows, size_t count) {
+    const lg_read_options here = without_probe();
     for (size_t i = 0; i < count; i++) {
         const bool elsewhere = rows[i].word[0] == '~';
         const char *path = fresh(), *name = apply_change(path, rows[i].at, &rows[i].change);
-        assert_refused(reader, path, rows[i].status, elsewhere ? "" : name, rows[i].word + elsewhere);
+        assert_refused_by(reader, &here, path, rows[i].status, elsewhere ? "" : name,
+                          rows[i].word + elsewhere);
     }
 }
 
@@ -368,13 +383,6 @@ fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg
 }
 
 /* Readers in this process: a probe allocates in another. */
-static inline lg_read_options without_probe(void) {
-    lg_read_options options;
-    lg_read_options_init(&options);
-    options.probe = false;
-    return options;
-}
-
 typedef struct reading {
     read_fn reader;
     const char *path;
