@@ -15,7 +15,7 @@ ROOT = os.path.dirname(HERE)
 NEUTRAL = ("OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS", "OPENBLAS_L2_SIZE", "OMP_NUM_THREADS", "MKL_NUM_THREADS",
            "MKL_DEBUG_CPU_TYPE", "ATEN_CPU_CAPABILITY", "LIEGRAD_ISA", "NVPL_BLAS_DEBUG_CPU_TYPE")
 
-BATCHED = ("mlp2", "jvp")  # cases with a row a batch
+BATCHED = ("mlp2", "mlp2-small", "jvp")  # cases with a row a batch
 NAMED = ("elastica-discrete", "elastica-continuous", "elastica-angle")  # with several rows; of the others the first counts
 
 
@@ -68,19 +68,13 @@ class Torch:
     processor is Intel's."""
 
     GROUPS = ("usual", "forced")
+    module = "torch"
 
     def __init__(self, folder, quick=False):
         self.python = os.environ.get("LIEGRAD_PYTHON", "python3")
-        self.version = None
+        self.version = version_of(self.python, "torch")
         self.chosen = {}
         self.quick = quick
-        code = "import torch; print(torch.__version__)"
-        try:
-            done = subprocess.run([self.python, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-            if done.returncode == 0:
-                self.version = done.stdout.strip()
-        except OSError:
-            pass
         wide = {"ATEN_CPU_CAPABILITY": "avx512"}
         self.settings = {"usual": [{"MKL_DEBUG_CPU_TYPE": "5"}], "forced": [{"MKL_DEBUG_CPU_TYPE": "7", **wide}]}
         if quick:
@@ -111,6 +105,34 @@ class Torch:
                     tried.append((sum(r["min_us"] for r in matching(result)), setting))
             self.chosen[key] = min(tried, key=lambda t: t[0])[1] if tried else {}
         return self.chosen[key]
+
+
+class Jax:
+    """JAX under LIEGRAD_JAX (default LIEGRAD_PYTHON, python3): compiled by jit, in the fastest of several forms."""
+
+    CASES = ("mlp2", "mlp2-small", "hamiltonian", "hamiltonian-small")
+    module = "jax"
+
+    def __init__(self):
+        self.python = os.environ.get("LIEGRAD_JAX", os.environ.get("LIEGRAD_PYTHON", "python3"))
+        self.version = version_of(self.python, "jax")
+
+    def __call__(self, case, *options):
+        return run([self.python, os.path.join(HERE, "jax", "cases.py"), case, *map(str, options)])
+
+
+def peer_name(group):
+    return "PyTorch, " + group if group in Torch.GROUPS else group or "-"
+
+
+def version_of(python, module):
+    """None where that Python does not have it."""
+    try:
+        done = subprocess.run([python, "-c", "import %s; print(%s.__version__)" % (module, module)], stdout=subprocess.PIPE,
+                              stderr=subprocess.DEVNULL, text=True)
+    except OSError:
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
 
 
 def matching(result):

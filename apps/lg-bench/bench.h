@@ -119,6 +119,7 @@ double *reference_narrow(const long double *x, size_t n);
 /* ---- cases ---- */
 
 void bench_mlp2(bench *b);
+void bench_mlp2_small(bench *b);
 void bench_mlp2_parts(bench *b);
 void bench_jvp(bench *b);
 void bench_hamiltonian(bench *b);

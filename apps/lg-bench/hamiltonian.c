@@ -16,15 +16,16 @@ typedef struct experiment {
     size_t links, trajectories, points, segments;
     double t_end;
     const char *integrator;
-    uint32_t hidden[3];
+    uint32_t layers, hidden[3];
     uint64_t decay;
     size_t test_points;
 } experiment;
 
 static const experiment experiments[] = {
-    {"hamiltonian", "pendulum-chain", 1, 500, 5, 1, 0.1, "cf4", {100, 100, 100}, 50, 15},
-    {"hamiltonian-double", "pendulum-chain", 2, 500, 5, 1, 0.1, "cf4", {100, 100, 100}, 50, 15},
-    {"hamiltonian-quartic", "quartic", 2, 900, 6, 3, 0.3, "stormer-verlet", {100, 50, 50}, 30, 20},
+    {"hamiltonian", "pendulum-chain", 1, 500, 5, 1, 0.1, "cf4", 3, {100, 100, 100}, 50, 15},
+    {"hamiltonian-small", "pendulum-chain", 1, 500, 5, 1, 0.1, "cf4", 2, {20, 20}, 50, 15},
+    {"hamiltonian-double", "pendulum-chain", 2, 500, 5, 1, 0.1, "cf4", 3, {100, 100, 100}, 50, 15},
+    {"hamiltonian-quartic", "quartic", 2, 900, 6, 3, 0.3, "stormer-verlet", 3, {100, 50, 50}, 30, 20},
 };
 
 typedef struct learning {
@@ -74,9 +75,10 @@ static void open_learning(const bench *b, learning *l) {
     sample(b, l, e->trajectories, e->points, e->segments, DATA_SEED, l->t, l->data, l->energies);
     size_t n;
     const lg_hamiltonian_family *family = lg_hamiltonian_family_for(l->system, &n);
-    bench_check(b,
-                lg_hamiltonian_init(&l->model, family, (uint32_t)n, LG_POTENTIAL_MLP, e->hidden, 3, LG_TANH),
-                "making the model");
+    bench_check(
+        b,
+        lg_hamiltonian_init(&l->model, family, (uint32_t)n, LG_POTENTIAL_MLP, e->hidden, e->layers, LG_TANH),
+        "making the model");
     l->problem = (lg_hamiltonian_problem){.model = &l->model,
                                           .scheme = lg_scheme_find(e->integrator),
                                           .substeps = 1,

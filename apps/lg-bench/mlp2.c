@@ -6,13 +6,19 @@
 #include "kernels/kernels.h"
 #include "core/core.h"
 #include "lg-bench/bench.h"
+#include "nn/fit_internal.h"
 #include "liegrad/ops.h"
 
 /* ---- what mlp2 and jvp have in common: a loss of rows, cut into shards by the number of rows alone ---- */
 
-/* As lg_fit does: each shard has its tape and gradient, and takes its rows in chunks. */
-static size_t shards_of(size_t rows) {
-    return rows < 32 ? 1 : rows < 256 ? 2 : 4;
+/* Each shard has its tape and gradient, and takes its rows in chunks; as those of lg_fit by the work, but
+ * batches of 32 to 255 rows have two at most. */
+static size_t shards_of(size_t rows, size_t parameters) {
+    const size_t most = rows < 32 ? 1 : rows < 256 ? 2 : 4;
+    const size_t chunks = (rows + LG_FIT_CHUNK - 1) / LG_FIT_CHUNK;
+    const size_t by_work = (size_t)((double)rows * (double)parameters / LG_FIT_PIECE);
+    const size_t pieces = by_work > chunks ? by_work : chunks;
+    return pieces < most ? pieces : most;
 }
 
 typedef struct second second;
@@ -65,7 +71,7 @@ static void second_open(const bench *b, lg_dtype dtype, int threads, const lg_ml
     s->parameters = lg_mlp_parameters(net);
     s->theta = bench_typed(dtype, theta, s->parameters);
     s->x = bench_typed(dtype, x, rows * lg_mlp_inputs(net));
-    s->pieces = shards_of(rows);
+    s->pieces = shards_of(rows, s->parameters);
     s->piece = app_alloc(s->pieces, sizeof *s->piece);
     for (size_t i = 0; i < s->pieces; i++) {
         piece *p = &s->piece[i];
@@ -183,9 +189,17 @@ static void squared_gradient_reference(const lg_mlp *net, const double *theta, c
     free(one);
 }
 
+static void mlp2_case(bench *b, uint32_t layers) {
+    const lg_mlp net = bench_net(b, 3, (uint32_t)b->given->width, layers, 1, false);
+    second_case(b, &net, squared_gradient, squared_gradient_reference, 6.0 * (layers - 1));
+}
+
 void bench_mlp2(bench *b) {
-    const lg_mlp net = bench_net(b, 3, (uint32_t)b->given->width, 3, 1, false);
-    second_case(b, &net, squared_gradient, squared_gradient_reference, 12);
+    mlp2_case(b, 3);
+}
+
+void bench_mlp2_small(bench *b) {
+    mlp2_case(b, 2);
 }
 
 /* ---- jvp: d/dtheta sum |dq/ds|^2 of a curve q(s) in the plane ---- */

@@ -56,7 +56,6 @@ static lg_table_run usual_run(void) {
                                       .lr_step = 50,
                                       .lr_gamma = 0.0,
                                       .adam_eps = 1e-8,
-                                      .shards = 4,
                                       .patience = regression ? 0 : 40,
                                       .validation = regression && values.test != NULL ? 0.0 : 0.1,
                                       .weight_decay = regression ? 0.0 : 2e-3,

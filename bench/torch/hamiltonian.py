@@ -10,6 +10,7 @@ from timing import row
 
 EXPERIMENTS = {  # links, N, M, t_end, hidden, decay
     "hamiltonian": (1, 500, 5, 0.1, (100, 100, 100), 50),
+    "hamiltonian-small": (1, 500, 5, 0.1, (20, 20), 50),
     "hamiltonian-double": (2, 500, 5, 0.1, (100, 100, 100), 50),
     "hamiltonian-quartic": (2, 900, 6, 0.3, (100, 50, 50), 30),
 }

@@ -67,6 +67,11 @@ def mlp2():
     return second((3, w, w, w, 1), False, networks.potential_gradient, (1, 50, 500, 1500))
 
 
+def mlp2_small():
+    w = args.width or 20
+    return second((3, w, w, 1), False, networks.potential_gradient, (1, 50, 500, 1500))
+
+
 def jvp():
     w = args.width or 100
     return second((1, w, w, w, 2), True, networks.curve_speed, (50, 500))
@@ -199,7 +204,7 @@ def batch1():
 
 
 cases = dict(mlp2=mlp2, jvp=jvp, adam=adam, dense=dense, scalar=scalar, batch1=batch1)
-cases["scalar-ops"] = scalar
+cases["scalar-ops"], cases["mlp2-small"] = scalar, mlp2_small
 if args.case in hamiltonian.EXPERIMENTS:
     rows = hamiltonian.run(args)
 elif args.case in elastica.EXPERIMENTS:

@@ -209,16 +209,17 @@ static bool reserve(lg_tape *tape, uint32_t inputs) {
 }
 
 static lg_node *append_node(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
-                            const lg_attr *attr, lg_shape shape, void *value, uint32_t flags) {
+                            const lg_attr *attr, const lg_shape *shape, size_t count, void *value,
+                            uint32_t flags) {
     lg_node *node = &tape->nodes[tape->count];
     node->value = value;
     node->transposed = NULL;
-    node->count = lg_shape_count(shape);
+    node->count = count;
     if (attr != NULL)
         node->attr = *attr;
     else
         node->attr = (lg_attr){0};
-    node->shape = shape;
+    node->shape = *shape;
     node->generation = tape->generation;
     node->parents = tape->parents_count;
     node->op = op;
@@ -245,7 +246,7 @@ static lg_var commit(lg_tape *tape, uint32_t inputs) {
 lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags) {
     if (tape->status != LG_OK || !reserve(tape, inputs)) return LG_NONE;
-    append_node(tape, op, in, inputs, attr, shape, value, flags);
+    append_node(tape, op, in, inputs, attr, &shape, lg_shape_count(shape), value, flags);
     return commit(tape, inputs);
 }
 
@@ -310,7 +311,7 @@ static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t 
         if (tape->unrecorded) lg_pool_give(tape, value, count * tape->k->size);
         return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
     }
-    lg_node *node = append_node(tape, op, in, inputs, attr, shape, value,
+    lg_node *node = append_node(tape, op, in, inputs, attr, &shape, count, value,
                                 tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
     if (op->payload == LG_PAYLOAD_KEPT) node->attr.pointer = e.kept;
     if (over) tape->nodes[in[0].index].flags |= LG_NODE_NO_VALUE;

@@ -52,8 +52,9 @@ _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == 
                  VALUE("1e-12"), .unit = "EPS", .meaning = "Adam's eps"),                                    \
         TRAINING(run_, clip, REAL, .adam = true, .high = 1e300, .methods = methods_, VALUE("1e-3"),          \
                  .unit = "NORM", .meaning = "Bound on the gradient's norm, 0 for none"),                     \
-        TRAINING(run_, shards, U32, .low = 1, .high = 1024, .methods = methods_, VALUE("4"), .unit = "n",    \
-                 .meaning = "Pieces of a batch that threads work on; the bits of the result depend on it"),  \
+        TRAINING(run_, shards, U32, .high = 1024, .methods = methods_, VALUE("0"), .unit = "n",              \
+                 .meaning = "Pieces of a batch that threads work on, 0: by the work, 1 to 4; the bits "      \
+                            "of the result depend on it"),                                                   \
         TRAINING(run_, patience, U64, .high = 1e9, .optional = true, .methods = methods_, VALUE("0"),        \
                  .unit = "E",                                                                                \
                  .meaning = "Stop after so many epochs, or accepted steps of the other methods than Adam, "  \

@@ -24,8 +24,7 @@ static const lg_hyperparameter facts[] = {
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
     LG_HYPERPARAMETER_END};
 
-static const lg_hamiltonian_run defaults = {.substeps = 1,
-                                            .training = {.shards = 4, .schedule = LG_SCHEDULE_STEP}};
+static const lg_hamiltonian_run defaults = {.substeps = 1, .training = {.schedule = LG_SCHEDULE_STEP}};
 
 static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     lg_hamiltonian_run *run = user;

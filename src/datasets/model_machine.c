@@ -101,7 +101,7 @@ static const lg_hyperparameter facts[] = {
     LG_HYPERPARAMETER_END};
 
 static const lg_machine_model_run defaults = {
-    .substeps = 1, .window = 5, .stride = 1, .training = {.schedule = LG_SCHEDULE_STEP, .shards = 4}};
+    .substeps = 1, .window = 5, .stride = 1, .training = {.schedule = LG_SCHEDULE_STEP}};
 
 static bool positive(const lg_machine_scales *scales) {
     double values[SCALES];

@@ -21,7 +21,7 @@ static const lg_hyperparameter facts[] = {
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
     LG_HYPERPARAMETER_END};
 
-static const lg_table_run defaults = {.training = {.shards = 4}};
+static const lg_table_run defaults; /* zeros */
 
 static uint32_t slices_of(const lg_table *model) {
     lg_slice_info info;

@@ -16,7 +16,6 @@ void lg_fit_options_init(lg_fit_options *options) {
         .size = sizeof *options,
         .dtype = LG_F64,
         .epochs = 100,
-        .shards = 4,
         .schedule = {.kind = LG_SCHEDULE_CONSTANT, .every = 1, .gamma = 1.0, .floor = 0.0},
         .seed = 1,
         .shuffle = true,
@@ -83,7 +82,7 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
     } rules[] = {
         {o->dtype == LG_F64 || o->dtype == LG_F32, "dtype must be LG_F64 or LG_F32"},
         {o->epochs >= 1 && o->epochs <= UINT32_MAX, "epochs must be 1 to 2^32 - 1"},
-        {o->shards >= 1 && o->shards <= 1024, "shards must be 1 to 1024"},
+        {o->shards <= 1024, "shards must be 0 to 1024"},
         {o->threads >= 1 && o->threads <= 1024, "threads must be 1 to 1024"},
         {positive(o->adam.lr), "lr must be positive and finite"},
         {fraction(o->adam.beta1) && fraction(o->adam.beta2), "beta1 and beta2 must be in [0, 1)"},
@@ -212,6 +211,8 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     fit->context = context;
     fit->problem = *problem;
     fit->options = chosen;
+    fit->by_work = chosen.shards == 0;
+    if (fit->by_work) fit->options.shards = LG_FIT_PIECES;
     fit->k = lg_kernels_for(chosen.dtype);
     fit->training = problem->samples - validation_samples(problem, chosen.validation);
     fit->batch = chosen.batch == 0 || chosen.batch > fit->training ? fit->training : chosen.batch;

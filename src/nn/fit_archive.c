@@ -27,7 +27,7 @@ typedef struct hyperparameter {
     ADDED("phase_" #i "/method", o->plan.phase[i].method),                                                   \
         ADDED("phase_" #i "/epochs", o->plan.phase[i].epochs)
 _Static_assert(LG_FIT_MAX_PHASES == 4, "the list has a row for each phase");
-#define HYPERPARAMETERS (26 + 2 * LG_FIT_MAX_PHASES)
+#define HYPERPARAMETERS (27 + 2 * LG_FIT_MAX_PHASES)
 
 static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARAMETERS]) {
     const lg_fit_options *o = &fit->options;
@@ -57,6 +57,7 @@ static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARA
         ADDED("validation_samples", fit->problem.validation),
         ADDED_REAL("prior", o->prior),
         ADDED("restarts", o->restarts),
+        ADDED("shards_by_work", fit->by_work),
         ADDED("phases", o->plan.phases),
         PHASE(0),
         PHASE(1),

@@ -57,6 +57,7 @@ struct lg_fit {
     const void *point; /* where loss and gradients are taken */
     lg_thread_pool *pool;
     lg_shard *shards;
+    bool by_work;      /* options.shards was 0: fewer for small batches */
     size_t used;       /* shards of a full batch; the others are never needed */
     size_t first, end; /* of them, this rank's */
     char *message;     /* to and from other ranks (message_room bytes); how long each rank's is */
@@ -81,6 +82,9 @@ struct lg_fit {
 };
 
 #define LG_FIT_BLOCK 4096
+/* Of shards by the work: samples x parameters of a piece, and the most pieces. */
+#define LG_FIT_PIECE  65536.0
+#define LG_FIT_PIECES 4
 
 lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out);
 void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);

@@ -17,6 +17,10 @@ static bool bound_suffices(const lg_fit *fit, const lg_shard *shard, size_t coun
     return fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0;
 }
 
+static size_t chunk_of(const lg_fit *fit) {
+    return fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
+}
+
 /* Adds loss and gradient of `count` samples to the shard's; the first chunk of a shard sets its gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
@@ -40,7 +44,7 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
 }
 
 lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add) {
-    const size_t chunk = fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
+    const size_t chunk = chunk_of(fit);
     shard->loss = 0.0;
     lg_tape_constant(shard->tape, fit->point, fit->problem.parameters * fit->k->size);
     for (size_t at = 0; at < shard->count; at += chunk) {
@@ -57,9 +61,18 @@ static void shard_task(void *user, size_t index) {
     shard->status = lg_fit_chunks(fit, shard, chunk_loss);
 }
 
+/* A small piece takes longer to record than to compute; a piece of several chunks is recorded for each. */
+static size_t pieces_by_work(const lg_fit *fit, size_t count) {
+    const size_t chunks = (count + chunk_of(fit) - 1) / chunk_of(fit);
+    const double pieces = (double)count * (double)fit->problem.parameters / LG_FIT_PIECE;
+    return pieces > (double)chunks ? (size_t)pieces : chunks;
+}
+
 /* Piece i of n of `count` samples: [i count/n, (i + 1) count/n), never empty since n <= count. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count) {
-    const size_t n = count < fit->options.shards ? count : fit->options.shards;
+    const size_t most = fit->by_work ? pieces_by_work(fit, count) : count;
+    size_t n = count < fit->options.shards ? count : fit->options.shards;
+    if (n > most) n = most;
     for (size_t i = 0; i < n; i++) {
         const size_t start = i * count / n;
         fit->shards[i].samples = samples + start;

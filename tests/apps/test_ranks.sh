@@ -22,7 +22,7 @@ same_history() { diff <(cut -d, -f1-4 "$1") <(cut -d, -f1-4 "$2") >/dev/null; }
 
 lg-hamiltonian generate pendulum.yaml --trajectories 40 --points 5 --t-end 0.5 --out h.h5 >made
 for method in adam ssbroyden lbfgs; do
-    train="lg-hamiltonian train h.h5 --hidden 12,12 --method $method --epochs 14"
+    train="lg-hamiltonian train h.h5 --hidden 12,12 --method $method --epochs 14 --shards 4"
     $train --threads 1 --out one.h5 --history one.csv >out 2>&1
     for R in 1 2 3 4; do
         for T in 1 2; do
@@ -89,7 +89,7 @@ ranks -n 1 lg-hamiltonian train h.h5 --out x.h5 --epochs 2 : -n 1 -x LIEGRAD_ISA
 [ $code = 2 ] && grep -q "ranks must be of one kind" err || fail "two kinds of processors: $code $(cat err)"
 
 # Ctrl-C: the state is saved, and goes on to the same bits.
-train="lg-hamiltonian train h.h5 --hidden 12,12 --method adam --epochs 4000 --threads 1"
+train="lg-hamiltonian train h.h5 --hidden 12,12 --method adam --epochs 4000 --threads 1 --shards 4"
 $train --out one.h5 >out 2>&1
 rm -f c.h5 many.h5
 mpirun --oversubscribe -n 2 $train --out many.h5 --checkpoint c.h5 --checkpoint-every 50 >out 2>err &

@@ -148,7 +148,7 @@ TEST("defaults are those of the rows") {
     assert_true(how->dtype == LG_F64 && how->epochs == 100 && how->batch == 80 && how->lr == 1e-2);
     assert_true(how->schedule == LG_SCHEDULE_STEP && how->lr_step == 50 && how->lr_gamma == 0.1);
     assert_true(how->adam_eps == LG_HAMILTONIAN_ADAM_EPS && how->clip == LG_HAMILTONIAN_CLIP);
-    assert_true(how->weight_decay == 0 && how->validation == 0 && how->shards == 4 && how->seed == 1);
+    assert_true(how->weight_decay == 0 && how->validation == 0 && how->shards == 0 && how->seed == 1);
     assert_true(r->substeps == 1 && r->penalty == 0 && r->penalty_form == LG_PENALTY_MEAN_SQUARE);
     assert_true(r->model.net.layers == 4 && r->model.net.width[3] == 100 && r->model.net.width[4] == 0);
     memset(&run, 0, sizeof run);

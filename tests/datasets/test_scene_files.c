@@ -723,7 +723,7 @@ TEST("every key of a grid is read") {
     assert_true(net->layers == 3 && net->width[2] == 30 && net->activation == LG_TANH);
     assert_true(how->dtype == LG_F32 && grid.run.model.potential == LG_POTENTIAL_MLP);
     assert_true(grid.test_trajectories == 7 && grid.test_points == 9 && grid.seed == UINT64_MAX);
-    assert_true(how->epochs == 100 && how->batch == 80 && how->lr_step == 50 && how->shards == 4);
+    assert_true(how->epochs == 100 && how->batch == 80 && how->lr_step == 50 && how->shards == 0);
     assert_close(how->lr, 1e-2, 0, 0);
     assert_close(read_good_grid(changed("grid.yaml", good_grid, "t_end: 0.1\n", "")).t_end, 3, 0, 0);
     grid = read_good_grid(file_of("own.yaml", "system: quartic\nt_end: 0.3\nintegrators: stormer-verlet\n"

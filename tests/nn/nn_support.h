@@ -37,6 +37,7 @@ static inline lg_fit *test_fit(const lg_context *context, const lg_fit_problem *
 static inline lg_fit_options options_of(uint64_t epochs, size_t batch) {
     lg_fit_options o;
     lg_fit_options_init(&o);
+    o.shards = 4;
     o.epochs = epochs;
     o.batch = batch;
     o.adam.lr = 1e-2;

@@ -90,6 +90,33 @@ TEST("steps are those of plain loops, with partial batches and more shards than 
         for (size_t j = 0; j < LG_COUNT(shards); j++) check_line(batches[i], shards[j]);
 }
 
+static lg_status counting_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                               size_t batch, lg_var *loss) {
+    (*(size_t *)user)++;
+    *loss = lg_scale(tape, lg_sum(tape, lg_square(tape, theta)), (double)count / (double)batch);
+    return LG_OK;
+}
+
+TEST("shards of 0 are cut by the work: a small batch is one piece, a large one four") {
+    static const struct {
+        size_t parameters, samples, chunk, pieces;
+    } cases[] = {{2, 7, 0, 1},       {2, 128, 0, 1},      {2, 129, 0, 2},      {2, 200, 64, 4},
+                 {655, 100, 100, 1}, {1310, 100, 100, 1}, {1311, 100, 100, 2}, {1 << 20, 100, 100, 4},
+                 {1 << 20, 3, 0, 3}, {655, 200, 64, 4}};
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        size_t calls = 0;
+        const lg_fit_problem problem = {.parameters = cases[i].parameters,
+                                        .samples = cases[i].samples,
+                                        .chunk = cases[i].chunk,
+                                        .loss = counting_loss,
+                                        .user = &calls};
+        lg_fit_options o = options_of(1, 0);
+        o.shards = 0;
+        run_fit(test_fit(NULL, &problem, &o, TEST_ARRAY(double, cases[i].parameters)));
+        if (calls != cases[i].pieces) fail_msg("case %zu: %zu pieces", i, calls);
+    }
+}
+
 /* The mean squared error of these samples. */
 static double error_of(regression *r, const double *theta, const uint32_t *samples, size_t count) {
     lg_tape *tape = test_tape(LG_F64);

@@ -219,8 +219,7 @@ TEST("bad options and problems are refused") {
     BAD(o.size = 8);
     BAD(o.dtype = (lg_dtype)7);
     BAD(o.epochs = 0);
-    BAD(o.shards = 0);
-    BAD(o.shards = 5000);
+    BAD(o.shards = 1025);
     BAD(o.threads = 0);
     BAD(o.threads = -1);
     BAD(o.adam.lr = 0.0);
@@ -300,6 +299,7 @@ TEST("a state of other hyperparameters is refused by their names") {
     DIFFERS(o.epochs = 7, "epochs");
     DIFFERS(o.batch = 11, "batch");
     DIFFERS(o.shards = 3, "shards");
+    DIFFERS(o.shards = 0, "shards_by_work");
     DIFFERS(o.dtype = LG_F32, "dtype");
     DIFFERS(o.seed = 2, "seed");
     DIFFERS(o.shuffle = false, "shuffle");
