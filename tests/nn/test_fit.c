@@ -92,7 +92,9 @@ TEST("steps are those of plain loops, with partial batches and more shards than 
 
 static lg_status counting_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                                size_t batch, lg_var *loss) {
-    (*(size_t *)user)++;
+    size_t *calls = user; /* how many, and the most samples of one */
+    calls[0]++;
+    if (count > calls[1]) calls[1] = count;
     *loss = lg_scale(tape, lg_sum(tape, lg_square(tape, theta)), (double)count / (double)batch);
     return LG_OK;
 }
@@ -104,16 +106,18 @@ TEST("shards of 0 are cut by the work: a small batch is one piece, a large one f
                  {655, 100, 100, 1}, {1310, 100, 100, 1}, {1311, 100, 100, 2}, {1 << 20, 100, 100, 4},
                  {1 << 20, 3, 0, 3}, {655, 200, 64, 4}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        size_t calls = 0;
+        size_t calls[2] = {0, 0};
         const lg_fit_problem problem = {.parameters = cases[i].parameters,
                                         .samples = cases[i].samples,
                                         .chunk = cases[i].chunk,
                                         .loss = counting_loss,
-                                        .user = &calls};
+                                        .user = calls};
         lg_fit_options o = options_of(1, 0);
         o.shards = 0;
         run_fit(test_fit(NULL, &problem, &o, TEST_ARRAY(double, cases[i].parameters)));
-        if (calls != cases[i].pieces) fail_msg("case %zu: %zu pieces", i, calls);
+        const size_t longest = (cases[i].samples + cases[i].pieces - 1) / cases[i].pieces;
+        if (calls[0] != cases[i].pieces || calls[1] != longest)
+            fail_msg("case %zu: %zu pieces, up to %zu samples", i, calls[0], calls[1]);
     }
 }
 
