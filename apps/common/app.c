@@ -2,6 +2,7 @@
 #include "common/app.h"
 
 #include <argp.h>
+#include <fcntl.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdlib.h>
@@ -401,6 +402,14 @@ static void begin_without_threads(char **argv) {
     if (setenv("OPENBLAS_NUM_THREADS", "1", 1) == 0) (void)execv("/proc/self/exe", argv);
 }
 
+/* Where a standard descriptor is closed the next file would take its place, and be read or written in its
+ * stead. /dev/null keeps the place, for the other direction: writing to it fails, as it did. */
+static void keep_standard_places(void) {
+    static const int directions[] = {O_WRONLY, O_RDONLY, O_RDONLY};
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++)
+        if (fcntl(fd, F_GETFD) < 0) (void)open("/dev/null", directions[fd]); /* the lowest one that is free */
+}
+
 static int reserve(const app *self) {
     if (!is_limited() || lg_runtime_reserve((int)self->threads)) return APP_EXIT_OK;
     return app_fail(
@@ -429,6 +438,7 @@ static int run_command(app *self) {
 }
 
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands) {
+    keep_standard_places();
     begin_without_threads(argv);
     app self = {.program = program, .seed = 1, .threads = app_processors()};
     app_find_ranks(&self);

@@ -280,6 +280,10 @@ size_t board_left(board *b) {
     return left;
 }
 
+lg_status board_unfinished(const board *b, size_t left, lg_error *error) {
+    return app_error(error, LG_FILE, "%s: %zu of %zu pieces are not done yet", b->path, left, b->count);
+}
+
 int board_report(const app *self, const board_values *values, size_t done, size_t count) {
     app_json json;
     if (!self->json) {

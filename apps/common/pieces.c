@@ -95,9 +95,10 @@ static int take_all(pieces *self) {
             missing++;
     }
     free(record);
-    return missing == 0 ? APP_EXIT_OK
-                        : app_fail(self->app, LG_FILE, "%s: %zu of %zu pieces are not done yet",
-                                   board_path(self->shared), missing, self->count);
+    if (missing == 0) return APP_EXIT_OK;
+    lg_error error = {LG_OK, ""};
+    const lg_status status = board_unfinished(self->shared, missing, &error);
+    return app_fail_file(self->app, status, &error, self->out);
 }
 
 static int make_together(pieces *self, bool *complete) {

@@ -329,7 +329,9 @@ static lg_status open_board(searching *search, lg_error *error) {
                    (size_t)search->values->trials, &search->board, &fresh, error);
     if (status != LG_OK) return status;
     if (fresh) status = post_earlier(search, error);
-    return status == LG_OK ? board_begin(search->board, error) : status;
+    if (status == LG_OK) return board_begin(search->board, error);
+    if (fresh) board_end(search->board, false); /* the table is of other work */
+    return status;
 }
 
 /* Works, and makes the table when all is done or --merge asks for what there is. */
@@ -344,6 +346,8 @@ static lg_status search_together(searching *search, lg_error *error) {
     status = lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
                              search->setting, search->trials, search->count, error);
     board_end(search->board, left > 0 || status != LG_OK);
+    if (status == LG_OK && left > 0 && search->values->board.merge)
+        status = board_unfinished(search->board, left, error);
     return status;
 }
 

@@ -276,7 +276,9 @@ static lg_status open_board(study *self, lg_error *error) {
     lg_status status = board_open(self->app, &study_given.board, study_given.out, label, sizeof(study_row),
                                   (size_t)study_runs(&self->plan), &self->board, &fresh, error);
     if (status == LG_OK && fresh) status = post_rows(self, error);
-    return status == LG_OK ? board_begin(self->board, error) : status;
+    if (status == LG_OK) return board_begin(self->board, error);
+    if (fresh) board_end(self->board, false); /* the table is of other work */
+    return status;
 }
 
 /* Works, and completes the table when all runs are done or --merge asks for what there is. *over: another
@@ -300,6 +302,8 @@ static int run_together(study *self, bool *over) {
     } else if (code == APP_EXIT_OK && board_lock(self->board)) {
         status = append_rows(self, &error);
         board_end(self->board, left > 0 || status != LG_OK);
+        if (status == LG_OK && left > 0 && study_given.board.merge)
+            status = board_unfinished(self->board, left, &error);
         if (status != LG_OK) code = app_fail_file(self->app, status, &error, study_given.out);
     }
     return code;

@@ -77,6 +77,14 @@ static int check_options(const app *self, const train_task *task) {
     return APP_EXIT_OK;
 }
 
+/* What a killed training left beside the checkpoint that is resumed. Another one may be at work on it. */
+static void tidy(const app *self, const char *checkpoint) {
+    lg_lock lock;
+    if (lg_lock_take(self->context, checkpoint, self->command_line, &lock, NULL) != LG_OK) return;
+    lg_temporary_sweep(self->context, checkpoint);
+    lg_lock_release(&lock);
+}
+
 /* --out is given, and no file is replaced that is read or written as another one. */
 static int check_files(app *self, const train_task *task) {
     if (files->out == NULL) return app_usage(self, "--out FILE is missing");
@@ -84,6 +92,7 @@ static int check_files(app *self, const train_task *task) {
     char *checkpoint = checkpoint_path();
     /* A run may go on in the checkpoint that it came from. */
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
+    if (files->resume != NULL && !same) tidy(self, files->resume);
     const app_path paths[] = {
         {"resume", same ? NULL : files->resume, APP_READ},
         {task->kept,

@@ -82,6 +82,8 @@ typedef struct lg_temporary {
     char *name; /* to be renamed, or removed */
     const lg_context *context;
 } lg_temporary;
+/* Removes what killed writers of the target left; lg_temporary_create does it, too. */
+LG_API void lg_temporary_sweep(const lg_context *context, const char *target);
 /* Errors: LG_FILE with a sentence, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
                                      lg_temporary *out, lg_error *error);

@@ -1,5 +1,6 @@
 /* HDF5 1.10 crashes or loops on some damaged files, and a file that is made for it could do worse. Therefore
  * a child process, which may die and can do nothing but read (sandbox.h), reads the file first. */
+#define _DEFAULT_SOURCE /* syscall */
 #include <errno.h>
 #include <limits.h>
 #include <signal.h>
@@ -10,6 +11,10 @@
 #include <sys/wait.h>
 #include <fcntl.h>
 #include <unistd.h>
+
+#ifdef __linux__
+#include <sys/syscall.h>
+#endif
 
 #include "datasets/h5.h"
 #include "datasets/sandbox.h"
@@ -56,13 +61,31 @@ static uint64_t addresses_in_use(void) {
     return pages == 0 || page <= 0 ? (uint64_t)16 << 30 : (uint64_t)pages * (uint64_t)page;
 }
 
-static void enter_child(const lg_read_options *options, uint64_t file_bytes) {
+/* Whatever the parent has open but regular files, which cannot be written without room for a single byte: a
+ * terminal or a socket would be a way out. HDF5 may read such a file through a descriptor of the parent. */
+static void close_inherited(int report) {
+    enum { MOST = 4096 };
+    struct rlimit open_files = {MOST, MOST};
+    (void)getrlimit(RLIMIT_NOFILE, &open_files);
+    const int end = open_files.rlim_cur < MOST ? (int)open_files.rlim_cur : MOST;
+    for (int fd = STDERR_FILENO + 1; fd < end; fd++) {
+        struct stat about;
+        if (fd != report && fstat(fd, &about) == 0 && !S_ISREG(about.st_mode)) (void)close(fd);
+    }
+#ifdef SYS_close_range
+    (void)syscall(SYS_close_range, (unsigned)end, ~0u, 0);
+#endif
+}
+
+static void enter_child(const lg_read_options *options, uint64_t file_bytes, int report) {
     static const int fatal[] = {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGXCPU, SIGTERM};
     for (size_t i = 0; i < LG_COUNT(fatal); i++) (void)signal(fatal[i], SIG_DFL);
     (void)signal(SIGINT, SIG_IGN); /* Ctrl-C is the parent's; it would look like a crash */
     (void)signal(SIGPIPE, SIG_IGN);
-    int sink = open("/dev/null", O_WRONLY);
-    if (sink >= 0) (void)dup2(sink, STDERR_FILENO); /* the C library's message on a broken heap */
+    int sink = open("/dev/null", O_RDWR);
+    for (int fd = STDIN_FILENO; sink >= 0 && fd <= STDERR_FILENO; fd++)
+        if (fd != report) (void)dup2(sink, fd); /* the C library has a message on a broken heap */
+    close_inherited(report);
     limit(RLIMIT_CORE, 0);
     uint64_t seconds = options->probe_seconds + (file_bytes >> 25); /* and one for each 32 MiB */
     limit(RLIMIT_CPU, (rlim_t)seconds);
@@ -92,7 +115,7 @@ static bool transfer(int fd, void *data, size_t bytes, bool out) {
 static _Noreturn void run_child(int fd, const lg_read_options *options, uint64_t file_bytes,
                                 lg_status (*read)(void *user, lg_error *error), void *user) {
     lg_error report = {LG_OK, ""};
-    enter_child(options, file_bytes);
+    enter_child(options, file_bytes, fd);
     (void)lg_sandbox_enter(fd);
     report.status = read(user, &report);
     _exit(transfer(fd, &report, sizeof report, true) ? 0 : 1);

@@ -14,6 +14,8 @@
 #include "core/core.h"
 #include "liegrad/io.h"
 
+enum { ROOM = 64 }; /* for what follows the target in a name */
+
 /* ---- what killed writers left ---- */
 
 /* "tmp-PID-i" after the target's own name and a point. */
@@ -66,6 +68,13 @@ static void sweep(const char *target, char *path, size_t size) {
     if (folder != NULL) (void)closedir(folder);
 }
 
+void lg_temporary_sweep(const lg_context *context, const char *target) {
+    const size_t size = strlen(target) + ROOM;
+    char *path = lg_alloc(context, size, 1);
+    if (path != NULL) sweep(target, path, size);
+    lg_free(context, path);
+}
+
 /* ---- a new one ---- */
 
 static int create(const char *name, bool folder) {
@@ -83,7 +92,7 @@ static bool hold(int fd) {
 
 lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder, lg_temporary *out,
                               lg_error *error) {
-    const size_t size = strlen(target) + 64;
+    const size_t size = strlen(target) + ROOM;
     int code = 0;
     lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, size, 1)};
     if (made.name == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", target);

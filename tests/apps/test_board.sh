@@ -44,6 +44,24 @@ for kind in search study; do
     rm -f t.csv*
 done
 
+# A table of other work is refused, and its board does not stand in the way of the right work. A merge of a part says so.
+sed 's/seed: 1/seed: 2/' grid.yaml >grid2.yaml
+cp study.csv t.csv
+code=0
+lg-hamiltonian study grid2.yaml --out t.csv --threads 1 --task 0/2 2>err >out || code=$?
+[ $code = 3 ] && [ ! -e t.csv.board ] || fail "a study on a table of another one: $code $(cat err)"
+$study --out t.csv --merge >merged || fail "the table of a study is no longer its own"
+rm -f t.csv*
+$study --out t.csv --task 0/2 --stop-after 3 >task
+code=0
+$study --out t.csv --merge 2>err >out || code=$?
+[ $code = 3 ] && grep -q "pieces are not done yet" err && [ -s t.csv ] || fail "a merge of three runs: $code $(cat err)"
+rm -f t.csv*
+code=0
+$search --out t.csv --merge 2>err >out || code=$?
+[ $code = 3 ] && grep -q "16 of 16 pieces are not done yet" err || fail "a merge of no trials: $code $(cat err)"
+rm -f t.csv*
+
 # generate: the file of one process.
 generate="lg-hamiltonian generate pendulum.yaml --trajectories 203 --segments 3 --noise 1e-3 --threads 1"
 $generate --out one.h5 --json >one

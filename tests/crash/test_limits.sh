@@ -323,6 +323,26 @@ expect 0 "" lg-hamiltonian study in/long.yaml --stop-after 1 --out w/study.csv
 clean
 rm -f w/*
 
+# ---- a training that was killed, resumed with another checkpoint ----
+
+$train --method adam --epochs 100000 --checkpoint w/killed --checkpoint-every 1 --out w/out >/dev/null 2>&1 &
+first=$!
+until_file w/killed
+kill -KILL $first
+wait $first 2>/dev/null
+: >w/killed.tmp-99999-0
+expect 0 "" lg-hamiltonian train in/data.h5 --resume w/killed --stop-after 1 --out w/out
+rm -f w/killed
+clean
+rm -f w/*
+
+# ---- closed standard descriptors: no file takes their places ----
+
+expect 3 "" bash -c "$train --epochs 3 --out w/out >&-"
+expect 3 "" bash -c "$train --epochs 3 --out w/out <&- >&- 2>&-"
+[ "$(head -c 4 w/out | tail -c 3)" = HDF ] || fail "the model is something else"
+rm -f w/*
+
 # ---- a clock that jumps ----
 
 # The system's clock runs 100000 times too fast, from another year on: a second of training is one of the monotonic clock.

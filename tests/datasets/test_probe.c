@@ -231,6 +231,30 @@ TEST("in the probe nothing is written, sent, started or signalled, and the paren
     (void)close(ends[0]), (void)close(ends[1]);
 }
 
+/* Under the number of a descriptor that may be written. */
+static lg_status passes_out(void *user, lg_error *error) {
+    (void)user;
+    (void)close(STDERR_FILENO);
+    const int fd = fcntl(scene.heard, F_DUPFD_CLOEXEC, STDERR_FILENO);
+    return fd == STDERR_FILENO && write(fd, "x", 1) == 1 ? LG_OK
+                                                         : lg_fail(error, LG_FILE, "nothing to write to");
+}
+
+TEST("the child has none of the parent's pipes and sockets, whatever number it gives them") {
+    int ends[2], spare;
+    assert_int_equal(pipe(ends), 0);
+    spare = fcntl(ends[1], F_DUPFD_CLOEXEC, 500);
+    for (int i = 0; i < 2; i++) {
+        set_scene(i == 0 ? ends[1] : spare);
+        assert_status(lg_probe(scene.old, NULL, passes_out, NULL, NULL), LG_FILE);
+        (void)close(scene.descriptor);
+    }
+    char byte;
+    (void)close(spare), (void)close(ends[1]);
+    assert_int_equal(read(ends[0], &byte, 1), 0);
+    (void)close(ends[0]);
+}
+
 /* Also where the system has no filter. */
 static lg_status grows_a_file(void *user, lg_error *error) {
     struct rlimit limit;
