@@ -50,7 +50,7 @@ LG_API const char *lg_version(void);
 
 /* Writes one line that names the CPU, the chosen instruction set and the BLAS to `text` (at most `size` bytes
  * with the terminator). Returns the length without truncation, as snprintf does. The environment variable
- * LIEGRAD_ISA=baseline|avx2|avx512 forces an instruction set that the machine has. */
+ * LIEGRAD_ISA=baseline|avx2|avx512|neon forces an instruction set that the machine has. */
 LG_API int lg_cpu_describe(char *text, size_t size);
 
 /* For executables, before any thread: gives OpenBLAS one thread and, unless OPENBLAS_CORETYPE is set, the

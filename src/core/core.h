@@ -45,8 +45,10 @@ void lg_thread_pool_destroy(lg_thread_pool *pool);
 void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *user, size_t index),
                         void *user);
 
-/* Instruction sets, in rising order. */
-typedef enum lg_isa { LG_ISA_BASELINE, LG_ISA_AVX2, LG_ISA_AVX512, LG_ISA_COUNT } lg_isa;
+/* Instruction sets: plain C, those of x86-64, that of arm64. Of those that a machine has the last is best. */
+typedef enum lg_isa { LG_ISA_BASELINE, LG_ISA_AVX2, LG_ISA_AVX512, LG_ISA_NEON, LG_ISA_COUNT } lg_isa;
+/* The library was compiled for the set, and the machine has it. */
+bool lg_isa_is_here(lg_isa isa);
 /* The set in use: the machine's best, or what LIEGRAD_ISA asks for when the machine has it. Constant. */
 lg_isa lg_isa_in_use(void);
 const char *lg_isa_name(lg_isa isa);

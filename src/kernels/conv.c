@@ -172,7 +172,7 @@ void lg_conv_input(const lg_kernels *k, const lg_conv *conv, const void *g, cons
 /* Elements that a product of n columns works on a row: whole vectors. */
 static size_t vector_width(const lg_kernels *k, size_t n) {
     static const size_t bytes[LG_ISA_COUNT] = {
-        [LG_ISA_BASELINE] = 16, [LG_ISA_AVX2] = 32, [LG_ISA_AVX512] = 64};
+        [LG_ISA_BASELINE] = 16, [LG_ISA_AVX2] = 32, [LG_ISA_AVX512] = 64, [LG_ISA_NEON] = 16};
     const size_t lanes = bytes[k->isa] / k->size;
     return (n + lanes - 1) / lanes * lanes;
 }

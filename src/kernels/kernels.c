@@ -1,6 +1,6 @@
 /* One table of kernels. Compiled once for each type (LG_KERNEL_f64, LG_KERNEL_f32) and instruction set
- * (LG_KERNEL_ISA = baseline, avx2, avx512, and LG_KERNEL_ISA_<set>); the only external symbol is the table
- * lg_kernels_<type>_<set>. */
+ * (LG_KERNEL_ISA = baseline, avx2, avx512, neon, and LG_KERNEL_ISA_<set>); the only external symbol is the
+ * table lg_kernels_<type>_<set>. */
 #include "kernels/kernels.h"
 #include "kernels/stumpff.h"
 
@@ -35,6 +35,8 @@
 #define TABLE_ISA LG_ISA_AVX512
 #elif defined(LG_KERNEL_ISA_avx2)
 #define TABLE_ISA LG_ISA_AVX2
+#elif defined(LG_KERNEL_ISA_neon)
+#define TABLE_ISA LG_ISA_NEON
 #else
 #define TABLE_ISA LG_ISA_BASELINE
 #endif

@@ -1,6 +1,6 @@
 /* The fields of the systems on lanes, and the loops over steps with them. Compiled once for each instruction
- * set (LG_KERNEL_ISA = baseline, avx2, avx512, and LG_KERNEL_ISA_<set>); the only external symbol is the
- * table lg_lanes_<set>. */
+ * set (LG_KERNEL_ISA = baseline, avx2, avx512, neon, and LG_KERNEL_ISA_<set>); the only external symbol is
+ * the table lg_lanes_<set>. */
 #define LG_KERNEL_f64
 #include "integrators/event_search.h"
 #include "integrators/lanes.h"

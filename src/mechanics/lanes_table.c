@@ -4,6 +4,8 @@
 extern const lg_lane_table lg_lanes_baseline;
 #if defined(__x86_64__)
 extern const lg_lane_table lg_lanes_avx2, lg_lanes_avx512;
+#elif defined(__aarch64__)
+extern const lg_lane_table lg_lanes_neon;
 #endif
 
 const lg_lane_table *lg_lanes(void) {
@@ -12,6 +14,8 @@ const lg_lane_table *lg_lanes(void) {
 #if defined(__x86_64__)
         [LG_ISA_AVX2] = &lg_lanes_avx2,
         [LG_ISA_AVX512] = &lg_lanes_avx512,
+#elif defined(__aarch64__)
+        [LG_ISA_NEON] = &lg_lanes_neon,
 #endif
     };
     return tables[lg_isa_in_use()];
