@@ -118,7 +118,7 @@ static void print_sweep(const sweep_point *points, size_t count) {
         double low = INFINITY, high = -INFINITY;
         last = branch_end(points, count, i);
         for (size_t k = i; k < last; k++) {
-            saddles += points[k].negative_eigenvalues > 0;
+            if (points[k].negative_eigenvalues > 0) saddles++;
             low = fmin(low, points[k].energy);
             high = fmax(high, points[k].energy);
         }
