@@ -1,0 +1,17 @@
+# What the toolchains for Linux have in common: gcc for the other machine, libraries of its own folder alone, and qemu for what
+# is to be run here.
+set(CMAKE_SYSTEM_NAME Linux)
+set(CMAKE_LIBRARY_ARCHITECTURE ${CMAKE_SYSTEM_PROCESSOR}-linux-gnu)
+set(CMAKE_C_COMPILER ${CMAKE_LIBRARY_ARCHITECTURE}-gcc)
+find_program(LIEGRAD_QEMU qemu-${CMAKE_SYSTEM_PROCESSOR})
+mark_as_advanced(LIEGRAD_QEMU)
+if(LIEGRAD_QEMU)
+  set(CMAKE_CROSSCOMPILING_EMULATOR ${LIEGRAD_QEMU} ${LIEGRAD_QEMU_OPTIONS} -L "${CMAKE_SYSROOT}")
+endif()
+set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
+set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
+set(ENV{PKG_CONFIG_SYSROOT_DIR} "${CMAKE_SYSROOT}")
+set(ENV{PKG_CONFIG_LIBDIR}
+  "${CMAKE_SYSROOT}/usr/lib/${CMAKE_LIBRARY_ARCHITECTURE}/pkgconfig:${CMAKE_SYSROOT}/usr/share/pkgconfig")
