@@ -250,7 +250,7 @@ void lg_machine_reference(const lg_machine *machine, double *positions) {
 lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, const double *positions,
                                  lg_var *parts) {
     const lg_machine *machine = vars->machine;
-    double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES] = {0.0};
+    double q[LG_MACHINE_POSITIONS] = {0.0}, v[LG_MACHINE_VELOCITIES] = {0.0};
     if (positions == NULL) lg_machine_reference(machine, q);
     for (uint32_t i = 0; i < machine->coordinate_count && positions != NULL; i++) {
         const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
