@@ -3,6 +3,11 @@
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_LIBRARY_ARCHITECTURE ${CMAKE_SYSTEM_PROCESSOR}-linux-gnu)
 set(CMAKE_C_COMPILER ${CMAKE_LIBRARY_ARCHITECTURE}-gcc)
+if(CMAKE_SYSROOT) # before the C library that Debian's cross compilers may have of their own, which may be older
+  set(lib ${CMAKE_SYSROOT}/usr/lib/${CMAKE_LIBRARY_ARCHITECTURE})
+  set(include ${CMAKE_SYSROOT}/usr/include)
+  set(CMAKE_C_FLAGS_INIT "-B${lib} -isystem ${include}/${CMAKE_LIBRARY_ARCHITECTURE} -isystem ${include}")
+endif()
 find_program(LIEGRAD_QEMU qemu-${CMAKE_SYSTEM_PROCESSOR})
 mark_as_advanced(LIEGRAD_QEMU)
 if(LIEGRAD_QEMU)
