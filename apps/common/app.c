@@ -34,6 +34,10 @@ bool app_interrupted(void) {
     return stopped_by != 0;
 }
 
+const char *app_stopper(void) {
+    return stopped_by == SIGTERM ? "SIGTERM" : stopped_by == SIGHUP ? "SIGHUP" : "Ctrl-C";
+}
+
 /* ---- one option ---- */
 
 uint32_t app_sizes_get(const void *member, double *values) {

@@ -129,7 +129,7 @@ typedef struct app_slot {
 } app_slot;
 enum { APP_SLOTS = 96 };
 
-enum { APP_ARGUMENTS = 256 };
+enum { APP_ARGUMENTS = 4096 };
 struct app {
     const char *program;
     const app_command *command;
@@ -167,6 +167,8 @@ lg_status app_store(app_slot *slot, const char *text, lg_error *error);
 void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);
 /* True after the first SIGINT (Ctrl-C), SIGTERM or SIGHUP; the second one of a kind kills. */
 bool app_interrupted(void);
+/* "Ctrl-C", "SIGTERM" or "SIGHUP": what stopped this command. */
+const char *app_stopper(void);
 /* From now on SIGHUP asks for new log files instead of the end, under nohup too. */
 void app_reopen_on_hangup(void);
 /* True once after such a signal. */
@@ -310,7 +312,7 @@ typedef enum app_use {
     APP_READ     /* an input that an option names */
 } app_use;
 typedef struct app_path {
-    const char *option; /* without the dashes */
+    const char *option; /* without the dashes; NULL: an argument, which app->arguments does not hold */
     const char *path;   /* NULL: not given */
     app_use use;
 } app_path;

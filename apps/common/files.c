@@ -107,13 +107,17 @@ static int check_output(const app *self, const used_file *files, size_t at) {
     const lg_status status = app_check_writable(file->path, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, file->path);
     for (size_t i = 0; i < at; i++) {
-        if (!app_same_file(file->path, files[i].path)) continue;
-        if (files[i].written)
-            return app_usage(self, "--%s: %s is also the output file of --%s", file->option, file->path,
-                             files[i].option);
-        return app_usage(self, "--%s: %s is an input%s%s and would be replaced", file->option, file->path,
-                         files[i].option != NULL ? " of --" : "",
-                         files[i].option != NULL ? files[i].option : "");
+        const used_file *other = &files[i];
+        if (!app_same_file(file->path, other->path)) continue;
+        const char *dashes = file->option != NULL ? "--" : "", *colon = file->option != NULL ? ": " : "",
+                   *option = file->option != NULL ? file->option : "";
+        if (other->written)
+            return app_usage(self, "%s%s%s%s is also %s%s", dashes, option, colon, file->path,
+                             other->option != NULL ? "the output file of --" : "written",
+                             other->option != NULL ? other->option : "");
+        return app_usage(self, "%s%s%s%s is an input%s%s and would be replaced", dashes, option, colon,
+                         file->path, other->option != NULL ? " of --" : "",
+                         other->option != NULL ? other->option : "");
     }
     return APP_EXIT_OK;
 }

@@ -69,7 +69,7 @@ static void board_task(void *user, size_t index) {
 
 static int told(const pieces *self) {
     if (app_interrupted() || self->status == LG_CANCELLED)
-        return app_fail(self->app, LG_CANCELLED, "stopped by Ctrl-C%s",
+        return app_fail(self->app, LG_CANCELLED, "stopped by %s%s", app_stopper(),
                         self->shared != NULL ? "; the same command continues" : "");
     return self->status == LG_OK
                ? APP_EXIT_OK

@@ -428,7 +428,7 @@ static int evaluate(evaluation *e) {
                  "recordings: times to detection are too long",
                  e->part_name);
     status = judge_windows(self, e->model, series, &e->from.windows, &e->part, &e->judged, &error);
-    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by Ctrl-C");
+    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return app_fail(self, status, "%s: %s", e->path, error.message);
     if (values.votes.count > 0) vote(e);
     if (e->model->sort != WELL_NOVELTY && e->model->novelty.channels > 0) tell_unlike(e);

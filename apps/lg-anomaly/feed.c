@@ -258,7 +258,7 @@ static void report(const app *self, const feeding *feed, const totals *sum, doub
 
 static int write_failed(const app *self) {
     const int number = errno;
-    if (app_interrupted()) return app_fail(self, LG_CANCELLED, "stopped by Ctrl-C");
+    if (app_interrupted()) return app_fail(self, LG_CANCELLED, "stopped by %s", app_stopper());
     return app_fail(self, LG_FILE, "%s: %s", values.out != NULL ? values.out : "standard output",
                     strerror(number));
 }
@@ -277,7 +277,7 @@ static int write_hours(feeding *feed, const sink *to, totals *sum) {
             hour *h = &feed->hours[i];
             if (h->status != LG_OK || app_interrupted()) app_progress_end(&feed->progress);
             if (h->status == LG_CANCELLED || app_interrupted())
-                return app_fail(self, LG_CANCELLED, "stopped by Ctrl-C");
+                return app_fail(self, LG_CANCELLED, "stopped by %s", app_stopper());
             if (h->status != LG_OK)
                 return app_fail(self, h->status, "hour %llu: %s", (unsigned long long)(feed->first + i),
                                 h->error.message[0] != '\0' ? h->error.message

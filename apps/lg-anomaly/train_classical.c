@@ -402,7 +402,7 @@ static int train(classical *self) {
         if (refused != APP_EXIT_OK) return refused;
     }
     if (status == LG_OK) status = judge(self, &error);
-    if (status == LG_CANCELLED) return app_fail(base->app, status, "stopped by Ctrl-C");
+    if (status == LG_CANCELLED) return app_fail(base->app, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return fail(base->app, status, &error);
     const int fitted = fit_novelty(base, &base->train, &self->model.novelty);
     if (fitted != APP_EXIT_OK) return fitted;

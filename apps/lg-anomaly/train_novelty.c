@@ -13,7 +13,7 @@ int fit_novelty(const trained *self, const part_indices *part, lg_novelty *out) 
     const lg_status status =
         lg_novelty_fit(program->context, &options, &self->all.data.series, &self->all.windows, part->list,
                        part->count, (int)program->threads, out, &error);
-    if (status == LG_CANCELLED) return app_fail(program, status, "stopped by Ctrl-C");
+    if (status == LG_CANCELLED) return app_fail(program, status, "stopped by %s", app_stopper());
     if (status != LG_OK)
         app_warn(program,
                  "the model does not know what its windows look like (%s): `watch` will not tell windows "
@@ -120,7 +120,7 @@ static int train(alone *self) {
                                       (int)base->app->threads, &self->model.novelty, &error);
     base->train_seconds = app_seconds() - begin;
     if (status == LG_OK) status = judge(self, &error);
-    if (status == LG_CANCELLED) return app_fail(base->app, status, "stopped by Ctrl-C");
+    if (status == LG_CANCELLED) return app_fail(base->app, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return app_fail(base->app, status, "%s", app_sentence(status, &error));
     status = well_model_save(base->app, path, &self->model, base->judged.metrics.accuracy,
                              base->judged.metrics.f1, &error);

@@ -91,7 +91,7 @@ int beam_solve(const app *self, const boundary *where, const lg_elastica_options
     }
     if (app_interrupted()) beam_curve_free(out);
     if (out->theta != NULL) return APP_EXIT_OK;
-    if (app_interrupted()) return app_fail(self, LG_CANCELLED, "stopped by Ctrl-C");
+    if (app_interrupted()) return app_fail(self, LG_CANCELLED, "stopped by %s", app_stopper());
     return app_fail(self, failure, "%s", sentence_of(failure, &first));
 }
 

@@ -93,7 +93,7 @@ static int run(app *self) {
     if (code != APP_EXIT_OK) return code;
     const double begin = app_seconds();
     lg_status status = lg_elastica_generate(self->context, &sampling, &data.curves, &error);
-    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by Ctrl-C");
+    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK)
         return app_fail(self, status, "%s",
                         error.message[0] != '\0' ? error.message : lg_status_sentence(status));

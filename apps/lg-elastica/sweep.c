@@ -179,7 +179,7 @@ static int write_outputs(const sweep *s, double seconds) {
 static int first_failure(const sweep *s) {
     for (size_t i = 0; i < s->values->points; i++) {
         if (s->status[i] == LG_OK) continue;
-        if (app_interrupted()) return app_fail(s->self, LG_CANCELLED, "stopped by Ctrl-C");
+        if (app_interrupted()) return app_fail(s->self, LG_CANCELLED, "stopped by %s", app_stopper());
         return app_fail(s->self, s->status[i], "x = %.9g: %s", s->x[i],
                         s->error[i].message[0] != '\0' ? s->error[i].message
                                                        : lg_status_sentence(s->status[i]));

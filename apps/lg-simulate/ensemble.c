@@ -70,7 +70,7 @@ typedef struct study {
     gatherer *gatherers;
     uint64_t saved; /* members 0 .. saved - 1 are kept as trajectories */
     lg_rows_file *rows;
-    uint64_t rows_first;
+    atomic_int rows_lost; /* errno of the first row that could not be written; the statistics go on */
     atomic_ullong done;
     app_progress progress;
 } study;
@@ -152,16 +152,19 @@ static lg_status keep_ranges(void *user, const lg_ensemble_block *of) {
     return LG_OK;
 }
 
-static lg_status save_rows(const study *all, gatherer *own, const lg_ensemble_block *of) {
+static lg_status save_rows(study *all, gatherer *own, const lg_ensemble_block *of) {
     const size_t reported = all->sim->reported;
     lg_status status = LG_OK;
+    if (atomic_load(&all->rows_lost) != 0) return LG_OK;
     for (size_t m = 0; m < of->members && of->first + m < all->saved && status == LG_OK; m++) {
         for (size_t row = 0; row < of->count; row++)
             for (size_t c = 0; c < reported; c++)
                 own->row[row * reported + c] = of->states[(row * of->dim + c) * of->room + m];
-        status = lg_rows_file_put(all->rows, of->first + m - all->rows_first, own->row);
+        status = lg_rows_file_put(all->rows, of->first + m - all->total->first, own->row);
     }
-    return status;
+    if (status != LG_FILE) return status;
+    atomic_store(&all->rows_lost, errno);
+    return LG_OK;
 }
 
 static lg_status keep_block(void *user, const lg_ensemble_block *of) {
@@ -259,32 +262,38 @@ static int choose_times(study *all) {
     return APP_EXIT_OK;
 }
 
-/* "3/8": this process does part 3 of 0..7. Under mpirun rank r of R is task r of R, and rank 0 merges. */
-static int read_task(const simulation *sim, uint64_t *task, uint64_t *tasks) {
-    const char *text = sim->values->task;
-    const app *self = sim->self;
-    *task = self->rank;
-    *tasks = self->rank_count;
-    if (text == NULL && *tasks > 1 && sim->values->out == NULL)
-        return app_usage(self, "ranks of mpirun write parts: give --out");
-    if (text == NULL) return APP_EXIT_OK;
-    if (*tasks > 1) return app_usage(self, "--task is not for ranks of mpirun, which are tasks themselves");
-    char *copy = app_format("%s", text), *slash = strchr(copy, '/');
-    if (slash != NULL) *slash = '\0';
-    const bool read = slash != NULL && app_parse_size(copy, task) && app_parse_size(slash + 1, tasks);
-    free(copy);
-    if (read && *task < *tasks && *tasks <= 1000000) return APP_EXIT_OK;
-    return app_usage(self, "--task: expected i/n with 0 <= i < n, not '%s'", text);
+/* The starts and parameters of some members: they depend on more than the line names (tables, the scene). */
+static void add_members(const study *all, lg_sha256 *state) {
+    enum { LOOKED_AT = 64 };
+    const simulation *sim = all->sim;
+    const size_t dim = sim->dim, count = lg_system_parameter_count(sim->system);
+    const uint64_t total = all->total->total, step = total > LOOKED_AT ? total / LOOKED_AT : 1;
+    double *y0 = app_alloc(dim + count, sizeof *y0), *parameters = y0 + dim;
+    for (uint64_t i = 0; i < LOOKED_AT && i * step < total; i++) {
+        memset(y0, 0, dim * sizeof *y0);
+        if (sim->scene.state != NULL) memcpy(y0, sim->scene.state, dim * sizeof *y0);
+        memcpy(parameters, lg_system_parameter_values(sim->system), count * sizeof *parameters);
+        (void)vary_draw(all->varied, i * step, y0, parameters);
+        lg_sha256_add(state, y0, (dim + count) * sizeof *y0);
+    }
+    free(y0);
 }
 
-/* What an ensemble is, in one line: parts with the same one belong together. */
+/* What an ensemble is, in one line: parts with the same one belong together. Long texts are cut here, and
+ * whole in the sum. */
 static char *describe(const study *all, const char *text) {
     const simulation *sim = all->sim;
     const lg_ensemble_options *o = &all->options;
     lg_sha256 state;
     char hash[LG_SHA256_TEXT];
-    const double control[] = {o->control.rtol, o->control.atol, (double)o->steps};
+    const double control[] = {o->control.rtol, o->control.atol, (double)o->steps,
+                              (double)o->control.max_steps, o->scheme->theta};
+    const char *starts = sim->values->starts, *event = sim->values->event;
     lg_sha256_init(&state);
+    lg_sha256_add(&state, text, strlen(text));
+    if (starts != NULL) lg_sha256_add(&state, starts, strlen(starts));
+    if (event != NULL) lg_sha256_add(&state, event, strlen(event));
+    add_members(all, &state);
     lg_sha256_add(&state, lg_system_parameter_values(sim->system),
                   lg_system_parameter_count(sim->system) * sizeof(double));
     if (sim->scene.state != NULL) lg_sha256_add(&state, sim->scene.state, sim->dim * sizeof(double));
@@ -295,12 +304,11 @@ static char *describe(const study *all, const char *text) {
     lg_sha256_add(&state, &o->scheme->dexpinv, sizeof o->scheme->dexpinv);
     lg_sha256_finish(&state, hash);
     return app_format(
-        "%s %s, %s, %llu members, seed %llu, vary %s%s%s%s%s, sha256 %.16s", lg_system_name(sim->system),
-        lg_system_form(sim->system) != NULL ? lg_system_form(sim->system) : "", o->scheme->name,
-        (unsigned long long)all->total->total, (unsigned long long)sim->self->seed,
-        text[0] != '\0' ? text : "nothing", sim->values->starts != NULL ? ", starts " : "",
-        sim->values->starts != NULL ? sim->values->starts : "", sim->values->event != NULL ? ", events " : "",
-        sim->values->event != NULL ? sim->values->event : "", hash);
+        "%s %s, %s, %llu members, seed %llu, vary %.1000s%s%.500s%s%.500s, sha256 %.16s",
+        lg_system_name(sim->system), lg_system_form(sim->system) != NULL ? lg_system_form(sim->system) : "",
+        o->scheme->name, (unsigned long long)all->total->total, (unsigned long long)sim->self->seed,
+        text[0] != '\0' ? text : "nothing", starts != NULL ? ", starts " : "", starts != NULL ? starts : "",
+        event != NULL ? ", events " : "", event != NULL ? event : "", hash);
 }
 
 /* ---- running ---- */
@@ -383,83 +391,78 @@ static lg_status run_all(study *all, lg_ensemble_stats *stats, lg_error *error) 
 
 /* ---- files ---- */
 
-/* "out.h5" -> "out.part-3-of-8.h5"; "" between: the whole. */
-static char *part_name(const char *out, uint64_t task, uint64_t tasks, const char *kind) {
-    const char *dot = strrchr(out, '.'), *slash = strrchr(out, '/');
-    const int stem =
-        (int)(dot != NULL && (slash == NULL || dot > slash) ? dot - out : (ptrdiff_t)strlen(out));
-    char *part = tasks > 1
-                     ? app_format(".part-%llu-of-%llu", (unsigned long long)task, (unsigned long long)tasks)
-                     : app_format("%s", "");
-    char *name = app_format("%.*s%s%s%s", stem, out, part, kind, out + stem);
-    free(part);
-    return name;
-}
-
 static lg_status open_rows(study *all, const char *path, lg_error *error) {
     const result *total = all->total;
-    const uint64_t end = total->first + all->options.members;
-    if (all->saved <= total->first) return LG_OK;
+    const uint64_t rows = rows_among(all->saved, total->first, all->options.members);
+    if (rows == 0) return LG_OK;
     lg_provenance provenance = {.has_seed = true, .seed = all->sim->self->seed};
     (void)snprintf(provenance.command, sizeof provenance.command, "%s", all->sim->self->command_line);
     (void)lg_cpu_describe(provenance.cpu, sizeof provenance.cpu);
-    all->rows_first = total->first;
     const lg_rows_options options = {.provenance = &provenance,
                                      .first = total->first,
-                                     .rows = (all->saved < end ? all->saved : end) - total->first,
+                                     .rows = rows,
                                      .points = total->points,
                                      .dim = all->sim->reported,
                                      .t = total->t,
-                                     .layout = lg_system_layout(all->sim->system)};
+                                     .layout = lg_system_layout(all->sim->system),
+                                     .run = total->what};
     return lg_rows_file_create(all->sim->self->context, path, &options, &all->rows, error);
+}
+
+static lg_status close_rows(study *all, const char *path, lg_error *error) {
+    const int code = atomic_load(&all->rows_lost);
+    if (all->rows == NULL) return LG_OK;
+    if (code != 0) return app_error(error, LG_FILE, "%s: cannot be written: %s", path, strerror(code));
+    return lg_rows_file_commit(all->rows, error);
 }
 
 static int fail(const study *all, lg_status status, const lg_error *error, const char *path) {
     const app *self = all->sim->self;
-    if (status == LG_FILE && error->message[0] == '\0')
-        return app_fail(self, status, "%s: %s", path, strerror(errno));
     if (status == LG_CANCELLED)
-        return app_fail(self, status, "stopped by Ctrl-C: an ensemble is not written in part");
+        return app_fail(self, status, "stopped by %s: an ensemble is not written in part", app_stopper());
     return status == LG_FILE
                ? app_fail_file(self, status, error, path)
                : app_fail(self, status, "%s",
                           error->message[0] != '\0' ? error->message : lg_status_sentence(status));
 }
 
-static int write_out(study *all, const char *path, const char *rows_path) {
-    lg_error error = {LG_OK, ""};
-    lg_status status = all->rows != NULL ? lg_rows_file_commit(all->rows, &error) : LG_OK;
-    const char *const parts[] = {rows_path};
-    if (status == LG_OK && path != NULL)
-        status = result_write(all->sim->self, path, all->total, parts, all->rows != NULL ? 1 : 0, &error);
-    if (status == LG_OK && all->sim->values->plot != NULL && all->sim->self->ranks == NULL)
-        status = ensemble_draw(all->sim->self, all->total, all->sim->values->plot, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(all->sim->self, status, &error, path);
-}
-
-static void show(const app *self, const ensemble_run *shown) {
-    const uint64_t failed = result_failed(shown->what);
-    if (failed > 0)
-        app_warn(self, "%llu of %llu members failed; the statistics are of what they reached",
-                 (unsigned long long)failed, (unsigned long long)shown->what->members);
-    if (self->json)
-        ensemble_json(self, shown);
-    else
-        ensemble_text(shown);
+/* Trajectories that are lost do not take the statistics with them. */
+static int write_out(study *all, const char *path, const char *trajectories, bool *written) {
+    const app *self = all->sim->self;
+    const simulate_values *values = all->sim->values;
+    result *total = all->total;
+    lg_error error = {LG_OK, ""}, lost = {LG_OK, ""};
+    const lg_status rows_status = close_rows(all, trajectories, &lost);
+    const lg_rows_part part = {trajectories, rows_among(all->saved, total->first, all->options.members)};
+    const result_rows rows = {&part, 1, all->sim->reported};
+    lg_status status = LG_OK;
+    total->saved = rows_status == LG_OK ? all->saved : 0;
+    if (path != NULL)
+        status =
+            result_write(self, path, total, all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    if (values->plot != NULL && self->ranks == NULL) {
+        status = ensemble_draw(self, total, values->plot, &error);
+        if (status != LG_OK) return app_fail_file(self, status, &error, values->plot);
+    }
+    *written = true;
+    if (rows_status == LG_OK) return APP_EXIT_OK;
+    return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, path);
 }
 
 /* All ranks have written their parts: rank 0 makes one file of them, and shows it. */
 static int merge_ranks(study *all, lg_status status, uint64_t tasks) {
     app *self = all->sim->self;
     const simulate_values *values = all->sim->values;
+    const merge_values how = {.plot = values->plot};
     lg_error error = {LG_OK, ""};
     status = lg_ranks_agree(self->ranks, status, &error);
     app_end_exchanges(self);
     if (status != LG_OK) return app_fail(self, status, "%s", error.message);
     if (self->rank > 0) return APP_EXIT_OK;
     const char **parts = app_alloc(tasks, sizeof *parts);
-    for (uint64_t i = 0; i < tasks; i++) parts[i] = part_name(values->out, i, tasks, "");
-    const int code = merge_parts(self, values->out, parts, tasks, values->plot);
+    for (uint64_t i = 0; i < tasks; i++) parts[i] = part_path(values->out, &(ensemble_task){i, tasks});
+    const int code = merge_parts(self, values->out, parts, tasks, &how);
     for (uint64_t i = 0; i < tasks; i++) {
         if (code == APP_EXIT_OK) (void)remove(parts[i]);
         free((void *)(uintptr_t)parts[i]);
@@ -468,31 +471,40 @@ static int merge_ranks(study *all, lg_status status, uint64_t tasks) {
     return code;
 }
 
-static int run_and_write(study *all, uint64_t task, uint64_t tasks) {
+static int run_and_write(study *all, const ensemble_task *task) {
     const simulate_values *values = all->sim->values;
     const app *self = all->sim->self;
     lg_error error = {LG_OK, ""};
     lg_ensemble_stats stats;
-    char *path = values->out != NULL ? part_name(values->out, task, tasks, "") : NULL;
-    char *rows_path = values->out != NULL ? part_name(values->out, task, tasks, ".trajectories") : NULL;
+    char *path = values->out != NULL ? part_path(values->out, task) : NULL;
+    char *trajectories = path != NULL ? rows_path(path) : NULL;
     open_gatherers(all);
-    lg_status status = values->save != NULL ? open_rows(all, rows_path, &error) : LG_OK;
+    lg_status status = values->save != NULL ? open_rows(all, trajectories, &error) : LG_OK;
     if (status == LG_OK) status = run_all(all, &stats, &error);
-    int code = status == LG_OK ? write_out(all, path, rows_path) : fail(all, status, &error, rows_path);
+    bool written = false;
+    int code = status == LG_OK ? write_out(all, path, trajectories, &written)
+                               : fail(all, status, &error, trajectories);
     const ensemble_run shown = {all->total, &stats, path};
     if (self->ranks != NULL)
-        code = merge_ranks(all, code == APP_EXIT_OK ? LG_OK : status != LG_OK ? status : LG_FILE, tasks);
-    else if (code == APP_EXIT_OK)
-        show(self, &shown);
+        code = merge_ranks(all,
+                           code == APP_EXIT_OK ? LG_OK
+                           : status != LG_OK   ? status
+                                               : LG_FILE,
+                           task->count);
+    else if (written) {
+        const int end = ensemble_conclude(self, &shown);
+        if (code == APP_EXIT_OK) code = end;
+    }
     lg_rows_file_destroy(all->rows);
     close_gatherers(all);
     free(path);
-    free(rows_path);
+    free(trajectories);
     return code;
 }
 
 /* Whole blocks go to tasks; a block depends on the scene alone. */
-static void choose_members(study *all, uint64_t task, uint64_t tasks) {
+static void choose_members(study *all, const ensemble_task *part) {
+    const uint64_t task = part->index, tasks = part->count > 0 ? part->count : 1;
     const uint64_t size = lg_ensemble_block_size(&all->options, all->sim->dim), total = all->total->total;
     const uint64_t blocks = (total + size - 1) / size;
     const uint64_t from = blocks * task / tasks * size, to = blocks * (task + 1) / tasks * size;
@@ -513,8 +525,7 @@ static int choose_saved(study *all) {
     return app_usage(all->sim->self, "--save: expected `all` or a number of members, not '%s'", text);
 }
 
-static int prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *events, uint64_t *task,
-                   uint64_t *tasks) {
+static int prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *events, ensemble_task *task) {
     const simulation *sim = all->sim;
     const simulate_values *values = sim->values;
     plan how;
@@ -531,9 +542,10 @@ static int prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *event
     o->one_by_one = values->one_by_one;
     all->total->total = values->ensemble;
     all->invariants = lg_system_invariants(sim->system);
-    int code = read_task(sim, task, tasks);
-    if (code == APP_EXIT_OK && *tasks > 1 && values->out == NULL)
-        code = app_usage(sim->self, "--task: the part needs a file: give --out");
+    int code = task_read(sim->self, values->task, task);
+    if (code == APP_EXIT_OK && task->count > 0 && values->out == NULL)
+        code = app_usage(sim->self, values->task != NULL ? "--task: the part needs a file: give --out"
+                                                         : "ranks of mpirun write parts: give --out");
     if (code == APP_EXIT_OK) code = choose_saved(all);
     if (code == APP_EXIT_OK && values->save != NULL && values->out == NULL)
         code = app_usage(sim->self, "--save: trajectories need a file: give --out");
@@ -544,7 +556,7 @@ static int prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *event
     if (vary_rows(all->varied) > 0 && values->ensemble > vary_rows(all->varied))
         return app_usage(sim->self, "--starts: %s has %zu rows, fewer than --ensemble %llu", values->starts,
                          vary_rows(all->varied), (unsigned long long)values->ensemble);
-    choose_members(all, *task, *tasks);
+    choose_members(all, task);
     name_columns(all);
     return APP_EXIT_OK;
 }
@@ -555,15 +567,15 @@ static int run_with(simulation *sim, const lg_scheme *scheme) {
     lg_ensemble_event events[LG_EVENTS_MAX];
     result total = {.what = NULL};
     study all = {.sim = sim, .total = &total};
-    uint64_t task = 0, tasks = 1;
+    ensemble_task task = {0, 0};
     int code = vary_open(sim, text, values->starts, &all.varied);
-    if (code == APP_EXIT_OK) code = prepare(&all, scheme, events, &task, &tasks);
+    if (code == APP_EXIT_OK) code = prepare(&all, scheme, events, &task);
     if (code == APP_EXIT_OK && text[0] == '\0' && values->starts == NULL && sim->scene.has_initial)
         app_warn(sim->self,
                  "nothing varies: all members are the same; give --vary, --starts or the key `ensemble`");
     if (code == APP_EXIT_OK) {
         total.what = describe(&all, text);
-        code = run_and_write(&all, task, tasks);
+        code = run_and_write(&all, &task);
     }
     vary_close(all.varied);
     result_free(&total);

@@ -21,6 +21,30 @@ bool vary_state(const vary *self);
 size_t vary_rows(const vary *self); /* of the table; 0: none */
 lg_status vary_draw(void *self, uint64_t member, double *y0, double *parameters);
 
+/* ---- parts (ensemble_parts.c) ---- */
+
+/* Part `index` of 0..count - 1; count 0: the whole. */
+enum { TASKS_MAX = 1000000 };
+typedef struct ensemble_task {
+    uint64_t index, count;
+} ensemble_task;
+/* `text` is --task or NULL; rank r of R is task r of R. */
+int task_read(const app *self, const char *text, ensemble_task *out);
+/* "out.h5" -> "out.part-3-of-8.h5"; of the whole "out.h5". Freed with free. */
+char *part_path(const char *out, const ensemble_task *task);
+/* "out.h5" -> "out.trajectories.h5" */
+char *rows_path(const char *path);
+/* Of the members first, first + 1, ... those below `saved`. */
+uint64_t rows_among(uint64_t saved, uint64_t first, uint64_t members);
+
+/* The files that a run writes. Those without a path are not; paths are freed with free. */
+enum { OUTPUTS = 3 };
+typedef struct ensemble_output {
+    const char *option;
+    char *path;
+} ensemble_output;
+int ensemble_outputs(const app *self, const simulate_values *values, ensemble_output out[OUTPUTS]);
+
 /* ---- results ---- */
 
 #define NAME_SIZE 64
@@ -39,6 +63,7 @@ typedef struct result {
     uint64_t total;          /* members of the whole ensemble */
     uint64_t first, members; /* of this part */
     uint64_t block;          /* parts end with a whole block, or the ensemble */
+    uint64_t saved;          /* members 0 .. saved - 1 of the whole have trajectories */
     size_t points, columns, events;
     double *t;                   /* (points) */
     column_name *column, *event; /* (columns), (events) */
@@ -59,8 +84,14 @@ void result_list(result *self, const failure *what);
 lg_status result_merge(result *into, const result *from, lg_error *error);
 
 /* ensemble_file.c: HDF5 */
-lg_status result_write(const app *self, const char *path, const result *what, const char *const *parts,
-                       size_t part_count, lg_error *error);
+typedef struct result_rows {
+    const lg_rows_part *parts; /* in the order of their members */
+    size_t count;
+    uint64_t dim; /* numbers of a state */
+} result_rows;
+/* `rows` NULL: without trajectories. */
+lg_status result_write(const app *self, const char *path, const result *what, const result_rows *rows,
+                       lg_error *error);
 lg_status result_read(const app *self, const char *path, result *out, lg_error *error);
 
 /* ensemble_report.c */
@@ -71,12 +102,19 @@ typedef struct ensemble_run {
 } ensemble_run;
 void ensemble_json(const app *self, const ensemble_run *run);
 void ensemble_text(const ensemble_run *run);
+/* Shows it, and warns of members that failed. An exit code: that of the failure where all of them failed. */
+int ensemble_conclude(const app *self, const ensemble_run *run);
 lg_status ensemble_draw(const app *self, const result *what, const char *path, lg_error *error);
 
 /* ensemble.c */
 int ensemble(simulation *sim);
 /* merge.c: one file of the parts, and what it says; then lg-simulate merge OUT.h5 PARTS... */
-int merge_parts(const app *self, const char *out, const char *const *paths, size_t count, const char *plot);
+typedef struct merge_values {
+    const char *plot;
+    bool statistics_only; /* trajectories are left out */
+} merge_values;
+int merge_parts(const app *self, const char *out, const char *const *paths, size_t count,
+                const merge_values *how);
 int merge_main(int argc, char **argv);
 
 #endif

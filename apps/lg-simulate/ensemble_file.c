@@ -58,8 +58,9 @@ static lg_status put_cells(const lg_archive_writer *to, const char *prefix, cons
 }
 
 static lg_status put_numbers(const lg_archive_writer *to, const result *what) {
-    const uint64_t numbers[] = {what->total,    what->first,  what->members, what->block,  what->steps,
-                                what->rejected, what->points, what->columns, what->events, what->listed};
+    const uint64_t numbers[] = {what->total,  what->first,    what->members, what->block,
+                                what->steps,  what->rejected, what->points,  what->columns,
+                                what->events, what->listed,   what->saved};
     const uint64_t dims[] = {LG_COUNT(numbers)}, statuses[] = {STATUSES}, listed[] = {what->listed, 2};
     uint64_t list[2 * LISTED];
     double t[LISTED];
@@ -97,38 +98,16 @@ static lg_status put_result(lg_file_writer *writer, const result *what) {
     return status == LG_OK ? lg_statistics_save(what->times, &times) : status;
 }
 
-/* The trajectories of the parts that have any, in the order of their members. */
-static lg_status put_rows(const app *self, lg_file_writer *writer, const char *const *paths, size_t count,
-                          lg_error *error) {
-    lg_rows_part *parts = app_alloc(count, sizeof *parts);
-    uint64_t dims[4] = {0};
-    uint32_t rank = 0;
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
-        lg_file_reader *reader = NULL;
-        lg_archive_reader from;
-        status =
-            lg_file_reader_create(self->context, paths[i], "ensemble-trajectories", NULL, &reader, error);
-        if (status == LG_OK) status = lg_file_reader_archive(reader, "", &from);
-        if (status == LG_OK) status = from.shape(from.user, "trajectories", &rank, dims);
-        if (status == LG_OK && rank != 3) status = LG_FORMAT;
-        parts[i] = (lg_rows_part){paths[i], dims[0]};
-        lg_file_reader_destroy(reader);
-    }
-    if (status == LG_OK) status = lg_file_writer_rows(writer, parts, count, dims[1], dims[2], error);
-    free(parts);
-    return status;
-}
-
-lg_status result_write(const app *self, const char *path, const result *what, const char *const *parts,
-                       size_t part_count, lg_error *error) {
+lg_status result_write(const app *self, const char *path, const result *what, const result_rows *rows,
+                       lg_error *error) {
     lg_file_writer *writer = NULL;
     lg_provenance provenance = {.has_seed = true, .seed = self->seed};
     (void)snprintf(provenance.command, sizeof provenance.command, "%s", self->command_line);
     (void)lg_cpu_describe(provenance.cpu, sizeof provenance.cpu);
     lg_status status = lg_file_writer_create(self->context, path, "ensemble", &provenance, &writer, error);
     if (status != LG_OK) return status;
-    status = part_count > 0 ? put_rows(self, writer, parts, part_count, error) : LG_OK;
+    if (rows != NULL)
+        status = lg_file_writer_rows(writer, rows->parts, rows->count, what->points, rows->dim, error);
     if (status == LG_OK) {
         (void)put_result(writer, what);
         /* What failed in the archive sticks to the writer, and the commit says it. */
@@ -180,7 +159,7 @@ static lg_status get_statistics(const app *self, lg_file_reader *reader, const c
 }
 
 static lg_status get_result(const app *self, lg_file_reader *reader, result *out) {
-    enum { NUMBERS = 10, LONGEST = 4096 };
+    enum { NUMBERS = 11, LONGEST = 4096 };
     uint64_t numbers[NUMBERS] = {0};
     const uint64_t dims[] = {NUMBERS};
     lg_archive_reader from;
@@ -197,9 +176,11 @@ static lg_status get_result(const app *self, lg_file_reader *reader, result *out
                     .points = numbers[6],
                     .columns = numbers[7],
                     .events = numbers[8],
-                    .listed = numbers[9]};
+                    .listed = numbers[9],
+                    .saved = numbers[10]};
     if (out->listed > LISTED || out->points < 1 || out->points > 100000000 || out->columns < 1 ||
-        out->columns > 10000000 || out->events > LG_EVENTS_MAX || out->members > out->total || out->block < 1)
+        out->columns > 10000000 || out->events > LG_EVENTS_MAX || out->members > out->total ||
+        out->block < 1 || out->first > out->total - out->members || out->saved > out->total)
         return LG_FORMAT;
     const uint64_t points[] = {out->points};
     out->what = app_alloc(LONGEST, 1);

@@ -124,11 +124,17 @@ void ensemble_text(const ensemble_run *run) {
     const result *what = run->what;
     app_table table;
     (void)printf("%s\n", what->what);
+    if (what->members == 0) {
+        (void)printf("no members: blocks of %llu go to the parts, and the others have all %llu members\n",
+                     (unsigned long long)what->block, (unsigned long long)what->total);
+        if (run->out != NULL) (void)printf("\n%s: %zu points\n", run->out, what->points);
+        return;
+    }
     (void)printf("%llu members", (unsigned long long)what->members);
     if (what->members < what->total)
         (void)printf(" (%llu to %llu of %llu)", (unsigned long long)what->first,
                      (unsigned long long)(what->first + what->members) - 1, (unsigned long long)what->total);
-    (void)printf(", %.4g steps each", what->members > 0 ? (double)what->steps / (double)what->members : 0.0);
+    (void)printf(", %.4g steps each", (double)what->steps / (double)what->members);
     if (run->stats != NULL && run->stats->lanes > 1)
         (void)printf("; %zu lanes, %.1f %% in use", run->stats->lanes, 100.0 * run->stats->occupancy);
     if (run->stats != NULL && run->stats->lanes == 1) (void)printf("; one at a time");
@@ -150,6 +156,27 @@ void ensemble_text(const ensemble_run *run) {
     }
     print_failures(what);
     if (run->out != NULL) (void)printf("\n%s: %zu points\n", run->out, what->points);
+}
+
+/* ---- the end ---- */
+
+int ensemble_conclude(const app *self, const ensemble_run *run) {
+    const result *what = run->what;
+    const uint64_t failed = result_failed(what);
+    const bool all = failed > 0 && failed == what->total;
+    size_t most = 0;
+    if (failed > 0 && !all)
+        app_warn(self, "%llu of %llu members failed; the statistics are of what they reached",
+                 (unsigned long long)failed, (unsigned long long)what->members);
+    if (self->json)
+        ensemble_json(self, run);
+    else
+        ensemble_text(run);
+    for (size_t i = 0; i < STATUSES; i++)
+        if (what->failed[i] > what->failed[most]) most = i;
+    return all ? app_fail(self, (lg_status)most, "all %llu members failed: %s", (unsigned long long)failed,
+                          lg_status_sentence((lg_status)most))
+               : APP_EXIT_OK;
 }
 
 /* ---- a picture: bands over time, histograms of the times of events ---- */

@@ -102,7 +102,7 @@ static lg_status source(void *user, size_t n, double t, const double *y, double 
 static int fail_gradient(const simulation *sim, const lg_scheme *scheme, lg_status status,
                          const lg_error *error) {
     const char *sentence = error->message[0] != '\0' ? error->message : lg_status_sentence(status);
-    if (status == LG_CANCELLED) return app_fail(sim->self, status, "stopped by Ctrl-C");
+    if (status == LG_CANCELLED) return app_fail(sim->self, status, "stopped by %s", app_stopper());
     if (status == LG_UNSUPPORTED) {
         const char *form = lg_system_form(sim->system);
         return app_usage(sim->self, "--gradient: '%s' cannot be differentiated on %s%s%s; rkmk4 can",

@@ -110,14 +110,23 @@ static int check_options(const app *self) {
     return APP_EXIT_OK;
 }
 
+/* A task works on its part of --out alone. */
 static int check_outputs(const app *self) {
     const bool weights = values.gradient != NULL && values.gradient[0] == '@';
+    ensemble_output out[OUTPUTS] = {{"out", NULL}};
+    const bool parts = values.ensemble > 0;
+    int code = parts ? ensemble_outputs(self, &values, out) : APP_EXIT_OK;
     const app_path paths[] = {{"scheme", values.scheme, APP_READ},
                               {"gradient", weights ? values.gradient + 1 : NULL, APP_READ},
                               {"starts", values.starts, APP_READ},
-                              {"out", values.out, APP_WRITTEN},
+                              {"out", parts ? NULL : values.out, APP_WRITTEN},
+                              {out[0].option, out[0].path, APP_WRITTEN},
+                              {out[1].option, out[1].path, APP_WRITTEN},
+                              {out[2].option, out[2].path, APP_WRITTEN},
                               {"plot", values.plot, APP_DRAWN}};
-    return app_check_outputs(self, paths, LG_COUNT(paths));
+    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
+    for (size_t i = 0; i < OUTPUTS; i++) free(out[i].path);
+    return code;
 }
 
 /* Equal or adaptive steps must fit the method. */
@@ -145,7 +154,7 @@ static int fail_run(const simulation *sim, const plan *how, const outcome *run, 
     const char *name = how->scheme->name;
     switch (status) {
     case LG_CANCELLED:
-        return app_fail(self, status, "stopped by Ctrl-C at t = %g", run->t);
+        return app_fail(self, status, "stopped by %s at t = %g", app_stopper(), run->t);
     case LG_STEP_TOO_SMALL:
         return app_fail(
             self, status,

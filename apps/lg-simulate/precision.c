@@ -89,7 +89,7 @@ static int find_reference(diagram *d) {
     }
     free(coarse);
     if (status == LG_OK) return APP_EXIT_OK;
-    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by Ctrl-C");
+    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     return app_fail(self, status, "the reference, %s at tolerance %g: %s (t = %g)", scheme->name, d->tol,
                     lg_status_sentence(status), run.t);
 }
@@ -321,7 +321,7 @@ static int fill(diagram *d) {
         points += d->curves[c].count;
     }
     app_progress_end(&progress);
-    if (status == LG_CANCELLED) return app_fail(d->sim->self, status, "stopped by Ctrl-C");
+    if (status == LG_CANCELLED) return app_fail(d->sim->self, status, "stopped by %s", app_stopper());
     if (status != LG_OK)
         return app_fail(d->sim->self, status, "%s: %s", d->curves[c - 1].what.scheme.name,
                         lg_status_sentence(status));

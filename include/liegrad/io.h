@@ -168,6 +168,7 @@ typedef struct lg_rows_options {
     size_t points, dim;
     const double *t; /* (points) */
     const char *layout;
+    const char *run; /* what the ensemble is, as its other files have it; may be NULL */
 } lg_rows_options;
 
 /* A file with /t and /trajectories (rows, points, dim), whose rows are written one by one into their places
@@ -181,6 +182,14 @@ LG_API lg_status lg_rows_file_put(const lg_rows_file *file, uint64_t row, const 
 /* Under its name once it is on the disk. */
 LG_API lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error);
 LG_API void lg_rows_file_destroy(lg_rows_file *file); /* NULL is fine; without a commit no file is left */
+
+/* What such a file holds. No row is read, however many there are. `run` (size bytes) may be NULL. LG_FORMAT:
+ * another file, or one that does not say which run it is of. */
+typedef struct lg_rows_about {
+    uint64_t first, rows, points, dim;
+} lg_rows_about;
+LG_API lg_status lg_rows_file_look(const lg_context *context, const char *path, lg_rows_about *out, char *run,
+                                   size_t size, lg_error *error);
 
 /* /trajectories of the writer's file: a virtual data set, the rows of these files in their order. The files
  * stand in the folder of the writer's file. */

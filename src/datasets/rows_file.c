@@ -7,9 +7,12 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "datasets/h5_internal.h"
+
+static const char KIND[] = "ensemble-trajectories";
 
 struct lg_rows_file {
     const lg_context *context;
@@ -55,10 +58,11 @@ static lg_status write_layout(lg_rows_file *file, const char *scratch, const lg_
                            ? LG_OK
                            : lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
     lg_quiet_end(quiet);
-    if (status == LG_OK) status = lg_h5_put_header(h5, "ensemble-trajectories", o->provenance, error);
+    if (status == LG_OK) status = lg_h5_put_header(h5, KIND, o->provenance, error);
     if (status == LG_OK) status = lg_h5_put(h5, "t", LG_ELEMENT_F64, 1, &dims[1], o->t, error);
     if (status == LG_OK) status = lg_h5_put_number(h5, "", "first", LG_ELEMENT_U64, &o->first, error);
     if (status == LG_OK) status = lg_h5_put_text(h5, "", "layout", o->layout, error);
+    if (status == LG_OK && o->run) status = lg_h5_put_text(h5, "", "ensemble", o->run, error);
     quiet = lg_quiet_begin();
     if (h5->file >= 0 && H5Fflush(h5->file, H5F_SCOPE_LOCAL) < 0 && status == LG_OK)
         status = lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
@@ -155,6 +159,43 @@ void lg_rows_file_destroy(lg_rows_file *file) {
     }
     lg_free(file->context, file->path);
     lg_free(file->context, file);
+}
+
+/* ---- what a file holds ---- */
+
+typedef struct look_call {
+    lg_rows_about about;
+    char *run;
+    size_t size;
+} look_call;
+
+static lg_status look(void *user, lg_h5 *h5, lg_error *error) {
+    look_call *call = user;
+    lg_h5_about rows;
+    LG_TRY(lg_h5_check_format(h5, KIND, false, error));
+    LG_TRY(lg_h5_number(h5, "", "first", LG_ELEMENT_U64, &call->about.first, error));
+    if (call->run) LG_TRY(lg_h5_text(h5, "", "ensemble", call->run, call->size, error));
+    LG_TRY(lg_h5_look(h5, "trajectories", sizeof(double), &rows, error));
+    if (rows.rank != 3) return lg_fail(error, LG_FORMAT, "%s: /trajectories: rank is not 3", h5->path);
+    call->about.rows = rows.dims[0];
+    call->about.points = rows.dims[1];
+    call->about.dim = rows.dims[2];
+    return LG_OK;
+}
+
+lg_status lg_rows_file_look(const lg_context *context, const char *path, lg_rows_about *out, char *run,
+                            size_t size, lg_error *error) {
+    struct stat file;
+    lg_read_options options;
+    look_call call = {.run = run, .size = size};
+    if (!path || !out) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    lg_read_options_init(&options);
+    /* The rows may be larger than the memory, but not than the file. */
+    if (stat(path, &file) == 0 && (uint64_t)file.st_size > options.max_size)
+        options.max_size = (uint64_t)file.st_size;
+    LG_TRY(lg_h5_read(context, path, &options, look, &call, error));
+    *out = call.about;
+    return LG_OK;
 }
 
 /* ---- several files as one data set ---- */

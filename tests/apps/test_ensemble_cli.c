@@ -3,6 +3,7 @@
 #include "cli_support.h"
 
 #include <hdf5.h>
+#include <sys/resource.h>
 
 #include "liegrad/io.h"
 
@@ -207,6 +208,160 @@ TEST("a screen for people, and a picture") {
     assert_true(cli_exists("bands.gp") && cli_exists("bands.dat"));
 }
 
+/* ---- parts that do not belong together, and parts without members ---- */
+
+TEST("tasks of an array run side by side, and the same one twice is refused") {
+    const char long_run[] = "pendulums.yaml --ensemble 100000000 --vary q=sphere --save 5000 --out array.h5";
+    char task[256];
+    (void)snprintf(task, sizeof task, "%s --task 0/2", long_run);
+    const cli_child first = cli_start(lg, task, 0);
+    cli_wait_for("array.part-0-of-2.h5.lock");
+    cli_wait_for("array.part-0-of-2.trajectories.h5.lock");
+    json("pendulums.yaml --ensemble 3000 --save all --task 1/2 --out array.h5", "members >0");
+    json("pendulums.yaml --ensemble 3000 --save all --out array.h5", "members 3000");
+    cli_expect(lg, task, 3, "array.part-0-of-2.h5: is being written by process", &result);
+    cli_expect(lg, "pendulums.yaml --ensemble 9 --out array.part-0-of-2.trajectories.h5", 3,
+               "is being written by process", &result);
+    cli_interrupt(first, &result);
+}
+
+TEST("merge claims its output") {
+    json("pendulums.yaml --ensemble 9 --task 0/1 --out claimed.h5", "members 9");
+    const cli_child writer = cli_start(lg, "pendulums.yaml --ensemble 100000000 --out claimed.h5", 0);
+    cli_wait_for("claimed.h5.lock");
+    cli_expect(lg, "merge claimed.h5 claimed.part-0-of-1.h5", 3, "is being written by process", &result);
+    cli_interrupt(writer, &result);
+    assert_false(cli_exists("claimed.h5"));
+    cli_expect(lg, "merge claimed.part-0-of-1.h5 claimed.part-0-of-1.h5", 2, "would be replaced", &result);
+    json("merge claimed.h5 claimed.part-0-of-1.h5", "members 9");
+}
+
+#define RUNS "circles.yaml --ensemble 3000 --points 4 --out runs.h5 "
+
+static void both_tasks(const char *more) {
+    for (int i = 0; i < 2; i++) {
+        char arguments[256];
+        (void)snprintf(arguments, sizeof arguments, RUNS "--task %d/2 %s", i, more);
+        json(arguments, "failed 0");
+    }
+}
+
+static bool has_trajectories(const char *name) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    const bool has = H5Lexists(file, "trajectories", H5P_DEFAULT) > 0;
+    (void)H5Fclose(file);
+    return has;
+}
+
+#define MERGE   "merge runs.h5 runs.part-0-of-2.h5 runs.part-1-of-2.h5"
+#define PATTERN MERGE " runs.part-0-of-2.trajectories.h5 runs.part-1-of-2.trajectories.h5"
+
+TEST("trajectories are those of the run whose statistics they stand beside, all of them") {
+    static const char second[] = "runs.part-1-of-2.trajectories.h5";
+    hsize_t one[3], two[3];
+    json(RUNS "--seed 2 --save 2500", "");
+    const double *whole = rows_of("runs.h5", one);
+    /* Another seed's trajectories lie there still. */
+    both_tasks("--seed 1 --save all");
+    both_tasks("--seed 2");
+    json(MERGE, "members 3000");
+    assert_false(has_trajectories("runs.h5"));
+    json(PATTERN, "members 3000");
+    assert_false(has_trajectories("runs.h5"));
+    assert_says(result.err, "trajectories of no part that was given");
+    json(RUNS "--seed 2 --save 2500 --task 0/2", "");
+    cli_expect(lg, MERGE, 3, "keeps the trajectories of 2500 members of the ensemble", &result);
+    both_tasks("--seed 2 --save 2500");
+    json(PATTERN, "members 3000, warnings []");
+    const double *merged = rows_of("runs.h5", two);
+    assert_memory_equal(one, two, sizeof one);
+    assert_memory_equal(whole, merged, one[0] * one[1] * one[2] * sizeof(double));
+    /* A file of another seed, of other members, of none. */
+    char path[2][1024];
+    cli_path(second, path[0], sizeof path[0]);
+    cli_path("kept.h5", path[1], sizeof path[1]);
+    assert_int_equal(rename(path[0], path[1]), 0);
+    cli_expect(lg, MERGE, 3, "runs.part-1-of-2.trajectories.h5: is missing", &result);
+    json("circles.yaml --ensemble 3000 --points 4 --seed 3 --save 2500 --out other.h5", "");
+    cli_link("other.trajectories.h5", second);
+    cli_expect(lg, MERGE, 3, "holds trajectories of another run", &result);
+    json("merge --statistics-only runs.h5 runs.part-0-of-2.h5 runs.part-1-of-2.h5", "members 3000");
+    assert_false(has_trajectories("runs.h5"));
+    cli_unlink(second);
+    cli_link("runs.part-0-of-2.trajectories.h5", second);
+    cli_expect(lg, MERGE, 3, "holds 1024 members from 0 on", &result);
+    cli_unlink(second);
+    cli_link("kept.h5", second);
+    json(MERGE, "members 3000");
+    cli_expect(lg, "merge runs.h5 runs.part-0-of-2.trajectories.h5", 2, "no part of an ensemble", &result);
+}
+
+TEST("parts of other starts or limits are another ensemble") {
+    cli_write("starts.csv", "q,p\n1,0\n2,0\n3,0\n");
+    json("circles.yaml --ensemble 3 --starts starts.csv --task 0/2 --out table.h5", "members 0");
+    cli_write("starts.csv", "q,p\n1,0\n2,0\n3,1\n");
+    json("circles.yaml --ensemble 3 --starts starts.csv --task 1/2 --out table.h5", "members 3");
+    cli_expect(lg, "merge table.h5 table.part-0-of-2.h5 table.part-1-of-2.h5", 3, "another ensemble",
+               &result);
+}
+
+TEST("a part without members is a part") {
+    cli_expect(lg, "circles.yaml --ensemble 10 --points 3 --save all --task 0/2 --out few.h5", 0, "",
+               &result);
+    assert_says(result.out, "no members: blocks of 1024 go to the parts, and the others have all 10 members");
+    assert_null(strstr(result.out, "nan"));
+    json("circles.yaml --ensemble 10 --points 3 --save all --task 1/2 --out few.h5", "members 10, first 0");
+    json("merge few.h5 few.part-1-of-2.h5 few.part-0-of-2.h5", "members 10");
+    hsize_t dims[3];
+    (void)rows_of("few.h5", dims);
+    assert_int_equal(dims[0], 10);
+    json("merge few.h5 few.part-1-of-2.h5", "members 10");
+    cli_expect(lg, "merge few.h5 few.part-0-of-2.h5", 3, "members 0 to 9 are missing", &result);
+}
+
+/* ---- trajectories larger than the memory, and lost ones ---- */
+
+static long peak_of_children(void) {
+    struct rusage used;
+    assert_int_equal(getrusage(RUSAGE_CHILDREN, &used), 0);
+    return used.ru_maxrss;
+}
+
+TEST("what was saved is not read back") {
+    enum { ROWS = 150000, POINTS = 21, KILOBYTES = ROWS * POINTS * 16 / 1024 };
+    const char plain[] = "circles.yaml --ensemble 150000 --points 21 --method dp85 --tol 1e-3 --threads 1 ";
+    char saving[256];
+    (void)snprintf(saving, sizeof saving, "%s --save all --task 0/1 --out large.h5", plain);
+    json(plain, "");
+    const long without = peak_of_children();
+    json(saving, "");
+    json("merge large.h5 large.part-0-of-1.h5 large.part-0-of-1.trajectories.h5", "members 150000");
+    const long with = peak_of_children();
+    if (with > without + KILOBYTES / 2)
+        fail_msg("%ld KB where nothing is saved, %ld KB where %d KB are", without, with, KILOBYTES);
+}
+
+TEST("trajectories that cannot be written do not take the statistics with them") {
+    const char arguments[] = "pendulums.yaml --ensemble 400000 --vary q=sphere --points 6 --threads 1 "
+                             "--save 100 --out lost.h5";
+    char path[1024];
+    const cli_child child = cli_start(lg, arguments, 0);
+    cli_wait_for("lost.trajectories.h5.lock");
+    cli_path("lost.trajectories.h5", path, sizeof path);
+    assert_int_equal(mkdir(path, 0700), 0);
+    cli_finish(child, &result);
+    assert_int_equal(result.code, 3);
+    assert_says(result.err, "lost.trajectories.h5");
+    assert_says(result.err, "the statistics are in lost.h5");
+    assert_says(result.out, "400000 members");
+    assert_int_equal(cli_count_files("lost.trajectories.h5.tmp"), 0);
+    assert_false(has_trajectories("lost.h5"));
+    assert_int_equal(rmdir(path), 0);
+    json("merge found.h5 lost.h5", "members 400000");
+}
+
 /* ---- refusals ---- */
 
 TEST("what is refused") {
@@ -247,6 +402,31 @@ TEST("Ctrl-C ends an ensemble and leaves no file") {
     cli_interrupt(child, &result);
     assert_says(result.err, "stopped by Ctrl-C");
     assert_int_equal(cli_count_files("gone"), 0);
+}
+
+TEST("signals are named") {
+    static const struct {
+        int number;
+        const char *words;
+    } rows[] = {{SIGTERM, "stopped by SIGTERM"}, {SIGHUP, "stopped by SIGHUP"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const cli_child child = cli_start(lg, "pendulums.yaml --ensemble 100000000 --out gone.h5", 0);
+        cli_wait_for("gone.h5.lock");
+        assert_int_equal(kill(child.pid, rows[i].number), 0);
+        cli_finish(child, &result);
+        assert_int_equal(result.code, 128 + rows[i].number);
+        assert_says(result.err, rows[i].words);
+    }
+}
+
+TEST("an ensemble whose members all failed has failed") {
+    cli_expect(lg, "circles.yaml --ensemble 20 --max-steps 3 --out failed.h5", 4, "all 20 members failed",
+               &result);
+    assert_says(result.out, "failed: 20");
+    assert_true(cli_exists("failed.h5"));
+    cli_expect(lg, "merge again.h5 failed.h5", 4, "all 20 members failed", &result);
+    cli_expect(lg, "pendulums.yaml --ensemble 20 --vary m1=uniform:-2:-1", 2, "all 20 members failed",
+               &result);
 }
 
 TEST_GROUP(setup, cli_end)

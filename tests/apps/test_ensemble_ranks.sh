@@ -13,5 +13,9 @@ $run --out one.h5 >one.json
 timeout 300 mpirun --oversubscribe -n 3 $run --out many.h5 >many.json 2>err || { cat err; exit 1; }
 [ -n "$(results one.json)" ] && [ "$(results one.json)" = "$(results many.json)" ] || { echo "three ranks say something else"; exit 1; }
 [ -s many.h5 ] && ! ls many.part-*-of-3.h5 2>/dev/null || { echo "parts are left, or there is no file"; exit 1; }
+# Fewer blocks than ranks: the trajectories of all members all the same.
+timeout 300 mpirun --oversubscribe -n 3 lg-simulate circles.yaml --ensemble 1500 --points 4 --save 1100 --out few.h5 \
+    >few.out 2>err || { cat err; exit 1; }
+[ "$(ls few.part-* | wc -l)" = 2 ] || { echo "two of three ranks have trajectories"; ls; exit 1; }
 if timeout 60 mpirun --oversubscribe -n 2 $run >out 2>err; then echo "ranks without --out run"; exit 1; fi
 grep -q 'give --out' err
