@@ -57,8 +57,9 @@ lg_status board_write(board *b, size_t piece, const void *record, board_state st
 size_t board_left(board *b); /* pieces that are not done */
 const char *board_path(const board *b);
 
-/* What a task of an array says at its end; APP_EXIT_OK. */
+/* LG_FILE, with the sentence that so many pieces are not done. */
 lg_status board_unfinished(const board *b, size_t left, lg_error *error);
+/* What a task of an array says at its end; APP_EXIT_OK. */
 int board_report(const app *app, const board_values *values, size_t done, size_t count);
 
 /* The output is made once: true for the process that is to make it now, which calls board_end after that.

@@ -9,7 +9,7 @@
 #include "nn/fit_internal.h"
 #include "liegrad/ops.h"
 
-/* ---- what mlp2 and jvp have in common: a loss of rows, cut into shards by the number of rows alone ---- */
+/* ---- what mlp2 and jvp have in common: a loss of rows, cut into shards, whatever the threads ---- */
 
 /* Each shard has its tape and gradient, and takes its rows in chunks; as those of lg_fit by the work, but
  * batches of 32 to 255 rows have two at most. */

@@ -265,7 +265,7 @@ typedef struct lg_fit_options {
     lg_dtype dtype;   /* LG_F64; of tapes, theta and moments */
     uint64_t epochs;  /* 100: planned total, >= 1 */
     size_t batch;     /* 0: all samples; the last batch of an epoch may be smaller */
-    uint32_t shards;  /* 0, to 1024: contiguous near-equal pieces of a batch, min(shards, batch) of them. Each
+    uint32_t shards;  /* 0..1024, default 0: contiguous pieces of a batch, min(shards, batch) of them. Each
                       * has its own gradient, so take 1 for a model that is large compared with the batch;
                       * threads beyond the shards split the large products instead. 0: by the work, one for
                       * each 2^16 samples x parameters of the batch and at least one for each LG_FIT_CHUNK
