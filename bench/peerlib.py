@@ -73,13 +73,13 @@ def read_gradient(path):
 
 
 class Marks:
-    """The clock of a training: `passed(flat, evaluations)` keeps the weights when the next mark has passed, and says whether
-    there are more. What the keeping takes does not count."""
+    """The clock of a training, and (from_start) of its process: `passed(flat, evaluations)` keeps the weights when the next
+    mark has passed, and says whether there are more. What the keeping takes does not count."""
 
     def __init__(self, args, model):
         self.seconds = [float(m) for m in args.marks.split(",")] if args.marks else [0.0]
         self.model, self.out, self.points = model, args.out, []
-        self.start = clock()
+        self.start, self.kept = clock(), 0.0  # kept: what the keeping took
 
     def passed(self, flat, evaluations, end=False):
         now = clock()
@@ -88,8 +88,9 @@ class Marks:
             self.seconds = [] if end else [m for m in self.seconds if m > spent]
             path = "%s-%d.h5" % (self.out, len(self.points))
             self.model.write(path, flat)
-            self.points.append(dict(seconds=spent, evaluations=int(evaluations), file=path))
+            self.points.append(dict(seconds=spent, from_start=now - self.kept, evaluations=int(evaluations), file=path))
         self.start += clock() - now
+        self.kept += clock() - now
         return bool(self.seconds)
 
 

@@ -11,16 +11,6 @@
 
 /* ---- what mlp2 and jvp have in common: a loss of rows, cut into shards, whatever the threads ---- */
 
-/* Each shard has its tape and gradient, and takes its rows in chunks; as those of lg_fit by the work, but
- * batches of 32 to 255 rows have two at most. */
-static size_t shards_of(size_t rows, size_t parameters) {
-    const size_t most = rows < 32 ? 1 : rows < 256 ? 2 : 4;
-    const size_t chunks = (rows + LG_FIT_CHUNK - 1) / LG_FIT_CHUNK;
-    const size_t by_work = (size_t)((double)rows * (double)parameters / LG_FIT_PIECE);
-    const size_t pieces = by_work > chunks ? by_work : chunks;
-    return pieces < most ? pieces : most;
-}
-
 typedef struct second second;
 typedef lg_var (*loss_fn)(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
 
@@ -71,7 +61,7 @@ static void second_open(const bench *b, lg_dtype dtype, int threads, const lg_ml
     s->parameters = lg_mlp_parameters(net);
     s->theta = bench_typed(dtype, theta, s->parameters);
     s->x = bench_typed(dtype, x, rows * lg_mlp_inputs(net));
-    s->pieces = shards_of(rows, s->parameters);
+    s->pieces = lg_fit_pieces(rows, s->parameters, LG_FIT_CHUNK);
     s->piece = app_alloc(s->pieces, sizeof *s->piece);
     for (size_t i = 0; i < s->pieces; i++) {
         piece *p = &s->piece[i];

@@ -181,7 +181,87 @@ def scipy_lbfgs(problem):
     return scipy_method(problem, "L-BFGS-B", gtol=0.0, ftol=0.0, maxiter=FOREVER, maxfun=FOREVER, maxcor=problem.args.memory)
 
 
-METHODS = {"adam": adam, "optax-lbfgs": optax_lbfgs, "jaxopt-lbfgs": jaxopt_lbfgs, "jaxopt-bfgs": jaxopt_bfgs,
+def wolfe(value, slope, tell):
+    """A step that satisfies the weak Wolfe conditions, by bracketing and cubic interpolation as in src/nn/minimise_search.c.
+    tell(alpha) is the value and the slope there."""
+    low, high, alpha = (0.0, value, slope), None, 1.0
+    for _ in range(25):
+        f, df = tell(alpha)
+        falls = np.isfinite(f) and f <= value + 1e-4 * alpha * slope
+        if falls and df >= 0.9 * slope:
+            return alpha
+        if falls:
+            low = alpha, f, df
+        else:
+            high = alpha, f, df
+        if high is None:
+            alpha *= 2.5
+            continue
+        (l, fl, dl), (h, fh, dh) = low, high
+        width, a = h - l, dl + dh - 3 * (fl - fh) / (l - h)
+        with np.errstate(all="ignore"):
+            b = np.sqrt(a * a - dl * dh)
+            x = h - width * (dh + b - a) / (dh - dl + 2 * b)
+        alpha = min(max(x, l + 0.1 * width), h - 0.1 * width) if np.isfinite(x) else l + 0.5 * width
+    return None
+
+
+def scales(n, b, h):
+    """tau and phi of SSBroyden2 (Urban, Stefanou, Pons 2025)."""
+    a = max(h * b - 1, 1e-16)
+    r = min(1.0, h * (1 - (a / (1 + a)) ** 0.5))
+    theta = max((r - 1) / a, min(1 / r, (1 - b) / b))
+    sigma = 1 + a * theta
+    root, k = abs(sigma) ** (1 / (1 - n)), min(1.0, 1 / b)
+    return k * min(root, 1 / theta) if theta > 0 else min(k * root, sigma), (1 - theta) / (1 + a * theta)
+
+
+def ssbroyden(problem):
+    """lg-hamiltonian's method, loss and gradient compiled, the update of the inverse Hessian compiled."""
+    call = problem.compiled(jax.value_and_grad(problem.scaled), problem.flat, problem.data)
+    n = problem.flat.size
+
+    def updated(H, s, y, hy, q, rho, tau, phi):
+        v = rho * s - hy / q
+        return (H - jnp.outer(hy, hy) / q + phi * q * jnp.outer(v, v)) / tau + rho * jnp.outer(s, s)
+
+    H, x = jnp.eye(n), np.asarray(problem.flat)
+    start = clock()
+    update = jax.jit(updated, donate_argnums=0).lower(H, x, x, x, 1.0, 1.0, 1.0, 1.0).compile()
+    problem.compile_seconds += clock() - start
+    marks, calls, last = peerlib.Marks(problem.args, problem.file), 1, {}
+    value, g = (np.asarray(v) for v in call(jnp.asarray(x), problem.data))
+    d, fresh = -g * min(1.0, 0.1 / np.linalg.norm(g)), True
+
+    def tell(alpha):
+        nonlocal calls
+        calls += 1
+        value, g = call(jnp.asarray(x + alpha * d), problem.data)
+        last.update(value=float(value), g=np.asarray(g))
+        return last["value"], float(last["g"] @ d)
+
+    while marks.passed(x, calls):
+        slope = float(g @ d)
+        alpha = wolfe(float(value), slope, tell)
+        if alpha is None:
+            break
+        s, y = alpha * d, last["g"] - g
+        x, g, value, ys = x + s, last["g"], last["value"], float(s @ y)
+        if fresh:
+            H, fresh = jnp.eye(n) * (ys / float(y @ y)), False
+            sbs = float(s @ s) * float(y @ y) / ys
+        else:
+            sbs = -alpha * alpha * slope
+        hy = np.asarray(H @ y)
+        q = float(y @ hy)
+        tau, phi = scales(n, sbs / ys, q / ys)
+        H = update(H, s, y, hy, q, 1 / ys, tau, phi)
+        d = -np.asarray(H @ g)
+    marks.passed(x, calls, end=True)
+    return marks.points
+
+
+METHODS = {"ssbroyden": ssbroyden, "adam": adam, "optax-lbfgs": optax_lbfgs, "jaxopt-lbfgs": jaxopt_lbfgs, "jaxopt-bfgs": jaxopt_bfgs,
            "scipy-bfgs": scipy_bfgs, "scipy-lbfgs": scipy_lbfgs}
 
 

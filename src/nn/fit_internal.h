@@ -81,10 +81,10 @@ struct lg_fit {
     double *revived;  /* (parameters); NULL without restarts */
 };
 
-#define LG_FIT_BLOCK 4096
-/* Of shards by the work: samples x parameters of a piece, and the most pieces. */
-#define LG_FIT_PIECE  65536.0
-#define LG_FIT_PIECES 4
+#define LG_FIT_BLOCK  4096
+#define LG_FIT_PIECES 4 /* of a batch that is cut by its work */
+/* How many pieces those are, of chunks of at most `chunk` samples. */
+size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk);
 
 lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out);
 void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);

@@ -61,16 +61,22 @@ static void shard_task(void *user, size_t index) {
     shard->status = lg_fit_chunks(fit, shard, chunk_loss);
 }
 
-/* A small piece takes longer to record than to compute; a piece of several chunks is recorded for each. */
-static size_t pieces_by_work(const lg_fit *fit, size_t count) {
-    const size_t chunks = (count + chunk_of(fit) - 1) / chunk_of(fit);
-    const double pieces = (double)count * (double)fit->problem.parameters / LG_FIT_PIECE;
-    return pieces > (double)chunks ? (size_t)pieces : chunks;
+/* A small piece takes longer to record than to compute, few rows have slow products, and three pieces leave one
+ * of two threads idle: so a power of two. A piece of several chunks is recorded for each. */
+size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk) {
+    static const double least_work = 6e4, least_rows = 24;
+    const double rows = (double)samples,
+                 most = fmin(rows / least_rows, rows * (double)parameters / least_work);
+    const size_t chunks = (samples + chunk - 1) / chunk;
+    size_t pieces = 1;
+    while (2.0 * (double)pieces <= most && pieces < LG_FIT_PIECES) pieces *= 2;
+    if (pieces < chunks) pieces = chunks;
+    return pieces < LG_FIT_PIECES ? pieces : LG_FIT_PIECES;
 }
 
 /* Piece i of n of `count` samples: [i count/n, (i + 1) count/n), never empty since n <= count. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count) {
-    const size_t most = fit->by_work ? pieces_by_work(fit, count) : count;
+    const size_t most = fit->by_work ? lg_fit_pieces(count, fit->problem.parameters, chunk_of(fit)) : count;
     size_t n = count < fit->options.shards ? count : fit->options.shards;
     if (n > most) n = most;
     for (size_t i = 0; i < n; i++) {

@@ -102,9 +102,10 @@ static lg_status counting_loss(void *user, lg_tape *tape, lg_var theta, const ui
 TEST("shards of 0 are cut by the work: a small batch is one piece, a large one four") {
     static const struct {
         size_t parameters, samples, chunk, pieces;
-    } cases[] = {{2, 7, 0, 1},       {2, 128, 0, 1},      {2, 129, 0, 2},      {2, 200, 64, 4},
-                 {655, 100, 100, 1}, {1310, 100, 100, 1}, {1311, 100, 100, 2}, {1 << 20, 100, 100, 4},
-                 {1 << 20, 3, 0, 3}, {655, 200, 64, 4}};
+    } cases[] = {{2, 7, 0, 1},        {2, 128, 0, 1},        {2, 129, 0, 2},      {2, 200, 64, 4},
+                 {2, 192, 64, 3},     {1199, 100, 100, 1},   {1200, 100, 100, 2}, {2399, 100, 100, 2},
+                 {2400, 100, 100, 4}, {1 << 20, 47, 0, 1},   {1 << 20, 48, 0, 2}, {1 << 20, 95, 0, 2},
+                 {1 << 20, 96, 0, 4}, {1 << 20, 100, 100, 4}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         size_t calls[2] = {0, 0};
         const lg_fit_problem problem = {.parameters = cases[i].parameters,
