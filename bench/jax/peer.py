@@ -8,7 +8,8 @@ generate. Prints one JSON object.
                              at each mark, in seconds of CPU without compiling, the weights go to PREFIX-i.h5. adam: --epochs E,
                              the settings of lg-hamiltonian
 
-One core; XLA is told to use one thread in its products. What compiling takes is counted apart."""
+One core; XLA is told to use one thread in its products. What compiling takes is counted apart; `from_start` of a mark counts
+all since the process began. --compiled FOLDER: executables are kept there, and taken from there."""
 import json
 import os
 import sys
@@ -36,6 +37,10 @@ FOREVER = 10**9
 
 class Problem:
     def __init__(self, args):
+        if args.compiled:
+            jax.config.update("jax_compilation_cache_dir", args.compiled)
+            jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+            jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
         self.args, self.file = args, peerlib.ModelFile(args.model)
         data, self.h = peerlib.read_data(args.data)
         n, m, _ = data.shape
@@ -261,8 +266,8 @@ def ssbroyden(problem):
     return marks.points
 
 
-METHODS = {"ssbroyden": ssbroyden, "adam": adam, "optax-lbfgs": optax_lbfgs, "jaxopt-lbfgs": jaxopt_lbfgs, "jaxopt-bfgs": jaxopt_bfgs,
-           "scipy-bfgs": scipy_bfgs, "scipy-lbfgs": scipy_lbfgs}
+METHODS = {"adam": adam, "ssbroyden": ssbroyden, "optax-lbfgs": optax_lbfgs, "jaxopt-lbfgs": jaxopt_lbfgs,
+           "jaxopt-bfgs": jaxopt_bfgs, "scipy-bfgs": scipy_bfgs, "scipy-lbfgs": scipy_lbfgs}
 
 
 # ---- commands ----
@@ -292,6 +297,8 @@ def gradient(problem):
 COMMANDS = dict(check=check, gradient=gradient, train=train)
 
 if __name__ == "__main__":
-    problem = Problem(peerlib.parser(__doc__, COMMANDS, METHODS).parse_args())
+    parser = peerlib.parser(__doc__, COMMANDS, METHODS)
+    parser.add_argument("--compiled", help="folder of executables")
+    problem = Problem(parser.parse_args())
     result = COMMANDS[problem.args.command](problem)
     print(json.dumps(dict(peer="JAX " + jax.__version__, compile_seconds=problem.compile_seconds, **result)))
