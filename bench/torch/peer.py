@@ -2,6 +2,7 @@
 Prints one JSON object. OpenMP, MKL and instruction sets are chosen by the environment; ../compare tries the good ones."""
 import argparse
 import sys
+import time
 
 sys.dont_write_bytecode = True
 
@@ -43,6 +44,21 @@ def batches(*default):
     return [args.batch] if args.batch else default
 
 
+def compiled(function, arguments):
+    """function(arguments) by torch.compile, and the seconds that took; None before PyTorch 2 or without its compiler."""
+    if args.patience < 1 or not hasattr(torch, "compile"):
+        return None
+    try:
+        torch._dynamo.reset()
+        made, start = torch.compile(function, dynamic=False, fullgraph=True), time.perf_counter()
+        with torch.no_grad():
+            made(arguments)
+        return torch.no_grad()(lambda: made(arguments)), time.perf_counter() - start
+    except Exception as error:  # of many classes: no C++ compiler, an operation that it does not take
+        print("torch.compile: %s" % str(error).splitlines()[0], file=sys.stderr)
+        return None
+
+
 def second(widths, last_bias, derivative, default):
     """The gradient in the parameters of the sum of squares of a derivative in the input."""
     rows = []
@@ -55,10 +71,20 @@ def second(widths, last_bias, derivative, default):
             d = derivative(weights, biases, x)
             return torch.autograd.grad(d, leaves, 2 * d.detach())
 
-        rows.append(timing.measure(call, args.repeats, args.patience, name="B=%d" % n, batch=n, width=widths[1]))
+        def energy(p):
+            d = derivative(p[:len(weights)], p[len(weights):], x)
+            return (d * d).sum()
+
+        named = dict(name="B=%d" % n, batch=n, width=widths[1])
+        forms, made = [timing.measure(call, args.repeats, args.patience, **named)], None
+        if not last_bias and hasattr(torch, "func"):
+            made = compiled(torch.func.grad(energy), tuple(p.detach() for p in leaves))
+        if made:
+            forms.append(timing.measure(made[0], args.repeats, args.patience, compile_seconds=made[1], **named))
+        rows.append(best(forms)[0])
         if args.patience >= 1:
             reference = networks.second_order_reference(weights, biases, x, not last_bias)
-            rows[-1]["error"] = networks.difference(call(), reference)
+            rows[-1]["error"] = networks.difference((made[0] if made and "compile_seconds" in rows[-1] else call)(), reference)
     return rows
 
 
