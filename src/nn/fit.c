@@ -361,11 +361,11 @@ static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
     const double begin = lg_seconds();
     report->validation = NAN;
     const bool adam = lg_fit_method_now(fit) == LG_FIT_ADAM;
-    const lg_status status = adam ? batch_epoch(fit, report, error) : evaluate_epoch(fit, report, error);
+    lg_status status = adam ? batch_epoch(fit, report, error) : evaluate_epoch(fit, report, error);
     fit->state.running_seconds += lg_seconds() - begin;
+    if (status == LG_OK) status = lg_fit_share_seconds(fit, &fit->state.running_seconds);
     fit->cost.seconds += lg_seconds() - begin;
-    if (status != LG_OK) return status;
-    LG_TRY(lg_fit_share_seconds(fit, &fit->state.running_seconds));
+    LG_TRY(status);
     close_epoch(fit, report);
     lg_fit_next_phase(fit);
     return LG_OK;
