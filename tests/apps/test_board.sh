@@ -29,16 +29,19 @@ for kind in search study; do
     for kill in 1 2 3; do
         $command --out t.csv --task $kill/4 >task 2>&1 &
         pid=$!
-        sleep 0.$((kill + 2))
+        sleep "$(printf '0.%02d' $((5 + 5 * kill)))" # of some .5 s
         kill -9 $pid 2>/dev/null || true
         wait $pid 2>/dev/null || true
     done
     $command --out t.csv --merge >part 2>&1 || true
     [ -e t.csv.board ] || same_table $kind.csv t.csv || fail "$kind: the board of unfinished work is gone"
-    # Without --task the command that finds a board takes part, and completes the table.
-    $command --out t.csv >rest 2>&1 &
-    $command --out t.csv >rest2 2>&1
-    wait
+    # Without --task the command that finds a board takes part, and completes the table. A machine that is fast enough
+    # has no board any more: then the second one would be refused.
+    if [ -e t.csv.board ]; then
+        $command --out t.csv >rest 2>&1 &
+        $command --out t.csv >rest2 2>&1 || fail "$kind: two commands at once: $(cat rest2)"
+        wait
+    fi
     same_table $kind.csv t.csv || fail "$kind: killed tasks changed the table"
     [ ! -e t.csv.board ] || fail "$kind: the board is left after killed tasks"
     rm -f t.csv*
