@@ -80,17 +80,31 @@ static void quieten(const lg_machine *machine, double *theta) {
 
 /* ---- fits ---- */
 
+/* Theta becomes what the fit found, where that lowers the loss by more than rounding: along directions that the
+ * logs leave open a fit follows rounding as far as numbers go. */
+static lg_status take_lower(const app *self, const lg_machine_problem *problem, const lg_fit *fit,
+                            double *theta, lg_error *error) {
+    static const double rounding = 1e-9;
+    const size_t n = lg_machine_problem_parameters(problem);
+    double *found = app_alloc(n, sizeof *found), before = 0, after = 0;
+    lg_fit_parameters(fit, found);
+    lg_status status = lg_machine_loss(self->context, problem, theta, &before, NULL, error);
+    if (status == LG_OK) status = lg_machine_loss(self->context, problem, found, &after, NULL, error);
+    if (status == LG_OK && (after < (1.0 - rounding) * before || !isfinite(before)))
+        memcpy(theta, found, n * sizeof *found);
+    free(found);
+    return status;
+}
+
 /* So few rows do not tell a start that was not measured: it is the derivative of positions. */
 enum { SHORTEST = 3 };
 
 /* A fit of windows of `window` rows at most. theta, in and out: the parameters of `machine`, then with
- * positions alone those of the starts. A fit that lowers the loss by rounding alone leaves
- * it alone: along a direction that the logs leave open it would go as far as numbers do. */
+ * positions alone those of the starts. */
 static lg_status fit_short(const app *self, const training *t, const lg_fit_options *how,
                            const lg_machine *machine, const lg_scheme *scheme, uint32_t window, double *theta,
                            lg_error *error) {
     enum { EPOCHS = 200 };
-    static const double rounding = 1e-9;
     const bool few = are_few(machine);
     const bool estimated = t->data.file.measured == LG_MEASURED_POSITIONS && window > SHORTEST;
     lg_machine_problem problem = t->problem;
@@ -114,13 +128,7 @@ static lg_status fit_short(const app *self, const training *t, const lg_fit_opti
     lg_status status = lg_fit_create(self->context, &fit_problem, &chosen, theta, &fit, error);
     if (status != LG_OK) return status;
     status = lg_fit_run(fit, error);
-    double *found = app_alloc(fit_problem.parameters, sizeof *found), before = 0, after = 0;
-    lg_fit_parameters(fit, found);
-    if (status == LG_OK) status = lg_machine_loss(self->context, &problem, theta, &before, NULL, error);
-    if (status == LG_OK) status = lg_machine_loss(self->context, &problem, found, &after, NULL, error);
-    if (status == LG_OK && !(after >= (1.0 - rounding) * before))
-        memcpy(theta, found, fit_problem.parameters * sizeof *found);
-    free(found);
+    if (status == LG_OK) status = take_lower(self, &problem, fit, theta, error);
     lg_fit_destroy(fit);
     return status;
 }

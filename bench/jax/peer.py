@@ -222,7 +222,7 @@ def scales(n, b, h):
 
 
 def ssbroyden(problem):
-    """lg-hamiltonian's method, loss and gradient compiled, the update of the inverse Hessian compiled."""
+    """lg-hamiltonian's method without its restarts; loss and gradient are compiled, and the update of the inverse Hessian."""
     call = problem.compiled(jax.value_and_grad(problem.scaled), problem.flat, problem.data)
     n = problem.flat.size
 

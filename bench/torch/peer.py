@@ -55,7 +55,7 @@ def compiled(function, arguments):
             made(arguments)
         return torch.no_grad()(lambda: made(arguments)), time.perf_counter() - start
     except Exception as error:  # of many classes: no C++ compiler, an operation that it does not take
-        print("torch.compile: %s" % str(error).splitlines()[0], file=sys.stderr)
+        print("torch.compile: %s" % (str(error).splitlines() or [type(error).__name__])[0], file=sys.stderr)
         return None
 
 
@@ -77,7 +77,7 @@ def second(widths, last_bias, derivative, default):
 
         named = dict(name="B=%d" % n, batch=n, width=widths[1])
         forms, made = [timing.measure(call, args.repeats, args.patience, **named)], None
-        if not last_bias and hasattr(torch, "func"):
+        if not last_bias and hasattr(torch, "func"):  # with a last bias a leaf is missing: jvp is not compiled
             made = compiled(torch.func.grad(energy), tuple(p.detach() for p in leaves))
         if made:
             forms.append(timing.measure(made[0], args.repeats, args.patience, compile_seconds=made[1], **named))

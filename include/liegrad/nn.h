@@ -267,9 +267,9 @@ typedef struct lg_fit_options {
     size_t batch;     /* 0: all samples; the last batch of an epoch may be smaller */
     uint32_t shards;  /* 0..1024, default 0: contiguous pieces of a batch, min(shards, batch) of them. Each
                       * has its own gradient, so take 1 for a model that is large compared with the batch;
-                      * threads beyond the shards split the large products instead. 0: by the work, 1, 2
-                      * or 4, so that a piece has at least 6e4 samples x parameters and 24 samples; for each
-                      * LG_FIT_CHUNK samples (or the problem's chunk) there is one at least, up to 4 */
+                      * threads beyond the shards split the large products instead. 0: by the work, the
+                      * largest of 1, 2 and 4 whose pieces have 6e4 samples x parameters and 24 samples; more,
+                      * up to 4, where a piece would exceed LG_FIT_CHUNK samples (or the problem's chunk) */
     lg_adam_options adam; /* those of lg_adam_options_init */
     lg_schedule schedule; /* constant */
     /* 0: off. s > 0: noise in the data is not learned by the methods other than Adam. Where 50 iterations

@@ -70,8 +70,8 @@ size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk) {
     const size_t chunks = (samples + chunk - 1) / chunk;
     size_t pieces = 1;
     while (2.0 * (double)pieces <= most && pieces < LG_FIT_PIECES) pieces *= 2;
-    if (pieces < chunks) pieces = chunks;
-    return pieces < LG_FIT_PIECES ? pieces : LG_FIT_PIECES;
+    while (pieces < chunks && pieces < LG_FIT_PIECES) pieces *= 2;
+    return pieces;
 }
 
 /* Piece i of n of `count` samples: [i count/n, (i + 1) count/n), never empty since n <= count. */
