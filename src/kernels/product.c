@@ -15,7 +15,7 @@
 
 /* In multiplications m n k. */
 #define OWN_KERNEL_LIMIT 1e9
-#define SPLIT_LIMIT      2e5
+#define SPLIT_LIMIT      4e5
 /* Longer inner sums are taken in blocks of so many, each added to C: rounding does not grow with the batch.
  */
 #define INNER_BLOCK 256
