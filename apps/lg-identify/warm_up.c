@@ -80,8 +80,8 @@ static void quieten(const lg_machine *machine, double *theta) {
 
 /* ---- fits ---- */
 
-/* Theta becomes what the fit found, where that lowers the loss by more than rounding: along directions that the
- * logs leave open a fit follows rounding as far as numbers go. */
+/* Theta becomes what the fit found, where that lowers the loss by more than rounding: along directions that
+ * the logs leave open a fit follows rounding as far as numbers go. */
 static lg_status take_lower(const app *self, const lg_machine_problem *problem, const lg_fit *fit,
                             double *theta, lg_error *error) {
     static const double rounding = 1e-9;
