@@ -61,8 +61,8 @@ static void shard_task(void *user, size_t index) {
     shard->status = lg_fit_chunks(fit, shard, chunk_loss);
 }
 
-/* A power of two, for three pieces leave one of two threads idle. A small piece takes longer to record than to
- * compute, and few rows have slow products. A piece of several chunks is recorded for each. */
+/* A power of two, for three pieces leave one of two threads idle. A small piece takes longer to record than
+ * to compute, and few rows have slow products. A piece of several chunks is recorded for each. */
 size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk) {
     static const double least_work = 6e4, least_rows = 24;
     const double rows = (double)samples,
