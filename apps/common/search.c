@@ -292,7 +292,7 @@ static lg_status work(searching *search, lg_error *error) {
         lg_status status = lg_search_run_trial(&search->file->space, &options, &problem, known_before, piece,
                                                &result.trial, &why);
         app_progress_end(&search->progress);
-        (void)snprintf(result.why, sizeof result.why, "%s", why.message);
+        (void)snprintf(result.why, sizeof result.why, "%.*s", (int)sizeof result.why - 1, why.message);
         if (status == LG_OK) status = board_write(search->board, piece, &result, BOARD_DONE, &why);
         if (status == LG_OK) continue;
         board_release(search->board, piece);
