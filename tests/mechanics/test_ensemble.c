@@ -6,6 +6,7 @@
 #include <float.h>
 
 #include "core/exact_sum.h"
+#include "integrators/event_search.h"
 #include "liegrad/ensemble.h"
 #include "support/fail_alloc.h"
 #include "support/memory_archive.h"
@@ -275,6 +276,21 @@ TEST("events have the times of the exact solution, with their directions") {
         }
 }
 
+/* Looks until the root of exp(a x) = level in [0, 1] is known to 1e-12. */
+static int looks_for(double a, double level) {
+    lg_event_search s = {.low = 0.0, .high = 1.0, .g_low = 1.0 - level, .g_high = exp(a) - level};
+    lg_event_guess(&s);
+    while (!lg_event_narrow(&s, exp(a * s.fraction) - level, 1e-12)) continue;
+    assert_close(s.fraction, log(level) / a, 0, 1e-12);
+    return s.looks;
+}
+
+TEST("the search for an event needs few looks where g bends") {
+    assert_true(looks_for(0.5, 1.2) <= 8);
+    assert_true(looks_for(5.0, 20.0) <= 20);
+    assert_true(looks_for(-5.0, 0.1) <= 15);
+}
+
 TEST("a member without the event has none, and a start on the level is none") {
     static const double end[] = {3.0};
     const lg_ensemble_event events[] = {
@@ -511,6 +527,10 @@ TEST("numbers beyond the range of the bins count, those that are none do not") {
     assert_int_equal(bins[0], 1);
     assert_int_equal(bins[9], 1);
     assert_true(lg_statistics_quantile(s, 0, 0, 1.0) == 100.0);
+    double middles[8]; /* of the bins: their range is symmetric about 1.5, which is in the fifth */
+    for (int i = 0; i < 8; i++) middles[i] = 1.5 + (i - 3.5) * cell.resolution;
+    lg_statistics_add(s, 0, 0, middles, 8);
+    for (int i = 0; i < 8; i++) assert_int_equal(bins[1 + i], i == 4 ? 2 : 1);
     assert_true(isnan(lg_statistics_quantile(s, 0, 1, 0.5)) && isnan(lg_statistics_of(s, 0, 1).mean));
 }
 
