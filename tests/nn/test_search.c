@@ -461,9 +461,16 @@ TEST("at the end of a trial nothing is left to stop") {
     const lg_search_options o = few();
     size_t count = 0;
     assert_ok(lg_search_run(NULL, &space, &o, &problem, trials, &count, NULL));
+    lg_trial alone[TRIALS];
+    lg_error why;
+    for (size_t i = 0; i < TRIALS; i++)
+        assert_ok(lg_search_run_trial(&space, &o, &problem, NULL, i, &alone[i], &why));
+    lg_search_settle(&o, alone, TRIALS);
     for (size_t i = 0; i < TRIALS; i++) {
         assert_int_equal(trials[i].state, LG_TRIAL_DONE);
         assert_int_equal(trials[i].reports, 5);
+        assert_int_equal(alone[i].state, LG_TRIAL_DONE);
+        assert_int_equal(alone[i].reports, 5);
     }
 }
 TEST("the best trial is the first of the least objective that is done") {
