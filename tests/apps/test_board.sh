@@ -29,7 +29,7 @@ for kind in search study; do
     for kill in 1 2 3; do
         $command --out t.csv --task $kill/4 >task 2>&1 &
         pid=$!
-        sleep "$(printf '0.%02d' $((5 + 5 * kill)))" # of some .5 s
+        sleep "$(printf '0.%02d' $((10 + 10 * kill)))" # of some .5 s
         kill -9 $pid 2>/dev/null || true
         wait $pid 2>/dev/null || true
     done
