@@ -498,9 +498,10 @@ TEST_EVERY_TABLE("products are chains of multiply-adds, to the bit", t) {
         for (size_t n = 1; n <= 35; n++)
             for (unsigned v = 0; v < 4; v++)
                 check_gemm(t, &rng, m, n, (m * 7 + n * 3 + v) % 12, v & 1, v >> 1, (m + n) % 3);
-    static const size_t shapes[][3] = {{50, 100, 100}, {1, 879, 61}, {67, 129, 33}, {1, 1, 500},
-                                       {500, 1, 20},   {33, 257, 3}, {3, 3, 3},     {100, 1, 130},
-                                       {2, 211, 17},   {3, 230, 17}, {600, 20, 200}};
+    static const size_t shapes[][3] = {{50, 100, 100}, {1, 879, 61}, {67, 129, 33},  {1, 1, 500},
+                                       {500, 1, 20},   {33, 257, 3}, {3, 3, 3},      {100, 1, 130},
+                                       {2, 211, 17},   {3, 230, 17}, {600, 20, 200}, {23, 52, 9},
+                                       {40, 84, 5},    {14, 68, 11}};
     for (size_t s = 0; s < LG_COUNT(shapes); s++)
         for (unsigned v = 0; v < 8; v++)
             check_gemm(t, &rng, shapes[s][0], shapes[s][1], shapes[s][2], v & 1, v >> 1 & 1, v >> 2);
