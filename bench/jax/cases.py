@@ -1,6 +1,5 @@
 """Cases of lg-bench in JAX: compiled by jit for each batch, with the gradient in the input by hand or by grad, batch first
 or components first. Prints one JSON object; the fastest form comes first, with what compiling it took."""
-import argparse
 import json
 import os
 import sys
@@ -10,18 +9,7 @@ sys.path[1:1] = [os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__
 
 import timing
 
-parser = argparse.ArgumentParser()
-parser.add_argument("case")
-parser.add_argument("--batch", type=int, default=0)
-parser.add_argument("--dtype", choices=("f64", "f32"), default="f64")
-parser.add_argument("--threads", type=int, default=1)
-parser.add_argument("--repeats", type=int, default=0)
-parser.add_argument("--patience", type=float, default=4.0)
-parser.add_argument("--epochs", type=int, default=20)
-parser.add_argument("--inputs", help="prefix that lg-bench hamiltonian --out wrote to")
-parser.add_argument("--out", help="where the trained parameters go, as doubles")
-args = parser.parse_args()
-
+args = timing.arguments()
 timing.pin(args.threads)
 if args.threads == 1:
     os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"

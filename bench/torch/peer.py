@@ -1,26 +1,13 @@
 """The cases of lg-bench as a strong PyTorch program runs them: vectorised, gradients in the input by hand, flat Adam.
 Prints one JSON object. OpenMP, MKL and instruction sets are chosen by the environment; ../compare tries the good ones."""
-import argparse
 import sys
 import time
 
 sys.dont_write_bytecode = True
 
-parser = argparse.ArgumentParser()
-parser.add_argument("case")
-parser.add_argument("--batch", type=int, default=0)
-parser.add_argument("--width", type=int, default=0)
-parser.add_argument("--dtype", choices=("f64", "f32"), default="f64")
-parser.add_argument("--threads", type=int, default=1)
-parser.add_argument("--repeats", type=int, default=0)
-parser.add_argument("--patience", type=float, default=4.0)
-parser.add_argument("--epochs", type=int, default=20)
-parser.add_argument("--inputs", help="prefix that lg-bench hamiltonian or elastica-... --out wrote to; classify: file with /X, /y")
-parser.add_argument("--out", help="where the trained parameters go, as doubles")
-args = parser.parse_args()
-
 import timing
 
+args = timing.arguments()
 timing.pin(args.threads)
 
 import torch

@@ -1,10 +1,27 @@
-"""The discipline of lg-bench in Python: pinning, warm-up, medians over samples, short calls timed many at a time."""
+"""The discipline of lg-bench in Python: pinning, warm-up, medians over samples, short calls timed many at a time; and the
+arguments that bench/compare gives to a peer."""
+import argparse
 import gc
 import json
 import math
 import os
 import statistics
 import time
+
+
+def arguments():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("case")
+    parser.add_argument("--batch", type=int, default=0)
+    parser.add_argument("--width", type=int, default=0)
+    parser.add_argument("--dtype", choices=("f64", "f32"), default="f64")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--repeats", type=int, default=0)
+    parser.add_argument("--patience", type=float, default=4.0)
+    parser.add_argument("--epochs", type=int, default=20)
+    parser.add_argument("--inputs", help="prefix that lg-bench --out wrote to; classify: file with /X, /y")
+    parser.add_argument("--out", help="where the trained parameters go, as doubles")
+    return parser.parse_args()
 
 
 def pin(threads):

@@ -1,14 +1,8 @@
 # Ranks of mpirun: training with the bits of one process by 1 to 4 ranks of 1 and 2 threads, resumed by another number of
 # them; sweeps whose ranks are killed; what is refused. Skipped without mpirun or liegrad_mpi. ctest-labels: slow
-set -eu
-command -v mpirun >/dev/null && ls "$LG_BIN_DIR"/../libliegrad_mpi.so >/dev/null 2>&1 || { echo "no MPI here"; exit 77; }
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
-export PATH=$LG_BIN_DIR:$PATH OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
-cd "$work"
+. "$LG_TEST_DIR/apps/ranks.sh"
 . "$LG_TEST_DIR/apps/sweeps.sh"
 make_sweeps
-ranks() { timeout 300 mpirun --oversubscribe "$@"; }
 
 # Numbers of a model file, but for times.
 numbers() { lg-export "$1" --out "$2" --name m >/dev/null 2>&1 && cat "$2"/m_weights.c; }
