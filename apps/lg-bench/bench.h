@@ -133,6 +133,7 @@ void bench_dense(bench *b);
 void bench_adam(bench *b);
 void bench_scalar(bench *b);
 void bench_scalar_ops(bench *b);
+void bench_peak(bench *b);
 void bench_gemm(bench *b);
 void bench_act(bench *b);
 void bench_node(bench *b);

@@ -83,6 +83,7 @@ static const bench_case cases[] = {
      0,
      bench_scalar},
     {"scalar-ops", "the same with plain operations on the tape", LG_F64, {0}, 0, 0, bench_scalar_ops},
+    {"peak", "multiply-adds on registers alone: the peak of a core", LG_F64, {0}, 0, 0, bench_peak},
     {"gemm",
      "dense products of one thread: own kernels, OpenBLAS, the tape's operation",
      LG_F64,

@@ -224,11 +224,13 @@ void bench_jvp(bench *b) {
 
 /* ---- mlp2-parts: the 12 products and the activations alone ---- */
 
-/* Memory as the computation has it: values of each layer in their own places; W^T is given, not timed. a:
- * three layers' activations; g: gradients before, r: adjoints of those, z: where values and adjoints go. */
+/* Memory as the computation has it: values of each layer in their own places, which all chunks of rows share; W^T is
+ * given, not timed. a: three layers' activations; g: gradients before, r: adjoints of those, z: where values and
+ * adjoints go. */
 typedef struct parts {
     const lg_kernels *k;
-    size_t rows, width;
+    size_t batch, rows, width; /* rows of the chunk at work */
+    bool first;
     void *weight[2], *transposed[2], *dw[2], *a[3], *g[3], *r[3], *z[3];
 } parts;
 
@@ -242,13 +244,12 @@ static void outer(const parts *p, const void *a, const void *c, void *dw, bool a
     p->k->gemm(p->width, p->width, p->rows, a, 1, p->width, c, p->width, dw, p->width, accumulate);
 }
 
-static void products_call(void *user) {
-    const parts *p = user;
+static void products(const parts *p) {
     for (int l = 0; l < 2; l++) product(p, p->a[l], p->weight[l], p->z[l + 1]);      /* forward */
     for (int l = 1; l >= 0; l--) product(p, p->g[l + 1], p->transposed[l], p->z[l]); /* its gradient in x */
     for (int l = 0; l < 2; l++) {                                                    /* adjoint of that */
         product(p, p->r[l], p->weight[l], p->z[l + 1]);
-        outer(p, p->r[l], p->g[l + 1], p->dw[l], false);
+        outer(p, p->r[l], p->g[l + 1], p->dw[l], !p->first);
     }
     for (int l = 1; l >= 0; l--) { /* adjoint of the values */
         product(p, p->g[l + 1], p->transposed[l], p->z[l]);
@@ -256,14 +257,12 @@ static void products_call(void *user) {
     }
 }
 
-static void tanh_call(void *user) {
-    const parts *p = user;
+static void activations(const parts *p) {
     for (int l = 0; l < 3; l++) p->k->act(LG_K_TANH, 0, p->rows * p->width, p->a[l], NULL, NULL, p->z[l]);
 }
 
 /* g sigma' for the gradient, r sigma' and (r g) sigma'' for its adjoint, z sigma' for that of the values. */
-static void derivatives_call(void *user) {
-    const parts *p = user;
+static void derivatives(const parts *p) {
     const size_t n = p->rows * p->width;
     for (int l = 0; l < 3; l++) {
         p->k->act(LG_K_TANH, 1, n, NULL, p->a[l], p->g[l], p->z[l]);
@@ -273,14 +272,29 @@ static void derivatives_call(void *user) {
     }
 }
 
-static void parts_call(void *user) {
-    products_call(user);
-    tanh_call(user);
+static void products_and_activations(const parts *p) {
+    products(p);
+    activations(p);
 }
 
-static void all_call(void *user) {
-    parts_call(user);
-    derivatives_call(user);
+static void all_parts(const parts *p) {
+    products_and_activations(p);
+    derivatives(p);
+}
+
+typedef struct part {
+    parts *p;
+    void (*run)(const parts *p);
+} part;
+
+static void part_call(void *user) {
+    const part *one = user;
+    parts *p = one->p;
+    for (size_t at = 0; at < p->batch; at += p->rows) {
+        p->first = at == 0;
+        p->rows = p->batch - at < LG_FIT_CHUNK ? p->batch - at : LG_FIT_CHUNK;
+        one->run(p);
+    }
 }
 
 static void *parts_array(const bench *b, size_t n, uint64_t stream) {
@@ -314,18 +328,18 @@ static double parts_error(const bench *b, const parts *p) {
 static void parts_batch(bench *b, size_t rows) {
     static const struct {
         const char *name;
-        void (*call)(void *user);
+        void (*run)(const parts *p);
         double products;
-    } table[] = {{"parts", parts_call, 12},
-                 {"products", products_call, 12},
-                 {"tanh", tanh_call, 0},
-                 {"derivatives", derivatives_call, 0},
-                 {"all", all_call, 12}};
-    const size_t w = (size_t)b->given->width;
-    parts p = {.k = lg_kernels_for(b->dtype), .rows = rows, .width = w};
+    } table[] = {{"parts", products_and_activations, 12},
+                 {"products", products, 12},
+                 {"tanh", activations, 0},
+                 {"derivatives", derivatives, 0},
+                 {"all", all_parts, 12}};
+    const size_t w = (size_t)b->given->width, most = rows < LG_FIT_CHUNK ? rows : LG_FIT_CHUNK;
+    parts p = {.k = lg_kernels_for(b->dtype), .batch = rows, .rows = most, .width = w};
     for (uint64_t l = 0; l < 3; l++) {
         void **const arrays[] = {&p.a[l], &p.g[l], &p.r[l], &p.z[l]};
-        for (uint64_t i = 0; i < LG_COUNT(arrays); i++) *arrays[i] = parts_array(b, rows * w, 10 + 4 * l + i);
+        for (uint64_t i = 0; i < LG_COUNT(arrays); i++) *arrays[i] = parts_array(b, most * w, 10 + 4 * l + i);
     }
     for (uint64_t l = 0; l < 2; l++) {
         p.weight[l] = parts_array(b, w * w, 30 + l);
@@ -335,7 +349,7 @@ static void parts_batch(bench *b, size_t rows) {
     for (size_t i = 0; i < LG_COUNT(table); i++) {
         char name[64];
         (void)snprintf(name, sizeof name, "%s B=%zu", table[i].name, rows);
-        bench_row *row = bench_measure(b, name, table[i].call, &p);
+        bench_row *row = bench_measure(b, name, part_call, &(part){&p, table[i].run});
         if (row == NULL) continue;
         row->batch = rows;
         row->width = w;

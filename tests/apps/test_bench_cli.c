@@ -32,6 +32,8 @@ TEST("every case runs") {
         {"adam --width 1000 --repeats 1 --dtype f64 --threads 2", 1e-14},
         {"scalar --repeats 1", 1e-13},
         {"scalar-ops --repeats 1", 1e-13},
+        {"peak --repeats 1", 0},
+        {"peak --repeats 1 --dtype f32", 0},
         {"gemm --repeats 1 --only 3x3x3", 1e-15},
         {"act --width 64 --repeats 1", 3},
         {"act --width 64 --repeats 1 --dtype f32", 3},
@@ -57,7 +59,7 @@ TEST("a Hamiltonian is trained, read again and judged") {
 
 TEST("the list names all cases") {
     static const char *const names[] = {"mlp2", "hamiltonian", "dense", "adam",   "scalar", "jvp",
-                                        "gemm", "act",         "node",  "batch1", "ode"};
+                                        "gemm", "act",         "node",  "batch1", "ode",    "peak"};
     cli_expect("lg-bench", "list", 0, "mlp2", &result);
     for (size_t i = 0; i < LG_COUNT(names); i++) assert_non_null(strstr(result.out, names[i]));
     cli_expect("lg-bench", "list --json", 0, "\"cases\"", &result);
