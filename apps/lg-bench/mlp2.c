@@ -224,9 +224,9 @@ void bench_jvp(bench *b) {
 
 /* ---- mlp2-parts: the 12 products and the activations alone ---- */
 
-/* Memory as the computation has it: values of each layer in their own places, which all chunks of rows share; W^T is
- * given, not timed. a: three layers' activations; g: gradients before, r: adjoints of those, z: where values and
- * adjoints go. */
+/* Memory as the computation has it: values of each layer in their own places, which all chunks of rows share;
+ * W^T is given, not timed. a: three layers' activations; g: gradients before, r: adjoints of those, z: where
+ * values and adjoints go. */
 typedef struct parts {
     const lg_kernels *k;
     size_t batch, rows, width; /* rows of the chunk at work */
