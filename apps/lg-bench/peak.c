@@ -10,12 +10,13 @@
 #include "core/core.h"
 #include "lg-bench/bench.h"
 
-/* Chains of additions: more than an addition takes cycles times units, fewer than registers. */
-enum { CHAINS = 12, STEPS = 4096, MOST_LANES = 16 };
+/* Independent sums: enough to hide the latency of an addition (4 cycles, two units), and with both factors in
+ * 16 registers. */
+enum { CHAINS = 12, STEPS = 4096, MOST_BYTES = 64 };
 #define FACTOR   0.5
 #define FACTOR_2 0.25
 
-/* sums[0..lanes) of all chains; chain c begins at c: exact */
+/* A vector of sums over all chains; chain c begins at c. All numbers on the way are exact. */
 #define LOOP(name, target_, type, vec, all, fma)                                                             \
     target_ static void name(void *sums) {                                                                   \
         const vec x = all((type)FACTOR), y = all((type)FACTOR_2);                                            \
@@ -66,7 +67,7 @@ static const struct {
 void bench_peak(bench *b) {
     const lg_isa isa = lg_isa_in_use();
     const size_t lanes = sets[isa].bytes / bench_size(b->dtype);
-    double sums[MOST_LANES / 2]; /* a vector */
+    double sums[MOST_BYTES / sizeof(double)]; /* a vector */
     const double expected = CHAINS * (CHAINS - 1) / 2.0 + CHAINS * STEPS * FACTOR * FACTOR_2;
     bench_row *row = bench_measure(b, "multiply-adds", sets[isa].loop[b->dtype == LG_F32], sums);
     if (row == NULL) return;
