@@ -1,4 +1,5 @@
 /* The peak of a core: multiply-adds on registers alone, with the instruction set in use. */
+#include <stdlib.h>
 #include <string.h>
 
 #if defined(__x86_64__)
