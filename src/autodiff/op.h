@@ -32,7 +32,7 @@ typedef enum lg_payload {
 typedef struct lg_op lg_op;
 
 /* One evaluation. Values are 64-byte aligned on a tape and in a program's work memory, elsewhere they need
- * not be; the output overlaps no input. */
+ * not be; the output overlaps no input, but see lg_op.over_first. */
 typedef struct lg_evaluation {
     const lg_kernels *k;
     const lg_crew *crew; /* NULL: one thread, no BLAS, no lock */
@@ -104,13 +104,16 @@ struct lg_op {
     lg_var (*record)(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape);
     uint8_t follows; /* bit k: attr->i[k] follows from the rest, and is 0 in programs */
     /* Scalar code of one element, for elementwise operations (broadcasting); x[k] of an input that is not
-     * read is no instruction. */
+     * read is no instruction. Plans may then put y over an input (over_first). */
     lg_scalar (*element)(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs);
     /* Scalar code of all elements y of the output from all elements x[k] of the inputs; for others whose
      * small tensors are worth writing out. */
     void (*expand)(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
     uint32_t most_code; /* scalar code serves up to so many operations on numbers; 0: for any */
-    bool over_first;    /* elementwise, and may work in place of input 0 only, not of others */
+    /* Elementwise: forward reads element i of the inputs before it writes element i of y, so that y may lie over an
+     * input; over_first: it writes all of y from input 0 first, so that y may lie over input 0 alone, and only if no
+     * other input reads the same numbers. */
+    bool over_first;
     /* The input that multiplies what the others give, the last one; *rest becomes the attributes of the
      * operation without it. False: there is none. NULL: never. */
     bool (*factor)(const lg_attr *attr, uint32_t inputs, lg_attr *rest);

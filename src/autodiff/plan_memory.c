@@ -115,22 +115,26 @@ lg_place lg_planning_place(lg_planning *p, uint32_t node) {
     return place;
 }
 
-/* Whether an input of another shape reads the same numbers as input k. */
-static bool meets_another(const lg_planning *p, const lg_graph_node *n, uint32_t k) {
-    for (uint32_t j = 0; j < n->inputs; j++)
-        if (n->in[j] != LG_GRAPH_NONE && p->item[n->in[j]].base == p->item[n->in[k]].base &&
-            !lg_same_shape(&p->g.node[n->in[j]].shape, &n->shape))
-            return true;
-    return false;
+/* Whether y may lie over the numbers that input k reads. The kernel of an elementwise operation reads element i of
+ * every input before it writes element i of y: every input that reads these numbers, k among them, must have y's
+ * shape, for with another shape the kernel reads element i later too. A kernel that is over_first fills the whole
+ * of y before it reads the second input: only the first input may read these numbers. */
+static bool may_lie_over(const lg_planning *p, const lg_graph_node *n, uint32_t k) {
+    if (n->in[k] == LG_GRAPH_NONE) return false;
+    for (uint32_t j = 0; j < n->inputs; j++) {
+        if (n->in[j] == LG_GRAPH_NONE || p->item[n->in[j]].base != p->item[n->in[k]].base) continue;
+        if (!lg_same_shape(&p->g.node[n->in[j]].shape, &n->shape) || (n->op->over_first && j > 0))
+            return false;
+    }
+    return true;
 }
 
-/* An elementwise operation over an input of its shape that nobody needs afterwards. */
+/* An elementwise operation over an input that nobody needs afterwards. */
 static bool over_input(lg_planning *p, uint32_t node, uint32_t now) {
     const lg_graph_node *n = &p->g.node[node];
     if (n->op->element == NULL) return false;
     for (uint32_t k = 0; k < n->inputs; k++) {
-        if (n->in[k] == LG_GRAPH_NONE || (n->op->over_first && k > 0)) continue;
-        if (!lg_same_shape(&p->g.node[n->in[k]].shape, &n->shape) || meets_another(p, n, k)) continue;
+        if (!may_lie_over(p, n, k)) continue;
         lg_plan_item *from = &p->item[p->item[n->in[k]].base];
         if (from->place.area != LG_AREA_WORK || from->last != now || from->lasting ||
             p->g.node[p->item[n->in[k]].base].count != n->count)

@@ -12,6 +12,7 @@
 #include "liegrad/hamiltonian.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
+#include "liegrad/taped.h"
 #include "models/hamiltonian_internal.h"
 #include "support/malloc_count.h"
 
@@ -352,6 +353,58 @@ TEST("outputs may be inputs, constants, views, empty or the same") {
     (void)derived(program, LG_DERIVATIVE_FORWARD, "f");
     (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
     check_all("odd outputs", program);
+}
+
+/* ---- numbers that an operation reads twice ---- */
+
+/* Recorded twice, sin x is one buffer in a plan. The operation that reads the buffer last may work in place of it, and
+ * must not read it afterwards. */
+RECORDING(record_twice) {
+    static const double c[3] = {0.25, 2.0, -1.5};
+    lg_var z[2], e[2], h[2], q[2], w[2];
+    for (int i = 0; i < 2; i++) {
+        z[i] = lg_sin(tape, x[0]);
+        e[i] = lg_exp(tape, x[0]);
+        h[i] = lg_act(tape, x[0], LG_TANH);
+        q[i] = lg_square(tape, x[0]);
+        w[i] = lg_cos(tape, lg_neg(tape, x[0]));
+    }
+    y[0] = lg_cos(tape, lg_linear_combination(tape, z, c, 2));
+    y[1] = lg_exp(tape, lg_linear_combination(tape, (lg_var[]){e[0], lg_cos(tape, x[0]), e[1]}, c, 3));
+    y[2] = lg_sin(tape, lg_lerp(tape, h[0], h[1], h[0]));
+    y[3] = lg_sin(tape, lg_div(tape, q[0], lg_add(tape, q[0], q[1])));
+    y[4] = lg_exp(tape, lg_sub(tape, w[0], lg_slice(tape, w[1], 0, 0, 1))); /* each row less the first row */
+}
+
+TEST("an operation may read equal numbers twice") {
+    const lg_port wide = {.name = "x", .shape = {1, {40}}}, one = {.name = "x", .shape = {1, {1}}};
+    check_derivatives("twice, wide", build(&wide, 1, y_ports, 5, 0, record_twice, NULL), false, false);
+    check_derivatives("twice", build(&one, 1, y_ports, 5, 0, record_twice, NULL), false, false);
+}
+
+/* x' = sin u with a constant input u: all stages are equal subexpressions. */
+static lg_status sine_of_input(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                               lg_var *algebra) {
+    (void)user, (void)t, (void)y;
+    algebra[0] = lg_sin(tape, input);
+    return lg_tape_status(tape);
+}
+
+RECORDING(record_step_of_input) {
+    lg_taped_ode ode = {.field = sine_of_input};
+    if (lg_space_init_rn(&ode.space, 1) != LG_OK || lg_space_init_rn(&ode.manifold, 1) != LG_OK) return;
+    const lg_taped_interval over = {.h = 0.1, .input = x[1]};
+    (void)lg_taped_step_over(tape, user, &ode, &over, x, y);
+}
+
+TEST("a step whose stages are equal is the tape's, by every explicit scheme") {
+    const lg_port in[] = {{.name = "x", .shape = {1, {1}}}, {.name = "u", .shape = {1, {1}}}};
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        if (scheme->kind == LG_SCHEME_RKMK || scheme->kind == LG_SCHEME_COMMUTATOR_FREE)
+            check_all(scheme->name,
+                      build(in, 2, y_ports, 1, 0, record_step_of_input, (void *)(uintptr_t)scheme));
+    }
 }
 
 RECORDING(record_scalar_rows) {
