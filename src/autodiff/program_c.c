@@ -46,16 +46,13 @@ static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const ch
     add_ports(&line, f->output, f->outputs);
     lg_text_add(&line, "; depth %zu, %zu numbers of work memory */", plan->depth, work);
     lg_text_add(to, "\n");
-    if (!line.failed) lg_c_add_line(to, 0, line.data, line.length);
+    if (lg_c_takes(c, &line)) lg_c_add_line(to, 0, line.data, line.length);
     lg_text_destroy(&line);
     lg_text_add(&line, "void %s_%s(", c->name, title);
     for (size_t i = 0; i < f->inputs; i++) add_parameter(c, &line, f->input[i].name, true);
     for (size_t j = 0; j < f->outputs; j++) add_parameter(c, &line, f->output[j].name, false);
     lg_text_add(&line, "%s_real *work);", c->name);
-    if (line.failed)
-        lg_c_fail_memory(c);
-    else
-        lg_c_add_line(to, 0, line.data, line.length);
+    if (lg_c_takes(c, &line)) lg_c_add_line(to, 0, line.data, line.length);
     lg_text_destroy(&line);
 }
 

@@ -70,6 +70,8 @@ struct lg_c {
 bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 void lg_c_fail_memory(lg_c *c);
 bool lg_c_good(lg_c *c); /* no failure so far, texts included */
+/* The same, before the words of this text are used: what is wrong with it is wrong with the code. */
+bool lg_c_takes(lg_c *c, const lg_text *text);
 /* Makes room for `needed` elements of `size` bytes; new elements are zero. */
 bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t size);
 

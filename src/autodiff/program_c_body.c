@@ -179,8 +179,10 @@ static void add_whole(lg_text *to, const lg_plan *plan, const char *storage, con
     lg_text_add(to, "%svoid @(", storage);
     for (size_t i = 0; i < plan->inputs; i++) lg_text_add(to, "const real *x%zu, ", i);
     for (size_t j = 0; j < plan->outputs; j++) lg_text_add(to, "real *y%zu, ", j);
-    lg_text_add(to, "real *work) {\n%s%s}\n", head->data != NULL ? head->data : "",
-                body->data != NULL ? body->data : "");
+    lg_text_add(to, "real *work) {\n");
+    lg_text_join(to, head);
+    lg_text_join(to, body);
+    lg_text_add(to, "}\n");
 }
 
 /* Functions with a name of their own stand once; the text of others may be there. */
@@ -203,8 +205,7 @@ static const char *write_body(lg_c *c, const lg_plan *plan, const char *storage,
     add_head(plan, frame.body.data != NULL ? frame.body.data : "", &head, c);
     if (frame.work == 0) lg_text_add(&head, "    (void)work;\n");
     add_whole(&text, plan, storage, &head, &frame.body);
-    if (text.failed || head.failed || frame.body.failed) lg_c_fail_memory(c);
-    name = lg_c_good(c) ? define_whole(c, plan, &text, name) : NULL;
+    name = lg_c_takes(c, &text) ? define_whole(c, plan, &text, name) : NULL;
     *work = frame.work;
     c->frame = NULL;
     c->nesting--;
@@ -235,8 +236,7 @@ void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *storage, const 
     lg_text_add(&frame.body, "work);\n");
     add_marks(c, plan, false);
     add_whole(&text, plan, storage, &nothing, &frame.body);
-    if (text.failed || frame.body.failed) lg_c_fail_memory(c);
-    if (lg_c_good(c)) (void)define_whole(c, plan, &text, name);
+    if (lg_c_takes(c, &text)) (void)define_whole(c, plan, &text, name);
     c->frame = NULL;
     lg_text_destroy(&text);
     lg_text_destroy(&frame.body);

@@ -87,7 +87,7 @@ static const char *define_elements(lg_c *c, const lg_op *op, const lg_attr *attr
     const lg_c_ends to = {user, element_input, user->levels == 0 ? element_output_i : element_output};
     lg_text lines = {.context = c->context}, text = {.context = c->context};
     lg_scalars s;
-    lg_c_graph g;
+    lg_c_graph g = {.c = c};
     uint32_t root;
     const char *name = NULL;
     lg_c_need(c, &lg_c_noinline);
@@ -98,11 +98,9 @@ static const char *define_elements(lg_c *c, const lg_op *op, const lg_attr *attr
         add_unused(&text, &g, op, attr, inputs, user->over);
         add_loops(&text, user->levels, length);
         lg_c_largest(c, user->levels > 0 ? BROADCAST_FRAME : lg_c_frame_of(&lines));
-        lg_text_add(&text, "%s    }\n}\n", lines.data);
-        if (text.failed || lines.failed)
-            (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-        else
-            name = lg_c_define(c, op->name, text.data);
+        lg_text_join(&text, &lines);
+        lg_text_add(&text, "    }\n}\n");
+        if (lg_c_takes(c, &text)) name = lg_c_define(c, op->name, text.data);
     }
     lg_c_graph_close(&g);
     lg_scalars_destroy(&s);
@@ -147,10 +145,7 @@ static void add_call(lg_c *c, const lg_op *op, const char *name, const lg_evalua
     for (uint32_t k = 0; k < e->inputs; k++)
         if (is_argument(op, e->attr, e->inputs, over, k)) lg_text_add(&call, "$%u, ", k);
     lg_text_add(&call, "$y)");
-    if (call.failed)
-        (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-    else
-        lg_c_call(c, NULL, "%s", call.data);
+    if (lg_c_takes(c, &call)) lg_c_call(c, NULL, "%s", call.data);
     lg_text_destroy(&call);
 }
 

@@ -59,15 +59,20 @@ static void define_block(lg_c *c, const lg_text *lines) {
             add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
     }
     if (lg_c_uses(body, "work")) add_argument(&parameters, &arguments, "real *", "work");
-    lg_text_add(&text, "static NOINLINE void @(%s) {\n%s}\n",
-                parameters.data != NULL ? parameters.data : "void", body);
+    if (parameters.length == 0) lg_text_add(&parameters, "void");
+    lg_text_add(&text, "static NOINLINE void @(");
+    lg_text_join(&text, &parameters);
+    lg_text_add(&text, ") {\n");
+    lg_text_join(&text, lines);
+    lg_text_add(&text, "}\n");
     lg_c_need(c, &lg_c_noinline);
-    const bool failed = text.failed || parameters.failed || arguments.failed || lines->failed;
-    const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data);
+    const char *name = lg_c_takes(c, &text) ? lg_c_define(c, "scalars", text.data) : NULL;
     lg_c_largest(c, lg_c_frame_of(lines));
-    if (failed) (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-    if (name != NULL)
-        lg_text_add(&c->frame->body, "    %s(%s);\n", name, arguments.data != NULL ? arguments.data : "");
+    if (name != NULL) {
+        lg_text_add(&c->frame->body, "    %s(", name);
+        lg_text_join(&c->frame->body, &arguments);
+        lg_text_add(&c->frame->body, ");\n");
+    }
     lg_text_destroy(&parameters);
     lg_text_destroy(&arguments);
     lg_text_destroy(&text);

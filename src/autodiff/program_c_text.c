@@ -28,6 +28,12 @@ bool lg_c_good(lg_c *c) {
     return c->status == LG_OK;
 }
 
+bool lg_c_takes(lg_c *c, const lg_text *text) {
+    c->code.failed = c->code.failed || text->failed;
+    c->code.unfit = c->code.unfit || text->unfit;
+    return lg_c_good(c);
+}
+
 bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t size) {
     if (needed <= *capacity) return true;
     const size_t grown = 2 * *capacity + needed + 16;
@@ -383,8 +389,7 @@ void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...) 
         }
     }
     lg_text_add(&line, ";");
-    if (!line.failed) lg_c_add_line(body, 1, line.data, line.length);
-    if (line.failed) lg_c_fail_memory(c);
+    if (lg_c_takes(c, &line)) lg_c_add_line(body, 1, line.data, line.length);
     lg_text_destroy(&line);
     lg_free(c->context, long_call);
 }

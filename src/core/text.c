@@ -24,6 +24,12 @@ void lg_text_append(lg_text *to, const char *data, size_t length) {
     to->data[to->length] = '\0';
 }
 
+void lg_text_join(lg_text *to, const lg_text *from) {
+    if (from->length > 0) lg_text_append(to, from->data, from->length);
+    to->unfit = to->unfit || from->unfit;
+    to->failed = to->failed || from->failed;
+}
+
 void lg_text_add(lg_text *to, const char *format, ...) {
     char small[256];
     va_list arguments, again;

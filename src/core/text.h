@@ -15,6 +15,8 @@ typedef struct lg_text {
 
 void lg_text_add(lg_text *to, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void lg_text_append(lg_text *to, const char *data, size_t length);
+/* All of another text, and what is wrong with it. */
+void lg_text_join(lg_text *to, const lg_text *from);
 /* As it is, with NAME_ at the beginning of a word replaced by the name and _. */
 void lg_text_add_named(lg_text *to, const char *name, const char *code);
 void lg_text_destroy(lg_text *to);

@@ -24,12 +24,14 @@ typedef struct lg_fail_alloc {
     atomic_long calls;   /* allocations asked for since armed */
     atomic_long live;    /* blocks taken minus blocks given back since armed */
     atomic_long fail_at; /* the call that fails, counted from 1; 0: none */
+    atomic_bool ended;   /* all calls behind that one fail too */
 } lg_fail_alloc;
 
 static inline void *lg_fail_alloc_take(void *user, size_t bytes) {
     lg_fail_alloc *memory = (lg_fail_alloc *)user;
     const long call = atomic_fetch_add(&memory->calls, 1) + 1;
-    if (call == atomic_load(&memory->fail_at)) return NULL;
+    const long fail_at = atomic_load(&memory->fail_at);
+    if (call == fail_at || (fail_at > 0 && call > fail_at && atomic_load(&memory->ended))) return NULL;
     void *block = NULL;
     if (posix_memalign(&block, 64, bytes) != 0) return NULL;
     atomic_fetch_add(&memory->live, 1);
@@ -46,6 +48,13 @@ static inline void lg_fail_alloc_arm(lg_fail_alloc *memory, long n) {
     atomic_store(&memory->calls, 0);
     atomic_store(&memory->live, 0);
     atomic_store(&memory->fail_at, n);
+    atomic_store(&memory->ended, false);
+}
+
+/* Memory ends with the n-th allocation. */
+static inline void lg_fail_alloc_arm_end(lg_fail_alloc *memory, long n) {
+    lg_fail_alloc_arm(memory, n);
+    atomic_store(&memory->ended, true);
 }
 
 /* Whether the armed failure has happened. */

@@ -1,0 +1,243 @@
+/* The text of programs as C is whole or refused: where memory ends, and where a number does not fit. */
+#include "program_support.h"
+
+#include "autodiff/program.h"
+#include "autodiff/op_rows.h"
+#include "liegrad/gradcheck.h"
+#include "liegrad/nn.h"
+
+/* ---- a program of all kinds of code ---- */
+
+/* Blocks of scalar code that hand numbers on, functions of an angle, constants. */
+RECORDING(scalars) {
+    const lg_attr attr = {.i = {4, 0, 0, 0}};
+    lg_var z = x[0];
+    for (int i = 0; i < 14; i++)
+        z = lg_add(tape, lg_sin(tape, lg_mul(tape, z, x[1])),
+                   lg_scale(tape, lg_act(tape, z, LG_TANH), 0.1 * i));
+    y[0] = lg_add(tape, z, lg_cos(tape, z));
+    y[1] = lg_record(tape, &lg_op_stumpff, &x[1], 1, &attr);
+    y[2] = lg_max(tape, lg_pow(tape, lg_abs(tape, x[0]), 1.3), lg_atan2(tape, x[0], x[1]));
+}
+
+/* Tables of weights and indices, loops over tensors of unequal shapes, a network with its gradient. */
+RECORDING(tensors) {
+    static const uint32_t order[5] = {3, 1, 4, 0, 2};
+    const lg_var wide = lg_mul(tape, lg_mul(tape, x[0], lg_gather(tape, theta[1], order, 5)), x[1]);
+    y[0] = lg_act(tape, lg_sub(tape, wide, theta[1]), LG_SIGMOID);
+    const lg_var flat = lg_reshape(tape, wide, lg_shape2(lg_var_shape(tape, wide).dims[0], 20));
+    y[1] = lg_mlp_record(tape, user, theta[0], 0, flat);
+    (void)lg_grad(tape, y[1], x, 1, &y[2]);
+}
+
+RECORDING(step) {
+    y[0] = lg_mul(tape, lg_sin(tape, x[0]), lg_mul(tape, x[1], theta[1]));
+    y[1] = lg_add(tape, x[1], lg_scale(tape, x[0], 0.25));
+}
+
+RECORDING(calls) {
+    lg_var at[2] = {x[0], x[1]};
+    for (int i = 0; i < 3; i++) at[i % 2] = lg_program_call(tape, "step", (size_t)i % 2, at);
+    y[0] = lg_add(tape, at[0], at[1]);
+}
+
+/* A call with more words than a line of C holds. */
+RECORDING(sum) {
+    y[0] = lg_concat(tape, x, LG_PROGRAM_MAX_PORTS / 2, 1);
+}
+
+static lg_program *all_kinds(const lg_context *context) {
+    static char name[LG_PROGRAM_MAX_PORTS / 2][16];
+    static lg_port many[LG_PROGRAM_MAX_PORTS / 2];
+    static const lg_port angles[2] = {{.name = "x", .shape = {2, {8, 1, 0, 0}}, .unit = "m"},
+                                      {.name = "w", .shape = {2, {8, 1, 0, 0}}, .unit = "1/s"}};
+    static const lg_port grid[2] = {{.name = "grid", .shape = {2, {4, 5, 0, 0}}},
+                                    {.name = "row", .shape = {2, {4, 1, 0, 0}}}};
+    static const lg_port state[2] = {{.name = "q", .shape = {1, {5, 0, 0, 0}}},
+                                     {.name = "p", .shape = {1, {5, 0, 0, 0}}}};
+    static const lg_port out[3] = {
+        {.name = "first", .unit = "\xc2\xb5m"}, {.name = "second"}, {.name = "third"}};
+    static const lg_carry carry[2] = {{"first", "q"}, {"second", "p"}};
+    static const uint32_t hidden[1] = {6};
+    static lg_mlp net;
+    lg_rng rng;
+    lg_error error;
+    lg_program *program = NULL;
+    lg_rng_seed(&rng, 9, 2);
+    assert_ok(lg_mlp_init(&net, 20, hidden, 1, 1, LG_SWISH, true));
+    double *theta = TEST_ARRAY(double, lg_mlp_parameters(&net));
+    lg_mlp_initialise(&net, &rng, theta);
+    for (size_t i = 0; i < LG_COUNT(many); i++) {
+        (void)snprintf(name[i], sizeof name[i], "part_%zu", i);
+        many[i] = (lg_port){.name = name[i], .shape = lg_shape1(2)};
+    }
+    const lg_parameter_spec parameters[2] = {{"theta", lg_shape1((uint32_t)lg_mlp_parameters(&net)), theta},
+                                             {"scale", lg_shape1(5), test_numbers(3, 5, -1, 1)}};
+    const lg_function_spec functions[] = {{"scalars", angles, 2, out, 3, scalars, NULL},
+                                          {"tensors", grid, 2, out, 3, tensors, &net},
+                                          {"step", state, 2, out, 2, step, NULL},
+                                          {"calls", state, 2, out, 1, calls, NULL},
+                                          {"sum", many, LG_COUNT(many), out, 1, sum, NULL}};
+    const lg_program_spec spec = spec_of(parameters, 2, functions, LG_COUNT(functions));
+    if (lg_program_build(context, &spec, &program, &error) != LG_OK ||
+        lg_program_add_loop(program, "loop", "step", 7, carry, 2, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    return program;
+}
+
+/* ---- written ---- */
+
+static void assert_same_source(const lg_c_source *a, const lg_c_source *b) {
+    assert_string_equal(a->sizes, b->sizes);
+    assert_string_equal(a->declarations, b->declarations);
+    assert_string_equal(a->arrays, b->arrays);
+    assert_string_equal(a->code, b->code);
+    assert_string_equal(a->weights, b->weights);
+    assert_int_equal(a->functions, b->functions);
+    assert_int_equal(a->stack_size, b->stack_size);
+}
+
+/* Every allocation fails, alone and with all that follow: an error and nothing kept, or the text that stands
+ * in `whole`. */
+static void write_where_memory_ends(lg_fail_alloc *memory, const lg_program *program, const lg_c_options *how,
+                                    long *failures) {
+    lg_c_source *whole = NULL;
+    lg_error error = {LG_OK, ""};
+    const lg_status undisturbed = lg_program_write_c(program, how, &whole, &error);
+    if (undisturbed == LG_UNSUPPORTED) return;
+    if (undisturbed != LG_OK) fail_msg("%s", error.message);
+    bool hit = true;
+    for (long n = 2; hit; n++) {
+        lg_c_source *source = NULL;
+        (n % 2 == 0 ? lg_fail_alloc_arm : lg_fail_alloc_arm_end)(memory, n / 2);
+        const lg_status status = lg_program_write_c(program, how, &source, &error);
+        hit = lg_fail_alloc_hit(memory);
+        if (status == LG_OK)
+            assert_same_source(source, whole);
+        else
+            assert_null(source);
+        if (hit) assert_status(status, LG_OUT_OF_MEMORY);
+        lg_c_source_destroy(source);
+        assert_int_equal(lg_fail_alloc_live(memory), 0);
+        *failures += hit;
+    }
+    lg_fail_alloc_arm(memory, 0);
+    lg_c_source_destroy(whole);
+}
+
+static void write_both_forms(lg_fail_alloc *memory, const lg_program *program, lg_c_options *how,
+                             long *failures) {
+    how->size = sizeof *how;
+    how->name = "p";
+    for (int compact = 0; compact < 2; compact++) {
+        how->compact = compact == 1;
+        write_where_memory_ends(memory, program, how, failures);
+    }
+}
+
+TEST("a program of scalars, tensors, calls and loops is written whole or not at all") {
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    assert_non_null(context);
+    lg_test_owns(context, release_context);
+    lg_program *program = all_kinds(context);
+    lg_test_owns(program, release_program);
+    static const size_t chosen[2] = {3, 1};
+    static const char *const names[2] = {NULL, "other"};
+    static const bool hidden[2] = {false, true};
+    lg_c_options how[] = {{.mark_unfit = true},
+                          {.mark_unfit = true, .dtype = LG_F32},
+                          {.functions = chosen, .function_count = 2, .names = names, .hidden = hidden}};
+    long failures = 0;
+    for (size_t i = 0; i < LG_COUNT(how); i++) write_both_forms(&memory, program, &how[i], &failures);
+    assert_true(failures > 2000);
+    print_message("%ld failing allocations\n", failures);
+}
+
+/* ---- every operation ---- */
+
+static lg_status record_row(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_gradcheck_function *f = user;
+    y[0] = f->build(f->user, tape, x);
+    return lg_tape_status(tape);
+}
+
+static lg_status add_row(lg_program *program, const lg_gradcheck_function *f) {
+    lg_port in[LG_GRADCHECK_MAX_INPUTS];
+    static const char *const names[] = {"a", "b", "c", "d", "e", "f", "g", "h", "i", "j", "k", "l"};
+    const lg_port out = {.name = "y"};
+    for (uint32_t k = 0; k < f->inputs; k++)
+        in[k] = (lg_port){.name = names[k],
+                          .shape = f->arguments[k].shape,
+                          .shared = true,
+                          .low = f->arguments[k].low,
+                          .high = f->arguments[k].high};
+    const lg_function_spec spec = {"value", in, f->inputs, &out, 1, record_row, (void *)f};
+    return lg_program_record_function(program, &spec, false, NULL);
+}
+
+TEST("every operation of the table is written whole or not at all") {
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    assert_non_null(context);
+    lg_test_owns(context, release_context);
+    long failures = 0;
+    for (size_t i = 0; lg_gradcheck_operation(i) != NULL; i++) {
+        lg_program *program = NULL;
+        lg_c_options how = {.dtype = i % 2 == 0 ? LG_F64 : LG_F32};
+        assert_ok(lg_program_create(context, &program));
+        if (add_row(program, &lg_gradcheck_operation(i)->function) == LG_OK)
+            write_both_forms(&memory, program, &how, &failures);
+        lg_program_destroy(program);
+    }
+    print_message("%ld failing allocations\n", failures);
+}
+
+/* ---- numbers that single precision does not hold ---- */
+
+RECORDING(scaled) {
+    y[0] = lg_scale(tape, x[0], 1e300);
+}
+
+RECORDING(raised) {
+    y[0] = lg_pow(tape, x[0], 1e39);
+}
+
+RECORDING(combined) {
+    static const double c[2] = {1, -1e200};
+    y[0] = lg_linear_combination(tape, (const lg_var[2]){x[0], lg_sin(tape, x[0])}, c, 2);
+}
+
+RECORDING(weighted) {
+    y[0] = lg_add(tape, x[0], theta[0]);
+}
+
+RECORDING(called) {
+    y[0] = lg_program_call(tape, "value", 0, x);
+}
+
+TEST("a constant beyond single precision is refused wherever it stands") {
+    static const lg_record_function records[] = {scaled, raised, combined, weighted};
+    static const lg_port in = {.name = "x", .shape = {1, {3, 0, 0, 0}}}, out = {.name = "y"};
+    static const double large[3] = {1, 1e39, 1};
+    const lg_parameter_spec theta = {"theta", lg_shape1(3), large};
+    for (size_t i = 0; i < LG_COUNT(records); i++) {
+        const lg_function_spec functions[2] = {{"value", &in, 1, &out, 1, records[i], NULL},
+                                               {"called", &in, 1, &out, 1, called, NULL}};
+        const lg_program_spec spec = spec_of(&theta, 1, functions, 2);
+        const lg_program *program = test_program(&spec);
+        for (size_t way = 0; way < 8; way++) {
+            const size_t function = way / 4;
+            const lg_c_options how = {.size = sizeof how,
+                                      .name = "p",
+                                      .dtype = way % 2 == 0 ? LG_F32 : LG_F64,
+                                      .compact = way / 2 % 2 == 1,
+                                      .functions = &function,
+                                      .function_count = 1};
+            lg_c_source *source = NULL;
+            assert_status(lg_program_write_c(program, &how, &source, NULL),
+                          how.dtype == LG_F32 ? LG_NOT_FINITE : LG_OK);
+            lg_c_source_destroy(source);
+        }
+    }
+}
