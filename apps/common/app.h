@@ -200,7 +200,8 @@ int app_fail_file(const app *app, lg_status status, const lg_error *error, const
 /* Fills `error` (may be NULL) and returns `status`: what a function gives back to the one that will tell. */
 lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* A sentence on stderr, kept for app_json_warnings. From any thread; the library's come here too. */
+/* A sentence on stderr, kept for app_json_warnings; a sentence that was kept before is not told again. From
+ * any thread; the library's come here too. */
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 struct lg_scene;
 /* The start of a scene without `initial` is drawn with --seed, and a warning says so. An exit code. */

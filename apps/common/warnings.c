@@ -1,7 +1,8 @@
-/* Warnings: a sentence on stderr each, kept for JSON. */
+/* Warnings: a sentence on stderr each, once, kept for JSON. */
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "common/app.h"
 
@@ -25,13 +26,16 @@ void app_warnings_destroy(app_warnings *self) {
     free(self);
 }
 
-/* Takes the sentence. */
-static void keep(app_warnings *self, char *sentence) {
+/* Tells the sentence on stderr and takes it, unless it was told before. */
+static void tell(const char *title, app_warnings *self, char *sentence) {
     (void)pthread_mutex_lock(&self->lock);
-    const bool room = self->count < KEPT;
-    if (room) self->sentences[self->count++] = sentence;
+    size_t i = 0;
+    while (i < self->count && strcmp(self->sentences[i], sentence) != 0) i++;
+    const bool fresh = i == self->count, room = i < KEPT;
+    if (fresh) (void)fprintf(stderr, "%s: warning: %s\n", title, sentence);
+    if (fresh && room) self->sentences[self->count++] = sentence;
     (void)pthread_mutex_unlock(&self->lock);
-    if (!room) free(sentence);
+    if (!fresh || !room) free(sentence);
 }
 
 void app_warn(const app *self, const char *format, ...) {
@@ -39,8 +43,7 @@ void app_warn(const app *self, const char *format, ...) {
     va_start(arguments, format);
     char *sentence = app_format_list(format, arguments);
     va_end(arguments);
-    (void)fprintf(stderr, "%s: warning: %s\n", self->title, sentence);
-    keep(self->warnings, sentence);
+    tell(self->title, self->warnings, sentence);
 }
 
 void app_json_warnings(app_json *json, const app *self) {

@@ -30,6 +30,13 @@ static void split(identify_data *data, size_t files) {
     data->training.rows = logs->log.first[parts];
 }
 
+/* The file that the sentence names, or the first one. */
+static const char *named_of(const char *const *paths, size_t count, const char *sentence) {
+    size_t i = 0;
+    while (i < count && strstr(sentence, paths[i]) == NULL) i++;
+    return paths[i < count ? i : 0];
+}
+
 static int read_logs(app *self, const char *const *paths, size_t count, size_t training, int64_t delay,
                      identify_data *out) {
     lg_error error = {LG_OK, ""};
@@ -38,7 +45,7 @@ static int read_logs(app *self, const char *const *paths, size_t count, size_t t
     options.delay = delay;
     const lg_status status =
         lg_logs_read(self->context, &out->file, paths, count, &options, &out->logs, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, paths[0]);
+    if (status != LG_OK) return app_fail_file(self, status, &error, named_of(paths, count, error.message));
     split(out, training);
     return APP_EXIT_OK;
 }

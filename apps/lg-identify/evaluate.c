@@ -363,6 +363,12 @@ static void warn_of_runs(const app *self, const verdict *v) {
     }
 }
 
+/* What one step leaves of a column may be white; where the free run is not finite the model is not. */
+static void deny_whiteness(verdict *v) {
+    for (uint32_t c = 0; c < v->file->column_count; c++)
+        if (isinf(v->free_run[c])) v->whiteness[c].probability = 0;
+}
+
 static lg_status judge_run(const app *self, const identify_model *model, const identify_data *data,
                            verdict *out, lg_error *error) {
     const lg_machine *machine = model->machine;
@@ -380,6 +386,7 @@ static lg_status judge_run(const app *self, const identify_model *model, const i
         warn_of_runs(self, out);
         status = identify_balance(self, model, &data->file, log, &out->energy, out->whiteness, error);
         if (positions) identify_run_whiteness(&data->file, log, out->q, out->v, out->whiteness);
+        deny_whiteness(out);
     }
     free(start);
     return status;

@@ -474,6 +474,7 @@ static int finish(void *user, train_session *session) {
     explained what = {.loss = 0.0};
     double *theta = app_alloc(t->fit_problem.parameters, sizeof *theta);
     lg_fit_parameters(t->fit, theta);
+    lg_machine_wrap_biases(&run.machine, theta);
     lg_status status =
         lg_machine_loss(self->context, &t->problem, theta, &what.loss, &session->floor, &error);
     if (status == LG_OK && !isfinite(what.loss)) status = LG_NOT_FINITE;

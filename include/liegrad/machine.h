@@ -234,6 +234,8 @@ LG_API uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_m
 /* theta (parameters): networks' weights U(+-1/sqrt(fan_in)), last layers scaled by .1; masses 1, small
  * damping, an input map of 0 but 1 for input j of velocity j, potentials and residuals 0, in scaled units. */
 LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);
+/* Brings the biases of angles in theta to (-pi, pi]: full turns change nothing that a log shows. */
+LG_API void lg_machine_wrap_biases(const lg_machine *machine, double *theta);
 
 /* ---- recordings, batches of B rows, in scaled units ---- */
 
@@ -336,8 +338,11 @@ typedef struct lg_machine_problem {
     double velocity_scale[LG_MACHINE_COORDINATES];
 } lg_machine_problem;
 
-/* All rows at which a window can start, `stride` apart in each part: start row complete (velocities too,
- * unless `positions_only`). `out` (NULL: only counts) has room for log->rows. */
+/* The rows at which windows start, rising: complete rows (velocities too, unless `positions_only`), `stride`
+ * apart in each part, and closer where incomplete rows and the end of a part would leave rows in no window.
+ * With stride <= window every row is in a window that is in any; with a longer one windows are at most
+ * `stride` apart, and the last one of a part ends as late as it can. `out` (NULL: only counts) has room for
+ * log->rows. */
 LG_API size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, uint32_t window,
                                  uint32_t stride, bool positions_only, size_t *out);
 /* Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme). */

@@ -47,10 +47,12 @@ static const way rotation_ways[] = {
      "body rates"},
 };
 
-/* A comparison of some columns. `count` numbers are compared. */
+/* A comparison of some columns of the parts of one file, or of all. `count` numbers are compared. */
 typedef struct check check;
 struct check {
     lg_log_table *table;
+    uint32_t file;                /* where the parts begin */
+    size_t begin, end;            /* parts */
     uint32_t position, positions; /* columns, for sentences and their noise */
     uint32_t velocity, velocities;
     uint32_t attitude, attitudes; /* of a pose's place: its rotation */
@@ -117,7 +119,7 @@ static fit compare(const check *c, const way *w, size_t span) {
     const lg_log_table *table = c->table;
     const size_t stride = table->rows / MOST_COMPARED + span;
     sums s = {.count = c->count};
-    for (size_t part = 0; part < table->parts; part++) {
+    for (size_t part = c->begin; part < c->end; part++) {
         for (size_t row = table->first[part]; row + span < table->first[part + 1]; row += stride) {
             double x[3] = {0, 0, 0}, y[3] = {0, 0, 0}, now[3], before[3];
             c->velocity_of(c, w, lg_log_row(table, row), before);
@@ -197,6 +199,10 @@ static void rotation_velocity(const check *c, const way *w, const double *row, d
 
 /* ---- judgements ---- */
 
+static const char *path_of(const check *c) {
+    return lg_shown_path(c->table->paths[c->file]);
+}
+
 /* Both the slope of y over x and the inverse of that of x over y are outside; so are negative ones. */
 static bool slope_is_wrong(const fit *f) {
     const double r = fabs(f->correlation);
@@ -269,16 +275,16 @@ static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
     if (is_degrees(c, f))
         return lg_fail(error, LG_FORMAT,
                        "%s: column %s: it moves %.4g times as fast as %s says: degrees? scale: {%s: %.6g}",
-                       lg_shown_path(c->table->paths[0]), q.text, f->slope, v.text, q.text,
+                       path_of(c), q.text, f->slope, v.text, q.text,
                        (f->slope < 0 ? -DEGREE : DEGREE) * c->table->machine->columns[c->position].scale);
     for (uint32_t i = 0; i < c->velocities && used < sizeof scale; i++)
         used += (size_t)snprintf(scale + used, sizeof scale - used, "%s%s: %.6g", i > 0 ? ", " : "",
                                  column[i].name, f->slope * column[i].scale);
     other_scale(c, f, other, sizeof other);
     return lg_fail(error, LG_FORMAT,
-                   "%s: column%s %s: the rate of %s is %.4g times %s: wrong %s? scale: {%s}%s",
-                   lg_shown_path(c->table->paths[0]), c->velocities > 1 ? "s" : "", v.text, q.text, f->slope,
-                   v.text, f->slope < 0 ? "sign" : "unit", scale, other);
+                   "%s: column%s %s: the rate of %s is %.4g times %s: wrong %s? scale: {%s}%s", path_of(c),
+                   c->velocities > 1 ? "s" : "", v.text, q.text, f->slope, v.text,
+                   f->slope < 0 ? "sign" : "unit", scale, other);
 }
 
 static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_error *error) {
@@ -286,8 +292,8 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
     names_of(c, c->position, c->positions, &q);
     names_of(c, c->velocity, c->velocities, &v);
     return lg_fail(error, LG_FORMAT,
-                   "%s: columns %s and %s do not belong together (correlation %.2f): swapped?%s",
-                   lg_shown_path(c->table->paths[0]), q.text, v.text, f->correlation, hint);
+                   "%s: columns %s and %s do not belong together (correlation %.2f): swapped?%s", path_of(c),
+                   q.text, v.text, f->correlation, hint);
 }
 
 /* ---- sensors that fail ---- */
@@ -300,7 +306,7 @@ static int by_size(const void *a, const void *b) {
 /* The median size of a line's or angle's changes from row to row, 0 of none. */
 static double usual_change(const check *c, double *sizes) {
     size_t count = 0;
-    for (size_t part = 0; part < c->table->parts; part++)
+    for (size_t part = c->begin; part < c->end; part++)
         for (size_t row = c->table->first[part]; row + 1 < c->table->first[part + 1]; row++) {
             const double *here = lg_log_row(c->table, row) + c->position;
             const double size = fabs(here[c->table->columns] - *here);
@@ -313,7 +319,7 @@ static double usual_change(const check *c, double *sizes) {
 /* Steps of more than `jump`; `first`: the row after the first one. */
 static size_t count_jumps(const check *c, double jump, size_t *first) {
     size_t count = 0;
-    for (size_t part = 0; part < c->table->parts; part++)
+    for (size_t part = c->begin; part < c->end; part++)
         for (size_t row = c->table->first[part]; row + 1 < c->table->first[part + 1]; row++) {
             const double *here = lg_log_row(c->table, row) + c->position;
             if (!(fabs(here[c->table->columns] - *here) > jump)) continue;
@@ -328,7 +334,7 @@ static lg_status refuse_outliers(const check *c, const way *w, lg_error *error) 
     check without = *c;
     size_t row = 0;
     double *sizes = lg_alloc(c->table->context, c->table->rows, sizeof *sizes);
-    if (sizes == NULL) return lg_log_no_memory(c->table->paths[0], error);
+    if (sizes == NULL) return lg_log_no_memory(c->table->paths[c->file], error);
     without.jump = far * usual_change(c, sizes);
     lg_free(c->table->context, sizes);
     const size_t count = count_jumps(c, without.jump, &row);
@@ -346,22 +352,23 @@ static lg_status refuse_outliers(const check *c, const way *w, lg_error *error) 
 static lg_status refuse_clipped(const check *c, uint32_t column, lg_error *error) {
     enum { MANY = 10, PART = 100 };
     const lg_log_table *table = c->table;
+    const size_t first = table->first[c->begin], end = table->first[c->end], rows = end - first;
     double low = INFINITY, high = -INFINITY;
     size_t count = 0;
-    for (size_t row = 0; row < table->rows; row++) {
+    for (size_t row = first; row < end; row++) {
         const double x = lg_log_row(table, row)[column];
         low = fmin(low, x), high = fmax(high, x);
     }
-    for (size_t row = 0; row < table->rows; row++) {
+    for (size_t row = first; row < end; row++) {
         const double x = lg_log_row(table, row)[column];
         count += x == low || x == high;
     }
-    if (count < MANY || count * PART < table->rows || !(low < high)) return LG_OK;
+    if (count < MANY || count * PART < rows || !(low < high)) return LG_OK;
     return lg_fail(
         error, LG_FORMAT,
         "%s: column %s: stands at its smallest or largest value, %.6g and %.6g, in %zu of %zu rows: a "
         "sensor at the end of its range? leave these cells empty",
-        lg_shown_path(table->paths[0]), table->machine->columns[column].name, low, high, count, table->rows);
+        path_of(c), table->machine->columns[column].name, low, high, count, rows);
 }
 
 /* Lines and angles that do not belong together because a sensor fails. */
@@ -419,14 +426,14 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
     names_of(c, c->position, c->positions, &q);
     names_of(c, c->velocity, c->velocities, &v);
     if (better != NULL)
-        return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", lg_shown_path(c->table->paths[0]),
-                       q.text, v.text, better->words);
+        return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", path_of(c), q.text, v.text,
+                       better->words);
     if (fabs(f.correlation) > FITS) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
     if (c->count == 1 && c->positions == 1) other_velocity(c, span, hint, sizeof hint);
     if (f.correlation < UNRELATED || hint[0] != '\0') return unrelated(c, &f, hint, error);
-    if (lg_log_warn(c->table, "columns %s and %s fit badly (correlation %.2f): check them", q.text, v.text,
-                    f.correlation) != LG_OK)
-        return lg_log_no_memory(c->table->paths[0], error);
+    if (lg_log_warn(c->table, "%s: columns %s and %s fit badly (correlation %.2f): check them", path_of(c),
+                    q.text, v.text, f.correlation) != LG_OK)
+        return lg_log_no_memory(c->table->paths[c->file], error);
     return LG_OK;
 }
 
@@ -436,10 +443,14 @@ static const way body_ways[] = {{.words = ""},
 static const way space_ways[] = {{.words = ""},
                                  {.space = true, .words = "the velocities are in the body: frame: body"}};
 
-static lg_status check_coordinate(lg_log_table *table, uint32_t index, lg_error *error) {
+static lg_status check_coordinate(const check *where, uint32_t index, lg_error *error) {
+    lg_log_table *table = where->table;
     const lg_log_coordinate *w = &table->machine->coordinates[index];
     const lg_coordinate_kind kind = table->machine->machine.coordinates[index].kind;
     check place = {.table = table,
+                   .file = where->file,
+                   .begin = where->begin,
+                   .end = where->end,
                    .position = w->place,
                    .positions = w->places,
                    .velocity = w->velocity,
@@ -450,6 +461,9 @@ static lg_status check_coordinate(lg_log_table *table, uint32_t index, lg_error 
                    .change = scalar_change,
                    .velocity_of = scalar_velocity};
     check attitude = {.table = table,
+                      .file = where->file,
+                      .begin = where->begin,
+                      .end = where->end,
                       .position = w->attitude,
                       .positions = w->attitudes,
                       .velocity = w->velocity + (w->velocities - 3),
@@ -471,9 +485,23 @@ static lg_status check_coordinate(lg_log_table *table, uint32_t index, lg_error 
                                       : LG_OK;
 }
 
-lg_status lg_log_check(lg_log_table *table, lg_error *error) {
-    if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
-    for (uint32_t i = 0; i < table->machine->machine.coordinate_count; i++)
-        LG_TRY(check_coordinate(table, i, error));
+static lg_status check_parts(const check *where, lg_error *error) {
+    for (uint32_t i = 0; i < where->table->machine->machine.coordinate_count; i++)
+        LG_TRY(check_coordinate(where, i, error));
     return LG_OK;
+}
+
+/* Each file alone, so that the sentence names the one with the fault, then what only all together show. */
+lg_status lg_log_check(lg_log_table *table, lg_error *error) {
+    check where = {.table = table};
+    if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
+    while (where.begin < table->parts) {
+        where.file = table->origin[table->first[where.begin]].file;
+        for (where.end = where.begin + 1; where.end < table->parts; where.end++)
+            if (table->origin[table->first[where.end]].file != where.file) break;
+        LG_TRY(check_parts(&where, error));
+        where.begin = where.end;
+    }
+    where = (check){.table = table, .file = table->origin[0].file, .end = table->parts};
+    return table->origin[table->rows - 1].file != where.file ? check_parts(&where, error) : LG_OK;
 }

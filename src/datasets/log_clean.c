@@ -148,6 +148,7 @@ static void clean_velocity(cleaning *c, double *values) {
 /* Steps of an angle between neighbouring rows. */
 typedef struct steps {
     double largest;
+    size_t at;  /* the row after the largest one */
     size_t odd; /* a row whose step is more than pi and no turn; 0: none */
     size_t jumps;
 } steps;
@@ -155,14 +156,14 @@ typedef struct steps {
 static steps look_at_steps(const cleaning *c) {
     const lg_log_table *table = c->table;
     const uint32_t column = c->where->place;
-    steps s = {0, 0, 0};
+    steps s = {0, 0, 0, 0};
     for (size_t part = 0; part < table->parts; part++) {
         for (size_t row = table->first[part] + 1; row < table->first[part + 1]; row++) {
             const double step = lg_log_row(table, row)[column] - lg_log_row(table, row - 1)[column];
             const double size = fabs(step);
             if (!(size > PI)) continue;
             s.jumps++;
-            s.largest = fmax(s.largest, size);
+            if (size > s.largest) s.largest = size, s.at = row;
             if (s.odd == 0 && fabs(size - TURN * round(size / TURN)) > 1) s.odd = row;
         }
     }
@@ -192,9 +193,9 @@ static lg_status check_angle(cleaning *c) {
     const double range = known->high - known->low, scale = DEGREE * table->machine->columns[column].scale;
     const steps s = look_at_steps(c);
     if (range > 50 && s.largest > 300 && s.largest < 420)
-        return lg_fail(c->error, LG_FORMAT,
-                       "%s: column %s: goes from %.6g to %.6g and jumps by %.6g: degrees? scale: {%s: %.6g}",
-                       lg_shown_path(table->paths[0]), name, known->low, known->high, s.largest, name, scale);
+        return lg_log_fail(table, s.at, c->error,
+                           "column %s: goes from %.6g to %.6g and jumps by %.6g: degrees? scale: {%s: %.6g}",
+                           name, known->low, known->high, s.largest, name, scale);
     if (table->machine->unwrap && range > 1.1 * TURN && s.odd > 0)
         return lg_log_fail(
             table, s.odd, c->error,

@@ -16,6 +16,7 @@ typedef struct lg_log_table {
     const lg_context *context;
     const lg_machine_file *machine;
     const char *const *paths;
+    uint32_t files;
     const lg_read_options *options;
     size_t rows, room;
     uint32_t columns, runs; /* columns: those of the machine file, in its order; the run's is 0 */

@@ -114,8 +114,7 @@ static bool is_value(const lg_log_column *column) {
     return column->role != LG_LOG_TIME && column->role != LG_LOG_RUN;
 }
 
-static lg_status measure_column(reading *r, uint32_t column) {
-    const lg_log_table *t = &r->table;
+static void measure_column(const lg_log_table *t, uint32_t column) {
     lg_log_statistics s = {.low = INFINITY, .high = -INFINITY, .noise = NAN};
     for (size_t row = 0; row < t->rows; row++) {
         const double x = lg_log_row(t, row)[column];
@@ -124,9 +123,6 @@ static lg_status measure_column(reading *r, uint32_t column) {
         if (x > s.high) s.high = x;
     }
     t->out->columns[column] = s;
-    if (s.missing < t->rows) return LG_OK;
-    return lg_fail(r->error, LG_FORMAT, "%s: column %s: has no value at all", first_path(r),
-                   t->machine->columns[column].name);
 }
 
 /* A row with all positions and all measured velocities is there. */
@@ -139,15 +135,33 @@ static bool row_is_complete(const lg_log_table *t, size_t row) {
     return true;
 }
 
+/* Every file has a complete row, and so a value in each column of states; of inputs it has one, too. */
+static lg_status check_file(reading *r, size_t first, size_t end) {
+    const lg_log_table *t = &r->table;
+    const char *path = lg_shown_path(t->paths[t->origin[first].file]);
+    size_t row = first;
+    for (uint32_t i = 0; i < t->columns; i++) {
+        if (!is_value(&t->machine->columns[i])) continue;
+        for (row = first; row < end && isnan(lg_log_row(t, row)[i]);) row++;
+        if (row == end)
+            return lg_fail(r->error, LG_FORMAT, "%s: column %s: has no value at all", path,
+                           t->machine->columns[i].name);
+    }
+    for (row = first; row < end && !row_is_complete(t, row);) row++;
+    if (row < end) return LG_OK;
+    return lg_fail(r->error, LG_FORMAT,
+                   "%s: no row is complete: in each one a position or velocity is missing", path);
+}
+
 static lg_status measure_columns(reading *r) {
     const lg_log_table *t = &r->table;
-    size_t row = 0;
     for (uint32_t i = 0; i < t->columns; i++)
-        if (is_value(&t->machine->columns[i])) LG_TRY(measure_column(r, i));
-    while (row < t->rows && !row_is_complete(t, row)) row++;
-    if (row < t->rows) return LG_OK;
-    return lg_fail(r->error, LG_FORMAT,
-                   "%s: no row is complete: in each one a position or velocity is missing", first_path(r));
+        if (is_value(&t->machine->columns[i])) measure_column(t, i);
+    for (size_t first = 0, end = 1; first < t->rows; first = end++) {
+        while (end < t->rows && t->origin[end].file == t->origin[first].file) end++;
+        LG_TRY(check_file(r, first, end));
+    }
+    return LG_OK;
 }
 
 static lg_status warn_of_columns(reading *r) {
@@ -236,6 +250,21 @@ static void cut_stretch(reading *r, growing *g, size_t begin, size_t end) {
     close_part(t, g);
 }
 
+/* Tells the files of which nothing is left, where something is left of others. */
+static lg_status warn_of_files(lg_log_table *t) {
+    uint32_t file = 0;
+    for (size_t part = 0; part <= t->parts; part++) {
+        const uint32_t next = part < t->parts ? t->origin[t->first[part]].file : t->files;
+        for (; file < next; file++)
+            LG_TRY(lg_log_warn(t,
+                               "%s: nothing of it is used: no two rows follow each other within %.4g s with "
+                               "their inputs",
+                               lg_shown_path(t->paths[file]), t->out->max_step));
+        file = next + 1;
+    }
+    return LG_OK;
+}
+
 static lg_status cut(reading *r) {
     lg_log_table *t = &r->table;
     growing g = {0, 0};
@@ -249,7 +278,7 @@ static lg_status cut(reading *r) {
     }
     t->rows = g.kept;
     t->out->gaps = t->gaps;
-    if (t->parts > 0) return LG_OK;
+    if (t->parts > 0) return warned(r, warn_of_files(t));
     if (steps == 0)
         return lg_fail(
             r->error, LG_FORMAT,
@@ -406,6 +435,7 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
     reading r = {.table = {.context = context,
                            .machine = file,
                            .paths = paths,
+                           .files = (uint32_t)count,
                            .options = &options->read,
                            .columns = file->column_count,
                            .out = made},

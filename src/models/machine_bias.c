@@ -1,5 +1,6 @@
 /* Machines: constant biases of sensors. Logs have positions of lines, angles and poses and velocities of all
  * coordinates with a number each added to them; states and their equations know nothing of it. */
+#include <math.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -23,6 +24,22 @@ static uint32_t columns_of(const lg_machine *machine, const lg_machine_term *ter
 static size_t bias_parameters(const lg_machine *machine, const lg_machine_term *term) {
     uint32_t columns[LG_MACHINE_FEATURES * 6];
     return columns_of(machine, term, columns);
+}
+
+void lg_machine_wrap_biases(const lg_machine *machine, double *theta) {
+    static const double turn = 6.283185307179586;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        double *bias = theta + term->offset;
+        for (uint32_t k = 0; term->part == LG_MACHINE_BIAS && k < term->of_count; k++) {
+            const lg_machine_feature of = term->of[k];
+            const lg_coordinate_kind kind = machine->coordinates[of.index].kind;
+            const lg_coordinate_row *row = lg_coordinate_row_of(kind);
+            if (of.kind != LG_FEATURE_VELOCITY && kind == LG_COORDINATE_ANGLE)
+                *bias -= turn * ceil(*bias / turn - 0.5);
+            bias += of.kind == LG_FEATURE_VELOCITY ? row->velocities : row->places;
+        }
+    }
 }
 
 /* (1, positions + velocities) in scaled numbers. */

@@ -8,20 +8,34 @@
 
 /* ---- windows ---- */
 
+/* The start of the next window among rows first .. end - 1: the first complete one, unless that is behind
+ * `most`, up to which windows cover all rows; then the last complete one before. `end`: none. */
+static size_t next_start(const lg_machine *machine, const lg_machine_log *log, bool positions_only,
+                         size_t before, size_t first, size_t most, size_t end) {
+    size_t row = first;
+    while (row < end && !lg_machine_log_complete(machine, log, row, positions_only)) row++;
+    if (row <= most && row < end) return row;
+    for (size_t back = (most < end ? most + 1 : end); back-- > before;)
+        if (lg_machine_log_complete(machine, log, back, positions_only)) return back;
+    return row < end ? row : end;
+}
+
 size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, uint32_t window,
                           uint32_t stride, bool positions_only, size_t *out) {
+    const size_t covered = stride > window ? stride : window;
     size_t count = 0;
     for (size_t p = 0; p < log->parts; p++) {
-        const size_t end = log->first[p + 1];
-        size_t row = log->first[p];
-        while (row + window <= end) {
-            if (!lg_machine_log_complete(machine, log, row, positions_only)) {
-                row++;
-                continue;
-            }
+        size_t before = log->first[p], first = before, most = SIZE_MAX;
+        if (log->first[p + 1] < before + window) continue;
+        const size_t end = log->first[p + 1] - window + 1;
+        for (;;) {
+            const size_t row = next_start(machine, log, positions_only, before, first, most, end);
+            if (row == end) break;
             if (out != NULL) out[count] = row;
             count++;
-            row += stride;
+            before = row + 1;
+            first = row + stride;
+            most = row + covered;
         }
     }
     return count;

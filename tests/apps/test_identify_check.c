@@ -170,6 +170,117 @@ TEST("quaternions off the sphere are refused with their line") {
     expect_hopeless("machine.yaml", s, WORDS("line 79", "qw, qx, qy, qz", "length 1.3"));
 }
 
+/* What is wrong with one of several files: changes a good sheet, and what the sentence says. */
+typedef struct fault {
+    void (*make)(sheet *s);
+    const char *word;
+} fault;
+
+static void other_sign(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][VX] *= -1;
+}
+static void unrelated(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][VX] = 2 * sin(9 * s->cells[i][T]);
+}
+static void outliers(sheet *s) {
+    s->cells[77][X] += 50, s->cells[120][X] += 50;
+}
+static void clipped(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][W] = fmax(-0.5, fmin(0.5, s->cells[i][W]));
+}
+static void degrees(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++)
+        s->cells[i][THETA] = remainder(57.295779513 * 2 * (double)i, 360), s->cells[i][W] = 2 / DT;
+}
+static void backwards(sheet *s) {
+    s->cells[120][T] = -1;
+}
+static void no_velocity(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][VY] = (double)NAN;
+}
+static void no_input(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = (double)NAN;
+}
+static void never_complete(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][i % 2 == 0 ? X : Y] = (double)NAN;
+}
+static void too_long(sheet *s) {
+    for (int k = QW; k <= QZ; k++) s->cells[77][k] *= 1.3;
+}
+static void late_rates(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][WX] = 1, s->cells[i][WZ] = 0;
+}
+
+static size_t times(const char *text, const char *word) {
+    size_t count = 0;
+    for (const char *at = strstr(text, word); at != NULL; at = strstr(at + 1, word)) count++;
+    return count;
+}
+
+TEST("of several files the sentence names the one with the fault, once, and no other") {
+    static const fault faults[] = {{other_sign, "wrong sign"},
+                                   {unrelated, "do not belong together"},
+                                   {outliers, "line 79: column x: jumps"},
+                                   {clipped, "stands at its smallest"},
+                                   {degrees, "scale: {theta: 0.0174"},
+                                   {backwards, "line 122: column t"},
+                                   {no_velocity, "column vy: has no value"},
+                                   {no_input, "column u: has no value"},
+                                   {never_complete, "no row is complete"},
+                                   {too_long, "line 79: columns qw"},
+                                   {late_rates, "columns qw, qx, qy, qz"}};
+    static const char *const files[] = {"first.csv", "second.csv", "third.csv"};
+    static const char *const lines[] = {
+        "check machine.yaml first.csv second.csv third.csv",
+        "fit machine.yaml first.csv second.csv --validation third.csv --out never.h5"};
+    for (size_t i = 0; i < LG_COUNT(faults); i++)
+        for (size_t bad = 0; bad < LG_COUNT(files); bad++) {
+            for (size_t f = 0; f < LG_COUNT(files); f++) {
+                sheet *s = good_sheet();
+                if (f == bad) faults[i].make(s);
+                write_sheet(files[f], s);
+            }
+            for (size_t k = 0; k < LG_COUNT(lines); k++) {
+                cli_expect(identify, lines[k], 3, files[bad], &result);
+                assert_says(result.err, faults[i].word);
+                for (size_t f = 0; f < LG_COUNT(files); f++)
+                    assert_int_equal(times(result.err, files[f]), f == bad);
+            }
+        }
+    write_sheet("first.csv", good_sheet());
+    cli_write("second.csv", "t,x\n1,2\n");
+    cli_expect(identify, "check machine.yaml first.csv second.csv", 3, "second.csv: line 1", &result);
+    assert_null(strstr(result.err, "first.csv"));
+    cli_expect(identify, "check machine.yaml first.csv none.csv", 3, "none.csv", &result);
+    assert_null(strstr(result.err, "first.csv"));
+}
+
+TEST("a file of which nothing is left is told, where others are read") {
+    sheet *s = good_sheet();
+    write_sheet("first.csv", s);
+    for (size_t i = 0; i < ROWS; i++) s->cells[i][T] *= 10;
+    write_sheet("second.csv", s);
+    cli_write("short.yaml", "columns: {time: t, max_step: 0.1}\ncoordinates:\n  - {name: x, kind: line}\n"
+                            "measured: positions\nmass: {kind: known, values: [1]}\n");
+    cli_json(identify, "check short.yaml first.csv second.csv", "rows_kept 200", &result);
+    assert_says(result.err, "second.csv: nothing of it is used");
+    assert_null(strstr(result.err, "first.csv: nothing"));
+}
+
+TEST("the same warning is told once, on standard error and in JSON") {
+    sheet *s = good_sheet();
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = 2;
+    s->cells[50][T] = (double)NAN;
+    write_sheet("log.csv", s);
+    cli_json(identify, "check machine.yaml log.csv log.csv log.csv", "files 3", &result);
+    static const char *const sentences[] = {"log.csv: 1 rows without a time were left out",
+                                            "column u: the input is always 2"};
+    for (size_t i = 0; i < LG_COUNT(sentences); i++) {
+        assert_int_equal(times(result.err, sentences[i]), 1);
+        assert_int_equal(times(result.out, sentences[i]), 1);
+    }
+}
+
 TEST("wrong calls are refused") {
     static const cli_bad rows[] = {
         {"check", 2, "lg-identify check"},

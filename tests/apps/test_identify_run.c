@@ -409,6 +409,37 @@ TEST("a model that is no better than a simple guess is warned of") {
     assert_null(strstr(result.err, "at 2 s"));
 }
 
+TEST("a free run that is not finite is told, and none of its columns counts as white") {
+    enum { SIZE = 1 << 15 };
+    char *text = lg_test_memory(SIZE);
+    static const double starts[] = {0.02, 3}; /* x'' = 4 x^3: from 3 on it is at infinity after .2 s */
+    static const char *const files[] = {"near.csv", "far.csv"};
+    cli_write("quartic.yaml", "coordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+                              "mass: {kind: known, values: [1]}\ndamping: diagonal\npotential: {kind: known, "
+                              "form: polynomial, degree: 4, of: x, values: [0, 0, 0, -1]}\n");
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 0);
+    for (size_t k = 0; k < LG_COUNT(files); k++) {
+        size_t used = (size_t)snprintf(text, SIZE, "t,x,vx\n");
+        for (int i = 0; i < 300; i++)
+            used += (size_t)snprintf(text + used, SIZE - used, "%.17g,%.17g,%.17g\n", STEP * i,
+                                     starts[k] + 1e-3 * lg_rng_normal(&rng), 1e-3 * lg_rng_normal(&rng));
+        cli_write(files[k], text);
+    }
+    cli_json(identify, "fit quartic.yaml near.csv --out m.h5 --starts measured --window 2", "loss >0",
+             &result);
+    cli_json(identify, "evaluate m.h5 near.csv", "window_loss >0", &result);
+    assert_null(strstr(result.err, "is not finite"));
+    cli_json(identify, "evaluate m.h5 far.csv", "window_loss >0", &result);
+    assert_says(result.err, "the free run is not finite");
+    static const char *const columns[] = {"x", "vx"};
+    for (size_t c = 0; c < LG_COUNT(columns); c++) {
+        json_expect(json_find(json_find(result.out, "whiteness"), columns[c]), "probability 0");
+    }
+    cli_expect(identify, "evaluate m.h5 far.csv", 0, "vx", &result);
+    assert_null(strstr(result.out, "yes"));
+}
+
 TEST("rows that estimate a start are not scored") {
     enum { SIZE = 1 << 16 };
     char *text = lg_test_memory(SIZE);

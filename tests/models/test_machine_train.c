@@ -129,6 +129,58 @@ TEST("mass, spring and damping of exact logs come out exact, in the units of the
     assert_true(loss < 1e-12 && floor < 1e-12 && floor > 0.0);
 }
 
+/* ---- windows ---- */
+
+/* A window that starts at a complete row lies in the part and holds the row. */
+static bool is_usable(const lg_machine *machine, const lg_machine_log *log, uint32_t window, bool positions,
+                      size_t part, size_t row) {
+    for (size_t s = log->first[part]; s <= row && s + window <= log->first[part + 1]; s++)
+        if (s + window > row && lg_machine_log_complete(machine, log, s, positions)) return true;
+    return false;
+}
+
+TEST("every row that can be in a window is in one: random lengths, gaps, missing numbers, windows, strides") {
+    enum { MOST = 120, CASES = 4000 };
+    lg_machine machine = oscillator(false);
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (int each = 0; each < CASES; each++) {
+        double t[MOST], q[MOST], v[MOST];
+        size_t first[MOST + 1] = {0}, start[MOST], parts = 0, at = 0;
+        const size_t rows = 2 + lg_rng_below(&rng, MOST - 2), one_in = 2 + lg_rng_below(&rng, 30);
+        while (first[parts] < rows) {
+            const size_t next = first[parts] + 1 + lg_rng_below(&rng, rows);
+            first[++parts] = next < rows ? next : rows;
+        }
+        for (size_t row = 0; row < rows; row++) {
+            t[row] = (double)row;
+            q[row] = lg_rng_below(&rng, one_in) == 0 ? (double)NAN : 1.0;
+            v[row] = lg_rng_below(&rng, one_in) == 0 ? (double)NAN : 1.0;
+        }
+        const lg_machine_log log = {rows, parts, first, t, q, v, NULL};
+        const uint32_t window = 2 + (uint32_t)lg_rng_below(&rng, 20),
+                       stride = 1 + (uint32_t)lg_rng_below(&rng, each % 4 == 0 ? 2 * window : window);
+        const bool positions = each % 3 == 0;
+        const size_t count = lg_machine_windows(&machine, &log, window, stride, positions, start);
+        assert_int_equal(lg_machine_windows(&machine, &log, window, stride, positions, NULL), count);
+        for (size_t p = 0; p < parts; p++) {
+            size_t after = first[p]; /* rows before `after` are behind a window's start */
+            for (; at < count && start[at] < first[p + 1]; at++) {
+                assert_true(at == 0 || start[at] > start[at - 1]);
+                assert_true(start[at] >= first[p] && start[at] + window <= first[p + 1]);
+                assert_true(lg_machine_log_complete(&machine, &log, start[at], positions));
+                for (; after < start[at]; after++)
+                    if (stride <= window)
+                        assert_false(is_usable(&machine, &log, window, positions, p, after));
+                after = start[at] + window;
+            }
+            for (; after < first[p + 1]; after++)
+                assert_false(is_usable(&machine, &log, window, positions, p, after));
+        }
+        assert_int_equal(at, count);
+    }
+}
+
 TEST("biases of sensors come out, with measured and with estimated starts") {
     enum { BIASES = 2 };
     static const double bias[BIASES] = {0.3, -0.2};
@@ -151,6 +203,41 @@ TEST("biases of sensors come out, with measured and with estimated starts") {
         assert_string_equal(found[1].name, "bias.x.velocity");
         for (int i = 0; i < BIASES; i++) assert_close(found[i].value, bias[i], 1e-6, 0.0);
     }
+}
+
+TEST("biases of angles are brought to (-pi, pi], and others stay") {
+    static const double pi = 3.14159265358979323846;
+    static const double angles[][2] = {{0.0, 0.0},
+                                       {0.1, 0.1},
+                                       {4 * 3.14159265358979323846, 0.0},
+                                       {-7.0, -0.7168146928204138},
+                                       {3.2, -3.083185307179586},
+                                       {-3.2, 3.083185307179586},
+                                       {1e4, -2.8310090299012813}};
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
+    add_coordinate(&machine, "hull", LG_COORDINATE_POSE);
+    add_coordinate(&machine, "b", LG_COORDINATE_ANGLE);
+    (void)add_term(&machine, LG_MACHINE_MASS, "diagonal");
+    lg_machine_term *bias = add_term(&machine, LG_MACHINE_BIAS, "constant");
+    for (uint32_t i = 0; i < 4; i++) add_feature(bias, i == 2 ? LG_FEATURE_PLACE : LG_FEATURE_POSITION, i);
+    add_feature(bias, LG_FEATURE_VELOCITY, 1);
+    assert_machine(&machine);
+    const size_t at = machine.terms[1].offset; /* x, a, 3 of the hull, b, the rate of a */
+    double *theta = TEST_ARRAY(double, machine.parameters);
+    for (size_t k = 0; k < LG_COUNT(angles); k++) {
+        for (size_t i = 0; i < machine.parameters; i++) theta[i] = 9.0;
+        theta[at + 1] = angles[k][0], theta[at + 5] = -angles[k][0];
+        lg_machine_wrap_biases(&machine, theta);
+        assert_close(theta[at + 1], angles[k][1], 1e-6, 1e-12);
+        assert_close(theta[at + 5], -angles[k][1], 1e-6, 1e-12);
+        for (size_t i = 0; i < machine.parameters; i++)
+            if (i != at + 1 && i != at + 5) assert_close(theta[i], 9.0, 0.0, 0.0);
+    }
+    theta[at + 1] = -pi, theta[at + 5] = pi;
+    lg_machine_wrap_biases(&machine, theta);
+    assert_true(theta[at + 1] > 0.0 && theta[at + 5] > 0.0);
 }
 
 TEST("starts that are eliminated give the same fit as starts among the parameters") {
