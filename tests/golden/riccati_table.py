@@ -139,13 +139,18 @@ def emit(name, discrete, cases, lines):
     lines += ["};", ""]
 
 
-lines = ["/* Written by riccati_table.py: do not edit. */", "/* clang-format off */", "#ifndef LG_RICCATI_TABLE_H"]
-lines += ["#define LG_RICCATI_TABLE_H", "", "/* A, B, Q, R, S (if it has one) and P, row-major, one after the other;"]
-lines += [" * scipy: the relative error of SciPy's P. */"]
-lines += ["typedef struct riccati_case {", "    const char *name;", "    uint32_t n, m;", "    bool cross;"]
-lines += ["    double scipy;", "    const double *numbers;", "} riccati_case;", ""]
-emit("care_table", False, care_cases(), lines)
-emit("dare_table", True, dare_cases(), lines)
-lines += ["#endif"]
-with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "riccati_table.h"), "w") as out:
-    out.write("\n".join(lines) + "\n")
+def main():
+    lines = ["/* Written by riccati_table.py: do not edit. */", "/* clang-format off */", "#ifndef LG_RICCATI_TABLE_H"]
+    lines += ["#define LG_RICCATI_TABLE_H", "", "/* A, B, Q, R, S (if it has one) and P, row-major, one after the other;"]
+    lines += [" * scipy: the relative error of SciPy's P. */"]
+    lines += ["typedef struct riccati_case {", "    const char *name;", "    uint32_t n, m;", "    bool cross;"]
+    lines += ["    double scipy;", "    const double *numbers;", "} riccati_case;", ""]
+    emit("care_table", False, care_cases(), lines)
+    emit("dare_table", True, dare_cases(), lines)
+    lines += ["#endif"]
+    with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "riccati_table.h"), "w") as out:
+        out.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
