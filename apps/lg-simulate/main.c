@@ -17,8 +17,8 @@ static const app_option options[] = {
     APP_ROW_REAL(simulate_values, tol, "tol", "T", 1e-15, 1,
                  "Adaptive steps; the tolerance of component i is T |y_i| + A (default 1e-9)"),
     APP_ROW_REAL(simulate_values, atol, "atol", "A", 0, 1e300,
-                 "Absolute part of the tolerance (default 1e-4 T, at least 1e-16, which fits states of size "
-                 "1)"),
+                 "Absolute part of the tolerance (default 1e-4 T, at least 1e-16, of the largest size that "
+                 "q, omega, p, R, ... of that body has had)"),
     APP_ROW_SIZE(simulate_values, max_steps, "max-steps", "N", 1, 1e12,
                  "Stop after this many adaptive steps, rejected ones included (default 1000000)"),
     APP_ROW_POSITIVE(simulate_values, t_end, "t-end", "T", "Final time (default: the scene's t_end)"),
@@ -322,8 +322,8 @@ static char *describe_methods(void) {
     text = list_methods(text, is_cotangent, " for the heavy top as cotangent or quadratic. Adaptive: ");
     return list_methods(
         text, is_adaptive,
-        "; they take --steps too.\nThe default absolute tolerance fits numbers of size 1 in the state; set "
-        "--atol for other sizes.");
+        "; they take --steps too.\nThe default tolerance fits states in any units; --atol is in the units of "
+        "the state.");
 }
 
 int main(int argc, char **argv) {

@@ -64,8 +64,7 @@ static lg_status run_to_end(const diagram *d, const plan *how, double *y, outcom
 static void plan_of(const diagram *d, const lg_scheme *scheme, size_t steps, double tol, plan *out) {
     plan_init(d->sim, scheme, out);
     out->steps = steps;
-    out->rtol = tol;
-    out->atol = d->sim->values->atol >= 0 ? d->sim->values->atol : fmax(1e-4 * tol, 1e-16);
+    plan_tolerance(d->sim, tol, out);
     out->times = &d->sim->t_end;
     out->count = 1;
 }

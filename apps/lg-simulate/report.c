@@ -58,7 +58,7 @@ void report_json(const report *what) {
         app_json_real(&json, "h", how->t_end / (double)how->steps);
     } else {
         app_json_real(&json, "rtol", how->rtol);
-        app_json_real(&json, "atol", how->atol);
+        app_json_real(&json, how->atol < 0 ? "atol_of_size" : "atol", fabs(how->atol));
     }
     app_json_size(&json, "steps", what->run->stats.steps);
     app_json_size(&json, "rejected", what->run->stats.rejected);
@@ -93,8 +93,9 @@ static void print_heading(const report *what) {
         (void)printf("h = %g: t = %g after %zu steps, ", how->t_end / (double)how->steps, how->t_end,
                      stats->steps);
     else
-        (void)printf("tolerance %g |y| + %g: t = %g after %zu steps (%zu more rejected), ", how->rtol,
-                     how->atol, how->t_end, stats->steps, stats->rejected);
+        (void)printf("tolerance %g |y| + %g%s: t = %g after %zu steps (%zu more rejected), ", how->rtol,
+                     fabs(how->atol), how->atol < 0 ? " of the largest" : "", how->t_end, stats->steps,
+                     stats->rejected);
     (void)printf("%zu evaluations, %.3g s\n\n", stats->evaluations, what->run->seconds);
 }
 

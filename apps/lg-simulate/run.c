@@ -20,8 +20,12 @@ void plan_init(const simulation *sim, const lg_scheme *scheme, plan *out) {
     const simulate_values *values = sim->values;
     *out = (plan){.scheme = scheme, .steps = (size_t)values->steps, .max_steps = (size_t)values->max_steps};
     out->t_end = sim->t_end;
-    out->rtol = values->tol;
-    out->atol = values->atol >= 0 ? values->atol : fmax(1e-4 * values->tol, 1e-16);
+    plan_tolerance(sim, values->tol, out);
+}
+
+void plan_tolerance(const simulation *sim, double tol, plan *out) {
+    out->rtol = tol;
+    out->atol = sim->values->atol >= 0 ? sim->values->atol : -fmax(1e-4 * tol, 1e-16);
 }
 
 typedef struct runner {

@@ -93,8 +93,8 @@ char *method_names(const simulation *sim, bool applicable, bool adaptive);
 
 typedef struct plan {
     const lg_scheme *scheme;
-    size_t steps; /* > 0: equal ones; 0: adaptive */
-    double rtol, atol;
+    size_t steps;        /* > 0: equal ones; 0: adaptive */
+    double rtol, atol;   /* as in lg_step_controller */
     size_t max_steps;    /* adaptive */
     double t_end;        /* > 0 */
     const double *times; /* (count) where the state is wanted, ascending in (0, t_end], the last is t_end */
@@ -111,6 +111,8 @@ typedef struct outcome {
 
 /* Tolerances and steps from the command line. */
 void plan_init(const simulation *sim, const lg_scheme *scheme, plan *out);
+/* A relative tolerance, and what --atol makes of it. */
+void plan_tolerance(const simulation *sim, double tol, plan *out);
 /* From y0 (dim) to each of the times: rows (count, dim). Ctrl-C ends it with LG_CANCELLED. On failure the
  * rows not reached are NaN; `out` is filled. */
 lg_status integrate(const simulation *sim, const plan *how, const double *y0, double *rows, outcome *out,

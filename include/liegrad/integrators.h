@@ -134,8 +134,8 @@ typedef struct lg_ode {
     lg_half_field force;    /* NULL when the system is not separable */
     lg_half_field velocity; /* NULL if and only if force is */
     void *user;
-    lg_space manifold;        /* ambient forms: the manifold in R^n on which the states lie, for projection;
-                               * factors 0: no constraint */
+    lg_space manifold;        /* ambient forms: the manifold in R^n on which the states lie, for projection
+                               * and tolerances; factors 0: no constraint */
     lg_variational_step step; /* NULL when the system has no variational integrator of its own */
 } lg_ode;
 
@@ -327,9 +327,14 @@ typedef lg_status (*lg_step_observer)(void *user, double t, double h, const doub
 
 typedef struct lg_step_controller {
     size_t size; /* sizeof(lg_step_controller) */
-    double rtol,
-        atol;      /* tolerance of component i: atol + rtol max(|y_i| before, after the step). 1e-6, 1e-9 */
-    double safety; /* 0.9 */
+    /* Tolerance of component i: atol_i + rtol max(|y_i| before, after the step); rtol >= 0, 1e-6.
+     * - atol >= 0: atol_i = atol, in the unit of the state.
+     * - atol < 0, default -1e-9: atol_i = -atol S + h N, for states in any units. S is the largest |y_j| that
+     *   the component's group has had in this run, N what rounding changes in its velocity, measured at the
+     *   start by one more value of the field. Groups are the single coordinates of R^n; otherwise q and p, R,
+     *   R and r, x, G and P of each copy. On R^n with a `manifold`, the groups are the manifold's. */
+    double rtol, atol;
+    double safety;     /* 0.9 */
     double factor_min; /* 0.2 */
     double factor_max; /* 5 */
     double h_initial;  /* > 0, or 0: chosen from y0, f(t0, y0) and one more value of f */
@@ -364,8 +369,9 @@ typedef struct lg_step_decision {
 LG_API lg_step_decision lg_step_controller_decide(const lg_step_controller *control, double exponent,
                                                   double error, const lg_step_history *history);
 
-/* Root mean square of error_i / (atol + rtol max(|y_i|, |y_next_i|)); 0/0 counts as 0. */
-LG_API double lg_error_norm(const lg_step_controller *control, const double *error, const double *y,
+/* Root mean square of error_i / (atol_i + rtol max(|y_i|, |y_next_i|)); 0/0 counts as 0. All arrays have dim
+ * numbers. */
+LG_API double lg_error_norm(double rtol, const double *atol, const double *error, const double *y,
                             const double *y_next, size_t dim);
 
 /* Integrates from (t0, y0) to each of times[0..count-1]; out (count, dim). The times are monotone in either

@@ -250,7 +250,7 @@ typedef struct lg_trajectory_options {
     size_t segments;
     size_t first;      /* 0: number of the first trajectory, a multiple of segments: a part of a larger set */
     uint64_t seed;     /* 1 */
-    double rtol, atol; /* of the reference integration; 1e-12, 1e-13 */
+    double rtol, atol; /* of the reference integration, as in lg_step_controller; 1e-12, -1e-13 */
 } lg_trajectory_options;
 
 LG_API void lg_trajectory_options_init(lg_trajectory_options *options);
@@ -276,8 +276,8 @@ LG_API lg_status lg_generate_trajectories(const lg_context *context, const lg_sy
                                           double *trajectories, double *hamiltonian, lg_error *error);
 
 /* The same reference solutions from given starts (N, d), without noise, for judging models. `times` as in
- * lg_integrate_adaptive from t0 = 0, out (N, count, d). rtol, atol <= 0: 1e-12, 1e-13. Errors as above; on
- * failure nothing is written. */
+ * lg_integrate_adaptive from t0 = 0, out (N, count, d). rtol <= 0: 1e-12; atol 0: -1e-13, as in
+ * lg_step_controller. Errors as above; on failure nothing is written. */
 LG_API lg_status lg_reference_trajectories(const lg_context *context, const lg_system *system,
                                            const double *starts, size_t n, const double *times, size_t count,
                                            double rtol, double atol, double *out, lg_error *error);

@@ -103,7 +103,7 @@ static lg_status place_on_sphere(const reading *r, start *s, size_t at) {
     const double scale = off_sphere > ROUNDING ? 1 / length : 1;
     for (int i = 0; i < 3; i++) q[i] *= scale;
     double along = lg_dot3(q, w);
-    const double off_tangent = fabs(along) / (1 + norm3(w));
+    const double off_tangent = along != 0 ? fabs(along) / norm3(w) : 0;
     if (!(off_tangent <= OFF_MANIFOLD)) {
         const char *key = find_source(r, s, at + 3, &block);
         return lg_yaml_fail(r->yaml, s->lines[at + 3], LG_FORMAT, r->error,

@@ -46,7 +46,7 @@ lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t st
 void lg_step_controller_init(lg_step_controller *control) {
     *control = (lg_step_controller){.size = sizeof(lg_step_controller),
                                     .rtol = 1e-6,
-                                    .atol = 1e-9,
+                                    .atol = -1e-9,
                                     .safety = 0.9,
                                     .factor_min = 0.2,
                                     .factor_max = 5.0,
@@ -55,11 +55,11 @@ void lg_step_controller_init(lg_step_controller *control) {
 }
 
 bool lg_step_controller_valid(const lg_step_controller *c) {
-    const double values[] = {c->rtol,       c->atol,      c->safety, c->factor_min,
-                             c->factor_max, c->h_initial, c->h_max,  c->max_angle};
+    const double values[] = {c->rtol,       fabs(c->atol), c->safety, c->factor_min,
+                             c->factor_max, c->h_initial,  c->h_max,  c->max_angle};
     for (size_t i = 0; i < LG_COUNT(values); i++)
         if (!(values[i] >= 0.0) || !isfinite(values[i])) return false;
-    return c->size == sizeof(lg_step_controller) && c->rtol + c->atol > 0.0 && c->safety > 0.0 &&
+    return c->size == sizeof(lg_step_controller) && c->rtol + fabs(c->atol) > 0.0 && c->safety > 0.0 &&
            c->safety < 1.0 && c->factor_min > 0.0 && c->factor_min < 1.0 && c->factor_max > 1.0 &&
            c->max_angle > 0.0 && c->max_steps > 0;
 }
@@ -80,9 +80,9 @@ lg_step_decision lg_step_controller_decide(const lg_step_controller *control, do
     return (lg_step_decision){accept, control->h_max > 0.0 ? dmin(h, control->h_max) : h};
 }
 
-double lg_error_norm(const lg_step_controller *control, const double *error, const double *y,
+double lg_error_norm(double rtol, const double *atol, const double *error, const double *y,
                      const double *y_next, size_t dim) {
-    return lg_kernels_for(LG_F64)->error_norm(dim, control->rtol, control->atol, error, y, y_next);
+    return lg_kernels_for(LG_F64)->error_norm(dim, rtol, atol, error, y, y_next);
 }
 
 /* ---- adaptive ---- */
@@ -99,10 +99,10 @@ typedef struct lg_run {
     lg_run_stats stats;
 } lg_run;
 
-/* Of f(t, y) at y: its size relative to the tolerance. `velocity` is overwritten. */
-static double speed_of(const lg_run *run, const double *f, const double *y, double *velocity) {
-    lg_space_generator(&run->stepper->ode.space, f, y, velocity);
-    return lg_error_norm(run->control, velocity, y, y, run->stepper->ode.space.dim);
+/* The size of x relative to the tolerance at y. */
+static double norm_at(const lg_run *run, const double *x, const double *y, const double *y_next) {
+    const lg_stepper *s = run->stepper;
+    return lg_error_norm(run->control->rtol, s->tolerance.atol, x, y, y_next, s->ode.space.dim);
 }
 
 /* |f(t + h, exp(h f) . y) - f(t, y)| / h as ambient vectors, relative to the tolerance; NaN where the field
@@ -119,13 +119,14 @@ static lg_status curvature(const lg_run *run, double h, const double *f, double 
     lg_space_generator(&s->ode.space, f, s->run[0], s->error);
     lg_space_generator(&s->ode.space, s->bracket, y, velocity);
     for (size_t i = 0; i < n; i++) s->error[i] = (velocity[i] - s->error[i]) / h;
-    *out = lg_error_norm(run->control, s->error, s->run[0], s->run[0], n);
+    *out = norm_at(run, s->error, s->run[0], s->run[0]);
     return LG_OK;
 }
 
-/* Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.4. The first step is so small
- * that the first- and second-order terms of an Euler step are a hundredth of the tolerance, to the power
- * 1/order, and that no rotation exceeds half of the largest angle. */
+/* After Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.4, in any unit of time.
+ * With the sizes d0, d1, d2 of y, y' and y'' in tolerances, the rate is w = max(d1 / d0, sqrt(d2 / d0)). The
+ * first step is so small that d0 (h w)^(1/exponent) is 1, and that no rotation exceeds half of the
+ * largest angle. */
 static lg_status first_step(lg_run *run) {
     lg_stepper *s = run->stepper;
     const size_t n = s->ode.space.dim;
@@ -134,20 +135,22 @@ static lg_status first_step(lg_run *run) {
     double second;
     run->h = dmin(run->control->h_initial > 0.0 ? run->control->h_initial : span,
                   run->control->h_max > 0.0 ? run->control->h_max : span);
-    if (run->control->h_initial > 0.0) return LG_OK;
     LG_TRY(lg_stepper_first(s, run->t, span, s->run[0], NULL, &f));
+    LG_TRY(lg_tolerance_begin(s, run->control, run->t, span, f));
+    if (run->control->h_initial > 0.0) return LG_OK;
     const double angle = lg_space_angle(&s->ode.space, f);
-    const double size = lg_error_norm(run->control, s->run[0], s->run[0], s->run[0], n);
-    const double speed = speed_of(run, f, s->run[0], s->point);
+    lg_space_generator(&s->ode.space, f, s->run[0], s->point);
     if (!lg_all_finite(n, s->point)) return LG_NOT_FINITE;
+    const double size = norm_at(run, s->run[0], s->run[0], s->run[0]);
+    const double speed = norm_at(run, s->point, s->run[0], s->run[0]);
     double h = 0.01 * size / speed;
     if (!(h >= least)) h = least;
     h = dmin(h, run->h);
     if (angle > 0.0) h = dmin(h, 0.5 * run->control->max_angle / angle);
     LG_TRY(curvature(run, h, f, &second));
-    const double steepest = dmax(speed, second);
+    const double rate = dmax(speed / size, sqrt(second / size));
     double limit = 100.0 * h;
-    if (steepest > 1e-15) limit = dmin(limit, pow(0.01 / steepest, run->exponent));
+    if (size > 0.0 && rate > 0.0) limit = dmin(limit, pow(size, -run->exponent) / rate);
     if (!isfinite(second)) limit = 0.1 * h;
     if (angle > 0.0) limit = dmin(limit, 0.5 * run->control->max_angle / angle);
     run->h = dmax(dmin(limit, run->h), run->h_min);
@@ -163,9 +166,10 @@ static lg_status attempt(lg_run *run, double target) {
     double error = NAN;
     if (run->stats.steps + run->stats.rejected >= run->control->max_steps) return LG_TOO_MANY_STEPS;
     const lg_status status = lg_step(s, run->t, run->sign * h, s->run[0], NULL, s->run[1]);
-    if (status == LG_OK)
-        error = lg_error_norm(run->control, s->error, s->run[0], s->run[1], s->ode.space.dim);
-    else if (status != LG_NOT_FINITE)
+    if (status == LG_OK) {
+        lg_tolerance_try(s, run->control, h, s->run[1]);
+        error = norm_at(run, s->error, s->run[0], s->run[1]);
+    } else if (status != LG_NOT_FINITE)
         return status;
     const lg_step_history history = {h, s->angle, run->rejected};
     const lg_step_decision decision = lg_step_controller_decide(run->control, run->exponent, error, &history);
@@ -178,6 +182,7 @@ static lg_status attempt(lg_run *run, double target) {
     double *swap = s->run[0];
     s->run[0] = s->run[1];
     s->run[1] = swap;
+    lg_tolerance_accept(s);
     run->t_before = run->t;
     run->t = clipped ? target : run->t + run->sign * h;
     run->h =

@@ -8,6 +8,7 @@
 #include "kernels/kernels.h"
 #include "kernels/stumpff.h"
 #include "core/core.h"
+#include "integrators/groups.h"
 #include "integrators/series.h"
 #include "liegrad/adjoint.h"
 #include "liegrad/geometry.h"
@@ -380,6 +381,21 @@ bool lg_space_is_abelian(const lg_space *space) {
     bool abelian = true;
     for (size_t i = 0; i < space->factors; i++) abelian = abelian && rows[space->factor[i].kind].abelian;
     return abelian;
+}
+
+/* Widths of the groups of one copy. */
+static const size_t groups[LG_SPACE_KINDS][2] = {
+    [LG_SPACE_RN] = {1},     [LG_SPACE_TS2] = {3, 3},   [LG_SPACE_SO3] = {9},
+    [LG_SPACE_SE3] = {9, 3}, [LG_SPACE_SO3_DUAL] = {3}, [LG_SPACE_SE3_DUAL] = {3, 3},
+};
+
+size_t lg_space_groups(const lg_space *space, size_t *end) {
+    size_t count = 0, at = 0;
+    for (size_t f = 0; f < space->factors; f++)
+        for (size_t copy = 0; copy < space->factor[f].count; copy++)
+            for (size_t i = 0; i < 2 && groups[space->factor[f].kind][i] > 0; i++)
+                end[count++] = at += groups[space->factor[f].kind][i];
+    return count;
 }
 
 /* Visits the factors with running offsets into state (y) and algebra (a). */

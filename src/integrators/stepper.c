@@ -60,7 +60,7 @@ static lg_status check(const lg_scheme *scheme, const lg_ode *ode) {
     if ((needs->field && !ode->field) || (needs->halves && (!ode->force || !ode->velocity)) ||
         (needs->map && !ode->step))
         return LG_INVALID_ARGUMENT;
-    if (!scheme->project || ode->manifold.factors == 0) return LG_OK;
+    if (ode->manifold.factors == 0) return LG_OK;
     LG_TRY(check_space(&ode->manifold));
     return ode->manifold.dim == ode->space.dim ? LG_OK : LG_INVALID_ARGUMENT;
 }
@@ -92,6 +92,12 @@ static void lay_out_newton(lg_newton *newton, lg_carver *carver, size_t m) {
     newton->pivot = (size_t *)(void *)carve(carver, m); /* a size_t is not larger than a double */
 }
 
+static void lay_out_tolerance(lg_tolerance *tol, lg_carver *carver, size_t n) {
+    double **const parts[] = {&tol->atol, &tol->size, &tol->tried, &tol->noise};
+    for (size_t i = 0; i < LG_COUNT(parts); i++) *parts[i] = carve(carver, n);
+    tol->end = (size_t *)(void *)carve(carver, n); /* a size_t is not larger than a double */
+}
+
 static size_t lay_out(lg_stepper *s, double *memory, const lg_scheme *scheme, const lg_space *space) {
     const lg_step_form *form = form_of(scheme, space);
     lg_carver carver = {memory, STEPPER_DOUBLES};
@@ -112,6 +118,7 @@ static size_t lay_out(lg_stepper *s, double *memory, const lg_scheme *scheme, co
         for (int j = 0; j < 2; j++) s->memo[i].packed[j] = form->packed ? carve(&carver, m) : NULL;
     }
     s->most = form->packed ? carve(&carver, LG_SE3_BLOCK) : NULL;
+    if (scheme->embedded_order > 0) lay_out_tolerance(&s->tolerance, &carver, space->dim);
     if (form->newton) lay_out_newton(&s->newton, &carver, m);
     return carver.used * sizeof(double);
 }

@@ -25,6 +25,15 @@ typedef struct lg_newton {
     size_t *pivot;       /* m */
 } lg_newton;
 
+/* The absolute tolerances of an adaptive run, and what they are made of where the step control gives a part
+ * of the groups' sizes (integrators/groups.h). */
+typedef struct lg_tolerance {
+    double *atol;         /* (dim) */
+    size_t groups, *end;  /* (groups) */
+    double *size, *tried; /* (groups): the largest |y_i| up to now; with the attempt */
+    double *noise;        /* (groups): of y', by rounding */
+} lg_tolerance;
+
 /* An element of the algebra is a row of whole blocks (LG_K_STAGE_BLOCK), aligned. The entries beyond
  * algebra_dim are 0. */
 typedef struct lg_step_form lg_step_form;
@@ -54,6 +63,7 @@ struct lg_stepper {
     double *y_next; /* dim; for FSAL schemes memo[1].y, where the next step's first value waits */
     double *error;  /* dim */
     double *run[2]; /* dim each, for the loops over steps */
+    lg_tolerance tolerance;
     lg_newton newton;
 };
 
@@ -91,6 +101,15 @@ lg_status lg_newton_solve(lg_stepper *s, double t, double h, const double *y, co
                           lg_stage_map stage);
 /* One factor SE(3), then perhaps one R^2m. */
 bool lg_slgi_fits(const lg_space *space);
+
+/* At the start run[0] of an adaptive run over a time `span`, where f = f(t, run[0]). The tolerances are then
+ * those for choosing the first step: a group that begins at 0 counts as large as its velocity makes it in the
+ * whole run. Overwrites error, run[1], point, bracket. Errors: the field's. */
+lg_status lg_tolerance_begin(lg_stepper *s, const lg_step_controller *control, double t, double span,
+                             const double *f);
+/* For an attempt of size h that ends at y_next; and when it is accepted. */
+void lg_tolerance_try(lg_stepper *s, const lg_step_controller *control, double h, const double *y_next);
+void lg_tolerance_accept(lg_stepper *s);
 
 bool lg_all_finite(size_t n, const double *x);
 bool lg_step_controller_valid(const lg_step_controller *control);

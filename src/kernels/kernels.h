@@ -260,9 +260,9 @@ typedef struct lg_kernels {
     /* Of integrators, in double in both tables, the same bits on every set.
      * stage_sum: out = sum_{j < n} c_j k_j, 1 <= n <= LG_K_STAGES, rows aligned to LG_ALIGNMENT, m a
      * multiple of LG_K_STAGE_BLOCK.
-     * error_norm: root mean square of error_i / (atol + rtol max(|y_i|, |y_next_i|)), 0/0 counts as 0. */
+     * error_norm: root mean square of error_i / (atol_i + rtol max(|y_i|, |y_next_i|)), 0/0 counts as 0. */
     void (*stage_sum)(size_t m, int n, const double *c, const double *const *k, double *out);
-    double (*error_norm)(size_t dim, double rtol, double atol, const double *error, const double *y,
+    double (*error_norm)(size_t dim, double rtol, const double *atol, const double *error, const double *y,
                          const double *y_next);
 
     /* One map on n rows, in double in both tables; `columns`: of the matrices x, 1 for vectors. reverse: the

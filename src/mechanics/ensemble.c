@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
+#include "integrators/groups.h"
 #include "integrators/lanes.h"
 #include "integrators/stepper.h"
 #include "mechanics/ensemble_member.h"
@@ -17,7 +18,9 @@ typedef struct worker {
     lg_lane_block block;
     double *start, *parameter, *constant; /* as in the block; the numbers of one member below */
     double *own_start, *own_parameter, *work;
-    unsigned char *refused; /* (room) */
+    double *projected;         /* (dim) */
+    size_t groups, *group_end; /* of the state (integrators/groups.h) */
+    unsigned char *refused;    /* (room) */
     void *memory;
     lg_one_by_one one; /* where there are no lanes */
     uint64_t attempts, vectors, failed, steps, rejected;
@@ -137,9 +140,9 @@ static lg_status prepare(ensemble *all, lg_error *error) {
 /* ---- memory ---- */
 
 static void free_worker(const ensemble *all, worker *w) {
-    void *const parts[] = {w->start,         w->constant,  w->block.states,  w->block.events,
-                           w->block.outcome, w->own_start, w->own_parameter, w->work,
-                           w->refused,       w->memory,    w->parameter};
+    void *const parts[] = {w->start,     w->constant,      w->block.states, w->block.events, w->block.outcome,
+                           w->own_start, w->own_parameter, w->work,         w->refused,      w->memory,
+                           w->parameter, w->projected,     w->group_end};
     for (size_t i = 0; i < LG_COUNT(parts); i++) lg_free(all->context, parts[i]);
     lg_one_by_one_end(&w->one);
     lg_system_destroy(w->system);
@@ -149,24 +152,27 @@ static lg_status make_worker(const ensemble *all, worker *w) {
     const lg_lane_plan *plan = &all->plan;
     const size_t room = all->room, dim = plan->space.dim, own = plan->varied ? room : 1;
     LG_TRY(lg_system_copy(all->context, all->system, &w->system));
-    double **const rows[] = {&w->start,        &w->parameter, &w->constant,     &w->block.states,
-                             &w->block.events, &w->own_start, &w->own_parameter};
+    double **const rows[] = {&w->start,        &w->parameter, &w->constant,      &w->block.states,
+                             &w->block.events, &w->own_start, &w->own_parameter, &w->projected};
     const size_t counts[] = {dim * room,
                              plan->parameters * own,
                              plan->constants * own,
                              plan->count * dim * room,
                              plan->event_count * room,
                              dim,
-                             plan->parameters};
+                             plan->parameters,
+                             dim};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         *rows[i] = lg_alloc(all->context, counts[i] > 0 ? counts[i] : 1, sizeof(double));
         if (!*rows[i]) return LG_OUT_OF_MEMORY;
     }
     w->block.outcome = lg_alloc(all->context, room, sizeof(*w->block.outcome));
     w->refused = lg_alloc(all->context, room, 1);
+    w->group_end = lg_alloc(all->context, dim, sizeof(*w->group_end));
     w->work = lg_alloc(all->context, lg_system_work_size(all->system), 1);
     w->memory = lg_alloc(all->context, all->lanes ? all->lanes->memory(plan, room) : 1, 1);
-    if (!w->block.outcome || !w->refused || !w->work || !w->memory) return LG_OUT_OF_MEMORY;
+    if (!w->block.outcome || !w->refused || !w->work || !w->memory || !w->group_end) return LG_OUT_OF_MEMORY;
+    w->groups = lg_space_groups(&plan->space, w->group_end);
     w->block.room = room;
     w->block.start = w->start;
     w->block.parameter = w->parameter;
@@ -180,16 +186,32 @@ static lg_status make_worker(const ensemble *all, worker *w) {
 
 /* ---- a block ---- */
 
-#define START_TOLERANCE 1e-6 /* a start this far from the manifold is off by rounding */
+#define START_TOLERANCE                                                                                      \
+    1e-6 /* a start this far from the manifold, relative to its groups, is off by rounding */
+
+/* Whether no number of the start differs from the projected one by more. */
+static bool is_near(const worker *w) {
+    for (size_t g = 0, i = 0; g < w->groups; g++) {
+        double size = 0.0, moved = 0.0;
+        for (; i < w->group_end[g]; i++) {
+            size = fmax(size, fabs(w->own_start[i]));
+            const double by = fabs(w->projected[i] - w->own_start[i]);
+            moved = by <= moved ? moved : by; /* NaN stays */
+        }
+        if (!(moved <= START_TOLERANCE * size)) return false;
+    }
+    return true;
+}
 
 /* The start and the parameters of a member; false: they are not allowed. */
 static bool allowed(const ensemble *all, worker *w) {
     if (all->plan.varied && lg_system_set_parameters(w->system, w->own_parameter) != LG_OK) return false;
-    if (!(lg_space_manifold_error(&all->plan.space, w->own_start) <= START_TOLERANCE)) return false;
-    lg_space_project(&all->plan.space, w->own_start);
-    for (size_t c = 0; c < all->plan.space.dim; c++)
-        if (!isfinite(w->own_start[c])) return false;
-    return true;
+    const size_t bytes = all->plan.space.dim * sizeof(double);
+    memcpy(w->projected, w->own_start, bytes);
+    lg_space_project(&all->plan.space, w->projected);
+    if (!is_near(w)) return false;
+    memcpy(w->own_start, w->projected, bytes);
+    return lg_all_finite(all->plan.space.dim, w->own_start);
 }
 
 static void put_column(size_t n, size_t room, size_t member, const double *from, double *to) {

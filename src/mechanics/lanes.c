@@ -3,6 +3,7 @@
  * the table lg_lanes_<set>. */
 #define LG_KERNEL_f64
 #include "integrators/event_search.h"
+#include "integrators/groups.h"
 #include "integrators/lanes.h"
 #include "integrators/series.h"
 #include "kernels/kernels.h"

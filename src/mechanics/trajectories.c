@@ -113,7 +113,7 @@ void lg_trajectory_options_init(lg_trajectory_options *options) {
                                        .segments = 1,
                                        .seed = 1,
                                        .rtol = 1e-12,
-                                       .atol = 1e-13};
+                                       .atol = -1e-13};
 }
 
 static bool is_tolerance(double x) {
@@ -130,8 +130,8 @@ static const char *options_fault(const lg_trajectory_options *o) {
     if (!(o->ahead >= 0.0) || !isfinite(o->ahead)) return "ahead must not be negative";
     if (o->segments < 1) return "segments must be at least 1";
     if (o->first % o->segments != 0) return "first must be a multiple of segments";
-    if (!is_tolerance(o->rtol) || !is_tolerance(o->atol) || !(o->rtol + o->atol > 0.0))
-        return "tolerances must not be negative, nor both zero";
+    if (!is_tolerance(o->rtol) || !isfinite(o->atol) || !(o->rtol + fabs(o->atol) > 0.0))
+        return "rtol must not be negative, and rtol and atol must be finite and not both zero";
     return NULL;
 }
 
@@ -267,7 +267,7 @@ lg_status lg_reference_trajectories(const lg_context *context, const lg_system *
     double *memory = lg_alloc(context, n * count * d, sizeof(double));
     if (!memory) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n);
     lg_status status =
-        reference_create(context, system, rtol > 0.0 ? rtol : 1e-12, atol > 0.0 ? atol : 1e-13, &r);
+        reference_create(context, system, rtol > 0.0 ? rtol : 1e-12, atol != 0.0 ? atol : -1e-13, &r);
     if (status == LG_OK) {
         status = run_references(context, &r, d, starts, n, times, count, memory, error);
         reference_destroy(context, &r);
