@@ -89,13 +89,13 @@ typedef struct lg_program_spec {
     const lg_parameter_spec *parameters;
     size_t parameter_count; /* may be 0 */
     const lg_function_spec *functions;
-    size_t function_count;
+    size_t function_count;   /* at least 1 */
     const char *description; /* a sentence or more, at most 4095 bytes; NULL: none */
 } lg_program_spec;
 
 LG_API void lg_program_spec_init(lg_program_spec *spec);
 /* Errors, explained in `error` (may be NULL) with function, operation and scope: LG_INVALID_ARGUMENT (names,
- * shapes, nothing to record), LG_UNSUPPORTED (what was recorded differs from one recording to another, an
+ * shapes, no functions, nothing to record), LG_UNSUPPORTED (what was recorded differs from one recording to another, an
  * operation that lives in the process only), LG_OUT_OF_MEMORY, the tape's and those of `record`. The context
  * must outlive the program. */
 LG_API lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
@@ -172,7 +172,7 @@ LG_API lg_status lg_program_sparsity(const lg_program *program, size_t function,
 
 /* Adds a function that calls `function` `times` times. After each call output carry[j].output becomes input
  * carry[j].input (equal ports); the other inputs stay the same. The new function has the ports of `function`.
- * In C it is a loop. Errors: LG_INVALID_ARGUMENT (times 0 or above 2^24, ports that do not fit),
+ * In C it is a loop. Errors: LG_INVALID_ARGUMENT (times 0 or above 2^24, unequal ports, a loop),
  * LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
 typedef struct lg_carry {
     const char *output, *input;

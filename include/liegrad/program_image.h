@@ -62,11 +62,15 @@ LG_API lg_status lg_function_image_create(const lg_program *program, size_t func
                                           lg_function_image **out);
 LG_API void lg_function_image_destroy(lg_function_image *image); /* NULL is fine */
 
+/* A program with parameters and a description, whose functions lg_program_add_image adds: `spec` has none.
+ * Errors, with a sentence: those of lg_program_build. */
+LG_API lg_status lg_program_begin(const lg_context *context, const lg_program_spec *spec, lg_program **out,
+                                  lg_error *error);
+
 /* Copies the function into the program. Everything is checked: names, order, numbers of inputs, shapes,
- * attributes, payloads, finite numbers. To make a program from plain data alone, call lg_program_build with
- * parameters and no functions first. Errors, with a sentence: LG_INVALID_ARGUMENT
- * (names), LG_SHAPE (ports), LG_FORMAT (operations), LG_VERSION (an operation of a later revision),
- * LG_NOT_FINITE, LG_OUT_OF_MEMORY. On failure the program is as before. */
+ * attributes, payloads, finite numbers. Errors, with a sentence: LG_INVALID_ARGUMENT (names), LG_SHAPE
+ * (ports), LG_FORMAT (operations), LG_VERSION (an operation of a later revision), LG_NOT_FINITE,
+ * LG_OUT_OF_MEMORY. On failure the program is as before. */
 LG_API lg_status lg_program_add_image(lg_program *program, const lg_function_image *image, lg_error *error);
 
 LG_END_DECLS

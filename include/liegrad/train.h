@@ -26,7 +26,10 @@ typedef struct lg_program_training {
 
 /* The first output of `function` says what is minimised:
  *   one value for each row (B, ...)   the mean of its squares over rows and numbers
- *   one number that all rows share    itself; it must be a mean over the rows
+ *   one number that all rows share    itself; it must be a mean over the rows, as lg_mean makes it
+ * Both are tried before and after training: the loss of 8 rows, from all over the data, must be the mean
+ * of the losses of each row alone. A sum is refused, and so are rows that depend on each other: rows are
+ * trained on in chunks, and the result would follow the chunks.
  * data[i]: input i of the function, (rows, numbers of one row); a shared input is there once.
  *
  * options NULL: in double precision, by Levenberg-Marquardt where there are squares and at most 64
@@ -34,9 +37,10 @@ typedef struct lg_program_training {
  * falls. All of lg_fit_options is honoured: threads, validation part with keep_best, seconds, methods.
  *
  * Success replaces the program's parameters (lg_program_set_parameter). `result` may be NULL. Errors, the
- * program as before: LG_NOT_FOUND (function), LG_INVALID_ARGUMENT (no rows, NULL, nothing to learn, an output
- * of several numbers that rows share), LG_UNSUPPORTED (LG_TRAIN_MOST), LG_NOT_FINITE (data, and as
- * lg_fit_run), those of lg_fit_create, lg_fit_run and of operations. */
+ * program as before: LG_NOT_FOUND (function), LG_INVALID_ARGUMENT (no rows, NULL, an output that depends on
+ * no parameter, that has several numbers which rows share, or that is no mean over rows), LG_UNSUPPORTED
+ * (LG_TRAIN_MOST), LG_NOT_FINITE (data, and as lg_fit_run), those of lg_fit_create, lg_fit_run and of
+ * operations. */
 LG_API lg_status lg_program_train(const lg_context *context, lg_program *program, const char *function,
                                   const double *const *data, size_t rows, const lg_fit_options *options,
                                   lg_program_training *result, lg_error *error);

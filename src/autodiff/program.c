@@ -139,11 +139,14 @@ lg_status lg_program_add_function(lg_program *p, lg_function *f, lg_error *error
 /* `loop` has its name; `of`: what it calls. */
 static lg_status add_carry(lg_function *loop, const lg_function *of, const lg_carry *carry, lg_error *error) {
     size_t i = 0, j = 0;
+    if (carry->input == NULL || carry->output == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': what is carried has no name", loop->name);
     while (i < of->inputs && strcmp(of->input[i].name, carry->input) != 0) i++;
     while (j < of->outputs && strcmp(of->output[j].name, carry->output) != 0) j++;
-    if (i == of->inputs || j == of->outputs)
-        return lg_fail(error, LG_NOT_FOUND, "function '%s' has no input '%s' or no output '%s'", of->name,
-                       carry->input, carry->output);
+    if (i == of->inputs)
+        return lg_fail(error, LG_NOT_FOUND, "function '%s' has no input '%s'", of->name, carry->input);
+    if (j == of->outputs)
+        return lg_fail(error, LG_NOT_FOUND, "function '%s' has no output '%s'", of->name, carry->output);
     if (loop->carry[i] != UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': input '%s' is carried twice", loop->name,
                        carry->input);
@@ -155,10 +158,14 @@ lg_status lg_program_add_loop(lg_program *p, const char *name, const char *funct
                               const lg_carry *carry, size_t carry_count, lg_error *error) {
     size_t callee;
     LG_TRY(lg_program_check_name("a function", name, error));
-    if (function == NULL || lg_program_find(p, function, &callee) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", function != NULL ? function : "");
-    if (times < 1 || times > UINT32_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s' is run %zu times", name, times);
+    if (function == NULL || (carry == NULL && carry_count > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': the function or what is carried is missing",
+                       name);
+    if (lg_program_find(p, function, &callee) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", function);
+    if (times < 1 || times > LG_PROGRAM_MAX_TIMES)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s' is run %zu times: 1 to %u", name, times,
+                       LG_PROGRAM_MAX_TIMES);
     const lg_function *of = &p->function[callee];
     lg_function f = {
         .inputs = of->inputs, .outputs = of->outputs, .times = (uint32_t)times, .callee = (uint32_t)callee};

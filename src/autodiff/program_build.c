@@ -499,14 +499,14 @@ lg_status lg_program_record_function(lg_program *program, const lg_function_spec
     return status;
 }
 
-lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
-                           lg_error *error) {
+static lg_status build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
+                       lg_error *error) {
     lg_program *made;
-    if (spec == NULL || spec->size != sizeof *spec || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no specification, or one of another version");
     lg_error ignored;
     if (error == NULL) error = &ignored;
     error->message[0] = '\0';
+    if (spec->parameters == NULL && spec->parameter_count > 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu parameters are missing", spec->parameter_count);
     if (spec->description != NULL && strlen(spec->description) > LG_PROGRAM_MAX_TEXT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the description has more than %d bytes",
                        LG_PROGRAM_MAX_TEXT);
@@ -526,4 +526,22 @@ lg_status lg_program_build(const lg_context *context, const lg_program_spec *spe
     lg_program_destroy(made);
     if (error->message[0] == '\0') (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     return status;
+}
+
+lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
+                           lg_error *error) {
+    if (spec == NULL || spec->size != sizeof *spec || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no specification, or one of another version");
+    if (spec->functions == NULL || spec->function_count == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a program without functions");
+    return build(context, spec, out, error);
+}
+
+lg_status lg_program_begin(const lg_context *context, const lg_program_spec *spec, lg_program **out,
+                           lg_error *error) {
+    if (spec == NULL || spec->size != sizeof *spec || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no specification, or one of another version");
+    if (spec->function_count > 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "functions are added later, or built by lg_program_build");
+    return build(context, spec, out, error);
 }

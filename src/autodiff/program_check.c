@@ -190,24 +190,44 @@ static bool same_port(const lg_port *a, const lg_port *b) {
     return a->shared == b->shared && lg_same_shape(&a->shape, &b->shape);
 }
 
+/* `from`: the output that becomes the input; UINT32_MAX: none. */
+static lg_status check_carry(const lg_function *f, const lg_port *input, uint32_t from, lg_error *error) {
+    if (from == UINT32_MAX) return LG_OK;
+    if (from >= f->outputs)
+        return lg_fail(error, LG_FORMAT, "loop '%s': what becomes input '%s' is no output", f->name,
+                       input->name);
+    const lg_port *output = &f->output[from];
+    if (output->shared != input->shared)
+        return lg_fail(
+            error, LG_FORMAT,
+            "loop '%s': output '%s' cannot become input '%s': all rows share one of them, and each "
+            "row has the other",
+            f->name, output->name, input->name);
+    if (!lg_same_shape(&output->shape, &input->shape))
+        return lg_fail(error, LG_FORMAT,
+                       "loop '%s': output '%s' cannot become input '%s': their shapes differ", f->name,
+                       output->name, input->name);
+    return LG_OK;
+}
+
 static lg_status check_loop(const lg_program *p, const lg_function *f, lg_error *error) {
     if (f->times > LG_PROGRAM_MAX_TIMES)
         return lg_fail(error, LG_FORMAT, "loop '%s' is run more than %u times", f->name,
                        LG_PROGRAM_MAX_TIMES);
-    if (f->nodes != 0 || f->callee >= p->functions || p->function[f->callee].times != 0)
-        return lg_fail(error, LG_FORMAT,
-                       "loop '%s' calls no function that was there before it, or another loop", f->name);
+    if (f->nodes != 0) return lg_fail(error, LG_FORMAT, "loop '%s' has operations of its own", f->name);
+    if (f->callee >= p->functions)
+        return lg_fail(error, LG_FORMAT, "loop '%s' calls no function that was there before it", f->name);
     const lg_function *callee = &p->function[f->callee];
+    if (callee->times != 0)
+        return lg_fail(error, LG_FORMAT, "loop '%s' calls '%s', which is a loop too", f->name, callee->name);
     bool fits = f->inputs == callee->inputs && f->outputs == callee->outputs && f->carry != NULL;
-    for (size_t i = 0; fits && i < f->inputs; i++) {
-        fits = same_port(&f->input[i], &callee->input[i]);
-        if (f->carry[i] != UINT32_MAX)
-            fits = fits && f->carry[i] < f->outputs && same_port(&f->input[i], &callee->output[f->carry[i]]);
-    }
+    for (size_t i = 0; fits && i < f->inputs; i++) fits = same_port(&f->input[i], &callee->input[i]);
     for (size_t j = 0; fits && j < f->outputs; j++) fits = same_port(&f->output[j], &callee->output[j]);
-    return fits ? LG_OK
-                : lg_fail(error, LG_FORMAT, "loop '%s' has other ports than the function that it calls",
-                          f->name);
+    if (!fits)
+        return lg_fail(error, LG_FORMAT, "loop '%s' has other ports than '%s', which it calls", f->name,
+                       callee->name);
+    for (size_t i = 0; i < f->inputs; i++) LG_TRY(check_carry(f, &f->input[i], f->carry[i], error));
+    return LG_OK;
 }
 
 lg_status lg_program_check_function(const lg_program *p, const lg_function *f, lg_error *error) {

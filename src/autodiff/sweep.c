@@ -1,5 +1,7 @@
 #include "autodiff/sweep.h"
 
+#include <string.h>
+
 lg_range lg_range_of(const lg_var *newest, size_t n_newest, const lg_var *oldest, size_t n_oldest) {
     lg_range range = {UINT32_MAX, 0};
     for (size_t i = 0; i < n_oldest; i++) {
@@ -31,6 +33,19 @@ void lg_mark_reach(const lg_tape *tape, lg_range range, const lg_var *wrt, size_
             if (parents[k] >= range.lo && reach[parents[k] - range.lo] && !lg_frozen(node, k))
                 reach[i - range.lo] = 1;
     }
+}
+
+bool lg_depends_on(lg_tape *tape, lg_var y, lg_var x) {
+    if (!lg_valid_list(tape, (lg_var[]){y, x}, 2, "depends") || y.index < x.index) return false;
+    const lg_range range = {x.index, y.index};
+    const size_t length = (size_t)range.hi - range.lo + 1;
+    uint8_t *reach = lg_pool_take(tape, length);
+    if (reach == NULL) return false;
+    memset(reach, 0, length);
+    lg_mark_reach(tape, range, &x, 1, reach);
+    const bool depends = reach[length - 1] != 0;
+    lg_pool_give(tape, reach, length);
+    return depends;
 }
 
 void lg_reverse_step(lg_tape *tape, lg_range range, const uint8_t *reach, struct lg_sweep *sweep, uint32_t i,

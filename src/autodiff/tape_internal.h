@@ -216,6 +216,8 @@ lg_status lg_backward_rows(lg_tape *tape, lg_var y, lg_var x, double *grad, lg_v
                            double *gradients);
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v);
+/* Whether a derivative of y by x is anything but zero whatever the numbers; false on failure. */
+bool lg_depends_on(lg_tape *tape, lg_var y, lg_var x);
 /* a + b where LG_NONE is zero */
 static inline lg_var lg_add_or(lg_tape *tape, lg_var a, lg_var b) {
     if (lg_is_none(a)) return b;

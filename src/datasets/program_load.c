@@ -320,7 +320,7 @@ static lg_status get_parameters(reading *r, char (*name)[NAME], size_t count) {
         spec.parameters = made;
         spec.parameter_count = count;
         spec.description = description[0] != '\0' ? description : NULL;
-        status = lg_program_build(context, &spec, &r->program, &why);
+        status = lg_program_begin(context, &spec, &r->program, &why);
         if (status != LG_OK)
             status = as_format(
                 r, lg_fail(r->error, status, "%s: /parameters: %s", lg_shown_path(r->h5->path), why.message));

@@ -2,12 +2,13 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/tape_internal.h"
 #include "core/core.h"
 #include "kernels/kernels.h"
 #include "liegrad/ops.h"
 #include "liegrad/train.h"
 
-enum { MOST_EVALUATIONS = 1000, MOST_LM = 64, MOST_DENSE = 2000 };
+enum { MOST_EVALUATIONS = 1000, MOST_LM = 64, MOST_DENSE = 2000, MOST_TRIED = 8 };
 
 typedef struct training {
     const lg_program *program;
@@ -17,6 +18,7 @@ typedef struct training {
     size_t numbers; /* of one row of it */
     const double *const *data;
     double *theta;
+    size_t count; /* of theta */
 } training;
 
 /* ---- on a tape ---- */
@@ -138,32 +140,69 @@ static lg_status give_parameters(lg_program *program, const double *theta) {
     return LG_OK;
 }
 
+/* The loss of these rows together; *depends: on theta. */
+static lg_status loss_of(training *t, lg_tape *tape, const uint32_t *samples, size_t rows, double *value,
+                         bool *depends) {
+    lg_var out = LG_NONE;
+    lg_tape_reset(tape);
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)t->count), t->theta);
+    LG_TRY(loss(t, tape, theta, samples, rows, rows, &out));
+    *depends = lg_depends_on(tape, out, theta);
+    return lg_read(tape, out, 1, value);
+}
+
+/* Some rows, over all of the data, together and one by one: their loss is the mean of theirs. */
+static lg_status check_mean(training *t, lg_tape *tape, lg_error *error) {
+    uint32_t samples[MOST_TRIED];
+    const size_t rows = t->rows < MOST_TRIED ? t->rows : MOST_TRIED;
+    const char *name = lg_program_outputs(t->program, t->function, &t->outputs)->name;
+    double together, one, mean = 0.0, size = 0.0;
+    bool depends;
+    for (size_t r = 0; r < rows; r++) samples[r] = (uint32_t)(r * t->rows / rows);
+    LG_TRY(loss_of(t, tape, samples, rows, &together, &depends));
+    if (!depends)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' depends on no parameter: there is nothing to learn",
+                       name);
+    for (size_t r = 0; r < rows; r++) {
+        LG_TRY(loss_of(t, tape, &samples[r], 1, &one, &depends));
+        mean += one / (double)rows;
+        size += fabs(one) / (double)rows;
+    }
+    if (!isfinite(together) || fabs(together - mean) <= 1e-8 * fmax(size, fabs(together))) return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   t->squares ? "a row of '%s' depends on other rows: the mean square of %zu rows is %.6g "
+                                "together and %.6g one by one"
+                              : "'%s' is no mean over rows: %zu rows give %.6g together, and one by one %.6g "
+                                "in the mean: take lg_mean, or give each row a value",
+                   name, rows, together, mean);
+}
+
 /* The loss of all rows, LG_FIT_CHUNK on the tape at once. */
-static lg_status loss_of_all(training *t, const lg_context *context, size_t count, double *sum) {
+static lg_status loss_of_all(training *t, const lg_context *context, double *sum, lg_error *error) {
     lg_tape *tape;
-    lg_status status = LG_OK;
+    bool depends;
     LG_TRY(lg_tape_create(context, NULL, &tape));
+    lg_status status = check_mean(t, tape, error);
     *sum = 0.0;
     for (size_t at = 0; at < t->rows && status == LG_OK; at += LG_FIT_CHUNK) {
         uint32_t samples[LG_FIT_CHUNK];
         const size_t rest = t->rows - at, rows = rest < LG_FIT_CHUNK ? rest : LG_FIT_CHUNK;
-        lg_var part = LG_NONE;
         double value = 0.0;
         for (size_t r = 0; r < rows; r++) samples[r] = (uint32_t)(at + r);
-        lg_tape_reset(tape);
-        const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)count), t->theta);
-        status = loss(t, tape, theta, samples, rows, t->rows, &part);
-        if (status == LG_OK) status = lg_read(tape, part, 1, &value);
-        *sum += value;
+        status = loss_of(t, tape, samples, rows, &value, &depends);
+        *sum += value * ((double)rows / (double)t->rows);
     }
+    if (lg_tape_status(tape) != LG_OK)
+        (void)lg_fail(error, status, "the function cannot be recorded with these rows: %s",
+                      lg_tape_message(tape));
     lg_tape_destroy(tape);
     return status;
 }
 
-static lg_status run(training *t, const lg_context *context, size_t count, const lg_fit_options *options,
+static lg_status run(training *t, const lg_context *context, const lg_fit_options *options,
                      lg_program_training *result, lg_error *error) {
-    const lg_fit_options chosen = options != NULL ? *options : default_options(t, count);
-    const lg_fit_problem problem = {.parameters = count,
+    const lg_fit_options chosen = options != NULL ? *options : default_options(t, t->count);
+    const lg_fit_problem problem = {.parameters = t->count,
                                     .samples = t->rows,
                                     .loss = loss,
                                     .user = t,
@@ -172,15 +211,14 @@ static lg_status run(training *t, const lg_context *context, size_t count, const
     const double begin = lg_seconds();
     lg_fit *fit = NULL;
     (void)take_parameters(t, t->theta);
-    if (loss_of_all(t, context, count, &result->before) != LG_OK)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the function cannot be recorded with these rows");
+    LG_TRY(loss_of_all(t, context, &result->before, error));
     LG_TRY(lg_fit_create(context, &problem, &chosen, t->theta, &fit, error));
     lg_status status = lg_fit_run(fit, error);
     if (status == LG_OK) {
         lg_fit_parameters(fit, t->theta);
         result->epochs = lg_fit_epochs_done(fit);
         result->end = lg_fit_end_sentence(fit);
-        status = loss_of_all(t, context, count, &result->after);
+        status = loss_of_all(t, context, &result->after, error);
     }
     lg_fit_destroy(fit);
     result->seconds = lg_seconds() - begin;
@@ -193,10 +231,10 @@ lg_status lg_program_train(const lg_context *context, lg_program *program, const
     training t = {.program = program, .data = data, .rows = rows};
     lg_program_training made = {.end = ""};
     LG_TRY(open_function(&t, function, error));
-    const size_t count = take_parameters(&t, NULL);
-    t.theta = lg_alloc(context, count, sizeof *t.theta);
-    if (t.theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", count);
-    lg_status status = run(&t, context, count, options, &made, error);
+    t.count = take_parameters(&t, NULL);
+    t.theta = lg_alloc(context, t.count, sizeof *t.theta);
+    if (t.theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t.count);
+    lg_status status = run(&t, context, options, &made, error);
     if (status == LG_OK) status = give_parameters(program, t.theta);
     if (status == LG_OK && result != NULL) *result = made;
     lg_free(context, t.theta);

@@ -659,19 +659,30 @@ RECORDING(record_exchange) {
     y[1] = lg_add(tape, x[0], x[2]);
 }
 
+/* An output that is longer than the inputs, and one that all rows share. */
+RECORDING(record_uneven) {
+    y[0] = lg_concat(tape, x, 2, 1);
+    y[1] = lg_mean_axis(tape, x[0], 0, false);
+}
+
 TEST("loops carry several outputs, in any order, and refuse what cannot be") {
     const lg_port in[] = {
         {.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}, {.name = "c", .shape = {1, {2}}}};
     const lg_port out[] = {{.name = "p"}, {.name = "q"}};
     const lg_carry both[] = {{"p", "a"}, {"q", "b"}}, one[] = {{"q", "a"}, {"q", "b"}};
-    lg_program *program = build(in, 3, out, 2, 0, record_exchange, NULL);
+    const lg_port others[] = {{.name = "wide"}, {.name = "one"}};
+    const lg_function_spec functions[] = {{"f", in, 3, out, 2, record_exchange, NULL},
+                                          {"uneven", in, 3, others, 2, record_uneven, NULL}};
+    const lg_program_spec spec = spec_of(NULL, 0, functions, 2);
+    lg_program *program = test_program(&spec);
     lg_error error;
     assert_ok(lg_program_add_loop(program, "both", "f", 5, both, 2, &error));
     assert_ok(lg_program_add_loop(program, "one", "f", 4, one, 2, &error));
     assert_ok(lg_program_add_loop(program, "still", "f", 3, NULL, 0, &error));
     check_all("loops", program);
     /* What cannot be. */
-    const lg_carry unknown = {"r", "a"}, twice[] = {{"p", "a"}, {"q", "a"}};
+    const lg_carry unknown = {"r", "a"}, nowhere = {"p", "z"}, unnamed = {NULL, "a"}, unset = {"p", NULL},
+                   twice[] = {{"p", "a"}, {"q", "a"}}, wider = {"wide", "a"}, common = {"one", "a"};
     const struct {
         const char *name, *function;
         size_t times;
@@ -679,15 +690,26 @@ TEST("loops carry several outputs, in any order, and refuse what cannot be") {
         size_t count;
         lg_status status;
         const char *says;
-    } refused[] = {{"l", "g", 2, both, 2, LG_NOT_FOUND, "'g'"},
-                   {"l", NULL, 2, both, 2, LG_NOT_FOUND, ""},
-                   {"l", "f", 2, &unknown, 1, LG_NOT_FOUND, "'r'"},
-                   {"l", "f", 0, both, 2, LG_INVALID_ARGUMENT, ""},
-                   {"l", "both", 2, both, 2, LG_INVALID_ARGUMENT, ""},
-                   {"f", "f", 2, both, 2, LG_INVALID_ARGUMENT, ""},
-                   {NULL, "f", 2, both, 2, LG_INVALID_ARGUMENT, ""},
-                   {"l", "f", 2, twice, 2, LG_INVALID_ARGUMENT, "carried twice"}};
+    } refused[] = {
+        {"l", "g", 2, both, 2, LG_NOT_FOUND, "there is no function 'g'"},
+        {"l", NULL, 2, both, 2, LG_INVALID_ARGUMENT, "'l': the function or what is carried is missing"},
+        {"l", "f", 2, NULL, 2, LG_INVALID_ARGUMENT, "'l': the function or what is carried is missing"},
+        {"l", "f", 2, &unknown, 1, LG_NOT_FOUND, "'f' has no output 'r'"},
+        {"l", "f", 2, &nowhere, 1, LG_NOT_FOUND, "'f' has no input 'z'"},
+        {"l", "f", 2, &unnamed, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
+        {"l", "f", 2, &unset, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
+        {"l", "f", 0, both, 2, LG_INVALID_ARGUMENT, "'l' is run 0 times: 1 to 16777216"},
+        {"l", "f", 1 << 25, both, 2, LG_INVALID_ARGUMENT, "is run 33554432 times: 1 to 16777216"},
+        {"l", "both", 2, both, 2, LG_INVALID_ARGUMENT, "'l' calls 'both', which is a loop too"},
+        {"f", "f", 2, both, 2, LG_INVALID_ARGUMENT, "two functions are called 'f'"},
+        {NULL, "f", 2, both, 2, LG_INVALID_ARGUMENT, "name of a function"},
+        {"l", "f", 2, twice, 2, LG_INVALID_ARGUMENT, "'l': input 'a' is carried twice"},
+        {"l", "uneven", 2, &wider, 1, LG_INVALID_ARGUMENT,
+         "'l': output 'wide' cannot become input 'a': their shapes differ"},
+        {"l", "uneven", 2, &common, 1, LG_INVALID_ARGUMENT,
+         "'l': output 'one' cannot become input 'a': all rows share one of them"}};
     for (size_t i = 0; i < LG_COUNT(refused); i++) {
+        memset(&error, 0, sizeof error);
         assert_status(lg_program_add_loop(program, refused[i].name, refused[i].function, refused[i].times,
                                           refused[i].carries, refused[i].count, &error),
                       refused[i].status);

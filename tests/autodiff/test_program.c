@@ -4,6 +4,7 @@
 #include "autodiff/op_rows.h"
 #include "autodiff/plan.h"
 #include "liegrad/nn.h"
+#include "liegrad/program_image.h"
 #include "liegrad/taped.h"
 
 /* ---- a network with an input gradient ---- */
@@ -318,6 +319,15 @@ TEST("parameters that are not finite, named twice or not given are refused, and 
         if (strstr(error.message, cases[i].words) == NULL) fail_msg("%s", error.message);
         assert_null(program);
     }
+    spec = spec_of(twice, 1, NULL, 0);
+    assert_status(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "without functions");
+    spec = spec_of(NULL, 1, &function, 1);
+    assert_status(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "1 parameters are missing");
+    assert_status(lg_program_begin(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "functions are added later");
+    assert_null(program);
     const lg_function_spec alike[2] = {function, function};
     spec = spec_of(NULL, 0, alike, 2);
     assert_status(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);

@@ -381,7 +381,7 @@ static inline lg_program *copy_until(const lg_program *from, size_t function) {
     spec.parameter_count = lg_program_parameters(from);
     for (size_t i = 0; i < spec.parameter_count; i++) list[i] = lg_program_parameter(from, i);
     spec.parameters = list;
-    assert_ok(lg_program_build(NULL, &spec, &made, NULL));
+    assert_ok(lg_program_begin(NULL, &spec, &made, NULL));
     for (size_t f = 0; f < function; f++) {
         lg_function_image *image;
         lg_error error;

@@ -122,7 +122,7 @@ TEST("an empty program comes back") {
     lg_program *program, *again;
     const char *path = scratch_path("empty.h5");
     lg_program_spec_init(&spec);
-    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    assert_ok(lg_program_begin(NULL, &spec, &program, NULL));
     assert_ok(lg_program_save(NULL, path, program, NULL, NULL));
     assert_ok(lg_program_load(NULL, path, NULL, &again, NULL));
     assert_int_equal(lg_program_functions(again), 0);
@@ -380,7 +380,7 @@ TEST("attributes and shapes that lie are refused, or the program runs at once") 
         lg_error error = {LG_OK, ""};
         tally t = {0};
         lg_program_spec_init(&spec);
-        assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+        assert_ok(lg_program_begin(NULL, &spec, &program, NULL));
         const double begun = seconds_now();
         const lg_status status = attack_with(&attacks[i], program, &error);
         if ((status == LG_OK) != (attacks[i].what == SOUND))

@@ -146,6 +146,100 @@ TEST("what cannot be trained is refused with a sentence, and the program stays")
     assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == before);
 }
 
+/* ---- what is no mean over rows ---- */
+
+/* x (B, 1), weight (B, 1), wanted (1) that all rows share -> e = x theta - wanted, (B, 1) */
+static lg_var miss(lg_tape *tape, const lg_var *theta, const lg_var *in) {
+    return lg_sub(tape, lg_mul(tape, in[0], theta[0]), in[2]);
+}
+#define LOSS(name, ...)                                                                                      \
+    static lg_status name(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {   \
+        const lg_var e = miss(tape, theta, in), square = lg_square(tape, e);                                 \
+        (void)square;                                                                                        \
+        out[0] = __VA_ARGS__;                                                                                \
+        return lg_tape_status(tape);                                                                         \
+    }
+LOSS(of_mean, lg_mean(tape, square))
+LOSS(of_mean_and_size, lg_add(tape, lg_mean(tape, square), lg_sum(tape, lg_square(tape, theta[0]))))
+LOSS(of_rows, e)
+LOSS(of_sum, lg_sum(tape, square))
+LOSS(of_product, lg_sum(tape, lg_mul(tape, square, theta[0])))
+LOSS(of_root, lg_sqrt(tape, lg_mean(tape, square)))
+LOSS(of_largest, lg_sum(tape, lg_max_axis(tape, square, 0, false)))
+LOSS(of_weighted, lg_div(tape, lg_sum(tape, lg_mul(tape, square, in[1])), lg_sum(tape, in[1])))
+LOSS(of_spread, lg_sub(tape, e, lg_mean(tape, e)))
+LOSS(of_nothing, lg_mean(tape, lg_square(tape, lg_sub(tape, in[0], in[2]))))
+LOSS(of_stopped, lg_mean(tape, lg_square(tape, lg_stop_gradient(tape, e))))
+LOSS(of_sign, lg_mean(tape, lg_mul(tape, lg_sign(tape, e), in[0])))
+LOSS(of_constant_rows, lg_mul(tape, in[0], in[1]))
+
+/* Of a parameter that is `theta` at the beginning, for so many rows. */
+static lg_status train(lg_record_function record, double theta, size_t count, double *after,
+                       lg_error *error) {
+    const double start[1] = {theta}, wanted[1] = {0.7};
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1(1)},
+                          {.name = "weight", .shape = lg_shape1(1), .low = 1.0, .high = 2.0},
+                          {.name = "wanted", .shape = lg_shape1(1), .shared = true}};
+    const lg_port out = {.name = "loss"};
+    const lg_function_spec function = {"loss", in, 3, &out, 1, record, NULL};
+    const lg_parameter_spec parameter = {"theta", lg_shape1(1), start};
+    const double *const data[] = {test_numbers(5, count, 0.5, 1.5), test_numbers(6, count, 1.0, 2.0), wanted};
+    lg_program_training result = {.epochs = 77};
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_program_spec_init(&spec);
+    spec.parameters = &parameter, spec.parameter_count = 1;
+    spec.functions = &function, spec.function_count = 1;
+    assert_ok(lg_program_build(NULL, &spec, &program, error));
+    lg_test_owns(program, release_program);
+    const lg_status status = lg_program_train(NULL, program, "loss", data, count, NULL, &result, error);
+    if (status != LG_OK)
+        assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == theta);
+    *after = result.after;
+    return status;
+}
+
+TEST("a loss is a mean over rows, whatever the chunks, and depends on a parameter") {
+    static const struct {
+        lg_record_function record;
+        const char *words; /* NULL: it is trained */
+    } cases[] = {{of_mean, NULL},
+                 {of_mean_and_size, NULL},
+                 {of_rows, NULL},
+                 {of_sum, "no mean over rows"},
+                 {of_product, "no mean over rows"},
+                 {of_root, "no mean over rows"},
+                 {of_largest, "no mean over rows"},
+                 {of_weighted, "no mean over rows"},
+                 {of_spread, "depends on other rows"},
+                 {of_nothing, "depends on no parameter"},
+                 {of_stopped, "depends on no parameter"},
+                 {of_sign, "depends on no parameter"},
+                 {of_constant_rows, "depends on no parameter"}};
+    for (size_t i = 0; i < LG_COUNT(cases); i++)
+        for (size_t count = 2; count < 3000; count = count * 11 + 1) {
+            lg_error error = {LG_OK, ""};
+            double after;
+            const lg_status status = train(cases[i].record, 0.3, count, &after, &error);
+            if (cases[i].words == NULL && status != LG_OK) fail_msg("case %zu: %s", i, error.message);
+            if (cases[i].words == NULL) continue;
+            assert_status(status, LG_INVALID_ARGUMENT);
+            assert_says(error.message, cases[i].words);
+            assert_says(error.message, "'loss'");
+        }
+}
+
+TEST("the loss of all rows is the same in any chunks, and a sum that begins at zero is found at the end") {
+    lg_error error = {LG_OK, ""};
+    double after, again;
+    assert_ok(train(of_mean, 0.3, 2000, &after, &error));
+    assert_ok(train(of_rows, 0.3, 2000, &again, &error));
+    assert_close(again, after, 1e-9, 0.0);
+    assert_ok(train(of_sum, 0.3, 1, &after, &error));
+    assert_status(train(of_product, 0.0, 100, &after, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "no mean over rows");
+}
+
 TEST("a program is evaluated by name, for any number of rows") {
     const rows *r = make_rows(0.0);
     const lg_program *program = build_line();
