@@ -171,7 +171,9 @@ static uint32_t derivative_unread(const lg_attr *attr, uint32_t inputs) {
 }
 
 static lg_status derivative_forward(lg_evaluation *e) {
-    e->k->act((lg_k_act)e->attr->i[0], (int)e->attr->i[1], e->count, e->x[0], e->attr->i[2] ? e->x[1] : NULL,
+    const void *x =
+        derivative_unread(e->attr, e->inputs) & 1u ? NULL : e->x[0]; /* a tape has it nevertheless */
+    e->k->act((lg_k_act)e->attr->i[0], (int)e->attr->i[1], e->count, x, e->attr->i[2] ? e->x[1] : NULL,
               e->attr->i[3] ? e->x[2] : NULL, e->y);
     return LG_OK;
 }

@@ -1,16 +1,13 @@
 /* Programs as C against the tape: every operation that can be in a program, as straight code and as loops
  * over tensors, compiled by gcc and clang, in both types. ctest-labels: slow */
-#include <dlfcn.h>
 #include <float.h>
-#include <unistd.h>
 
 #include "autodiff/op_rows.h"
 #include "autodiff/op_table.h"
 #include "autodiff/program.h"
 #include "liegrad/gradcheck.h"
+#include "compiled.h"
 #include "program_support.h"
-
-#define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
 enum { POINTS = 1000, SOME = 40, MOST = 12, OUTPUTS = LG_GRADCHECK_MAX_INPUTS };
 
@@ -100,86 +97,15 @@ static bundle make_bundle(bool gradients, size_t *next) {
 
 /* ---- compiled ---- */
 
-typedef void (*shim)(const void *const *in, void *const *out, void *work);
-
-typedef struct compiled {
-    char folder[64];
-    void *handle;
-    lg_c_source *source;
-    bool single;
-} compiled;
-
-static void write_file(const compiled *c, const char *name, const char *const *parts, size_t count) {
-    char path[128];
-    (void)snprintf(path, sizeof path, "%s/%s", c->folder, name);
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    for (size_t i = 0; i < count; i++) assert_true(fputs(parts[i], file) >= 0);
-    assert_int_equal(fclose(file), 0);
-}
-
-/* A function with arrays of pointers for each of the program's. */
-static char *shims_of(const bundle *b, const lg_c_source *source) {
-    const size_t room = 4096 + source->functions * 2048;
-    char *text = lg_test_memory(room);
-    size_t used = (size_t)snprintf(text, room, "#include \"p.h\"\n");
-    for (size_t i = 0; i < source->functions; i++) {
-        size_t ins = 0, outs = 0;
-        const char *name = lg_program_function_name(b->program, source->function[i]);
-        (void)lg_program_inputs(b->program, source->function[i], &ins);
-        (void)lg_program_outputs(b->program, source->function[i], &outs);
-        used += (size_t)snprintf(text + used, room - used,
-                                 "void shim_%s(const void *const *in, void *const *out, void *work);\n"
-                                 "void shim_%s(const void *const *in, void *const *out, void *work) {\n    "
-                                 "p_%s(",
-                                 name, name, name);
-        for (size_t k = 0; k < ins; k++)
-            used += (size_t)snprintf(text + used, room - used, "(const p_real *)in[%zu], ", k);
-        for (size_t k = 0; k < outs; k++)
-            used += (size_t)snprintf(text + used, room - used, "(p_real *)out[%zu], ", k);
-        used += (size_t)snprintf(text + used, room - used, "(p_real *)work);\n}\n");
-    }
-    return text;
-}
-
 static compiled compile(const bundle *b, const char *compiler, const char *flags, lg_dtype dtype,
                         bool compact) {
-    compiled c = {.folder = "/tmp/liegrad-program-c-XXXXXX", .single = dtype == LG_F32};
-    lg_c_options options;
-    lg_error error;
-    char command[1024];
-    lg_c_options_init(&options);
-    options.name = "p";
-    options.dtype = dtype;
-    options.compact = compact;
-    if (lg_program_write_c(b->program, &options, &c.source, &error) != LG_OK) fail_msg("%s", error.message);
-    assert_non_null(mkdtemp(c.folder));
-    char *shims = shims_of(b, c.source);
-    write_file(&c, "p.h", (const char *const[]){c.source->sizes, c.source->declarations}, 2);
-    write_file(
-        &c, "p.c",
-        (const char *const[]){"#include \"p.h\"\n#include <stddef.h>\n", c.source->arrays, c.source->code},
-        3);
-    write_file(&c, "p_weights.c",
-               (const char *const[]){"#include \"p.h\"\n", c.source->arrays, c.source->weights}, 3);
-    write_file(&c, "shims.c", (const char *const[]){shims}, 1);
-    (void)snprintf(command, sizeof command,
-                   "cd %s && %s %s -std=c99 -Wstrict-prototypes -Wmissing-prototypes " WARNINGS
-                   " -fPIC -shared p.c p_weights.c shims.c -lm -o lib.so 2>&1",
-                   c.folder, compiler, flags);
-    if (system(command) != 0) fail_msg("%s", command);
-    (void)snprintf(command, sizeof command, "%s/lib.so", c.folder);
-    c.handle = dlopen(command, RTLD_NOW | RTLD_LOCAL);
-    if (c.handle == NULL) fail_msg("%s", dlerror());
+    compiled c;
+    if (!compile_program(&c, b->program, compiler, flags, dtype, compact)) fail_msg("%s", c.why);
     return c;
 }
 
 static void discard(compiled *c) {
-    char command[128];
-    assert_int_equal(dlclose(c->handle), 0);
-    lg_c_source_destroy(c->source);
-    (void)snprintf(command, sizeof command, "rm -rf -- '%s'", c->folder);
-    assert_int_equal(system(command), 0);
+    assert_true(discard_compiled(c));
 }
 
 /* ---- compared ---- */
@@ -223,12 +149,10 @@ static const double condition = 2;
 static double compare(const bundle *b, const compiled *c, size_t i, lg_tape *tape, size_t points) {
     const size_t function = c->source->function[i];
     const lg_gradcheck_function *f = &b->row[function]->function;
-    char name[64];
+    const char *name = lg_program_function_name(b->program, function);
     lg_rng rng;
-    shim run;
     size_t outs;
-    (void)snprintf(name, sizeof name, "shim_%s", lg_program_function_name(b->program, function));
-    *(void **)&run = dlsym(c->handle, name);
+    const shim run = shim_of(c, name);
     assert_non_null(run);
     const lg_port *out = lg_program_outputs(b->program, function, &outs);
     void *in[MOST] = {NULL}, *got[OUTPUTS] = {NULL}, *work = TEST_ARRAY(double, c->source->work_size);
@@ -351,9 +275,9 @@ static void check_alone(const bundle *b, bool compact, const char *compiler) {
         options.mark_unfit = i % 2 == 0;
         if (lg_program_write_c(b->program, &options, &source, &error) != LG_OK) fail_msg("%s", error.message);
         (void)snprintf(name, sizeof name, "p%zu.c", i);
-        write_file(&c, name,
-                   (const char *const[]){source->sizes, source->declarations, source->arrays, source->code},
-                   4);
+        assert_true(write_file(
+            &c, name,
+            (const char *const[]){source->sizes, source->declarations, source->arrays, source->code}, 4));
         lg_c_source_destroy(source);
     }
     (void)snprintf(command, sizeof command, "cd %s && %s " WARNINGS " -O0 -c p*.c 2>&1", folder, compiler);
@@ -436,9 +360,8 @@ TEST("functions of the angle in C are the kernels' for all orders") {
     double *work = TEST_ARRAY(double, c.source->work_size);
     for (size_t i = 0; i < c.source->functions; i++) {
         char name[32];
-        shim run;
-        (void)snprintf(name, sizeof name, "shim_f%zu", i);
-        *(void **)&run = dlsym(c.handle, name);
+        (void)snprintf(name, sizeof name, "f%zu", i);
+        const shim run = shim_of(&c, name);
         run((const void *[]){w}, (void *[]){got}, work);
         const double error = family_error(&families[i], w, got);
         print_message("%s order %u: %.1e\n", families[i].op->name, families[i].order, error);

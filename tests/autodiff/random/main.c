@@ -1,0 +1,144 @@
+/* Random recordings on a tape, as plans and as compiled C:
+ *
+ *     random_programs [--seed N] [--count N] [--compiled] [--files N]
+ *
+ * Recording N, N + 1, ... are functions of some operations of the whole table, with shared and equal operands, calls,
+ * loops and derivatives (recording.c). Each is compared with what the tape says (rounding.c), as plans of both types with
+ * all options, reloaded and not (plans.c), or with --compiled as C, 100 recordings a file (compiled.c). Exit code 1: a
+ * recording differs; it is shrunk and printed, and --seed with its number repeats it. */
+#include <getopt.h>
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "autodiff/op_table.h"
+#include "autodiff/random/random.h"
+
+enum { A_FILE = 100, MOST_FOUND = 5, ENOUGH = 2000 };
+tally counted;
+
+void stop(const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    (void)vfprintf(stderr, format, list);
+    va_end(list);
+    (void)fputc('\n', stderr);
+    exit(3);
+}
+
+void *room(size_t count, size_t size) {
+    void *memory = calloc(count + 1, size);
+    if (memory == NULL) stop("no memory");
+    return memory;
+}
+
+bool found(finding *out, bool refused, const char *format, ...) {
+    va_list list;
+    out->refused = refused;
+    va_start(list, format);
+    (void)vsnprintf(out->sentence, sizeof out->sentence, format, list);
+    va_end(list);
+    return false;
+}
+
+/* ---- what differs ---- */
+
+typedef struct way {
+    bool compiled, refused;
+} way;
+
+static bool passes(bool compiled, const recording *r, finding *out) {
+    size_t at;
+    return compiled ? check_compiled(r, 1, out, &at) : check_plans(r, out);
+}
+
+static bool fails(void *user, const recording *r) {
+    const way *w = user;
+    finding f;
+    return !passes(w->compiled, r, &f) && f.refused == w->refused;
+}
+
+static void tell(const recording *of, bool compiled, const finding *f) {
+    recording r = *of;
+    way w = {compiled, f->refused};
+    finding small = *f;
+    printf("recording %" PRIu64 ": %s\n", r.number, f->sentence);
+    shrink(&r, fails, &w);
+    if (!passes(compiled, &r, &small)) printf("shrunk: %s\n", small.sentence);
+    print_recording(&r);
+    printf("again: random_programs --seed %" PRIu64 " --count 1%s\n", r.number,
+           compiled ? " --compiled" : "");
+    (void)fflush(stdout);
+}
+
+/* ---- all of them ---- */
+
+static size_t run_plans(uint64_t seed, uint64_t count) {
+    size_t different = 0;
+    static recording r;
+    finding f;
+    for (uint64_t i = 0; i < count && different < MOST_FOUND; i++) {
+        draw_recording(seed + i, &r);
+        if (check_plans(&r, &f)) continue;
+        tell(&r, false, &f);
+        different++;
+    }
+    return different;
+}
+
+static size_t run_compiled(uint64_t seed, uint64_t count) {
+    static recording r[A_FILE];
+    size_t different = 0, at = 0, some;
+    finding f;
+    for (uint64_t i = 0; i < count && different < MOST_FOUND; i += some) {
+        const uint64_t rest = A_FILE - (seed + i) % A_FILE; /* files begin at whole hundreds */
+        some = (size_t)(count - i < rest ? count - i : rest);
+        for (size_t k = 0; k < some; k++) draw_recording(seed + i + k, &r[k]);
+        if (check_compiled(r, some, &f, &at)) continue;
+        tell(&r[at], true, &f);
+        different++;
+    }
+    return different;
+}
+
+/* Every operation that can be recorded is, where there are enough recordings. */
+static bool all_rows_recorded(void) {
+    bool all = true;
+    size_t rows = 0;
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++) {
+        const bool can = lg_ops[i]->forward != NULL && lg_ops[i]->payload != LG_PAYLOAD_IN_PROCESS;
+        rows += can && operations_recorded[i] > 0;
+        if (!can || operations_recorded[i] > 0 || counted.recordings < ENOUGH) continue;
+        printf("operation %s was never recorded\n", lg_ops[i]->name);
+        all = false;
+    }
+    printf("%zu of %zu operations recorded\n", rows, rows_with_pieces());
+    return all;
+}
+
+int main(int argc, char **argv) {
+    static const struct option options[] = {
+        {"seed", 1, NULL, 's'}, {"count", 1, NULL, 'n'}, {"compiled", 0, NULL, 'c'}, {NULL, 0, NULL, 0}};
+    uint64_t seed = 0, count = 1000;
+    bool compiled = false;
+    for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (c == 's') seed = strtoull(optarg, NULL, 10);
+        if (c == 'n') count = strtoull(optarg, NULL, 10);
+        if (c == 'c') compiled = true;
+        if (c == '?') return 2;
+    }
+    find_pieces();
+    const size_t different = compiled ? run_compiled(seed, count) : run_plans(seed, count);
+    printf(
+        "%zu recordings (seeds %" PRIu64 " to %" PRIu64
+        "): %zu functions, of these %zu derivatives and %zu loops; %zu plans, "
+        "%zu files of C; %zu functions without comparison, for their numbers are not finite or very large\n",
+        counted.recordings, seed, seed + count - 1, counted.functions, counted.derivatives, counted.loops,
+        counted.plans, counted.sources, counted.unfit);
+    const bool all = all_rows_recorded();
+    printf("%zu differ\n", different);
+    return different == 0 && all ? 0 : 1;
+}

@@ -1,0 +1,182 @@
+/* Recordings as plans: every function of the program at the recording's rows, as three plans of which the options are
+ * drawn, and as a program that was taken apart and put together again. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "autodiff/random/random.h"
+
+enum { GUARD = 64, PLANS = 3, DRAWS = 3, MOST_NUMBERS = 200000 };
+
+/* ---- a program again from its plain data, as files hold it ---- */
+
+static lg_program *again(const lg_program *program) {
+    lg_program *copy = empty_program();
+    for (size_t f = 0; f < lg_program_functions(program); f++) {
+        lg_function_image *image = NULL;
+        lg_error error = {.message = ""};
+        if (lg_function_image_create(program, f, &image) != LG_OK ||
+            lg_program_add_image(copy, image, &error) != LG_OK)
+            stop("a program is not taken again: %s", error.message);
+        lg_function_image_destroy(image);
+    }
+    return copy;
+}
+
+/* ---- a plan ---- */
+
+typedef struct run {
+    const lg_plan *plan;
+    const truth *t;
+    lg_dtype dtype;
+    size_t size; /* of a number */
+    void *in[LG_PROGRAM_MAX_PORTS], *out[LG_PROGRAM_MAX_PORTS], *work;
+} run;
+
+static void open_run(run *r, const lg_plan *plan, const truth *t, lg_dtype dtype) {
+    *r =
+        (run){.plan = plan, .t = t, .dtype = dtype, .size = dtype == LG_F64 ? sizeof(double) : sizeof(float)};
+    r->work = lg_alloc(NULL, lg_plan_work_size(plan) + GUARD, 1);
+    for (size_t i = 0; i < t->inputs; i++) {
+        r->in[i] = room(t->in_count[i], r->size);
+        lg_kernels_for(dtype)->convert_in(t->in_count[i], lg_node_at(t->tape, t->in[i])->value, r->in[i]);
+    }
+    for (size_t j = 0; j < t->outputs; j++) r->out[j] = room(t->out_count[j] * r->size + GUARD, 1);
+}
+
+static void close_run(run *r) {
+    lg_free(NULL, r->work);
+    for (size_t i = 0; i < r->t->inputs; i++) free(r->in[i]);
+    for (size_t j = 0; j < r->t->outputs; j++) free(r->out[j]);
+}
+
+static bool is_filled(const void *memory, size_t from, int with) {
+    for (size_t i = 0; i < GUARD; i++)
+        if (((const unsigned char *)memory)[from + i] != with) return false;
+    return true;
+}
+
+/* Work memory and outputs are full of `fill` before (0xff is NaN); what is behind them stays. */
+static bool evaluate(const run *r, void *const *out, int fill, finding *f) {
+    const size_t work = lg_plan_work_size(r->plan);
+    memset(r->work, fill, work);
+    memset((char *)r->work + work, 0x5a, GUARD);
+    for (size_t j = 0; j < r->t->outputs; j++)
+        if (out[j] != NULL) memset(out[j], 0xff, r->t->out_count[j] * r->size + GUARD);
+    lg_plan_eval(r->plan, (const void *const *)(void *const *)r->in, out, r->work);
+    if (!is_filled(r->work, work, 0x5a)) return found(f, false, "the plan writes behind its work memory");
+    for (size_t j = 0; j < r->t->outputs; j++)
+        if (out[j] != NULL && !is_filled(out[j], r->t->out_count[j] * r->size, 0xff))
+            return found(f, false, "the plan writes behind output %zu", j);
+    return true;
+}
+
+/* The same bits where other memory lay before, and where only output j is wanted. */
+static bool same_alone(const run *r, size_t j, finding *f) {
+    void *other[LG_PROGRAM_MAX_PORTS] = {NULL};
+    other[j] = room(r->t->out_count[j] * r->size + GUARD, 1);
+    bool same = evaluate(r, other, 0x00, f);
+    if (same && memcmp(other[j], r->out[j], r->t->out_count[j] * r->size) != 0)
+        same = found(f, false, "output %zu alone has other bits", j);
+    free(other[j]);
+    return same;
+}
+
+static bool same_again(const run *r, const lg_program *copy, size_t function, const lg_plan_options *options,
+                       finding *f) {
+    lg_plan *plan = NULL;
+    run other;
+    lg_error error = {.message = ""};
+    if (lg_plan_create(copy, function, options, &plan, &error) != LG_OK)
+        return found(f, true, "the program taken again has no plan: %s", error.message);
+    open_run(&other, plan, r->t, r->dtype);
+    bool same = evaluate(&other, other.out, 0xff, f);
+    for (size_t j = 0; same && j < r->t->outputs; j++)
+        if (memcmp(other.out[j], r->out[j], r->t->out_count[j] * r->size) != 0)
+            same = found(f, false, "output %zu has other bits in the program taken again", j);
+    close_run(&other);
+    lg_plan_destroy(plan);
+    return same;
+}
+
+static bool compare(const run *r, finding *f) {
+    char sentence[256];
+    for (size_t j = 0; j < r->t->outputs; j++)
+        if (!explained(r->t, j, r->dtype, r->out[j], sentence, sizeof sentence))
+            return found(f, false, "%s", sentence);
+    return true;
+}
+
+static bool check_plan(const lg_program *program, const lg_program *copy, size_t function,
+                       const lg_plan_options *options, const truth *t, uint64_t draw, finding *f) {
+    lg_plan *plan = NULL;
+    run r;
+    lg_error error = {.message = ""};
+    if (lg_plan_create(program, function, options, &plan, &error) != LG_OK)
+        return found(f, true, "no plan: %s", error.message);
+    open_run(&r, plan, t, options->dtype);
+    const bool good = evaluate(&r, r.out, 0xff, f) && compare(&r, f) &&
+                      same_alone(&r, draw % t->outputs, f) &&
+                      (copy == NULL || same_again(&r, copy, function, options, f));
+    close_run(&r);
+    lg_plan_destroy(plan);
+    counted.plans++;
+    return good;
+}
+
+static lg_plan_options draw_options(lg_rng *rng, size_t rows, int plan) {
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    options.dtype = plan == 1 ? LG_F32 : plan == 0 || chance(rng, 0.6) ? LG_F64 : LG_F32;
+    options.compact = plan == 2 || (plan == 1 && chance(rng, 0.3));
+    options.packed = chance(rng, 0.3);
+    options.calls = chance(rng, 0.5);
+    options.mark_unfit = chance(rng, 0.1);
+    return options;
+}
+
+static bool check_function(lg_tape *tape, const lg_program *program, const lg_program *copy, size_t function,
+                           const recording *r, lg_rng *rng, finding *f) {
+    truth t;
+    size_t rows = r->rows;
+    while (rows > 1 && numbers_of(program, function, rows) > MOST_NUMBERS) rows /= 2;
+    for (int draw = 0; draw == 0 || (draw < DRAWS && !t.finite); draw++)
+        find_truth(tape, program, function, rows, rng, &t);
+    counted.functions++;
+    if (!t.finite) counted.unfit++;
+    for (int plan = 0; plan < PLANS && t.finite; plan++) {
+        const lg_plan_options options = draw_options(rng, rows, plan);
+        const uint64_t draw = lg_rng_next(rng);
+        finding own;
+        if (check_plan(program, copy, function, &options, &t, draw, &own)) continue;
+        return found(f, own.refused, "%s, %zu rows, %s%s%s%s: %.300s",
+                     lg_program_function_name(program, function), t.rows,
+                     options.dtype == LG_F64 ? "f64" : "f32", options.compact ? ", compact" : "",
+                     options.packed ? ", packed" : "", options.calls ? ", calls" : "", own.sentence);
+    }
+    return true;
+}
+
+/* The tape that drew the recording says the same, bit for bit, as the program on a tape: both have the same nodes. */
+bool check_plans(const recording *r, finding *out) {
+    size_t number[MOST_ALL], count;
+    lg_program *program = empty_program(), *copy = NULL;
+    lg_error error = {.message = ""};
+    lg_rng rng;
+    lg_tape *tape = NULL;
+    bool good = add_recording(program, r, number, &count, &error) ||
+                found(out, true, "the recording becomes no program: %.300s", error.message);
+    if (good && r->number % 2 == 0) copy = again(program);
+    if (lg_tape_create(NULL, NULL, &tape) != LG_OK) stop("no memory");
+    for (size_t i = 0; good && i < count; i++) {
+        lg_rng_seed(&rng, r->number, 100 + i);
+        good = check_function(tape, program, copy, number[i], r, &rng, out);
+    }
+    lg_tape_destroy(tape);
+    lg_program_destroy(copy);
+    lg_program_destroy(program);
+    counted.recordings++;
+    return good;
+}

@@ -1,0 +1,213 @@
+/* What rounding explains.
+ *
+ * A plan computes what the tape computes, in another order: sums are split, products are regrouped, equal rows are
+ * computed once, small tensors are scalar code. All of that moves a result by what a few roundings of the intermediate
+ * numbers move it. So the tape's nodes are evaluated again, several times, with every number that an operation reads
+ * multiplied by 1 + u, u uniform in [-4, 4] eps, afresh at each reading. How far an element of the output then moves
+ * from the tape's element is the width that rounding gives it there: it contains the condition of the element, and
+ * contains both sides of a kink (a maximum, a comparison) that lies within rounding. An element is explained if it
+ * differs by at most 2 widths of four evaluations, or by 4 widths of 400. The evaluations are of the plan's type, so
+ * that what an operation rounds inside counts too; the tape is of double precision for both types, and its inputs are
+ * single numbers. */
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "autodiff/random/random.h"
+
+#define UNITS      4.0  /* eps */
+#define AT_ONCE    8.0  /* eps: a relative difference that needs no width */
+#define VERY_LARGE 1e15 /* numbers on the tape, beyond which a recording is not compared */
+enum { FEW = 4, MANY = 400 };
+static const double few_widths = 2.0, many_widths = 4.0;
+
+/* ---- the tape ---- */
+
+void find_truth(lg_tape *tape, const lg_program *program, size_t function, size_t rows, lg_rng *rng,
+                truth *out) {
+    truth *t = out;
+    *t = (truth){.tape = tape, .rows = rows, .seed = lg_rng_next(rng)};
+    lg_tape_reset(tape);
+    const lg_port *in = lg_program_inputs(program, function, &t->inputs);
+    const lg_port *to = lg_program_outputs(program, function, &t->outputs);
+    for (size_t i = 0; i < t->inputs; i++) {
+        const lg_shape shape = lg_port_shape(&in[i], rows);
+        void *values = NULL;
+        t->in_count[i] = lg_shape_count(shape);
+        t->in[i] = lg_input_buffer(tape, shape, &values);
+        for (size_t e = 0; values != NULL && e < t->in_count[i]; e++)
+            ((double *)values)[e] = (double)(float)lg_rng_uniform_in(rng, -1.0, 1.0);
+    }
+    for (size_t j = 0; j < t->outputs; j++) t->out_count[j] = lg_shape_count(lg_port_shape(&to[j], rows));
+    if (lg_program_record(tape, program, function, NULL, t->in, t->out) != LG_OK)
+        stop("function %s with %zu rows: %s", lg_program_function_name(program, function), rows,
+             lg_tape_message(tape));
+    t->finite = true;
+    for (uint32_t n = 0; t->finite && n < tape->count; n++)
+        for (size_t i = 0; i < tape->nodes[n].count; i++)
+            t->finite = t->finite && fabs(((const double *)tape->nodes[n].value)[i]) <= VERY_LARGE;
+}
+
+/* ---- the tape with other roundings ---- */
+
+static double eps_of(lg_dtype dtype) {
+    return dtype == LG_F64 ? DBL_EPSILON : (double)FLT_EPSILON;
+}
+
+static double least_of(lg_dtype dtype) {
+    return dtype == LG_F64 ? DBL_MIN : (double)FLT_MIN;
+}
+
+typedef struct shaking {
+    const lg_tape *tape;
+    lg_rng rng;
+    const lg_kernels *k; /* of the plan's type */
+    double eps, least;   /* of the type: units of relative and absolute rounding */
+    void **value;        /* by node */
+    unsigned char *memory, *inputs;
+} shaking;
+
+static double number_at(const lg_kernels *k, const void *values, size_t i) {
+    return k->size == sizeof(double) ? ((const double *)values)[i] : (double)((const float *)values)[i];
+}
+
+/* y = shaken x */
+static void copy_shaken(shaking *s, size_t count, const void *x, void *y) {
+    for (size_t i = 0; i < count; i++) {
+        const uint64_t bits = lg_rng_next(&s->rng);
+        const double u = (double)(int32_t)(uint32_t)bits * 0x1p-31,
+                     v = (double)(int32_t)(uint32_t)(bits >> 32) * 0x1p-31;
+        const double from = number_at(s->k, x, i),
+                     to = from + UNITS * (from * s->eps * u + (from != 0.0 ? s->least * v : 0.0));
+        s->k->convert_in(1, &to, (unsigned char *)y + i * s->k->size);
+    }
+}
+
+/* Operations that move numbers only round nothing. */
+static bool rounds(const lg_node *n, const lg_shape *const *shapes) {
+    return n->op->terms == NULL || n->op->terms(shapes, &n->attr, &n->shape) > 0;
+}
+
+static void evaluate(shaking *s, const lg_node *n, void *y) {
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    const void *x[LG_MAX_INPUTS];
+    const uint32_t *parents = &s->tape->parents[n->parents];
+    unsigned char *at = s->inputs;
+    for (uint32_t k = 0; k < n->inputs; k++) shapes[k] = &s->tape->nodes[parents[k]].shape;
+    const bool shake = rounds(n, shapes);
+    for (uint32_t k = 0; k < n->inputs; k++) {
+        const size_t count = s->tape->nodes[parents[k]].count;
+        x[k] = shake ? at : s->value[parents[k]];
+        if (shake) copy_shaken(s, count, s->value[parents[k]], at);
+        at += count * s->k->size;
+    }
+    lg_evaluation e = {.k = s->k,
+                       .attr = &n->attr,
+                       .inputs = n->inputs,
+                       .in = shapes,
+                       .x = x,
+                       .shape = &n->shape,
+                       .count = n->count,
+                       .y = y};
+    if (n->op->scratch != NULL) e.scratch = lg_alloc(NULL, n->op->scratch(&e) + 1, 1);
+    (void)n->op->forward(&e);
+    lg_free(NULL, e.scratch);
+}
+
+static void shake(shaking *s) {
+    unsigned char *at = s->memory;
+    for (uint32_t i = 0; i < s->tape->count; i++) {
+        const lg_node *n = &s->tape->nodes[i];
+        if (n->flags & LG_NODE_VIEW && n->inputs > 0) {
+            s->value[i] = (unsigned char *)s->value[s->tape->parents[n->parents]] + n->attr.i[3] * s->k->size;
+            continue;
+        }
+        s->value[i] = at;
+        at += n->count * s->k->size;
+        if (n->op->forward != NULL)
+            evaluate(s, n, s->value[i]);
+        else
+            s->k->convert_in(n->count, n->value, s->value[i]);
+    }
+}
+
+static void open_shaking(shaking *s, const truth *t, lg_dtype dtype) {
+    size_t all = 1, most = 1;
+    *s = (shaking){
+        .tape = t->tape, .k = lg_kernels_for(dtype), .eps = eps_of(dtype), .least = least_of(dtype)};
+    lg_rng_seed(&s->rng, t->seed, 4);
+    for (uint32_t i = 0; i < s->tape->count; i++) {
+        const lg_node *n = &s->tape->nodes[i];
+        size_t own = 0;
+        for (uint32_t k = 0; k < n->inputs; k++)
+            own += s->tape->nodes[s->tape->parents[n->parents + k]].count;
+        if (own > most) most = own;
+        all += n->count;
+    }
+    s->value = room(s->tape->count, sizeof *s->value);
+    s->memory = room(all, sizeof(double));
+    s->inputs = room(most, sizeof(double));
+}
+
+static void close_shaking(shaking *s) {
+    free(s->value);
+    free(s->memory);
+    free(s->inputs);
+}
+
+/* ---- an output ---- */
+
+static const double *truth_of(const truth *t, size_t j) {
+    return lg_node_at(t->tape, t->out[j])->value;
+}
+
+static bool all_at_once(const truth *t, size_t j, lg_dtype dtype, const void *got, double eps) {
+    const double *want = truth_of(t, j);
+    for (size_t i = 0; i < t->out_count[j]; i++)
+        if (!(fabs(number_at(lg_kernels_for(dtype), got, i) - want[i]) <= AT_ONCE * eps * fabs(want[i])))
+            return false;
+    return true;
+}
+
+/* The first element that `times` evaluations do not explain, or SIZE_MAX; its width. */
+static size_t unexplained(const truth *t, size_t j, lg_dtype dtype, const void *got, int times, double widths,
+                          double *width) {
+    const double *want = truth_of(t, j);
+    const size_t count = t->out_count[j];
+    double *spread = room(count, sizeof *spread);
+    size_t found = SIZE_MAX;
+    shaking s;
+    open_shaking(&s, t, dtype);
+    for (int n = 0; n < times; n++) {
+        shake(&s);
+        const void *moved = s.value[t->out[j].index];
+        for (size_t i = 0; i < count; i++) {
+            const double by = fabs(number_at(s.k, moved, i) - want[i]);
+            spread[i] = by <= spread[i] ? spread[i] : by; /* NaN stays: there is no number to compare with */
+        }
+    }
+    for (size_t i = 0; found == SIZE_MAX && i < count; i++) {
+        const double bound = widths * spread[i] + AT_ONCE * s.eps * fabs(want[i]) + s.least;
+        *width = spread[i];
+        if (fabs(number_at(lg_kernels_for(dtype), got, i) - want[i]) > bound ||
+            (isnan(number_at(lg_kernels_for(dtype), got, i)) && !isnan(bound)))
+            found = i;
+    }
+    close_shaking(&s);
+    free(spread);
+    return found;
+}
+
+bool explained(const truth *t, size_t j, lg_dtype dtype, const void *got, char *sentence, size_t size) {
+    double width;
+    if (all_at_once(t, j, dtype, got, eps_of(dtype))) return true;
+    if (unexplained(t, j, dtype, got, FEW, few_widths, &width) == SIZE_MAX) return true;
+    const size_t i = unexplained(t, j, dtype, got, MANY, many_widths, &width);
+    if (i == SIZE_MAX) return true;
+    (void)snprintf(sentence, size,
+                   "output %zu, element %zu: %.17g, not %.17g; rounding gives it a width of %.2g", j, i,
+                   number_at(lg_kernels_for(dtype), got, i), truth_of(t, j)[i], width);
+    return false;
+}
