@@ -157,12 +157,13 @@ static lg_status first_step(lg_run *run) {
     return LG_OK;
 }
 
-/* One attempt, which ends exactly at `target` when it is clipped. */
+/* One attempt, which ends exactly at `target` when it is clipped. Otherwise h is the difference of the
+ * rounded times, so that the steps taken add up to the time. */
 static lg_status attempt(lg_run *run, double target) {
     lg_stepper *s = run->stepper;
-    const double left = fabs(target - run->t);
+    const double left = fabs(target - run->t), end = run->t + run->sign * run->h;
     const bool clipped = run->h * (1.0 + 1e-3) >= left;
-    const double h = clipped ? left : run->h;
+    const double h = clipped ? left : fabs(end - run->t);
     double error = NAN;
     if (run->stats.steps + run->stats.rejected >= run->control->max_steps) return LG_TOO_MANY_STEPS;
     const lg_status status = lg_step(s, run->t, run->sign * h, s->run[0], NULL, s->run[1]);
@@ -184,7 +185,7 @@ static lg_status attempt(lg_run *run, double target) {
     s->run[1] = swap;
     lg_tolerance_accept(s);
     run->t_before = run->t;
-    run->t = clipped ? target : run->t + run->sign * h;
+    run->t = clipped ? target : end;
     run->h =
         clipped ? dmax(run->h, decision.h) : decision.h; /* a clipped step says little about larger ones */
     run->stats.steps++;

@@ -1,6 +1,7 @@
 /* Adaptive runs: dense output and its order, observers, rejection by the angle for every adaptive scheme,
  * first steps, failures. */
 #include "fields.h"
+#include "liegrad/geometry.h"
 #include "support/fixtures.h"
 
 #define PI 3.14159265358979323846
@@ -217,6 +218,22 @@ FIELD(spin_field, y) {
     for (int i = 0; i < 6; i++) out[i] = ((const double *)user)[i];
 }
 
+FIELD(turning_field, y) {
+    for (int i = 0; i < 3; i++) out[i] = ((const double *)user)[i];
+}
+
+/* Each step begins where the one before has ended, and its length is the difference of the times. */
+typedef struct time_sum {
+    double t;
+} time_sum;
+
+static lg_status add_time(void *user, double t, double h, const double *y) {
+    time_sum *seen = user;
+    assert_true(t == seen->t);
+    seen->t = t + h;
+    return LG_OK;
+}
+
 TEST("a free rotation is exact for every h: only the angle bounds the step") {
     const double a[6] = {30.0, -20.0, 50.0, 0.0, 0.0, 0.0}, y0[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6};
     const double times[] = {10.0};
@@ -238,6 +255,40 @@ TEST("a free rotation is exact for every h: only the angle bounds the step") {
             assert_true(stats.max_angle <= c.max_angle && stats.max_angle > 0.7 * c.max_angle);
             assert_true(stats.rejected > 0 && stats.rejected < 20);
         }
+    }
+}
+
+/* exp(T a) y0 of R^3 turned about a, |a| = w: c + (y0 - c) cos(w T) + (a/w x y0) sin(w T), c along a */
+static void turned(const double a[3], double T, const double y0[3], double out[3]) {
+    const double w = sqrt(lg_dot3(a, a)), along = lg_dot3(a, y0) / (w * w);
+    double side[3];
+    lg_cross3(a, y0, side);
+    for (int i = 0; i < 3; i++)
+        out[i] = along * a[i] + (y0[i] - along * a[i]) * cos(w * T) + side[i] / w * sin(w * T);
+}
+
+/* A wrong time of 1e-5 is an error of 5e-6 here. The angle w T has 1e-16 of itself, and each step an ulp. */
+TEST("time does not drift: the steps taken add up to 1e7 to rounding, in both directions") {
+    const double a[3] = {0.3, 0.4, 0.0}, y0[3] = {0.6, 0.0, 0.8};
+    for (int back = 0; back < 2; back++) {
+        const double end = back ? -1e7 : 1e7, from = back ? 1e6 : -1e6, T = end - from;
+        double user[3], out[3], exact[3];
+        memcpy(user, a, sizeof(user));
+        lg_ode ode = {.field = turning_field, .user = user};
+        assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SO3_DUAL, 1}, 1));
+        lg_stepper *stepper = test_stepper(lg_scheme_find("cf32a"), &ode);
+        lg_step_controller c;
+        lg_run_stats stats;
+        time_sum seen = {.t = from};
+        lg_step_controller_init(&c);
+        c.max_steps = 10000000;
+        c.observe = add_time;
+        c.observer = &seen;
+        assert_ok(lg_integrate_adaptive(stepper, &c, from, y0, &end, 1, out, &stats));
+        turned(a, T, y0, exact);
+        print_message("           %zu steps: error %.1e\n", stats.steps, fabs(out[0] - exact[0]));
+        assert_all_close(out, exact, 3, 0.0, 1e-8);
+        assert_true(seen.t == end);
     }
 }
 
