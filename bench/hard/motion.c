@@ -23,7 +23,7 @@ static lg_status run(lg_system *system, const char *scheme, double tolerance, si
     } else if (status == LG_OK) {
         lg_step_controller control;
         lg_step_controller_init(&control);
-        control.rtol = tolerance, control.atol = tolerance * 1e-3, control.max_steps = 100000000;
+        control.rtol = tolerance, control.atol = -tolerance * 1e-3, control.max_steps = 100000000;
         const double end = t0 + T;
         status = lg_integrate_adaptive(stepper, &control, t0, start, &end, 1, out, NULL);
     }

@@ -39,28 +39,34 @@ static lg_status measure_noise(lg_stepper *s, double t) {
     return LG_OK;
 }
 
+/* A tolerance of rtol + atol of the whole group, whatever the direction of y in it. */
+static void spread_first(const lg_tolerance *tol, const lg_step_controller *control, double span) {
+    const double relative = control->rtol + fmax(-control->atol, 0.0), absolute = fmax(control->atol, 0.0);
+    size_t i = 0;
+    for (size_t g = 0; g < tol->groups; g++) {
+        const double size = tol->size[g] > 0.0 ? tol->size[g] : span * tol->tried[g];
+        for (; i < tol->end[g]; i++) tol->atol[i] = absolute + relative * size;
+    }
+}
+
 lg_status lg_tolerance_begin(lg_stepper *s, const lg_step_controller *control, double t, double span,
                              const double *f) {
     lg_tolerance *tol = &s->tolerance;
-    const lg_space *space = s->ode.manifold.factors > 0 ? &s->ode.manifold : &s->ode.space;
-    for (size_t i = 0; i < space->dim; i++) tol->atol[i] = control->atol;
-    if (control->atol >= 0.0) return LG_OK;
-    tol->groups = lg_space_groups(space, tol->end);
+    tol->groups = lg_space_groups(s->ode.manifold.factors > 0 ? &s->ode.manifold : &s->ode.space, tol->end);
     for (size_t g = 0; g < tol->groups; g++) tol->size[g] = tol->tried[g] = tol->noise[g] = 0.0;
     widen(tol, s->run[0], tol->size);
     lg_space_generator(&s->ode.space, f, s->run[0], s->error);
-    LG_TRY(measure_noise(s, t));
     widen(tol, s->error, tol->tried);
-    const double reach = span * (1.0 - control->rtol / control->atol); /* rtol counts too: y is 0 there */
-    for (size_t g = 0; g < tol->groups; g++)
-        tol->tried[g] = tol->size[g] > 0.0 ? tol->size[g] : reach * tol->tried[g];
-    spread(tol, -control->atol, 0.0);
-    return LG_OK;
+    spread_first(tol, control, span);
+    return control->atol < 0.0 ? measure_noise(s, t) : LG_OK;
 }
 
 void lg_tolerance_try(lg_stepper *s, const lg_step_controller *control, double h, const double *y_next) {
     lg_tolerance *tol = &s->tolerance;
-    if (control->atol >= 0.0) return;
+    if (control->atol >= 0.0) {
+        for (size_t i = 0; i < s->ode.space.dim; i++) tol->atol[i] = control->atol;
+        return;
+    }
     for (size_t g = 0; g < tol->groups; g++) tol->tried[g] = tol->size[g];
     widen(tol, y_next, tol->tried);
     spread(tol, -control->atol, h);
