@@ -13,7 +13,15 @@
  * gives the same path. SSBroyden and L-BFGS take a direction d = -H g and a step x + alpha d that satisfies
  * the weak Wolfe conditions
  *   f(x + alpha d) <= f(x) + 1e-4 alpha g.d,   g(x + alpha d).d >= 0.9 g.d,
- * found by cubic interpolation. A failing search restarts from H = 1; a second failure ends the run.
+ * found by cubic interpolation. A failing search restarts from H = 1.
+ *
+ * lg_minimise and lg_least_squares measure x by its start, |x_i|, and f by its gradient there: units do not
+ * matter. (A variable that starts at 0 is measured by what f and its derivative say; where the derivative is
+ * zero too, it counts as large as the largest of the others.) Where no step lowers f, or many lower it by little,
+ * they look at the Hessian (n up to 200: 2 n evaluations; differences of g), search along the Newton step or down
+ * along its lowest eigenvector, and go on. LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a minimum: the
+ * Hessian is positive semidefinite to 1e-9 of its diagonal, and the Newton step lowers f by less than 1e-8 of it
+ * or moves x by less than 1e-8 of it. A plateau counts as a minimum.
  */
 #ifndef LIEGRAD_MINIMISE_H
 #define LIEGRAD_MINIMISE_H
@@ -48,23 +56,25 @@ lg_minimise_method_name(lg_minimise_method method); /* "ssbroyden", "lbfgs", "lm
 /* Why a run ended. */
 typedef enum lg_minimise_end {
     LG_MINIMISE_RUNNING,
-    LG_MINIMISE_EVALUATIONS,    /* options.evaluations */
-    LG_MINIMISE_SECONDS,        /* options.seconds */
-    LG_MINIMISE_GRADIENT,       /* max |g_i| <= options.gradient_tolerance */
-    LG_MINIMISE_SLOW,           /* 200 iterations (LM: 20) lowered f by less than 1e-4 of it */
-    LG_MINIMISE_ROUNDING,       /* no step lowers f, and g agrees with f; lg_minimise: 30 steps did not; LM: a
-                                 * step would lower f by less than 1e-16 of it */
-    LG_MINIMISE_CANCELLED,      /* the context's flag, or the objective's LG_CANCELLED */
-    LG_MINIMISE_UNBOUNDED,      /* f falls without end along a direction */
-    LG_MINIMISE_NOT_FINITE,     /* f or g is NaN or infinite at the start */
+    LG_MINIMISE_EVALUATIONS, /* options.evaluations */
+    LG_MINIMISE_SECONDS,     /* options.seconds */
+    LG_MINIMISE_GRADIENT,    /* max |g_i| <= options.gradient_tolerance */
+    LG_MINIMISE_SLOW,        /* 200 iterations (LM: 20) lowered f by less than 1e-4 of it */
+    LG_MINIMISE_ROUNDING,    /* no step lowers f, g agrees with f and the Hessian with a minimum; LM: a step
+                                 * would lower f by less than 1e-16 of it */
+    LG_MINIMISE_CANCELLED,   /* the context's flag, or the objective's LG_CANCELLED */
+    LG_MINIMISE_UNBOUNDED,   /* f falls without end along a direction */
+    LG_MINIMISE_NOT_FINITE,  /* f or g is NaN or infinite at the start */
     LG_MINIMISE_WRONG_GRADIENT, /* g disagrees with differences of f */
     LG_MINIMISE_WRONG_JACOBIAN, /* lg_least_squares: J disagrees with differences of r */
-    LG_MINIMISE_BARRIER         /* no step lowers f, which is not finite beyond x */
+    LG_MINIMISE_BARRIER,        /* no step lowers f, which is not finite beyond x */
+    LG_MINIMISE_STUCK,          /* no step lowers f, and the Hessian does not show a minimum */
+    LG_MINIMISE_LIMIT           /* 10000 evaluations without another end; options.evaluations is 0 */
 } lg_minimise_end;
-#define LG_MINIMISE_END_COUNT 12
+#define LG_MINIMISE_END_COUNT 14
 LG_API const char *lg_minimise_end_sentence(lg_minimise_end end); /* without a full stop; "" while running */
-/* LG_OK for ends that leave a usable x; else LG_CANCELLED, LG_NO_CONVERGENCE (unbounded), LG_NOT_FINITE,
- * LG_CHECK_FAILED (wrong gradient or Jacobian). */
+/* LG_OK for ends that leave a usable x; else LG_CANCELLED, LG_NO_CONVERGENCE (unbounded, stuck, limit),
+ * LG_NOT_FINITE, LG_CHECK_FAILED (wrong gradient or Jacobian). */
 LG_API lg_status lg_minimise_end_status(lg_minimise_end end);
 
 typedef struct lg_minimise_options {
@@ -72,10 +82,11 @@ typedef struct lg_minimise_options {
     lg_minimise_method method; /* LG_MINIMISE_SSBROYDEN */
     uint32_t memory;           /* L-BFGS: 50 pairs, 1..1000 */
     double gradient_tolerance; /* 0: only an exact zero */
-    /* true: g is compared with f at the start, and where no step lowers f: 4 evaluations each. Of
+    /* true: g is compared with f at the start, and where no step lowers f, along a line: 4 evaluations each, up to
+     * 16 where f is rough or before g is called wrong; and a minimum is verified by the Hessian. Of
      * lg_least_squares: J with r along a line at the start, 2 evaluations, 8 before it is called wrong. */
     bool check;
-    bool slow; /* true: LG_MINIMISE_SLOW ends */
+    bool slow; /* true: LG_MINIMISE_SLOW ends; false */
     /* Levenberg-Marquardt: the last blocks x block variables are blocks of `block` of which no two meet in a
      * residual. They are eliminated: the cost grows with their number, not its cube. 0, 0. */
     size_t blocks, block;
@@ -83,7 +94,7 @@ typedef struct lg_minimise_options {
      * rows, all else is done by each. Every rank tells the same f and g. */
     const lg_ranks *ranks;
     /* Of lg_minimise alone. */
-    uint64_t evaluations; /* 10000 */
+    uint64_t evaluations; /* 0: at most 10000, and to use them up is a failure, LG_MINIMISE_LIMIT */
     double seconds;       /* 0: no limit */
 } lg_minimise_options;
 LG_API void lg_minimise_options_init(lg_minimise_options *options);
@@ -110,8 +121,8 @@ LG_API lg_status lg_minimise(const lg_context *context, size_t n, lg_objective o
 /* r (m), and dr_i/dx_j at jacobian[i n + j], at x (n). As lg_objective otherwise. */
 typedef lg_status (*lg_residuals)(void *user, const double *x, double *r, double *jacobian);
 
-/* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt. options->method is not
- * read; an evaluation is one of r with its Jacobian. covariance (n, n), NULL or the covariance of x for
+/* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt, with a QR decomposition of J: the error
+ * of a step grows with the condition of J, not its square. options->method is not read; an evaluation is one of r with its Jacobian. covariance (n, n), NULL or the covariance of x for
  * independent residuals of equal, unknown variance: |r|^2/(m - n) (J^T J)^-1; NaN where m = n or J^T J is
  * singular to rounding (a combination of the x cannot be identified). Errors: those of lg_minimise. */
 LG_API lg_status lg_least_squares(const lg_context *context, size_t n, size_t m, lg_residuals residuals,

@@ -150,6 +150,7 @@ lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
     lg_minimise_options_init(&options);
     options.method = (lg_minimise_method)methods[lg_fit_method_of(fit, phase)].minimise;
     options.check = false; /* the tape's gradients are checked elsewhere */
+    options.slow = true;
     options.ranks = fit->options.ranks;
     options.block = fit->problem.own;
     options.blocks = fit->problem.own > 0 ? fit->problem.samples : 0;

@@ -5,9 +5,11 @@
 #include "liegrad/random.h"
 #include "nn/minimise_internal.h"
 
-enum { CHECK_POINTS = 4, MOST_ENDLESS = 2 };
-static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300;
-static const double CHECK_STEP = 1e-4, CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-10;
+enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 2 };
+static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
+                    PROFIT = 0.1;
+static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2; /* of the variables; at the next level */
+static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
 
 static const lg_minimise_row *const methods[LG_MINIMISE_METHOD_COUNT] = {
     [LG_MINIMISE_SSBROYDEN] = &lg_minimise_ssbroyden,
@@ -32,6 +34,9 @@ static const struct {
     [LG_MINIMISE_WRONG_JACOBIAN] = {LG_CHECK_FAILED,
                                     "the Jacobian disagrees with differences of the residuals"},
     [LG_MINIMISE_BARRIER] = {LG_OK, "no step lowers the value: it is not finite beyond the last point"},
+    [LG_MINIMISE_STUCK] = {LG_NO_CONVERGENCE,
+                           "no step lowers the value, and nothing shows that the point is a minimum"},
+    [LG_MINIMISE_LIMIT] = {LG_NO_CONVERGENCE, "10000 evaluations did not find a minimum"},
 };
 
 const char *lg_minimise_method_name(lg_minimise_method method) {
@@ -47,12 +52,8 @@ lg_status lg_minimise_end_status(lg_minimise_end end) {
 }
 
 void lg_minimise_options_init(lg_minimise_options *options) {
-    *options = (lg_minimise_options){.size = sizeof *options,
-                                     .method = LG_MINIMISE_SSBROYDEN,
-                                     .memory = 50,
-                                     .check = true,
-                                     .slow = true,
-                                     .evaluations = 10000};
+    *options = (lg_minimise_options){
+        .size = sizeof *options, .method = LG_MINIMISE_SSBROYDEN, .memory = 50, .check = true};
 }
 
 /* ---- creation ---- */
@@ -70,9 +71,8 @@ static lg_status check_options(size_t n, const lg_minimise_options *o, lg_error 
                        o->block, n);
     if (o->memory < 1 || o->memory > 1000)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the memory of L-BFGS must be 1 to 1000 pairs");
-    if (!(o->gradient_tolerance >= 0.0) || !(o->seconds >= 0.0) || o->evaluations == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "tolerance and seconds must not be negative, evaluations must be positive");
+    if (!(o->gradient_tolerance >= 0.0) || !(o->seconds >= 0.0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "tolerance and seconds must not be negative");
     return LG_OK;
 }
 
@@ -166,8 +166,17 @@ double lg_largest(const double *x, size_t n) {
     return top;
 }
 
+double lg_minimise_gradient_size(const lg_minimiser *m) {
+    double top = 0.0;
+    for (size_t i = 0; m->unit != NULL && i < m->n; i++) {
+        const double g = fabs(m->g[i]) / m->unit[i] * m->value_unit;
+        if (!(g <= top)) top = g;
+    }
+    return m->unit != NULL ? top : lg_largest(m->g, m->n);
+}
+
 bool lg_minimise_flat(const lg_minimiser *m) {
-    return lg_largest(m->g, m->n) <= m->options.gradient_tolerance;
+    return lg_minimise_gradient_size(m) <= m->options.gradient_tolerance;
 }
 
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m) {
@@ -185,7 +194,7 @@ static void set_point(lg_minimiser *m, double step, const double *direction) {
     for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + step * direction[i];
 }
 
-static void search(lg_minimiser *m, double alpha) {
+void lg_minimise_search(lg_minimiser *m, double alpha) {
     m->numbers.slope = m->k->dot(m->n, m->g, m->d);
     if (!(m->numbers.slope < 0.0) || !isfinite(m->numbers.slope)) {
         m->counts.pairs = 0;
@@ -201,10 +210,13 @@ static void search(lg_minimiser *m, double alpha) {
 static void restart(lg_minimiser *m) {
     m->counts.pairs = 0;
     for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
-    search(m, fmin(1.0, FIRST_STEP / sqrt(m->k->dot(m->n, m->g, m->g))));
+    lg_minimise_search(m, fmin(1.0, FIRST_STEP / sqrt(m->k->dot(m->n, m->g, m->g))));
 }
 
-/* ---- the check: values along a random line against slopes by Simpson's rule ---- */
+/* ---- the check: values along a random line against slopes by Simpson's rule ----
+ *
+ * At each level the line is shorter. A level tells nothing where differences of fourth order, which steps of a
+ * smooth function do not have, or the rounding of f are as large as the change of f. */
 
 void lg_minimise_check_direction(lg_minimiser *m) {
     lg_rng rng;
@@ -212,60 +224,79 @@ void lg_minimise_check_direction(lg_minimiser *m) {
     for (size_t i = 0; i < m->n; i++) m->s[i] = lg_rng_normal(&rng);
 }
 
-static double check_step(const lg_minimiser *m) {
-    return CHECK_STEP * (1.0 + lg_largest(m->x, m->n));
+/* The line from the point: m->s; returns the half length of this level. */
+static double check_line(lg_minimiser *m) {
+    lg_minimise_check_direction(m);
+    for (size_t i = 0; i < m->n; i++) m->s[i] *= 1.0 + fabs(m->x[i]);
+    return CHECK_STEP * pow(CHECK_FINER, (double)(m->counts.trials / CHECK_POINTS));
 }
 
 static void next_check(lg_minimiser *m) {
     static const double at[CHECK_POINTS] = {-1.0, -0.5, 0.5, 1.0};
-    lg_minimise_check_direction(m);
-    set_point(m, at[m->counts.trials] * check_step(m), m->s);
+    const double step = check_line(m);
+    set_point(m, at[m->counts.trials % CHECK_POINTS] * step, m->s);
 }
 
 static void begin_check(lg_minimiser *m) {
     m->counts.stage = LG_STAGE_CHECK;
-    m->counts.trials = 0;
+    m->counts.trials = m->counts.bounded = 0;
     next_check(m);
 }
 
-/* Whether slopes at both ends and the middle of a step give the change of the value; `size`: of values. */
-static bool agrees(double change, double step, const double slopes[3], double size) {
+typedef enum check_verdict { UNKNOWN, AGREES, DIFFERS } check_verdict;
+
+/* Slopes at both ends and in the middle of a step against the change of the value; `noise`: of the change. */
+static check_verdict compare(double change, double step, const double slopes[3], double noise) {
     const double simpson = step / 6.0 * (slopes[0] + 4.0 * slopes[1] + slopes[2]);
     const double top = fabs(step) * fmax(fabs(slopes[0]), fmax(fabs(slopes[1]), fabs(slopes[2])));
-    const double allowed = CHECK_TOLERANCE * fmax(top, fabs(change)) + CHECK_ROUNDING * size;
-    return !(fabs(change - simpson) > allowed); /* NaN: nothing is known */
+    const double size = fmax(top, fabs(change)), off = fabs(change - simpson);
+    if (!(noise <= CHECK_TOLERANCE * size) || !isfinite(size)) return UNKNOWN;
+    return off <= CHECK_TOLERANCE * size + noise ? AGREES : DIFFERS;
 }
 
-/* In one half of the line at least: a kink may lie in the other. */
-static bool gradient_agrees(lg_minimiser *m) {
+/* Of one level. One half of the line decides where the other differs: a kink may lie there. */
+static check_verdict compare_level(const lg_minimiser *m, double slope, double step) {
     const lg_minimise_numbers *s = &m->numbers;
-    const double step = check_step(m);
+    const double *v = s->check_value, *d = s->check_slope;
     double size = fabs(s->value);
-    for (size_t i = 0; i < CHECK_POINTS; i++) size = fmax(size, fabs(s->check_value[i]));
-    lg_minimise_check_direction(m);
-    const double slope = m->k->dot(m->n, m->g, m->s);
-    const double left[3] = {slope, s->check_slope[1], s->check_slope[0]};
-    const double right[3] = {slope, s->check_slope[2], s->check_slope[3]};
-    return agrees(s->check_value[0] - s->value, -step, left, size) ||
-           agrees(s->check_value[3] - s->value, step, right, size);
+    for (size_t i = 0; i < CHECK_POINTS; i++) size = fmax(size, fabs(v[i]));
+    const double fourth = fabs(v[0] + v[3] - 4.0 * (v[1] + v[2]) + 6.0 * s->value);
+    const double noise = CHECK_ROUNDING * size + CHECK_ROUGH * fourth;
+    const double left[3] = {slope, d[1], d[0]}, right[3] = {slope, d[2], d[3]};
+    const check_verdict one = compare(v[0] - s->value, -step, left, noise);
+    const check_verdict other = compare(v[3] - s->value, step, right, noise);
+    if (one == AGREES || other == AGREES) return AGREES;
+    return one == DIFFERS && other == DIFFERS ? DIFFERS : UNKNOWN;
 }
 
-/* At the start, before any search, and where searches have failed. */
-static void tell_check(lg_minimiser *m, double value, const double *gradient) {
-    m->numbers.check_value[m->counts.trials] = value;
-    lg_minimise_check_direction(m);
-    m->numbers.check_slope[m->counts.trials] = m->k->dot(m->n, gradient, m->s);
-    if (++m->counts.trials < CHECK_POINTS) {
-        next_check(m);
-    } else if (!gradient_agrees(m)) {
-        lg_minimise_finish(m, LG_MINIMISE_WRONG_GRADIENT);
-    } else if (m->counts.failures > 0) {
-        lg_minimise_finish(m, lg_minimise_no_step(m));
-    } else if (lg_minimise_flat(m)) {
-        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
-    } else {
+static void end_check(lg_minimiser *m) {
+    if (m->counts.failures > 0)
+        (void)lg_minimise_verify(m, lg_minimise_no_step(m));
+    else if (lg_minimise_flat(m))
+        (void)lg_minimise_verify(m, LG_MINIMISE_GRADIENT);
+    else
         restart(m);
+}
+
+/* At the start, before any search, and where searches have failed. Wrong: some level differs, none agrees. */
+static void tell_check(lg_minimiser *m, double value, const double *gradient) {
+    const size_t i = (size_t)(m->counts.trials % CHECK_POINTS);
+    const double step = check_line(m);
+    m->numbers.check_value[i] = value;
+    m->numbers.check_slope[i] = m->k->dot(m->n, gradient, m->s);
+    m->counts.trials++;
+    if (i + 1 < CHECK_POINTS) {
+        next_check(m);
+        return;
     }
+    const check_verdict level = compare_level(m, m->k->dot(m->n, m->g, m->s), step);
+    if (level == DIFFERS) m->counts.bounded = 1;
+    if (level != AGREES && m->counts.trials < CHECK_LEVELS * CHECK_POINTS)
+        next_check(m);
+    else if (level != AGREES && m->counts.bounded != 0)
+        lg_minimise_finish(m, LG_MINIMISE_WRONG_GRADIENT);
+    else
+        end_check(m);
 }
 
 /* ---- steps ---- */
@@ -284,14 +315,17 @@ static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
     return false;
 }
 
-/* A second failure in a row ends: from H = 1 too no step lowers the value. */
+/* A second failure in a row: from H = 1 too no step lowers the value. A third: nor does the Newton step. */
 static void fail_search(lg_minimiser *m) {
-    if (++m->counts.failures == 1)
+    m->counts.failures++;
+    if (m->counts.failures == 1)
         restart(m);
-    else if (m->options.check)
+    else if (m->counts.failures == 2 && m->options.check)
         begin_check(m);
-    else
+    else if (m->counts.failures == 2 || !isfinite(m->numbers.high_value) || lg_minimise_newton_shows(m))
         lg_minimise_finish(m, lg_minimise_no_step(m));
+    else
+        lg_minimise_finish(m, LG_MINIMISE_STUCK);
 }
 
 bool lg_minimise_slow(lg_minimiser *m) {
@@ -303,9 +337,25 @@ bool lg_minimise_slow(lg_minimiser *m) {
     return still;
 }
 
+bool lg_minimise_creeps(lg_minimiser *m) {
+    lg_minimise_numbers *s = &m->numbers;
+    if (m->options.slow || m->counts.iterations - m->counts.reference < m->row->creep + 4 * m->n)
+        return false;
+    const bool creeping = s->reference_value - s->value < 0.5 * fabs(s->reference_value);
+    m->counts.reference = m->counts.iterations;
+    s->reference_value = s->value;
+    return creeping && lg_minimise_newton_fits(m);
+}
+
+bool lg_minimise_newton_pays(const lg_minimiser *m, double fall) {
+    return fall > PROFIT * fabs(m->numbers.value + fall);
+}
+
 /* The trial point becomes x. */
 static void accept(lg_minimiser *m, double value, const double *gradient) {
     const size_t n = m->n;
+    const bool newton = m->counts.failures > 1, last = newton && lg_minimise_newton_shows(m);
+    const double fall = m->numbers.value - value;
     for (size_t i = 0; i < n; i++) {
         m->s[i] = m->point[i] - m->x[i];
         m->y[i] = gradient[i] - m->g[i];
@@ -315,16 +365,20 @@ static void accept(lg_minimiser *m, double value, const double *gradient) {
     m->numbers.value = value;
     m->counts.failures = 0;
     m->counts.iterations++;
-    if (m->counts.endless >= MOST_ENDLESS || value < LOWEST) {
+    if (last) {
+        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+    } else if ((m->counts.endless >= MOST_ENDLESS && fall > LEAST_ENDLESS) || value < LOWEST) {
         lg_minimise_finish(m, LG_MINIMISE_UNBOUNDED);
     } else if (lg_minimise_flat(m)) {
-        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+        (void)lg_minimise_verify(m, LG_MINIMISE_GRADIENT);
     } else if (lg_minimise_slow(m)) {
         lg_minimise_finish(m, LG_MINIMISE_SLOW);
+    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m)) {
+        (void)lg_minimise_verify(m, LG_MINIMISE_ROUNDING);
     } else if (m->k->dot(n, m->s, m->y) > 0.0) {
         m->row->update(m, m->s, m->y);
         m->counts.pairs++;
-        search(m, 1.0);
+        lg_minimise_search(m, 1.0);
     } else {
         restart(m);
     }
@@ -349,7 +403,10 @@ bool lg_minimiser_tell(lg_minimiser *m, double value, const double *gradient) {
     m->counts.evaluations++;
     if (m->counts.stage == LG_STAGE_START) return tell_start(m, value, gradient);
     if (m->counts.stage == LG_STAGE_SEARCH) return tell_search(m, value, gradient);
-    tell_check(m, value, gradient);
+    if (m->counts.stage == LG_STAGE_CHECK)
+        tell_check(m, value, gradient);
+    else
+        lg_minimise_newton_tell(m, gradient);
     return false;
 }
 
@@ -363,7 +420,7 @@ void lg_minimiser_change(lg_minimiser *m, double value, const double *gradient) 
         return;
     }
     m->row->direction(m);
-    search(m, 1.0);
+    lg_minimise_search(m, 1.0);
 }
 
 const double *lg_minimiser_gradient(const lg_minimiser *m) {
@@ -383,5 +440,5 @@ lg_minimise_result lg_minimiser_result(const lg_minimiser *m) {
                                 .evaluations = m->counts.evaluations,
                                 .iterations = m->counts.iterations,
                                 .value = m->counts.evaluations > 0 ? m->numbers.value : (double)NAN,
-                                .gradient = lg_largest(m->g, m->n)};
+                                .gradient = lg_minimise_gradient_size(m)};
 }

@@ -108,11 +108,11 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
         {c->stage < LG_MINIMISE_STAGE_COUNT && c->end < LG_MINIMISE_END_COUNT &&
              (c->stage == LG_STAGE_DONE) == (c->end != LG_MINIMISE_RUNNING),
          "minimise/counts has an unknown stage or end"},
-        {c->trials < 100 && c->iterations <= c->evaluations && c->reference <= c->iterations &&
+        {c->trials < 1000 && c->iterations <= c->evaluations && c->reference <= c->iterations &&
              c->pairs <= c->iterations,
          "minimise/counts does not fit together"},
-        {c->stage != LG_STAGE_CHECK || c->trials < LG_COUNT(numbers->check_value),
-         "minimise/counts has more points of a check than there are"},
+        {c->stage != LG_STAGE_HESSIAN || (lg_minimise_newton_fits(m) && c->trials < 2 * m->n),
+         "minimise/counts has more points of a Hessian than there are"},
         {!searching || (isfinite(numbers->alpha) && isfinite(numbers->value) && numbers->slope < 0.0),
          "minimise/numbers is no state of a search"},
         {m->k->all_finite((size_t)(m->s - m->memory), memory) && m->k->all_finite(m->length, curvature),

@@ -1,6 +1,8 @@
 /* Self-scaled Broyden family with a dense inverse Hessian H (Urban, Stefanou, Pons 2025, SSBroyden2). */
 #include <math.h>
+#include <string.h>
 
+#include "kernels/lapack.h"
 #include "nn/minimise_internal.h"
 
 /* Scale and weight of the update from b = s.Bs/y.s and h = y.Hy/y.s. */
@@ -76,9 +78,28 @@ static void direction(lg_minimiser *m) {
     for (size_t i = 0; i < m->n; i++) m->d[i] = -m->d[i];
 }
 
+static void invert(lg_minimiser *m, const double *scale) {
+    const size_t n = m->n, stride = lg_minimise_stride(n);
+    const int order = (int)n;
+    double *h = m->curvature;
+    int info = 0;
+    dpotri_("U", &order, h, &order, &info);
+    if (info != 0) return;
+    for (size_t i = n; i-- > 0;) { /* rows move to their stride, the last one first */
+        memmove(h + i * stride, h + i * n, n * sizeof *h);
+        memset(h + i * stride + n, 0, (stride - n) * sizeof *h);
+    }
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j <= i; j++)
+            h[i * stride + j] = h[j * stride + i] = h[i * stride + j] * scale[i] * scale[j];
+    m->counts.pairs = 1;
+}
+
 const lg_minimise_row lg_minimise_ssbroyden = {.name = "ssbroyden",
                                                .slow = 200,
+                                               .creep = 100,
                                                .length = length,
                                                .by_rows = true,
                                                .update = update,
-                                               .direction = direction};
+                                               .direction = direction,
+                                               .invert = invert};

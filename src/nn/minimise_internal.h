@@ -11,9 +11,10 @@ typedef enum lg_minimise_stage {
     LG_STAGE_START,  /* the first of all */
     LG_STAGE_CHECK,  /* comparing g with f */
     LG_STAGE_SEARCH, /* along d */
-    LG_STAGE_DONE
+    LG_STAGE_DONE,
+    LG_STAGE_HESSIAN /* differences of g */
 } lg_minimise_stage;
-#define LG_MINIMISE_STAGE_COUNT 4
+#define LG_MINIMISE_STAGE_COUNT 5
 
 /* The state beside the vectors. Members of one struct are of one type: each is saved as an array. */
 typedef struct lg_minimise_counts {
@@ -21,7 +22,7 @@ typedef struct lg_minimise_counts {
     uint64_t failures;  /* searches that failed since the last step */
     uint64_t endless;   /* searches since the last one that found an end to the fall of f */
     uint64_t trials;    /* evaluations of this search or check */
-    uint64_t bounded;   /* this search has an upper end */
+    uint64_t bounded;   /* this search has an upper end; this check has found a difference */
     uint64_t pairs;     /* curvature pairs taken since H = 1 */
     uint64_t reference; /* iteration at which reference_value was taken */
 } lg_minimise_counts;
@@ -33,13 +34,17 @@ typedef struct lg_minimise_numbers {
     /* The search's bracket [low, high]; Levenberg-Marquardt: high_value is f of the last refusal. */
     double high, high_value, high_slope;
     double reference_value;
-    double damping, growth; /* Levenberg-Marquardt: mu, and its factor after the next refusal */
+    double damping; /* Levenberg-Marquardt: mu; of a Newton step: the shift of the Hessian */
+    double growth;  /* Levenberg-Marquardt: the factor of mu after the next refusal */
     double check_value[4], check_slope[4];
 } lg_minimise_numbers;
 
 typedef struct lg_minimise_row {
     const char *name;
-    uint64_t slow; /* so many iterations without a fall of f end the run */
+    uint64_t slow;  /* so many iterations without a fall of f end the run */
+    uint64_t creep; /* so many, and 4 n, without half of f call for a Newton step */
+    /* Doubles before the Hessian in its memory. */
+    size_t (*before_hessian)(const struct lg_minimiser *m);
     /* Doubles of its memory, as saved. */
     size_t (*length)(size_t n, const lg_minimise_options *options);
     bool by_rows; /* it begins with n rows at a stride, which ranks divide */
@@ -47,7 +52,20 @@ typedef struct lg_minimise_row {
      * used as scratch. */
     void (*update)(struct lg_minimiser *m, double *s, double *y);
     void (*direction)(struct lg_minimiser *m); /* m->d = -H g, where there are pairs */
+    /* H becomes S (L L^T)^-1 S, S = diag(scale); L lower triangular, packed (n, n), in m->curvature. NULL: cannot. */
+    void (*invert)(struct lg_minimiser *m, const double *scale);
 } lg_minimise_row;
+
+/* Of lg_least_squares: r (rows) and the columns of J (n, rows) at the trial and at x, and room for a factor of J. */
+typedef struct lg_minimise_squares {
+    size_t rows;
+    const double *trial_r, *trial_columns;
+    double *r, *columns, *stack; /* stack: lg_minimise_stack_length */
+} lg_minimise_squares;
+enum { LG_SQUARES_ROOM = 34 };
+static inline size_t lg_minimise_stack_length(size_t rows, size_t n) {
+    return (rows + n) * (n + 1) + n + LG_SQUARES_ROOM * n;
+}
 
 struct lg_minimiser {
     const lg_context *context;
@@ -55,14 +73,19 @@ struct lg_minimiser {
     lg_minimise_options options;
     const lg_minimise_row *row;
     size_t n, length, held;
-    size_t first, end;         /* rows of this rank */
-    size_t *bytes;             /* (ranks): of an exchange */
-    lg_status status;          /* of the exchanges */
-    double *memory;            /* all vectors */
-    double *x, *g, *d, *point; /* (n) */
-    double *curvature;         /* (held): what this rank has of (length) */
-    double *whole;             /* (length): on rank 0 between a collection and the next step */
-    double *s, *y;             /* (n), scratch */
+    size_t first, end; /* rows of this rank */
+    size_t *bytes;     /* (ranks): of an exchange */
+    lg_status status;  /* of the exchanges */
+    /* The caller's units of x (n) and of f, in which the gradient is compared with its tolerance; NULL, 1: ones. */
+    const double *unit;
+    double value_unit;
+    const lg_minimise_squares *squares; /* NULL: the Gauss-Newton matrix is all there is */
+    bool newton;                        /* searches along a Newton step; of LM, which has other steps */
+    double *memory;                     /* all vectors */
+    double *x, *g, *d, *point;          /* (n) */
+    double *curvature;                  /* (held): what this rank has of (length) */
+    double *whole;                      /* (length): on rank 0 between a collection and the next step */
+    double *s, *y;                      /* (n), scratch */
     lg_minimise_counts counts;
     lg_minimise_numbers numbers;
 };
@@ -78,6 +101,24 @@ void lg_minimise_check_direction(lg_minimiser *m);
 /* Whether the gradient is zero to its tolerance; after a step, whether f falls too slowly. */
 bool lg_minimise_flat(const lg_minimiser *m);
 bool lg_minimise_slow(lg_minimiser *m);
+
+/* Whether the steps since the last look, row->creep + 4 n of them, have not halved f. */
+bool lg_minimise_creeps(lg_minimiser *m);
+/* Whether a Newton step that lowers f by `fall` is worth another one. */
+bool lg_minimise_newton_pays(const lg_minimiser *m, double fall);
+/* max |g_i| in the caller's units. */
+double lg_minimise_gradient_size(const lg_minimiser *m);
+/* Searches along d from x, from trial step alpha; down the gradient where d does not fall. */
+void lg_minimise_search(lg_minimiser *m, double alpha);
+
+/* Where searches have failed: 2 n evaluations give the Hessian, and a search along the Newton step follows.
+ * Alone, with few variables, and with options.check. */
+bool lg_minimise_newton_fits(const lg_minimiser *m);
+/* Ends, if the Hessian cannot be looked at; else goes on to look, which ends or finds a way down. */
+lg_minimise_end lg_minimise_verify(lg_minimiser *m, lg_minimise_end end);
+void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient);
+/* Whether the Hessian was positive semidefinite and the Newton step d leaves f or x as they are. */
+bool lg_minimise_newton_shows(const lg_minimiser *m);
 
 /* The search along d from x: begins with trial step alpha. */
 void lg_minimise_search_begin(lg_minimiser *m, double alpha);

@@ -8,7 +8,8 @@
 #include "nn/minimise_internal.h"
 
 enum { MOST_REFUSALS = 40 };
-static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16;
+static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16,
+                    LEAST_DAMPING = 1e-14, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5;
 
 /* ---- memory: rows of p at a stride ---- */
 
@@ -50,9 +51,12 @@ static arrow arrow_of(const lg_minimiser *m) {
 
 /* ---- the step ---- */
 
-/* A parameter without influence stays. */
+/* A parameter without influence stays. Of lg_least_squares: one with little influence moves with its size. */
 static double damping_of(const lg_minimiser *m, const arrow *a, size_t i) {
-    return a->D[i] > 0.0 ? a->D[i] * m->numbers.damping : 1.0;
+    double d = a->D[i];
+    if (m->squares != NULL && m->x[i] != 0.0)
+        d = fmax(d, LEAST_INFLUENCE * m->numbers.value / m->x[i] / m->x[i]);
+    return d > 0.0 ? d * m->numbers.damping : 1.0;
 }
 
 /* L of block b, its rows of Y, and L^-1 g in place of its part of d. False: not positive definite. */
@@ -91,8 +95,41 @@ static void put_back(const lg_minimiser *m, const arrow *a, size_t b) {
     }
 }
 
+/* What makes a singular J regular to rounding. */
+static double ridge_of(const arrow *a, size_t i) {
+    const double square = a->P[i * a->stride + i];
+    return square > 0.0 ? LEAST_DAMPING * square : 1.0;
+}
+
+/* The same d as the least |(J; sqrt(mu D/2)) d + (r; 0)|, by Householder reflections: its error grows with the
+ * condition of J, not its square. */
+static bool solve_residuals(lg_minimiser *m, bool damped) {
+    const lg_minimise_squares *q = m->squares;
+    const arrow a = arrow_of(m);
+    const size_t n = m->n, rows = q->rows + n;
+    const int tall = (int)rows, order = (int)n, one = 1, room = LG_SQUARES_ROOM * (int)n;
+    double *R = q->stack, *right = R + n * rows, *tau = right + rows, *work = tau + n;
+    int info;
+    for (size_t j = 0; j < n; j++) {
+        double *column = R + j * rows;
+        memcpy(column, q->columns + j * q->rows, q->rows * sizeof *R);
+        memset(column + q->rows, 0, n * sizeof *R);
+        column[q->rows + j] = sqrt(0.5 * (damped ? damping_of(m, &a, j) : ridge_of(&a, j)));
+    }
+    for (size_t i = 0; i < rows; i++) right[i] = i < q->rows ? -q->r[i] : 0.0;
+    dgeqrf_(&tall, &order, R, &tall, tau, work, &room, &info);
+    dormqr_("L", "T", &tall, &one, &order, R, &tall, tau, right, &tall, work, &room, &info);
+    for (size_t i = n; i-- > 0;) {
+        double sum = right[i];
+        for (size_t j = i + 1; j < n; j++) sum -= R[j * rows + i] * m->d[j];
+        m->d[i] = sum / R[i * rows + i];
+    }
+    return m->k->all_finite(n, m->d);
+}
+
 /* d from (A + mu D) d = -g. False: not positive definite. */
 static bool solve(lg_minimiser *m) {
+    if (m->squares != NULL) return solve_residuals(m, true);
     const arrow a = arrow_of(m);
     const int order = (int)a.p, leading = (int)a.stride, one = 1, rest = (int)a.rest;
     static const double minus = -1.0, plus = 1.0;
@@ -127,6 +164,16 @@ static double foretold(lg_minimiser *m) {
     return -m->numbers.slope - 0.5 * twice;
 }
 
+/* Whether the step without damping leaves f, or x, as it is. */
+static bool at_minimum(lg_minimiser *m) {
+    bool still = true;
+    if (!solve_residuals(m, false)) return false;
+    for (size_t i = 0; i < m->n; i++) still = still && fabs(m->d[i]) <= LEFT * fabs(m->x[i]);
+    /* Of -r what lies in the columns of J: the first n numbers behind the factor. */
+    const double *in = m->squares->stack + m->n * (m->squares->rows + m->n);
+    return still || m->k->dot(m->n, in, in) <= LEFT * m->numbers.value;
+}
+
 static void refuse(lg_minimiser *m) {
     m->counts.failures++;
     m->numbers.damping *= m->numbers.growth;
@@ -145,24 +192,63 @@ static void propose(lg_minimiser *m) {
         if (moves && foretold(m) > ROUNDING * m->numbers.value) return;
         break;
     }
-    lg_minimise_finish(m, lg_minimise_no_step(m));
+    if (m->squares == NULL || at_minimum(m))
+        lg_minimise_finish(m, lg_minimise_no_step(m));
+    else
+        (void)lg_minimise_verify(m, LG_MINIMISE_STUCK);
 }
 
 static void take(lg_minimiser *m, double value, const double *gradient, const double *matrix) {
     const arrow a = arrow_of(m);
     const double *C = matrix + a.p * a.p, *B = C + a.rest * a.p;
+    const double keep = m->squares != NULL ? FORGET : 1.0;
     memcpy(m->x, m->point, m->n * sizeof *m->x);
     memcpy(m->g, gradient, m->n * sizeof *m->g);
     for (size_t i = 0; i < a.p; i++) {
         memcpy(a.P + i * a.stride, matrix + i * a.p, a.p * sizeof *matrix);
-        a.D[i] = fmax(a.D[i], matrix[i * a.p + i]);
+        a.D[i] = fmax(keep * a.D[i], matrix[i * a.p + i]);
     }
     for (size_t i = 0; i < a.rest; i++) {
         memcpy(a.C + i * a.stride, C + i * a.p, a.p * sizeof *C);
-        a.D[a.p + i] = fmax(a.D[a.p + i], B[i * a.block + i % a.block]);
+        a.D[a.p + i] = fmax(keep * a.D[a.p + i], B[i * a.block + i % a.block]);
     }
     if (a.rest > 0) memcpy(a.B, B, a.rest * a.block * sizeof *B);
+    if (m->squares != NULL) {
+        memcpy(m->squares->r, m->squares->trial_r, m->squares->rows * sizeof(double));
+        memcpy(m->squares->columns, m->squares->trial_columns, m->n * m->squares->rows * sizeof(double));
+    }
     m->numbers.value = value;
+}
+
+static void begin_damped(lg_minimiser *m) {
+    m->newton = false;
+    m->counts.failures = 0;
+    m->numbers.damping = FIRST_DAMPING;
+    m->numbers.growth = 2.0;
+    m->numbers.high_value = 0.0;
+    propose(m);
+}
+
+static bool tell_newton(lg_minimiser *m, double value, const double *gradient, const double *matrix,
+                        bool finite) {
+    const double slope = finite ? m->k->dot(m->n, gradient, m->d) : (double)NAN, before = m->numbers.value;
+    const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
+    const bool shown = lg_minimise_newton_shows(m);
+    if (verdict == LG_SEARCH_ON)
+        for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->numbers.alpha * m->d[i];
+    if (verdict == LG_SEARCH_FAIL) lg_minimise_finish(m, shown ? LG_MINIMISE_ROUNDING : LG_MINIMISE_STUCK);
+    if (verdict != LG_SEARCH_ACCEPT) return false;
+    take(m, value, gradient, matrix);
+    m->counts.iterations++;
+    if (lg_minimise_flat(m))
+        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    else if (shown)
+        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+    else if (lg_minimise_newton_pays(m, before - value))
+        (void)lg_minimise_verify(m, LG_MINIMISE_STUCK);
+    else
+        begin_damped(m);
+    return true;
 }
 
 static bool tell_step(lg_minimiser *m, double value, const double *gradient, const double *matrix,
@@ -184,6 +270,8 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     else if (lg_minimise_slow(m))
         lg_minimise_finish(m, LG_MINIMISE_SLOW);
+    else if (m->squares != NULL && lg_minimise_creeps(m))
+        (void)lg_minimise_verify(m, LG_MINIMISE_STUCK);
     else
         propose(m);
     return true;
@@ -194,20 +282,31 @@ bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *grad
     const bool finite = isfinite(value) && m->k->all_finite(m->n, gradient) &&
                         m->k->all_finite(lg_minimise_matrix_length(m->n, &m->options), matrix);
     m->counts.evaluations++;
+    if (m->newton && m->counts.stage == LG_STAGE_SEARCH)
+        return tell_newton(m, value, gradient, matrix, finite);
     if (m->counts.stage == LG_STAGE_SEARCH) return tell_step(m, value, gradient, matrix, finite);
+    if (m->counts.stage == LG_STAGE_HESSIAN) {
+        lg_minimise_newton_tell(m, gradient);
+        return false;
+    }
     if (!finite) {
         lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
         return false;
     }
     take(m, value, gradient, matrix);
     m->numbers.reference_value = value;
-    m->numbers.damping = FIRST_DAMPING;
-    m->numbers.growth = 2.0;
     if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     else
-        propose(m);
+        begin_damped(m);
     return false;
 }
 
-const lg_minimise_row lg_minimise_lm = {.name = "lm", .slow = 20, .length = length};
+/* The Hessian of f lies where the damped matrix does; P stays. */
+static size_t before_hessian(const lg_minimiser *m) {
+    const arrow a = sizes_of(m->n, &m->options);
+    return a.p * a.stride;
+}
+
+const lg_minimise_row lg_minimise_lm = {
+    .name = "lm", .slow = 20, .creep = 20, .before_hessian = before_hessian, .length = length};

@@ -14,7 +14,7 @@ typedef struct steps_still {
     double value, first;
 } steps_still;
 
-enum { MOST_STILL = 30 };
+enum { MOST_STILL = 30, MOST_EVALUATIONS = 10000 };
 static const double LEAST_FALL = 1e-200; /* of f at the start: what is left underflows in squares */
 
 /* Whether the last MOST_STILL steps lowered f by less than its rounding. */
@@ -24,7 +24,13 @@ static bool still(const lg_minimiser *m, steps_still *s) {
     s->iteration = m->counts.iterations;
     s->steps = s->value - m->numbers.value <= LEAST_FALL * s->first ? s->steps + 1 : 0;
     s->value = m->numbers.value;
-    return s->steps >= MOST_STILL;
+    if (s->steps < MOST_STILL) return false;
+    s->steps = 0;
+    return true;
+}
+
+static uint64_t most_evaluations(const lg_minimiser *m) {
+    return m->options.evaluations > 0 ? m->options.evaluations : MOST_EVALUATIONS;
 }
 
 /* Evaluates until an end; *end is RUNNING when an evaluation failed. */
@@ -35,12 +41,12 @@ static lg_status run(lg_minimiser *m, evaluation evaluate, void *user, lg_minimi
     while ((*end = (lg_minimise_end)m->counts.end) == LG_MINIMISE_RUNNING) {
         if (lg_cancelled(m->context))
             *end = LG_MINIMISE_CANCELLED;
-        else if (m->counts.evaluations >= o->evaluations)
-            *end = LG_MINIMISE_EVALUATIONS;
+        else if (m->counts.evaluations >= most_evaluations(m))
+            *end = o->evaluations > 0 ? LG_MINIMISE_EVALUATIONS : LG_MINIMISE_LIMIT;
         else if (o->seconds > 0.0 && lg_seconds() - begin >= o->seconds)
             *end = LG_MINIMISE_SECONDS;
-        else if (still(m, &steps))
-            *end = LG_MINIMISE_ROUNDING;
+        else if (m->counts.stage == LG_STAGE_SEARCH && still(m, &steps))
+            *end = lg_minimise_verify(m, LG_MINIMISE_ROUNDING);
         if (*end != LG_MINIMISE_RUNNING) break;
         const lg_status status = evaluate(m, user);
         if (status == LG_CANCELLED) *end = LG_MINIMISE_CANCELLED;
@@ -48,6 +54,10 @@ static lg_status run(lg_minimiser *m, evaluation evaluate, void *user, lg_minimi
         if (status != LG_OK) return status;
     }
     return LG_OK;
+}
+
+static void multiply(size_t n, const double *a, const double *b, double *out) {
+    for (size_t i = 0; i < n; i++) out[i] = a[i] * b[i];
 }
 
 /* The end of a call: x, result, sentence. The minimiser is destroyed. */
@@ -58,6 +68,8 @@ static lg_status conclude(lg_minimiser *m, lg_status status, lg_minimise_end end
         *result = lg_minimiser_result(m);
         result->end = end;
     }
+    if (m->unit != NULL) multiply(m->n, x, m->unit, x);
+    if (m->unit != NULL && result != NULL) result->value *= m->value_unit;
     lg_minimiser_destroy(m);
     if (status != LG_OK) return lg_fail(error, status, "the objective: %s", lg_status_sentence(status));
     status = lg_minimise_end_status(end);
@@ -65,18 +77,61 @@ static lg_status conclude(lg_minimiser *m, lg_status status, lg_minimise_end end
     return status;
 }
 
+/* The minimiser sees x/unit and f/value_unit, the units taken from the start: nothing depends on the caller's. */
 typedef struct given_objective {
     lg_objective function;
     void *user;
-    double *gradient; /* (n) */
+    double *x, *gradient, *unit; /* (n) */
+    double value_unit;           /* a power of 2 */
 } given_objective;
 
+/* Units of variables that start at zero: `size` is what f or r has, slope[i] what a unit of variable i adds to it.
+ * A slope that is zero but for rounding tells none. */
+static void units_of_zeros(size_t n, const double *x, double size, const double *slope, double *unit) {
+    static const double ROUNDED = 1e-12;
+    double largest = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        size = fmax(size, fabs(slope[i] * x[i]));
+        largest = fmax(largest, fabs(x[i]));
+    }
+    for (size_t i = 0; i < n; i++)
+        if (x[i] == 0.0) unit[i] = size / fabs(slope[i]);
+    for (size_t i = 0; i < n && largest == 0.0; i++)
+        if (isfinite(unit[i])) largest = fmax(largest, unit[i]);
+    for (size_t i = 0; i < n; i++)
+        if (!(unit[i] > 0.0) || !(unit[i] * ROUNDED <= largest)) unit[i] = largest > 0.0 ? largest : 1.0;
+}
+
+/* The minimiser sees x/unit from now on: 1, -1 or 0 at the start. */
+static void take_units(lg_minimiser *m, const double *x, double *unit) {
+    for (size_t i = 0; i < m->n; i++) {
+        unit[i] = x[i] != 0.0 ? fabs(x[i]) : 1.0;
+        m->x[i] = m->point[i] = x[i] != 0.0 ? copysign(1.0, x[i]) : 0.0;
+    }
+    m->unit = unit;
+    m->value_unit = 1.0;
+}
+
+/* At the start; then the gradient is of size 1. */
+static void complete_units(const lg_minimiser *m, given_objective *given, double value) {
+    double sum = 0.0;
+    if (!isfinite(value) || !m->k->all_finite(m->n, given->gradient)) return;
+    units_of_zeros(m->n, given->x, fabs(value), given->gradient, given->unit);
+    for (size_t i = 0; i < m->n; i++) sum = hypot(sum, given->gradient[i] * given->unit[i]);
+    if (sum > 0.0 && isfinite(sum)) given->value_unit = exp2(floor(log2(sum)));
+}
+
 static lg_status evaluate_objective(lg_minimiser *m, void *user) {
-    const given_objective *given = user;
+    given_objective *given = user;
     double value = (double)NAN;
-    const lg_status status = given->function(given->user, m->point, &value, given->gradient);
+    multiply(m->n, m->point, given->unit, given->x);
+    const lg_status status = given->function(given->user, given->x, &value, given->gradient);
     if (status != LG_OK && status != LG_NOT_FINITE) return status;
-    (void)lg_minimiser_tell(m, status == LG_OK ? value : (double)NAN, given->gradient);
+    if (status != LG_OK) value = (double)NAN;
+    if (m->counts.stage == LG_STAGE_START) complete_units(m, given, value);
+    m->value_unit = given->value_unit;
+    for (size_t i = 0; i < m->n; i++) given->gradient[i] *= given->unit[i] / given->value_unit;
+    (void)lg_minimiser_tell(m, value / given->value_unit, given->gradient);
     return LG_OK;
 }
 
@@ -89,15 +144,19 @@ lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objectiv
         return lg_fail(error, LG_INVALID_ARGUMENT, "lm is for sums of squares: lg_least_squares");
     lg_minimiser *m = NULL;
     LG_TRY(lg_minimiser_create(context, n, options, x, &m, error));
-    given_objective given = {objective, user, lg_alloc(context, n, sizeof(double))};
-    if (given.gradient == NULL) {
+    given_objective given = {objective, user, lg_alloc(context, 3 * n, sizeof(double)), NULL, NULL, 1.0};
+    if (given.x == NULL) {
         lg_minimiser_destroy(m);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a gradient of %zu numbers", n);
     }
+    given.gradient = given.x + n;
+    given.unit = given.gradient + n;
+    take_units(m, x, given.unit);
     lg_minimise_end end;
     const lg_status status = run(m, evaluate_objective, &given, &end);
-    lg_free(context, given.gradient);
-    return conclude(m, status, end, x, result, error);
+    const lg_status concluded = conclude(m, status, end, x, result, error);
+    lg_free(context, given.x);
+    return concluded;
 }
 
 /* ---- least squares ---- */
@@ -110,7 +169,29 @@ typedef struct given_residuals {
     /* Of the check, in the same block: r, J d at the start; J d in the middle of a step; changes of r. */
     double *r0, *slope0, *middle, *change;
     const lg_kernels *k;
+    lg_minimise_squares best;
+    double *x, *unit; /* (n): the caller's x; x/unit is the minimiser's */
 } given_residuals;
+
+/* r and J at the minimiser's `point`. */
+static lg_status call_residuals(const given_residuals *given, const double *point) {
+    multiply(given->n, point, given->unit, given->x);
+    const lg_status status = given->function(given->user, given->x, given->r, given->jacobian);
+    for (size_t i = 0; i < given->m && status == LG_OK; i++)
+        multiply(given->n, given->jacobian + i * given->n, given->unit, given->jacobian + i * given->n);
+    return status;
+}
+
+/* At the start: a variable of zero, whose unit was 1, gets the unit that makes its column as long as r. */
+static void complete_residual_units(const given_residuals *given) {
+    const size_t n = given->n, numbers = given->m * n;
+    double *slope = given->gradient;
+    for (size_t j = 0; j < n; j++) slope[j] = 0.0;
+    for (size_t i = 0; i < numbers; i++) given->jacobian[i] /= given->unit[i % n];
+    for (size_t i = 0; i < numbers; i++) slope[i % n] = hypot(slope[i % n], given->jacobian[i]);
+    units_of_zeros(n, given->x, sqrt(given->k->dot(given->m, given->r, given->r)), slope, given->unit);
+    for (size_t i = 0; i < numbers; i++) given->jacobian[i] *= given->unit[i % n];
+}
 
 /* ---- the check of J: changes of r along a random line against J d by Simpson's rule ---- */
 
@@ -139,9 +220,9 @@ static void check_line(const given_residuals *given, const double *x, double siz
 /* r and J at x + step d; out = J d. False: not finite, no evaluation is left, or *status is an error. */
 static bool look(lg_minimiser *m, const given_residuals *given, double step, double *out, lg_status *status) {
     const double *d = m->s;
-    if (m->counts.evaluations >= m->options.evaluations) return false;
+    if (m->counts.evaluations >= most_evaluations(m)) return false;
     for (size_t j = 0; j < m->n; j++) m->y[j] = m->x[j] + step * d[j];
-    *status = given->function(given->user, m->y, given->r, given->jacobian);
+    *status = call_residuals(given, m->y);
     m->counts.evaluations++;
     if (*status != LG_OK) return false;
     given->k->matvec(given->m, given->n, given->jacobian, d, out, false);
@@ -183,15 +264,16 @@ static lg_status check_jacobian(lg_minimiser *m, const given_residuals *given) {
 static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
     const given_residuals *given = user;
     const size_t n = given->n, rows = given->m;
-    const lg_status status = given->function(given->user, m->point, given->r, given->jacobian);
+    const bool first = m->counts.stage == LG_STAGE_START;
+    const lg_status status = call_residuals(given, m->point);
     if (status != LG_OK && status != LG_NOT_FINITE) return status;
+    if (first && status == LG_OK) complete_residual_units(given);
     given->k->transpose(rows, n, given->jacobian, given->transposed);
     given->k->gemm(n, n, rows, given->transposed, rows, 1, given->jacobian, n, given->matrix, n, false);
     given->k->matvec(n, rows, given->transposed, given->r, given->gradient, false);
     for (size_t i = 0; i < n; i++) given->gradient[i] *= 2.0;
     for (size_t i = 0; i < n * n; i++) given->matrix[i] *= 2.0;
     const double value = status == LG_OK ? given->k->dot(rows, given->r, given->r) : (double)NAN;
-    const bool first = m->counts.stage == LG_STAGE_START;
     (void)lg_minimiser_tell_squares(m, value, given->gradient, given->matrix);
     if (!first || !m->options.check || m->counts.end == LG_MINIMISE_NOT_FINITE) return LG_OK;
     return check_jacobian(m, given);
@@ -213,7 +295,8 @@ static void covariance_of(const lg_minimiser *m, size_t rows, double *out) {
     if (info == 0) dpotri_("L", &order, out, &order, &info);
     for (size_t i = 0; i < n; i++)
         for (size_t j = i; j < n; j++) {
-            const double scale = 2.0 * variance / sqrt(a[i * stride + i] * a[j * stride + j]);
+            const double scale =
+                2.0 * variance * m->unit[i] * m->unit[j] / sqrt(a[i * stride + i] * a[j * stride + j]);
             const double value = info == 0 ? out[i * n + j] * scale : (double)NAN;
             out[i * n + j] = out[j * n + i] = value;
         }
@@ -234,7 +317,8 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     lg_minimiser *m = NULL;
     LG_TRY(lg_minimiser_create(context, n, &chosen, x, &m, error));
     given_residuals given = {.function = residuals, .user = user, .m = rows, .n = n, .k = m->k};
-    given.r = lg_alloc(context, 5 * rows + 2 * rows * n + n + n * n, sizeof(double));
+    given.r = lg_alloc(context, 6 * rows + 3 * rows * n + 3 * n + n * n + lg_minimise_stack_length(rows, n),
+                       sizeof(double));
     if (given.r == NULL) {
         lg_minimiser_destroy(m);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a Jacobian of %zu x %zu numbers", rows, n);
@@ -247,11 +331,19 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     given.slope0 = given.r0 + rows;
     given.middle = given.slope0 + rows;
     given.change = given.middle + rows;
+    given.best = (lg_minimise_squares){rows, given.r, given.transposed, given.change + rows, NULL, NULL};
+    given.best.columns = given.best.r + rows;
+    given.best.stack = given.best.columns + rows * n;
+    given.x = given.best.stack + lg_minimise_stack_length(rows, n);
+    given.unit = given.x + n;
+    take_units(m, x, given.unit);
+    m->squares = &given.best;
     lg_minimise_end end;
     const lg_status status = run(m, evaluate_residuals, &given, &end);
     if (covariance != NULL && status == LG_OK) covariance_of(m, rows, covariance);
+    const lg_status concluded = conclude(m, status, end, x, result, error);
     lg_free(context, given.r);
-    return conclude(m, status, end, x, result, error);
+    return concluded;
 }
 
 lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *matrix, double *right) {

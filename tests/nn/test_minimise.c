@@ -158,6 +158,81 @@ TEST("the dense method takes fewer than three evaluations an iteration") {
     assert_true(r.evaluations < 3 * r.iterations);
 }
 
+/* ---- units ---- */
+
+/* (x/500 - 2)^2 + cosh(1e4 y - 2) */
+static lg_status uneven(const double *x, size_t n, double *value, double *gradient) {
+    const double u = x[0] / 500 - 2, v = 1e4 * x[1] - 2;
+    *value = u * u + cosh(v);
+    gradient[0] = u / 250;
+    gradient[1] = 1e4 * sinh(v);
+    return LG_OK;
+}
+
+/* sum (x_i/1e-12 - 3)^2, in units of 1e-30 */
+static lg_status tiny(const double *x, size_t n, double *value, double *gradient) {
+    *value = 0;
+    for (size_t i = 0; i < n; i++) {
+        const double u = x[i] / 1e-12 - 3;
+        *value += 1e-30 * u * u;
+        gradient[i] = 1e-30 * 2 * u / 1e-12;
+    }
+    return LG_OK;
+}
+
+/* sum 2 - cos(x_i - 1e8): 1e-8 of x is a turn. */
+static lg_status turns(const double *x, size_t n, double *value, double *gradient) {
+    *value = 0;
+    for (size_t i = 0; i < n; i++) {
+        *value += 2 - cos(x[i] - 1e8);
+        gradient[i] = sin(x[i] - 1e8);
+    }
+    return LG_OK;
+}
+
+TEST("steps and checks have the size of the variables and of the function") {
+    static const struct {
+        lg_status (*value)(const double *x, size_t n, double *value, double *gradient);
+        double start[2], minimum[2], off; /* off 0: a minimum of many */
+    } cases[] = {{uneven, {500, 1e-4}, {1000, 2e-4}, 1e-7},
+                 {tiny, {1e-12, 1e-12}, {3e-12, 3e-12}, 1e-9},
+                 {tiny, {0, 0}, {3e-12, 3e-12}, 1e-9},
+                 {turns, {1e8 + 1, 1e8 - 1}, {0, 0}, 0}};
+    for (int method = 0; method < LG_MINIMISE_LM; method++)
+        for (size_t c = 0; c < LG_COUNT(cases); c++) {
+            function f = FUNCTION(cases[c].value, 2);
+            double x[2] = {cases[c].start[0], cases[c].start[1]};
+            const lg_minimise_result r = minimise(&f, (lg_minimise_method)method, x, LG_OK);
+            for (int i = 0; i < 2; i++)
+                if (cases[c].off > 0) assert_close(x[i], cases[c].minimum[i], cases[c].off, 0);
+            if (!(cases[c].off > 0)) assert_close(r.value, 2, 1e-15, 0);
+        }
+}
+
+/* x^2 + x^4 + (y^2 - 1)^2: y = 0 is a saddle that every gradient from (1, 0) runs into. */
+static lg_status two_wells(const double *x, size_t n, double *value, double *gradient) {
+    const double w = x[1] * x[1] - 1;
+    *value = x[0] * x[0] + x[0] * x[0] * x[0] * x[0] + w * w;
+    gradient[0] = 2 * x[0] + 4 * x[0] * x[0] * x[0];
+    gradient[1] = 4 * x[1] * w;
+    return LG_OK;
+}
+
+TEST("a saddle is left, or called no minimum") {
+    for (int method = 0; method < LG_MINIMISE_LM; method++) {
+        function f = FUNCTION(two_wells, 2);
+        double x[2] = {1, 0};
+        lg_minimise_result r;
+        lg_minimise_options options;
+        lg_minimise_options_init(&options);
+        options.method = (lg_minimise_method)method;
+        const lg_status status = lg_minimise(NULL, 2, evaluate, &f, &options, x, &r, NULL);
+        print_message("%s: %s, f = %g\n", lg_minimise_method_name((lg_minimise_method)method),
+                      lg_status_name(status), r.value);
+        assert_true(status == LG_NO_CONVERGENCE || r.value < 1e-12);
+    }
+}
+
 /* ---- ends ---- */
 
 static void assert_end(function f, lg_status status, lg_minimise_end end) {
@@ -290,7 +365,7 @@ TEST("a run saved and loaded after every evaluation has the bits of one that was
         function f = FUNCTION(rosenbrock, 3);
         lg_minimiser *whole = test_minimiser(&f, (lg_minimise_method)method), *parts = whole;
         whole = test_minimiser(&f, (lg_minimise_method)method);
-        for (int i = 0; i < 60; i++) {
+        for (int i = 0; i < 100; i++) { /* the Hessian at the end, too */
             memory_archive archive = {.count = 0};
             const lg_archive_writer writer = memory_writer(&archive);
             assert_ok(lg_minimiser_save(parts, &writer, NULL));

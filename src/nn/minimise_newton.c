@@ -1,0 +1,160 @@
+/* Where searches fail: the Hessian A from differences of gradients tells whether the point is a minimum, and a
+ * Newton step from it goes on where rounding has spoiled H.
+ *
+ * A is symmetric, (n, n): the upper triangle and diagonal A, the lower triangle a factor. */
+#include <math.h>
+#include <string.h>
+
+#include "kernels/lapack.h"
+#include "nn/minimise_internal.h"
+
+enum { MOST_VARIABLES = 200, ITERATIONS = 20 };
+static const double DIFFERENCE = 1e-5; /* of a variable */
+static const double FLAT = 1e-12;      /* curvature that changes f by less than that of it is zero */
+static const double LEAST_SHIFT = 1e-12, MOST_SHIFT = 1e12; /* of the diagonal */
+static const double CONVEX_SHIFT = 1e-9;                    /* up to this A counts as positive semidefinite */
+static const double LEFT = 1e-8, STILL = 1e-12, STRIDE = 0.1, LEAST_SLOPE = 1e-300;
+
+static size_t before_hessian(const lg_minimiser *m) {
+    return m->row->before_hessian != NULL ? m->row->before_hessian(m) : 0;
+}
+
+static double *hessian_of(const lg_minimiser *m) {
+    return m->curvature + before_hessian(m);
+}
+
+bool lg_minimise_newton_fits(const lg_minimiser *m) {
+    return m->options.check && m->options.ranks == NULL && m->n <= MOST_VARIABLES &&
+           before_hessian(m) + m->n * m->n <= m->length;
+}
+
+static double step_of(const lg_minimiser *m, size_t i) {
+    return DIFFERENCE * fmax(fabs(m->x[i]), DIFFERENCE);
+}
+
+/* Differences to both sides; where g is zero, to one. */
+static size_t sides(const lg_minimiser *m) {
+    return lg_minimise_flat(m) ? 1 : 2;
+}
+
+/* The point of the next difference: x +- a step along one variable. */
+static void next_point(lg_minimiser *m) {
+    const size_t i = (size_t)m->counts.trials / sides(m);
+    memcpy(m->point, m->x, m->n * sizeof *m->x);
+    m->point[i] += m->counts.trials % sides(m) == 0 ? step_of(m, i) : -step_of(m, i);
+}
+
+static void begin(lg_minimiser *m) {
+    m->counts.stage = LG_STAGE_HESSIAN;
+    m->counts.trials = m->counts.pairs = 0;
+    m->newton = true;
+    next_point(m);
+}
+
+lg_minimise_end lg_minimise_verify(lg_minimiser *m, lg_minimise_end end) {
+    if (!lg_minimise_newton_fits(m)) {
+        lg_minimise_finish(m, end);
+        return end;
+    }
+    m->counts.failures = 2;
+    begin(m);
+    return LG_MINIMISE_RUNNING;
+}
+
+/* Of the diagonal: what counts as curvature of variable i. */
+static double curvature_of(const lg_minimiser *m, size_t i) {
+    const double size = 1.0 + fabs(m->x[i]), flat = FLAT * fabs(m->numbers.value) / (size * size);
+    return fmax(fabs(m->s[i]), fmax(flat, 1e-300));
+}
+
+/* Factors A + shift D in the lower triangle, scaled to the unit diagonal D = diag(curvature_of), 1/sqrt(D) in m->y;
+ * the diagonal of A lies in m->s. False: not positive definite. */
+static bool factor(lg_minimiser *m, double shift) {
+    const size_t n = m->n;
+    const int order = (int)n;
+    double *A = hessian_of(m);
+    int info = 0;
+    for (size_t i = 0; i < n; i++) m->y[i] = 1.0 / sqrt(curvature_of(m, i));
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < i; j++) A[i * n + j] = A[j * n + i] * m->y[i] * m->y[j];
+        A[i * n + i] = m->s[i] * m->y[i] * m->y[i] + shift;
+    }
+    dpotrf_("U", &order, A, &order, &info); /* its upper is our lower triangle */
+    return info == 0;
+}
+
+/* x <- (A + shift D)^-1 x, x and the result scaled by sqrt(D). */
+static void solve(const lg_minimiser *m, double *x) {
+    const int order = (int)m->n, one = 1;
+    int info;
+    dpotrs_("U", &order, &one, hessian_of(m), &order, x, &order, &info);
+}
+
+/* d += v where f curves downwards: the eigenvector of the lowest eigenvalue, by inverse iteration, at a length of
+ * STRIDE of the variable that it changes most. */
+static void add_downwards(lg_minimiser *m) {
+    const size_t n = m->n;
+    double *v = m->s, most = 0.0;
+    lg_minimise_check_direction(m);
+    for (int i = 0; i < ITERATIONS; i++) {
+        solve(m, v);
+        const double length = sqrt(m->k->dot(n, v, v));
+        for (size_t j = 0; j < n; j++) v[j] /= length;
+    }
+    for (size_t j = 0; j < n; j++) {
+        v[j] *= m->y[j];
+        most = fmax(most, fabs(v[j]) / (1.0 + fabs(m->x[j])));
+    }
+    m->k->axpy(n, copysign(STRIDE / most, -m->k->dot(n, m->g, v)), v, m->d);
+}
+
+bool lg_minimise_newton_shows(const lg_minimiser *m) {
+    const double fall = -0.5 * m->k->dot(m->n, m->g, m->d);
+    bool still = true;
+    for (size_t i = 0; i < m->n; i++) still = still && fabs(m->d[i]) <= LEFT * fabs(m->x[i]) + STILL;
+    return m->numbers.damping <= CONVEX_SHIFT && (still || fall <= LEFT * fabs(m->numbers.value));
+}
+
+/* Searches along the Newton step d = -(A + shift D)^-1 g, with the least shift of a power of 10 that makes the
+ * matrix positive definite. */
+static void decide(lg_minimiser *m) {
+    const size_t n = m->n;
+    double *A = hessian_of(m), shift = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        m->s[i] = A[i * n + i];
+        for (size_t j = 0; j < i; j++) A[j * n + i] = 0.5 * (A[j * n + i] + A[i * n + j]);
+    }
+    while (!factor(m, shift) && shift <= MOST_SHIFT) shift = fmax(10.0 * shift, LEAST_SHIFT);
+    m->numbers.damping = shift;
+    for (size_t i = 0; i < n; i++) m->d[i] = -m->g[i] * m->y[i];
+    if (shift <= MOST_SHIFT) solve(m, m->d);
+    for (size_t i = 0; i < n; i++) m->d[i] *= m->y[i];
+    if (shift > CONVEX_SHIFT && shift <= MOST_SHIFT) add_downwards(m);
+    if (m->row->invert != NULL && shift <= CONVEX_SHIFT) m->row->invert(m, m->y);
+    if (lg_minimise_flat(m) && shift <= CONVEX_SHIFT) {
+        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    } else if (m->k->dot(n, m->g, m->d) < 0.0) {
+        lg_minimise_search(m, 1.0);
+    } else { /* from a saddle or a top, where g is zero */
+        m->numbers.slope = -LEAST_SLOPE;
+        lg_minimise_search_begin(m, 1.0);
+        for (size_t i = 0; i < n; i++) m->point[i] = m->x[i] + m->d[i];
+    }
+}
+
+void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient) {
+    const size_t n = m->n, i = (size_t)m->counts.trials / sides(m);
+    double *row = hessian_of(m) + i * n;
+    if (!m->k->all_finite(n, gradient)) {
+        lg_minimise_finish(m, lg_minimise_flat(m) ? LG_MINIMISE_GRADIENT : LG_MINIMISE_STUCK);
+        return;
+    }
+    const bool first = m->counts.trials % sides(m) == 0, last = (m->counts.trials + 1) % sides(m) == 0;
+    const double *from = first ? gradient : row, *to = first ? m->g : gradient;
+    const double step = last ? step_of(m, i) * (double)sides(m) : 1.0;
+    for (size_t j = 0; j < n; j++) row[j] = last ? (from[j] - to[j]) / step : gradient[j];
+    if (++m->counts.trials < sides(m) * n)
+        next_point(m);
+    else
+        decide(m);
+}
