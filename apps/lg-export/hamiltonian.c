@@ -31,12 +31,14 @@ static void invert(size_t k, const double *m, double *W) {
     free(l);
 }
 
-/* W = m^-1 (k, k). *condition = max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W:
+/* W = m^-1 (k, k), inside (divided by the scales). *condition = max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W:
  * how nearly the rows of m depend on each other, whatever their scale. False: the family has no mass. */
 static bool invert_mass(const lg_hamiltonian *model, const double *theta, double *W, double *condition) {
     const size_t k = model->n;
     double *m = app_alloc(k * k, sizeof *m);
-    const bool has_mass = lg_hamiltonian_mass(model, theta, m) == LG_OK;
+    lg_hamiltonian inner = *model;
+    inner.scales = (lg_hamiltonian_scales){1.0, {1.0, 1.0}};
+    const bool has_mass = lg_hamiltonian_mass(&inner, theta, m) == LG_OK;
     *condition = 1.0;
     if (has_mass) invert(k, m, W);
     for (size_t i = 0; has_mass && i < k; i++) *condition = fmax(*condition, m[i * k + i] * W[i * k + i]);

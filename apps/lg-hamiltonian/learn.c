@@ -15,9 +15,10 @@ static const struct {
 } preset_rows[] = {
     {"thesis", "method", "adam", NULL, 0},       {"thesis", "hidden", "100,100,100", NULL, 0},
     {"thesis", "epochs", "100", NULL, 0},        {"thesis", "prior", "0", NULL, 0},
-    {"thesis", "scaled", "no", NULL, 0},         {"best", "method", "ssbroyden", NULL, 0},
-    {"best", "hidden", "20,20", NULL, 0},        {"best", "epochs", "2000", NULL, 0},
-    {"best", "prior", "0.15", NULL, 0},          {"best", "integrator", "rk4", "separable", 0},
+    {"thesis", "scaled", "no", NULL, 0},         {"thesis", "units", "given", NULL, 0},
+    {"best", "method", "ssbroyden", NULL, 0},    {"best", "hidden", "20,20", NULL, 0},
+    {"best", "epochs", "2000", NULL, 0},         {"best", "prior", "0.15", NULL, 0},
+    {"best", "units", "data", NULL, 0},          {"best", "integrator", "rk4", "separable", 0},
     {"best", "scaled", "yes", "chain", 0},       {"best", "hidden", "20", "chain", 3},
     {"best", "integrator", "rkmk5", "chain", 3},
 };
@@ -41,23 +42,7 @@ lg_status learner_preset(const app *self, const char *preset, const lg_hamiltoni
     return found;
 }
 
-lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error) {
-    const lg_mlp net = run->model.net;
-    const lg_symmetry symmetry = run->model.symmetry;
-    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->n, run->model.potential,
-                                                 net.width + 1, net.layers - 1, net.activation);
-    if (status != LG_OK) return app_error(error, status, "a network of this size cannot be made");
-    run->model.symmetry = symmetry;
-    memcpy(run->system, data->system, sizeof run->system);
-    memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
-    run->trajectories = data->count;
-    run->points = data->points;
-    run->dt = data->dt;
-    return LG_OK;
-}
-
-static lg_hamiltonian_problem problem_of(const learner *self, const lg_trajectories *data) {
-    const lg_hamiltonian_run *run = &self->run;
+static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg_trajectories *data) {
     return (lg_hamiltonian_problem){.model = &run->model,
                                     .scheme = run->scheme,
                                     .substeps = run->substeps,
@@ -72,6 +57,35 @@ static lg_hamiltonian_problem problem_of(const learner *self, const lg_trajector
                                     .points = data->points,
                                     .dt = data->dt,
                                     .data = data->data};
+}
+
+lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error) {
+    const lg_mlp net = run->model.net;
+    const lg_symmetry symmetry = run->model.symmetry;
+    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->n, run->model.potential,
+                                                 net.width + 1, net.layers - 1, net.activation);
+    if (status != LG_OK) return app_error(error, status, "a network of this size cannot be made");
+    run->model.symmetry = symmetry;
+    memcpy(run->system, data->system, sizeof run->system);
+    memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
+    run->trajectories = data->count;
+    run->points = data->points;
+    run->dt = data->dt;
+    if (run->units == LG_UNITS_GIVEN) return LG_OK;
+    const lg_hamiltonian_problem problem = problem_of(run, data);
+    return lg_hamiltonian_find_scales(&problem, &run->model.scales, error);
+}
+
+/* Weights of the loss by the data; the penalty keeps its ratio to the squares of the momenta. */
+static lg_status weigh(lg_hamiltonian_problem *problem, lg_error *error) {
+    const lg_status status = lg_hamiltonian_weigh(problem, error);
+    if (status != LG_OK || problem->penalty == 0) return status;
+    double unit = 1;
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        unit *= pow(problem->model->scales.part[i], problem->penalty_integral->power[i]);
+    if (problem->penalty_form == LG_PENALTY_MEAN_SQUARE) unit *= unit;
+    problem->penalty *= fmax(problem->weight[0], problem->weight[1]) / unit;
+    return LG_OK;
 }
 
 /* The weights to begin with. They are drawn again where a prediction is not finite: a long chain with a
@@ -95,8 +109,9 @@ lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *ru
                          const lg_trajectories *data, const lg_fit_options *options, learner *out,
                          lg_error *error) {
     *out = (learner){.run = *run};
-    out->problem = problem_of(out, data);
+    out->problem = problem_of(&out->run, data);
     lg_status status = lg_hamiltonian_problem_check(&out->problem, error);
+    if (status == LG_OK && run->units == LG_UNITS_DATA) status = weigh(&out->problem, error);
     if (status != LG_OK) return status;
     lg_hamiltonian_fit_problem(&out->problem, &out->fit_problem);
     double *theta = app_alloc(out->fit_problem.parameters, sizeof *theta);

@@ -19,6 +19,11 @@
  *     r_i = q_i.p_i/m_ii - u_i.
  * - "separable", n degrees of freedom on R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q), V takes q. Forces: n.
  *
+ * Inside, quantities are divided by the model's scales: times by T, part i of a state by s_i, energies by
+ * E = s_1 s_2 ... / T, so that a system whose units are changed is the same system inside. The functions of
+ * this header take and give quantities in the units of the data; the functions of a family, V and the
+ * parameter vector are inside. All scales are 1 after lg_hamiltonian_init.
+ *
  * The flat parameter vector has V's layers in order (weight (in, out) row-major, then bias), then the
  * `arrays` of the family: Gamma (n, n) and b (n) of a chain, A (n, n) of a separable system.
  */
@@ -37,7 +42,8 @@
 LG_BEGIN_DECLS
 
 /* V of the coordinates x (d): an MLP; linear; or a dictionary, linear in functions of x, whose order is
- *   x_i, x_i^2, x_i^3, x_i^4, sin x_i, cos x_i, each for i = 1..d, then x_i x_j for i < j. */
+ *   x_i, x_i^2, x_i^3, x_i^4, sin x_i, cos x_i, each for i = 1..d, then x_i x_j for i < j.
+ * x is divided by its scale, but in sin and cos, where it is an angle in radians. */
 typedef enum lg_potential_kind {
     LG_POTENTIAL_MLP,
     LG_POTENTIAL_LINEAR,
@@ -55,6 +61,11 @@ typedef enum lg_symmetry { LG_SYMMETRY_NONE, LG_SYMMETRY_EVEN, LG_SYMMETRY_ODD }
 
 typedef struct lg_hamiltonian_family lg_hamiltonian_family;
 
+/* T and the s_i of the parts of a state, in the units of the data. */
+typedef struct lg_hamiltonian_scales {
+    double time, part[LG_HAMILTONIAN_MAX_PARTS];
+} lg_hamiltonian_scales;
+
 /* Immutable after lg_hamiltonian_init; plain data, copied freely. `family` is static. */
 typedef struct lg_hamiltonian {
     const lg_hamiltonian_family *family;
@@ -63,6 +74,7 @@ typedef struct lg_hamiltonian {
     lg_symmetry symmetry; /* of V: none after lg_hamiltonian_init, may be set then */
     /* Of family->inputs n coordinates or the dictionary's functions, to 1; only an MLP has hidden layers. */
     lg_mlp net;
+    lg_hamiltonian_scales scales; /* 1 after lg_hamiltonian_init, may be set then */
 } lg_hamiltonian;
 
 /* Variables that depend on theta alone and serve all rows of a batch. lg_hamiltonian_bind makes them once.
@@ -78,7 +90,8 @@ typedef struct lg_hamiltonian_vars {
  * A family describes one kind of learned Hamiltonian. Training, evaluation, files and C use this description.
  * lg_hamiltonian_init also takes a family of your own; files refer to the families of the table
  * (src/models/hamiltonian_families.c) by name. y, gradients and algebra elements are arrays of the space's
- * parts (liegrad/taped.h). The functions record on `tape`, and failures stick to it.
+ * parts (liegrad/taped.h), inside (divided by the scales). The functions record on `tape`, and failures stick
+ * to it.
  */
 typedef struct lg_hamiltonian_array {
     const char *name; /* in files, below /model: "mass/gamma" */
@@ -91,6 +104,9 @@ struct lg_hamiltonian_family {
     const char *copy;                               /* what n counts, "link" */
     lg_space_kind factor[LG_HAMILTONIAN_MAX_PARTS]; /* of the space, n copies each */
     uint32_t factors;
+    /* Parts that have a unit. The product of these units is that of an action, energy times time, as for q and
+     * p of a pair. Scales of the other parts are 1. */
+    bool scaled[LG_HAMILTONIAN_MAX_PARTS];
     uint32_t inputs;                       /* of V, for each of the n */
     uint32_t forces;                       /* numbers of an input for each of the n */
     const char *layout[3];                 /* names of the parts of a state, ended by NULL: "q", "p" */
@@ -164,7 +180,7 @@ LG_API size_t lg_hamiltonian_array_offset(const lg_hamiltonian *model, size_t in
 #define LG_HAMILTONIAN_LEAST_PIVOT 0.1
 /* Weights and biases are drawn from U(+-1/sqrt(fan_in)), the family's arrays from U[0, 1]. */
 LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);
-/* A chain's learned mass matrix m = Gamma^T Gamma + diag(max(0, b)), (n, n), symmetric. LG_UNSUPPORTED: a
+/* A chain's learned mass matrix s_2 T (Gamma^T Gamma + diag(max(0, b))), (n, n), symmetric. LG_UNSUPPORTED: a
  * family without one. */
 LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m);
 
@@ -177,6 +193,7 @@ typedef struct lg_first_integral {
     const lg_hamiltonian_family *family; /* whose states it takes; NULL: any */
     uint32_t n;                          /* it is for so many copies only; 0: for any number */
     bool numbered;                       /* it is that of one copy, j */
+    int power[LG_HAMILTONIAN_MAX_PARTS]; /* G has the unit of part 1 to this power times that of part 2 ... */
     /* Records G (B, 1) of the parts y; j counts from 0. Failures stick to the tape. */
     lg_var (*record)(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j, const lg_var *y);
     void *user; /* first argument of record */
@@ -231,6 +248,8 @@ typedef struct lg_hamiltonian_problem {
     lg_penalty_points penalty_points;
     lg_hamiltonian_distance distance;
     lg_hamiltonian_starts starts;
+    /* Of the squares of part i, divided by its scale, in the loss; all 0: 1. */
+    double weight[LG_HAMILTONIAN_MAX_PARTS];
     size_t trajectories, points;
     double dt;
     const double *data; /* (N, M, d) in the state's layout */
@@ -244,14 +263,31 @@ typedef struct lg_hamiltonian_problem {
  * a scheme that leaves the manifold), an unknown kind of starts or distance. */
 LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error);
 
+/* Scales by the data, to be set in the model before training: numbers inside have sizes about 1, and a change
+ * of units changes nothing inside but rounding; by powers of 2, no bit. With root mean squares over all
+ * points, of the numbers of a copy together, and rates of change over so many points that a part changes by
+ * half its spread, or over all:
+ *   T    the geometric mean over the parts that change of spread / rate,
+ *   s_1  the size of q, where the family scales it, else 1,
+ *   s_2  s_1 |p| / (|q'| T): a mass of 1 inside moves as the data do.
+ * Where nothing moves, T is the time of a trajectory and s_i the size. Only model, trajectories, points, dt
+ * and data of the problem are read. Errors: LG_INVALID_ARGUMENT (one of them is missing), LG_NOT_FINITE (sizes
+ * out of range). */
+LG_API lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_hamiltonian_scales *out,
+                                            lg_error *error);
+/* Sets problem->weight by the data: one over the mean square of the change of a part from the first point to
+ * the others, so that the parts count alike in the loss. Errors as above. */
+LG_API lg_status lg_hamiltonian_weigh(lg_hamiltonian_problem *problem, lg_error *error);
+
 /* Fills a training problem for lg_fit: loss = mean squared difference over (batch, d, M - 1) of predicted and
- * given points, the initial point excluded, or that of another distance, plus the penalty.
+ * given points inside, the initial point excluded, or that of another distance, with the weights of the
+ * parts, plus the penalty, whose G is in the units of the data.
  * `problem` is borrowed and must outlive the fit. With estimated starts the mean is over M points, and the
  * a_i, zero at first, follow the parameters of the model: N algebra_dim more numbers. */
 LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out);
 
-/* That mean squared difference over all trajectories, ambient and without the penalty, in double
- * precision; not finite where a prediction is not. Errors, with *out untouched: those of
+/* That mean squared difference over all trajectories in the units of the data, ambient and without weights
+ * and penalty, in double precision; not finite where a prediction is not. Errors, with *out untouched: those of
  * lg_hamiltonian_problem_check and of the integrator. */
 LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    const lg_hamiltonian_problem *problem, const double *theta,

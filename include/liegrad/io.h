@@ -266,6 +266,10 @@ LG_API void lg_trajectories_destroy(lg_trajectories *data);
 
 /* ---- learned Hamiltonians ---- */
 
+/* What training computes in: the units of the data, or scales and weights by the data
+ * (lg_hamiltonian_find_scales, lg_hamiltonian_weigh). */
+typedef enum lg_hamiltonian_units { LG_UNITS_GIVEN, LG_UNITS_DATA } lg_hamiltonian_units;
+
 /* Model, training and data of a run. Models and checkpoints store it, and a resumed run is compared with
  * it. */
 typedef struct lg_hamiltonian_run {
@@ -280,6 +284,7 @@ typedef struct lg_hamiltonian_run {
     lg_penalty_points penalty_points;
     lg_hamiltonian_distance distance;
     bool scaled; /* lg_hamiltonian_scale before training */
+    lg_hamiltonian_units units;
     lg_hamiltonian_starts starts;
     lg_training training;
     uint64_t trajectories, points; /* N, M */

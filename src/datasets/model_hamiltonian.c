@@ -12,11 +12,26 @@ static uint32_t hidden_layers(const lg_hamiltonian *model) {
     return model->net.layers > 0 && model->net.layers <= LG_MLP_MAX_LAYERS ? model->net.layers - 1 : 0;
 }
 
+enum { SCALES = sizeof(lg_hamiltonian_scales) / sizeof(double) };
+_Static_assert(sizeof(lg_hamiltonian_scales) == SCALES * sizeof(double),
+               "scales are numbers one after the other");
+
+static uint32_t get_scales(const void *member, double *values) {
+    memcpy(values, member, sizeof(lg_hamiltonian_scales));
+    return SCALES;
+}
+
+static void put_scales(void *member, const double *values, uint32_t count) {
+    if (count == SCALES) memcpy(member, values, sizeof(lg_hamiltonian_scales));
+}
+
 #define FACT(group, name, type, member, ...)                                                                 \
     LG_FACT(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
 static const lg_hyperparameter facts[] = {
     FACT("model", "family", NAME, model.family, .value_name = lg_name_family, .value_at = lg_family_number),
     FACT("model", "links", U32, model.n, .low = 1),
+    FACT("model", "scales", REALS, model.scales, .low = 0, .get = get_scales, .put = put_scales,
+         .most = SCALES, .optional = true),
     FACT("run", "system", TEXT, system, .low = 0),
     FACT("run", "trajectories", U64, trajectories, .low = 0),
     FACT("run", "points", U64, points, .low = 0),
@@ -24,20 +39,33 @@ static const lg_hyperparameter facts[] = {
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
     LG_HYPERPARAMETER_END};
 
-static const lg_hamiltonian_run defaults = {.substeps = 1, .training = {.schedule = LG_SCHEDULE_STEP}};
+static const lg_hamiltonian_run defaults = {
+    .model = {.scales = {1.0, {1.0, 1.0}}}, .substeps = 1, .training = {.schedule = LG_SCHEDULE_STEP}};
+
+/* Above 0, and 1 for parts that have no unit. */
+static bool fit(const lg_hamiltonian_scales *scales, const lg_hamiltonian_family *family) {
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        if (!(scales->part[i] > 0.0) || (!family->scaled[i] && scales->part[i] != 1.0)) return false;
+    return scales->time > 0.0;
+}
 
 static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     lg_hamiltonian_run *run = user;
     lg_hamiltonian *model = &run->model;
     const lg_mlp read = model->net;
     const lg_symmetry symmetry = model->symmetry;
+    const lg_hamiltonian_scales scales = model->scales;
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
     const lg_status status = lg_hamiltonian_init(model, model->family, model->n, model->potential,
                                                  read.width + 1, hidden_layers(model), read.activation);
     if (status != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: /model: attributes links and hidden are out of range",
                        lg_shown_path(h5->path));
+    if (!fit(&scales, model->family))
+        return lg_fail(error, LG_FORMAT, "%s: /model: attribute scales is out of range",
+                       lg_shown_path(h5->path));
     model->symmetry = symmetry;
+    model->scales = scales;
     return LG_OK;
 }
 
@@ -51,6 +79,7 @@ static lg_status check(const void *user) {
     lg_hamiltonian again;
     LG_TRY(lg_hamiltonian_init(&again, model->family, model->n, model->potential, model->net.width + 1,
                                hidden_layers(model), model->net.activation));
+    if (!fit(&model->scales, model->family)) return LG_INVALID_ARGUMENT;
     return lg_hamiltonian_parameters(&again) == parameters(run) ? LG_OK : LG_INVALID_ARGUMENT;
 }
 

@@ -67,6 +67,7 @@ NAMES(potential, [LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear",
       [LG_POTENTIAL_DICTIONARY] = "dictionary")
 NAMES(symmetry, [LG_SYMMETRY_NONE] = "none", [LG_SYMMETRY_EVEN] = "even", [LG_SYMMETRY_ODD] = "odd")
 NAMES(dtype, [LG_F64] = "f64", [LG_F32] = "f32")
+NAMES(units, [LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data")
 NAMES(start, [LG_START_MEASURED] = "measured", [LG_START_ESTIMATED] = "estimated")
 NAMES(machine_start, [LG_MACHINE_STARTS_MEASURED] = "measured", [LG_MACHINE_STARTS_ESTIMATED] = "estimated")
 NAMES(distance, [LG_DISTANCE_AMBIENT] = "ambient", [LG_DISTANCE_GEODESIC] = "geodesic")

@@ -16,6 +16,7 @@ const char *lg_name_penalty_form(uint32_t value);
 const char *lg_name_surrogate_penalty(uint32_t value);
 const char *lg_name_distance(uint32_t value);
 const char *lg_name_start(uint32_t value);
+const char *lg_name_units(uint32_t value);
 const char *lg_name_machine_start(uint32_t value);
 const char *lg_name_noise(uint32_t value);
 const char *lg_name_schedule(uint32_t value);

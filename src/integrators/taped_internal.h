@@ -24,6 +24,9 @@ lg_taped_time lg_taped_stage_time(const lg_taped_span *over, double c);
 /* x, a part of an algebra element, times the rows of the step: x itself where the step is a constant. */
 lg_var lg_taped_by_rows(lg_tape *tape, const lg_taped_span *over, lg_var x);
 
+/* part[i]: the part that number i of a state (dim numbers) belongs to. */
+void lg_taped_number_parts(const lg_space *space, uint8_t *part);
+
 /* Elements of the algebra as the plain interpreter has them, (B, algebra_dim), to parts, and back. */
 lg_status lg_taped_split_algebra(lg_tape *tape, const lg_space *space, lg_var a, lg_var *parts);
 lg_var lg_taped_join_algebra(lg_tape *tape, const lg_space *space, const lg_var *parts);

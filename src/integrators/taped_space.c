@@ -183,6 +183,14 @@ size_t lg_taped_parts(const lg_space *space) {
     return parts;
 }
 
+void lg_taped_number_parts(const lg_space *space, uint8_t *part) {
+    FOR_FACTORS(space, f, row, at) {
+        for (size_t copy = 0; copy < space->factor[f].count; copy++)
+            for (uint32_t p = 0; p < row->parts; p++)
+                for (uint32_t i = 0; i < row->state[p]; i++) *part++ = (uint8_t)(at + p);
+    }
+}
+
 /* ---- split and join ---- */
 
 typedef enum side { STATE, ALGEBRA } side;

@@ -8,7 +8,7 @@ lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family
     if (family == NULL || n < 1 || n > LG_HAMILTONIAN_MAX_COPIES) return LG_INVALID_ARGUMENT;
     const lg_potential_row *row = lg_potential_row_of(potential);
     if (row == NULL) return LG_INVALID_ARGUMENT;
-    lg_hamiltonian made = {.family = family, .n = n, .potential = potential};
+    lg_hamiltonian made = {.family = family, .n = n, .potential = potential, .scales = {1.0, {1.0, 1.0}}};
     const uint32_t layers = row->layered ? hidden_layers : 0, functions = row->count(family->inputs * n);
     LG_TRY(lg_mlp_init(&made.net, functions, hidden, layers, 1, activation, false));
     *model = made;

@@ -42,7 +42,10 @@ static bool usable(uint32_t n, const double *arrays) {
 
 lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m) {
     if (model->family != &lg_hamiltonian_chain) return LG_UNSUPPORTED;
-    mass(model->n, theta + lg_hamiltonian_array_offset(model, 0), m);
+    const size_t n = model->n;
+    const double unit = model->scales.part[1] * model->scales.time; /* of p by that of q' */
+    mass(n, theta + lg_hamiltonian_array_offset(model, 0), m);
+    for (size_t i = 0; i < n * n; i++) m[i] *= unit;
     return LG_OK;
 }
 
@@ -211,6 +214,7 @@ const lg_hamiltonian_family lg_hamiltonian_chain = {
     .copy = "link",
     .factor = {LG_SPACE_TS2},
     .factors = 1,
+    .scaled = {false, true},
     .inputs = 3,
     .forces = 3,
     .layout = {"q", "p"},

@@ -35,12 +35,14 @@ static uint32_t one_a_pair(uint32_t d) {
     return d * (d - 1) / 2;
 }
 
-/* How many functions of d coordinates, and their values, (B, d) -> (B, count). */
+/* How many functions of d coordinates, and their values, (B, d) -> (B, count); of an angle: x in radians. */
 static const struct {
     uint32_t (*count)(uint32_t d);
     lg_var (*record)(lg_tape *tape, lg_var x);
-} functions[] = {{one_each, same},   {one_each, lg_square}, {one_each, cube},      {one_each, fourth},
-                 {one_each, lg_sin}, {one_each, lg_cos},    {one_a_pair, products}};
+    bool angle;
+} functions[] = {{one_each, same, false},      {one_each, lg_square, false}, {one_each, cube, false},
+                 {one_each, fourth, false},    {one_each, lg_sin, true},     {one_each, lg_cos, true},
+                 {one_a_pair, products, false}};
 
 static uint32_t dictionary_count(uint32_t d) {
     uint32_t sum = 0;
@@ -48,12 +50,14 @@ static uint32_t dictionary_count(uint32_t d) {
     return sum;
 }
 
-static lg_var dictionary_record(lg_tape *tape, lg_var x) {
+static lg_var dictionary_record(lg_tape *tape, lg_var x, double unit) {
     const uint32_t d = lg_var_shape(tape, x).dims[1];
+    const lg_var angles = lg_hamiltonian_scaled(tape, x, unit);
     lg_var out[LG_COUNT(functions)];
     size_t used = 0;
     for (size_t i = 0; i < LG_COUNT(functions); i++)
-        if (functions[i].count(d) > 0) out[used++] = functions[i].record(tape, x);
+        if (functions[i].count(d) > 0)
+            out[used++] = functions[i].record(tape, functions[i].angle ? angles : x);
     return lg_concat(tape, out, used, 1);
 }
 

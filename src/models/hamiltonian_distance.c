@@ -46,21 +46,22 @@ static lg_var carried(lg_tape *tape, lg_var a, lg_var p, lg_var b) {
     return lg_sub(tape, p, lg_mul(tape, lg_add(tape, a, b), factor));
 }
 
-static lg_var on_cotangent_spheres(lg_tape *tape, const lg_var *a, const lg_var *b) {
+static lg_var on_cotangent_spheres(lg_tape *tape, const double *weight, const lg_var *a, const lg_var *b) {
     lg_var apart = lg_sub(tape, carried(tape, a[0], a[1], b[0]), b[1]);
-    return lg_add(tape, lg_sum(tape, squared_angle(tape, a[0], b[0])), lg_sum(tape, lg_square(tape, apart)));
+    lg_var angles = lg_hamiltonian_scaled(tape, lg_sum(tape, squared_angle(tape, a[0], b[0])), weight[0]);
+    return lg_add(tape, angles, lg_hamiltonian_scaled(tape, lg_sum(tape, lg_square(tape, apart)), weight[1]));
 }
 
 /* ---- the table, by kind of factor ---- */
 
-static lg_var flat(lg_tape *tape, const lg_var *a, const lg_var *b) {
-    return lg_sum(tape, lg_square(tape, lg_sub(tape, a[0], b[0])));
+static lg_var flat(lg_tape *tape, const double *weight, const lg_var *a, const lg_var *b) {
+    return lg_hamiltonian_scaled(tape, lg_sum(tape, lg_square(tape, lg_sub(tape, a[0], b[0]))), weight[0]);
 }
 
 typedef struct geodesic {
     lg_space_kind kind;
     size_t parts;
-    lg_var (*squared)(lg_tape *tape, const lg_var *a, const lg_var *b);
+    lg_var (*squared)(lg_tape *tape, const double *weight, const lg_var *a, const lg_var *b);
 } geodesic;
 
 static const geodesic geodesics[] = {{LG_SPACE_RN, 1, flat}, {LG_SPACE_TS2, 2, on_cotangent_spheres}};
@@ -82,26 +83,29 @@ static lg_var plus(lg_tape *tape, lg_var total, lg_var more) {
     return lg_is_none(total) ? more : lg_add(tape, total, more);
 }
 
-static lg_var ambient(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b) {
+static lg_var ambient(lg_tape *tape, const lg_space *space, const double *weight, const lg_var *a,
+                      const lg_var *b) {
     lg_var total = LG_NONE;
     for (size_t part = 0; part < lg_taped_parts(space); part++)
-        total = plus(tape, total, flat(tape, a + part, b + part));
+        total = plus(tape, total, flat(tape, weight + part, a + part, b + part));
     return total;
 }
 
-static lg_var along_geodesics(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b) {
+static lg_var along_geodesics(lg_tape *tape, const lg_space *space, const double *weight, const lg_var *a,
+                              const lg_var *b) {
     lg_var total = LG_NONE;
     for (size_t i = 0; i < space->factors; i++) {
         const geodesic *row = geodesic_of(space->factor[i].kind);
-        total = plus(tape, total, row->squared(tape, a, b));
-        a += row->parts, b += row->parts;
+        total = plus(tape, total, row->squared(tape, weight, a, b));
+        weight += row->parts, a += row->parts, b += row->parts;
     }
     return total;
 }
 
 lg_var lg_hamiltonian_squared_distance(lg_tape *tape, lg_hamiltonian_distance kind, const lg_space *space,
-                                       const lg_var *a, const lg_var *b) {
-    static lg_var (*const rows[])(lg_tape *, const lg_space *, const lg_var *, const lg_var *) = {
+                                       const double *weight, const lg_var *a, const lg_var *b) {
+    static lg_var (*const rows[])(lg_tape *, const lg_space *, const double *, const lg_var *,
+                                  const lg_var *) = {
         [LG_DISTANCE_AMBIENT] = ambient, [LG_DISTANCE_GEODESIC] = along_geodesics};
-    return rows[kind](tape, space, a, b);
+    return rows[kind](tape, space, weight, a, b);
 }

@@ -12,13 +12,19 @@
 LG_HAMILTONIAN_FAMILIES(LG_HAMILTONIAN_DECLARE)
 #undef LG_HAMILTONIAN_DECLARE
 
-/* dH/dy of the parts y, by the family's row. */
-void lg_hamiltonian_gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
-                                   lg_var *out);
-/* y' of the parts y for schemes that leave the manifold. */
-lg_status lg_hamiltonian_velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
-                                        lg_var input, lg_var *out);
-/* The equation that training solves with a scheme: on the manifold for Lie group schemes, else on R^d with
+enum { LG_HAMILTONIAN_LARGEST = 6 * LG_HAMILTONIAN_MAX_COPIES }; /* numbers of a state */
+
+/* x times a number; x itself for 1. */
+lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by);
+/* The unit of energy inside, E. */
+double lg_hamiltonian_energy_scale(const lg_hamiltonian *model);
+/* Numbers of a state: those of part i are s_i. */
+void lg_hamiltonian_number_scales(const lg_hamiltonian *model, const lg_space *space, double *out);
+/* -dH/dq + input and dH/dp in the units of the data; the family's functions are inside. */
+lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
+lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
+
+/* The equation that training solves with a scheme, inside and without input: on the manifold for Lie group schemes, else on R^d with
  * the parts of `start`. `vars` must outlive the use of `ode`. */
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
                                       const lg_var *start, lg_taped_ode *ode);
@@ -29,16 +35,17 @@ lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian 
 
 /* Whether every factor of the space has a row of geodesics. */
 bool lg_hamiltonian_has_geodesics(const lg_space *space);
-/* Sum of squared distances of the points a and b, given as parts. */
+/* Sum of squared distances of the points a and b, given as parts; the squares of part i times weight[i]. */
 lg_var lg_hamiltonian_squared_distance(lg_tape *tape, lg_hamiltonian_distance kind, const lg_space *space,
-                                       const lg_var *a, const lg_var *b);
+                                       const double *weight, const lg_var *a, const lg_var *b);
 
 /* A kind of potential: a network with or without hidden layers, on `count` functions of d coordinates. */
 #define LG_DICTIONARY_COORDINATES (3 * LG_HAMILTONIAN_MAX_COPIES)
 typedef struct lg_potential_row {
     bool layered;
     uint32_t (*count)(uint32_t d);
-    lg_var (*record)(lg_tape *tape, lg_var x); /* (B, d) -> (B, count); NULL: x itself */
+    /* (B, d) -> (B, count), of coordinates in units of `unit`; NULL: x itself */
+    lg_var (*record)(lg_tape *tape, lg_var x, double unit);
 } lg_potential_row;
 const lg_potential_row *lg_potential_row_of(lg_potential_kind kind); /* NULL: none */
 

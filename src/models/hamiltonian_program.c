@@ -87,7 +87,7 @@ static lg_status force(void *user, lg_tape *tape, const lg_var *theta, const lg_
     const recording *r = user;
     lg_hamiltonian_vars vars;
     LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = r->model->family->force(tape, &vars, x[0], x[1]);
+    y[0] = lg_hamiltonian_record_force(tape, &vars, x[0], x[1]);
     return lg_tape_status(tape);
 }
 
@@ -95,7 +95,7 @@ static lg_status drift(void *user, lg_tape *tape, const lg_var *theta, const lg_
     const recording *r = user;
     lg_hamiltonian_vars vars;
     LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = r->model->family->drift(tape, &vars, x[0]);
+    y[0] = lg_hamiltonian_record_drift(tape, &vars, x[0]);
     return lg_tape_status(tape);
 }
 

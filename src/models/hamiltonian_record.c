@@ -4,6 +4,30 @@
 #include "liegrad/ops.h"
 #include "models/hamiltonian_internal.h"
 
+/* ---- scales ---- */
+
+lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by) {
+    return by == 1.0 ? x : lg_scale(tape, x, by);
+}
+
+double lg_hamiltonian_energy_scale(const lg_hamiltonian *model) {
+    double action = 1.0;
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) action *= model->scales.part[i];
+    return action / model->scales.time;
+}
+
+void lg_hamiltonian_number_scales(const lg_hamiltonian *model, const lg_space *space, double *out) {
+    uint8_t part[LG_HAMILTONIAN_LARGEST];
+    lg_taped_number_parts(space, part);
+    for (size_t i = 0; i < space->dim; i++) out[i] = model->scales.part[part[i]];
+}
+
+/* The parts divided by their scales. */
+static void inside(lg_tape *tape, const lg_hamiltonian *model, size_t parts, const lg_var *y, lg_var *out) {
+    for (size_t i = 0; i < parts; i++)
+        out[i] = lg_hamiltonian_scaled(tape, y[i], 1.0 / model->scales.part[i]);
+}
+
 /* ---- quantities that depend on theta only ---- */
 
 static lg_var array_of(lg_tape *tape, const lg_hamiltonian *model, lg_var theta, size_t index) {
@@ -39,7 +63,7 @@ static lg_var flat_inputs(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var
 /* N (B, 1) of x (B, d), and dN/dx. */
 static lg_var network(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
     const lg_potential_row *row = lg_potential_row_of(vars->model->potential);
-    lg_var inputs = row->record == NULL ? x : row->record(tape, x);
+    lg_var inputs = row->record == NULL ? x : row->record(tape, x, vars->model->scales.part[0]);
     return lg_mlp_record_bound(tape, &vars->model->net, &vars->net, inputs);
 }
 
@@ -87,8 +111,7 @@ lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
 
 /* ---- functions of parts ---- */
 
-void lg_hamiltonian_gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
-                                   lg_var *out) {
+static void gradient_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian_family *family = vars->model->family;
     lg_space space;
     if (family->gradient != NULL) {
@@ -100,20 +123,52 @@ void lg_hamiltonian_gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *var
     (void)lg_grad(tape, lg_sum(tape, family->energy(tape, vars, y)), y, lg_taped_parts(&space), out);
 }
 
+/* The same in the units of the data. */
+static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
+    const lg_hamiltonian *model = vars->model;
+    const double energy = lg_hamiltonian_energy_scale(model);
+    lg_space space;
+    lg_var scaled[LG_HAMILTONIAN_MAX_PARTS];
+    if (lg_hamiltonian_space(model->family, model->n, &space) != LG_OK) return;
+    inside(tape, model, lg_taped_parts(&space), y, scaled);
+    gradient_inside(tape, vars, scaled, out);
+    for (size_t i = 0; i < lg_taped_parts(&space); i++)
+        out[i] = lg_hamiltonian_scaled(tape, out[i], energy / model->scales.part[i]);
+}
+
+/* One of the two. */
+typedef void (*gradient_of)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out);
+
 static void field_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,
-                        lg_var *out) {
+                        gradient_of gradient, lg_var *out) {
     lg_var dH[LG_HAMILTONIAN_MAX_PARTS];
-    lg_hamiltonian_gradient_parts(tape, vars, y, dH);
+    gradient(tape, vars, y, dH);
     vars->model->family->field(tape, y, dH, input, out);
 }
 
-lg_status lg_hamiltonian_velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
-                                        lg_var input, lg_var *out) {
+static lg_status velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,
+                                gradient_of gradient, lg_var *out) {
     lg_space space;
     lg_var algebra[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(lg_hamiltonian_space(vars->model->family, vars->model->n, &space));
-    field_parts(tape, vars, y, input, algebra);
+    field_parts(tape, vars, y, input, gradient, algebra);
     return lg_taped_generator(tape, &space, algebra, y, out);
+}
+
+lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input) {
+    const lg_hamiltonian *model = vars->model;
+    const double unit = lg_hamiltonian_energy_scale(model) / model->scales.part[0];
+    if (!lg_is_none(input)) input = lg_hamiltonian_scaled(tape, input, 1.0 / unit);
+    inside(tape, model, 1, &q, &q);
+    return lg_hamiltonian_scaled(tape, model->family->force(tape, vars, q, input), unit);
+}
+
+lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p) {
+    const lg_hamiltonian *model = vars->model;
+    const double scale = model->scales.part[1];
+    const lg_var scaled = lg_hamiltonian_scaled(tape, p, 1.0 / scale);
+    return lg_hamiltonian_scaled(tape, model->family->drift(tape, vars, scaled),
+                                 lg_hamiltonian_energy_scale(model) / scale);
 }
 
 /* ---- functions of states (B, d) ---- */
@@ -128,14 +183,16 @@ lg_var lg_hamiltonian_record_value(lg_tape *tape, const lg_hamiltonian_vars *var
     lg_space space;
     lg_var y[LG_HAMILTONIAN_MAX_PARTS];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
-    return vars->model->family->energy(tape, vars, y);
+    inside(tape, vars->model, lg_taped_parts(&space), y, y);
+    return lg_hamiltonian_scaled(tape, vars->model->family->energy(tape, vars, y),
+                                 lg_hamiltonian_energy_scale(vars->model));
 }
 
 lg_var lg_hamiltonian_record_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state) {
     lg_space space;
     lg_var y[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
-    lg_hamiltonian_gradient_parts(tape, vars, y, out);
+    gradient_parts(tape, vars, y, out);
     return lg_taped_join(tape, &space, out);
 }
 
@@ -144,7 +201,7 @@ lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_vars *var
     lg_space space;
     lg_var y[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
-    field_parts(tape, vars, y, input, out);
+    field_parts(tape, vars, y, input, gradient_parts, out);
     return lg_taped_join_algebra(tape, &space, out);
 }
 
@@ -153,7 +210,7 @@ lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *
     lg_space space;
     lg_var y[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
-    if (lg_hamiltonian_velocity_parts(tape, vars, y, input, out) != LG_OK) return LG_NONE;
+    if (velocity_parts(tape, vars, y, input, gradient_parts, out) != LG_OK) return LG_NONE;
     return lg_taped_join(tape, &space, out);
 }
 
@@ -162,21 +219,19 @@ lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *
 static lg_status ode_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                            lg_var *algebra) {
     (void)t;
-    field_parts(tape, user, y, input, algebra);
+    field_parts(tape, user, y, input, gradient_parts, algebra);
     return lg_tape_status(tape);
 }
 
 static lg_status ode_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
-    const lg_hamiltonian_vars *vars = user;
     (void)t;
-    *out = vars->model->family->force(tape, vars, q, input);
+    *out = lg_hamiltonian_record_force(tape, user, q, input);
     return lg_tape_status(tape);
 }
 
 static lg_status ode_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
-    const lg_hamiltonian_vars *vars = user;
     (void)t, (void)input;
-    *out = vars->model->family->drift(tape, vars, p);
+    *out = lg_hamiltonian_record_drift(tape, user, p);
     return lg_tape_status(tape);
 }
 
@@ -191,15 +246,30 @@ lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode)
     return LG_OK;
 }
 
-/* ---- for training: without input ---- */
+/* ---- for training: inside, without input ---- */
 
-static lg_status manifold_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                                lg_var *algebra) {
+static lg_status inner_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                             lg_var *algebra) {
     const lg_hamiltonian_vars *vars = user;
-    lg_var dH[LG_HAMILTONIAN_MAX_PARTS];
+    const gradient_of on_manifold = vars->model->family->gradient_on_manifold;
     (void)t;
-    vars->model->family->gradient_on_manifold(tape, vars, y, dH);
-    vars->model->family->field(tape, y, dH, input, algebra);
+    field_parts(tape, vars, y, input, on_manifold != NULL ? on_manifold : gradient_inside, algebra);
+    return lg_tape_status(tape);
+}
+
+static lg_status inner_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
+                             lg_var *out) {
+    const lg_hamiltonian_vars *vars = user;
+    (void)t;
+    *out = vars->model->family->force(tape, vars, q, input);
+    return lg_tape_status(tape);
+}
+
+static lg_status inner_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
+                             lg_var *out) {
+    const lg_hamiltonian_vars *vars = user;
+    (void)t, (void)input;
+    *out = vars->model->family->drift(tape, vars, p);
     return lg_tape_status(tape);
 }
 
@@ -208,7 +278,7 @@ static lg_status ambient_field(void *user, lg_tape *tape, lg_taped_time t, const
     const lg_hamiltonian_vars *vars = user;
     (void)t;
     if (vars->model->family->velocity == NULL)
-        return lg_hamiltonian_velocity_parts(tape, vars, y, input, out);
+        return velocity_parts(tape, vars, y, input, gradient_inside, out);
     vars->model->family->velocity(tape, vars, y, out);
     return lg_tape_status(tape);
 }
@@ -217,11 +287,9 @@ lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, 
                                       const lg_var *start, lg_taped_ode *ode) {
     lg_space_factor factors[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(lg_hamiltonian_taped_ode(vars, ode));
-    if (lg_space_is_abelian(&ode->space)) return LG_OK;
-    if (!scheme->ambient) {
-        if (vars->model->family->gradient_on_manifold != NULL) ode->field = manifold_field;
-        return LG_OK;
-    }
+    ode->field = inner_field;
+    if (ode->force != NULL) ode->force = inner_force, ode->velocity = inner_drift;
+    if (lg_space_is_abelian(&ode->space) || !scheme->ambient) return LG_OK;
     const size_t parts = lg_taped_parts(&ode->space);
     for (size_t i = 0; i < parts; i++) {
         const lg_shape shape = lg_var_shape(tape, start[i]);

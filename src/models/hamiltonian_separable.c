@@ -45,6 +45,7 @@ const lg_hamiltonian_family lg_hamiltonian_separable = {
     .copy = "coordinate",
     .factor = {LG_SPACE_RN, LG_SPACE_RN},
     .factors = 2,
+    .scaled = {true, true},
     .inputs = 1,
     .forces = 1,
     .layout = {"q", "p"},

@@ -11,9 +11,6 @@
 
 /* ---- data ---- */
 
-/* Numbers of a state. */
-enum { LARGEST = 6 * LG_HAMILTONIAN_MAX_COPIES };
-
 static void store(lg_dtype dtype, void *values, size_t i, double value) {
     if (dtype == LG_F64)
         ((double *)values)[i] = value;
@@ -21,18 +18,20 @@ static void store(lg_dtype dtype, void *values, size_t i, double value) {
         ((float *)values)[i] = (float)value;
 }
 
-/* Points first..last of the samples as states ((last - first + 1) count, d). All samples of one point follow
+/* Points first..last of the samples as states inside, ((last - first + 1) count, d). All samples of one point follow
  * each other, the order of the concatenated predictions. For geodesic distances they are projected. */
 static void fill_states(const lg_hamiltonian_problem *problem, const lg_space *space, lg_dtype dtype,
                         const uint32_t *samples, size_t count, size_t first, size_t last, void *values) {
     const size_t d = space->dim;
-    double state[LARGEST];
+    double state[LG_HAMILTONIAN_LARGEST], scale[LG_HAMILTONIAN_LARGEST];
     size_t at = 0;
+    lg_hamiltonian_number_scales(problem->model, space, scale);
+    for (size_t c = 0; c < d; c++) scale[c] = 1.0 / scale[c];
     for (size_t j = first; j <= last; j++)
         for (size_t s = 0; s < count; s++) {
             memcpy(state, problem->data + (samples[s] * problem->points + j) * d, d * sizeof *state);
             if (problem->distance == LG_DISTANCE_GEODESIC) lg_space_project(space, state);
-            for (size_t c = 0; c < d; c++) store(dtype, values, at++, state[c]);
+            for (size_t c = 0; c < d; c++) store(dtype, values, at++, scale[c] * state[c]);
         }
 }
 
@@ -54,12 +53,15 @@ static const lg_first_integral *integral_of(const lg_hamiltonian_problem *proble
     return problem->penalty_integral != NULL ? problem->penalty_integral : lg_first_integral_at(0);
 }
 
-/* G (B, 1) of a point's parts. */
+/* G (B, 1) of a point's parts, in the units of the data. */
 static lg_var conserved(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_hamiltonian_vars *vars,
-                        const lg_var *y) {
+                        size_t parts, const lg_var *y) {
     const lg_first_integral *integral = integral_of(problem);
     const uint32_t copy = problem->penalty_copy > 0 ? problem->penalty_copy - 1 : 0;
-    return integral->record(integral->user, tape, vars, copy, y);
+    lg_var given[LG_HAMILTONIAN_MAX_PARTS];
+    for (size_t i = 0; i < parts; i++)
+        given[i] = lg_hamiltonian_scaled(tape, y[i], problem->model->scales.part[i]);
+    return integral->record(integral->user, tape, vars, copy, given);
 }
 
 /* Sum over samples and points of (G(y_j) - G(x))^2, or of 2 |G(y_j) - G(x)|; `y` is M x parts, from x on. */
@@ -67,10 +69,10 @@ static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
                           const lg_hamiltonian_vars *vars, size_t parts, const lg_var *y) {
     const lg_penalty_points *listed = &problem->penalty_points;
     const size_t count = listed->count > 0 ? listed->count : problem->points - 1;
-    lg_var at_start = conserved(tape, problem, vars, y), total = LG_NONE;
+    lg_var at_start = conserved(tape, problem, vars, parts, y), total = LG_NONE;
     for (size_t i = 0; i < count; i++) {
         const size_t j = listed->count > 0 ? listed->at[i] - 1 : i + 1;
-        lg_var gap = lg_sub(tape, conserved(tape, problem, vars, y + parts * j), at_start);
+        lg_var gap = lg_sub(tape, conserved(tape, problem, vars, parts, y + parts * j), at_start);
         lg_var each = problem->penalty_form == LG_PENALTY_MEAN_SQUARE
                           ? lg_square(tape, gap)
                           : lg_scale(tape, lg_abs(tape, gap), 2.0);
@@ -88,8 +90,8 @@ static lg_status predict(lg_tape *tape, const lg_hamiltonian_problem *problem, l
     lg_taped_ode ode;
     LG_TRY(lg_hamiltonian_training_ode(tape, vars, problem->scheme, start, &ode));
     const size_t steps = substeps * (problem->points - 1);
-    return lg_taped_integrate(tape, problem->scheme, &ode, 0.0, problem->dt / substeps, steps, substeps,
-                              start, predicted);
+    const double h = problem->dt / problem->model->scales.time / substeps;
+    return lg_taped_integrate(tape, problem->scheme, &ode, 0.0, h, steps, substeps, start, predicted);
 }
 
 /* One part of `predicted` at all points, one after the other. */
@@ -99,13 +101,21 @@ static lg_var all_points(lg_tape *tape, const lg_var *predicted, size_t points, 
     return lg_concat(tape, out, points, 0);
 }
 
-/* Sum of squared distances of predicted and other points. */
-static lg_var squared_error(lg_tape *tape, lg_hamiltonian_distance distance, const lg_space *space,
-                            size_t points, const lg_var *predicted, const lg_var *other) {
+static const double *weights_of(const lg_hamiltonian_problem *problem) {
+    static const double ones[LG_HAMILTONIAN_MAX_PARTS] = {1.0, 1.0};
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        if (problem->weight[i] != 0.0) return problem->weight;
+    return ones;
+}
+
+/* Weighted sum of squared distances of predicted and other points. */
+static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem,
+                            lg_hamiltonian_distance distance, const lg_space *space, size_t points,
+                            const lg_var *predicted, const lg_var *other) {
     const size_t parts = lg_taped_parts(space);
     lg_var all[LG_HAMILTONIAN_MAX_PARTS];
     for (size_t part = 0; part < parts; part++) all[part] = all_points(tape, predicted, points, parts, part);
-    return lg_hamiltonian_squared_distance(tape, distance, space, all, other);
+    return lg_hamiltonian_squared_distance(tape, distance, space, weights_of(problem), all, other);
 }
 
 static bool is_estimated(const lg_hamiltonian_problem *problem) {
@@ -158,8 +168,8 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     lg_var *predicted = start + parts;
     LG_TRY(predict(tape, problem, &vars, problem->substeps, start, predicted));
     LG_TRY(given_points(tape, problem, &space, samples, count, first, problem->points - 1, given));
-    lg_var squares =
-        squared_error(tape, problem->distance, &space, problem->points - first, start + first * parts, given);
+    lg_var squares = squared_error(tape, problem, problem->distance, &space, problem->points - first,
+                                   start + first * parts, given);
     lg_var total = lg_scale(tape, squares, 1.0 / terms_of(problem, &space, batch));
     if (problem->penalty != 0.0) {
         const bool mean = problem->penalty_form == LG_PENALTY_MEAN_SQUARE;
@@ -183,7 +193,8 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     LG_TRY(given_points(tape, problem, &space, samples, count, first, problem->points - 1, given));
     for (size_t part = 0; part < parts; part++) {
         const lg_var all = all_points(tape, start + first * parts, used, parts, part);
-        const lg_var difference = lg_sub(tape, all, given[part]);
+        const lg_var difference =
+            lg_hamiltonian_scaled(tape, lg_sub(tape, all, given[part]), sqrt(weights_of(problem)[part]));
         const uint64_t length = lg_shape_count(lg_var_shape(tape, difference));
         columns[part] = lg_reshape(tape, difference, lg_shape1((uint32_t)length));
     }
@@ -209,8 +220,8 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
     LG_TRY(predict(tape, problem, &vars, 2 * problem->substeps, start, twice));
     const size_t parts = lg_taped_parts(&space);
     for (size_t part = 0; part < parts; part++) finer[part] = all_points(tape, twice, points, parts, part);
-    *floor = lg_scale(tape, squared_error(tape, LG_DISTANCE_AMBIENT, &space, points, once, finer),
-                      factor * factor / terms_of(problem, &space, batch));
+    lg_var squares = squared_error(tape, problem, LG_DISTANCE_AMBIENT, &space, points, once, finer);
+    *floor = lg_scale(tape, squares, factor * factor / terms_of(problem, &space, batch));
     return lg_tape_status(tape);
 }
 
@@ -248,6 +259,13 @@ static lg_status mean_of(const lg_context *context, lg_fit_problem *fit, const d
     return status;
 }
 
+/* The loss is in the units of the data. */
+static void weigh_in_units(lg_hamiltonian_problem *problem) {
+    const lg_hamiltonian_scales *scales = &problem->model->scales;
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        problem->weight[i] = scales->part[i] * scales->part[i];
+}
+
 lg_status lg_hamiltonian_mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
                                             const double *theta, double *out, lg_error *error) {
     lg_hamiltonian_problem plain = *problem;
@@ -255,17 +273,20 @@ lg_status lg_hamiltonian_mean_squared_error(const lg_context *context, const lg_
     plain.penalty = 0.0;
     plain.distance = LG_DISTANCE_AMBIENT;
     LG_TRY(lg_hamiltonian_problem_check(&plain, error));
+    weigh_in_units(&plain);
     lg_hamiltonian_fit_problem(&plain, &fit);
     return mean_of(context, &fit, theta, out, error);
 }
 
 lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
                                const double *theta, double *out, lg_error *error) {
+    lg_hamiltonian_problem plain = *problem;
     lg_fit_problem fit;
     LG_TRY(lg_hamiltonian_problem_check(problem, error));
     if (problem->substeps > UINT32_MAX / 2)
         return lg_fail(error, LG_INVALID_ARGUMENT, "twice %u substeps are too many", problem->substeps);
-    lg_hamiltonian_fit_problem(problem, &fit);
+    weigh_in_units(&plain);
+    lg_hamiltonian_fit_problem(&plain, &fit);
     fit.loss = shard_floor;
     return mean_of(context, &fit, theta, out, error);
 }
@@ -393,10 +414,11 @@ static lg_status shard_change(void *user, lg_tape *tape, lg_var theta, const uin
     lg_var start[LG_HAMILTONIAN_MAX_PARTS], later[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(begin(tape, of->problem, theta, samples, count, &vars, &space, start));
     LG_TRY(given_points(tape, of->problem, &space, samples, count, 0, 0, start));
-    lg_var g = conserved(tape, of->problem, &vars, start);
+    const size_t parts = lg_taped_parts(&space);
+    lg_var g = conserved(tape, of->problem, &vars, parts, start);
     if (of->point > 0) {
         LG_TRY(given_points(tape, of->problem, &space, samples, count, of->point, of->point, later));
-        g = lg_sub(tape, conserved(tape, of->problem, &vars, later), g);
+        g = lg_sub(tape, conserved(tape, of->problem, &vars, parts, later), g);
     }
     *mean = lg_scale(tape, lg_sum(tape, lg_square(tape, g)), 1.0 / (double)batch);
     return lg_tape_status(tape);

@@ -1,0 +1,164 @@
+/* Learned Hamiltonians: scales and weights from trajectories. */
+#include <float.h>
+#include <math.h>
+
+#include "core/core.h"
+#include "integrators/taped_internal.h"
+#include "models/hamiltonian_internal.h"
+
+/* Root mean squares over the trajectories, of all numbers of one copy of a part together. */
+typedef struct motion {
+    size_t parts;
+    double size[LG_HAMILTONIAN_MAX_PARTS], spread[LG_HAMILTONIAN_MAX_PARTS]; /* about 0, about the mean */
+    double rate[LG_HAMILTONIAN_MAX_PARTS];                                   /* of the change with time */
+    double change[LG_HAMILTONIAN_MAX_PARTS]; /* from the first point to others */
+} motion;
+
+/* Changes below this part of the size are rounding; a part counts as if it changed by at least this part of
+ * what the other one does. */
+static const double rounding = 64 * DBL_EPSILON, least_change = 1e-6;
+
+typedef struct walk {
+    const lg_hamiltonian_problem *problem;
+    size_t d;
+    uint8_t part[LG_HAMILTONIAN_LARGEST];
+    double unit[LG_HAMILTONIAN_MAX_PARTS]; /* a power of 2 near the largest number: squares stay in range */
+} walk;
+
+static const double *point(const walk *w, size_t trajectory, size_t j) {
+    return w->problem->data + (trajectory * w->problem->points + j) * w->d;
+}
+
+static void find_units(walk *w) {
+    const size_t count = w->problem->trajectories * w->problem->points;
+    double most[LG_HAMILTONIAN_MAX_PARTS] = {0.0};
+    for (size_t k = 0; k < count; k++)
+        for (size_t c = 0; c < w->d; c++) most[w->part[c]] = fmax(most[w->part[c]], fabs(point(w, 0, k)[c]));
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) {
+        int exponent = 0;
+        (void)frexp(most[i], &exponent);
+        w->unit[i] = ldexp(1.0, exponent < -1000 ? -1000 : exponent);
+    }
+}
+
+/* Adds (x - y)^2 of each number to its part. */
+static void add_squares(const walk *w, const double *x, const double *y, double *sum) {
+    for (size_t c = 0; c < w->d; c++) {
+        const double gap = (x[c] - y[c]) / w->unit[w->part[c]];
+        sum[w->part[c]] += gap * gap;
+    }
+}
+
+/* The root of `sum` over so many points. */
+static void take_roots(const walk *w, size_t points, double *sum) {
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        sum[i] = w->unit[i] * sqrt(sum[i] / ((double)points * w->problem->model->n));
+}
+
+static void measure_sizes(const walk *w, motion *out) {
+    const lg_hamiltonian_problem *problem = w->problem;
+    const size_t count = problem->trajectories * problem->points;
+    const double zero[LG_HAMILTONIAN_LARGEST] = {0.0};
+    double mean[LG_HAMILTONIAN_LARGEST] = {0.0};
+    for (size_t k = 0; k < count; k++)
+        for (size_t c = 0; c < w->d; c++) mean[c] += point(w, 0, k)[c] / (double)count;
+    for (size_t k = 0; k < count; k++) {
+        add_squares(w, point(w, 0, k), zero, out->size);
+        add_squares(w, point(w, 0, k), mean, out->spread);
+        add_squares(w, point(w, 0, k), point(w, k / problem->points, 0), out->change);
+    }
+    take_roots(w, count, out->size);
+    take_roots(w, count, out->spread);
+    take_roots(w, problem->trajectories * (problem->points - 1), out->change);
+}
+
+/* Changes over so many points that one part changes by half its spread, or over all: noise counts for less
+ * there than between neighbours. */
+static void measure_rates(const walk *w, motion *out) {
+    const lg_hamiltonian_problem *problem = w->problem;
+    const size_t last = problem->points - 1;
+    bool far = false;
+    for (size_t lag = 1; !far; lag = 2 * lag < last ? 2 * lag : last) {
+        double sum[LG_HAMILTONIAN_MAX_PARTS] = {0.0};
+        for (size_t i = 0; i < problem->trajectories; i++)
+            for (size_t j = lag; j <= last; j++) add_squares(w, point(w, i, j), point(w, i, j - lag), sum);
+        take_roots(w, problem->trajectories * (last - lag + 1), sum);
+        far = lag == last;
+        for (size_t p = 0; p < out->parts; p++) {
+            out->rate[p] = sum[p] / (problem->dt * (double)lag);
+            far = far || sum[p] > 0.5 * out->spread[p];
+        }
+    }
+}
+
+static lg_status measure(const lg_hamiltonian_problem *problem, walk *w, motion *out, lg_error *error) {
+    lg_space space;
+    *out = (motion){.parts = 0};
+    if (problem->model == NULL || problem->data == NULL || problem->trajectories == 0 ||
+        problem->points < 2 || !(problem->dt > 0.0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no model, no data or no time between points");
+    LG_TRY(lg_hamiltonian_space(problem->model->family, problem->model->n, &space));
+    w->problem = problem;
+    w->d = space.dim;
+    lg_taped_number_parts(&space, w->part);
+    out->parts = lg_taped_parts(&space);
+    find_units(w);
+    measure_sizes(w, out);
+    measure_rates(w, out);
+    return LG_OK;
+}
+
+/* The geometric mean, over the parts that change, of the time in which a part changes by its spread; 0: none
+ * changes. */
+static double time_of(const motion *m) {
+    double product = 1.0;
+    size_t count = 0;
+    for (size_t i = 0; i < m->parts; i++) {
+        if (!(m->change[i] > rounding * m->size[i])) continue;
+        product *= m->spread[i] / m->rate[i];
+        count++;
+    }
+    return count == 0 ? 0.0 : count == 1 ? product : sqrt(product);
+}
+
+static bool is_scale(double x) {
+    return x > 0.0 && x <= DBL_MAX && 1.0 / x <= DBL_MAX;
+}
+
+lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_hamiltonian_scales *out,
+                                     lg_error *error) {
+    walk w;
+    motion m;
+    LG_TRY(measure(problem, &w, &m, error));
+    const bool *scaled = problem->model->family->scaled;
+    const double time = time_of(&m);
+    lg_hamiltonian_scales made = {time > 0.0 ? time : problem->dt * (double)(problem->points - 1),
+                                  {1.0, 1.0}};
+    for (size_t i = 0; i < m.parts; i++)
+        if (scaled[i] && m.size[i] > 0.0) made.part[i] = m.size[i];
+    /* The second part is a momentum: a mass of 1 moves as the data do. */
+    const double mass = m.size[1] / (m.rate[0] * made.time);
+    if (m.parts == 2 && scaled[1] && m.change[0] > rounding * m.size[0] && mass > 0.0)
+        made.part[1] = made.part[0] * mass;
+    const bool fit = is_scale(made.time) && is_scale(made.part[0]) && is_scale(made.part[1]) &&
+                     is_scale(made.part[0] * made.part[1] / made.time);
+    if (!fit) return lg_fail(error, LG_NOT_FINITE, "the sizes of the data are out of range");
+    *out = made;
+    return LG_OK;
+}
+
+lg_status lg_hamiltonian_weigh(lg_hamiltonian_problem *problem, lg_error *error) {
+    walk w;
+    motion m;
+    double most = 0.0;
+    LG_TRY(measure(problem, &w, &m, error));
+    for (size_t i = 0; i < m.parts; i++) {
+        m.change[i] /= problem->model->scales.part[i];
+        most = fmax(most, m.change[i]);
+    }
+    for (size_t i = 0; i < m.parts; i++) {
+        const double change = fmax(m.change[i], least_change * most);
+        problem->weight[i] = most > 0.0 ? 1.0 / (change * change) : 1.0;
+    }
+    return LG_OK;
+}
