@@ -23,6 +23,7 @@ static int judge(const app *self, const lg_table_file *file, const fit_table *ta
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     const double seconds = app_seconds() - begin;
     warn_outside(self, j.outside, j.rows, table->path, self->arguments[0]);
+    const int code = warn_infinite(self, j.infinite, j.rows, table->path);
     if (values.plot != NULL) status = draw_judgement(self, values.plot, file, &j, &error);
     if (status == LG_OK && self->json) {
         app_json json;
@@ -37,7 +38,7 @@ static int judge(const app *self, const lg_table_file *file, const fit_table *ta
         judgement_print(file, &j);
     }
     judgement_free(&j);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
+    return status == LG_OK ? code : app_fail_file(self, status, &error, values.plot);
 }
 
 static int run(app *self) {

@@ -48,6 +48,7 @@ int match_classes(const app *self, fit_table *table, const lg_table_text *name, 
 
 typedef struct judgement {
     size_t rows, outside;       /* outside: rows with an input beyond the training range by a tenth of it */
+    size_t infinite;            /* rows with a prediction that is not finite */
     double *truth, *prediction; /* (rows, outputs) of a regression; of a classification NULL */
     double *rmse, *r2;          /* (outputs); r2 NaN for a constant column */
     double scaled_rmse;         /* over all outputs, in their scales */
@@ -61,6 +62,9 @@ lg_status judge_rows(const app *self, const lg_table_file *file, const fit_table
 void judgement_free(judgement *j);
 void judgement_json(app_json *json, const lg_table_file *file, const judgement *j);
 void judgement_print(const lg_table_file *file, const judgement *j);
+/* A warning for rows whose prediction is not finite; the exit code. */
+int warn_infinite(const app *self, size_t infinite, size_t rows, const char *path);
+bool are_finite(const double *y, uint32_t count);
 /* A warning for rows outside of the training range. */
 void warn_outside(const app *self, size_t outside, size_t rows, const char *path, const char *model);
 /* Whether an input of a row is beyond the training range by more than a tenth of it. */

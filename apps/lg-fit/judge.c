@@ -98,6 +98,7 @@ static void run_rows(const lg_table_file *file, const lg_model *model, const fit
         const double *x = table_row(table, row);
         j->outside += is_outside(file, x);
         lg_model_eval(model, x, y, work);
+        j->infinite += !are_finite(y, outputs);
         if (is_regression(file)) {
             memcpy(j->truth + i * outputs, x + inputs, outputs * sizeof *y);
             memcpy(j->prediction + i * outputs, y, outputs * sizeof *y);
@@ -209,6 +210,18 @@ void judgement_print(const lg_table_file *file, const judgement *j) {
         app_table_cell(&table, "%.4f", j->r2[o]);
     }
     app_table_end(&table, stdout);
+}
+
+bool are_finite(const double *y, uint32_t count) {
+    bool finite = true;
+    for (uint32_t i = 0; i < count; i++) finite = finite && isfinite(y[i]);
+    return finite;
+}
+
+int warn_infinite(const app *self, size_t infinite, size_t rows, const char *path) {
+    if (infinite == 0) return APP_EXIT_OK;
+    app_warn(self, "%s: the predictions of %zu of %zu rows are not finite", path, infinite, rows);
+    return APP_EXIT_NUMERIC;
 }
 
 void warn_outside(const app *self, size_t outside, size_t rows, const char *path, const char *model) {

@@ -61,7 +61,7 @@ static void put_row(FILE *to, const lg_table_file *file, double *y, bool complet
 }
 
 typedef struct counts {
-    size_t outside, incomplete;
+    size_t outside, incomplete, infinite;
 } counts;
 
 static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model, const fit_table *table,
@@ -75,6 +75,7 @@ static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model,
         for (uint32_t c = 0; c < table->inputs; c++) complete = complete && !isnan(x[c]);
         if (complete) lg_model_eval(model, x, y, work);
         found->incomplete += !complete;
+        found->infinite += complete && !are_finite(y, file->run.model.net.outputs);
         found->outside += complete && is_outside(file, x);
         put_row(to, file, y, complete);
     }
@@ -84,32 +85,33 @@ static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model,
 
 /* ---- running ---- */
 
-static void tell(const app *self, const fit_table *table, const counts *found) {
+/* The exit code. */
+static int tell(const app *self, const fit_table *table, const counts *found) {
     if (found->incomplete > 0)
         app_warn(self, "%s: %zu of %zu rows lack an input; their predictions are empty", table->path,
                  found->incomplete, table->data.rows);
     warn_outside(self, found->outside, table->data.rows, table->path, self->arguments[0]);
+    return warn_infinite(self, found->infinite, table->data.rows, table->path);
 }
 
 static int write_all(const app *self, const lg_table_file *file, const lg_model *model,
                      const fit_table *table) {
     lg_error error = {LG_OK, ""};
-    counts found = {0, 0};
+    counts found = {0};
     app_json json;
     if (values.out == NULL) {
         put_rows(stdout, file, model, table, &found);
-        tell(self, table, &found);
-        return APP_EXIT_OK;
+        return tell(self, table, &found);
     }
     app_file to;
     app_file_begin(&to, values.out);
     put_rows(to.stream, file, model, table, &found);
     const lg_status status = app_file_end(&to, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
-    tell(self, table, &found);
+    const int code = tell(self, table, &found);
     if (!self->json) {
         (void)printf("%s: %zu rows\n", values.out, table->data.rows);
-        return APP_EXIT_OK;
+        return code;
     }
     app_json_begin(&json);
     app_json_text(&json, "out", values.out);
@@ -118,7 +120,7 @@ static int write_all(const app *self, const lg_table_file *file, const lg_model 
     app_json_size(&json, "outside", found.outside);
     app_json_warnings(&json, self);
     app_json_end(&json);
-    return APP_EXIT_OK;
+    return code;
 }
 
 static int run(app *self) {

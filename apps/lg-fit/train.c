@@ -173,9 +173,11 @@ static void release(void *user) {
     free(state.samples.y);
     free(state.samples.label);
     free(state.order);
+    free(state.far);
     free(state.decay);
     state.samples = (lg_table_samples){0};
     state.order = NULL;
+    state.far = NULL;
     state.decay = NULL;
     state.fit = NULL;
 }

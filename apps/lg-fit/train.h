@@ -20,6 +20,7 @@ typedef struct training {
     size_t trained;
     bool few_told; /* that there are few rows */
     lg_scaler input_scaler, output_scaler;
+    lg_table_far *far;        /* (inputs): cells of the training rows that say nothing of the others */
     lg_table_samples samples; /* scaled, in that order */
     double *decay;            /* (parameters), or NULL */
     lg_table_evidence_result evidence;

@@ -1,4 +1,5 @@
 /* lg-fit train: the columns, the table, and its training and validation part. */
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -186,6 +187,67 @@ static int leave_constant(const app *self, training *state) {
                     state->table.path);
 }
 
+/* ---- cells out of range ---- */
+
+static const char *column_name(const training *state, uint32_t column) {
+    const uint32_t inputs = state->inputs.count;
+    return column < inputs ? state->inputs.name[column] : state->outputs.name[column - inputs];
+}
+
+/* Numbers that differ by less than normal numbers cannot be scaled to 1. */
+static int check_spread(const app *self, const training *state, uint32_t column) {
+    const lg_table_data *data = &state->table.data;
+    const double *values = data->values + column;
+    size_t low = 0, high = 0;
+    char quoted[LG_TABLE_QUOTED];
+    for (size_t i = 1; i < data->rows; i++) {
+        if (values[i * data->columns] < values[low * data->columns]) low = i;
+        if (values[i * data->columns] > values[high * data->columns]) high = i;
+    }
+    const double least = values[low * data->columns], largest = values[high * data->columns];
+    if (largest == least || largest - least >= DBL_MIN * sqrt(2.0 * (double)data->rows)) return APP_EXIT_OK;
+    return app_fail(
+        self, LG_FORMAT,
+        "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by less than can "
+        "be scaled: give the column in a smaller unit",
+        state->table.path, lg_table_quote(column_name(state, column), quoted), least, data->place,
+        data->line[low], largest, data->place, data->line[high]);
+}
+
+static void warn_far(const app *self, const training *state, uint32_t column, const lg_table_far *far) {
+    const lg_table_data *data = &state->table.data;
+    char quoted[LG_TABLE_QUOTED];
+    app_warn(
+        self,
+        "%s: column %s: %zu of %zu cells %s far from all others, the farthest in %s %zu: %.6g (the median "
+        "is %.6g); %s; a cell that is an error is to be left empty",
+        state->table.path, lg_table_quote(column_name(state, column), quoted), far->count, data->rows,
+        far->count == 1 ? "lies" : "lie", data->place, data->line[far->farthest],
+        data->values[far->farthest * data->columns + column], far->median,
+        column < state->inputs.count ? "the column is scaled without them, and the fit has to follow them"
+                                     : "the fit follows them, and its errors are theirs");
+}
+
+/* All columns that are used. */
+static int check_cells(const app *self, const training *state) {
+    enum { MOST_TOLD = 8 };
+    const lg_table_data *data = &state->table.data;
+    uint32_t told = 0;
+    int code = APP_EXIT_OK;
+    for (uint32_t c = 0; c < data->columns && code == APP_EXIT_OK; c++) {
+        lg_table_far far;
+        code = check_spread(self, state, c);
+        const lg_status status =
+            lg_table_find_far(self->context, data->values + c, data->columns, data->rows, &far);
+        if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
+        if (far.count > 0 && told++ < MOST_TOLD) warn_far(self, state, c, &far);
+    }
+    if (told > MOST_TOLD)
+        app_warn(self, "%s: %u more columns have cells far from all others", state->table.path,
+                 told - MOST_TOLD);
+    return code;
+}
+
 /* Whether these inputs, the outputs and the classes can be read. */
 static bool is_readable(const app *self, const char *path, const training *state,
                         const column_names *inputs) {
@@ -246,7 +308,8 @@ static int read_columns(const app *self, const char *path, training *state) {
     if (code != APP_EXIT_OK) return code;
     if (state->table.data.rows < 2)
         return app_fail(self, LG_FORMAT, "%s: has one complete row; two at least are needed", path);
-    return leave_constant(self, state);
+    const int left = leave_constant(self, state);
+    return left == APP_EXIT_OK ? check_cells(self, state) : left;
 }
 
 int read_training(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
@@ -309,15 +372,60 @@ void warn_duplicates(const app *self, const training *state) {
 
 /* ---- parts ---- */
 
-/* Columns first .. first + count - 1 of the training rows. */
-static lg_status fit_scaler(const training *state, const app *self, uint32_t first, uint32_t count,
-                            lg_scaler *out, lg_error *error) {
+/* Columns first .. first + count - 1 of the training rows. Freed with free. */
+static double *training_part(const training *state, uint32_t first, uint32_t count) {
     double *part = app_alloc(state->trained * count, sizeof *part);
     for (size_t i = 0; i < state->trained; i++)
         memcpy(part + i * count, table_row(&state->table, state->order[i]) + first, count * sizeof *part);
-    const lg_status status = lg_table_scaler_fit(self->context, part, count, NULL, state->trained, out);
+    return part;
+}
+
+/* Column c of the scaler from the cells that are not far; `chosen` has room for the training rows. */
+static lg_status fit_without_far(const training *state, const app *self, const double *part, uint32_t c,
+                                 uint32_t *chosen, lg_scaler *scaler) {
+    const uint32_t columns = scaler->channels;
+    lg_table_far *far = &state->far[c];
+    lg_scaler one;
+    uint32_t kept = 0;
+    lg_status status = lg_table_find_far(self->context, part + c, columns, state->trained, far);
+    if (status != LG_OK || far->count == 0) return status;
+    double *column = app_alloc(state->trained, sizeof *column);
+    for (uint32_t i = 0; i < state->trained; i++) {
+        column[i] = part[(size_t)i * columns + c];
+        if (!lg_table_is_far(far, column[i])) chosen[kept++] = i;
+    }
+    status = lg_table_scaler_fit(self->context, column, 1, chosen, kept, &one);
+    free(column);
+    if (status != LG_OK) return status;
+    scaler->mean[c] = one.mean[0];
+    scaler->scale[c] = one.scale[0];
+    lg_scaler_destroy(&one);
+    return LG_OK;
+}
+
+/* Inputs are scaled without cells far from all others, which would leave no difference between the others.
+ * Outputs are scaled as they are: the loss has all of them. */
+static lg_status fit_inputs(training *state, const app *self) {
+    const uint32_t n = state->inputs.count;
+    double *part = training_part(state, 0, n);
+    uint32_t *chosen = app_alloc(state->trained, sizeof *chosen);
+    state->far = app_alloc(n, sizeof *state->far);
+    lg_status status =
+        lg_table_scaler_fit(self->context, part, n, NULL, state->trained, &state->input_scaler);
+    for (uint32_t c = 0; c < n && status == LG_OK; c++)
+        status = fit_without_far(state, self, part, c, chosen, &state->input_scaler);
+    free(chosen);
     free(part);
-    return status == LG_OK ? LG_OK : app_error(error, status, "the scaling of the columns");
+    return status;
+}
+
+static lg_status fit_outputs(training *state, const app *self) {
+    const uint32_t m = state->outputs.count;
+    double *part = training_part(state, state->inputs.count, m);
+    const lg_status status =
+        lg_table_scaler_fit(self->context, part, m, NULL, state->trained, &state->output_scaler);
+    free(part);
+    return status;
 }
 
 /* The columns of a scaler from `first` on, scaled, in the order of the parts. */
@@ -333,16 +441,15 @@ static double *scaled_rows(const training *state, uint32_t first, const lg_scale
 }
 
 static lg_status make_samples(training *state, const app *self, lg_error *error) {
-    const uint32_t n = state->inputs.count, m = state->outputs.count;
     const size_t rows = state->table.data.rows;
-    lg_status status = fit_scaler(state, self, 0, n, &state->input_scaler, error);
-    if (status != LG_OK) return status;
+    lg_status status = fit_inputs(state, self);
+    if (status == LG_OK && is_regression(state)) status = fit_outputs(state, self);
+    if (status != LG_OK) return app_error(error, status, "the scaling of the columns");
     state->samples = (lg_table_samples){.count = rows, .training = state->trained};
     state->samples.x = scaled_rows(state, 0, &state->input_scaler);
     if (is_regression(state)) {
-        status = fit_scaler(state, self, n, m, &state->output_scaler, error);
-        if (status == LG_OK) state->samples.y = scaled_rows(state, n, &state->output_scaler);
-        return status;
+        state->samples.y = scaled_rows(state, state->inputs.count, &state->output_scaler);
+        return LG_OK;
     }
     state->samples.label = app_alloc(rows, sizeof *state->samples.label);
     for (size_t i = 0; i < rows; i++) state->samples.label[i] = state->table.data.label[state->order[i]];

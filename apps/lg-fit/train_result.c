@@ -4,12 +4,13 @@
 
 #include "lg-fit/train.h"
 
-/* Least and largest value of each input in the training rows. */
+/* Least and largest value of each input in the training rows, without cells far from all others. */
 static void find_ranges(const training *state, double *low, double *high) {
     for (uint32_t c = 0; c < state->inputs.count; c++) {
         low[c] = INFINITY, high[c] = -INFINITY;
         for (size_t i = 0; i < state->trained; i++) {
             const double value = table_row(&state->table, state->order[i])[c];
+            if (lg_table_is_far(&state->far[c], value)) continue;
             low[c] = fmin(low[c], value);
             high[c] = fmax(high[c], value);
         }
@@ -156,7 +157,7 @@ static int judge_model(const training *state, const train_session *session, lg_t
                  "it on others",
                  v->part);
     if (test != NULL) warn_outside(self, v->judged.outside, v->judged.rows, test, train_given_files.out);
-    file->rmse = v->judged.scaled_rmse;
+    file->rmse = isfinite(v->judged.scaled_rmse) ? v->judged.scaled_rmse : (double)NAN;
     file->accuracy = v->judged.accuracy;
     file->f1 = v->judged.f1;
     return APP_EXIT_OK;
@@ -178,7 +179,10 @@ int finish_training(void *user, train_session *session) {
     lg_table_file file = file_of(state, session->app);
     int learned = APP_EXIT_OK, code = judge_model(state, session, &file, &v);
     if (code == APP_EXIT_OK) {
+        const char *path = state->given->test != NULL ? state->given->test : state->table.path;
         learned = judge_training(state, session, &v);
+        const int finite = warn_infinite(session->app, v.judged.infinite, v.judged.rows, path);
+        if (learned == APP_EXIT_OK) learned = finite;
         code = write_model(state, session->app, &file, &v);
     }
     if (code == APP_EXIT_OK) report(state, session, &file, &v);

@@ -60,10 +60,24 @@ LG_API void lg_table_initialise(const lg_table *model, lg_rng *rng, double *thet
 /* ---- scaling ---- */
 
 /* Mean and standard deviation (divisor: the number of rows) of the columns of values (rows, columns) over
- * the rows `chosen` (count; NULL: the first `count`). A column that is constant to rounding has scale 1. Free
- * with lg_scaler_destroy. Errors: LG_INVALID_ARGUMENT (no rows), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
+ * the rows `chosen` (count; NULL: the first `count`). A column that is constant to rounding, or whose
+ * deviation is below the smallest normal number, has scale 1. Free with lg_scaler_destroy. Errors:
+ * LG_INVALID_ARGUMENT (no rows), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
 LG_API lg_status lg_table_scaler_fit(const lg_context *context, const double *values, uint32_t columns,
                                      const uint32_t *chosen, size_t count, lg_scaler *out);
+
+/* Cells of a column that lie far from the others: more than 30 times as far from the median as the middle
+ * one of all cells that are not equal to it, if together such cells have more than half of the sum of squared
+ * distances from the median. One cell may be enough: mean and deviation say then where it lies and nothing
+ * of the others. The rule has no unit, and knows columns that have one value nearly everywhere. */
+typedef struct lg_table_far {
+    double median, limit;   /* limit of |x - median|/2; INFINITY: no cell is far */
+    size_t count, farthest; /* of far cells; the row of the farthest */
+} lg_table_far;
+/* x_i = values[i stride], i < rows, without NaN. Errors: LG_INVALID_ARGUMENT (no rows), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_table_find_far(const lg_context *context, const double *values, size_t stride,
+                                   size_t rows, lg_table_far *out);
+LG_API bool lg_table_is_far(const lg_table_far *far, double x);
 
 /* ---- training ---- */
 

@@ -82,8 +82,10 @@ typedef struct lg_tensors {
 } lg_tensors;
 
 /* All tensors of types F64, F32, F16 and BF16. Errors: LG_NOT_FOUND, LG_FILE, LG_FORMAT with the tensor
- * (another type, a header or offsets that do not fit, more than 4 dimensions, numbers that are not finite),
- * LG_OUT_OF_MEMORY. On failure `out` is untouched. */
+ * (another type, a header or offsets that do not fit, a key that is there twice, bytes that belong to two
+ * tensors or to no tensor, more than 4 dimensions, numbers that are not finite, more than 2^30 numbers),
+ * LG_OUT_OF_MEMORY, LG_CANCELLED. The header is checked before a number is read. On failure `out` is
+ * untouched. */
 LG_API lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out,
                                  lg_error *error);
 LG_API void lg_tensors_destroy(lg_tensors *tensors); /* NULL or zeros are fine */

@@ -43,6 +43,7 @@ static lg_status widen(lg_csv *c, lg_error *error) {
 /* The next line without its end; *more is false behind the last one. */
 static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
     int byte = EOF;
+    if (lg_cancelled(c->context)) return LG_CANCELLED;
     c->length = 0;
     c->number++;
     while ((byte = next_byte(c)) != EOF && byte != '\n') {

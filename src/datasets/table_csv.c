@@ -42,16 +42,7 @@ static lg_status read_header(lg_table_reading *r, lg_csv *c, lg_error *error) {
     return lg_table_find_columns(r, error);
 }
 
-/* For each cell of a row where its number goes, (cells, 2): the column of the data + 1, 0 for none; the same
- * for the class. */
-static uint32_t *make_map(const lg_table_reading *r) {
-    uint32_t *map = lg_alloc(r->context, r->all.count, sizeof *map);
-    if (map == NULL) return NULL;
-    for (uint32_t i = 0; i < r->count; i++) map[r->at[i]] = i + 1;
-    return map;
-}
-
-static lg_status read_row(lg_table_reading *r, lg_csv *c, const uint32_t *map, lg_error *error) {
+static lg_status read_row(lg_table_reading *r, lg_csv *c, lg_error *error) {
     double *values = NULL;
     char *at = c->line, *cell = NULL;
     LG_TRY(lg_csv_check_row(c, &r->out.cut, error));
@@ -62,30 +53,25 @@ static lg_status read_row(lg_table_reading *r, lg_csv *c, const uint32_t *map, l
         if (i == r->all.count) return lg_csv_fail(c, error, "a quote stands inside of a cell");
         if (i == r->class_at)
             LG_TRY(lg_table_set_label(r, r->out.rows - 1, lg_csv_missing(cell) ? "" : cell, error));
-        if (map[i] > 0) LG_TRY(lg_csv_number(c, cell, r->all.name[i], &values[map[i] - 1], error));
+        if (r->to[i] > 0) LG_TRY(lg_csv_number(c, cell, r->all.name[i], &values[r->to[i] - 1], error));
     }
     return LG_OK;
 }
 
-static lg_status read_rows(lg_table_reading *r, lg_csv *c, const uint32_t *map, lg_error *error) {
+static lg_status read_rows(lg_table_reading *r, lg_csv *c, lg_error *error) {
     for (bool more = true;;) {
         LG_TRY(lg_csv_line(c, &more, error));
         if (!more) return LG_OK;
-        LG_TRY(read_row(r, c, map, error));
+        LG_TRY(read_row(r, c, error));
     }
 }
 
 lg_status lg_table_read_csv(lg_table_reading *r, lg_error *error) {
     lg_csv c;
-    uint32_t *map = NULL;
     r->out.place = "line";
     lg_status status = lg_csv_open(r->context, r->path, "table", &c, error);
     if (status == LG_OK) status = read_header(r, &c, error);
-    if (status == LG_OK && !lg_table_names_only(r)) {
-        map = make_map(r);
-        status = map == NULL ? lg_table_no_memory(r, error) : read_rows(r, &c, map, error);
-    }
-    lg_free(r->context, map);
+    if (status == LG_OK && !lg_table_names_only(r)) status = read_rows(r, &c, error);
     lg_csv_close(&c);
     return status;
 }

@@ -117,8 +117,7 @@ static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
 
 static bool is_wanted(const lg_table_reading *r, const source *s) {
     bool wanted = r->class_at >= s->first && r->class_at < s->first + s->columns;
-    for (uint32_t i = 0; i < r->count; i++)
-        wanted = wanted || (r->at[i] >= s->first && r->at[i] < s->first + s->columns);
+    for (uint32_t i = 0; i < s->columns; i++) wanted = wanted || r->to[s->first + i] > 0;
     return wanted;
 }
 
@@ -150,9 +149,8 @@ static lg_status read_source(read_call *call, lg_h5 *h5, const source *s, lg_err
         return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, another column has %zu", r->shown, s->name,
                        (unsigned long long)s->about.dims[0], r->out.rows);
     if (s->about.kind == LG_H5_WORDS) {
-        if (s->first != r->class_at) return fail(call, s->name, "does not hold numbers", error);
-        for (uint32_t i = 0; i < r->count; i++)
-            if (r->at[i] == s->first) return fail(call, s->name, "does not hold numbers", error);
+        if (s->first != r->class_at || r->to[s->first] > 0)
+            return fail(call, s->name, "does not hold numbers", error);
         return lg_h5_each_text(h5, s->name, copy_label, call, error);
     }
     LG_TRY(lg_h5_each_rows(h5, s->name, copy_rows, &copy, error));

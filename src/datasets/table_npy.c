@@ -9,7 +9,7 @@
 
 #include "datasets/table_reading.h"
 
-enum { MAGIC = 8, LONGEST_HEADER = 1 << 16, MOST_BYTES = 8 };
+enum { MAGIC = 8, LONGEST_HEADER = 1 << 16, MOST_BYTES = 8, CHECK = 1 << 16 };
 
 typedef struct npy {
     FILE *from;
@@ -47,10 +47,10 @@ static lg_status read_header(const lg_table_reading *r, npy *n, lg_error *error)
     return LG_OK;
 }
 
-/* What stands behind 'key': in the dictionary; NULL: nothing. */
+/* What stands behind 'key': in the dictionary; NULL: nothing, or the key is there twice. */
 static const char *value_of(const npy *n, const char *key) {
     const char *at = strstr(n->header, key);
-    if (at == NULL) return NULL;
+    if (at == NULL || strstr(at + 1, key) != NULL) return NULL;
     at += strlen(key);
     return at + strspn(at, " :");
 }
@@ -95,9 +95,11 @@ static lg_status parse_shape(const lg_table_reading *r, npy *n, lg_error *error)
     return LG_OK;
 }
 
-/* The file has the numbers that the header promises, so that no memory is asked for in vain. */
+/* The file has the numbers that the header promises and no others, so that no memory is asked for in vain. */
 static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *error) {
     struct stat about;
+    lg_read_options options;
+    LG_TRY(lg_read_options_resolve(r->options, &options, error));
     const long at = ftell(n->from);
     if (at < 0 || fstat(fileno(n->from), &about) != 0)
         return lg_fail(error, LG_FILE, "%s: %s", r->shown, strerror(errno));
@@ -105,6 +107,13 @@ static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *e
     if (n->rows > have || n->rows * n->columns > have || n->rows * n->columns * n->bytes > have)
         return lg_fail(error, LG_FORMAT, "%s: is cut off: (%llu, %llu) numbers are promised", r->shown,
                        (unsigned long long)n->rows, (unsigned long long)n->columns);
+    if (n->rows * n->columns * n->bytes < have)
+        return lg_fail(error, LG_FORMAT, "%s: %llu bytes stand behind its array", r->shown,
+                       (unsigned long long)(have - n->rows * n->columns * n->bytes));
+    if (n->rows * n->columns > options.max_size / sizeof(double))
+        return lg_fail(error, LG_FORMAT, "%s: has (%llu, %llu) numbers; at most %llu are read", r->shown,
+                       (unsigned long long)n->rows, (unsigned long long)n->columns,
+                       (unsigned long long)(options.max_size / sizeof(double)));
     return LG_OK;
 }
 
@@ -137,6 +146,7 @@ static lg_status read_numbers(lg_table_reading *r, const npy *n, lg_error *error
     LG_TRY(lg_table_make_rows(r, n->rows, error));
     for (uint64_t a = 0; a < outer; a++)
         for (uint64_t b = 0; b < inner; b++) {
+            if (b % CHECK == 0 && lg_cancelled(r->context)) return LG_CANCELLED;
             if (fread(raw, 1, n->bytes, n->from) != n->bytes)
                 return fail(r, "cannot be read to its end", error);
             LG_TRY(lg_table_set_number(r, (size_t)(n->fortran ? b : a), (uint32_t)(n->fortran ? a : b),

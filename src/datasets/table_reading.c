@@ -10,7 +10,7 @@
 #include "datasets/names.h"
 #include "datasets/table_names.h"
 
-enum { FIRST_NAMES = 16, FIRST_ROWS = 1024 };
+enum { FIRST_NAMES = 16, FIRST_NUMBERS = 8192 };
 
 lg_status lg_table_no_memory(const lg_table_reading *r, lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", r->shown);
@@ -34,9 +34,9 @@ void lg_table_data_destroy(lg_table_data *data) {
 void lg_table_reset(lg_table_reading *r) {
     lg_table_names_destroy(&r->all);
     lg_table_data_destroy(&r->out);
-    lg_free(r->context, r->at);
+    lg_free(r->context, r->to);
     lg_free(r->context, r->label_text);
-    r->at = NULL;
+    r->to = NULL;
     r->label_text = NULL;
     r->room = 0;
     r->row_room = 0;
@@ -80,26 +80,52 @@ static lg_status missing_column(const lg_table_reading *r, const char *name, lg_
                    have.text);
 }
 
-static lg_status find_column(const lg_table_reading *r, const char *name, uint32_t *at, lg_error *error) {
-    *at = r->all.count;
-    for (uint32_t i = 0; i < r->all.count; i++) {
-        if (strcmp(r->all.name[i], name) != 0) continue;
-        if (*at < r->all.count)
-            return lg_fail(error, LG_FORMAT, "%s: column '%s' is there twice", r->shown, name);
-        *at = i;
+static int by_name(const void *a, const void *b) {
+    return strcmp(**(const lg_table_text *const *)a, **(const lg_table_text *const *)b);
+}
+
+/* Number of the column; `sorted` are the names of the file. */
+static lg_status find_column(const lg_table_reading *r, const lg_table_text **sorted, const char *name,
+                             uint32_t *at, lg_error *error) {
+    uint32_t low = 0, high = r->all.count;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (strcmp(*sorted[middle], name) < 0)
+            low = middle + 1;
+        else
+            high = middle;
     }
-    return *at < r->all.count ? LG_OK : missing_column(r, name, error);
+    if (low == r->all.count || strcmp(*sorted[low], name) != 0) return missing_column(r, name, error);
+    if (low + 1 < r->all.count && strcmp(*sorted[low + 1], name) == 0)
+        return lg_fail(error, LG_FORMAT, "%s: column '%s' is there twice", r->shown, name);
+    *at = (uint32_t)(sorted[low] - r->all.name);
+    return LG_OK;
+}
+
+static lg_status find_all(lg_table_reading *r, const lg_table_text **sorted, lg_error *error) {
+    for (uint32_t i = 0; i < r->all.count; i++) sorted[i] = &r->all.name[i];
+    qsort(sorted, r->all.count, sizeof *sorted, by_name);
+    for (uint32_t i = 0; i < r->count; i++) {
+        uint32_t at = 0;
+        LG_TRY(find_column(r, sorted, r->names[i], &at, error));
+        if (r->to[at] > 0)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: column '%s' is asked for twice", r->shown,
+                           r->names[i]);
+        r->to[at] = i + 1;
+    }
+    return r->class_column == NULL ? LG_OK : find_column(r, sorted, r->class_column, &r->class_at, error);
 }
 
 lg_status lg_table_find_columns(lg_table_reading *r, lg_error *error) {
     if (lg_table_names_only(r)) return LG_OK;
-    r->at = lg_alloc(r->context, (size_t)r->count + 1, sizeof *r->at);
-    if (r->at == NULL) return lg_table_no_memory(r, error);
-    for (uint32_t i = 0; i < r->count; i++) LG_TRY(find_column(r, r->names[i], &r->at[i], error));
     r->class_at = UINT32_MAX;
-    if (r->class_column != NULL) LG_TRY(find_column(r, r->class_column, &r->class_at, error));
     r->out.columns = r->count;
-    return LG_OK;
+    r->to = lg_alloc(r->context, (size_t)r->all.count + 1, sizeof *r->to);
+    const lg_table_text **sorted = lg_alloc(r->context, (size_t)r->all.count + 1, sizeof *sorted);
+    const lg_status status =
+        r->to == NULL || sorted == NULL ? lg_table_no_memory(r, error) : find_all(r, sorted, error);
+    lg_free(r->context, (void *)sorted);
+    return status;
 }
 
 /* ---- rows ---- */
@@ -134,7 +160,8 @@ lg_status lg_table_make_rows(lg_table_reading *r, uint64_t rows, lg_error *error
 
 lg_status lg_table_add_row(lg_table_reading *r, size_t line, double **values, lg_error *error) {
     if (r->out.rows == r->row_room)
-        LG_TRY(widen_rows(r, r->row_room == 0 ? FIRST_ROWS : 2 * r->row_room, error));
+        LG_TRY(widen_rows(r, r->row_room == 0 ? 1 + FIRST_NUMBERS / (r->out.columns + 1) : 2 * r->row_room,
+                          error));
     if (r->out.rows == UINT32_MAX) return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more", r->shown);
     r->out.line[r->out.rows] = line;
     *values = r->out.values + r->out.rows++ * r->out.columns;
@@ -175,12 +202,9 @@ static lg_status set_label_number(lg_table_reading *r, size_t row, double value,
 lg_status lg_table_set_number(lg_table_reading *r, size_t row, uint32_t column, double value,
                               lg_error *error) {
     if (column == r->class_at) LG_TRY(set_label_number(r, row, value, error));
-    for (uint32_t i = 0; i < r->count; i++) {
-        if (r->at[i] != column) continue;
-        LG_TRY(check_number(r, row, r->all.name[column], value, error));
-        r->out.values[row * r->out.columns + i] = value;
-    }
-    return LG_OK;
+    if (r->to[column] == 0) return LG_OK;
+    r->out.values[row * r->out.columns + r->to[column] - 1] = value;
+    return check_number(r, row, r->all.name[column], value, error);
 }
 
 static int compare_texts(const void *a, const void *b) {

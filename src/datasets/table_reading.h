@@ -19,8 +19,9 @@ typedef struct lg_table_reading {
     const char *const *names;
     uint32_t count;
     const char *class_column; /* may be NULL */
-    /* Where it stands: numbers of columns, count of them; of the class. Known after lg_table_find_columns. */
-    uint32_t *at, class_at;
+    /* Known after lg_table_find_columns. */
+    uint32_t *to;      /* (columns of the file): which one of `names` it is, from 1; 0: none of them */
+    uint32_t class_at; /* the column of the class */
     lg_table_data out;
     size_t row_room;
     lg_table_text *label_text; /* (row_room) of the rows */

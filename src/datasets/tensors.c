@@ -11,7 +11,7 @@
 #include "datasets/yaml.h"
 #include "liegrad/tables.h"
 
-enum { MOST_HEADER = 1 << 20, MOST_TENSORS = 4096 };
+enum { MOST_HEADER = 1 << 20, MOST_TENSORS = 4096, CHUNK = 1 << 16 };
 
 /* ---- numbers ---- */
 
@@ -53,12 +53,21 @@ static const struct {
 
 /* ---- the header ---- */
 
+/* Where the numbers of a tensor lie, in bytes behind the header. */
+typedef struct place {
+    uint64_t begin, end;
+    size_t type;
+    lg_tensor *tensor;
+} place;
+
 typedef struct reading {
     const lg_context *context;
     const char *path;
-    unsigned char *data;
-    size_t size, start; /* of the file; where the numbers begin */
+    FILE *from;
+    unsigned char *text; /* of the header */
+    uint64_t bytes;      /* behind the header */
     lg_yaml *header;
+    place *places; /* one for each tensor */
     lg_tensors *out;
 } reading;
 
@@ -66,8 +75,15 @@ static lg_status bad(const reading *r, lg_error *error, const char *name, const 
     return lg_fail(error, LG_FORMAT, "%s: tensor '%.64s': %s", lg_shown_path(r->path), name, what);
 }
 
+static lg_status no_memory(const reading *r, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %s", lg_shown_path(r->path));
+}
+
+/* NULL: no text, or one with a zero in it. */
 static const char *text_of(const yaml_node_t *node) {
-    return node != NULL && node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : NULL;
+    if (node == NULL || node->type != YAML_SCALAR_NODE) return NULL;
+    const char *text = (const char *)node->data.scalar.value;
+    return strlen(text) == node->data.scalar.length ? text : NULL;
 }
 
 static yaml_node_t *value_of(yaml_document_t *document, const yaml_node_t *mapping, const char *key) {
@@ -77,6 +93,21 @@ static yaml_node_t *value_of(yaml_document_t *document, const yaml_node_t *mappi
         if (name != NULL && strcmp(name, key) == 0) return yaml_document_get_node(document, p->value);
     }
     return NULL;
+}
+
+/* Keys are texts, each there once; `what` has them, for the sentence. */
+static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const char *what, lg_error *error) {
+    yaml_document_t *document = lg_yaml_document(r->header);
+    if (mapping->type != YAML_MAPPING_NODE) return LG_OK;
+    for (yaml_node_pair_t *p = mapping->data.mapping.pairs.start; p < mapping->data.mapping.pairs.top; p++) {
+        const char *name = text_of(yaml_document_get_node(document, p->key));
+        if (name == NULL)
+            return lg_fail(error, LG_FORMAT, "%s: %s: a key is not a text", lg_shown_path(r->path), what);
+        if (value_of(document, mapping, name) != yaml_document_get_node(document, p->value))
+            return lg_fail(error, LG_FORMAT, "%s: %s: key '%.64s' is there twice", lg_shown_path(r->path),
+                           what, name);
+    }
+    return LG_OK;
 }
 
 /* A list of at most `most` whole numbers. */
@@ -94,26 +125,16 @@ static bool wholes_of(yaml_document_t *document, const yaml_node_t *list, uint64
     return true;
 }
 
-static lg_status take_numbers(const reading *r, lg_tensor *t, size_t type, const unsigned char *from,
-                              lg_error *error) {
-    t->values = lg_alloc(r->context, t->count > 0 ? t->count : 1, sizeof *t->values);
-    if (t->values == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for tensors");
-    for (size_t i = 0; i < t->count; i++) {
-        t->values[i] = types[type].read(from + i * types[type].bytes);
-        if (!isfinite(t->values[i])) return bad(r, error, t->name, "has numbers that are not finite");
-    }
-    return LG_OK;
-}
-
 static lg_status take_tensor(const reading *r, const char *name, const yaml_node_t *about, lg_error *error) {
     yaml_document_t *document = lg_yaml_document(r->header);
-    const char *type_name = text_of(value_of(document, about, "dtype"));
     uint64_t range[2];
     uint32_t ends;
     size_t type = 0;
     lg_tensor *t = &r->out->tensor[r->out->count];
     if (strlen(name) >= sizeof t->name) return bad(r, error, name, "the name is too long");
     memcpy(t->name, name, strlen(name) + 1);
+    LG_TRY(check_keys(r, about, name, error));
+    const char *type_name = text_of(value_of(document, about, "dtype"));
     while (type < LG_COUNT(types) && (type_name == NULL || strcmp(types[type].name, type_name) != 0)) type++;
     if (type == LG_COUNT(types)) return bad(r, error, name, "the type is not F64, F32, F16 or BF16");
     if (!wholes_of(document, value_of(document, about, "shape"), t->dims, 4, &t->rank))
@@ -122,71 +143,130 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
         return bad(r, error, name, "data_offsets is not a list of 2 whole numbers");
     t->count = 1;
     for (uint32_t k = 0; k < t->rank; k++) {
-        if (t->dims[k] > 0 && t->count > r->size / t->dims[k])
-            return bad(r, error, name, "is larger than the file");
+        if (t->dims[k] > 0 && t->count > r->bytes / t->dims[k])
+            return bad(r, error, name, "data_offsets do not fit the shape or the file");
         t->count *= (size_t)t->dims[k];
     }
-    if (range[1] > r->size - r->start || range[0] > range[1] ||
-        range[1] - range[0] != t->count * types[type].bytes)
+    if (range[1] > r->bytes || range[0] > range[1] || range[1] - range[0] != t->count * types[type].bytes)
         return bad(r, error, name, "data_offsets do not fit the shape or the file");
-    r->out->count++;
-    return take_numbers(r, t, type, r->data + r->start + range[0], error);
+    r->places[r->out->count++] = (place){range[0], range[1], type, t};
+    return LG_OK;
 }
 
-static lg_status take_all(const reading *r, lg_error *error) {
+static lg_status take_all(reading *r, lg_error *error) {
     yaml_document_t *document = lg_yaml_document(r->header);
-    const yaml_node_t *root = yaml_document_get_root_node(document);
-    if (root == NULL || root->type != YAML_MAPPING_NODE)
-        return lg_fail(error, LG_FORMAT, "%s: the header is not a JSON object", lg_shown_path(r->path));
+    const yaml_node_t *root = yaml_document_get_root_node(document); /* lg_yaml_open_text: a mapping */
     const size_t pairs = (size_t)(root->data.mapping.pairs.top - root->data.mapping.pairs.start);
     if (pairs > MOST_TENSORS)
         return lg_fail(error, LG_FORMAT, "%s: more than %d tensors", lg_shown_path(r->path), MOST_TENSORS);
-    r->out->tensor = lg_alloc(r->context, pairs > 0 ? pairs : 1, sizeof *r->out->tensor);
-    if (r->out->tensor == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for tensors");
+    LG_TRY(check_keys(r, root, "the header", error));
+    r->out->tensor = lg_alloc(r->context, pairs + 1, sizeof *r->out->tensor);
+    r->places = lg_alloc(r->context, pairs + 1, sizeof *r->places);
+    if (r->out->tensor == NULL || r->places == NULL) return no_memory(r, error);
     for (yaml_node_pair_t *p = root->data.mapping.pairs.start; p < root->data.mapping.pairs.top; p++) {
         const char *name = text_of(yaml_document_get_node(document, p->key));
-        yaml_node_t *about = yaml_document_get_node(document, p->value);
-        if (name != NULL && strcmp(name, "__metadata__") == 0) {
-            const char *layout = about != NULL ? text_of(value_of(document, about, "layout")) : NULL;
+        const yaml_node_t *about = yaml_document_get_node(document, p->value);
+        if (strcmp(name, "__metadata__") == 0) {
+            const char *layout = text_of(value_of(document, about, "layout"));
             r->out->inputs_first = layout != NULL && strstr(layout, "(in, out)") != NULL;
             continue;
         }
-        if (name == NULL || about == NULL)
-            return lg_fail(error, LG_FORMAT, "%s: the header is not a JSON object", lg_shown_path(r->path));
         LG_TRY(take_tensor(r, name, about, error));
+    }
+    return LG_OK;
+}
+
+/* ---- the numbers ---- */
+
+static int by_place(const void *a, const void *b) {
+    const place *x = a, *y = b;
+    if (x->begin != y->begin) return x->begin < y->begin ? -1 : 1;
+    return x->end < y->end ? -1 : x->end > y->end;
+}
+
+/* Each byte behind the header belongs to one tensor, as the format demands. The places are sorted. */
+static lg_status check_places(const reading *r, lg_error *error) {
+    const size_t count = r->out->count;
+    uint64_t end = 0, numbers = 0;
+    lg_read_options options;
+    lg_read_options_init(&options);
+    qsort(r->places, count, sizeof *r->places, by_place);
+    for (size_t i = 0; i < count; end = r->places[i++].end) {
+        const place *p = &r->places[i];
+        if (p->begin < end) return bad(r, error, p->tensor->name, "shares bytes with another tensor");
+        if (p->begin > end) return bad(r, error, p->tensor->name, "stands behind bytes of no tensor");
+        numbers += p->tensor->count;
+    }
+    if (end < r->bytes)
+        return lg_fail(error, LG_FORMAT, "%s: %llu bytes behind the last tensor belong to no tensor",
+                       lg_shown_path(r->path), (unsigned long long)(r->bytes - end));
+    if (numbers > options.max_size / sizeof(double))
+        return lg_fail(error, LG_FORMAT, "%s: has %llu numbers; at most %llu are read",
+                       lg_shown_path(r->path), (unsigned long long)numbers,
+                       (unsigned long long)(options.max_size / sizeof(double)));
+    return LG_OK;
+}
+
+static lg_status read_numbers(const reading *r, const place *p, lg_error *error) {
+    unsigned char raw[CHUNK];
+    lg_tensor *t = p->tensor;
+    const size_t bytes = types[p->type].bytes;
+    t->values = lg_alloc(r->context, t->count > 0 ? t->count : 1, sizeof *t->values);
+    if (t->values == NULL) return no_memory(r, error);
+    for (size_t at = 0, n; at < t->count; at += n) {
+        n = t->count - at < CHUNK / bytes ? t->count - at : CHUNK / bytes;
+        if (lg_cancelled(r->context)) return LG_CANCELLED;
+        if (fread(raw, bytes, n, r->from) != n)
+            return lg_fail(error, LG_FILE, "%s: cannot be read to its end", lg_shown_path(r->path));
+        for (size_t i = 0; i < n; i++) {
+            t->values[at + i] = types[p->type].read(raw + i * bytes);
+            if (!isfinite(t->values[at + i]))
+                return bad(r, error, t->name, "has numbers that are not finite");
+        }
     }
     return LG_OK;
 }
 
 /* ---- the file ---- */
 
-static lg_status read_bytes(reading *r, lg_error *error) {
+static lg_status open_file(reading *r, lg_error *error) {
     struct stat about;
     if (stat(r->path, &about) != 0)
         return lg_fail(error, errno == ENOENT ? LG_NOT_FOUND : LG_FILE, "%s: %s", lg_shown_path(r->path),
                        strerror(errno));
     if (!S_ISREG(about.st_mode))
         return lg_fail(error, LG_FILE, "%s: is not a regular file", lg_shown_path(r->path));
-    FILE *file = fopen(r->path, "rb");
-    if (file == NULL)
+    r->from = fopen(r->path, "rb");
+    if (r->from == NULL)
         return lg_fail(error, LG_FILE, "%s: cannot be read: %s", lg_shown_path(r->path), strerror(errno));
-    r->size = (size_t)about.st_size;
-    r->data = lg_alloc(r->context, r->size + 1, 1);
-    const bool whole = r->data != NULL && fread(r->data, 1, r->size, file) == r->size;
-    (void)fclose(file);
-    if (r->data == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %s", lg_shown_path(r->path));
-    return whole ? LG_OK : lg_fail(error, LG_FILE, "%s: cannot be read", lg_shown_path(r->path));
+    r->bytes = (uint64_t)about.st_size;
+    return LG_OK;
+}
+
+/* The length of the header (8 bytes, the least first), then the header. */
+static lg_status read_header(reading *r, lg_error *error) {
+    unsigned char first[8] = {0};
+    uint64_t length = 0;
+    const bool begun = fread(first, 1, sizeof first, r->from) == sizeof first;
+    for (size_t i = 0; i < sizeof first; i++) length |= (uint64_t)first[i] << 8 * i;
+    bool fits = begun && length >= 2 && length <= MOST_HEADER && length <= r->bytes - sizeof first;
+    if (fits) {
+        r->text = lg_alloc(r->context, (size_t)length, 1);
+        if (r->text == NULL) return no_memory(r, error);
+        fits = fread(r->text, 1, (size_t)length, r->from) == length && r->text[0] == '{';
+    }
+    if (!fits) return lg_fail(error, LG_FORMAT, "%s: is not a safetensors file", lg_shown_path(r->path));
+    r->bytes -= sizeof first + length;
+    return lg_yaml_open_text(r->context, r->path, r->text, (size_t)length, &r->header, error);
 }
 
 static lg_status read_all(reading *r, lg_error *error) {
-    uint64_t length = 0;
-    LG_TRY(read_bytes(r, error));
-    for (size_t i = 0; r->size >= 8 && i < 8; i++) length |= (uint64_t)r->data[i] << 8 * i;
-    if (r->size < 8 || length > r->size - 8 || length > MOST_HEADER || length < 2 || r->data[8] != '{')
-        return lg_fail(error, LG_FORMAT, "%s: is not a safetensors file", lg_shown_path(r->path));
-    r->start = 8 + (size_t)length;
-    LG_TRY(lg_yaml_open_text(r->context, r->path, r->data + 8, (size_t)length, &r->header, error));
-    return take_all(r, error);
+    LG_TRY(open_file(r, error));
+    LG_TRY(read_header(r, error));
+    LG_TRY(take_all(r, error));
+    LG_TRY(check_places(r, error));
+    for (size_t i = 0; i < r->out->count; i++) LG_TRY(read_numbers(r, &r->places[i], error));
+    return LG_OK;
 }
 
 lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out, lg_error *error) {
@@ -194,7 +274,9 @@ lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensor
     reading r = {.context = context, .path = path, .out = &made};
     const lg_status status = read_all(&r, error);
     lg_yaml_close(r.header);
-    lg_free(context, r.data);
+    if (r.from != NULL) (void)fclose(r.from);
+    lg_free(context, r.text);
+    lg_free(context, r.places);
     if (status == LG_OK)
         *out = made;
     else

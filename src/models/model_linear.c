@@ -24,8 +24,10 @@ typedef struct linear_parts {
     double *search;   /* (2 d + 3 r + 2 r r): an equilibrium */
 } linear_parts;
 
+/* What does not move has no parts: its inputs may be many, and their square is no memory to ask for. */
 static linear_parts parts_of(const lg_model *model, void *work, size_t *doubles) {
-    const size_t d = model->inputs, m = lg_model_input_dim(model), r = lg_model_tangent_dim(model);
+    const size_t d = lg_model_moves(model) ? model->inputs : 0, m = lg_model_input_dim(model),
+                 r = lg_model_tangent_dim(model);
     const size_t sizes[] = {m, d * d, d * m, d * r, d, r, 2 * d + 3 * r + 2 * r * r};
     double *at[LG_COUNT(sizes)] = {NULL};
     *doubles = 0;

@@ -1,6 +1,7 @@
 /* Table networks: description, parameters, scaling. */
 #include "liegrad/table.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -95,7 +96,7 @@ static lg_status fit_column(const double *values, uint32_t columns, const uint32
     }
     const double deviation = sqrt(squares / (double)count);
     *mean = sum * unit;
-    *scale = deviation > CONSTANT && deviation * unit > 0.0 ? deviation * unit : 1.0;
+    *scale = deviation > CONSTANT && deviation * unit >= DBL_MIN ? deviation * unit : 1.0;
     return LG_OK;
 }
 

@@ -92,6 +92,78 @@ TEST("a smooth table is learned, by names, and the error on another one is small
     assert_true(inner(result.out, "rmse", "y") < 0.3);
 }
 
+/* The smooth table; in line `line` column a times `a` and y times `y`, elsewhere both times `unit`. */
+static void write_marked(const char *name, size_t line, double a, double y, double unit) {
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "a,b,y\n");
+    for (size_t i = 2; i < 302; i++) {
+        const double p = noise(5 * i), q = noise(5 * i + 1);
+        put(s, "%.12g,%.12g,%.12g\n", p * (i == line ? a : unit), q,
+            (sin(p) + 0.1 * q * q) * (i == line ? y : unit));
+    }
+    cli_write(name, s->text);
+}
+
+TEST("a cell far from all others is told with line and value, and hides nothing of the other inputs") {
+    static const double sizes[] = {1e3, -1e6, 1e12, 1e150};
+    char line[128];
+    need_tables();
+    write_marked("clean.csv", 0, 1, 1, 1);
+    cli_json(fit, "train clean.csv --out far.h5", "warnings []", &result);
+    for (size_t i = 0; i < LG_COUNT(sizes); i++) {
+        write_marked("far.csv", 40, sizes[i], 1, 1);
+        cli_json(fit, "train far.csv --test clean.csv --out far.h5", "inputs 2", &result);
+        if (strstr(result.out,
+                   "column a: 1 of 300 cells lies far from all others, the farthest in line 40") == NULL)
+            fail_msg("%g: %s", sizes[i], result.out);
+        if (!(inner(result.out, "rmse", "y") < 0.05)) fail_msg("%g: %s", sizes[i], result.out);
+        assert_true(json_number(result.out, "outside") == 0);
+    }
+    for (size_t i = 0; i < 2; i++) {
+        (void)snprintf(line, sizeof line, "column %s: 1 of 300 cells", i == 0 ? "a" : "y");
+        write_marked("far.csv", 40, i == 0 ? 1e307 : 1, i == 0 ? 1 : 1e307, 1);
+        cli_run_limited(fit, "train far.csv --out far.h5 --json", 0, &result);
+        if (strstr(result.out, line) == NULL) fail_msg("%s%s", result.out, result.err);
+    }
+    /* The range of the inputs is that of the others. */
+    write_marked("far.csv", 40, 1e6, 1, 1);
+    cli_json(fit, "train far.csv --out far.h5", "inputs 2", &result);
+    cli_write("query.csv", "a,b,y\n100,0,0\n");
+    cli_json(fit, "evaluate far.h5 query.csv", "outside 1", &result);
+}
+
+TEST("numbers too small to be scaled are refused before the training, with the lines") {
+    static const double units[] = {1e-310, 1e-320};
+    need_tables();
+    for (size_t i = 0; i < LG_COUNT(units); i++) {
+        write_marked("tiny.csv", 0, 1, 1, units[i]);
+        cli_expect(fit, "train tiny.csv --out tiny.h5", 3, "tiny.csv: column a: its values, from -", &result);
+        assert_non_null(strstr(result.err, " in line "));
+        assert_false(cli_exists("tiny.h5"));
+        assert_false(cli_exists("tiny.h5.checkpoint"));
+        cli_expect(fit, "train tiny.csv --inputs b --outputs y --out tiny.h5", 3, "column y: its values",
+                   &result);
+    }
+    static const double sound[] = {1e-300, 1e300};
+    for (size_t i = 0; i < LG_COUNT(sound); i++) {
+        write_marked("tiny.csv", 0, 1, 1, sound[i]);
+        cli_json(fit, "train tiny.csv --out tiny.h5", "warnings []", &result);
+        assert_true(inner(result.out, "r2", "y") > 0.999);
+    }
+}
+
+TEST("predictions that are not finite are counted, and end with 4") {
+    need_tables();
+    cli_json(fit, "train smooth.csv --inputs a,b,c,d --outputs y --out finite.h5", "inputs 4", &result);
+    cli_write("huge.csv", "a,b,c,d,y\n0,3e6,0,0,1\n1e308,-1e308,1e308,1,1\n");
+    cli_expect(fit, "predict finite.h5 huge.csv", 4, "predictions of 1 of 2 rows are not finite", &result);
+    cli_expect(fit, "predict finite.h5 huge.csv --out p.csv", 4, "predictions of 1 of 2 rows", &result);
+    cli_expect(fit, "evaluate finite.h5 huge.csv", 4, "predictions of 1 of 2 rows", &result);
+    cli_expect(fit, "train smooth.csv --inputs a,b,c,d --outputs y --test huge.csv --out test.h5", 4,
+               "predictions of 1 of 2 rows", &result);
+    cli_expect(fit, "predict test.h5 smooth.csv", 0, "y\n", &result);
+}
+
 TEST("the noise of a table is not learned: the priors say how large it is") {
     need_tables();
     cli_json(fit, "train noisy.csv --inputs a,b,c,d --outputs y --test clear.csv --out noisy.h5",
@@ -599,9 +671,10 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
                 "data_offsets do not fit"},
                {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[2,-2],\"data_offsets\":[0,32]}}",
                 "shape is not a list"},
-               {"{\"a.bias\":{\"dtype\":\"F64\",\"shape\":[2],\"data_offsets\":[0,16]}}", "bias of no layer"},
+               {"{\"a.bias\":{\"dtype\":\"F64\",\"shape\":[9],\"data_offsets\":[0,72]}}", "bias of no layer"},
                {"{\"a\":[1]}", "type is not F64"},
-               {"{}", "no weight"}};
+               {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]}}",
+                "40 bytes behind the last tensor"}};
     double numbers[9];
     memcpy(numbers, weight1, sizeof weight1);
     memcpy(numbers + 4, bias1, sizeof bias1);
@@ -626,6 +699,8 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
         write_tensors("bad.safetensors", bad[i].header, numbers, sizeof numbers);
         cli_expect(fit, "import bad.safetensors --out bad.h5", 3, bad[i].words, &result);
     }
+    write_tensors("bad.safetensors", "{}", numbers, 0);
+    cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "no weight", &result);
     cli_write("bad.safetensors", "short");
     cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "is not a safetensors file", &result);
     cli_expect(fit, "import w.safetensors", 2, "--out is missing", &result);

@@ -1,9 +1,11 @@
-/* Rows of tables that are complete, and ports with the range of a table. lg-fit's tests read files. */
+/* Rows of tables that are complete, ports with the range of a table, files whose sizes are wrong or large,
+ * wide tables. lg-fit's tests read files too. */
 #include "io_test.h"
 
 #include "liegrad/tables.h"
 
 OWNED(lg_table_data, lg_table_data_destroy)
+OWNED(lg_tensors, lg_tensors_destroy)
 
 static lg_table_data *read_columns(const char *text, const char *columns, const char *class_column) {
     const char *names[] = {(char[]){columns[0], '\0'}, (char[]){columns[1], '\0'}};
@@ -55,4 +57,198 @@ TEST("a port has the range of the table's numbers, missing ones apart") {
     const lg_port none = lg_table_port(read_columns("c,d\n1,\n2,\n", "d", NULL), "d", 1);
     assert_close(none.low, 0, 0, 0);
     assert_close(none.high, 0, 0, 0);
+}
+
+/* ---- files of arrays ---- */
+
+/* The length of the header (safetensors), the header, then zeros up to `size` bytes behind it, as a hole. */
+static const char *write_hole(const char *name, const char *start, size_t start_bytes, const char *header,
+                              uint64_t size) {
+    const char *path = scratch_path(name);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(start, 1, start_bytes, file), start_bytes);
+    assert_int_equal(fwrite(header, 1, strlen(header), file), strlen(header));
+    assert_int_equal(fflush(file), 0);
+    assert_int_equal(ftruncate(fileno(file), (off_t)(start_bytes + strlen(header) + size)), 0);
+    assert_int_equal(fclose(file), 0);
+    return path;
+}
+
+static const char *write_tensors(const char *header, uint64_t size) {
+    char start[8] = {0};
+    for (size_t i = 0, length = strlen(header); i < sizeof start; i++)
+        start[i] = (char)(length >> 8 * i & 255);
+    return write_hole("t.safetensors", start, sizeof start, header, size);
+}
+
+static const char *write_npy(const char *header, uint64_t size) {
+    const char start[] = {(char)0x93, 'N', 'U', 'M', 'P', 'Y', 1, 0, (char)strlen(header), 0};
+    return write_hole("t.npy", start, sizeof start, header, size);
+}
+
+#define TENSOR(name, shape, offsets)                                                                         \
+    "\"" name "\":{\"dtype\":\"F64\",\"shape\":[" shape "],\"data_offsets\":[" offsets "]}"
+
+TEST("tensors that fill a file are read, in whatever order the header names them") {
+    static const struct {
+        const char *header;
+        uint64_t size;
+        size_t count;
+    } good[] = {{"{}", 0, 0},
+                {"{" TENSOR("a", "2", "0,16") "}", 16, 1},
+                {"{" TENSOR("b", "1,2", "16,32") "," TENSOR("a", "2", "0,16") "}", 32, 2},
+                {"{" TENSOR("a", "2", "0,16") "," TENSOR("none", "0,7", "16,16") "}   ", 16, 2},
+                {"{\"__metadata__\":{\"by\":\"hand\"}," TENSOR("a", "", "0,8") "}", 8, 1}};
+    for (size_t i = 0; i < LG_COUNT(good); i++) {
+        lg_tensors made;
+        lg_error error = {LG_OK, ""};
+        if (lg_tensors_read(NULL, write_tensors(good[i].header, good[i].size), &made, &error) != LG_OK)
+            fail_msg("row %zu: %s", i, error.message);
+        assert_int_equal(own_lg_tensors(made)->count, good[i].count);
+    }
+}
+
+TEST("tensors that share bytes, leave some, or have two names or sizes are refused") {
+    static const struct {
+        const char *header;
+        uint64_t size;
+        const char *words;
+    } bad[] = {
+        {"{" TENSOR("a", "2", "0,16") "," TENSOR("b", "2", "8,24") "}", 24, "'b': shares bytes"},
+        {"{" TENSOR("a", "2", "0,16") "," TENSOR("b", "2", "0,16") "}", 16, "shares bytes"},
+        {"{" TENSOR("a", "4", "0,32") "," TENSOR("b", "1", "8,16") "}", 32, "'b': shares bytes"},
+        {"{" TENSOR("a", "2", "8,24") "}", 24, "'a': stands behind bytes of no tensor"},
+        {"{" TENSOR("a", "1", "0,8") "," TENSOR("b", "1", "16,24") "}", 24, "'b': stands behind bytes"},
+        {"{" TENSOR("a", "2", "0,16") "}", 17, "1 bytes behind the last tensor"},
+        {"{}", 8, "8 bytes behind the last tensor"},
+        {"{" TENSOR("a", "2", "0,16") "}", 15, "do not fit the shape or the file"},
+        {"{" TENSOR("a", "2", "0,8") "}", 8, "do not fit the shape or the file"},
+        {"{" TENSOR("a", "2", "16,0") "}", 16, "do not fit the shape or the file"},
+        {"{" TENSOR("a", "99999999,99999999,99999999", "0,16") "}", 16, "do not fit the shape"},
+        {"{" TENSOR("a", "1", "0,8") "," TENSOR("a", "1", "8,16") "}", 16, "key 'a' is there twice"},
+        {"{\"__metadata__\":{},\"__metadata__\":{}}", 0, "key '__metadata__' is there twice"},
+        {"{\"a\":{\"dtype\":\"F64\",\"shape\":[1],\"shape\":[2],\"data_offsets\":[0,8]}}", 8,
+         "key 'shape' is there twice"},
+        {"{\"a\":{\"dtype\":\"F64\",\"dtype\":\"F32\",\"shape\":[1],\"data_offsets\":[0,8]}}", 8,
+         "key 'dtype' is there twice"},
+        {"{" TENSOR("a\\u0000b", "1", "0,8") "}", 8, "a key is not a text"}};
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        lg_tensors made;
+        lg_error error = {LG_OK, ""};
+        const lg_status status =
+            lg_tensors_read(NULL, write_tensors(bad[i].header, bad[i].size), &made, &error);
+        if (status != LG_FORMAT || strstr(error.message, bad[i].words) == NULL)
+            fail_msg("row %zu: status %d: %s", i, (int)status, error.message);
+    }
+}
+
+#define TEN_GB 10000000000u
+
+TEST("a large file whose header is wrong, or whose numbers are too many, takes no memory") {
+    static const struct {
+        bool npy;
+        const char *header;
+        const char *words;
+    } bad[] = {
+        {false, "{" TENSOR("a", "2", "0,16") "}", "9999999984 bytes behind the last tensor"},
+        {false, "{" TENSOR("a", "1250000000", "0,10000000000") "}", "1250000000 numbers; at most 1073741824"},
+        {false, "{" TENSOR("a", "9", "9999999928,10000000000") "}", "stands behind bytes of no tensor"},
+        {true, "{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }\n",
+         "9999999984 bytes stand behind"},
+        {true, "{'descr': '<f8', 'fortran_order': True, 'shape': (1250000000,), }\n", "at most 1073741824"},
+        {true, "{'descr': '<f8', 'shape': (9,), 'fortran_order': True, 'shape': (2,), }\n", "has no shape"},
+        {true, "{'descr': '<f8', 'descr': '<f4', 'fortran_order': True, 'shape': (2,), }\n", "descr"}};
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        const char *path = (bad[i].npy ? write_npy : write_tensors)(bad[i].header, TEN_GB), *name = "c0";
+        lg_tensors tensors;
+        lg_table_data data;
+        lg_error error = {LG_OK, ""};
+        lg_fail_alloc_arm(&memory, 0);
+        const lg_status status = bad[i].npy
+                                     ? lg_table_read(context, path, &name, 1, NULL, NULL, &data, &error)
+                                     : lg_tensors_read(context, path, &tensors, &error);
+        if (status != LG_FORMAT || strstr(error.message, bad[i].words) == NULL)
+            fail_msg("row %zu: status %d: %s", i, (int)status, error.message);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        if (memory.bytes > 1000000) fail_msg("row %zu: %llu bytes", i, memory.bytes);
+        assert_int_equal(unlink(path), 0);
+    }
+    lg_context_destroy(context);
+}
+
+TEST("reading arrays and tables stops when it is asked to, and leaves nothing") {
+    const int stop = 1;
+    lg_fail_alloc memory;
+    lg_context_options options;
+    lg_context *context;
+    lg_fail_alloc_arm(&memory, 0);
+    lg_context_options_init(&options);
+    options.allocate = lg_fail_alloc_take;
+    options.release = lg_fail_alloc_release;
+    options.allocator_user = &memory;
+    options.cancel = &stop;
+    assert_ok(lg_context_create(&options, &context));
+    const long before = lg_fail_alloc_live(&memory);
+    lg_tensors tensors;
+    lg_table_data data;
+    const char *name = "c0";
+    assert_status(
+        lg_tensors_read(context, write_tensors("{" TENSOR("a", "2", "0,16") "}", 16), &tensors, NULL),
+        LG_CANCELLED);
+    const char *npy = write_npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }\n", 16);
+    assert_status(lg_table_read(context, npy, &name, 1, NULL, NULL, &data, NULL), LG_CANCELLED);
+    write_text_to(scratch_path("c.csv"), "c0\n1\n2\n");
+    assert_status(lg_table_read(context, scratch_path("c.csv"), &name, 1, NULL, NULL, &data, NULL),
+                  LG_CANCELLED);
+    assert_int_equal(lg_fail_alloc_live(&memory), before);
+    lg_context_destroy(context);
+}
+
+/* ---- wide tables ---- */
+
+TEST("a wide table takes memory in proportion to its cells, and each column keeps its numbers") {
+    enum { COLUMNS = 60000, ROWS = 3 };
+    char *text = TEST_ARRAY(char, COLUMNS * 8 * (ROWS + 1)), *to = text;
+    lg_table_text *name = TEST_ARRAY(lg_table_text, COLUMNS);
+    const char **names = TEST_ARRAY(const char *, COLUMNS);
+    for (int row = -1; row < ROWS; row++)
+        for (int c = 0; c < COLUMNS; c++)
+            to += sprintf(to, row < 0 ? "x%d%c" : "%d%c", row < 0 ? c : 10 * c + row,
+                          c + 1 < COLUMNS ? ',' : '\n');
+    for (int c = 0; c < COLUMNS; c++) {
+        (void)sprintf(name[c], "x%d", (c + 7) % COLUMNS);
+        names[c] = name[c];
+    }
+    write_text_to(scratch_path("wide.csv"), text);
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    lg_table_data data;
+    assert_ok(lg_table_read(context, scratch_path("wide.csv"), names, COLUMNS, NULL, NULL, &data, NULL));
+    for (int row = 0; row < ROWS; row++)
+        for (int c = 0; c < COLUMNS; c++)
+            assert_close(data.values[row * COLUMNS + c], 10 * ((c + 7) % COLUMNS) + row, 0, 0);
+    /* Names of LG_TABLE_NAME bytes, in an array that doubles, and the numbers. */
+    assert_true(memory.bytes < 5u * COLUMNS * (LG_TABLE_NAME + 8 * ROWS));
+    lg_table_data_destroy(&data);
+    lg_context_destroy(context);
+}
+
+TEST("a column is asked for once") {
+    static const char *const names[] = {"a", "b", "a"};
+    lg_table_data data;
+    lg_error error = {LG_OK, ""};
+    write_text_to(scratch_path("t.csv"), "a,b,c,c\n1,2,3,4\n");
+    assert_status(lg_table_read(NULL, scratch_path("t.csv"), names, 3, NULL, NULL, &data, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "'a' is asked for twice"));
+    const char *const twice = "c", *const missing = "d";
+    assert_status(lg_table_read(NULL, scratch_path("t.csv"), &twice, 1, NULL, NULL, &data, &error),
+                  LG_FORMAT);
+    assert_non_null(strstr(error.message, "'c' is there twice"));
+    assert_status(lg_table_read(NULL, scratch_path("t.csv"), &missing, 1, NULL, NULL, &data, &error),
+                  LG_FORMAT);
+    assert_non_null(strstr(error.message, "no column 'd'"));
 }

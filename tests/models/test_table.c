@@ -141,6 +141,105 @@ TEST("a model scales its inputs and outputs, and its Jacobian is that of differe
     }
 }
 
+typedef struct column {
+    const char *what;
+    double (*cell)(lg_rng *rng, size_t row);
+    size_t far; /* cells */
+} column;
+
+enum { CELLS = 1000, MARKED = 17 };
+
+static double normal_cell(lg_rng *rng, size_t row) {
+    return 3.0 + lg_rng_normal(rng);
+}
+static double skew_cell(lg_rng *rng, size_t row) {
+    return exp(lg_rng_normal(rng));
+}
+static double rare_cell(lg_rng *rng, size_t row) {
+    return row == MARKED;
+}
+static double constant_cell(lg_rng *rng, size_t row) {
+    return 2.5;
+}
+static double pair_cell(lg_rng *rng, size_t row) {
+    return row % 2 == 0 ? 1e-3 : 1.0;
+}
+static double one_far_cell(lg_rng *rng, size_t row) {
+    return row == MARKED ? 1000.0 : lg_rng_normal(rng);
+}
+static double hidden_cell(lg_rng *rng, size_t row) { /* far, but too few to have half of the squares */
+    return row == MARKED ? 25.0 : 0.3 * lg_rng_normal(rng);
+}
+static double codes_cell(lg_rng *rng, size_t row) {
+    return row % 10 == MARKED % 10 ? -9999.0 - (row == MARKED) : lg_rng_normal(rng);
+}
+
+static const column columns[] = {{"normal", normal_cell, 0},
+                                 {"lognormal", skew_cell, 0},
+                                 {"one 1 among zeros", rare_cell, 0},
+                                 {"constant", constant_cell, 0},
+                                 {"two values", pair_cell, 0},
+                                 {"one far", one_far_cell, 1},
+                                 {"one that is seven deviations of all", hidden_cell, 1},
+                                 {"codes of missing cells", codes_cell, 100}};
+
+TEST("cells far from all others are found in whatever unit, and columns that are only odd have none") {
+    static const double units[] = {1.0, -1.0, 1e-9, 1e9, 1e-300, 1e300};
+    double *x = TEST_ARRAY(double, 2 * CELLS);
+    for (size_t c = 0; c < LG_COUNT(columns); c++)
+        for (size_t u = 0; u < LG_COUNT(units); u++) {
+            lg_rng rng;
+            lg_table_far far;
+            lg_rng_seed(&rng, 11, c);
+            for (size_t i = 0; i < CELLS; i++)
+                x[2 * i] = units[u] * columns[c].cell(&rng, i), x[2 * i + 1] = NAN;
+            assert_ok(lg_table_find_far(NULL, x, 2, CELLS, &far));
+            if (far.count != columns[c].far)
+                fail_msg("%s in units of %g: %zu far cells", columns[c].what, units[u], far.count);
+            for (size_t i = 0, n = 0; i < CELLS; i++) {
+                n += lg_table_is_far(&far, x[2 * i]);
+                if (i + 1 == CELLS) assert_int_equal(n, far.count);
+            }
+            if (far.count > 0) assert_int_equal(far.farthest, MARKED);
+        }
+}
+
+TEST("the median of far cells is that of a sorted column, and the largest numbers do not overflow") {
+    double x[] = {1.7e308, -1.7e308, 1.0, 2.0, 4.0, 3.0, 5.0, 0.0, 6.0};
+    lg_table_far far;
+    for (size_t rows = 1; rows <= LG_COUNT(x); rows++) {
+        double sorted[LG_COUNT(x)];
+        memcpy(sorted, x, sizeof x);
+        for (size_t i = 0; i < rows; i++)
+            for (size_t k = i + 1; k < rows; k++)
+                if (sorted[k] < sorted[i]) {
+                    const double kept = sorted[i];
+                    sorted[i] = sorted[k], sorted[k] = kept;
+                }
+        assert_ok(lg_table_find_far(NULL, x, 1, rows, &far));
+        assert_close(far.median, sorted[rows / 2], 0, 0);
+    }
+    assert_int_equal(far.count, 2);
+    assert_ok(lg_table_find_far(NULL, x, 1, 2, &far));
+    assert_int_equal(far.count, 0);
+    assert_status(lg_table_find_far(NULL, x, 1, 0, &far), LG_INVALID_ARGUMENT);
+    assert_status(lg_table_find_far(NULL, NULL, 1, 1, &far), LG_INVALID_ARGUMENT);
+    EVERY_ALLOCATION_FAILS(context, 1, status = lg_table_find_far(context, x, 1, LG_COUNT(x), &far););
+}
+
+TEST("the work of a model grows with its inputs, not with their square") {
+    enum { INPUTS = 4000 };
+    lg_rng rng;
+    lg_rng_seed(&rng, 12, 0);
+    const example wide = {NETWORK(MLP, TANH, 1, 2, true), INPUTS, 1};
+    const lg_table model = make(&wide);
+    const lg_scaler in = some_scaler(INPUTS, &rng, 1.0), out = some_scaler(1, &rng, 1.0);
+    lg_model *handle = NULL;
+    assert_ok(lg_model_create_table(NULL, &model, &in, &out, parameters(&model, &rng), &handle, NULL));
+    assert_true(lg_model_work_size(handle) < (size_t)100 * INPUTS * sizeof(double));
+    lg_model_destroy(handle);
+}
+
 TEST("a scaler is fit in two passes: offsets, constants and large numbers do no harm") {
     enum { N = 5, COLUMNS = 5 };
     double values[N * COLUMNS];

@@ -10,7 +10,8 @@
  *         assert_int_equal(lg_fail_alloc_live(&memory), 0);
  *     }
  *
- * lg_fail_alloc_live counts blocks taken since the last lg_fail_alloc_arm and not given back. */
+ * lg_fail_alloc_live counts blocks taken since the last lg_fail_alloc_arm and not given back; `bytes` is what
+ * was asked for since then. */
 #ifndef LG_FAIL_ALLOC_H
 #define LG_FAIL_ALLOC_H
 
@@ -23,6 +24,7 @@
 typedef struct lg_fail_alloc {
     atomic_long calls;   /* allocations asked for since armed */
     atomic_long live;    /* blocks taken minus blocks given back since armed */
+    atomic_ullong bytes; /* asked for since armed */
     atomic_long fail_at; /* the call that fails, counted from 1; 0: none */
     atomic_bool ended;   /* all calls behind that one fail too */
 } lg_fail_alloc;
@@ -30,6 +32,7 @@ typedef struct lg_fail_alloc {
 static inline void *lg_fail_alloc_take(void *user, size_t bytes) {
     lg_fail_alloc *memory = (lg_fail_alloc *)user;
     const long call = atomic_fetch_add(&memory->calls, 1) + 1;
+    atomic_fetch_add(&memory->bytes, bytes);
     const long fail_at = atomic_load(&memory->fail_at);
     if (call == fail_at || (fail_at > 0 && call > fail_at && atomic_load(&memory->ended))) return NULL;
     void *block = NULL;
@@ -47,6 +50,7 @@ static inline void lg_fail_alloc_release(void *user, void *block) {
 static inline void lg_fail_alloc_arm(lg_fail_alloc *memory, long n) {
     atomic_store(&memory->calls, 0);
     atomic_store(&memory->live, 0);
+    atomic_store(&memory->bytes, 0);
     atomic_store(&memory->fail_at, n);
     atomic_store(&memory->ended, false);
 }

@@ -1,0 +1,77 @@
+/* Cells of a table that lie far from the others of their column. */
+#include <math.h>
+#include <stddef.h>
+
+#include "core/core.h"
+#include "liegrad/table.h"
+
+/* The element that would stand at `k` if x (n) were sorted; x is put in another order. Hoare's FIND (Comm.
+ * ACM 4 (1961) 321). */
+static double element_of(double *x, size_t n, size_t k) {
+    ptrdiff_t low = 0, high = (ptrdiff_t)n - 1;
+    const ptrdiff_t at = (ptrdiff_t)k;
+    while (low < high) {
+        const double pivot = x[at];
+        ptrdiff_t i = low, j = high;
+        while (i <= j) {
+            while (x[i] < pivot) i++;
+            while (x[j] > pivot) j--;
+            if (i > j) break;
+            const double kept = x[i];
+            x[i++] = x[j];
+            x[j--] = kept;
+        }
+        if (j < at) low = i;
+        if (i > at) high = j;
+    }
+    return x[k];
+}
+
+/* Half of the distance, which cannot overflow. */
+static double half_distance(double x, double median) {
+    return fabs(0.5 * x - 0.5 * median);
+}
+
+bool lg_table_is_far(const lg_table_far *far, double x) {
+    return half_distance(x, far->median) > far->limit;
+}
+
+/* The cells beyond the limit count only if they have more than half of the sum of squares. */
+static void count_far(const double *values, size_t stride, size_t rows, lg_table_far *far) {
+    double largest = 0.0, all = 0.0, beyond = 0.0;
+    for (size_t i = 0; i < rows; i++) {
+        const double distance = half_distance(values[i * stride], far->median);
+        if (distance > largest) largest = distance, far->farthest = i;
+    }
+    for (size_t i = 0; i < rows && largest > far->limit; i++) {
+        const double part = half_distance(values[i * stride], far->median) / largest;
+        all += part * part;
+        if (!lg_table_is_far(far, values[i * stride])) continue;
+        beyond += part * part;
+        far->count++;
+    }
+    if (beyond > 0.5 * all) return;
+    far->count = 0;
+    far->limit = INFINITY;
+}
+
+lg_status lg_table_find_far(const lg_context *context, const double *values, size_t stride, size_t rows,
+                            lg_table_far *out) {
+    static const double TIMES = 30.0;
+    if (values == NULL || out == NULL || stride == 0 || rows == 0) return LG_INVALID_ARGUMENT;
+    double *x = lg_alloc(context, rows, sizeof *x);
+    if (x == NULL) return LG_OUT_OF_MEMORY;
+    lg_table_far made = {.limit = INFINITY};
+    size_t moved = 0;
+    for (size_t i = 0; i < rows; i++) x[i] = values[i * stride];
+    made.median = element_of(x, rows, rows / 2);
+    for (size_t i = 0; i < rows; i++) {
+        const double distance = half_distance(x[i], made.median);
+        if (distance > 0.0) x[moved++] = distance;
+    }
+    if (moved > 0) made.limit = TIMES * element_of(x, moved, moved / 2);
+    count_far(values, stride, rows, &made);
+    lg_free(context, x);
+    *out = made;
+    return LG_OK;
+}
