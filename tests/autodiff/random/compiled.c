@@ -79,19 +79,21 @@ static bool check_file(const compiled *c, const lg_program *program, const recor
     return good;
 }
 
-/* The way follows from the number of the first recording, and stays when one of them is compiled alone. */
-bool check_compiled(const recording *r, size_t count, finding *out, size_t *failed) {
-    part *parts = room(count, sizeof *parts);
+/* The way follows from the hundred of the numbers, and stays when one of them is compiled alone. */
+bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *failed) {
+    part *parts = room(*taken, sizeof *parts);
+    size_t count = 0;
     lg_program *program = empty_program();
     lg_error error = {.message = ""};
     compiled c = {.handle = NULL};
     bool good = true;
     *failed = 0;
-    for (size_t i = 0; good && i < count; i++) {
-        good = add_recording(program, &r[i], parts[i].number, &parts[i].count, &error) ||
+    while (good && count < *taken && lg_program_functions(program) + MOST_ALL <= LG_PROGRAM_MAX_FUNCTIONS) {
+        good = add_recording(program, &r[count], parts[count].number, &parts[count].count, &error) ||
                found(out, true, "the recording becomes no program: %.300s", error.message);
-        *failed = i;
+        *failed = count++;
     }
+    *taken = count;
     const size_t way = (size_t)(r[0].number / 100 % (sizeof ways / sizeof *ways));
     const char *compiler = has(ways[way].compiler) ? ways[way].compiler : "cc";
     if (good && !compile_program(&c, program, compiler, "-O2", ways[way].dtype, ways[way].compact))

@@ -4,14 +4,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "autodiff/random/random.h"
+#include "liegrad/io.h"
 
-enum { GUARD = 64, PLANS = 3, DRAWS = 3, MOST_NUMBERS = 200000 };
+enum { GUARD = 64, PLANS = 3, DRAWS = 3, MOST_NUMBERS = 200000, A_FILE = 200 };
 
-/* ---- a program again from its plain data, as files hold it ---- */
+/* ---- a program again ---- */
 
-static lg_program *again(const lg_program *program) {
+/* From its plain data, as files hold it. */
+static lg_program *taken_again(const lg_program *program) {
     lg_program *copy = empty_program();
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         lg_function_image *image = NULL;
@@ -22,6 +25,24 @@ static lg_program *again(const lg_program *program) {
         lg_function_image_destroy(image);
     }
     return copy;
+}
+
+static lg_program *saved_and_loaded(const lg_program *program) {
+    char path[] = "/tmp/liegrad-random-XXXXXX";
+    lg_program *copy = NULL;
+    lg_error error = {.message = ""};
+    const int file = mkstemp(path);
+    if (file < 0 || close(file) != 0 || lg_program_save(NULL, path, program, NULL, &error) != LG_OK ||
+        lg_program_load(NULL, path, NULL, &copy, &error) != LG_OK)
+        stop("a program is not saved and loaded: %s", error.message);
+    (void)unlink(path);
+    return copy;
+}
+
+/* NULL: this recording is not reloaded. */
+static lg_program *again(const lg_program *program, uint64_t number) {
+    if (number % A_FILE == 0) return saved_and_loaded(program);
+    return number % 2 == 0 ? taken_again(program) : NULL;
 }
 
 /* ---- a plan ---- */
@@ -168,7 +189,7 @@ bool check_plans(const recording *r, finding *out) {
     lg_tape *tape = NULL;
     bool good = add_recording(program, r, number, &count, &error) ||
                 found(out, true, "the recording becomes no program: %.300s", error.message);
-    if (good && r->number % 2 == 0) copy = again(program);
+    if (good) copy = again(program, r->number);
     if (lg_tape_create(NULL, NULL, &tape) != LG_OK) stop("no memory");
     for (size_t i = 0; good && i < count; i++) {
         lg_rng_seed(&rng, r->number, 100 + i);

@@ -53,11 +53,13 @@ typedef struct slot {
 
 /* An operation of the recording. Operands are slots before it, brought to the shape that the operation takes. */
 typedef struct step {
-    const piece *piece; /* NULL: a call of function `callee`, the result is its output `output` */
+    const piece
+        *piece; /* NULL: a call of function `callee`, or of the loop over it, for its output `output` */
     uint32_t callee, output, inputs;
     uint32_t operand[MOST_OPERANDS], how[MOST_OPERANDS]; /* slots; how they are brought to the shape */
     bool anchored; /* operands are the piece's point, and the slots move it a little */
     slot made;
+    bool loop;
     bool left_out; /* by shrinking: who takes it takes its first operand */
 } step;
 
@@ -132,7 +134,8 @@ typedef struct tally {
 extern tally counted;
 
 bool check_plans(const recording *r, finding *out);
-/* Compiles `count` recordings as one file. *failed: the recording that differs. */
-bool check_compiled(const recording *r, size_t count, finding *out, size_t *failed);
+/* Compiles *taken recordings as one file, or as many of them as a program has room for. *failed: the recording
+ * that differs. */
+bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *failed);
 
 #endif

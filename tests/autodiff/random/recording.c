@@ -127,12 +127,28 @@ static slot wanted(const putting *p, const step *s, uint32_t k) {
     return (slot){batched, batched ? without_first(s->piece->in[k]) : s->piece->in[k]};
 }
 
+/* As often as its loop says. */
+static lg_status put_loop(const putting *p, const body *f, lg_tape *tape, const lg_var *theta,
+                          const lg_var *x, lg_var *y) {
+    lg_var now[MOST_INPUTS];
+    for (uint32_t i = 0; i < f->inputs; i++) now[i] = x[i];
+    for (uint32_t n = 0; n < f->times; n++) {
+        if (put_function(p, f, tape, theta, now, y) != LG_OK) break;
+        for (uint32_t i = 0; i < f->inputs; i++)
+            if (f->carry[i] > 0) now[i] = y[f->carry[i] - 1];
+    }
+    return lg_tape_status(tape);
+}
+
 static lg_var put_call(const putting *p, const step *s, lg_tape *tape, const lg_var *theta, const lg_var *x) {
-    char name[32];
+    const body *f = &p->r->function[s->callee];
+    char name[64];
     lg_var y[MOST_OUTPUTS];
-    (void)snprintf(name, sizeof name, "%s%u", p->prefix, s->callee);
+    (void)snprintf(name, sizeof name, "%s%s%u", p->prefix, s->loop ? "loop" : "", s->callee);
     if (p->calls) return lg_program_call(tape, name, s->output, x);
-    return put_function(p, &p->r->function[s->callee], tape, theta, x, y) == LG_OK ? y[s->output] : LG_NONE;
+    const lg_status status =
+        s->loop ? put_loop(p, f, tape, theta, x, y) : put_function(p, f, tape, theta, x, y);
+    return status == LG_OK ? y[s->output] : LG_NONE;
 }
 
 static lg_var put_piece(const piece *p, slot made, uint32_t rows, lg_tape *tape, const lg_var *x) {
@@ -210,14 +226,17 @@ static void draw_operands(lg_rng *rng, const body *f, step *s) {
 /* Where rows stay apart, what all rows share is made of what all rows share. */
 static void keep_apart(lg_rng *rng, const putting *p, const body *f, step *s) {
     for (uint32_t k = 0; f->apart && k < s->inputs; k++)
-        while (!wanted(p, s, k).batched && slot_of(f, s->operand[k]).batched)
-            s->operand[k] = (uint32_t)lg_rng_below(rng, slots_of(f));
+        for (uint32_t tries = 0; !wanted(p, s, k).batched && slot_of(f, s->operand[k]).batched; tries++)
+            s->operand[k] = (uint32_t)lg_rng_below(rng, tries < 4 ? slots_of(f) : PARAMETERS);
 }
 
 static step draw_call(lg_rng *rng, const recording *r, const body *f) {
     const body *callee = &r->function[0];
     const uint32_t output = (uint32_t)lg_rng_below(rng, callee->outputs);
-    step s = {.output = output, .inputs = callee->inputs, .made = slot_of(callee, callee->output[output])};
+    step s = {.output = output,
+              .inputs = callee->inputs,
+              .made = slot_of(callee, callee->output[output]),
+              .loop = callee->times > 0 && chance(rng, 0.6)};
     draw_operands(rng, f, &s);
     return s;
 }
@@ -277,12 +296,34 @@ static void draw_outputs(lg_rng *rng, body *f) {
     }
 }
 
+static bool same_slot(slot a, slot b) {
+    return a.batched == b.batched && lg_same_shape(&a.shape, &b.shape);
+}
+
+/* What the function has already may become input i: another input, a step, the output that another input becomes. */
+static bool carries_slot(lg_rng *rng, body *f, uint32_t i) {
+    for (uint32_t tries = 0; tries < 6; tries++) {
+        const uint32_t at = PARAMETERS + (uint32_t)lg_rng_below(rng, slots_of(f) - PARAMETERS);
+        if (!same_slot(slot_of(f, at), f->input[i])) continue;
+        for (uint32_t j = 0; j < f->outputs && f->carry[i] == 0; j++)
+            if (f->output[j] == at) f->carry[i] = j + 1;
+        if (f->carry[i] == 0) {
+            f->output[f->outputs++] = at;
+            f->carry[i] = f->outputs;
+        }
+        f->times = 1 + (uint32_t)lg_rng_below(rng, 5);
+        return true;
+    }
+    return false;
+}
+
 /* For a loop: outputs that can become inputs again. */
 static void draw_loop(lg_rng *rng, const putting *p, body *f, lg_tape *tape, lg_var *v, uint32_t rows) {
     const step sine = {.piece = piece_named("sin"), .inputs = 1};
     for (uint32_t i = 0; i < f->inputs && f->steps < MOST_STEPS && f->outputs < MOST_OUTPUTS; i++) {
         step s = sine;
-        if (i > 0 && chance(rng, 0.4)) continue;
+        if (i > 0 && chance(rng, 0.3)) continue;
+        if (chance(rng, 0.3) && carries_slot(rng, f, i)) continue;
         s.operand[0] = slots_of(f) - 1 - (uint32_t)lg_rng_below(rng, 3);
         s.how[0] = (uint32_t)lg_rng_below(rng, 64);
         s.made = f->input[i];
@@ -435,8 +476,6 @@ bool add_recording(lg_program *program, const recording *r, size_t *number, size
     for (uint32_t i = 0; i < r->functions; i++) {
         if (add_function(program, r, i, prefix, error) != LG_OK) return false;
         number[(*count)++] = lg_program_functions(program) - 1;
-    }
-    for (uint32_t i = 0; i < r->functions; i++) {
         if (r->function[i].times == 0) continue;
         if (add_loop(program, r, i, prefix, error) != LG_OK) return false;
         number[(*count)++] = lg_program_functions(program) - 1;
@@ -487,7 +526,7 @@ static void shrink_function(shrinking *s, uint32_t at) {
     }
     recording tried = *s->r;
     tried.function[at].times = 0;
-    if (s->r->function[at].times > 0) (void)keep_if_fails(s, &tried);
+    if (s->r->function[at].times > 0 && !called) (void)keep_if_fails(s, &tried);
 }
 
 void shrink(recording *r, bool (*fails)(void *user, const recording *r), void *user) {
@@ -538,7 +577,7 @@ static void print_function(const body *f) {
             printf(" = %s[%u %u %u %u; %g](", s->piece->op->name, s->piece->attr.i[0], s->piece->attr.i[1],
                    s->piece->attr.i[2], s->piece->attr.i[3], s->piece->attr.c);
         else
-            printf(" = output %u of function %u(", s->output, s->callee);
+            printf(" = output %u of %s %u(", s->output, s->loop ? "the loop over" : "function", s->callee);
         for (uint32_t k = 0; k < s->inputs; k++)
             printf("%ss%u/%u", k > 0 ? ", " : "", resolved(f, s->operand[k]), s->how[k]);
         printf(")%s\n", s->anchored ? " near its point" : "");

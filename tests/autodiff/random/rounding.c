@@ -4,11 +4,13 @@
  * computed once, small tensors are scalar code. All of that moves a result by what a few roundings of the intermediate
  * numbers move it. So the tape's nodes are evaluated again, several times, with every number that an operation reads
  * multiplied by 1 + u, u uniform in [-4, 4] eps, afresh at each reading. How far an element of the output then moves
- * from the tape's element is the width that rounding gives it there: it contains the condition of the element, and
- * contains both sides of a kink (a maximum, a comparison) that lies within rounding. An element is explained if it
- * differs by at most 2 widths of four evaluations, or by 4 widths of 400. The evaluations are of the plan's type, so
- * that what an operation rounds inside counts too; the tape is of double precision for both types, and its inputs are
- * single numbers. */
+ * from the tape's element is the width that rounding gives it there: it contains the condition of the
+ * element, and contains both sides of a kink (a maximum, a comparison, a pivot of zero) that lies within
+ * rounding. Every second evaluation takes the scalar code of operations that have it, and shakes the result of
+ * each instruction; how far it moves is measured from the same code unshaken, lest wrong code explain itself.
+ * An element is explained if it differs by at most 2 widths of one or four evaluations, or by 4 widths of 400.
+ * The evaluations are of the plan's type, so that what an operation rounds inside counts too; the tape is of
+ * double precision for both types, and its inputs are single numbers. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -16,12 +18,16 @@
 #include <string.h>
 
 #include "autodiff/random/random.h"
+#include "autodiff/scalars.h"
 
 #define UNITS      4.0  /* eps */
 #define AT_ONCE    8.0  /* eps: a relative difference that needs no width */
 #define VERY_LARGE 1e15 /* numbers on the tape, beyond which a recording is not compared */
-enum { FEW = 4, MANY = 400 };
-static const double few_widths = 2.0, many_widths = 4.0;
+enum { MOST_CODE = 1024 };
+static const struct {
+    int evaluations;
+    double widths;
+} stages[] = {{1, 2.0}, {4, 2.0}, {400, 4.0}};
 
 /* ---- the tape ---- */
 
@@ -67,20 +73,23 @@ typedef struct shaking {
     double eps, least;   /* of the type: units of relative and absolute rounding */
     void **value;        /* by node */
     unsigned char *memory, *inputs;
+    bool code;    /* by scalar code where there is any */
+    double units; /* by how much numbers are shaken; 0: not at all */
 } shaking;
 
 static double number_at(const lg_kernels *k, const void *values, size_t i) {
     return k->size == sizeof(double) ? ((const double *)values)[i] : (double)((const float *)values)[i];
 }
 
-/* y = shaken x */
+/* y = shaken x. Plans do not keep the sign of 0 (scalars.h). */
 static void copy_shaken(shaking *s, size_t count, const void *x, void *y) {
     for (size_t i = 0; i < count; i++) {
         const uint64_t bits = lg_rng_next(&s->rng);
         const double u = (double)(int32_t)(uint32_t)bits * 0x1p-31,
                      v = (double)(int32_t)(uint32_t)(bits >> 32) * 0x1p-31;
-        const double from = number_at(s->k, x, i),
-                     to = from + UNITS * (from * s->eps * u + (from != 0.0 ? s->least * v : 0.0));
+        const double from = number_at(s->k, x, i);
+        double to = from + s->units * (from * s->eps * u + s->least * v);
+        if (from == 0.0) to = s->units > 0.0 && bits % 2 == 0 ? -from : from;
         s->k->convert_in(1, &to, (unsigned char *)y + i * s->k->size);
     }
 }
@@ -88,6 +97,55 @@ static void copy_shaken(shaking *s, size_t count, const void *x, void *y) {
 /* Operations that move numbers only round nothing. */
 static bool rounds(const lg_node *n, const lg_shape *const *shapes) {
     return n->op->terms == NULL || n->op->terms(shapes, &n->attr, &n->shape) > 0;
+}
+
+static void *of(const shaking *s, void *numbers, size_t i) {
+    return (unsigned char *)numbers + i * s->k->size;
+}
+
+/* One instruction: its operands are the results of instructions, then an exponent or a whole number. */
+static void run_instruction(shaking *s, const lg_scalar_code *c, uint32_t at, uint32_t spare, void *results) {
+    uint32_t operands[4], count = 0;
+    while (count < lg_scalar_instructions(c->op)) {
+        operands[count] = c->in[count];
+        count++;
+    }
+    operands[count] = c->op == LG_S_POW ? spare : c->n;
+    s->k->convert_in(1, &c->p, of(s, results, spare));
+    const lg_scalar_group group = {.op = (uint32_t)c->op, .count = 1, .result = at};
+    s->k->scalars(1, &group, operands, results);
+    copy_shaken(s, 1, of(s, results, at), of(s, results, at));
+}
+
+/* By the operation's scalar code, if it has any: every result in it is shaken. */
+static bool evaluate_code(shaking *s, const lg_evaluation *e, const lg_op *op) {
+    lg_scalar *x[LG_MAX_INPUTS], *y = room(e->count, sizeof *y);
+    lg_scalars code;
+    uint32_t inputs = 0;
+    lg_scalars_init(&code, NULL);
+    unsigned char *const first = s->inputs; /* e->x[k] follow one another there */
+    for (uint32_t k = 0; k < e->inputs; k++) {
+        const size_t count = lg_shape_count(*e->in[k]);
+        x[k] = room(count, sizeof *x[k]);
+        for (size_t i = 0; i < count; i++) x[k][i] = lg_s_input(&code, inputs++);
+    }
+    const bool can = lg_scalars_expand(&code, op, e, (const lg_scalar *const *)x, y);
+    void *results = room((size_t)code.count + 1, s->k->size);
+    for (uint32_t i = 0; can && i < code.count; i++) {
+        const lg_scalar_code *c = &code.code[i];
+        if (c->op == LG_S_CONSTANT)
+            s->k->convert_in(1, &c->p, of(s, results, i));
+        else if (c->op == LG_S_INPUT)
+            memcpy(of(s, results, i), of(s, first, c->n), s->k->size);
+        else
+            run_instruction(s, c, i, code.count, results);
+    }
+    for (size_t i = 0; can && i < e->count; i++) memcpy(of(s, e->y, i), of(s, results, y[i]), s->k->size);
+    free(results);
+    lg_scalars_destroy(&code);
+    for (uint32_t k = 0; k < e->inputs; k++) free(x[k]);
+    free(y);
+    return can;
 }
 
 static void evaluate(shaking *s, const lg_node *n, void *y) {
@@ -111,6 +169,7 @@ static void evaluate(shaking *s, const lg_node *n, void *y) {
                        .shape = &n->shape,
                        .count = n->count,
                        .y = y};
+    if (s->code && shake && n->count <= MOST_CODE && evaluate_code(s, &e, n->op)) return;
     if (n->op->scratch != NULL) e.scratch = lg_alloc(NULL, n->op->scratch(&e) + 1, 1);
     (void)n->op->forward(&e);
     lg_free(NULL, e.scratch);
@@ -176,16 +235,21 @@ static size_t unexplained(const truth *t, size_t j, lg_dtype dtype, const void *
                           double *width) {
     const double *want = truth_of(t, j);
     const size_t count = t->out_count[j];
-    double *spread = room(count, sizeof *spread);
+    double *spread = room(count, sizeof *spread), *plain = room(count, sizeof *plain);
     size_t found = SIZE_MAX;
     shaking s;
     open_shaking(&s, t, dtype);
+    s.code = true;
+    if (times > 1) shake(&s);
+    if (times > 1) s.k->convert_out(count, s.value[t->out[j].index], plain);
+    s.units = UNITS;
     for (int n = 0; n < times; n++) {
+        s.code = n % 2 == 1;
         shake(&s);
         const void *moved = s.value[t->out[j].index];
         for (size_t i = 0; i < count; i++) {
-            const double by = fabs(number_at(s.k, moved, i) - want[i]);
-            spread[i] = by <= spread[i] ? spread[i] : by; /* NaN stays: there is no number to compare with */
+            const double by = fabs(number_at(s.k, moved, i) - (s.code ? plain[i] : want[i]));
+            if (by > spread[i] || isnan(by)) spread[i] = by; /* NaN stays: no number is the truth */
         }
     }
     for (size_t i = 0; found == SIZE_MAX && i < count; i++) {
@@ -197,14 +261,16 @@ static size_t unexplained(const truth *t, size_t j, lg_dtype dtype, const void *
     }
     close_shaking(&s);
     free(spread);
+    free(plain);
     return found;
 }
 
 bool explained(const truth *t, size_t j, lg_dtype dtype, const void *got, char *sentence, size_t size) {
     double width;
     if (all_at_once(t, j, dtype, got, eps_of(dtype))) return true;
-    if (unexplained(t, j, dtype, got, FEW, few_widths, &width) == SIZE_MAX) return true;
-    const size_t i = unexplained(t, j, dtype, got, MANY, many_widths, &width);
+    size_t i = 0;
+    for (size_t n = 0; n < LG_COUNT(stages) && i != SIZE_MAX; n++)
+        i = unexplained(t, j, dtype, got, stages[n].evaluations, stages[n].widths, &width);
     if (i == SIZE_MAX) return true;
     (void)snprintf(sentence, size,
                    "output %zu, element %zu: %.17g, not %.17g; rounding gives it a width of %.2g", j, i,
