@@ -95,9 +95,9 @@ typedef struct lg_program_spec {
 
 LG_API void lg_program_spec_init(lg_program_spec *spec);
 /* Errors, explained in `error` (may be NULL) with function, operation and scope: LG_INVALID_ARGUMENT (names,
- * shapes, no functions, nothing to record), LG_UNSUPPORTED (what was recorded differs from one recording to another, an
- * operation that lives in the process only), LG_OUT_OF_MEMORY, the tape's and those of `record`. The context
- * must outlive the program. */
+ * shapes, no functions, nothing to record), LG_UNSUPPORTED (what was recorded differs from one recording to
+ * another, an operation that lives in the process only), LG_OUT_OF_MEMORY, the tape's and those of `record`.
+ * The context must outlive the program. */
 LG_API lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                                   lg_error *error);
 LG_API void lg_program_destroy(lg_program *program); /* NULL is fine */

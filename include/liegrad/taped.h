@@ -3,12 +3,16 @@
  *
  * A point of a space and an element of its algebra are tuples of variables, the parts, in the order of the
  * space's factors:
- * - LG_SPACE_RN of dimension n: one part (B, n); algebra: one part (B, n)
+ * - LG_SPACE_RN of dimension n: one part (B, n), or a tensor (B, ...) of n numbers a row; algebra: one part
+ *   of the same shape
  * - LG_SPACE_TS2 and LG_SPACE_SE3_DUAL with k copies: two parts (B, k, 3), q and p, or G and P; algebra: two
  *   parts u, v (B, k, 3)
  * - LG_SPACE_SO3 with k copies: one part R (B, k, 9) row-major; algebra: one part u (B, k, 3)
  * - LG_SPACE_SE3 with k copies: two parts R (B, k, 9), r (B, k, 3); algebra: two parts u, v (B, k, 3)
  * - LG_SPACE_SO3_DUAL with k copies: one part x (B, k, 3); algebra: one part u (B, k, 3)
+ *
+ * Other shapes are refused with LG_SHAPE, of the state and of what a field gives. All errors of this header
+ * stick to the tape: functions that return a status return the tape's.
  *
  * Splitting schemes take R^n x R^n, two parts q, p (B, n), or R^2n, one part with q before p. Rows of a batch
  * are independent trajectories: row b of a field depends only on row b of the state, the input and the time.
@@ -109,7 +113,7 @@ typedef struct lg_taped_interval {
 
 /* One step from (t, y): out is the point at t + h; it may be y. Nothing is kept between calls, and a stage
  * that only the next step or an error estimate needs is not recorded. Times and steps as variables give the
- * same numbers as constants, to rounding. Errors: those of lg_taped_integrate; LG_SHAPE, also on the tape (a
+ * same numbers as constants, to rounding. Errors: those of lg_taped_integrate; LG_SHAPE (a
  * time, step or input that has not the stated shape with the state's B). On failure `out` is untouched. */
 LG_API lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                     const lg_taped_interval *over, const lg_var *y, lg_var *out);
@@ -126,7 +130,7 @@ LG_API lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_
  *   scheme, a manifold of another dimension
  * - LG_UNSUPPORTED: an ambient, implicit or splitting scheme on a space that is not R^n, LG_SCHEME_SLGI on a
  *   space that is not T*G, LG_SCHEME_VARIATIONAL
- * - LG_NO_CONVERGENCE (an implicit stage), LG_NOT_FINITE (the field at its start), both also on the tape */
+ * - LG_NO_CONVERGENCE (an implicit stage), LG_NOT_FINITE (the field at its start) */
 LG_API lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                     double t0, double h, size_t steps, size_t every, const lg_var *y0,
                                     lg_var *out);

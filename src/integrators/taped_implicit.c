@@ -103,6 +103,7 @@ static lg_status residual(const problem *s, lg_var x, lg_var *out) {
     kinds[s->scheme->kind].stage(s, &increment, &stage);
     const lg_taped_time t = lg_taped_stage_time(&s->over, s->scheme->theta);
     LG_TRY(s->ode->field(s->ode->user, s->tape, t, stage.part, s->over.input, f.part));
+    if (!lg_taped_fits(s->tape, space, true, f.part, stage.part, "field")) return lg_tape_status(s->tape);
     lg_var all = lg_taped_join_algebra(s->tape, space, f.part);
     *out = lg_taped_moved(s->tape, x, -s->over.h, lg_taped_by_rows(s->tape, &s->over, all));
     return lg_tape_status(s->tape);
@@ -295,10 +296,6 @@ lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const l
                  .n = (uint32_t)ode->space.algebra_dim};
     lg_var x, inverse;
     lg_parts increment;
-    if (shape.rank < 2) {
-        (void)lg_tape_fail(tape, LG_SHAPE, "implicit step", "a part of the state has no batch axis");
-        return lg_tape_status(tape);
-    }
     lg_scope_push(tape, "implicit stage");
     const lg_status status = stage_of(&s, &x, &inverse);
     lg_scope_pop(tape);

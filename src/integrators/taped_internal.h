@@ -19,6 +19,11 @@ typedef struct lg_taped_span {
     lg_var input;
 } lg_taped_span;
 
+/* Whether the parts have the shapes of a state of the space, or of an algebra element; `like`: other parts
+ * with as many rows and, on R^n, of the same shape, or NULL. If not, the error is on the tape. */
+bool lg_taped_fits(lg_tape *tape, const lg_space *space, bool algebra, const lg_var *parts,
+                   const lg_var *like, const char *operation);
+
 /* t + c h; nothing is recorded. */
 lg_taped_time lg_taped_stage_time(const lg_taped_span *over, double c);
 /* x, a part of an algebra element, times the rows of the step: x itself where the step is a constant. */

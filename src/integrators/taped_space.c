@@ -3,8 +3,11 @@
 #include "integrators/taped_internal.h"
 
 #include <math.h>
+#include <stdio.h>
+#include <string.h>
 
 #include "autodiff/lie.h"
+#include "autodiff/tape_internal.h"
 #include "integrators/series.h"
 #include "liegrad/ops.h"
 
@@ -191,13 +194,61 @@ void lg_taped_number_parts(const lg_space *space, uint8_t *part) {
     }
 }
 
-/* ---- split and join ---- */
+/* ---- shapes ---- */
 
 typedef enum side { STATE, ALGEBRA } side;
 
 static const uint32_t *widths(const factor_row *row, side which) {
     return which == STATE ? row->state : row->algebra;
 }
+
+static bool misfit(lg_tape *tape, const char *operation, side which, size_t part, const lg_shape *given,
+                   const lg_shape *wanted) {
+    char reason[200];
+    (void)snprintf(reason, sizeof reason, "part %zu of %s is ", part,
+                   which == STATE ? "a state" : "an algebra element");
+    lg_append_shape(reason, sizeof reason, given);
+    (void)snprintf(reason + strlen(reason), sizeof reason - strlen(reason), ", not ");
+    lg_append_shape(reason, sizeof reason, wanted);
+    (void)lg_tape_fail(tape, LG_SHAPE, operation, reason);
+    return false;
+}
+
+/* (B, n), or a tensor of as many numbers a row */
+static bool fits_flat(const lg_shape *given, const lg_shape *wanted) {
+    return given->rank >= 2 && given->dims[0] == wanted->dims[0] &&
+           lg_shape_count(*given) == lg_shape_count(*wanted);
+}
+
+bool lg_taped_fits(lg_tape *tape, const lg_space *space, bool algebra, const lg_var *parts,
+                   const lg_var *like, const char *operation) {
+    const side which = algebra ? ALGEBRA : STATE;
+    if (lg_tape_status(tape) != LG_OK) return false;
+    const uint32_t batch = lg_var_shape(tape, like != NULL ? like[0] : parts[0]).dims[0];
+    FOR_FACTORS(space, f, row, at) {
+        const uint32_t count = (uint32_t)space->factor[f].count;
+        const bool flat = row == &rows[LG_SPACE_RN];
+        for (size_t p = 0; p < row->parts; p++) {
+            const lg_node *node = lg_node_of(tape, parts[at + p], operation);
+            if (node == NULL) return false;
+            const lg_shape *given = &node->shape;
+            const lg_shape wanted = flat && like != NULL ? lg_var_shape(tape, like[at])
+                                    : flat               ? lg_shape2(batch, count)
+                                                         : lg_shape3(batch, count, widths(row, which)[p]);
+            if (!lg_same_shape(given, &wanted) && !(flat && like == NULL && fits_flat(given, &wanted)))
+                return misfit(tape, operation, which, at + p, given, &wanted);
+        }
+    }
+    return true;
+}
+
+static bool fit(lg_tape *tape, const lg_space *space, bool algebra, const lg_var *a, const lg_var *b,
+                const char *operation) {
+    return lg_taped_fits(tape, space, algebra, b, NULL, operation) &&
+           lg_taped_fits(tape, space, true, a, b, operation);
+}
+
+/* ---- split and join ---- */
 
 /* Parts of one factor from its block (B, count width). */
 static void split_block(lg_tape *tape, const factor_row *row, const uint32_t *width, uint32_t count,
@@ -234,8 +285,9 @@ static lg_status split(lg_tape *tape, const lg_space *space, side which, lg_var 
 }
 
 static lg_var join(lg_tape *tape, const lg_space *space, side which, const lg_var *parts) {
-    const uint32_t batch = lg_var_shape(tape, parts[0]).dims[0];
     lg_var block[LG_SPACE_MAX_FACTORS];
+    if (!lg_taped_fits(tape, space, which == ALGEBRA, parts, NULL, "join")) return LG_NONE;
+    const uint32_t batch = lg_var_shape(tape, parts[0]).dims[0];
     FOR_FACTORS(space, f, row, at) {
         const uint32_t *width = widths(row, which), count = (uint32_t)space->factor[f].count;
         block[f] = row->parts == 1 ? parts[at] : lg_concat(tape, parts + at, 2, 2);
@@ -264,6 +316,7 @@ lg_var lg_taped_join_algebra(lg_tape *tape, const lg_space *space, const lg_var 
 /* ---- loops over the factors ---- */
 
 lg_status lg_taped_act(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y, lg_var *out) {
+    if (!fit(tape, space, false, a, y, "action")) return lg_tape_status(tape);
     FOR_FACTORS(space, f, row, at) {
         row->act(tape, a + at, y + at, out + at);
     }
@@ -272,6 +325,7 @@ lg_status lg_taped_act(lg_tape *tape, const lg_space *space, const lg_var *a, co
 
 lg_status lg_taped_generator(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y,
                              lg_var *out) {
+    if (!fit(tape, space, false, a, y, "generator")) return lg_tape_status(tape);
     FOR_FACTORS(space, f, row, at) {
         row->generator(tape, a + at, y + at, out + at);
     }
@@ -280,6 +334,7 @@ lg_status lg_taped_generator(lg_tape *tape, const lg_space *space, const lg_var 
 
 lg_status lg_taped_bracket(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b,
                            lg_var *out) {
+    if (!fit(tape, space, true, a, b, "bracket")) return lg_tape_status(tape);
     FOR_FACTORS(space, f, row, at) {
         if (row->bracket != NULL)
             row->bracket(tape, a + at, b + at, out + at);
@@ -315,7 +370,9 @@ static void dexpinv_series(lg_tape *tape, const factor_row *row, int truncation,
 
 lg_status lg_taped_dexpinv(lg_tape *tape, const lg_space *space, int truncation, const lg_var *a,
                            const lg_var *b, lg_var *out) {
-    if (truncation < LG_DEXPINV_EXACT || truncation > LG_DEXPINV_MAX) return LG_INVALID_ARGUMENT;
+    if (truncation < LG_DEXPINV_EXACT || truncation > LG_DEXPINV_MAX)
+        (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dexpinv", "there is no such truncation");
+    if (!fit(tape, space, true, a, b, "dexpinv")) return lg_tape_status(tape);
     FOR_FACTORS(space, f, row, at) {
         if (row->dexpinv == NULL)
             for (size_t p = 0; p < row->parts; p++) out[at + p] = b[at + p];

@@ -651,7 +651,7 @@ static lg_status own_step(void *user, double t, double h, double *y) {
 TEST("schemes without a form that the tape can record are refused") {
     setup s = chain_setup("variational");
     s.ode.step = own_step;
-    refused_setup(&s, LG_UNSUPPORTED, "no form here that the tape can record");
+    refused_setup(&s, LG_UNSUPPORTED, "a variational scheme cannot be recorded");
 }
 
 TEST("failures of callbacks end the run, and nothing is written") {

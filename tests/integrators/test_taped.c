@@ -2,6 +2,7 @@
  * keeps and what it refuses. lg-gradcheck holds the derivatives of every scheme against differences. */
 #include "support/fixtures.h"
 
+#include "autodiff/op.h"
 #include "integrators/taped_internal.h"
 
 enum { BATCH = 3, STEPS = 4, EVERY = 2, MAX_DIM = 72, INPUTS = 2 };
@@ -592,32 +593,291 @@ TEST("what Newton's method records is given back, however long it searches") {
 
 /* ---- refusals ---- */
 
-TEST("bad arguments and schemes that do not fit are refused") {
+/* The state of the pair on a tape that is reset. */
+static void fresh_state(lg_tape *tape, const pair *p, lg_var *y) {
+    lg_tape_reset(tape);
+    lg_var whole = lg_input(tape, lg_shape2(BATCH, (uint32_t)p->plain.space.dim), p->start);
+    assert_ok(lg_taped_split(tape, &p->taped.space, whole, y));
+}
+
+/* The status is the tape's, and its sentence says this. */
+#define REFUSED(tape, call, status, words)                                                                   \
+    do {                                                                                                     \
+        assert_status(call, status);                                                                         \
+        assert_status(lg_tape_status(tape), status);                                                         \
+        assert_says(lg_tape_message(tape), words);                                                           \
+    } while (0)
+
+TEST("schemes, spaces and functions that do not fit are refused, and the tape keeps why") {
+    static const struct {
+        const char *scheme, *other; /* the pair is that of `scheme`, the step that of `other` */
+        lg_status status;
+        const char *words;
+    } rows[] = {{"cf4", "rk4", LG_UNSUPPORTED, "for R^n"},
+                {"cf4", "midpoint", LG_UNSUPPORTED, "for R^n"},
+                {"cf4", "stormer-verlet", LG_UNSUPPORTED, "for R^n"},
+                {"rk4", "stormer-verlet", LG_UNSUPPORTED, "R^n x R^n or R^2n"},
+                {"cf4", "slgi", LG_UNSUPPORTED, "for T*G"},
+                {"cf4", "variational", LG_UNSUPPORTED, "cannot be recorded"},
+                {"stormer-verlet", "rk4", LG_INVALID_ARGUMENT, "the field is missing"},
+                {"midpoint", "stormer-verlet", LG_INVALID_ARGUMENT, "the force or the velocity is missing"}};
     static pair p;
-    const lg_scheme *cf4 = lg_scheme_find("cf4");
-    lg_var y[LG_TAPED_MAX_PARTS], out[4 * LG_TAPED_MAX_PARTS];
-    make_pair(&p, cf4);
+    lg_var y[LG_TAPED_MAX_PARTS], out[4 * LG_TAPED_MAX_PARTS] = {LG_NONE};
     lg_tape *tape = test_tape(LG_F64);
-    lg_var whole = lg_input(tape, lg_shape2(BATCH, (uint32_t)p.plain.space.dim), p.start);
-    assert_ok(lg_taped_split(tape, &p.taped.space, whole, y));
-    assert_status(lg_taped_integrate(tape, cf4, &p.taped, 0, 0.1, 0, 1, y, out), LG_INVALID_ARGUMENT);
-    assert_status(lg_taped_integrate(tape, cf4, &p.taped, 0, 0.1, 3, 2, y, out), LG_INVALID_ARGUMENT);
-    assert_status(lg_taped_integrate(tape, cf4, &p.taped, 0, 0.1, 3, 0, y, out), LG_INVALID_ARGUMENT);
-    assert_status(lg_taped_dexpinv(tape, &p.taped.space, 11, y, y, out), LG_INVALID_ARGUMENT);
-    static const char *const elsewhere[] = {"rk4", "midpoint", "stormer-verlet", "slgi", "variational"};
-    for (size_t i = 0; i < LG_COUNT(elsewhere); i++)
-        assert_status(lg_taped_step(tape, lg_scheme_find(elsewhere[i]), &p.taped, 0, 0.1, y, out),
-                      LG_UNSUPPORTED);
-    p.taped.field = NULL;
-    assert_status(lg_taped_step(tape, cf4, &p.taped, 0, 0.1, y, out), LG_INVALID_ARGUMENT);
-    p.taped.field = taped_wave;
-    y[1] = LG_NONE;
-    assert_status(lg_taped_step(tape, cf4, &p.taped, 0, 0.1, y, out), LG_STALE_HANDLE);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const lg_scheme *other = lg_scheme_find(rows[i].other);
+        make_pair(&p, lg_scheme_find(rows[i].scheme));
+        if (strcmp(rows[i].words, "R^n x R^n or R^2n") == 0) assert_ok(lg_space_init_rn(&p.taped.space, 3));
+        if (strcmp(rows[i].words, "the force or the velocity is missing") == 0)
+            assert_ok(lg_space_init_rn(&p.taped.space, 4));
+        for (int integrates = 0; integrates < 2; integrates++) {
+            lg_tape_reset(tape);
+            REFUSED(tape,
+                    integrates ? lg_taped_integrate(tape, other, &p.taped, 0, 0.1, 2, 1, y, out)
+                               : lg_taped_step(tape, other, &p.taped, 0, 0.1, y, out),
+                    rows[i].status, rows[i].words);
+        }
+    }
+    lg_scheme bent = *lg_scheme_find("cf4");
+    bent.c[1] += 0.1;
+    make_pair(&p, &bent);
+    fresh_state(tape, &p, y);
+    REFUSED(tape, lg_taped_step(tape, &bent, &p.taped, 0, 0.1, y, out), LG_INVALID_ARGUMENT, "step: ");
+    static const size_t counts[][2] = {{0, 1}, {3, 2}, {3, 0}};
+    for (size_t i = 0; i < LG_COUNT(counts); i++) {
+        fresh_state(tape, &p, y);
+        REFUSED(tape,
+                lg_taped_integrate(tape, lg_scheme_find("cf4"), &p.taped, 0, 0.1, counts[i][0], counts[i][1],
+                                   y, out),
+                LG_INVALID_ARGUMENT, "no steps, or no multiple");
+    }
+    for (int truncation = -2; truncation < 12; truncation += 13) {
+        fresh_state(tape, &p, y);
+        REFUSED(tape, lg_taped_dexpinv(tape, &p.taped.space, truncation, y, y, out), LG_INVALID_ARGUMENT,
+                "truncation");
+    }
+    fresh_state(tape, &p, y);
+    REFUSED(tape, lg_taped_split(tape, &p.taped.space, LG_NONE, out), LG_STALE_HANDLE, "LG_NONE");
     lg_tape_reset(tape);
-    assert_status(lg_taped_split(tape, &p.taped.space, LG_NONE, out), LG_STALE_HANDLE);
-    lg_tape_reset(tape);
-    assert_status(lg_taped_split(tape, &p.taped.space, lg_input(tape, lg_shape2(1, 2), p.start), out),
-                  LG_SHAPE);
+    REFUSED(tape, lg_taped_split(tape, &p.taped.space, lg_input(tape, lg_shape2(1, 2), p.start), out),
+            LG_SHAPE, "(B, dim)");
+    assert_true(lg_is_none(out[0]));
+}
+
+static lg_status stops(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                       lg_var *out) {
+    return LG_CANCELLED;
+}
+
+static lg_status half_stops(void *user, lg_tape *tape, lg_taped_time t, lg_var half, lg_var input,
+                            lg_var *out) {
+    return LG_CANCELLED;
+}
+
+TEST("a field that ends a step without a word ends the tape too, for every scheme") {
+    static pair p;
+    lg_var y[LG_TAPED_MAX_PARTS], out[2 * LG_TAPED_MAX_PARTS] = {LG_NONE};
+    lg_tape *tape = test_tape(LG_F64);
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        if (scheme->kind == LG_SCHEME_VARIATIONAL) continue;
+        make_pair(&p, scheme);
+        p.taped.field = stops;
+        p.taped.force = p.taped.velocity = half_stops;
+        for (int integrates = 0; integrates < 2; integrates++) {
+            fresh_state(tape, &p, y);
+            REFUSED(tape,
+                    integrates ? lg_taped_integrate(tape, scheme, &p.taped, 0, 0.1, 2, 1, y, out)
+                               : lg_taped_step(tape, scheme, &p.taped, 0, 0.1, y, out),
+                    LG_CANCELLED, lg_status_sentence(LG_CANCELLED));
+            assert_true(lg_is_none(out[0]));
+        }
+    }
+}
+
+/* ---- shapes ---- */
+
+enum { BENDS = 6 };
+
+/* A part of another shape than v: one row more or a single one, one number more, an axis more or less, two
+ * axes for one another. LG_NONE where that is no change. */
+static lg_var bent(lg_tape *tape, lg_var v, int how) {
+    lg_shape s = lg_var_shape(tape, v);
+    const lg_shape was = s;
+    if (how == 0) s.dims[0]++;
+    if (how == 1) s.dims[0] = 1;
+    if (how == 2) s.dims[s.rank - 1]++;
+    if (how == 3) s.dims[s.rank++] = 1;
+    if (how == 4) s.dims[s.rank - 2] *= s.dims[s.rank - 1], s.rank--;
+    if (how == 5) s.dims[0] = was.dims[s.rank - 1], s.dims[s.rank - 1] = was.dims[0];
+    return lg_same_shape(&s, &was) ? LG_NONE : lg_full(tape, s, 0.1);
+}
+
+/* One call of the table with each part of each argument bent in turn. */
+typedef struct shaped {
+    lg_tape *tape;
+    const lg_space *space;
+    lg_var *arguments[2]; /* parts */
+    lg_status (*call)(struct shaped *s, lg_var *out);
+    const lg_scheme *scheme;
+    const lg_taped_ode *ode;
+} shaped;
+
+static lg_status call_act(shaped *s, lg_var *out) {
+    return lg_taped_act(s->tape, s->space, s->arguments[0], s->arguments[1], out);
+}
+
+static lg_status call_generator(shaped *s, lg_var *out) {
+    return lg_taped_generator(s->tape, s->space, s->arguments[0], s->arguments[1], out);
+}
+
+static lg_status call_bracket(shaped *s, lg_var *out) {
+    return lg_taped_bracket(s->tape, s->space, s->arguments[0], s->arguments[1], out);
+}
+
+static lg_status call_dexpinv(shaped *s, lg_var *out) {
+    return lg_taped_dexpinv(s->tape, s->space, 4, s->arguments[0], s->arguments[1], out);
+}
+
+static lg_status call_exact_dexpinv(shaped *s, lg_var *out) {
+    return lg_taped_dexpinv(s->tape, s->space, LG_DEXPINV_EXACT, s->arguments[0], s->arguments[1], out);
+}
+
+static lg_status call_join(shaped *s, lg_var *out) {
+    const lg_var joined = lg_taped_join(s->tape, s->space, s->arguments[1]);
+    if (!lg_is_none(joined)) *out = joined;
+    return lg_tape_status(s->tape);
+}
+
+static lg_status call_step(shaped *s, lg_var *out) {
+    return lg_taped_step(s->tape, s->scheme, s->ode, 0, 0.1, s->arguments[1], out);
+}
+
+static lg_status call_integrate(shaped *s, lg_var *out) {
+    return lg_taped_integrate(s->tape, s->scheme, s->ode, 0, 0.1, 2, 2, s->arguments[1], out);
+}
+
+/* Of one argument: other rows of a single part, and a tensor on R^n, whose parts alone have rank 2. */
+static bool is_sound(const shaped *s, size_t argument, size_t part, int how) {
+    if (s->arguments[1 - argument] != NULL) return false;
+    return (how <= 1 && lg_taped_parts(s->space) == 1) ||
+           (how == 3 && lg_var_shape(s->tape, s->arguments[argument][part]).rank == 2);
+}
+
+static void refuse_bent(shaped *s, size_t *refused) {
+    const size_t parts = lg_taped_parts(s->space);
+    for (size_t a = 0; a < 2; a++)
+        for (size_t p = 0; s->arguments[a] != NULL && p < parts; p++)
+            for (int how = 0; how < BENDS; how++) {
+                lg_var out[LG_TAPED_MAX_PARTS] = {LG_NONE};
+                const lg_mark mark = lg_tape_mark(s->tape);
+                const lg_var kept = s->arguments[a][p], other = bent(s->tape, kept, how);
+                if (lg_is_none(other) || is_sound(s, a, p, how)) continue;
+                s->arguments[a][p] = other;
+                REFUSED(s->tape, s->call(s, out), LG_SHAPE, "part ");
+                assert_true(lg_is_none(out[0]));
+                assert_ok(lg_tape_rewind(s->tape, mark));
+                s->arguments[a][p] = kept;
+                assert_ok(s->call(s, out));
+                assert_ok(lg_tape_rewind(s->tape, mark));
+                (*refused)++;
+            }
+}
+
+TEST("parts of another shape are refused, by maps on every kind of space and by every scheme") {
+    static lg_status (*const maps[])(shaped *, lg_var *) = {call_act,     call_generator,     call_bracket,
+                                                            call_dexpinv, call_exact_dexpinv, call_join};
+    static operands o;
+    static pair p;
+    lg_var y[LG_TAPED_MAX_PARTS];
+    size_t refused = 0;
+    lg_tape *tape = test_tape(LG_F64);
+    for (int kind = 0; kind <= LG_SPACE_KINDS; kind++)
+        for (size_t i = 0; i < LG_COUNT(maps); i++) {
+            const lg_space_factor factor = {(lg_space_kind)kind, 2};
+            if (kind < LG_SPACE_KINDS)
+                make_operands(&o, tape, &factor, 1);
+            else
+                make_operands(&o, tape, all_kinds, LG_COUNT(all_kinds));
+            const bool algebra =
+                maps[i] == call_bracket || maps[i] == call_dexpinv || maps[i] == call_exact_dexpinv;
+            shaped s = {.tape = tape,
+                        .space = &o.space,
+                        .arguments = {maps[i] == call_join ? NULL : o.av, algebra ? o.bv : o.yv},
+                        .call = maps[i]};
+            refuse_bent(&s, &refused);
+        }
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        if (scheme->kind == LG_SCHEME_VARIATIONAL) continue;
+        make_pair(&p, scheme);
+        fresh_state(tape, &p, y);
+        shaped s = {.tape = tape,
+                    .space = &p.taped.space,
+                    .arguments = {NULL, y},
+                    .call = call_step,
+                    .scheme = scheme,
+                    .ode = &p.taped};
+        refuse_bent(&s, &refused);
+        s.call = call_integrate;
+        refuse_bent(&s, &refused);
+    }
+    print_message("%zu refused\n", refused);
+    assert_true(refused > 1000);
+}
+
+/* What the field gives has its part `part` bent. */
+typedef struct bending {
+    wave wave; /* first: it is the user of the fields */
+    size_t part;
+    int how;
+    bool bent;
+} bending;
+
+static void bend(bending *b, lg_tape *tape, lg_var *out) {
+    const lg_var other = bent(tape, *out, b->how);
+    b->bent = !lg_is_none(other);
+    if (b->bent) *out = other;
+}
+
+static lg_status bent_wave(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                           lg_var *out) {
+    bending *b = user;
+    LG_TRY(taped_wave(&b->wave, tape, t, y, input, out));
+    bend(b, tape, &out[b->part]);
+    return lg_tape_status(tape);
+}
+
+static lg_status bent_half_wave(void *user, lg_tape *tape, lg_taped_time t, lg_var half, lg_var input,
+                                lg_var *out) {
+    LG_TRY(taped_half_wave(user, tape, t, half, input, out));
+    bend(user, tape, out);
+    return lg_tape_status(tape);
+}
+
+TEST("what a field gives in another shape is refused, for every scheme") {
+    static pair p;
+    static bending b;
+    lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS] = {LG_NONE};
+    lg_tape *tape = test_tape(LG_F64);
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        if (scheme->kind == LG_SCHEME_VARIATIONAL) continue;
+        make_pair(&p, scheme);
+        const bool splits = scheme->kind == LG_SCHEME_SPLITTING;
+        for (b.part = 0; b.part < (splits ? 1 : lg_taped_parts(&p.taped.space)); b.part++)
+            for (b.how = 0; b.how < BENDS; b.how++) {
+                b.wave = p.wave;
+                p.taped.field = bent_wave;
+                p.taped.force = p.taped.velocity = bent_half_wave;
+                p.taped.user = &b;
+                fresh_state(tape, &p, y);
+                const lg_status status = lg_taped_step(tape, scheme, &p.taped, 0, 0.1, y, out);
+                assert_status(status, b.bent ? LG_SHAPE : LG_OK);
+                assert_status(lg_tape_status(tape), status);
+                if (b.bent) assert_says(lg_tape_message(tape), "field: ");
+            }
+    }
 }
 
 typedef struct bad_interval {
@@ -655,6 +915,20 @@ TEST("times, steps and inputs of a wrong shape are refused") {
     }
 }
 
+TEST("a time of other rows than asked for is refused") {
+    static const lg_shape shapes[] = {{2, {BATCH + 1, 1}}, {2, {1, 1}}, {2, {BATCH, 2}}, {1, {BATCH}}};
+    lg_tape *tape = test_tape(LG_F64);
+    for (size_t i = 0; i < LG_COUNT(shapes); i++)
+        for (int step = 0; step < 2; step++) {
+            lg_tape_reset(tape);
+            const lg_var v = lg_full(tape, shapes[i], 0.1);
+            const lg_taped_time t =
+                step ? (lg_taped_time){.weight = 0.5, .step = v} : (lg_taped_time){.rows = v};
+            assert_true(lg_is_none(lg_taped_time_rows(tape, t, BATCH)));
+            assert_status(lg_tape_status(tape), LG_SHAPE);
+        }
+}
+
 TEST("a manifold that does not fit is refused") {
     static pair p;
     const lg_scheme *scheme = lg_scheme_find("rk4-projected");
@@ -663,7 +937,8 @@ TEST("a manifold that does not fit is refused") {
     lg_var y = lg_input(tape, lg_shape2(BATCH, (uint32_t)p.plain.space.dim), p.start), out;
     assert_ok(lg_taped_step(tape, scheme, &p.taped, 0, 0.1, &y, &out));
     assert_ok(lg_space_init(&p.taped.manifold, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
-    assert_status(lg_taped_step(tape, scheme, &p.taped, 0, 0.1, &y, &out), LG_INVALID_ARGUMENT);
+    REFUSED(tape, lg_taped_step(tape, scheme, &p.taped, 0, 0.1, &y, &out), LG_INVALID_ARGUMENT,
+            "the manifold has another dimension");
 }
 
 /* y' = 1 + y^2: y1 = y0 + h (1 + y1^2) has no real solution for h > 1/2 at y0 = 0. */
