@@ -357,8 +357,8 @@ TEST("outputs may be inputs, constants, views, empty or the same") {
 
 /* ---- numbers that an operation reads twice ---- */
 
-/* Recorded twice, sin x is one buffer in a plan. The operation that reads the buffer last may work in place of it, and
- * must not read it afterwards. */
+/* Recorded twice, sin x is one buffer in a plan. The operation that reads the buffer last may work in place
+ * of it, and must not read it afterwards. */
 RECORDING(record_twice) {
     static const double c[3] = {0.25, 2.0, -1.5};
     lg_var z[2], e[2], h[2], q[2], w[2];

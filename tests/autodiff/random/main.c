@@ -1,20 +1,23 @@
 /* Random recordings on a tape, as plans and as compiled C:
  *
- *     random_programs [--seed N] [--count N] [--compiled] [--files N]
+ *     random_programs [--seed N] [--count N] [--compiled]
  *
- * Recording N, N + 1, ... are functions of some operations of the whole table, with shared and equal operands, calls,
- * loops and derivatives (recording.c). Each is compared with what the tape says (rounding.c), as plans of both types with
- * all options, reloaded and not (plans.c), or with --compiled as C, 100 recordings a file (compiled.c). Exit code 1: a
- * recording differs; it is shrunk and printed, and --seed with its number repeats it. */
+ * Recording N, N + 1, ... are functions of some operations of the whole table, with shared and equal operands,
+ * calls, loops and derivatives (recording.c). Each is compared with what the tape says (rounding.c), as plans of
+ * both types with all options, reloaded and not (plans.c), or with --compiled as C, 100 recordings a file
+ * (compiled.c). Exit code 1: a recording differs; it is shrunk and printed, and --seed with its number repeats
+ * it. */
 #include <getopt.h>
 #include <inttypes.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
+#include <unistd.h>
 
 #include "autodiff/op_table.h"
+#include "autodiff/plan.h"
 #include "autodiff/random/random.h"
 
 enum { A_FILE = 100, MOST_FOUND = 5, ENOUGH = 2000 };
@@ -46,6 +49,16 @@ bool found(finding *out, bool refused, const char *format, ...) {
 
 /* ---- what differs ---- */
 
+static volatile uint64_t looked_at; /* the number of the recording */
+
+static void tell_crash(int signal_number) {
+    char line[80];
+    const int length =
+        snprintf(line, sizeof line, "recording %" PRIu64 ": signal %d\n", looked_at, signal_number);
+    (void)!write(1, line, (size_t)length);
+    _exit(1);
+}
+
 static bool passes(bool compiled, const recording *r, finding *out) {
     size_t at, one = 1;
     return compiled ? check_compiled(r, &one, out, &at) : check_plans(r, out);
@@ -76,6 +89,7 @@ static size_t run_plans(uint64_t seed, uint64_t count) {
     static recording r;
     finding f;
     for (uint64_t i = 0; i < count && different < MOST_FOUND; i++) {
+        looked_at = seed + i;
         draw_recording(seed + i, &r);
         if (check_plans(&r, &f)) continue;
         tell(&r, false, &f);
@@ -91,6 +105,7 @@ static size_t run_compiled(uint64_t seed, uint64_t count) {
     for (uint64_t i = 0; i < count && different < MOST_FOUND; i += some) {
         const uint64_t rest = A_FILE - (seed + i) % A_FILE; /* files begin at whole hundreds */
         some = (size_t)(count - i < rest ? count - i : rest);
+        looked_at = seed + i;
         for (size_t k = 0; k < some; k++) draw_recording(seed + i + k, &r[k]);
         if (check_compiled(r, &some, &f, &at)) continue;
         tell(&r[at], true, &f);
@@ -110,7 +125,11 @@ static bool all_rows_recorded(void) {
         printf("operation %s was never recorded\n", lg_ops[i]->name);
         all = false;
     }
-    printf("%zu of %zu operations recorded\n", rows, rows_with_pieces());
+    printf("%zu of %zu operations recorded; steps of plans: %zu tensors, %zu layers, %zu of scalar code, %zu "
+           "copies, %zu "
+           "loops\n",
+           rows, rows_with_pieces(), counted.steps[LG_STEP_TENSOR], counted.steps[LG_STEP_DENSE],
+           counted.steps[LG_STEP_SCALARS], counted.steps[LG_STEP_COPY], counted.steps[LG_STEP_CALL]);
     return all;
 }
 
@@ -125,6 +144,9 @@ int main(int argc, char **argv) {
         if (c == 'c') compiled = true;
         if (c == '?') return 2;
     }
+    (void)signal(SIGSEGV, tell_crash);
+    (void)signal(SIGABRT, tell_crash);
+    (void)signal(SIGFPE, tell_crash);
     find_pieces();
     const size_t different = compiled ? run_compiled(seed, count) : run_plans(seed, count);
     printf(

@@ -1,6 +1,6 @@
-/* Pieces come from the registry of gradient checks (liegrad/gradcheck.h), which has every operation in every variant of
- * shapes and attributes that matters: each case is recorded with its first and second derivatives, and the nodes on the
- * tape are taken apart. */
+/* Pieces come from the registry of gradient checks (liegrad/gradcheck.h), which has every operation in every
+ * variant of shapes and attributes that matters: each case is recorded with its first and second derivatives,
+ * and the nodes on the tape are taken apart. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -185,14 +185,26 @@ size_t rows_with_pieces(void) {
     return count;
 }
 
-/* Every row of the table is as likely as every other. */
+static const piece *draw_of(lg_rng *rng, const row *r) {
+    return r->piece[lg_rng_below(rng, r->pieces)];
+}
+
+/* Every row of the table is as likely as every other; products, of which plans make layers, more often. */
 const piece *draw_piece(lg_rng *rng) {
-    uint32_t ops = 0;
-    while (lg_ops[ops] != NULL) ops++;
+    uint32_t ops = 0, layer = 0;
+    for (; lg_ops[ops] != NULL; ops++)
+        if (lg_ops[ops]->begins_layer != NULL) layer = ops;
+    if (chance(rng, 0.08)) return draw_of(rng, &rows[layer]);
     for (;;) {
         const row *r = &rows[lg_rng_below(rng, ops)];
-        if (r->pieces > 0) return r->piece[lg_rng_below(rng, r->pieces)];
+        if (r->pieces > 0) return draw_of(rng, r);
     }
+}
+
+const piece *draw_layer_end(lg_rng *rng) {
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
+        if (lg_ops[i]->ends_layer) return draw_of(rng, &rows[i]);
+    return draw_piece(rng);
 }
 
 const piece *piece_named(const char *operation) {

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "autodiff/plan.h"
 #include "autodiff/random/random.h"
 #include "liegrad/io.h"
 
@@ -136,6 +137,7 @@ static bool check_plan(const lg_program *program, const lg_program *copy, size_t
     lg_error error = {.message = ""};
     if (lg_plan_create(program, function, options, &plan, &error) != LG_OK)
         return found(f, true, "no plan: %s", error.message);
+    for (size_t i = 0; i < plan->steps; i++) counted.steps[plan->step[i].kind]++;
     open_run(&r, plan, t, options->dtype);
     const bool good = evaluate(&r, r.out, 0xff, f) && compare(&r, f) &&
                       same_alone(&r, draw % t->outputs, f) &&

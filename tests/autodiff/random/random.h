@@ -41,6 +41,7 @@ typedef struct piece {
 void find_pieces(void);
 size_t rows_with_pieces(void);
 const piece *draw_piece(lg_rng *rng);
+const piece *draw_layer_end(lg_rng *rng); /* an operation that a plan may fuse with a product before it */
 const piece *piece_named(const char *operation);
 
 /* ---- recordings ---- */
@@ -60,7 +61,8 @@ typedef struct step {
     bool anchored; /* operands are the piece's point, and the slots move it a little */
     slot made;
     bool loop;
-    bool left_out; /* by shrinking: who takes it takes its first operand */
+    uint32_t variant; /* the first number of the piece's payload */
+    bool left_out;    /* by shrinking: who takes it takes its first operand */
 } step;
 
 /* Slots are the parameters, the inputs, then the steps. */
@@ -129,7 +131,8 @@ bool found(finding *out, bool refused, const char *format, ...)
     __attribute__((format(printf, 3, 4))); /* false */
 
 typedef struct tally {
-    size_t recordings, functions, derivatives, loops, plans, compared, unfit, sources;
+    size_t recordings, functions, derivatives, loops, plans, unfit, sources;
+    size_t steps[8]; /* of plans, by kind */
 } tally;
 extern tally counted;
 

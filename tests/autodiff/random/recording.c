@@ -151,11 +151,26 @@ static lg_var put_call(const putting *p, const step *s, lg_tape *tape, const lg_
     return status == LG_OK ? y[s->output] : LG_NONE;
 }
 
-static lg_var put_piece(const piece *p, slot made, uint32_t rows, lg_tape *tape, const lg_var *x) {
+/* The piece's payload from number `variant` on, and the rest behind. */
+static const void *turned_payload(lg_tape *tape, const piece *p, uint32_t variant) {
+    const bool reals = p->op->payload == LG_PAYLOAD_REALS;
+    const uint32_t count = reals ? p->inputs : p->attr.i[0];
+    const size_t size = reals ? sizeof(double) : sizeof(uint32_t);
+    unsigned char *turned = lg_payload_allocate(tape, count * size);
+    for (uint32_t i = 0; turned != NULL && i < count; i++)
+        memcpy(turned + i * size, (const unsigned char *)p->attr.pointer + (i + variant) % count * size,
+               size);
+    return turned;
+}
+
+static lg_var put_piece(const step *s, uint32_t rows, lg_tape *tape, const lg_var *x) {
+    const piece *p = s->piece;
     lg_attr attr = p->attr;
     lg_shape shape = p->out;
-    if (p->any_shape) shape = with_rows(made.batched, rows, made.shape);
-    if (made.batched) shape.dims[0] = rows;
+    if (p->any_shape) shape = with_rows(s->made.batched, rows, s->made.shape);
+    if (s->made.batched) shape.dims[0] = rows;
+    if (p->op->payload == LG_PAYLOAD_REALS || p->op->payload == LG_PAYLOAD_INDICES)
+        attr.pointer = turned_payload(tape, p, s->variant);
     operations_recorded[lg_op_place(p->op)]++;
     return p->op->record != NULL ? p->op->record(tape, x[0], &attr, shape)
                                  : lg_record_shaped(tape, p->op, x, p->inputs, &attr, shape);
@@ -170,7 +185,7 @@ static lg_var put_step(const putting *p, const body *f, const step *s, uint32_t 
         x[k] = fit(tape, rows, v[from], slot_of(f, from), to, s->how[k]);
         if (s->anchored && !s->piece->any_shape) x[k] = anchor(tape, s->piece->point[k], to, x[k]);
     }
-    return s->piece != NULL ? put_piece(s->piece, s->made, rows, tape, x) : put_call(p, s, tape, theta, x);
+    return s->piece != NULL ? put_piece(s, rows, tape, x) : put_call(p, s, tape, theta, x);
 }
 
 static uint32_t rows_of(const body *f, const lg_tape *tape, const lg_var *x) {
@@ -243,9 +258,12 @@ static step draw_call(lg_rng *rng, const recording *r, const body *f) {
 
 static step draw_step(lg_rng *rng, const recording *r, const body *f) {
     if (f != r->function && chance(rng, 0.25)) return draw_call(rng, r, f);
-    step s = {.piece = draw_piece(rng)};
+    const piece *before = f->steps > 0 ? f->step[f->steps - 1].piece : NULL;
+    const bool layer = before != NULL && before->op->begins_layer != NULL && chance(rng, 0.5);
+    step s = {.piece = layer ? draw_layer_end(rng) : draw_piece(rng)};
     s.inputs = s.piece->inputs;
     draw_operands(rng, f, &s);
+    if (layer) s.operand[0] = slots_of(f) - 1;
     const bool batched = s.piece->batches && chance(rng, 0.85);
     s.made = (slot){batched, batched ? without_first(s.piece->out) : s.piece->out};
     if (s.piece->any_shape) s.made = slot_of(f, s.operand[0]);
@@ -271,7 +289,7 @@ static bool try_step(const putting *p, body *f, const step *s, uint32_t rows, lg
     return true;
 }
 
-/* Some steps are recorded twice: equal subexpressions, which plans compute once. */
+/* Some steps are recorded twice: equal subexpressions, which plans compute once, or equal but for the payload. */
 static void draw_steps(lg_rng *rng, const putting *p, body *f, lg_tape *tape, lg_var *v, uint32_t rows) {
     const uint32_t steps = 2 + (uint32_t)lg_rng_below(rng, MOST_STEPS - 4);
     for (uint32_t tries = 0; f->steps < steps && tries < 4 * MOST_STEPS; tries++) {
@@ -282,6 +300,7 @@ static void draw_steps(lg_rng *rng, const putting *p, body *f, lg_tape *tape, lg
             s.anchored = true;
             taken = try_step(p, f, &s, rows, tape, v);
         }
+        s.variant = chance(rng, 0.3);
         if (taken && chance(rng, 0.25)) (void)try_step(p, f, &s, rows, tape, v);
     }
 }
