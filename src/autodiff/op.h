@@ -110,9 +110,9 @@ struct lg_op {
      * small tensors are worth writing out. */
     void (*expand)(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
     uint32_t most_code; /* scalar code serves up to so many operations on numbers; 0: for any */
-    /* Elementwise: forward reads element i of the inputs before it writes element i of y, so that y may lie over an
-     * input; over_first: it writes all of y from input 0 first, so that y may lie over input 0 alone, and only if no
-     * other input reads the same numbers. */
+    /* Elementwise: forward reads element i of the inputs before it writes element i of y, so that y may
+     * lie over an input; over_first: it writes all of y from input 0 first, so that y may lie over input 0
+     * alone, and only if no other input reads the same numbers. */
     bool over_first;
     /* The input that multiplies what the others give, the last one; *rest becomes the attributes of the
      * operation without it. False: there is none. NULL: never. */

@@ -115,10 +115,11 @@ lg_place lg_planning_place(lg_planning *p, uint32_t node) {
     return place;
 }
 
-/* Whether y may lie over the numbers that input k reads. The kernel of an elementwise operation reads element i of
- * every input before it writes element i of y: every input that reads these numbers, k among them, must have y's
- * shape, for with another shape the kernel reads element i later too. A kernel that is over_first fills the whole
- * of y before it reads the second input: only the first input may read these numbers. */
+/* Whether y may lie over the numbers that input k reads. The kernel of an elementwise operation reads
+ * element i of every input before it writes element i of y: every input that reads these numbers, k among
+ * them, must have y's shape, for with another shape the kernel reads element i later too. A kernel that is
+ * over_first fills the whole of y before it reads the second input: only the first input may read these
+ * numbers. */
 static bool may_lie_over(const lg_planning *p, const lg_graph_node *n, uint32_t k) {
     if (n->in[k] == LG_GRAPH_NONE) return false;
     for (uint32_t j = 0; j < n->inputs; j++) {

@@ -2,11 +2,11 @@
  *
  *     random_programs [--seed N] [--count N] [--compiled]
  *
- * Recording N, N + 1, ... are functions of some operations of the whole table, with shared and equal operands,
- * calls, loops and derivatives (recording.c). Each is compared with what the tape says (rounding.c), as plans of
- * both types with all options, reloaded and not (plans.c), or with --compiled as C, 100 recordings a file
- * (compiled.c). Exit code 1: a recording differs; it is shrunk and printed, and --seed with its number repeats
- * it. */
+ * Recording N, N + 1, ... are functions of some operations of the whole table, with shared and equal
+ * operands, calls, loops and derivatives (recording.c). Each is compared with what the tape says
+ * (rounding.c), as plans of both types with all options, reloaded and not (plans.c), or with --compiled as
+ * C, 100 recordings a file (compiled.c). Exit code 1: a recording differs; it is shrunk and printed, and
+ * --seed with its number repeats it. */
 #include <getopt.h>
 #include <inttypes.h>
 #include <signal.h>

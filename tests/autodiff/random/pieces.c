@@ -1,6 +1,6 @@
-/* Pieces come from the registry of gradient checks (liegrad/gradcheck.h), which has every operation in every
- * variant of shapes and attributes that matters: each case is recorded with its first and second derivatives,
- * and the nodes on the tape are taken apart. */
+/* Pieces come from the registry of gradient checks (liegrad/gradcheck.h), which has every operation in
+ * every variant of shapes and attributes that matters: each case is recorded with its first and second
+ * derivatives, and the nodes on the tape are taken apart. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

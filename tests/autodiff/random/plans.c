@@ -1,5 +1,5 @@
-/* Recordings as plans: every function of the program at the recording's rows, as three plans of which the options are
- * drawn, and as a program that was taken apart and put together again. */
+/* Recordings as plans: every function of the program at the recording's rows, as three plans of which the
+ * options are drawn, and as a program that was taken apart and put together again. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -182,7 +182,8 @@ static bool check_function(lg_tape *tape, const lg_program *program, const lg_pr
     return true;
 }
 
-/* The tape that drew the recording says the same, bit for bit, as the program on a tape: both have the same nodes. */
+/* The tape that drew the recording says the same, bit for bit, as the program on a tape: both have the
+ * same nodes. */
 bool check_plans(const recording *r, finding *out) {
     size_t number[MOST_ALL], count;
     lg_program *program = empty_program(), *copy = NULL;

@@ -52,7 +52,8 @@ typedef struct slot {
     lg_shape shape;
 } slot;
 
-/* An operation of the recording. Operands are slots before it, brought to the shape that the operation takes. */
+/* An operation of the recording. Operands are slots before it, brought to the shape that the operation
+ * takes. */
 typedef struct step {
     const piece
         *piece; /* NULL: a call of function `callee`, or of the loop over it, for its output `output` */
@@ -94,8 +95,8 @@ void draw_recording(uint64_t number, recording *out);
 void print_recording(const recording *r);
 /* A program with the parameters of all recordings. */
 lg_program *empty_program(void);
-/* Adds the functions of the recording; their numbers. What a program refuses is left out. False: a sentence in
- * `error`. */
+/* Adds the functions of the recording; their numbers. What a program refuses is left out. False: a
+ * sentence in `error`. */
 bool add_recording(lg_program *program, const recording *r, size_t *number, size_t *count, lg_error *error);
 /* How many numbers the tape has of a function. */
 size_t numbers_of(const lg_program *program, size_t at, size_t rows);
@@ -137,8 +138,8 @@ typedef struct tally {
 extern tally counted;
 
 bool check_plans(const recording *r, finding *out);
-/* Compiles *taken recordings as one file, or as many of them as a program has room for. *failed: the recording
- * that differs. */
+/* Compiles *taken recordings as one file, or as many of them as a program has room for. *failed: the
+ * recording that differs. */
 bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *failed);
 
 #endif

@@ -289,7 +289,8 @@ static bool try_step(const putting *p, body *f, const step *s, uint32_t rows, lg
     return true;
 }
 
-/* Some steps are recorded twice: equal subexpressions, which plans compute once, or equal but for the payload. */
+/* Some steps are recorded twice: equal subexpressions, which plans compute once, or equal but for the
+ * payload. */
 static void draw_steps(lg_rng *rng, const putting *p, body *f, lg_tape *tape, lg_var *v, uint32_t rows) {
     const uint32_t steps = 2 + (uint32_t)lg_rng_below(rng, MOST_STEPS - 4);
     for (uint32_t tries = 0; f->steps < steps && tries < 4 * MOST_STEPS; tries++) {
@@ -319,7 +320,8 @@ static bool same_slot(slot a, slot b) {
     return a.batched == b.batched && lg_same_shape(&a.shape, &b.shape);
 }
 
-/* What the function has already may become input i: another input, a step, the output that another input becomes. */
+/* What the function has already may become input i: another input, a step, the output that another input
+ * becomes. */
 static bool carries_slot(lg_rng *rng, body *f, uint32_t i) {
     for (uint32_t tries = 0; tries < 6; tries++) {
         const uint32_t at = PARAMETERS + (uint32_t)lg_rng_below(rng, slots_of(f) - PARAMETERS);
@@ -452,7 +454,8 @@ static lg_status add_loop(lg_program *program, const recording *r, uint32_t at, 
     return lg_program_add_loop(program, name, of, f->times, carry, carries, error);
 }
 
-/* What cannot be derived: an order that an operation does not have, rows that meet, nothing that is asked for. */
+/* What cannot be derived: an order that an operation does not have, rows that meet, nothing that is asked
+ * for. */
 static bool refused(lg_status status) {
     return status == LG_UNSUPPORTED || status == LG_NOT_DIFFERENTIABLE || status == LG_INVALID_ARGUMENT;
 }

@@ -1,16 +1,17 @@
 /* What rounding explains.
  *
- * A plan computes what the tape computes, in another order: sums are split, products are regrouped, equal rows are
- * computed once, small tensors are scalar code. All of that moves a result by what a few roundings of the intermediate
- * numbers move it. So the tape's nodes are evaluated again, several times, with every number that an operation reads
- * multiplied by 1 + u, u uniform in [-4, 4] eps, afresh at each reading. How far an element of the output then moves
- * from the tape's element is the width that rounding gives it there: it contains the condition of the
- * element, and contains both sides of a kink (a maximum, a comparison, a pivot of zero) that lies within
- * rounding. Every second evaluation takes the scalar code of operations that have it, and shakes the result of
- * each instruction; how far it moves is measured from the same code unshaken, lest wrong code explain itself.
- * An element is explained if it differs by at most 2 widths of one or four evaluations, or by 4 widths of 400.
- * The evaluations are of the plan's type, so that what an operation rounds inside counts too; the tape is of
- * double precision for both types, and its inputs are single numbers. */
+ * A plan computes what the tape computes, in another order: sums are split, products are regrouped, equal
+ * rows are computed once, small tensors are scalar code. All of that moves a result by what a few
+ * roundings of the intermediate numbers move it. So the tape's nodes are evaluated again, several times,
+ * with every number that an operation reads multiplied by 1 + u, u uniform in [-4, 4] eps, afresh at each
+ * reading. How far an element of the output then moves from the tape's element is the width that rounding
+ * gives it there: it contains the condition of the element, and contains both sides of a kink (a maximum,
+ * a comparison, a pivot of zero) that lies within rounding. Every second evaluation takes the scalar code
+ * of operations that have it, and shakes the result of each instruction; how far it moves is measured from
+ * the same code unshaken, lest wrong code explain itself. An element is explained if it differs by at most
+ * 2 widths of one or four evaluations, or by 4 widths of 400. The evaluations are of the plan's type, so
+ * that what an operation rounds inside counts too; the tape is of double precision for both types, and its
+ * inputs are single numbers. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
