@@ -1,10 +1,10 @@
 /* Random recordings on a tape, as plans and as compiled C:
  *
- *     random_programs [--seed N] [--count N] [--compiled]
+ *     random_programs [--seed N] [--count N] [--compiled N]
  *
  * Recording N, N + 1, ... are functions of some operations of the whole table, with shared and equal
- * operands, calls, loops and derivatives (recording.c). Each is compared with what the tape says
- * (rounding.c), as plans of both types with all options, reloaded and not (plans.c), or with --compiled as
+ * operands, calls, loops and derivatives (recording.c). `count` of them are compared with what the tape says
+ * (rounding.c) as plans of both types with all options, reloaded and not (plans.c), and `compiled` of them as
  * C, 100 recordings a file (compiled.c). Exit code 1: a recording differs; it is shrunk and printed, and
  * --seed with its number repeats it. */
 #include <getopt.h>
@@ -77,8 +77,7 @@ static void tell(const recording *of, bool compiled, const finding *f) {
     if (!f->refused) shrink(&r, fails, &compiled);
     if (!passes(compiled, &r, &small)) printf("shrunk: %s\n", small.sentence);
     print_recording(&r);
-    printf("again: random_programs --seed %" PRIu64 " --count 1%s\n", r.number,
-           compiled ? " --compiled" : "");
+    printf("again: random_programs --seed %" PRIu64 " --%s 1\n", r.number, compiled ? "compiled" : "count");
     (void)fflush(stdout);
 }
 
@@ -135,26 +134,25 @@ static bool all_rows_recorded(void) {
 
 int main(int argc, char **argv) {
     static const struct option options[] = {
-        {"seed", 1, NULL, 's'}, {"count", 1, NULL, 'n'}, {"compiled", 0, NULL, 'c'}, {NULL, 0, NULL, 0}};
-    uint64_t seed = 0, count = 1000;
-    bool compiled = false;
+        {"seed", 1, NULL, 's'}, {"count", 1, NULL, 'n'}, {"compiled", 1, NULL, 'c'}, {NULL, 0, NULL, 0}};
+    uint64_t seed = 0, count = 0, compiled = 0;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 's') seed = strtoull(optarg, NULL, 10);
         if (c == 'n') count = strtoull(optarg, NULL, 10);
-        if (c == 'c') compiled = true;
+        if (c == 'c') compiled = strtoull(optarg, NULL, 10);
         if (c == '?') return 2;
     }
     (void)signal(SIGSEGV, tell_crash);
     (void)signal(SIGABRT, tell_crash);
     (void)signal(SIGFPE, tell_crash);
     find_pieces();
-    const size_t different = compiled ? run_compiled(seed, count) : run_plans(seed, count);
+    const size_t different = run_plans(seed, count) + run_compiled(seed, compiled);
     printf(
-        "%zu recordings (seeds %" PRIu64 " to %" PRIu64
-        "): %zu functions, of these %zu derivatives and %zu loops; %zu plans, "
-        "%zu files of C; %zu functions without comparison, for their numbers are not finite or very large\n",
-        counted.recordings, seed, seed + count - 1, counted.functions, counted.derivatives, counted.loops,
-        counted.plans, counted.sources, counted.unfit);
+        "%zu recordings from seed %" PRIu64 ": %zu functions, of these %zu derivatives and %zu loops; %zu "
+        "plans, %zu files of C; %zu functions without comparison, for their numbers are not finite or very "
+        "large\n",
+        counted.recordings, seed, counted.functions, counted.derivatives, counted.loops, counted.plans,
+        counted.sources, counted.unfit);
     const bool all = all_rows_recorded();
     printf("%zu differ\n", different);
     return different == 0 && all ? 0 : 1;
