@@ -182,8 +182,6 @@ static bool check_function(lg_tape *tape, const lg_program *program, const lg_pr
     return true;
 }
 
-/* The tape that drew the recording says the same, bit for bit, as the program on a tape: both have the
- * same nodes. */
 bool check_plans(const recording *r, finding *out) {
     size_t number[MOST_ALL], count;
     lg_program *program = empty_program(), *copy = NULL;

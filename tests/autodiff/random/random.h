@@ -52,18 +52,17 @@ typedef struct slot {
     lg_shape shape;
 } slot;
 
-/* An operation of the recording. Operands are slots before it, brought to the shape that the operation
- * takes. */
+/* An operation of the recording, or a call: output `output` of function `callee`, or of the loop over it.
+ * Operands are slots before the step, brought to the shape that the operation takes. */
 typedef struct step {
-    const piece
-        *piece; /* NULL: a call of function `callee`, or of the loop over it, for its output `output` */
-    uint32_t callee, output, inputs;
-    uint32_t operand[MOST_OPERANDS], how[MOST_OPERANDS]; /* slots; how they are brought to the shape */
-    bool anchored; /* operands are the piece's point, and the slots move it a little */
-    slot made;
+    const piece *piece; /* NULL: a call */
+    uint32_t callee, output;
     bool loop;
-    uint32_t variant; /* the first number of the piece's payload */
-    bool left_out;    /* by shrinking: who takes it takes its first operand */
+    uint32_t inputs, operand[MOST_OPERANDS], how[MOST_OPERANDS]; /* slots; how they come to the shape */
+    uint32_t variant;                                            /* the first number of the piece's payload */
+    bool anchored; /* operands are the piece's point, and the slots move it a little */
+    bool left_out; /* by shrinking: who takes it takes its first operand */
+    slot made;
 } step;
 
 /* Slots are the parameters, the inputs, then the steps. */
