@@ -110,11 +110,10 @@ void identify_release(identify_data *data) {
 
 /* ---- noise ---- */
 
-/* The largest noise of columns first .. first + count - 1. What is less than 2e-4 of their range is left to
- * the loss: starts need not be unknown for it, and uneven steps and held inputs can feign it; unless it is
+/* The largest noise of columns first .. first + count - 1, where it is more than `least` of their range or
  * `confirmed`. */
-static double noise_of(const identify_data *data, uint32_t first, uint32_t count, bool confirmed) {
-    static const double small = 2e-4;
+static double noise_of(const identify_data *data, uint32_t first, uint32_t count, bool confirmed,
+                       double least) {
     double range = 0.0, estimated = 0.0, given = 0.0;
     for (uint32_t c = first; c < first + count; c++) {
         const lg_log_statistics *found = &data->logs.columns[c];
@@ -122,7 +121,7 @@ static double noise_of(const identify_data *data, uint32_t first, uint32_t count
         if (!found->noise_at_most) estimated = fmax(estimated, found->noise);
         given = fmax(given, data->file.columns[c].noise);
     }
-    return given > 0.0 ? given : confirmed || estimated > small * range ? estimated : 0.0;
+    return given > 0.0 ? given : confirmed || estimated > least * range ? estimated : 0.0;
 }
 
 /* Whether the noise that the position's column shows is there in its motion beside the velocity, too. */
@@ -132,14 +131,29 @@ static bool is_confirmed(const identify_data *data, uint32_t coordinate) {
            identify_position_noise(data, coordinate) > 0.5 * found->noise;
 }
 
+/* What is less than 2e-4 of a range is left to the loss: starts need not be unknown for it, and uneven steps
+ * and held inputs can feign it. */
 void identify_noise(const identify_data *data, double *position, double *velocity) {
+    static const double least = 2e-4;
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
         const lg_log_coordinate *at = &data->file.coordinates[i];
         const bool confirmed = is_confirmed(data, i);
-        position[i] = fmax(noise_of(data, at->place, at->places, confirmed),
-                           noise_of(data, at->attitude, at->attitudes, false));
-        velocity[i] = noise_of(data, at->velocity, at->velocities, confirmed);
+        position[i] = fmax(noise_of(data, at->place, at->places, confirmed, least),
+                           noise_of(data, at->attitude, at->attitudes, false, least));
+        velocity[i] = noise_of(data, at->velocity, at->velocities, confirmed, least);
         /* A quaternion changes by half of the angle. */
         if (at->attitudes == 4) position[i] *= 2.0;
+    }
+}
+
+void identify_traces(const identify_data *data, double *position, double *velocity) {
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
+        const lg_log_coordinate *at = &data->file.coordinates[i];
+        position[i] = fmax(noise_of(data, at->place, at->places, false, 0.0),
+                           noise_of(data, at->attitude, at->attitudes, false, 0.0));
+        velocity[i] = noise_of(data, at->velocity, at->velocities, false, 0.0);
+        if (at->attitudes == 4) position[i] *= 2.0;
+        if (at->attitudes == 0 && data->file.measured == LG_MEASURED_VELOCITIES)
+            position[i] = fmin(position[i], identify_position_noise(data, i));
     }
 }

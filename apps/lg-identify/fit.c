@@ -363,6 +363,7 @@ static void put_gauge(app_json *json, const lg_machine *machine, const lg_identi
 /* What of the logs was explained, and how well. */
 typedef struct explained {
     double loss, expected; /* `expected`: at most, of a model that explains the logs */
+    double tolerated;      /* the same but for the error of the steps */
     mass_place mass;
 } explained;
 
@@ -442,21 +443,40 @@ static void warn_of_numbers(const app *self, const lg_identification *of, size_t
     }
 }
 
-/* The loss that a model leaves where it explains the logs: 1 of each number in units of its noise, of numbers
- * without noise half a hundredth of their size in a window, and what the steps make. */
-static double expected_loss(const training *t, double floor) {
-    static const double small = 5e-3;
-    double sum = floor;
+/* The loss of a model that explains the logs: what their noise leaves of each number, of numbers without noise
+ * what a hundredth of the forces would make, and what the steps make, unless that is more than all else.
+ */
+static lg_status find_expected(const app *self, const training *t, const double *theta, double floor,
+                               explained *what, lg_error *error) {
+    static const double small = 8e-3;
+    lg_machine_noise noise;
+    lg_machine_expected expected;
+    identify_traces(&t->data, noise.position, noise.velocity);
     for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
-        const double many = lg_coordinate_row_of(run.machine.coordinates[i].kind)->velocities;
-        sum += many * (t->position_noise[i] > 0.0 ? 1.0 : small * small);
-        sum += many * (t->velocity_noise[i] > 0.0 ? 1.0 : small * small);
+        if (t->position_noise[i] > 0.0) noise.position[i] = t->position_noise[i];
+        if (t->velocity_noise[i] > 0.0) noise.velocity[i] = t->velocity_noise[i];
     }
-    return sum;
+    LG_TRY(lg_machine_expect(self->context, &t->problem, theta, &noise, &expected, error));
+    what->tolerated =
+        isfinite(expected.loss) ? expected.loss : 0.0; /* a model that blows up excuses nothing */
+    for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
+        if (!(t->position_noise[i] > 0.0)) what->tolerated += small * small * expected.change.position[i];
+        if (!(t->velocity_noise[i] > 0.0)) what->tolerated += small * small * expected.change.velocity[i];
+    }
+    what->expected = what->tolerated + fmin(floor, what->tolerated);
+    return LG_OK;
 }
 
-static void warn_of_misfit(const app *self, const explained *what) {
-    static const double more = 4.0;
+static void warn_of_misfit(const app *self, const explained *what, double floor) {
+    /* What a model leaves beside white noise, and what chance makes of so few numbers. */
+    const double numbers = 2.0 * (double)run.windows * run.window * run.machine.velocities,
+                 more = 1.5 + 4.0 * sqrt(2.0 / numbers);
+    if (floor > what->tolerated)
+        app_warn(
+            self,
+            "the steps are too long: their error makes %.2g of the loss, where the noise leaves %.2g; take "
+            "more --substeps: only then the loss tells whether the model explains the logs",
+            floor, what->tolerated);
     if (what->loss > more * what->expected)
         app_warn(
             self,
@@ -478,7 +498,7 @@ static int finish(void *user, train_session *session) {
     lg_status status =
         lg_machine_loss(self->context, &t->problem, theta, &what.loss, &session->floor, &error);
     if (status == LG_OK && !isfinite(what.loss)) status = LG_NOT_FINITE;
-    what.expected = expected_loss(t, session->floor);
+    if (status == LG_OK) status = find_expected(self, t, theta, session->floor, &what, &error);
     find_mass_place(t, &what.mass);
     int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
     const size_t count = lg_machine_numbers(&run.machine, theta, 0, NULL), n = run.machine.parameters;
@@ -494,7 +514,7 @@ static int finish(void *user, train_session *session) {
     }
     free(theta);
     if (code == APP_EXIT_OK) warn_of_gauge(self, &run.machine);
-    if (code == APP_EXIT_OK) warn_of_misfit(self, &what);
+    if (code == APP_EXIT_OK) warn_of_misfit(self, &what, session->floor);
     if (code == APP_EXIT_OK) warn_of_open(self, &of, count);
     if (code == APP_EXIT_OK) warn_of_numbers(self, &of, count, &what.mass);
     if (code == APP_EXIT_OK) code = train_draw(session);

@@ -35,6 +35,9 @@ void identify_release(identify_data *data);
 /* Standard deviations of the noise of the coordinates' positions and velocities: given in the machine's file,
  * or estimated where a column is noisy; 0: none. */
 void identify_noise(const identify_data *data, double *position, double *velocity);
+/* The noise that columns show, however small; 0: smooth columns. That of a line's or angle's position is the
+ * part that also shows beside the velocity. */
+void identify_traces(const identify_data *data, double *position, double *velocity);
 
 /* ---- positions against velocities (kinematics.c) ---- */
 

@@ -356,6 +356,27 @@ LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_pro
 LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem,
                                  const double *theta, double *loss, double *floor, lg_error *error);
 
+/* Numbers of each coordinate in the units of the log: lines and places in metres, others in radians. */
+typedef struct lg_machine_noise {
+    double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
+} lg_machine_noise;
+/* What a model leaves of the logs, in units of the loss. */
+typedef struct lg_machine_expected {
+    /* The loss that is expected of a model that explains the logs but for white noise: each number of a
+     * column adds (noise/scale)^2, estimated starts and parameters that the logs determine take away what they
+     * adapt to (their degrees of freedom), measured starts add what their noise makes of a window. From at
+     * most 512 windows; of
+     * more than 256 parameters weights of networks count nothing, others an average number each. */
+    double loss;
+    /* Of each coordinate, what changes of its velocities in the windows make of positions and velocities: the
+     * loss of a model in which nothing acts, about. */
+    lg_machine_noise change;
+} lg_machine_expected;
+/* noise: standard deviations. theta: as for lg_machine_identify. Errors: LG_OUT_OF_MEMORY, the tape's. */
+LG_API lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem *problem,
+                                   const double *theta, const lg_machine_noise *noise,
+                                   lg_machine_expected *out, lg_error *error);
+
 /* ---- identified numbers ---- */
 
 /* A number with a meaning, in the units of the log: an unknown one of a system by its label, "m1";

@@ -158,6 +158,32 @@ static bool invert(const normal *s, bool prior, double *work, int *order, double
     return info == 0;
 }
 
+/* Numbers that are squares of parameters tell no error where these are 0: such a parameter moves to where they
+ * change. theta (n), in and out; `up` and `down` (count). False: none moves. */
+static bool leave_bounds(const normal *s, double *theta, size_t count, const lg_identified *numbers,
+                         lg_identified *up, lg_identified *down) {
+    static const double away = 1e-2;
+    const lg_machine *machine = s->problem->machine;
+    bool any = false;
+    for (size_t j = machine->weights; j < s->n; j++) {
+        const double before = theta[j];
+        bool square = false, plain = false;
+        theta[j] = before + away;
+        (void)lg_machine_numbers_at(machine, theta, s->at, count, up);
+        theta[j] = before - away;
+        (void)lg_machine_numbers_at(machine, theta, s->at, count, down);
+        for (size_t i = 0; i < count; i++) {
+            const double odd = fabs(up[i].value - down[i].value),
+                         even = fabs(up[i].value - 2.0 * numbers[i].value + down[i].value);
+            square = square || even > odd;
+            plain = plain || odd > even;
+        }
+        theta[j] = square && !plain ? copysign(away, before) : before;
+        any = any || theta[j] != before;
+    }
+    return any;
+}
+
 /* gradient (count, n): the derivative of each number by each parameter, by differences. */
 static void differentiate(const normal *s, double *theta, size_t count, lg_identified *moved,
                           double *gradient) {
@@ -193,17 +219,40 @@ static void propagate(const normal *s, const double *W, size_t count, double *gr
             variance += g[k] * g[k];
         }
         numbers[i].error = sqrt(variance);
-        if (numbers[i].error > lost * largest) numbers[i].error = (double)INFINITY;
+        if (!(numbers[i].error <= lost * largest)) numbers[i].error = (double)INFINITY;
         units[i] = fmax(fmax(fabs(numbers[i].value), small * largest), DBL_MIN);
     }
 }
 
-/* The covariance of the numbers in their units. */
-static void multiply(const normal *s, size_t count, const double *shares, const double *units, double *out) {
+/* Numbers that ran to 0 or infinity move no more with the parameters, though they depend on them: their errors
+ * are infinite and their shares 0. theta (n) and moved (count) are spoiled. */
+static void mark_lost(const normal *s, size_t count, double *gradient, double *theta, lg_identified *moved,
+                      lg_identified *numbers, double *units) {
+    for (size_t i = 0; i < count; i++) {
+        double *g = gradient + i * s->n;
+        bool depends = !isfinite(numbers[i].value) || !isfinite(dot(g, g, s->n));
+        for (int probe = 0; probe < 2 && !depends && numbers[i].error == 0.0; probe++) {
+            for (size_t j = 0; j < s->n; j++) theta[j] = probe;
+            (void)lg_machine_numbers_at(s->problem->machine, theta, s->at, count, moved);
+            depends = moved[i].value != numbers[i].value;
+        }
+        if (!depends) continue;
+        numbers[i].error = (double)INFINITY;
+        units[i] = 1.0;
+        for (size_t j = 0; j < s->n; j++) g[j] = 0.0;
+    }
+}
+
+/* The covariance of the numbers in their units; that of a number without shares and with an infinite error is
+ * that of the bounds. */
+static void multiply(const normal *s, size_t count, const double *shares, const double *units,
+                     const lg_identified *numbers, double *out) {
     for (size_t i = 0; i < count; i++)
         for (size_t j = 0; j <= i; j++)
             out[i * count + j] = out[j * count + i] =
                 dot(shares + i * s->n, shares + j * s->n, s->n) / (units[i] * units[j]);
+    for (size_t i = 0; i < count; i++)
+        if (isinf(numbers[i].error) && out[i * count + i] == 0.0) out[i * count + i] = 1e12;
 }
 
 static void transpose(size_t n, const double *W, double *out) {
@@ -213,18 +262,18 @@ static void transpose(size_t n, const double *W, double *out) {
 
 /* What follows from R. Errors and open directions are those of the data alone; a prior would hide that a
  * number is not determined. */
-static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_identification *out) {
+static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_identified *moved,
+                          lg_identification *out) {
     const size_t n = s->n;
-    lg_identified *moved = lg_alloc(s->context, count, sizeof *moved);
     double *W = work, *theta = W + n * n, *gradient = theta + n, *units = gradient + count * n,
            *covariance = units + count, *more = covariance + count * count;
-    lg_status status = moved != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    if (status == LG_OK && !invert(s, false, more, order, W)) status = LG_OUT_OF_MEMORY;
+    lg_status status = invert(s, false, more, order, W) ? LG_OK : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         memcpy(theta, s->theta, n * sizeof *theta);
         differentiate(s, theta, count, moved, gradient);
         propagate(s, W, count, gradient, theta, out->numbers, units);
-        multiply(s, count, gradient, units, covariance);
+        mark_lost(s, count, gradient, theta, moved, out->numbers, units);
+        multiply(s, count, gradient, units, out->numbers, covariance);
         status = lg_machine_relate(s->context, count, covariance, out);
     }
     if (status == LG_OK && out->spread != NULL) {
@@ -233,7 +282,6 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
         else
             status = LG_OUT_OF_MEMORY;
     }
-    lg_free(s->context, moved);
     return status;
 }
 
@@ -241,7 +289,8 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
                               const double *theta, lg_identification *out, lg_error *error) {
     const lg_machine *machine = problem->machine;
     const size_t count = lg_machine_numbers(machine, theta, 0, NULL);
-    normal s = {.context = context, .problem = problem, .theta = theta, .n = machine->parameters};
+    normal s = {.context = context, .problem = problem, .n = machine->parameters};
+    double squares = 0.0;
     lg_tape *tape = NULL;
     (void)lg_machine_mass_at(problem, s.at);
     (void)lg_machine_numbers_at(machine, theta, s.at, count, out->numbers);
@@ -260,26 +309,36 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     }
     s.stack = lg_alloc(context, (s.n + rows) * s.n, sizeof(double));
     s.triangle = lg_alloc(context, s.n * s.n, sizeof(double));
+    const size_t all = lg_machine_problem_parameters(problem);
+    double *at = lg_alloc(context, all, sizeof *at);
+    lg_identified *moved = lg_alloc(context, 2 * count, sizeof *moved);
     double *work = lg_alloc(context, (4 * s.n + 1 + count) * s.n + (1 + count) * count, sizeof *work);
     int *order = lg_alloc(context, s.n, sizeof *order);
-    const bool room =
-        s.jacobian != NULL && s.stack != NULL && s.triangle != NULL && work != NULL && order != NULL;
+    const bool room = s.jacobian != NULL && s.stack != NULL && s.triangle != NULL && at != NULL &&
+                      moved != NULL && work != NULL && order != NULL;
     lg_status status = room ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         memset(s.triangle, 0, s.n * s.n * sizeof *s.triangle);
+        memcpy(at, theta, all * sizeof *at);
+        s.theta = at;
+        const bool left = leave_bounds(&s, at, count, out->numbers, moved, moved + count);
         status = add_all(&s, tape);
         if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
+        if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, error);
+        if (left) s.squares = squares;
     } else {
         (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
     if (status == LG_OK) {
-        status = conclude(&s, count, work, order, out);
+        status = conclude(&s, count, work, order, moved, out);
         if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
     lg_tape_destroy(tape);
     lg_free(context, s.jacobian);
     lg_free(context, s.stack);
     lg_free(context, s.triangle);
+    lg_free(context, at);
+    lg_free(context, moved);
     lg_free(context, order);
     lg_free(context, work);
     return status;

@@ -291,6 +291,34 @@ size_t lg_machine_linearised_rows(const lg_machine_problem *problem) {
     return (size_t)(problem->window - first_residual(problem)) * axes_of(problem->machine).count;
 }
 
+void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
+                              double factor, double *out) {
+    const lg_machine *machine = problem->machine;
+    const axes all = axes_of(machine);
+    double weight[NUMBERS], share[NUMBERS];
+    lg_machine_weigh_row(problem, row, factor, weight, weight + machine->positions);
+    for (uint32_t i = 0; i < all.numbers; i++) share[i] = weight[i] != 0.0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double position = factor * noise->position[i] / problem->position_scale[i],
+                     velocity = factor * noise->velocity[i] / problem->velocity_scale[i];
+        const double *q = problem->log.q + row * machine->positions + at.position;
+        double *of_q = share + at.position, *of_v = share + machine->positions + at.velocity;
+        for (uint32_t k = 0; k < lg_coordinate_positions(kind); k++) of_q[k] *= position * position;
+        for (uint32_t k = 0; k < lg_coordinate_row_of(kind)->velocities; k++)
+            /* the part of omega along a direction is 0 */
+            of_v[k] *= velocity * velocity * (kind == LG_COORDINATE_DIRECTION ? 1.0 - q[k] * q[k] : 1.0);
+    }
+    for (uint32_t i = 0; i < all.count; i++) {
+        const axis *a = &all.each[i];
+        const double q =
+            a->kind == TURN_DIRECTION ? problem->log.q[row * machine->positions + a->first + a->turn] : 0.0;
+        out[i] = share[a->first] * (1.0 - q * q);
+        if (isnan(out[i])) out[i] = 0.0;
+    }
+}
+
 static lg_status pass_window(lg_tape *tape, chain *c) {
     size_t at[LG_FIT_CHUNK];
     const uint32_t first = first_residual(c->problem);

@@ -208,8 +208,8 @@ TEST("the mass of a network is told where the logs are, and where that is") {
     cli_json(identify, "fit moving.yaml near.csv --out m.h5 --epochs 200", "loss <4, expected_loss <4",
              &result);
     json_expect(json_find(result.out, "mass_at"), "x [0]");
-    cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 200", "loss <4, expected_loss <4",
-             &result);
+    cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 200 --seed 2",
+             "loss <4, expected_loss <4", &result);
     const double at = strtod(strchr(json_find(json_find(result.out, "mass_at"), "x"), '[') + 1, NULL);
     assert_close(at, 30, 0, 3);
     const char *number = json_find(json_find(result.out, "identified"), "mass.1.1");
@@ -218,7 +218,7 @@ TEST("the mass of a network is told where the logs are, and where that is") {
     assert_null(strstr(result.err, "do not determine"));
     run("fit moving.yaml away.csv --out m.h5 --epochs 20");
     assert_says(result.out, "mass: of a network, at x ");
-    assert_says(result.out, "noise and steps leave 2.0e+00 at most");
+    assert_says(result.out, "noise and steps leave 1.9e+00 at most");
     run("generate push.yaml --inputs none --runs 8 --t-end 4 --start-spread 1,0 --noise 0.002,0.01 --out "
         "rest.csv");
     shift_log("rest.csv", "away.csv");
@@ -234,20 +234,102 @@ TEST("a fit has no option that its networks cannot take: --size") {
     cli_expect(identify, "fit machine.yaml train.csv --out m.h5 --size auto", 2, "--size", &result);
 }
 
-TEST("logs that contradict the machine are told from those that it explains, noisy or not") {
-    char machine[1024];
-    (void)snprintf(machine, sizeof machine, "%sscale: {u: -1}\n", oscillator_machine);
-    cli_write("against.yaml", machine);
+/* A log of 2 x'' = -5 x - .3 x' + u by another program: RK4, or symplectic Euler, with `digits` decimals. */
+static void write_foreign(const char *name, bool euler, int digits) {
+    enum { ROWS = 900, SIZE = 1 << 18 };
+    char *text = lg_test_memory(SIZE);
+    const double h = 0.02;
+    double x = 1, v = 0, u = 0;
+    size_t used = (size_t)snprintf(text, SIZE, "t,run,x,vx,u\n");
+    for (int i = 0; i < ROWS; i++) {
+        if (i % 25 == 0) u = 4 * sin(i);
+        used += (size_t)snprintf(text + used, SIZE - used, "%.6f,0,%.*f,%.*f,%.6f\n", h * i, digits, x,
+                                 digits, v, u);
+        if (euler) {
+            v += h * (u - 0.3 * v - 5 * x) / 2;
+            x += h * v;
+            continue;
+        }
+        double dx[4], dv[4];
+        for (int k = 0; k < 4; k++) {
+            const double at = k == 0   ? 0
+                              : k == 3 ? h
+                                       : h / 2,
+                         y = k > 0 ? x + at * dx[k - 1] : x, w = k > 0 ? v + at * dv[k - 1] : v;
+            dx[k] = w, dv[k] = (u - 0.3 * w - 5 * y) / 2;
+        }
+        x += h / 6 * (dx[0] + 2 * dx[1] + 2 * dx[2] + dx[3]);
+        v += h / 6 * (dv[0] + 2 * dv[1] + 2 * dv[2] + dv[3]);
+    }
+    cli_write(name, text);
+}
+
+TEST("logs that contradict the machine are told from those that it explains: smooth, rounded, noisy, "
+     "positions") {
+#define POSITIONS                                                                                            \
+    "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"           \
+    "inputs: {columns: [u], hold: zero}\n"
+#define MAP "input_map: {kind: known, values: [[1]]}\n"
+    static const struct {
+        const char *terms;
+        bool told;
+        unsigned hidden; /* by noise of a hundredth: bits of the heads */
+    } machines[] = {
+        {"mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: diagonal\n" MAP, false, 0},
+        {"mass: diagonal\npotential: {kind: quadratic, of: x}\n" MAP, true, 2}, /* no friction */
+        {"mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: quadratic\n" MAP, true,
+         3},                                                  /* another one */
+        {"mass: diagonal\ndamping: diagonal\n" MAP, true, 0}, /* no spring */
+        {"mass: {kind: known, values: [4]}\npotential: {kind: quadratic, of: x}\ndamping: diagonal\n" MAP,
+         true, 2},
+        {"mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: diagonal\n" MAP "scale: {u: -1}\n",
+         true, 0},
+        {"mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: diagonal\ninput_map: {kind: known, "
+         "values: [[0]]}\n",
+         true, 0}};
+    static const char *const heads[] = {OSCILLATOR_COLUMNS, POSITIONS};
+    static const char *const logs[] = {"train.csv",   "noisy.csv",   "rk4.csv",    "euler.csv",
+                                       "digits6.csv", "digits4.csv", "digits3.csv"};
+    write_foreign("rk4.csv", false, 15);
+    write_foreign("euler.csv", true, 15);
+    write_foreign("digits6.csv", false, 6);
+    write_foreign("digits4.csv", false, 4);
+    write_foreign("digits3.csv", false, 3);
+    for (size_t h = 0; h < LG_COUNT(heads); h++)
+        for (size_t m = 0; m < LG_COUNT(machines); m++)
+            for (size_t l = 0; l < LG_COUNT(logs); l++) {
+                char text[1024], line[128];
+                if ((machines[m].hidden >> h & 1) != 0 && strcmp(logs[l], "noisy.csv") == 0) continue;
+                (void)snprintf(text, sizeof text, "%s%s", heads[h], machines[m].terms);
+                cli_write("tried.yaml", text);
+                (void)snprintf(line, sizeof line, "fit tried.yaml %s --out m.h5", logs[l]);
+                cli_json(identify, line, "loss >0, expected_loss >0", &result);
+                const bool told = strstr(result.err, "does not explain the logs") != NULL;
+                if (told != machines[m].told)
+                    fail_msg("%s %s: %s: loss %g of %g", told ? "told" : "not told", logs[l], text,
+                             json_number(result.out, "loss"), json_number(result.out, "expected_loss"));
+            }
+}
+
+TEST("steps that are too long for a stiff machine are told, and do not excuse its loss") {
+    cli_write("stiff-scene.yaml", OSCILLATOR_COLUMNS
+              "mass: {kind: known, values: [1]}\npotential: {kind: known, form: quadratic, of: "
+              "x, values: [1000]}\ndamping: {kind: known, values: [300]}\n" MAP);
+    run("generate stiff-scene.yaml --runs 4 --t-end 4 --amplitude 500 --start-spread 0.1,0.1 --out "
+        "stiff.csv");
     static const struct {
         const char *line;
         bool told;
-    } rows[] = {{"fit machine.yaml train.csv --out m.h5", false},
-                {"fit machine.yaml noisy.csv --out m.h5", false},
-                {"fit against.yaml train.csv --out m.h5", true},
-                {"fit against.yaml noisy.csv --out m.h5", true}};
+    } rows[] = {{"fit machine.yaml stiff.csv --out m.h5", true},
+                {"fit machine.yaml stiff.csv --out m.h5 --substeps 1", true},
+                {"fit machine.yaml stiff.csv --out m.h5 --substeps 20", false}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         cli_json(identify, rows[i].line, "loss >0", &result);
+        assert_int_equal(strstr(result.err, "the steps are too long") != NULL, rows[i].told);
         assert_int_equal(strstr(result.err, "does not explain the logs") != NULL, rows[i].told);
+        const double off =
+            json_number(json_find(json_find(result.out, "identified"), "mass.1.1"), "value") - 1;
+        assert_int_equal(fabs(off) > 0.01, rows[i].told);
     }
 }
 

@@ -671,6 +671,28 @@ TEST("an arm that nothing drives shows masses and inertias only up to a factor")
     assert_open(t, "m1, m2, I1 and I2 are determined only up to a common factor: give one of them as known");
 }
 
+TEST("a number that ran to 0 has an infinite error and stands alone, others keep theirs") {
+    static const double far[] = {-60.0, -700.0, -745.0, -800.0, -1e9};
+    const system_case *c = case_of("two-link-arm");
+    lg_machine machine = machine_of(c, false);
+    const double little[2] = {1e-9 * arm_inertia[0], arm_inertia[1]}; /* masses make most of M */
+    set_parameter(&machine, "inertia", 2, little, true);
+    assert_machine(&machine);
+    task *t = learn(&machine, make_logs(c, &machine, 1e-3), true);
+    const size_t at = machine.terms[0].offset;
+    for (size_t i = 0; i < LG_COUNT(far); i++) {
+        t->theta[at] = far[i];
+        assert_ok(lg_machine_identify(NULL, &t->problem, t->theta, &t->found, NULL));
+        assert_string_equal(t->numbers[0].name, "I1");
+        assert_true(t->numbers[0].value < 1e-20 && isinf(t->numbers[0].error));
+        assert_true(isfinite(number_of(t, "I2")->error) && number_of(t, "I2")->error > 0.0);
+        for (size_t k = 1; k < t->count; k++)
+            assert_true(t->correlations[k] == 0.0 && t->correlations[k * t->count] == 0.0);
+        assert_int_equal(t->found.open_count, 1);
+        for (size_t k = 0; k < t->count; k++) assert_int_equal(t->open[k] != 0.0, k == 0);
+    }
+}
+
 TEST("a free body shows only ratios of its moments; with one of them given the others follow") {
     lg_machine machine = empty_machine();
     const system_case free_body = {.system = "rigid-body-attitude",

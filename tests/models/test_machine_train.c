@@ -319,6 +319,37 @@ TEST("the error of what the logs do not show is infinite: an input map whose inp
     assert_true(found[0].error < 0.1 && found[1].error < 0.1 && isinf(found[2].error));
 }
 
+/* Of the damping of the kind, at a parameter moved from the best one. */
+static void identify_moved(task *t, const char *kind, double damping_at, lg_identification *of) {
+    t->machine.terms[2].kind = lg_term_kind_find(LG_MACHINE_DAMPING, kind);
+    assert_machine(&t->machine);
+    const size_t at = t->machine.terms[2].offset;
+    const double before = t->theta[at];
+    t->theta[at] = damping_at;
+    assert_ok(lg_machine_identify(NULL, &t->problem, t->theta, of, NULL));
+    t->theta[at] = before;
+}
+
+TEST("numbers at a bound have the error that they have beside it") {
+    static const char *const kinds[] = {"diagonal", "constant", "coulomb", "quadratic"};
+    static const double near[] = {0.0, 1e-200, -1e-30, 1e-9, 1e-3};
+    lg_identified found[NUMBERS];
+    double correlations[NUMBERS * NUMBERS], open[NUMBERS * NUMBERS];
+    lg_identification of = {.numbers = found, .correlations = correlations, .open = open};
+    for (size_t k = 0; k < LG_COUNT(kinds); k++) {
+        task *t = make_task(make_logs(0.01, 5), LG_MACHINE_STARTS_ESTIMATED);
+        fit(t, true);
+        identify_moved(t, kinds[k], 0.05, &of);
+        const double error = found[2].error;
+        assert_true(error > 0.0 && error < 0.2);
+        for (size_t i = 0; i < LG_COUNT(near); i++) {
+            identify_moved(t, kinds[k], near[i], &of);
+            assert_close(found[2].error, error, 0.25, 0.0);
+            assert_true(fabs(correlations[2]) < 1.0 && isfinite(correlations[2 * NUMBERS]));
+        }
+    }
+}
+
 /* ---- where the mass of a network is told ---- */
 
 /* The oscillator with a mass that is a network of x, and logs shifted by `far`. */

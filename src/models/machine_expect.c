@@ -1,0 +1,249 @@
+/* Machines: what a model that explains the logs leaves of them.
+ *
+ * Near the best fit residuals are linear: r = e - S d - J t with the noise e, starts S d and parameters J t.
+ * Estimated starts take the part of e along S, window by window, r' = (1 - P) e, and parameters what is left
+ * along J' = (1 - P) J. With the covariance C of e
+ *   E |r|^2 = tr((1 - P) C) - tr((J'^T J')^-1 J'^T C J'),
+ * so a number of a start and a parameter cost about 1 each in units of the noise. Measured starts add their
+ * own noise: C = diag + S C_0 S^T and P = 0. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "kernels/kernels.h"
+#include "models/machine_internal.h"
+
+enum { MOST_WINDOWS = 512, CHUNK = 64, MOST_PARAMETERS = 256 };
+
+typedef struct expecting {
+    const lg_context *context;
+    lg_machine_problem problem; /* with starts that are estimated */
+    bool measured;              /* the starts are */
+    const lg_machine_noise *noise;
+    const double *theta; /* with the starts */
+    size_t n, own, rows; /* parameters; numbers of a start; of the residuals of a window */
+    double *jacobian;    /* (CHUNK, rows, n + own) */
+    double *residuals;   /* (CHUNK, rows), then variances (rows) and of a start (own) */
+    double *columns;     /* (n + own, rows): of one window */
+    double *J, *K;       /* (n, n): J'^T J', J'^T C J' */
+    double left, unit;   /* tr((1 - P) C); the loss that a number in units of its noise adds */
+} expecting;
+
+static double dot(const double *a, const double *b, size_t n) {
+    return lg_kernels_for(LG_F64)->dot(n, a, b);
+}
+
+/* Sum of a b c. */
+static double dot3(const double *a, const double *b, const double *c, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += a[i] * b[i] * c[i];
+    return sum;
+}
+
+/* Columns lose their parts along those of the start; the variance along these is lost, too. */
+static void take_start(expecting *e, const double *variance) {
+    for (size_t k = e->n + e->own; k-- > e->n;) {
+        const double *pivot = e->columns + k * e->rows;
+        const double norm = dot(pivot, pivot, e->rows);
+        if (!(norm > 0.0)) continue;
+        e->left -= dot3(pivot, pivot, variance, e->rows) / norm;
+        for (size_t j = 0; j < k; j++) {
+            double *column = e->columns + j * e->rows;
+            lg_kernels_for(LG_F64)->axpy(e->rows, -dot(pivot, column, e->rows) / norm, pivot, column);
+        }
+    }
+}
+
+/* What the noise of a measured start makes of the residuals. */
+static void add_start(expecting *e, const double *variance) {
+    for (size_t k = 0; k < e->own; k++) {
+        const double *S = e->columns + (e->n + k) * e->rows;
+        if (!(variance[k] > 0.0)) continue;
+        e->left += variance[k] * dot(S, S, e->rows);
+        for (size_t i = 0; i < e->n; i++)
+            for (size_t j = 0; j < e->n; j++)
+                e->K[i * e->n + j] += variance[k] * dot(e->columns + i * e->rows, S, e->rows) *
+                                      dot(e->columns + j * e->rows, S, e->rows);
+    }
+}
+
+static void add_window(expecting *e, const double *jacobian, size_t start, double factor) {
+    const size_t columns = e->n + e->own, d = e->rows / e->problem.window, first = e->measured ? d : 0;
+    double *variance = e->residuals + CHUNK * e->rows, *of_start = variance + e->rows;
+    for (uint32_t j = 0; j < e->problem.window; j++)
+        lg_machine_row_variances(&e->problem, e->noise, start + j, factor, variance + j * d);
+    for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (factor * factor * (double)e->problem.windows);
+    for (size_t row = 0; row < e->rows; row++) {
+        const bool counts = row >= first;
+        if (!counts) variance[row] = 0.0;
+        for (size_t j = 0; j < columns; j++)
+            e->columns[j * e->rows + row] = counts ? jacobian[row * columns + j] : 0.0;
+        e->left += variance[row];
+    }
+    if (!e->measured) take_start(e, variance);
+    for (size_t i = 0; i < e->n; i++)
+        for (size_t j = 0; j < e->n; j++) {
+            const double *a = e->columns + i * e->rows, *b = e->columns + j * e->rows;
+            e->J[i * e->n + j] += dot(a, b, e->rows);
+            e->K[i * e->n + j] += dot3(a, b, variance, e->rows);
+        }
+    if (e->measured) add_start(e, of_start);
+}
+
+static lg_status add_windows(expecting *e, lg_tape *tape, size_t all, size_t used) {
+    lg_fit_problem fit;
+    uint32_t samples[CHUNK];
+    double loss;
+    e->unit = 1.0 / ((double)used * (double)e->problem.window);
+    const double factor = sqrt(e->unit);
+    lg_machine_fit_problem(&e->problem, &fit);
+    for (size_t first = 0; first < used; first += CHUNK) {
+        const size_t count = used - first < CHUNK ? used - first : CHUNK;
+        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)((first + i) * all / used);
+        LG_TRY(
+            fit.linearise(fit.user, tape, e->theta, samples, count, used, &loss, e->residuals, e->jacobian));
+        for (size_t i = 0; i < count; i++)
+            add_window(e, e->jacobian + i * e->rows * (e->n + e->own), e->problem.start[samples[i]], factor);
+    }
+    return LG_OK;
+}
+
+/* tr(J^-1 K) over the directions that the residuals show; weights of networks have the prior N(0, 1). */
+static bool taken(expecting *e, double *values, double *out) {
+    static const double shown = 1e-12;
+    const size_t n = e->n;
+    *out = 0.0;
+    if (n == 0) return true;
+    for (size_t i = 0; i < e->problem.machine->weights; i++) e->J[i * n + i] += e->unit;
+    if (!lg_machine_eigen(e->context, n, e->J, values)) return false;
+    for (size_t k = 0; k < n; k++) {
+        const double *v = e->J + k * n;
+        if (!(values[k] > shown * values[n - 1])) continue;
+        for (size_t i = 0; i < n; i++) *out += v[i] * dot(e->K + i * n, v, n) / values[k];
+    }
+    return true;
+}
+
+/* How often a row of the logs is the residual of a window, on average. */
+static double repeats(const lg_machine_problem *problem, size_t windows, size_t first) {
+    size_t rows = 0, end = 0;
+    for (size_t w = 0; w < windows; w++) {
+        const size_t begin = problem->start[w] + first, after = problem->start[w] + problem->window;
+        rows += after - (begin > end ? begin : end);
+        end = after;
+    }
+    return (double)(windows * (problem->window - first)) / (double)rows;
+}
+
+/* ---- what there is to be explained ---- */
+
+/* Adds the squares of what changes of the velocities make of one window: of velocities, and of positions. */
+static void add_change(const lg_machine_problem *problem, const double *mean, size_t start, double *run,
+                       double factor, lg_machine_noise *out) {
+    const lg_machine *machine = problem->machine;
+    double q[LG_MACHINE_POSITIONS], v[2][LG_MACHINE_VELOCITIES], there[LG_MACHINE_VELOCITIES];
+    memset(run, 0, machine->velocities * sizeof *run);
+    for (uint32_t j = 0; j < problem->window; j++) {
+        const size_t row = start + j;
+        double *now = v[j % 2], *before = v[1 - j % 2];
+        lg_machine_scaled_rows(machine, &problem->log, &row, 1, q, now);
+        lg_machine_weigh_row(problem, row, 1.0, q, there);
+        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+            const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+            const uint32_t count = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+            for (uint32_t k = first; k < first + count; k++) {
+                now[k] = (now[k] - mean[k]) * machine->scales.velocity[k] / machine->scales.time;
+                if (j > 0)
+                    run[k] += 0.5 * (now[k] + before[k]) * (problem->log.t[row] - problem->log.t[row - 1]);
+                const double speed = there[k] != 0.0 ? now[k] / problem->velocity_scale[i] : 0.0,
+                             way = run[k] / problem->position_scale[i];
+                out->velocity[i] += factor * speed * speed;
+                out->position[i] += factor * way * way;
+            }
+        }
+    }
+}
+
+static void add_changes(const expecting *e, size_t all, size_t used, lg_machine_noise *out) {
+    const lg_machine_problem *problem = &e->problem;
+    const uint32_t nv = problem->machine->velocities;
+    const double factor = 1.0 / ((double)used * (double)problem->window);
+    double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES], mean[LG_MACHINE_VELOCITIES],
+        run[LG_MACHINE_VELOCITIES];
+    for (size_t w = 0; w < used; w++) {
+        const size_t start = problem->start[w * all / used];
+        const uint32_t rows = e->measured ? 1 : problem->window;
+        memset(mean, 0, sizeof mean);
+        for (uint32_t j = 0; j < rows; j++) {
+            const size_t row = start + j;
+            lg_machine_scaled_rows(problem->machine, &problem->log, &row, 1, q, v);
+            for (uint32_t k = 0; k < nv; k++) mean[k] += v[k] / rows;
+        }
+        add_change(problem, mean, start, run, factor, out);
+    }
+}
+
+/* ---- all ---- */
+
+static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_expected *out) {
+    const size_t all = e->problem.windows - e->problem.validation;
+    const size_t used = all < MOST_WINDOWS ? all : MOST_WINDOWS, first = e->measured ? 1 : 0;
+    /* of sums over points 0 .. M - 1 those over the points that count */
+    const double points = (double)e->problem.window / (double)(e->problem.window - first);
+    const size_t d = e->rows / e->problem.window;
+    double lost = 0.0;
+    LG_TRY(add_windows(e, tape, all, used));
+    const double before = e->left;
+    if (e->problem.theta != NULL) /* many parameters: each but weights as much as an average number */
+        lost = before * (double)(e->problem.machine->parameters - e->problem.machine->weights) /
+               (double)(all * (e->problem.window - first) * d);
+    else if (taken(e, values, &lost))
+        lost *= (double)used / (double)all;
+    else
+        return LG_OUT_OF_MEMORY;
+    lost = fmin(lost * repeats(&e->problem, all, first), 0.5 * before);
+    *out = (lg_machine_expected){.loss = points * (before - lost)};
+    add_changes(e, all, used, &out->change);
+    return LG_OK;
+}
+
+lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem *problem, const double *theta,
+                            const lg_machine_noise *noise, lg_machine_expected *out, lg_error *error) {
+    const lg_machine *machine = problem->machine;
+    const bool measured = !lg_machine_starts_estimated(problem), many = machine->parameters > MOST_PARAMETERS;
+    expecting e = {.context = context,
+                   .problem = *problem,
+                   .measured = measured,
+                   .noise = noise,
+                   .n = many ? 0 : machine->parameters,
+                   .own = lg_machine_start_numbers(machine)};
+    lg_tape *tape = NULL;
+    e.problem.starts = LG_MACHINE_STARTS_ESTIMATED;
+    if (many) e.problem.theta = theta;
+    e.rows = lg_machine_linearised_rows(&e.problem);
+    const size_t columns = e.n + e.own, starts = problem->windows * e.own, given = machine->parameters;
+    const size_t rows = CHUNK * e.rows;
+    double *all = lg_alloc(context, given + starts + 1, sizeof *all);
+    e.jacobian = lg_alloc(context, rows * columns, sizeof *e.jacobian);
+    e.residuals = lg_alloc(context, rows + e.rows + e.rows, sizeof *e.residuals);
+    e.columns = lg_alloc(context, e.rows * columns, sizeof *e.columns);
+    e.J = lg_alloc(context, (2 * e.n + 1) * e.n + 1, sizeof *e.J);
+    e.K = e.J != NULL ? e.J + e.n * e.n : NULL;
+    const bool room =
+        all != NULL && e.jacobian != NULL && e.residuals != NULL && e.columns != NULL && e.J != NULL;
+    lg_status status = room ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
+    if (status == LG_OK) {
+        memcpy(all, theta, given * sizeof *all);
+        if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
+        e.theta = many ? all + given : all;
+        status = expect(&e, tape, e.J + 2 * e.n * e.n, out);
+    }
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "%s",
+                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
+                                                                    : lg_status_sentence(status));
+    lg_tape_destroy(tape);
+    double *const owned[] = {all, e.jacobian, e.residuals, e.columns, e.J};
+    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(context, owned[i]);
+    return status;
+}
