@@ -231,6 +231,37 @@ static const char *token_of(const char *folder, const char *attribute) {
     return token;
 }
 
+/* The functions of both versions for the states of an instance. */
+typedef struct keeping {
+    int (*keep)(void *, void **);
+    int (*drop)(void *, void **);
+    int (*size)(void *, void *, size_t *);
+    int (*write)(void *, void *, char *, size_t);
+    int (*read)(void *, const char *, size_t, void **);
+} keeping;
+
+/* The kept state goes through bytes; bytes that differ in one bit, or by one, are refused. */
+static void check_bytes(const keeping *k, void *instance, bool finite) {
+    void *state = NULL, *again = NULL;
+    size_t size = 0;
+    assert_int_equal(k->keep(instance, &state), 0);
+    assert_int_equal(k->size(instance, state, &size), 0);
+    char *bytes = TEST_ARRAY(char, size + 1);
+    assert_int_equal(k->write(instance, state, bytes, size - 1), 3);
+    assert_int_equal(k->write(instance, state, bytes, size), 0);
+    for (size_t bit = 0; bit < 8 * size; bit++) {
+        bytes[bit / 8] = (char)(bytes[bit / 8] ^ 1 << bit % 8);
+        if (k->read(instance, bytes, size, &again) != 3) fail_msg("bit %zu is taken", bit);
+        bytes[bit / 8] = (char)(bytes[bit / 8] ^ 1 << bit % 8);
+    }
+    assert_int_equal(k->read(instance, bytes, size - 1, &again), 3);
+    assert_int_equal(k->read(instance, bytes, size + 1, &again), 3);
+    assert_null(again);
+    assert_int_equal(k->read(instance, bytes, size, &again), finite ? 0 : 3);
+    if (finite) assert_int_equal(k->drop(instance, &again), 0);
+    assert_int_equal(k->drop(instance, &state), 0);
+}
+
 /* Value references of FMI 2.0: x 0, 1; x' 2, 3; u 4; step 5... as modelDescription.xml lists them. */
 TEST("an FMU of version 2 has the program's rate, its derivatives, steps and states") {
     make_model("driven", make_driven);
@@ -297,6 +328,68 @@ TEST("an FMU of version 2 has the program's rate, its derivatives, steps and sta
     assert_int_equal(dlclose(handle), 0);
 }
 
+static char sentence_got[128];
+static void tell2(void *environment, const char *name, int status, const char *category, const char *format,
+                  const char *sentence) {
+    assert_ptr_equal(environment, sentence_got);
+    (void)snprintf(sentence_got, sizeof sentence_got, format, sentence);
+}
+
+TEST("steps of an FMU that cannot be taken are refused with a sentence, and move nothing") {
+    make_model("driven", make_driven);
+    build("driven", "fmu2");
+    void *handle = open_library("fmu2/m.so");
+    SYMBOL(handle, "fmi2Instantiate", void *,
+           (const char *, int, const char *, const char *, const void *, int, int), instantiate);
+    SYMBOL(handle, "fmi2SetReal", int, (void *, const unsigned *, size_t, const double *), set);
+    SYMBOL(handle, "fmi2GetReal", int, (void *, const unsigned *, size_t, double *), get);
+    SYMBOL(handle, "fmi2DoStep", int, (void *, double, double, int), do_step);
+    SYMBOL(handle, "fmi2FreeInstance", void, (void *), release);
+    SYMBOL(handle, "fmi2GetFMUstate", int, (void *, void **), keep);
+    SYMBOL(handle, "fmi2FreeFMUstate", int, (void *, void **), drop);
+    SYMBOL(handle, "fmi2SerializedFMUstateSize", int, (void *, void *, size_t *), size);
+    SYMBOL(handle, "fmi2SerializeFMUstate", int, (void *, void *, char *, size_t), write);
+    SYMBOL(handle, "fmi2DeSerializeFMUstate", int, (void *, const char *, size_t, void **), read);
+    const keeping all = {keep, drop, size, write, read};
+    const struct {
+        void (*logger)(void *, const char *, int, const char *, const char *, const char *);
+        void *(*allocate)(size_t, size_t);
+        void (*release)(void *);
+        void (*finished)(void *, int);
+        void *environment;
+    } callbacks = {tell2, NULL, NULL, NULL, sentence_got};
+    static const unsigned known[] = {0, 1, 4, 5};
+    static const struct {
+        double x, u, longest, length;
+        const char *words; /* NULL: a step that is taken */
+    } rows[] = {{0.3, 0.4, 0.01, 0.02, NULL},
+                {0.3, 0.4, 0.0, 0.02, NULL},
+                {0.3, 0.4, 1e-11, 0.02, "1e9 steps"},
+                {0.3, 0.4, 1e-300, 1e300, "1e9 steps"},
+                {0.3, 0.4, -0.01, 0.02, "longest step"},
+                {0.3, 0.4, NAN, 0.02, "longest step"},
+                {NAN, 0.4, 0.01, 0.02, "not finite"},
+                {0.3, INFINITY, 0.01, 0.02, "not finite"},
+                {0.3, NAN, 1e-6, 20.0, "not finite"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        void *instance = instantiate("a", 1, token_of("fmu2", " guid="), NULL, &callbacks, 0, 0);
+        const double values[] = {rows[i].x, x_at[1], rows[i].u, rows[i].longest};
+        double got[2];
+        sentence_got[0] = '\0';
+        assert_int_equal(set(instance, known, 4, values), 0);
+        if (do_step(instance, 1.0, rows[i].length, 1) != (rows[i].words != NULL ? 3 : 0))
+            fail_msg("row %zu: %s", i, sentence_got);
+        assert_int_equal(get(instance, known, 2, got), 0);
+        const bool same = memcmp(got, values, sizeof got) == 0;
+        if (same != (rows[i].words != NULL)) fail_msg("row %zu: the state is %g %g", i, got[0], got[1]);
+        if (rows[i].words != NULL && strstr(sentence_got, rows[i].words) == NULL)
+            fail_msg("row %zu: %s", i, sentence_got);
+        if (i < 1 || isnan(rows[i].x)) check_bytes(&all, instance, i < 1);
+        release(instance);
+    }
+    assert_int_equal(dlclose(handle), 0);
+}
+
 /* Value references of FMI 3.0 are ports: x 0, x' 1, u 2. */
 TEST("an FMU of version 3 pulls cotangents back as the program does") {
     make_model("driven", make_driven);
@@ -328,6 +421,13 @@ TEST("an FMU of version 3 pulls cotangents back as the program does") {
     evaluate("adj1_field", in, back);
     assert_int_equal(adjoint(instance, rate_port, 1, known, 2, seed, 2, got, 3), 0);
     assert_all_close(got, pulled, 3, 1e-13, 0);
+    SYMBOL(handle, "fmi3GetFMUState", int, (void *, void **), keep);
+    SYMBOL(handle, "fmi3FreeFMUState", int, (void *, void **), drop);
+    SYMBOL(handle, "fmi3SerializedFMUStateSize", int, (void *, void *, size_t *), size);
+    SYMBOL(handle, "fmi3SerializeFMUState", int, (void *, void *, char *, size_t), write);
+    SYMBOL(handle, "fmi3DeserializeFMUState", int, (void *, const char *, size_t, void **), read);
+    const keeping all = {keep, drop, size, write, read};
+    check_bytes(&all, instance, true);
     release(instance);
     assert_int_equal(dlclose(handle), 0);
 }
@@ -429,6 +529,14 @@ TEST("a scene becomes an FMU with tunable parameters") {
         assert_close(y[i], strtod(at, &end), 1e-10, 1e-12);
         at = end + 1;
     }
+    SYMBOL(handle, "fmi3SetFloat64", int, (void *, const unsigned *, size_t, const double *, size_t), set);
+    const double endless[] = {NAN};
+    assert_int_equal(set(instance, masses, 1, endless, 1), 0);
+    assert_int_equal(do_step(instance, 0.5, 0.2, true, &flags[0], &flags[1], &flags[2], &last), 3);
+    assert_close(last, 0.5, 0, 0);
+    double still[12];
+    assert_int_equal(get(instance, state, 1, still, 12), 0);
+    assert_all_close(still, y, 12, 0, 0);
     release(instance);
     assert_int_equal(dlclose(handle), 0);
     cli_expect("lg-export", "chain.yaml --out no", 2, "--target", &result);

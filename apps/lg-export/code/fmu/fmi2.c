@@ -57,7 +57,8 @@ EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2Strin
                               "the guid is not that of this model: %s", TOKEN);
         return NULL;
     }
-    return create(NULL, NULL);
+    return callbacks == NULL ? create(NULL, NULL)
+                             : create(callbacks->componentEnvironment, (void (*)(void))callbacks->logger);
 }
 
 EXPORTED void fmi2FreeInstance(fmi2Component c);
@@ -146,21 +147,22 @@ FMI2(FreeFMUstate, fmi2Component c, fmi2FMUstate *state) {
 }
 FMI2(SerializedFMUstateSize, fmi2Component c, fmi2FMUstate state, size_t *size) {
     (void)c, (void)state;
-    *size = sizeof(memory);
+    *size = sizeof(image);
     return fmi2OK;
 }
 FMI2(SerializeFMUstate, fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
     (void)c;
-    if (size < sizeof(memory)) return fmi2Error;
-    memcpy(bytes, state, sizeof(memory));
+    if (size < sizeof(image)) return fmi2Error;
+    write_image((const memory *)state, bytes);
     return fmi2OK;
 }
 FMI2(DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
+    memory m;
     (void)c;
-    if (size != sizeof(memory)) return fmi2Error;
-    if (*state == NULL) *state = malloc(sizeof(memory));
+    if (!read_image(bytes, size, &m)) return fmi2Error;
+    if (*state == NULL) *state = malloc(sizeof m);
     if (*state == NULL) return fmi2Error;
-    memcpy(*state, bytes, sizeof(memory));
+    memcpy(*state, &m, sizeof m);
     return fmi2OK;
 }
 
@@ -250,10 +252,15 @@ FMI2(GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], s
 }
 FMI2(DoStep, fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean final) {
     instance *i = (instance *)c;
+    const char *failure;
     (void) final;
     if (!is_step(step)) return fmi2Error;
     i->m.time = now;
-    return advance(i, step) ? fmi2OK : fmi2Error;
+    failure = advance(i, step);
+    if (failure == NULL) return fmi2OK;
+    if (i->logger != NULL)
+        ((fmi2CallbackLogger)i->logger)(i->environment, "", fmi2Error, "error", "%s", failure);
+    return fmi2Error;
 }
 FMI2(CancelStep, fmi2Component c) {
     (void)c;

@@ -30,7 +30,7 @@ FMI3(SetDebugLogging, fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String
 
 static fmi3Instance instantiate(fmi3String token, fmi3InstanceEnvironment environment,
                                 fmi3LogMessageCallback log) {
-    if (token != NULL && strcmp(token, TOKEN) == 0) return create(NULL, NULL);
+    if (token != NULL && strcmp(token, TOKEN) == 0) return create(environment, (void (*)(void))log);
     if (log != NULL)
         log(environment, fmi3Error, "error", "the instantiation token is not that of this model: " TOKEN);
     return NULL;
@@ -208,21 +208,22 @@ FMI3(FreeFMUState, fmi3Instance c, fmi3FMUState *state) {
 }
 FMI3(SerializedFMUStateSize, fmi3Instance c, fmi3FMUState state, size_t *size) {
     (void)c, (void)state;
-    *size = sizeof(memory);
+    *size = sizeof(image);
     return fmi3OK;
 }
 FMI3(SerializeFMUState, fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
     (void)c;
-    if (size < sizeof(memory)) return fmi3Error;
-    memcpy(bytes, state, sizeof(memory));
+    if (size < sizeof(image)) return fmi3Error;
+    write_image((const memory *)state, bytes);
     return fmi3OK;
 }
 FMI3(DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
+    memory m;
     (void)c;
-    if (size != sizeof(memory)) return fmi3Error;
-    if (*state == NULL) *state = malloc(sizeof(memory));
+    if (!read_image(bytes, size, &m)) return fmi3Error;
+    if (*state == NULL) *state = malloc(sizeof m);
     if (*state == NULL) return fmi3Error;
-    memcpy(*state, bytes, sizeof(memory));
+    memcpy(*state, &m, sizeof m);
     return fmi3OK;
 }
 
@@ -377,11 +378,14 @@ FMI3(GetOutputDerivatives, fmi3Instance c, const fmi3ValueReference vr[], size_t
 FMI3(DoStep, fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boolean final, fmi3Boolean *event,
      fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
     instance *i = (instance *)c;
+    const char *failure;
     (void) final;
     *event = *terminate = *early = false;
     if (!is_step(step)) return fmi3Error;
     i->m.time = now;
-    if (!advance(i, step)) return fmi3Error;
+    failure = advance(i, step);
     *last = i->m.time;
-    return fmi3OK;
+    if (failure == NULL) return fmi3OK;
+    if (i->logger != NULL) ((fmi3LogMessageCallback)i->logger)(i->environment, fmi3Error, "error", failure);
+    return fmi3Error;
 }

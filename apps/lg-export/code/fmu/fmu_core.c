@@ -18,7 +18,8 @@ typedef struct memory {
 typedef struct instance {
     memory m;
     int stale; /* derivatives and outputs do not belong to the other values yet */
-    void *environment, *logger;
+    void *environment;
+    void (*logger)(void); /* of the version's type; NULL: none */
     double seeds[NUMBERS], results[NUMBERS], room[NUMBERS], work[WORK];
 } instance;
 
@@ -28,7 +29,7 @@ static void reset(instance *i) {
     i->stale = 1;
 }
 
-static instance *create(void *environment, void *logger) {
+static instance *create(void *environment, void (*logger)(void)) {
     instance *i = (instance *)calloc(1, sizeof *i);
     if (i == NULL) return NULL;
     i->environment = environment;
@@ -56,28 +57,79 @@ static int is_step(double length) {
     return length > 0 && length <= DBL_MAX;
 }
 
+static int is_finite(double x) {
+    return fabs(x) <= DBL_MAX;
+}
+
+/* ---- the memory as bytes ---- */
+
+/* What another process may put back: which model it is of, and a sum that tells damage (FNV-1a). */
+typedef struct image {
+    uint64_t model, sum;
+    memory m;
+} image;
+
+static uint64_t sum_of(const void *bytes, size_t size) {
+    const unsigned char *at = (const unsigned char *)bytes;
+    uint64_t sum = 14695981039346656037u;
+    for (; size > 0; size--) sum = (sum ^ *at++) * 1099511628211u;
+    return sum;
+}
+
+static void write_image(const memory *m, void *bytes) {
+    image out;
+    memset(&out, 0, sizeof out);
+    out.model = sum_of(TOKEN, sizeof TOKEN);
+    out.sum = sum_of(m, sizeof *m);
+    out.m = *m;
+    memcpy(bytes, &out, sizeof out);
+}
+
+/* 0: not bytes of write_image of this model, or states, inputs or parameters that are not finite. */
+static int read_image(const void *bytes, size_t size, memory *m) {
+    image in;
+    int k;
+    if (size != sizeof in) return 0;
+    memcpy(&in, bytes, sizeof in);
+    if (in.model != sum_of(TOKEN, sizeof TOKEN) || in.sum != sum_of(&in.m, sizeof in.m)) return 0;
+    for (k = 0; k < NUMBERS; k++)
+        if (is_known(k) && !is_finite(in.m.values[k])) return 0;
+    *m = in.m;
+    return 1;
+}
+
+/* ---- steps of co-simulation ---- */
+
+/* From `time` by `length`: equal steps no longer than the parameter. NULL, or why not: nothing has moved. */
 #if HAS_STATES
-/* From `time` by `length`: equal steps no longer than the parameter. 0: a number became not finite. */
-static int advance(instance *i, double length) {
+static const char *advance(instance *i, double length) {
+    static const double MOST = 1e9;
     const double longest = i->m.values[STEP_AT];
     const double wanted = longest > 0 ? ceil(length / longest - 1e-9) : 1;
-    const long count = wanted < 1 ? 1 : wanted > 1e9 ? 1000000000L : (long)wanted;
-    const double start = i->m.time;
-    long n;
+    double *before = i->results;
+    long n, count;
     int k;
+    if (!(longest >= 0)) return "the longest step is negative or not a number";
+    if (wanted > MOST)
+        return "the step takes more than 1e9 steps of the longest length: raise this parameter";
+    count = wanted < 1 ? 1 : (long)wanted;
+    memcpy(before, i->m.values, STATES * sizeof(double));
     for (n = 0; n < count; n++) {
         take_step(i->m.values, length / (double)count, i->room, i->work);
         memcpy(i->m.values, i->room, STATES * sizeof(double));
+        for (k = 0; k < STATES; k++)
+            if (!is_finite(i->room[k])) {
+                memcpy(i->m.values, before, STATES * sizeof(double));
+                return "a state has become not finite";
+            }
     }
-    i->m.time = start + length;
+    i->m.time += length;
     i->stale = 1;
-    for (k = 0; k < STATES; k++)
-        if (!(fabs(i->m.values[k]) <= DBL_MAX)) return 0;
-    return 1;
+    return NULL;
 }
 #else
-static int advance(instance *i, double length) {
+static const char *advance(instance *i, double length) {
     i->m.time += length;
-    return 1;
+    return NULL;
 }
 #endif
