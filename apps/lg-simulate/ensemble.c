@@ -42,6 +42,9 @@ lg_status result_merge(result *into, const result *from, lg_error *error) {
         return app_error(error, LG_FORMAT, "a part of another ensemble: %.200s", from->what);
     lg_status status = lg_statistics_merge(into->states, from->states);
     if (status == LG_OK && into->times != NULL) status = lg_statistics_merge(into->times, from->times);
+    if (status == LG_CHECK_FAILED || into->steps > UINT64_MAX - from->steps ||
+        into->rejected > UINT64_MAX - from->rejected)
+        return app_error(error, LG_FORMAT, "parts whose counts or sums overflow: one of them is damaged");
     if (status != LG_OK) return app_error(error, LG_FORMAT, "a part with other cells or ranges");
     into->members += from->members;
     into->steps += from->steps;

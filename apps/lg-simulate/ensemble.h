@@ -57,6 +57,8 @@ typedef struct failure {
     double t;
 } failure;
 
+#define MEMBERS_MAX 1e15 /* of an ensemble */
+
 /* All that is known of an ensemble or of a part of it; parts are merged in any order. */
 typedef struct result {
     char *what;              /* system, method, seed, distributions: parts of one ensemble have the same */

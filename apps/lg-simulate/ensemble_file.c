@@ -158,6 +158,32 @@ static lg_status get_statistics(const app *self, lg_file_reader *reader, const c
     return status == LG_OK ? lg_statistics_load(*out, &from) : status;
 }
 
+/* No cell has more numbers than there are members. */
+static bool fits_members(const lg_statistics *of, size_t rows, size_t columns, uint64_t members) {
+    bool fits = true;
+    for (size_t i = 0; i < rows * columns; i++)
+        fits = fits && lg_statistics_of(of, i / columns, i % columns).count <= members;
+    return fits;
+}
+
+/* The counts of a part fit each other, so that sums over parts have no more than all members. */
+static bool check_counts(const result *what) {
+    uint64_t left = what->members, failed = 0;
+    for (size_t i = 0; i < STATUSES; i++) {
+        if (what->failed[i] > left) return false;
+        left -= what->failed[i];
+        failed += what->failed[i];
+    }
+    if (what->listed > failed) return false;
+    for (size_t i = 0; i < what->listed; i++) {
+        const failure *f = &what->failures[i];
+        if (f->member < what->first || f->member - what->first >= what->members || f->status >= STATUSES)
+            return false;
+    }
+    return fits_members(what->states, what->points, what->columns, what->members) &&
+           (what->events == 0 || fits_members(what->times, 1, what->events, what->members));
+}
+
 static lg_status get_result(const app *self, lg_file_reader *reader, result *out) {
     enum { NUMBERS = 11, LONGEST = 4096 };
     uint64_t numbers[NUMBERS] = {0};
@@ -180,8 +206,9 @@ static lg_status get_result(const app *self, lg_file_reader *reader, result *out
                     .saved = numbers[10]};
     if (out->listed > LISTED || out->points < 1 || out->points > 100000000 || out->columns < 1 ||
         out->columns > 10000000 || out->events > LG_EVENTS_MAX || out->members > out->total ||
-        out->block < 1 || out->first > out->total - out->members || out->saved > out->total)
-        return LG_FORMAT;
+        out->block < 1 || out->first > out->total - out->members || out->saved > out->total ||
+        (double)out->total > MEMBERS_MAX)
+        return LG_CHECK_FAILED;
     const uint64_t points[] = {out->points};
     out->what = app_alloc(LONGEST, 1);
     out->t = app_alloc(out->points, sizeof *out->t);
@@ -196,11 +223,12 @@ static lg_status get_result(const app *self, lg_file_reader *reader, result *out
         status = get_statistics(self, reader, "accumulators/states", out->points, out->columns, logarithmic,
                                 &out->states);
     free(logarithmic);
-    if (status != LG_OK || out->events == 0) return status;
-    status = get_names(&from, "events", out->events, &out->event);
-    return status == LG_OK
-               ? get_statistics(self, reader, "accumulators/events", 1, out->events, NULL, &out->times)
-               : status;
+    if (status == LG_OK && out->events > 0) {
+        status = get_names(&from, "events", out->events, &out->event);
+        if (status == LG_OK)
+            status = get_statistics(self, reader, "accumulators/events", 1, out->events, NULL, &out->times);
+    }
+    return status == LG_OK && !check_counts(out) ? LG_CHECK_FAILED : status;
 }
 
 lg_status result_read(const app *self, const char *path, result *out, lg_error *error) {
@@ -211,8 +239,11 @@ lg_status result_read(const app *self, const char *path, result *out, lg_error *
     status = get_result(self, reader, out);
     if (status != LG_OK) {
         const char *reason = lg_file_reader_message(reader);
-        (void)app_error(error, status, "%s: %s", path,
-                        reason != NULL && reason[0] != '\0' ? reason : "is not a part of an ensemble");
+        if (status == LG_CHECK_FAILED)
+            reason = "is a damaged part of an ensemble: its counts contradict each other";
+        if (reason == NULL || reason[0] == '\0') reason = "is not a part of an ensemble";
+        if (status == LG_CHECK_FAILED) status = LG_FORMAT;
+        (void)app_error(error, status, "%s: %s", path, reason);
         result_free(out);
     }
     lg_file_reader_destroy(reader);

@@ -48,7 +48,7 @@ static const app_option options[] = {
     APP_ROW_SIZE(simulate_values, checkpoints, "checkpoints", "C", 1, 1e12,
                  "Number of states stored for --gradient (default: the square root of the number of steps)"),
     APP_ROW_SIZE(
-        simulate_values, ensemble, "ensemble", "N", 1, 1e15,
+        simulate_values, ensemble, "ensemble", "N", 1, MEMBERS_MAX,
         "N runs side by side from other starts or with other parameters: statistics at the points (default "
         "51)"),
     APP_ROW_TEXT(

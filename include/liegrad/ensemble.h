@@ -144,7 +144,8 @@ LG_API lg_statistics_range lg_statistics_range_of(const lg_statistics *statistic
 /* Adds `count` numbers to a cell; those that are not finite are left out. */
 LG_API void lg_statistics_add(lg_statistics *statistics, size_t row, size_t column, const double *values,
                               size_t count);
-/* `into` += `from`. LG_SHAPE: other cells, bins or ranges. */
+/* `into` += `from`. LG_SHAPE: other cells, bins or ranges; LG_CHECK_FAILED: counts or sums overflow. `into`
+ * is untouched then. */
 LG_API lg_status lg_statistics_merge(lg_statistics *into, const lg_statistics *from);
 
 typedef struct lg_statistics_cell {
@@ -163,7 +164,9 @@ LG_API const uint64_t *lg_statistics_bins(const lg_statistics *statistics, size_
 LG_API lg_statistics_range lg_statistics_range_at(const lg_statistics *statistics, size_t row, size_t column);
 
 /* All that there is, as arrays: count, least, largest, sum, square, bins, low, high, centre. Loading needs an
- * object of the same cells, bins and logarithmic columns. Errors: those of the archive. */
+ * object of the same cells, bins and logarithmic columns. Errors: those of the archive; LG_CHECK_FAILED: bins
+ * that do not sum up to the count, ends or a range that are not in order, sums that so many numbers cannot
+ * have. After a failure the object may be destroyed alone. */
 LG_API lg_status lg_statistics_save(const lg_statistics *statistics, const lg_archive_writer *archive);
 LG_API lg_status lg_statistics_load(lg_statistics *statistics, const lg_archive_reader *archive);
 

@@ -126,6 +126,18 @@ void lg_statistics_add(lg_statistics *statistics, size_t row, size_t column, con
     if (isfinite(square)) lg_exact_add(&at->square, square);
 }
 
+/* Parts of sums of 2^30 numbers are at most so large. */
+#define LARGEST_PART ((int64_t)1 << 62)
+
+static bool sums_fit(const lg_exact_sum *a, const lg_exact_sum *b) {
+    bool fit = true;
+    for (int i = 0; i < LG_EXACT_PARTS; i++) {
+        const int64_t x = a->part[i], y = b->part[i];
+        fit = fit && (y >= 0 ? x <= LARGEST_PART - y : x >= -LARGEST_PART - y);
+    }
+    return fit;
+}
+
 lg_status lg_statistics_merge(lg_statistics *into, const lg_statistics *from) {
     const size_t cells = into->rows * into->columns;
     if (into->rows != from->rows || into->columns != from->columns || into->bins != from->bins)
@@ -133,6 +145,12 @@ lg_status lg_statistics_merge(lg_statistics *into, const lg_statistics *from) {
     for (size_t i = 0; i < cells; i++)
         if (memcmp(&into->cells[i].range, &from->cells[i].range, sizeof(lg_statistics_range)) != 0)
             return LG_SHAPE;
+    for (size_t i = 0; i < cells; i++) {
+        const cell *a = &into->cells[i], *b = &from->cells[i];
+        if (a->count > UINT64_MAX - b->count || !sums_fit(&a->sum, &b->sum) ||
+            !sums_fit(&a->square, &b->square))
+            return LG_CHECK_FAILED;
+    }
     for (size_t i = 0; i < cells; i++) {
         cell *a = &into->cells[i];
         const cell *b = &from->cells[i];
@@ -226,6 +244,29 @@ lg_status lg_statistics_save(const lg_statistics *s, const lg_archive_writer *ar
     return status;
 }
 
+/* A sum of so many numbers, which were added one by one or in blocks. */
+static bool is_sum(const lg_exact_sum *sum, uint64_t count) {
+    const uint64_t most = (uint64_t)LARGEST_PART >> 32;
+    const int64_t largest = (int64_t)(count < most ? count : most) << 32;
+    bool is = true;
+    for (int i = 0; i < LG_EXACT_PARTS; i++) is = is && sum->part[i] <= largest && sum->part[i] >= -largest;
+    return is;
+}
+
+static bool is_cell(const lg_statistics *s, size_t index) {
+    const cell *at = &s->cells[index];
+    const uint64_t *bins = s->bin + index * (s->bins + 2);
+    uint64_t left = at->count;
+    for (size_t i = 0; i < s->bins + 2; i++) {
+        if (bins[i] > left) return false;
+        left -= bins[i];
+    }
+    const bool range = at->range.low < at->range.high && isfinite(at->range.centre);
+    const bool ends =
+        at->count == 0 || (at->least <= at->largest && isfinite(at->least) && isfinite(at->largest));
+    return left == 0 && range && ends && is_sum(&at->sum, at->count) && is_sum(&at->square, at->count);
+}
+
 lg_status lg_statistics_load(lg_statistics *s, const lg_archive_reader *archive) {
     const size_t cells = s->rows * s->columns;
     uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
@@ -241,5 +282,7 @@ lg_status lg_statistics_load(lg_statistics *s, const lg_archive_reader *archive)
             memcpy((char *)&s->cells[i] + members[m].offset, values + i * size, size);
     }
     lg_free(s->context, values);
+    for (size_t i = 0; i < cells && status == LG_OK; i++)
+        if (!is_cell(s, i)) status = LG_CHECK_FAILED;
     return status;
 }

@@ -193,6 +193,66 @@ TEST("parts merge into the bits of one process, whatever the threads") {
                "another ensemble", &result);
 }
 
+/* Number `index` of a data set of a copy of a part becomes `bits`. */
+static void damage(const char *from, const char *to, const char *dataset, size_t index, uint64_t bits) {
+    char source[1024], target[1024];
+    cli_path(from, source, sizeof source);
+    cli_path(to, target, sizeof target);
+    char *line = lg_test_memory(2100);
+    (void)snprintf(line, 2100, "cp %s %s", source, target);
+    assert_int_equal(system(line), 0);
+    const hid_t file = H5Fopen(target, H5F_ACC_RDWR, H5P_DEFAULT), set = H5Dopen2(file, dataset, H5P_DEFAULT),
+                space = H5Dget_space(set), type = H5Dget_type(set);
+    assert_true(file >= 0 && set >= 0);
+    uint64_t *all = lg_test_memory((size_t)H5Sget_simple_extent_npoints(space) * sizeof *all);
+    assert_true(H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, all) >= 0);
+    all[index] = bits;
+    assert_true(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, all) >= 0);
+    (void)H5Tclose(type);
+    (void)H5Sclose(space);
+    (void)H5Dclose(set);
+    assert_true(H5Fclose(file) >= 0);
+}
+
+TEST("a part whose counts, ends or sums contradict each other is refused by merge") {
+    enum { TOTAL, FIRST, OWN, BLOCK, STEPS, POINTS = 6, COLUMNS, EVENTS, LISTED };
+    static const struct {
+        const char *dataset;
+        size_t index;
+    } places[] = {{"accumulators/numbers", TOTAL},    {"accumulators/numbers", FIRST},
+                  {"accumulators/numbers", OWN},      {"accumulators/numbers", POINTS},
+                  {"accumulators/numbers", COLUMNS},  {"accumulators/numbers", EVENTS},
+                  {"accumulators/numbers", LISTED},   {"failures/by_status", 0},
+                  {"failures/by_status", 16},         {"accumulators/states/count", 0},
+                  {"accumulators/states/count", 7},   {"accumulators/states/bins", 0},
+                  {"accumulators/states/bins", 100},  {"accumulators/states/sum", 0},
+                  {"accumulators/states/square", 66}, {"accumulators/events/count", 0},
+                  {"accumulators/events/bins", 3}};
+    static const uint64_t values[] = {(uint64_t)1 << 62, ((uint64_t)1 << 63) + 1, (uint64_t)3 << 62};
+    static const uint64_t ends[] = {0x7ff0000000000000u, 0x7ff8000000000000u, 0xffefffffffffffffu};
+    json(STUDY "--threads 2 --task 0/2 --out odd.h5", "");
+    json(STUDY "--threads 2 --task 1/2 --out odd.h5", "");
+    for (size_t i = 0; i < LG_COUNT(places); i++)
+        for (size_t v = 0; v < LG_COUNT(values); v++) {
+            damage("odd.part-1-of-2.h5", "bad.h5", places[i].dataset, places[i].index, values[v]);
+            cli_run_limited(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 0, &result);
+            if (result.code != 3 || strstr(result.err, "bad.h5") == NULL || cli_exists("sum.h5"))
+                fail_msg("%s[%zu], value %zu: %d\n%s", places[i].dataset, places[i].index, v, result.code,
+                         result.err);
+        }
+    damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/states/count", 0, 1);
+    cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "contradict each other",
+               &result);
+    for (size_t v = 0; v < LG_COUNT(ends); v++) {
+        damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/states/largest", 1, ends[v]);
+        cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "bad.h5", &result);
+    }
+    damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/numbers", STEPS, UINT64_MAX);
+    cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "overflow", &result);
+    damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/numbers", BLOCK, 0);
+    cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "bad.h5", &result);
+}
+
 TEST("lanes and one at a time have the same statistics") {
     json("circles.yaml --ensemble 300 --points 5 --tol 1e-11", "");
     const double mean = at_end("q", "mean");
