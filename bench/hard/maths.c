@@ -1,4 +1,5 @@
 /* Elementwise functions, products and sums, maps of Lie groups, derivatives. */
+#include <math.h>
 #include <string.h>
 
 #include "hard.h"
@@ -91,6 +92,20 @@ static lg_status so3_exp(const double *in, size_t n, double *out, size_t m) {
     return LG_OK;
 }
 
+/* The largest entry of R^T R - I. */
+static lg_status so3_defect(const double *in, size_t n, double *out, size_t m) {
+    (void)n, (void)m;
+    double R[9];
+    lg_so3_exp(in, R);
+    out[0] = 0;
+    for (int i = 0; i < 9; i++) {
+        const int a = i / 3, b = i % 3;
+        const double product = R[a] * R[b] + R[a + 3] * R[b + 3] + R[a + 6] * R[b + 6] - (a == b);
+        out[0] = fmax(out[0], fabs(product));
+    }
+    return LG_OK;
+}
+
 static lg_status so3_exp_act(const double *in, size_t n, double *out, size_t m) {
     (void)n, (void)m;
     lg_so3_exp_act(in, in + 3, out);
@@ -176,6 +191,7 @@ const hard_function hard_maths[] = {
     {"dexpinv g_2", .record = dexpinv_of},
     {"dexpinv g_2, gradient", .record = dexpinv_of, .way = HARD_GRADIENT},
     {"sum", .record = lg_sum},
+    {"mean", .record = lg_mean},
     {"sum, f32", .record = lg_sum, .dtype = LG_F32},
     {"dot product", .record = dot_of},
     {"spd solve", .record = solve_of},
@@ -186,6 +202,7 @@ const hard_function hard_maths[] = {
     {"sqrt behind select, gradient", .record = select_of, .way = HARD_GRADIENT},
     {"cos(a/4 + 2 b), a = b = sin x", .record = twice_of, .way = HARD_ROWS},
     {"exp of so(3)", .measure = so3_exp},
+    {"exp of so(3), R^T R - I", .measure = so3_defect},
     {"exp of so(3) on a vector", .measure = so3_exp_act},
     {"log of SO(3)", .measure = so3_log},
     {"dexp of so(3)", .measure = so3_dexp},

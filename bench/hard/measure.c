@@ -93,6 +93,7 @@ static lg_status in_plan(const hard_function *f, const double *in, size_t n, dou
 
 static lg_status evaluate(const hard_function *f, const double *in, size_t n, double *out, size_t m) {
     if (f->measure) return f->measure(in, n, out, m);
+    if (f->system) return hard_run(f, in, out, m);
     return f->way == HARD_PLAN || f->way == HARD_ROWS ? in_plan(f, in, n, out) : on_tape(f, in, n, out, m);
 }
 
