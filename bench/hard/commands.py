@@ -42,15 +42,15 @@ def at(value, path):
     return value
 
 
-def number(room, case, path, want, allows, *lines, metric="relative", how="closed form", **files):
-    """`path` of the last command's JSON is `want`."""
+def number(room, case, path, want, allows, *lines, metric="relative", how="closed form", size=1.0, **files):
+    """`path` of the last command's JSON is `want`; absolute errors are divided by `size`."""
     def ask(done):
         if done.returncode:
             return float("inf")
         got = at(json.loads(done.stdout), path)
         if got is None:
             return float("inf")
-        return abs(got - want) / (abs(want) if metric == "relative" else 1)
+        return abs(got - want) / (abs(want) if metric == "relative" else size)
     Row(room, case, lines, renamed(files), how, metric, allows, ask)
 
 
@@ -99,11 +99,13 @@ def learned(mass=1.0, length=1.0, second=1.0, low=0.0, trajectories=30):
                    "lg-hamiltonian evaluate m.h5 d.h5")
 
 
-for name, units in {"M = 1e-6": dict(mass=1e-6), "M = 1": {}, "M = 100": dict(mass=100.0), "M = 1000": dict(mass=1000.0),
-                    "M = 1e6": dict(mass=1e6), "lengths in 1e-9": dict(length=1e9), "seconds in 1e-9": dict(second=1e9)}.items():
+for name, units in {"M = 1e-9": dict(mass=1e-9), "M = 1e-6": dict(mass=1e-6), "M = 1": {}, "M = 100": dict(mass=100.0),
+                    "M = 1000": dict(mass=1000.0), "M = 1e6": dict(mass=1e6), "M = 1e9": dict(mass=1e9), "L = 1e-9": dict(length=1e-9),
+                    "seconds in 1e-9": dict(second=1e9)}.items():
     scene, lines = learned(**units)
-    size = max(1.0, units.get("mass", 1.0) * units.get("length", 1.0)**2 / units.get("second", 1.0))**2
-    number("Hamiltonians", "pendulum, E1, " + name, "E1", 0, 1e-11 * size, *lines, metric="absolute", how="data", s_yaml=scene)
+    momentum = units.get("mass", 1.0) * units.get("length", 1.0)**2 / units.get("second", 1.0)
+    number("Hamiltonians", "pendulum, E1/max(1, p^2), " + name, "E1", 0, 1e-11, *lines, metric="absolute", how="data", size=max(1.0, momentum)**2,
+           s_yaml=scene)
 scene, lines = learned(trajectories=1)
 told("Hamiltonians", "one trajectory of a conservative system", 0, "!not conservative", *lines[:2], s_yaml=scene)
 
@@ -158,12 +160,12 @@ told("machines", "a log 1e6 times as large as those of the fit", 0, "column x go
 
 # ---- tables ----
 
-def table(rows=200, cell=None, row=50):
-    """a, b, y = 2 a - b, of a lattice; `cell` in one row."""
+def table(rows=200, cell=None, row=50, unit=1.0):
+    """a, b, y = 2 a - b, of a lattice, a in a unit; `cell` in one row."""
     lines = ["a,b,y"]
     for i in range(rows):
         a, b = round((0.618034 * i) % 1 * 2 - 1, 6), round((0.414214 * i) % 1 * 2 - 1, 6)
-        lines.append("%.6f,%.6f,%s" % (a, b, "%.17g" % (2 * a - b) if cell is None or i != row else cell))
+        lines.append("%.17g,%.6f,%s" % (a * unit, b, "%.17g" % (2 * a - b) if cell is None or i != row else cell))
     return "\n".join(lines) + "\n"
 
 
@@ -172,7 +174,7 @@ number("tables", "y = 2 a - b", "rmse/y", 0, 1e-6, TRAIN, metric="absolute", t_c
 number("tables", "y = 2 a - b, y in 1e-9", "rmse/y", 0, 1e3, TRAIN, metric="absolute",
        t_csv=table().replace("\n", "e9\n").replace("ye9", "y"))
 for name, code, sentence, text in (
-        ("a cell of 1e308", 0, "1e+308", table(cell="1e308")), ("a cell of 1e-310", 3, "1e-310", table(cell="1e-310")),
+        ("a cell of 1e308", 0, "1e+308", table(cell="1e308")), ("an input of 1e-310", 3, "give the column in a smaller unit", table(unit=1e-310)),
         ("constant output", 0, "column y is constant", "a,b,y\n" + "".join("%d,%d,3\n" % (i, i * i % 7) for i in range(50))),
         ("constant input", 0, "column a is constant", "a,b,y\n" + "".join("5,%d,%d\n" % (i * i % 7, i) for i in range(50))),
         ("every row the same", 3, "all inputs are constant", "a,b,y\n" + "1,2,3\n" * 50), ("one row", 3, "has one complete row", "a,b,y\n1,2,3\n"),

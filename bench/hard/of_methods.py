@@ -119,8 +119,8 @@ TASKS = {  # model, data, starts, near the solution
 
 
 def solution(model, data, near):
-    """The minimum in 40 digits by Newton's method, and what conditioning allows of each number: the change that changes f by one
-    unit roundoff, and what rounding of r does through the pseudoinverse of J; over the size of the number."""
+    """The minimum in 40 digits by Newton's method, and what conditioning allows of each number: the change that changes f by its
+    own rounding, m u, and what rounding of r does through the pseudoinverse of J; over the size of the number."""
     xs, ys = numbers(data[0]), numbers(data[1])
     n, m = len(near), len(xs)
     r = lambda b: [MODELS[model](b, i, xs[i], ys[i]) for i in range(m)]
@@ -146,7 +146,7 @@ def solution(model, data, near):
         pseudo, f = inverse * J.T, mp.fsum(v * v for v in r(b))
     allows = 0
     for k in range(n):
-        width = mp.sqrt(U64 * f * inverse[k, k])
+        width = mp.sqrt(m * U64 * f * inverse[k, k])
         rounding = mp.fsum(abs(pseudo[k, i]) * (abs(ys[i]) or 1) for i in range(m)) * U64 * 4
         allows = max(allows, (width + rounding) / abs(b[k]))
     return b, float(allows) + 16 * U64

@@ -268,20 +268,26 @@ lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
 static lg_status atan2_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_ATAN2);
 }
-/* d atan2(a, b) = (b da - a db)/(a^2 + b^2) */
-static lg_var over_square(lg_tape *t, lg_var g, const lg_var *in) {
-    return lg_div(t, g, lg_add(t, lg_square(t, in[0]), lg_square(t, in[1])));
+/* d atan2(a, b) = (B da - A db)/(m (A^2 + B^2)) with A = a/m, B = b/m for any m. It is max(|a|, |b|), held
+ * constant: no square overflows or vanishes. `unit` becomes A, B; the result is g/(m (A^2 + B^2)). */
+static lg_var over_square(lg_tape *t, lg_var g, const lg_var *in, lg_var *unit) {
+    const lg_var m = lg_stop_gradient(t, lg_max(t, lg_abs(t, in[0]), lg_abs(t, in[1])));
+    for (int i = 0; i < 2; i++) unit[i] = lg_div(t, in[i], m);
+    const lg_var square = lg_add(t, lg_square(t, unit[0]), lg_square(t, unit[1]));
+    return lg_div(t, lg_div(t, g, square), m);
 }
 static void atan2_vjp(lg_reverse *r) {
-    const lg_var over = over_square(r->tape, r->g, r->in);
-    if (r->need[0]) r->out[0] = fold_product(r, 0, over, r->in[1]);
-    if (r->need[1]) r->out[1] = lg_neg(r->tape, fold_product(r, 1, over, r->in[0]));
+    lg_var unit[2];
+    const lg_var over = over_square(r->tape, r->g, r->in, unit);
+    if (r->need[0]) r->out[0] = fold_product(r, 0, over, unit[1]);
+    if (r->need[1]) r->out[1] = lg_neg(r->tape, fold_product(r, 1, over, unit[0]));
 }
 static lg_var atan2_jvp(const lg_forward *f) {
-    lg_var a = LG_NONE, b = LG_NONE;
-    if (!lg_is_none(f->tangents[0])) a = lg_mul(f->tape, f->tangents[0], f->in[1]);
-    if (!lg_is_none(f->tangents[1])) b = lg_neg(f->tape, lg_mul(f->tape, f->in[0], f->tangents[1]));
-    return over_square(f->tape, spread(f, lg_add_or(f->tape, a, b)), f->in);
+    lg_var a = LG_NONE, b = LG_NONE, unit[2];
+    const lg_var one = lg_full(f->tape, lg_shape0(), 1), over = over_square(f->tape, one, f->in, unit);
+    if (!lg_is_none(f->tangents[0])) a = lg_mul(f->tape, f->tangents[0], unit[1]);
+    if (!lg_is_none(f->tangents[1])) b = lg_neg(f->tape, lg_mul(f->tape, unit[0], f->tangents[1]));
+    return lg_mul(f->tape, over, spread(f, lg_add_or(f->tape, a, b)));
 }
 static lg_scalar atan2_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     (void)attr, (void)inputs;
