@@ -101,7 +101,7 @@ bool add_recording(lg_program *program, const recording *r, size_t *number, size
 size_t numbers_of(const lg_program *program, size_t at, size_t rows);
 /* Leaves out whatever does not change that `fails` says true. */
 void shrink(recording *r, bool (*fails)(void *user, const recording *r), void *user);
-/* How often each row of the table was recorded, by its place. */
+/* How often each row of the table was recorded for a program, by its place. */
 extern size_t operations_recorded[LG_OPS_MOST];
 
 /* ---- what the tape says, and how far rounding may lead from it ---- */

@@ -171,7 +171,6 @@ static lg_var put_piece(const step *s, uint32_t rows, lg_tape *tape, const lg_va
     if (s->made.batched) shape.dims[0] = rows;
     if (p->op->payload == LG_PAYLOAD_REALS || p->op->payload == LG_PAYLOAD_INDICES)
         attr.pointer = turned_payload(tape, p, s->variant);
-    operations_recorded[lg_op_place(p->op)]++;
     return p->op->record != NULL ? p->op->record(tape, x[0], &attr, shape)
                                  : lg_record_shaped(tape, p->op, x, p->inputs, &attr, shape);
 }
@@ -185,7 +184,9 @@ static lg_var put_step(const putting *p, const body *f, const step *s, uint32_t 
         x[k] = fit(tape, rows, v[from], slot_of(f, from), to, s->how[k]);
         if (s->anchored && !s->piece->any_shape) x[k] = anchor(tape, s->piece->point[k], to, x[k]);
     }
-    return s->piece != NULL ? put_piece(s, rows, tape, x) : put_call(p, s, tape, theta, x);
+    if (s->piece == NULL) return put_call(p, s, tape, theta, x);
+    if (p->calls) operations_recorded[lg_op_place(s->piece->op)]++;
+    return put_piece(s, rows, tape, x);
 }
 
 static uint32_t rows_of(const body *f, const lg_tape *tape, const lg_var *x) {
