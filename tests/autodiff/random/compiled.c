@@ -13,7 +13,7 @@ static const struct {
     const char *compiler;
     lg_dtype dtype;
     bool compact;
-} ways[] = {{"gcc", LG_F64, false}, {"gcc", LG_F32, true}, {"clang", LG_F64, true}, {"clang", LG_F32, false}};
+} ways[] = {{"gcc", LG_F64, false}, {"clang", LG_F32, true}, {"gcc", LG_F32, false}, {"clang", LG_F64, true}};
 
 static bool has(const char *compiler) {
     char command[64];
