@@ -51,6 +51,7 @@ static cost find_cost(const course *courses, size_t count) {
 
 typedef struct measuring {
     const lg_hamiltonian_problem *problem;
+    double unit[6 * LG_HAMILTONIAN_MAX_COPIES]; /* of each number of a state, in S */
     const lg_model *model;
     void *work;         /* of the model's evaluations */
     lg_stepper *steps;  /* of the scheme of training; NULL: none for this model */
@@ -74,9 +75,9 @@ static void run_scheme(const measuring *m, const double *first, size_t points) {
         for (size_t j = 0; j < points; j++) memcpy(m->predicted + j * d, first, d * sizeof *first);
 }
 
-static double square_step(const double *a, const double *b, size_t d) {
+static double square_step(const measuring *m, const double *a, const double *b) {
     double sum = 0.0;
-    for (size_t k = 0; k < d; k++) sum += (b[k] - a[k]) * (b[k] - a[k]);
+    for (size_t k = 0; k < lg_model_inputs(m->model); k++) sum += pow((b[k] - a[k]) / m->unit[k], 2.0);
     return sum;
 }
 
@@ -86,7 +87,7 @@ static course follow(const measuring *m, const double *first, size_t points) {
     double way = 0.0, gain = 0.0;
     run_scheme(m, first, points);
     for (size_t j = 0; j < points; j++) {
-        m->way[j] = j == 0 ? 0.0 : m->way[j - 1] + square_step(first + (j - 1) * d, first + j * d, d);
+        m->way[j] = j == 0 ? 0.0 : m->way[j - 1] + square_step(m, first + (j - 1) * d, first + j * d);
         m->gain[j] = energy(m, first + j * d) - energy(m, m->predicted + j * d);
         way += m->way[j] / (double)points, gain += m->gain[j] / (double)points;
     }
@@ -102,16 +103,25 @@ static bool is_finite(const course *c) {
     return isfinite(c->begin) && isfinite(c->x) && isfinite(c->y);
 }
 
-/* Trajectories count from their second point on, where there is a third: noise in the data raises the
+/* Different trajectories count, from their second point on, where there is a third: noise in the data raises the
  * energies of all points but, often, the first. */
 static size_t follow_all(const measuring *m, course *out) {
     const size_t d = lg_model_inputs(m->model), points = m->problem->points, skipped = points > 2 ? 1 : 0;
-    size_t count = 0;
-    for (size_t i = 0; i < m->problem->trajectories; i++) {
-        out[count] = follow(m, m->problem->data + (i * points + skipped) * d, points - skipped);
+    size_t *index = app_alloc(m->problem->trajectories, sizeof *index), count = 0;
+    const size_t different = different_trajectories(m->problem, index);
+    for (size_t i = 0; i < different; i++) {
+        out[count] = follow(m, m->problem->data + (index[i] * points + skipped) * d, points - skipped);
         count += is_finite(&out[count]);
     }
+    free(index);
     return count;
+}
+
+/* The scale of each number of a state, by the data. */
+static void number_units(const lg_hamiltonian_problem *problem, double *unit) {
+    lg_hamiltonian scaled = *problem->model;
+    (void)lg_hamiltonian_find_scales(problem, &scaled.scales, NULL); /* on failure: the scales of the model */
+    lg_hamiltonian_number_scales(&scaled, unit);
 }
 
 /* What motion costs, beside the run of the scheme of training or, without `scheme`, beside no change. */
@@ -127,6 +137,7 @@ static cost measure(const app *self, const lg_model *model, const lg_hamiltonian
                    .predicted = app_alloc(points * lg_model_inputs(model), sizeof(double)),
                    .way = app_alloc(points, sizeof(double)),
                    .gain = app_alloc(points, sizeof(double))};
+    number_units(problem, m.unit);
     course *courses = app_alloc(problem->trajectories, sizeof *courses);
     if (!scheme || lg_model_ode(model, &ode, &user, flow) != LG_OK ||
         lg_stepper_create(self->context, problem->scheme, &ode, &m.steps) != LG_OK)
@@ -149,11 +160,26 @@ static bool is_told(const cost *c) {
            fabs(c->slope) > scatter * (1.0 + few / (double)c->count) * c->error;
 }
 
+/* Whether the fit is near what it can reach: most of the motion is explained, and the loss has ceased to fall.
+ * The energy of a model that is not learned changes along any data. */
+static bool is_learned(const app *self, const learner *trained, const double *theta) {
+    static const double explained = 0.3, fall = 1.5;
+    enum { FEWEST = 16 }; /* epochs */
+    const lg_hamiltonian_problem *problem = &trained->problem;
+    const double *history = lg_fit_history(trained->fit, LG_FIT_LOSS);
+    const size_t epochs = lg_fit_epochs_done(trained->fit);
+    double loss = 0.0;
+    if (epochs < FEWEST || !(history[epochs / 2] <= fall * history[epochs - 1])) return false;
+    return lg_hamiltonian_mean_squared_error(self->context, problem, theta, &loss, NULL) == LG_OK &&
+           loss <= explained * unchanged_error(problem);
+}
+
 /* A conservative model loses nothing to motion, whatever the noise. A scheme with large steps does; then the
  * energy falls beside its run, or by itself, but not both. */
 lg_status warn_of_drift(const app *self, const learner *trained, const double *theta, lg_error *error) {
     lg_model *model;
     const lg_hamiltonian_problem *problem = &trained->problem;
+    if (!is_learned(self, trained, theta)) return LG_OK;
     const lg_status status = lg_model_create_hamiltonian(self->context, problem->model, theta, &model, error);
     if (status != LG_OK) return status;
     const cost found = measure(self, model, problem, false), beside = measure(self, model, problem, true);

@@ -20,7 +20,8 @@ static lg_status flow_of(const lg_context *context, const lg_model *learned, con
     lg_step_controller control;
     lg_stepper *stepper = NULL;
     lg_step_controller_init(&control);
-    control.rtol = control.atol = tolerance;
+    control.rtol = tolerance;
+    control.atol = -tolerance;
     lg_status status = lg_model_ode(learned, &ode, &user, work);
     if (status == LG_OK) status = lg_stepper_create(context, scheme, &ode, &stepper);
     if (status == LG_OK)

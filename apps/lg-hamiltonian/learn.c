@@ -147,9 +147,13 @@ double unchanged_error(const lg_hamiltonian_problem *problem) {
     return sum / ((double)problem->trajectories * (double)(m - 1) * (double)d);
 }
 
+static size_t trajectory_size(const lg_hamiltonian_problem *problem) {
+    return problem->points * lg_hamiltonian_state_dim(problem->model);
+}
+
 /* ---- the truncation floor ---- */
 
-/* A floor below this is rounding. */
+/* A floor below this part of the mean square of the data is rounding. */
 static const double rounding_floor = 1e-30, near_floor = 3.0;
 
 /* Explicit, without error estimate, on the same space; a splitting in place of a splitting. */
@@ -179,7 +183,10 @@ static const lg_scheme *better_scheme(const lg_hamiltonian_problem *problem) {
 
 void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, double loss, double floor) {
     const lg_scheme *scheme = problem->scheme, *better = better_scheme(problem);
-    if (!(loss <= near_floor * floor) || floor < rounding_floor) return;
+    const size_t size = problem->trajectories * trajectory_size(problem);
+    double square = 0;
+    for (size_t i = 0; i < size; i++) square += problem->data[i] * problem->data[i] / (double)size;
+    if (!(loss <= near_floor * floor) || floor < rounding_floor * square) return;
     app_warn(self,
              "the loss %.3g is near the floor %.3g, the error of %s with %u step%s between two points: more "
              "training fits this error; use --substeps %u (floor about %.1g)%s%s",
@@ -228,13 +235,50 @@ void warn_of_inputs(const app *self, const char *path, const lg_trajectories *da
                  data->input_dim);
 }
 
-void warn_of_few(const app *self, const lg_trajectories *data, size_t parameters) {
-    const double numbers = (double)data->count * (double)(data->points - 1) * data->state_dim;
-    if (numbers >= (double)parameters) return;
-    app_warn(self,
-             "%.0f numbers are given, fewer than the %zu parameters that are learned: they fit these data, "
-             "not the system; take %.0f trajectories or more, or smaller --hidden",
-             numbers, parameters, ceil((double)parameters / numbers * (double)data->count));
+/* ---- the data ---- */
+
+static const lg_hamiltonian_problem
+    *compared; /* by the two functions below; the program sorts in one thread */
+
+static int compare_trajectories(const void *a, const void *b) {
+    const size_t i = *(const size_t *)a, j = *(const size_t *)b, size = trajectory_size(compared);
+    const int order = memcmp(compared->data + i * size, compared->data + j * size, size * sizeof(double));
+    return order != 0 ? order : (i > j) - (i < j);
+}
+
+size_t different_trajectories(const lg_hamiltonian_problem *problem, size_t *out) {
+    const size_t size = trajectory_size(problem);
+    size_t count = 0;
+    for (size_t i = 0; i < problem->trajectories; i++) out[i] = i;
+    compared = problem;
+    qsort(out, problem->trajectories, sizeof *out, compare_trajectories);
+    for (size_t i = 0; i < problem->trajectories; i++) {
+        const double *last = problem->data + out[count > 0 ? count - 1 : 0] * size;
+        const bool again = count > 0 && memcmp(last, problem->data + out[i] * size, size * sizeof *last) == 0;
+        if (!again) out[count++] = out[i];
+    }
+    return count;
+}
+
+void warn_of_data(const app *self, const lg_hamiltonian_problem *problem, const char *path) {
+    const size_t parameters = lg_hamiltonian_parameters(problem->model), given = problem->trajectories;
+    size_t *index = app_alloc(given, sizeof *index);
+    const size_t count = different_trajectories(problem, index), d = lg_hamiltonian_state_dim(problem->model);
+    const double numbers = (double)count * (double)(problem->points - 1) * (double)d;
+    free(index);
+    if (!lg_hamiltonian_moves(problem))
+        app_warn(self, "%s: nothing moves: every trajectory stays at its first point, as with any constant H",
+                 path);
+    if (count < given)
+        app_warn(self,
+                 "%s: %zu of %zu trajectories repeat another one: there is as much to learn from as in %zu",
+                 path, given - count, given, count);
+    if (numbers < (double)parameters)
+        app_warn(
+            self,
+            "%.0f numbers are given, fewer than the %zu parameters that are learned: they fit these data, "
+            "not the system; take %.0f trajectories or more, or smaller --hidden",
+            numbers, parameters, ceil((double)parameters / numbers * (double)count));
 }
 
 lg_status save_model(const app *self, const char *path, const learner *trained, const double *theta,

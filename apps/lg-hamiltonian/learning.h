@@ -72,8 +72,12 @@ lg_status warn_of_drift(const app *self, const learner *trained, const double *t
 /* Learned systems are autonomous: says so when the data come with inputs. */
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data);
 
-/* Says so when the data have fewer numbers than there are parameters. */
-void warn_of_few(const app *self, const lg_trajectories *data, size_t parameters);
+/* The trajectories without those that repeat another one, all numbers alike: their indices (room for all).
+ * Returns how many. From one thread at a time. */
+size_t different_trajectories(const lg_hamiltonian_problem *problem, size_t *out);
+/* Says so when nothing moves, when trajectories repeat others, and when the data have fewer numbers than there
+ * are parameters. */
+void warn_of_data(const app *self, const lg_hamiltonian_problem *problem, const char *path);
 
 /* The model with the state of its fit; `theta` has lg_hamiltonian_parameters numbers. */
 lg_status save_model(const app *app, const char *path, const learner *trained, const double *theta,
@@ -81,7 +85,7 @@ lg_status save_model(const app *app, const char *path, const learner *trained, c
 
 /* ---- judging (judge.c) ---- */
 
-/* Tolerance (relative and absolute) of the adaptive reference integrators for a learned model: 1e-10, and
+/* Tolerance, relative to each number and to its group, of the adaptive reference integrators: 1e-10, and
  * 1e-13 for linear potentials, whose E1 may be 1e-17 and less. */
 double default_tolerance(const lg_hamiltonian *model);
 /* The learned flow from `start` at the given times: out (count, d), energy (count) of the learned Hamiltonian

@@ -121,7 +121,7 @@ static lg_status create(void *user, app *self, const lg_fit_options *how, lg_fit
     training *state = user;
     const lg_status status = learner_create(self->context, &run, &state->data, how, &state->learner, error);
     *fit = state->learner.fit;
-    if (status == LG_OK) warn_of_few(self, &state->data, lg_hamiltonian_parameters(&run.model));
+    if (status == LG_OK) warn_of_data(self, &state->learner.problem, self->arguments[0]);
     return status == LG_OK ? warn_of_integral(self, &state->learner, error) : status;
 }
 

@@ -275,6 +275,11 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  * out of range). */
 LG_API lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_hamiltonian_scales *out,
                                             lg_error *error);
+/* out (d): the scale of each number of a state, s_i for part i. */
+LG_API void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out);
+/* Whether a part of the states changes along the trajectories by more than rounding, with the same errors:
+ * false. */
+LG_API bool lg_hamiltonian_moves(const lg_hamiltonian_problem *problem);
 /* Sets problem->weight by the data: one over the mean square of the change of a part from the first point to
  * the others, so that the parts count alike in the loss. Errors as above. */
 LG_API lg_status lg_hamiltonian_weigh(lg_hamiltonian_problem *problem, lg_error *error);

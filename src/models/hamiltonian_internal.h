@@ -18,8 +18,6 @@ enum { LG_HAMILTONIAN_LARGEST = 6 * LG_HAMILTONIAN_MAX_COPIES }; /* numbers of a
 lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by);
 /* The unit of energy inside, E. */
 double lg_hamiltonian_energy_scale(const lg_hamiltonian *model);
-/* Numbers of a state: those of part i are s_i. */
-void lg_hamiltonian_number_scales(const lg_hamiltonian *model, const lg_space *space, double *out);
 /* -dH/dq + input and dH/dp in the units of the data; the family's functions are inside. */
 lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
 lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);

@@ -16,10 +16,12 @@ double lg_hamiltonian_energy_scale(const lg_hamiltonian *model) {
     return action / model->scales.time;
 }
 
-void lg_hamiltonian_number_scales(const lg_hamiltonian *model, const lg_space *space, double *out) {
+void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out) {
     uint8_t part[LG_HAMILTONIAN_LARGEST];
-    lg_taped_number_parts(space, part);
-    for (size_t i = 0; i < space->dim; i++) out[i] = model->scales.part[part[i]];
+    lg_space space;
+    if (lg_hamiltonian_space(model->family, model->n, &space) != LG_OK) return;
+    lg_taped_number_parts(&space, part);
+    for (size_t i = 0; i < space.dim; i++) out[i] = model->scales.part[part[i]];
 }
 
 /* The parts divided by their scales. */

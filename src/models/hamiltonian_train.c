@@ -25,7 +25,7 @@ static void fill_states(const lg_hamiltonian_problem *problem, const lg_space *s
     const size_t d = space->dim;
     double state[LG_HAMILTONIAN_LARGEST], scale[LG_HAMILTONIAN_LARGEST];
     size_t at = 0;
-    lg_hamiltonian_number_scales(problem->model, space, scale);
+    lg_hamiltonian_number_scales(problem->model, scale);
     for (size_t c = 0; c < d; c++) scale[c] = 1.0 / scale[c];
     for (size_t j = first; j <= last; j++)
         for (size_t s = 0; s < count; s++) {

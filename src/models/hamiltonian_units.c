@@ -147,6 +147,12 @@ lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_h
     return LG_OK;
 }
 
+bool lg_hamiltonian_moves(const lg_hamiltonian_problem *problem) {
+    walk w;
+    motion m;
+    return measure(problem, &w, &m, NULL) == LG_OK && time_of(&m) > 0.0;
+}
+
 lg_status lg_hamiltonian_weigh(lg_hamiltonian_problem *problem, lg_error *error) {
     walk w;
     motion m;

@@ -443,6 +443,68 @@ TEST("training says that damped data are not conservative, and says nothing of o
     }
 }
 
+/* Momenta times `by`, the times as they are: another mass. */
+static void change_mass(lg_trajectories *data, double by) {
+    for (size_t i = 0; i < data->count * data->points; i++)
+        for (size_t k = 3; k < 6; k++) data->data[i * 6 + k] *= by;
+}
+
+TEST("exact data are not called damped where the model has not learned them, and in no unit") {
+    static const struct {
+        double mass;
+        const char *options;
+        int code;
+    } rows[] = {{1.0, "--epochs 3", 0},
+                {1.0, "--epochs 8", 0},
+                {1.0, "--preset thesis --epochs 3", 0},
+                {1e3, "--epochs 100 --units given", 4},
+                {1e-6, "--epochs 100 --units given", 0},
+                {1e3, "--epochs 100", 0},
+                {1e-6, "--epochs 100", 0}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_trajectories *data =
+            generate("chain1.yaml --trajectories 150 --points 5 --t-end 0.1 --seed 2", "plain3.h5");
+        char command[128];
+        change_mass(data, rows[i].mass);
+        write_data("mass.h5", data);
+        (void)snprintf(command, sizeof command, "train mass.h5 --out mass-model.h5 %s", rows[i].options);
+        cli_expect(lg, command, rows[i].code, "", &result);
+        assert_null(strstr(result.err, "not conservative"));
+        assert_null(strstr(result.err, "repeat another"));
+        assert_null(strstr(result.err, "nothing moves"));
+    }
+}
+
+/* Trajectory i is trajectory i modulo `kinds`; with `rest`, all its points are the first one, without momentum. */
+static void repeat(lg_trajectories *data, size_t kinds, bool rest) {
+    const size_t size = data->points * 6;
+    for (size_t i = 0; i < data->count; i++)
+        memmove(data->data + i * size, data->data + i % kinds * size, size * sizeof *data->data);
+    for (size_t i = 0; rest && i < data->count * size; i++)
+        data->data[i] = i % 6 < 3 ? data->data[i / size * size + i % 6] : 0.0;
+}
+
+TEST("trajectories that repeat each other and data at rest are told as what they are") {
+    static const struct {
+        size_t kinds;
+        bool rest;
+        const char *told, *also;
+    } rows[] = {{1, false, "149 of 150 trajectories repeat another one", "24 numbers are given"},
+                {7, false, "143 of 150 trajectories repeat another one", "168 numbers are given"},
+                {150, true, "nothing moves", NULL}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_trajectories *data =
+            generate("chain1.yaml --trajectories 150 --points 5 --t-end 0.1 --seed 2", "plain4.h5");
+        repeat(data, rows[i].kinds, rows[i].rest);
+        write_data("again.h5", data);
+        cli_expect(lg, "train again.h5 --out again-model.h5 --epochs 100", 0, "parameters", &result);
+        assert_null(strstr(result.err, "not conservative"));
+        assert_non_null(strstr(result.err, rows[i].told));
+        if (rows[i].also != NULL) assert_non_null(strstr(result.err, rows[i].also));
+        assert_int_equal(strstr(result.err, "nothing moves") != NULL, rows[i].rest);
+    }
+}
+
 /* q'' = -4 q - c q' from the starts of the data. */
 static void make_damped(lg_trajectories *data, double c) {
     const double rate = c / 2, w = sqrt(4 - rate * rate);
