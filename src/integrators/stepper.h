@@ -104,7 +104,8 @@ bool lg_slgi_fits(const lg_space *space);
 
 /* At the start run[0] of an adaptive run over a time `span`, where f = f(t, run[0]). The tolerances are then
  * those for choosing the first step: of each group as a whole, and a group that begins at 0 counts as large
- * as its velocity makes it in the whole run. Overwrites error, run[1], point, bracket. Errors: the field's. */
+ * as its velocity makes it in the whole run. Overwrites error, run[1], point, bracket. Errors: the field's.
+ */
 lg_status lg_tolerance_begin(lg_stepper *s, const lg_step_controller *control, double t, double span,
                              const double *f);
 /* For an attempt of size h that ends at y_next; and when it is accepted. */
