@@ -9,6 +9,9 @@
  * functions c_k(w) = sum_j (-w)^j / (k + 2j)!: c_1 = sin x/x, c_2 = (1 - cos x)/x^2, c_3 = (x - sin x)/x^3 at
  * w = x^2.
  *
+ * Errors of exp and dexp are those of rounding in u: 1e-16 (1 + |u|). An angle of 1e13 is known to 1e-3 rad,
+ * and from 1e16 on rotations have no digit. dexp^-1 has poles at |u| = 2 pi, 4 pi, ...
+ *
  * No function here fails, allocates or locks; NaN in gives NaN out. `out` may be the same array as an input,
  * a partial overlap is not allowed.
  */

@@ -224,7 +224,7 @@ typedef struct lg_penalty_points {
 /* The distance d of predicted and given points in the loss, the mean of d^2 over (batch, d, M - 1).
  * AMBIENT: |y - z| in R^d.
  * GEODESIC, on each T*S^2, between (q, p) and (q', p'): d^2 = theta^2 + |P p - p'|^2, theta the angle between
- * q and q', P the parallel transport along the geodesic from q to q', P p = p - (q'.p)/(1 + q.q') (q + q').
+ * q and q', P the parallel transport along the geodesic from q to q', P p = p - 2 m (m.p)/|m|^2, m = q + q'.
  * This is the length of the path that goes from q to q' with p carried along and then from P p to p', in the
  * metric that T*S^2 has from S^2 (Sasaki's). d^2 is analytic at 0 and as |y - z|^2 there to first order; it
  * has a kink where q' = -q. Given points are projected to the manifold first. On R^n it is AMBIENT. */

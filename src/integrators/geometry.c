@@ -2,6 +2,7 @@
 #include "liegrad/geometry.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "kernels/stumpff.h"
@@ -114,9 +115,20 @@ void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double out[3]) {
 
 enum { POLAR_STEPS = 100 }; /* 10 from condition number 1e3; each one halves the largest singular value */
 
+/* Entries far from 1 are scaled by a power of two. Those of rotations are not. */
+static void scale_entries(double R[9]) {
+    double largest = 0.0;
+    int exponent;
+    for (int i = 0; i < 9; i++) largest = fmax(largest, fabs(R[i]));
+    (void)frexp(largest, &exponent);
+    if (!isfinite(largest) || abs(exponent) <= 8) return;
+    for (int i = 0; i < 9; i++) R[i] = ldexp(R[i], -exponent);
+}
+
 /* R^-T = cofactors / determinant. The error after a step is half the square of the one before. */
 void lg_so3_project(double R[9]) {
     double cofactor[9], change = 1.0;
+    scale_entries(R);
     for (int step = 0; step < POLAR_STEPS && change > 1e-9; step++) {
         for (int i = 0; i < 3; i++) cross(R + 3 * ((i + 1) % 3), R + 3 * ((i + 2) % 3), cofactor + 3 * i);
         const double det = dot(R, cofactor), scale = det > 0.0 ? 1.0 / det : NAN;
@@ -218,11 +230,10 @@ typedef struct coefficients {
     double g1, gt1, g2, gt2;
 } coefficients;
 
-/* dc_k/dw = (k c_{k+2} - c_{k+1})/2 */
 static coefficients dexp_coefficients(const double a[6]) {
-    double c[6];
-    lg_stumpff(dot(a, a), 5, 0, c);
-    return (coefficients){c[2], 2.0 * c[4] - c[3], c[3], 3.0 * c[5] - c[4]};
+    double c[5];
+    lg_stumpff_slopes(dot(a, a), c);
+    return (coefficients){c[1], c[3], c[2], c[4]};
 }
 
 static coefficients dexpinv_coefficients(const double a[6]) {

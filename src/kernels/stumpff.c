@@ -8,9 +8,9 @@
  *
  *   c_k^(d)(w) = (-1)^d sum_i (-w)^i ((i+d)!/i!) / (k + 2(i+d))!.
  *
- * |w| <= 16: this series. c_0, c_1 and c_0' = -c_1/2 have zeros there, the other functions have none. Next
- * to these zeros the functions are computed from cos and sin of x = sqrt(w), and the rounding error of x is
- * carried along. This keeps the relative accuracy.
+ * |w| <= 16: this series. It cancels where w > 4, and next to the zero of c_0. There c_0, c_1 and what
+ * follows from them by the last line below is computed from cos and sin of x = sqrt(w), and the rounding
+ * error of x is carried along. This keeps the relative accuracy, also next to zeros.
  *
  * |w| > 16: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
  *
@@ -129,18 +129,36 @@ static void recursion(double w, int K, int order, double *out) {
     memcpy(out, c[order], ((size_t)K + 1) * sizeof *out);
 }
 
+/* What the series cancels in, 1 < w <= 16; 1 - c_0 does not cancel for w > 4. */
+static void mend_series(double w, int K, int order, double *c) {
+    double value[2];
+    closed_form(w, value);
+    const double slope = (value[0] - value[1]) / (2.0 * w); /* c_1' */
+    const double mended[3][3] = {{value[0], value[1], (1.0 - value[0]) / w},
+                                 {-0.5 * value[1], slope, 0.5 * (value[1] - 2.0 * (1.0 - value[0]) / w) / w},
+                                 {-0.5 * slope}};
+    const int most = w <= 4.0 || order == 2 ? 0 : K < 2 ? K : 2;
+    memcpy(c, mended[order], ((size_t)most + 1) * sizeof *c);
+}
+
 void lg_stumpff(double w, int K, int order, double *c) {
     if (!(fabs(w) <= 16.0)) {
         recursion(w, K, order, c);
         return;
     }
     series_row(w, K, order, c);
-    const bool near_0 = order < 2 && fabs(c[0]) < 0.25, near_1 = order == 0 && K > 0 && fabs(c[1]) < 0.1;
-    if (w <= 1.0 || !(near_0 || near_1)) return;
-    double closed[2];
-    closed_form(w, closed);
-    if (near_0) c[0] = order == 0 ? closed[0] : -0.5 * closed[1];
-    if (near_1) c[1] = closed[1];
+    if ((w > 4.0 && order <= 2) || (w > 1.0 && order < 2 && fabs(c[0]) < 0.25)) mend_series(w, K, order, c);
+}
+
+/* 2 dc_k/dw = k c_{k+2} - c_{k+1}, which cancels for large w, or (c_{k-1} - k c_k)/w, which cancels for small
+ * w. */
+void lg_stumpff_slopes(double w, double out[5]) {
+    const bool large = w > 16.0;
+    double c[6];
+    lg_stumpff(w, large ? 3 : 5, 0, c);
+    memcpy(out, c + 1, 3 * sizeof *out);
+    out[3] = large ? (c[1] - 2.0 * c[2]) / w : 2.0 * c[4] - c[3];
+    out[4] = large ? (c[2] - 3.0 * c[3]) / w : 3.0 * c[5] - c[4];
 }
 
 /* ---- dexpinv: the text that exported code has ---- */

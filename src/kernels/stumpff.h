@@ -11,6 +11,9 @@
  * functions); 0 <= K <= 8, 0 <= order <= 8. NaN gives NaN. */
 void lg_stumpff(double w, int K, int order, double *c);
 
+/* c_1, c_2, c_3, 2 dc_2/dw, 2 dc_3/dw: what dexp and its derivatives need. */
+void lg_stumpff_slopes(double w, double out[5]);
+
 /* d^order/dw^order of g2(w) = (1 - (x/2) cot(x/2))/x^2, x^2 = w; 0 <= order <= 8. Its first pole is w = 4
  * pi^2. */
 double lg_dexpinv_coef(double w, int order);

@@ -28,28 +28,34 @@ static lg_var constant(lg_tape *tape, lg_var x, double value) {
     return lg_full(tape, lg_var_shape(tape, x), value);
 }
 
-/* theta^2 (B, k, 1): the series where |a - b|^2 <= 1/4, else atan2(|a x b|, a.b)^2. The derivative is 0
- * between antipodes. */
-static lg_var squared_angle(lg_tape *tape, lg_var a, lg_var b) {
-    lg_var x = lg_rownorm2(tape, lg_sub(tape, a, b)), one = constant(tape, x, 1.0);
-    lg_var is_near = lg_ge(tape, constant(tape, x, near), x);
-    lg_var sine2 = lg_max(tape, lg_rownorm2(tape, lg_cross(tape, a, b)), constant(tape, x, tiny));
-    lg_var sine = lg_sqrt(tape, lg_select(tape, is_near, one, sine2));
-    lg_var angle = lg_atan2(tape, sine, lg_select(tape, is_near, one, lg_rowdot(tape, a, b)));
-    return lg_select(tape, is_near, series(tape, x), lg_square(tape, angle));
+/* m = a + b is small between antipodes, and has all its digits there. |m|^2, which stays above 0: */
+static lg_var squared_sum(lg_tape *tape, lg_var m) {
+    lg_var y = lg_rownorm2(tape, m);
+    return lg_max(tape, y, constant(tape, y, tiny));
 }
 
-/* p at a, carried along the shortest geodesic to b: p - (b.p)/(1 + a.b) (a + b). */
-static lg_var carried(lg_tape *tape, lg_var a, lg_var p, lg_var b) {
-    lg_var sum = lg_add_scalar(tape, lg_rowdot(tape, a, b), 1.0);
-    lg_var factor = lg_div(tape, lg_rowdot(tape, b, p), lg_max(tape, sum, constant(tape, sum, tiny)));
-    return lg_sub(tape, p, lg_mul(tape, lg_add(tape, a, b), factor));
+/* theta^2 (B, k, 1): the series where |a - b|^2 <= 1/4, else (2 atan2(|a - b|, |m|))^2. The derivative is 0
+ * between antipodes. */
+static lg_var squared_angle(lg_tape *tape, lg_var a, lg_var b, lg_var m) {
+    lg_var x = lg_rownorm2(tape, lg_sub(tape, a, b)), one = constant(tape, x, 1.0);
+    lg_var is_near = lg_ge(tape, constant(tape, x, near), x);
+    lg_var apart = lg_sqrt(tape, lg_select(tape, is_near, one, x));
+    lg_var together = lg_sqrt(tape, lg_select(tape, is_near, one, squared_sum(tape, m)));
+    lg_var half = lg_atan2(tape, apart, together);
+    return lg_select(tape, is_near, series(tape, x), lg_scale(tape, lg_square(tape, half), 4.0));
+}
+
+/* p at a, carried along the shortest geodesic to b: reflected at the plane orthogonal to m, since a.p = 0. */
+static lg_var carried(lg_tape *tape, lg_var p, lg_var m) {
+    lg_var factor = lg_div(tape, lg_rowdot(tape, m, p), squared_sum(tape, m));
+    return lg_sub(tape, p, lg_mul(tape, m, lg_scale(tape, factor, 2.0)));
 }
 
 static lg_var on_cotangent_spheres(lg_tape *tape, const double *weight, const lg_var *a, const lg_var *b) {
-    lg_var apart = lg_sub(tape, carried(tape, a[0], a[1], b[0]), b[1]);
-    lg_var angles = lg_hamiltonian_scaled(tape, lg_sum(tape, squared_angle(tape, a[0], b[0])), weight[0]);
-    return lg_add(tape, angles, lg_hamiltonian_scaled(tape, lg_sum(tape, lg_square(tape, apart)), weight[1]));
+    lg_var m = lg_add(tape, a[0], b[0]), apart = lg_sub(tape, carried(tape, a[1], m), b[1]);
+    lg_var angles = lg_sum(tape, squared_angle(tape, a[0], b[0], m));
+    return lg_add(tape, lg_hamiltonian_scaled(tape, angles, weight[0]),
+                  lg_hamiltonian_scaled(tape, lg_sum(tape, lg_square(tape, apart)), weight[1]));
 }
 
 /* ---- the table, by kind of factor ---- */

@@ -5,6 +5,7 @@
 
 #include "kernels/kernels.h"
 #include "autodiff/lie.h"
+#include "golden/lie_table.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "liegrad/random.h"
@@ -132,6 +133,74 @@ static lg_var apply(lg_tape *tape, int map, const lg_var *x) {
     if (map == LG_K_SO3_DEXPINV) return lg_so3_dexpinv_rows(tape, x[0], x[1]);
     if (map == LG_K_SE3_ACT) return lg_se3_act_rows(tape, x[0], x[1], x[2], x[3]);
     return lg_se3_dexpinv_rows(tape, x[0], x[1], x[2], x[3]);
+}
+
+static const double *table_input(size_t at, int i) {
+    const int map = lie_table[at].map, two = inputs_of(map) == 2 && map != LG_K_SO3_DEXP;
+    const double *const in[] = {lie_table[at].u, two ? lie_table_q : lie_table_v, lie_table_q, lie_table_p};
+    return in[i];
+}
+
+/* The largest error of a value and, after it, cotangents of the inputs, in what rounding allows. */
+static double table_error(size_t at, double (*out)[3]) {
+    double worst = 0.0;
+    for (uint32_t i = 0; i < 3 * (inputs_of(lie_table[at].map) + 1); i++) {
+        const double exact = i < 3 ? lie_table[at].y[i] : lie_table[at].slope[i - 3];
+        const double allowed = i < 3 ? lie_table[at].allowed : lie_table[at].slack;
+        const double error = fabs(out[i / 3][i % 3] - exact) / allowed;
+        worst = error <= worst ? worst : error; /* NaN stays */
+    }
+    return worst;
+}
+
+static void table_by_kernel(const lg_kernels *k, size_t at, double (*out)[3]) {
+    const int map = lie_table[at].map, inputs = (int)inputs_of(map);
+    double x[LG_K_LIE_INPUTS][3], g[3], y[LG_K_LIE_INPUTS + 1][3];
+    const void *const values[] = {x[0], x[1], x[2], x[3]};
+    void *const cotangents[] = {y[1], y[2], inputs > 2 ? y[3] : NULL, inputs > 2 ? y[4] : NULL};
+    const bool add[LG_K_LIE_INPUTS] = {false};
+    for (int i = 0; i < inputs; i++) k->convert_in(3, table_input(at, i), x[i]);
+    k->convert_in(3, lie_table_g, g);
+    k->lie[map](1, 1, values, y[0]);
+    k->lie_reverse[map](1, 1, values, g, cotangents, add);
+    for (int i = 0; i <= inputs; i++) k->convert_out(3, y[i], out[i]);
+}
+
+/* The plain function, and the gradient that is recorded. */
+static void table_by_tape(lg_tape *tape, size_t at, double (*out)[3]) {
+    const int map = lie_table[at].map, inputs = (int)inputs_of(map);
+    problem *p = TEST_ARRAY(problem, 1);
+    lg_var x[LG_K_LIE_INPUTS], slope[LG_K_LIE_INPUTS];
+    lg_tape_reset(tape);
+    for (int i = 0; i < inputs; i++) {
+        memcpy(p->in[i], table_input(at, i), 3 * sizeof(double));
+        x[i] = lg_input_f64(tape, lg_shape2(1, 3), p->in[i]);
+    }
+    plain(map, p, 0, out[0]);
+    lg_var g = lg_input_f64(tape, lg_shape2(1, 3), lie_table_g);
+    lg_var sum = lg_sum(tape, lg_mul(tape, apply(tape, map, x), g));
+    assert_ok(lg_grad(tape, sum, x, (uint32_t)inputs, slope));
+    for (int i = 0; i < inputs; i++) assert_ok(lg_read(tape, slope[i], 3, out[i + 1]));
+}
+
+/* A result that was right but for a change of each number of u by a unit has an error of 1. */
+TEST("maps and cotangents are those of 120 digits at angles from 0 to 1e15: plain, recorded, every table") {
+    double out[LG_K_LIE_INPUTS + 1][3];
+    lg_tape *tape = test_tape(LG_F64);
+    for (size_t i = 0; i < LG_COUNT(lie_table); i++) {
+        for (int isa = LG_ISA_BASELINE; isa < LG_ISA_COUNT; isa++) {
+            const lg_kernels *k = lg_kernels_of(lie_table[i].single ? LG_F32 : LG_F64, (lg_isa)isa);
+            if (k == NULL) continue;
+            table_by_kernel(k, i, out);
+            if (!(table_error(i, out) <= 2.0))
+                fail_msg("map %d, angle %s, table %d: %.2g times what rounding allows", lie_table[i].map,
+                         lie_table[i].angle, isa, table_error(i, out));
+        }
+        table_by_tape(tape, i, out);
+        if (!(table_error(i, out) <= 2.0))
+            fail_msg("map %d, angle %s, recorded: %.2g times what rounding allows", lie_table[i].map,
+                     lie_table[i].angle, table_error(i, out));
+    }
 }
 
 TEST("the kernels' cotangents are those that are recorded; inputs may be views of one variable") {

@@ -271,8 +271,13 @@ TEST("the projection is the polar factor") {
         memcpy(S, symmetric, sizeof(S));
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) X[3 * i + j] = lg_dot3(R + 3 * i, S + 3 * j);
-        lg_so3_project(X);
-        assert_same(X, R, 9, 2e-15);
+        static const double scales[] = {1.0, 1e100, 1e-100, 1e-290, 1e290};
+        for (int k = 0; k < 5; k++) {
+            double scaled[9];
+            for (int i = 0; i < 9; i++) scaled[i] = X[i] * scales[k];
+            lg_so3_project(scaled);
+            assert_same(scaled, R, 9, 2e-15);
+        }
     }
     double reflection[9] = {1, 0, 0, 0, 1, 0, 0, 0, -1}, zero[9] = {0};
     lg_so3_project(reflection);

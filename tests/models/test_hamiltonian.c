@@ -3,6 +3,7 @@
 
 #include "liegrad/mechanics.h"
 #include "liegrad/ops.h"
+#include "models/hamiltonian_internal.h"
 
 enum { N = 12, M = 4 };
 
@@ -415,6 +416,38 @@ TEST("geodesic distances are those along great circles with momenta carried alon
         assert_ok(lg_hamiltonian_mean_squared_error(NULL, &problem, theta, &alone, NULL));
         problem.distance = LG_DISTANCE_AMBIENT;
         assert_close(alone, loss_of(&problem, theta), 1e-12, 0.0);
+    }
+}
+
+/* From a = e3 with momentum p to b = (sin d, 0, -cos d), d = pi - theta, with momentum r; f = (cos theta, 0,
+ * -sin theta) is the direction at b. P p = p1 f + p2 e2. Turning b about e3 moves it along e2 by sin d and P p
+ * by p2 f + p1 (cos theta - 1) e2 - p2 e1; moving b along f changes theta alone. */
+TEST("geodesic distances and their slopes keep their digits up to 1e-12 from the antipode") {
+    static const double gaps[] = {1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 0.5, 1.0, 2.0, 2.6};
+    const double p[2] = {0.7, -0.4}, r[2] = {-0.9, 1.3}; /* by (e1, e2) and (f, e2) */
+    lg_space space;
+    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
+    for (size_t i = 0; i < LG_COUNT(gaps); i++) {
+        const double d = gaps[i], theta = acos(-1.0) - d, c = -cos(d), s = sin(d);
+        const double value = theta * theta + (p[0] - r[0]) * (p[0] - r[0]) + (p[1] - r[1]) * (p[1] - r[1]);
+        /* (P p - r) . (p2 f + p1 (c - 1) e2 - p2 e1), with e1.f = c */
+        const double turn = (p[0] - r[0]) * (p[1] - p[1] * c) + (p[1] - r[1]) * p[0] * (c - 1.0);
+        const double a[2][3] = {{0, 0, 1}, {p[0], p[1], 0}};
+        const double b[2][3] = {{s, 0, c}, {r[0] * c, r[1], -r[0] * s}};
+        lg_var x[2], y[2], slope;
+        double found, g[3];
+        lg_tape *tape = test_tape(LG_F64);
+        for (int k = 0; k < 2; k++) {
+            x[k] = lg_input_f64(tape, lg_shape3(1, 1, 3), a[k]);
+            y[k] = lg_input_f64(tape, lg_shape3(1, 1, 3), b[k]);
+        }
+        lg_var square = lg_hamiltonian_squared_distance(tape, LG_DISTANCE_GEODESIC, &space, x, y);
+        assert_ok(lg_grad(tape, square, y, 1, &slope));
+        assert_ok(lg_read(tape, square, 1, &found));
+        assert_ok(lg_read(tape, slope, 3, g));
+        assert_close(found, value, 4e-15, 0.0);
+        assert_close(g[0] * c - g[2] * s, 2.0 * theta, 1e-14, 1e-14 * fabs(g[1]));
+        assert_close(g[1], 2.0 * turn / s, 1e-14, 1e-14);
     }
 }
 

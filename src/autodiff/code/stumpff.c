@@ -1,7 +1,7 @@
 /* Derivative number `order` of c_k(w) = sum_i (-w)^i/(k + 2i)!, k = 0..K, in double for every type.
  *
- * |w| <= 16: the series; next to the zeros of c_0, c_1 and c_0' = -c_1/2 by cos and sin of x = sqrt(w), with
- * the rounding error of x carried along. Beyond: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
+ * |w| <= 16: the series; where it cancels (w > 4 and next to the zero of c_0) by cos and sin of x = sqrt(w),
+ * with the rounding error of x carried along. Beyond: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
  * c_{k+2} = (1/k! - c_k)/w and 2w c_k^(d+1) = c_{k-1}^(d) - (k + 2d) c_k^(d), but the series where it hardly
  * cancels. order, K <= 8. */
 
@@ -79,10 +79,16 @@ static void stumpff_row(real argument, int K, int order, real *out) {
         stumpff_beyond(w, K, order, c);
     } else {
         stumpff_series(w, K, order, c);
-        if (w > 1.0 && order < 2 && (fabs(c[0]) < 0.25 || (order == 0 && K > 0 && fabs(c[1]) < 0.1))) {
+        if ((w > 4.0 && order <= 2) || (w > 1.0 && order < 2 && fabs(c[0]) < 0.25)) {
+            const int most = w <= 4.0 || order == 2 ? 0 : K < 2 ? K : 2;
             stumpff_closed(w, closed);
-            if (fabs(c[0]) < 0.25) c[0] = order == 0 ? closed[0] : -0.5 * closed[1];
-            if (order == 0 && K > 0 && fabs(c[1]) < 0.1) c[1] = closed[1];
+            for (int d = 0; d < order; d++) {
+                const double slope = -0.5 * closed[1];
+                for (int k = 2; k >= 1; k--)
+                    closed[k] = (closed[k - 1] - (k + 2 * d) * closed[k]) / (2.0 * w);
+                closed[0] = slope;
+            }
+            for (int k = 0; k <= most; k++) c[k] = closed[k];
         }
     }
     for (int k = 0; k <= K; k++) out[k] = (real)c[k];
