@@ -2,6 +2,7 @@
 #include "lg-hamiltonian/learning.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,9 +12,10 @@ double default_tolerance(const lg_hamiltonian *model) {
     return model->potential == LG_POTENTIAL_LINEAR ? 1e-13 : 1e-10;
 }
 
+/* most: of steps; 0: the default */
 static lg_status flow_of(const lg_context *context, const lg_model *learned, const lg_scheme *scheme,
-                         double tolerance, const double *start, const double *times, size_t count,
-                         double *out, lg_run_stats *stats) {
+                         double tolerance, size_t most, const double *start, const double *times,
+                         size_t count, double *out, lg_run_stats *stats) {
     void *work = app_alloc(lg_model_work_size(learned), 1);
     lg_model_user user;
     lg_ode ode;
@@ -22,6 +24,7 @@ static lg_status flow_of(const lg_context *context, const lg_model *learned, con
     lg_step_controller_init(&control);
     control.rtol = tolerance;
     control.atol = -tolerance;
+    if (most > 0) control.max_steps = most;
     lg_status status = lg_model_ode(learned, &ode, &user, work);
     if (status == LG_OK) status = lg_stepper_create(context, scheme, &ode, &stepper);
     if (status == LG_OK)
@@ -31,15 +34,19 @@ static lg_status flow_of(const lg_context *context, const lg_model *learned, con
     return status;
 }
 
+/* A good model takes some ten steps from point to point. */
+enum { MOST_STEPS = 20000, MOST_STEPS_A_POINT = 2000 };
+
 typedef struct judgement {
     const lg_context *context;
     const lg_model *learned;
     const lg_scheme *scheme;
     const lg_trajectories *test;
     double tolerance;
-    double *predicted; /* (N, M, d), or NULL */
-    double *squares;   /* (N) */
-    lg_status *status; /* (N) */
+    double *predicted;   /* (N, M, d), or NULL */
+    double *squares;     /* (N) */
+    lg_status *status;   /* (N) */
+    atomic_bool *failed; /* one trajectory did: the others are not begun */
 } judgement;
 
 static void judge_one(void *user, size_t i) {
@@ -51,9 +58,11 @@ static void judge_one(void *user, size_t i) {
     double *y = own != NULL ? own : self->predicted + i * size;
     if (app_interrupted()) {
         self->status[i] = LG_CANCELLED;
-    } else {
-        self->status[i] = flow_of(self->context, self->learned, self->scheme, self->tolerance, given, test->t,
-                                  test->points, y, NULL);
+    } else if (!atomic_load(self->failed)) {
+        const size_t most = MOST_STEPS + MOST_STEPS_A_POINT * test->points;
+        self->status[i] = flow_of(self->context, self->learned, self->scheme, self->tolerance, most, given,
+                                  test->t, test->points, y, NULL);
+        if (self->status[i] != LG_OK) atomic_store(self->failed, true);
         for (size_t k = 0; self->status[i] == LG_OK && k < size; k++)
             self->squares[i] += (y[k] - given[k]) * (y[k] - given[k]);
     }
@@ -75,7 +84,7 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
     const lg_scheme *scheme = lg_scheme_find(model->family->accurate);
     lg_status status = lg_model_create_hamiltonian(context, model, theta, &learned, error);
     if (status != LG_OK) return status;
-    status = flow_of(context, learned, scheme, tolerance, start, times, count, out, stats);
+    status = flow_of(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
     if (status != LG_OK) (void)app_error(error, status, "the learned flow: %s", lg_status_sentence(status));
     if (status == LG_OK && energy != NULL) energies_of(learned, out, count, lg_model_inputs(learned), energy);
     lg_model_destroy(learned);
@@ -119,6 +128,13 @@ static lg_status judge_all(const judgement *work, uint64_t threads, verdict *out
     app_parallel(threads, test->count, judge_one, (void *)(uintptr_t)work);
     double sum = 0;
     for (size_t i = 0; i < test->count; i++) {
+        if (work->status[i] == LG_TOO_MANY_STEPS)
+            return app_error(
+                error, LG_TOO_MANY_STEPS,
+                "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: "
+                "the model is far from a flow of these data; train it longer, or give a larger "
+                "--tolerance",
+                i, MOST_STEPS + MOST_STEPS_A_POINT * test->points, work->tolerance);
         if (work->status[i] != LG_OK)
             return app_error(error, work->status[i], "the learned flow of test trajectory %zu: %s", i,
                              lg_status_sentence(work->status[i]));
@@ -135,7 +151,9 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
     lg_model *learned = NULL;
     lg_status status = lg_model_create_hamiltonian(context, model, theta, &learned, error);
     if (status != LG_OK) return status;
+    atomic_bool failed = false;
     const judgement work = {.context = context,
+                            .failed = &failed,
                             .learned = learned,
                             .scheme = lg_scheme_find(model->family->accurate),
                             .test = test,

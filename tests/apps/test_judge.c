@@ -246,6 +246,15 @@ TEST("results that overflow are null and end with a sentence; an unknown E2 is n
     cli_json(lg, "evaluate model.h5 unknown.h5", "E2 null", &result);
 }
 
+/* A flow that turns a million times between two points, as the flow of a badly learned model does. */
+TEST("the work of judging ends: a flow that needs too many steps is told") {
+    (void)learn("oscillators.yaml", "rk4", "1e-2");
+    lg_trajectories *test = cli_trajectories("test.h5");
+    for (size_t j = 0; j < test->points; j++) test->t[j] *= 1e7;
+    write_data("long.h5", test);
+    cli_expect(lg, "evaluate model.h5 long.h5", 4, "needs more than 28000 steps", &result);
+}
+
 TEST("test data of another system is told") {
     (void)learn("oscillators.yaml", "rk4", "1e-2");
     lg_trajectories *test = cli_trajectories("test.h5");
