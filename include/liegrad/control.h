@@ -42,7 +42,7 @@ typedef struct lg_riccati_result {
     uint32_t refinements; /* Newton steps that were taken, at most 8 */
 } lg_riccati_result;
 
-/* Bytes for lg_care and lg_dare: about 8 (11 N^2 + 10 n^2 + 50 N), N = 2 n + m. 0: sizes out of range. */
+/* Bytes for lg_care and lg_dare: about 8 (11 N^2 + 14 n^2 + 50 N), N = 2 n + m. 0: sizes out of range. */
 LG_API size_t lg_riccati_work_size(size_t n, size_t m);
 
 /* The stabilising solution P (n, n), symmetric, of
@@ -54,8 +54,8 @@ LG_API size_t lg_riccati_work_size(size_t n, size_t m);
  *
  * Method: the stable deflating subspace of the extended pencil of 2 n + m rows, which needs no inverse of A
  * or R (Van Dooren 1981; Pappas, Laub & Sandell 1980; Laub 1979), by an ordered QZ decomposition after
- * symplectic scaling (Benner 2001); then Newton's method (Kleinman 1966; Hewer 1971) while it halves the
- * residual.
+ * symplectic scaling (Benner 2001); then Newton's method (Kleinman 1966; Hewer 1971) while its correction
+ * halves, from residuals that are summed in twice the digits (Ogita, Rump & Oishi 2005).
  *
  * Errors, explained in `error` (may be NULL); no output is touched:
  * - LG_INVALID_ARGUMENT: sizes, NULL, too little or misaligned memory; Q or R not symmetric; lg_care: R not
@@ -72,8 +72,10 @@ LG_API lg_status lg_dare(const lg_riccati *equation, double *P, double *K, doubl
                          lg_riccati_result *result, void *work, size_t bytes, lg_error *error);
 
 /* x' = A x + B u under an input held for h seconds is x+ = Ad x + Bd u with (Ad, Bd; 0, 1) = exp((A, B; 0, 0)
- * h); Ad (n, n), Bd (n, m); they may be A and B. Pade's approximation of order 16 with scaling and squaring
- * (Golub & Van Loan, Matrix Computations, algorithm 11.3.1), to about 1e-16 |A| h. Errors:
+ * h); Ad (n, n), Bd (n, m); they may be A and B. Pade's approximation [13/13] with scaling and squaring
+ * (Al-Mohy & Higham, SIAM J. Matrix Anal. Appl. 31, 2009) of the matrix balanced by powers of 2. Relative
+ * errors of Ad and Bd: about 1e-15 max(1, c), c the condition number of the exponential: |A| h or more, far
+ * more where exp(A h) is small beside exp(|A| h). Errors:
  * LG_INVALID_ARGUMENT (sizes as above, NULL, memory), LG_NOT_FINITE (A, B, h, or the result). */
 LG_API size_t lg_zero_order_hold_work_size(size_t n, size_t m);
 LG_API lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const double *B, double h,

@@ -15,13 +15,14 @@
  *   f(x + alpha d) <= f(x) + 1e-4 alpha g.d,   g(x + alpha d).d >= 0.9 g.d,
  * found by cubic interpolation. A failing search restarts from H = 1.
  *
- * lg_minimise and lg_least_squares measure x by its start, |x_i|, and f by its gradient there: units do not
- * matter. (A variable that starts at 0 is measured by what f and its derivative say; where the derivative is
- * zero too, it counts as large as the largest of the others.) Where no step lowers f, or many lower it by little,
- * they look at the Hessian (n up to 200: 2 n evaluations; differences of g), search along the Newton step or down
- * along its lowest eigenvector, and go on. LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a minimum: the
- * Hessian is positive semidefinite to 1e-9 of its diagonal, and the Newton step lowers f by less than 1e-8 of it
- * or moves x by less than 1e-8 of it. A plateau counts as a minimum.
+ * lg_minimise and lg_least_squares measure x by its start, |x_i|, and f by its gradient there: units do
+ * not matter. (A variable that starts at 0 is measured by what f and its derivative say; where the
+ * derivative is zero too, it counts as large as the largest of the others.) Where no step lowers f, or
+ * many lower it by little, they look at the Hessian (n up to 200: 2 n evaluations; differences of g),
+ * search along the Newton step or down along its lowest eigenvector, and go on. LG_MINIMISE_GRADIENT and
+ * LG_MINIMISE_ROUNDING then mean a minimum: the Hessian is positive semidefinite to 1e-9 of its diagonal,
+ * and the Newton step lowers f by less than 1e-8 of it or moves x by less than 1e-8 of it. A plateau
+ * counts as a minimum.
  */
 #ifndef LIEGRAD_MINIMISE_H
 #define LIEGRAD_MINIMISE_H
@@ -82,8 +83,8 @@ typedef struct lg_minimise_options {
     lg_minimise_method method; /* LG_MINIMISE_SSBROYDEN */
     uint32_t memory;           /* L-BFGS: 50 pairs, 1..1000 */
     double gradient_tolerance; /* 0: only an exact zero */
-    /* true: g is compared with f at the start, and where no step lowers f, along a line: 4 evaluations each, up to
-     * 16 where f is rough or before g is called wrong; and a minimum is verified by the Hessian. Of
+    /* true: g is compared with f along a line, at the start and where no step lowers f: 4 evaluations each,
+     * up to 16 where f is rough or before g is called wrong; the Hessian verifies a minimum. Of
      * lg_least_squares: J with r along a line at the start, 2 evaluations, 8 before it is called wrong. */
     bool check;
     bool slow; /* true: LG_MINIMISE_SLOW ends; false */
@@ -121,10 +122,11 @@ LG_API lg_status lg_minimise(const lg_context *context, size_t n, lg_objective o
 /* r (m), and dr_i/dx_j at jacobian[i n + j], at x (n). As lg_objective otherwise. */
 typedef lg_status (*lg_residuals)(void *user, const double *x, double *r, double *jacobian);
 
-/* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt, with a QR decomposition of J: the error
- * of a step grows with the condition of J, not its square. options->method is not read; an evaluation is one of r with its Jacobian. covariance (n, n), NULL or the covariance of x for
- * independent residuals of equal, unknown variance: |r|^2/(m - n) (J^T J)^-1; NaN where m = n or J^T J is
- * singular to rounding (a combination of the x cannot be identified). Errors: those of lg_minimise. */
+/* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt, with a QR decomposition of J: the
+ * error of a step grows with the condition of J, not its square. options->method is not read; an evaluation
+ * is one of r with its Jacobian. covariance (n, n), NULL or the covariance of x for independent residuals of
+ * equal, unknown variance: |r|^2/(m - n) (J^T J)^-1; NaN where m = n or J^T J is singular to rounding (a
+ * combination of the x cannot be identified). Errors: those of lg_minimise. */
 LG_API lg_status lg_least_squares(const lg_context *context, size_t n, size_t m, lg_residuals residuals,
                                   void *user, const lg_minimise_options *options, double *x,
                                   double *covariance, lg_minimise_result *result, lg_error *error);

@@ -25,6 +25,15 @@ void lg_matrix_transpose(size_t m, size_t n, const double *a, double *c);
 void lg_matrix_add(size_t count, double c, const double *x, double *y);
 /* In place: (x + x^T)/2 of x (n, n). */
 void lg_matrix_symmetrise(size_t n, double *x);
+/* A matrix in twice the digits, high + low. */
+typedef struct lg_matrix_pair {
+    double *high, *low;
+} lg_matrix_pair;
+/* c (m, n) = a^T b, a (k, m), b (k, n); b.low may be NULL (Ogita, Rump & Oishi 2005, Dot2). */
+void lg_matrix_multiply_twice(size_t m, size_t n, size_t k, const double *a, lg_matrix_pair b,
+                              lg_matrix_pair c);
+/* y += x */
+void lg_matrix_add_twice(size_t count, const double *x, lg_matrix_pair y);
 double lg_matrix_norm(size_t count, const double *x);
 /* L lower triangular, L L^T = (a + a^T)/2; false if that is not positive definite. a and L do not overlap. */
 bool lg_matrix_cholesky(size_t n, const double *a, double *L);

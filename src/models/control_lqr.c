@@ -8,19 +8,20 @@
 
 /* ---- zero-order hold ---- */
 
-enum { PADE = 8, MOST_SQUARINGS = 1000 };
+enum { MOST_SQUARINGS = 1100, BLOCKS = 8 };
 
 typedef struct hold {
     size_t rows; /* n + m */
-    double *M, *power, *over, *under, *next;
+    /* M; its powers 2, 4, 6; over and under the fraction's line; scratch (rows, rows). Units of the variables. */
+    double *M, *M2, *M4, *M6, *over, *under, *next, *sum, *unit;
     int *pivots;
 } hold;
 
 static size_t plan_hold(hold *s, void *memory) {
     lg_portions from = {memory, 0};
-    double **const square[] = {&s->M, &s->power, &s->over, &s->under, &s->next};
-    for (size_t i = 0; i < LG_COUNT(square); i++)
-        *square[i] = lg_portion(&from, s->rows * s->rows, sizeof(double));
+    double **const square[BLOCKS] = {&s->M, &s->M2, &s->M4, &s->M6, &s->over, &s->under, &s->next, &s->sum};
+    for (size_t i = 0; i < BLOCKS; i++) *square[i] = lg_portion(&from, s->rows * s->rows, sizeof(double));
+    s->unit = lg_portion(&from, s->rows, sizeof(double));
     s->pivots = lg_portion(&from, s->rows, sizeof(int));
     return from.used;
 }
@@ -44,24 +45,96 @@ static double largest_row(size_t n, const double *x) {
     return most;
 }
 
-/* M <- exp(M): N(M / 2^k) / N(-M / 2^k), squared k times. The transposes that LAPACK sees commute alike. */
+/* The largest row sum of |M|^power, from products with a vector of ones. */
+static double largest_row_of_power(const hold *s, int power) {
+    const size_t n = s->rows;
+    double *x = s->next, *y = x + n, most = 0.0;
+    for (size_t i = 0; i < n; i++) x[i] = 1.0;
+    for (int k = 0; k < power; k++) {
+        most = 0.0;
+        for (size_t i = 0; i < n; i++) {
+            y[i] = 0.0;
+            for (size_t j = 0; j < n; j++) y[i] += fabs(s->M[i * n + j]) * x[j];
+            most = fmax(most, y[i]);
+        }
+        memcpy(x, y, n * sizeof *x);
+    }
+    return most;
+}
+
+/* How often M is halved for Pade's approximation [13/13] (Al-Mohy & Higham, SIAM J. Matrix Anal. Appl. 31 (2009),
+ * algorithm 5.1): from the norms of powers of M, which may be far smaller than those powers of the norm. */
+static int squarings_of(const hold *s) {
+    static const double theta = 4.25, first_error = 8.8299e-36; /* 1/(C(26, 13) 27!) */
+    const size_t n = s->rows;
+    const double norm = largest_row(n, s->M);
+    const double d6 = pow(largest_row(n, s->M6), 1.0 / 6.0);
+    lg_matrix_multiply(n, n, n, s->M4, s->M4, s->next);
+    const double d8 = pow(largest_row(n, s->next), 1.0 / 8.0);
+    lg_matrix_multiply(n, n, n, s->M4, s->M6, s->next);
+    const double d10 = pow(largest_row(n, s->next), 1.0 / 10.0);
+    const double size = fmin(fmax(d6, d8), fmax(d8, d10));
+    if (!(norm > 0.0) || !isfinite(norm) || !isfinite(size)) return 0;
+    int squarings = size > theta ? (int)ceil(log2(size / theta)) : 0;
+    /* |M / 2^k|^27 beside |M / 2^k|: what the approximation leaves out. */
+    const double left = first_error * largest_row_of_power(s, 27) / norm;
+    const double excess = isfinite(left) && left > 0.0 ? log2(left) - 26.0 * squarings + 53.0 : 0.0;
+    if (excess > 0.0) squarings += (int)ceil(excess / 26.0);
+    return squarings < MOST_SQUARINGS ? squarings : MOST_SQUARINGS;
+}
+
+/* y = c2 M2 + c4 M4 + c6 M6 */
+static void combine(const hold *s, double c2, double c4, double c6, double *y) {
+    const size_t count = s->rows * s->rows;
+    for (size_t i = 0; i < count; i++) y[i] = c2 * s->M2[i] + c4 * s->M4[i] + c6 * s->M6[i];
+}
+
+static void set_powers(hold *s, int halvings) {
+    const size_t n = s->rows;
+    for (size_t i = 0; i < n * n; i++) s->M[i] = ldexp(s->M[i], -halvings);
+    lg_matrix_multiply(n, n, n, s->M, s->M, s->M2);
+    lg_matrix_multiply(n, n, n, s->M2, s->M2, s->M4);
+    lg_matrix_multiply(n, n, n, s->M2, s->M4, s->M6);
+}
+
+/* M <- exp(M) by Pade's approximation of M / 2^k, squared k times. The transposes that LAPACK sees commute alike. */
 static void exponential(hold *s) {
+    /* (26 - k)! 13!/(26! k! (13 - k)!) */
+    static const double b[] = {1.0,
+                               1.0 / 2,
+                               3.0 / 25,
+                               11.0 / 600,
+                               11.0 / 5520,
+                               3.0 / 18400,
+                               1.0 / 96600,
+                               1.0 / 1932000,
+                               1.0 / 48944000,
+                               1.0 / 1585785600,
+                               1.0 / 67395888000,
+                               1.0 / 3953892096000,
+                               1.0 / 355850288640000,
+                               1.0 / 64764752532480000};
     const size_t n = s->rows;
     const int size = (int)n;
     const double norm = largest_row(n, s->M);
-    int squarings = 0, info;
-    while (squarings < MOST_SQUARINGS && norm > exp2(squarings - 1)) squarings++;
+    /* Powers of a huge M overflow: their norms are those of a smaller one. */
+    const int before = isfinite(norm) && norm > 0x1p80 ? (int)ceil(log2(norm)) - 80 : 0;
+    int info;
+    set_powers(s, before);
+    const int rest = squarings_of(s), squarings = before + rest;
+    if (rest > 0) set_powers(s, rest);
+    combine(s, b[9], b[11], b[13], s->over); /* odd powers */
+    lg_matrix_multiply(n, n, n, s->M6, s->over, s->next);
+    combine(s, b[3], b[5], b[7], s->over);
+    for (size_t i = 0; i < n * n; i++) s->next[i] += s->over[i] + (i % (n + 1) == 0 ? b[1] : 0.0);
+    lg_matrix_multiply(n, n, n, s->M, s->next, s->sum);
+    combine(s, b[8], b[10], b[12], s->over); /* even powers */
+    lg_matrix_multiply(n, n, n, s->M6, s->over, s->next);
+    combine(s, b[2], b[4], b[6], s->over);
     for (size_t i = 0; i < n * n; i++) {
-        s->M[i] *= exp2(-squarings);
-        s->over[i] = s->under[i] = s->power[i] = i % (n + 1) == 0 ? 1.0 : 0.0;
-    }
-    double c = 1.0;
-    for (int k = 1; k <= PADE; k++) {
-        c *= (double)(PADE - k + 1) / (double)(k * (2 * PADE - k + 1));
-        lg_matrix_multiply(n, n, n, s->M, s->power, s->next);
-        memcpy(s->power, s->next, n * n * sizeof *s->next);
-        lg_matrix_add(n * n, c, s->power, s->over);
-        lg_matrix_add(n * n, k % 2 == 0 ? c : -c, s->power, s->under);
+        const double even = s->next[i] + s->over[i] + (i % (n + 1) == 0 ? b[0] : 0.0);
+        s->over[i] = even + s->sum[i];
+        s->under[i] = even - s->sum[i];
     }
     dgetrf_(&size, &size, s->under, &size, s->pivots, &info);
     dgetrs_("N", &size, &size, s->under, &size, s->pivots, s->over, &size, &info);
@@ -72,10 +145,25 @@ static void exponential(hold *s) {
     memcpy(s->M, s->over, n * n * sizeof *s->M);
 }
 
-/* A power of 2 that makes B at most as large as A: B grows with it, and exp's columns of u likewise. */
-static double input_unit(size_t n, size_t m, const double *A, const double *B) {
-    const double a = lg_matrix_norm(n * n, A), b = lg_matrix_norm(n * m, B);
-    return a > 0.0 && b > 0.0 ? exp2(nearbyint(log2(a / b))) : 1.0;
+/* D^-1 M D with powers of 2: rows and columns of A of a size, and each column of B at most as large as A, with
+ * which exp's column grows. */
+static void balance(hold *s, size_t n) {
+    const size_t N = s->rows;
+    const int size = (int)n;
+    int low, high, info;
+    double *A = s->next;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) A[j * n + i] = fabs(s->M[i * N + j]);
+    dgebal_("S", &size, A, &size, &low, &high, s->unit, &info);
+    for (size_t i = 0; i < n && info != 0; i++) s->unit[i] = 1.0;
+    const double a = largest_row(n, A); /* of the transpose, which dgebal scales alike */
+    for (size_t j = n; j < N; j++) {
+        double b = 0.0;
+        for (size_t i = 0; i < n; i++) b = fmax(b, fabs(s->M[i * N + j]) / s->unit[i]);
+        s->unit[j] = a > 0.0 && b > 0.0 ? exp2(nearbyint(log2(a) - log2(b))) : 1.0;
+    }
+    for (size_t i = 0; i < N; i++)
+        for (size_t j = 0; j < N; j++) s->M[i * N + j] *= s->unit[j] / s->unit[i];
 }
 
 lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const double *B, double h, double *Ad,
@@ -86,21 +174,21 @@ lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const double *
     LG_TRY(lg_portions_check(work, bytes, lg_zero_order_hold_work_size(n, m), error));
     (void)plan_hold(&s, work);
     const size_t N = s.rows;
-    const double unit = input_unit(n, m, A, B);
     const lg_kernels *k = lg_kernels_for(LG_F64);
     if (!isfinite(h) || !k->all_finite(n * n, A) || !k->all_finite(n * m, B))
         return lg_fail(error, LG_NOT_FINITE, "a number of A, B or the time is not finite");
     memset(s.M, 0, N * N * sizeof *s.M);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < n; j++) s.M[i * N + j] = h * A[i * n + j];
-        for (size_t j = 0; j < m; j++) s.M[i * N + n + j] = h * unit * B[i * m + j];
+        for (size_t j = 0; j < m; j++) s.M[i * N + n + j] = h * B[i * m + j];
     }
+    balance(&s, n);
     exponential(&s);
     if (!k->all_finite(N * N, s.M))
         return lg_fail(error, LG_NOT_FINITE, "the exponential over %g s is not finite", h);
     for (size_t i = 0; i < n; i++) {
-        memcpy(Ad + i * n, s.M + i * N, n * sizeof *Ad);
-        for (size_t j = 0; j < m; j++) Bd[i * m + j] = s.M[i * N + n + j] / unit;
+        for (size_t j = 0; j < n; j++) Ad[i * n + j] = s.M[i * N + j] * (s.unit[i] / s.unit[j]);
+        for (size_t j = 0; j < m; j++) Bd[i * m + j] = s.M[i * N + n + j] * (s.unit[i] / s.unit[n + j]);
     }
     return LG_OK;
 }

@@ -41,6 +41,31 @@ void lg_matrix_symmetrise(size_t n, double *x) {
         for (size_t j = 0; j < i; j++) x[i * n + j] = x[j * n + i] = 0.5 * (x[i * n + j] + x[j * n + i]);
 }
 
+void lg_matrix_multiply_twice(size_t m, size_t n, size_t k, const double *a, lg_matrix_pair b,
+                              lg_matrix_pair c) {
+    for (size_t i = 0; i < m; i++)
+        for (size_t j = 0; j < n; j++) {
+            double sum = 0.0, rest = 0.0;
+            for (size_t l = 0; l < k; l++) {
+                const double x = a[l * m + i], y = b.high[l * n + j], product = x * y, before = sum;
+                sum += product;
+                const double taken = sum - before;
+                rest += (before - (sum - taken)) + (product - taken) + fma(x, y, -product);
+                if (b.low != NULL) rest += x * b.low[l * n + j];
+            }
+            c.high[i * n + j] = sum + rest;
+            c.low[i * n + j] = rest - (c.high[i * n + j] - sum);
+        }
+}
+
+void lg_matrix_add_twice(size_t count, const double *x, lg_matrix_pair y) {
+    for (size_t i = 0; i < count; i++) {
+        const double sum = y.high[i] + x[i], taken = sum - y.high[i];
+        y.low[i] += (y.high[i] - (sum - taken)) + (x[i] - taken);
+        y.high[i] = sum;
+    }
+}
+
 double lg_matrix_norm(size_t count, const double *x) {
     double largest = 0.0, sum = 0.0;
     for (size_t i = 0; i < count; i++)

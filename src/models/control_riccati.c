@@ -18,7 +18,7 @@
 
 enum { MOST_ROWS = 10000, MOST_NEWTON = 8 };
 static const double on_boundary = 2e-8, most_residual = 1e-6, asymmetry = 1e-8, most_factor = 0.3,
-                    most_correction = 1e-2, rounding = 1e-12;
+                    most_correction = 1e-2, rounding = 1e-12, measurable = 1e-8;
 
 typedef struct riccati {
     const lg_riccati *of;
@@ -35,17 +35,19 @@ typedef struct riccati {
     /* Newton: the best P, and what follows from a P: gain, closed loop, residual. */
     double *P, *trial, *K, *gain, *closed, *residual, *schur, *Z;
     double *t1, *t2, *right, *W, *L;
-    double *poles, *found; /* (n, 2): of the best P, of the trial */
+    lg_matrix_pair PA, term, PB, twice, doubleW; /* of the residual: (n, n), (n, n), (n, m), (m, n), (m, m) */
+    double *poles, *found;                       /* (n, 2): of the best P, of the trial */
     lg_riccati_result result;
 } riccati;
 
 static size_t plan_memory(riccati *s, void *memory) {
     lg_portions from = {memory, 0};
     const size_t n = s->n, m = s->m, N = s->rows, d = sizeof(double);
-    double **const square[] = {&s->Q,     &s->P, &s->trial, &s->closed, &s->residual,
-                               &s->schur, &s->Z, &s->t1,    &s->t2};
-    double **const wide[] = {&s->K, &s->gain, &s->right};
-    double **const small[] = {&s->R, &s->W, &s->L};
+    double **const square[] = {&s->Q,  &s->P,  &s->trial,   &s->closed, &s->residual,  &s->schur,   &s->Z,
+                               &s->t1, &s->t2, &s->PA.high, &s->PA.low, &s->term.high, &s->term.low};
+    double **const wide[] = {&s->K,      &s->gain,       &s->right,    &s->PB.high,
+                             &s->PB.low, &s->twice.high, &s->twice.low};
+    double **const small[] = {&s->R, &s->W, &s->L, &s->doubleW.high, &s->doubleW.low};
     double **const long_one[] = {&s->re, &s->im, &s->beta, &s->scale, &s->tau, &s->poles, &s->found};
     double **const pencil[] = {&s->H, &s->J, &s->V};
     for (size_t i = 0; i < LG_COUNT(square); i++) *square[i] = lg_portion(&from, n * n, d);
@@ -267,39 +269,75 @@ static void close_loop(const riccati *s) {
     for (size_t i = 0; i < n * n; i++) s->closed[i] = s->of->A[i] - s->closed[i];
 }
 
-/* gain (m, n), closed = A - B gain and the residual of the trial P; *relative: its size. False: W is not
- * positive definite. */
+/* s->right = B^T P + S^T and W (discrete: B^T P A + S^T, R + B^T P B) of the trial P, and the same in twice the
+ * digits. */
+static void weigh(const riccati *s) {
+    const size_t n = s->n, m = s->m;
+    const lg_matrix_pair A = {(double *)s->of->A, NULL}, B = {(double *)s->of->B, NULL}, P = {s->trial, NULL};
+    lg_matrix_multiply_twice(n, n, n, s->trial, A, s->PA);
+    lg_matrix_multiply_twice(m, n, n, s->of->B, s->discrete ? s->PA : P, s->twice);
+    if (s->of->S != NULL) {
+        lg_matrix_transpose(n, m, s->of->S, s->right);
+        lg_matrix_add_twice(m * n, s->right, s->twice);
+    }
+    memset(s->doubleW.high, 0, m * m * sizeof *s->W);
+    memset(s->doubleW.low, 0, m * m * sizeof *s->W);
+    if (s->discrete) {
+        lg_matrix_multiply_twice(n, m, n, s->trial, B, s->PB);
+        lg_matrix_multiply_twice(m, m, n, s->of->B, s->PB, s->doubleW);
+    }
+    lg_matrix_add_twice(m * m, s->R, s->doubleW);
+    memcpy(s->right, s->twice.high, m * n * sizeof *s->right);
+    memcpy(s->W, s->doubleW.high, m * m * sizeof *s->W);
+}
+
+/* Adds a term in twice the digits, times sign, to the residual, term.high + its rest in t2. */
+static void add_term(const riccati *s, double sign, lg_matrix_pair x, bool transposed) {
+    const size_t n = s->n;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            const size_t from = transposed ? j * n + i : i * n + j, to = i * n + j;
+            const double term = sign * x.high[from], before = s->residual[to], sum = before + term;
+            const double taken = sum - before;
+            s->residual[to] = sum;
+            s->t2[to] += (before - (sum - taken)) + (term - taken) + sign * x.low[from];
+        }
+}
+
+/* gain K (m, n), closed = A - B K and the residual of the trial P; *relative: its size. False: W is not positive
+ * definite. The residual is what Newton's method divides by the distance of the closed loop from the boundary: its
+ * terms are summed in twice the digits, -right^T W^-1 right as K^T (W K - right) - right^T K, in which the
+ * rounding of K has no share. */
 static bool evaluate(const riccati *s, double *relative) {
     const size_t n = s->n, m = s->m;
-    const double *A = s->of->A, *B = s->of->B, *P = s->trial;
-    double *PA = s->t1, *square = s->t2, *W = s->W;
-    lg_matrix_multiply(n, n, n, P, A, PA);
-    lg_matrix_multiply_tn(m, n, n, B, s->discrete ? PA : P, s->right);
-    for (size_t i = 0; s->of->S != NULL && i < n; i++)
-        for (size_t j = 0; j < m; j++) s->right[j * n + i] += s->of->S[i * m + j];
-    if (s->discrete) { /* W = R + B^T (P B); P B is in H, which is no longer needed */
-        lg_matrix_multiply(n, m, n, P, B, s->H);
-        lg_matrix_multiply_tn(m, m, n, B, s->H, W);
-        lg_matrix_add(m * m, 1.0, s->R, W);
-    } else {
-        memcpy(W, s->R, m * m * sizeof *W);
-    }
-    if (!lg_matrix_cholesky(m, W, s->L)) return false;
+    weigh(s);
+    if (!lg_matrix_cholesky(m, s->W, s->L)) return false;
     lg_kernels_for(LG_F64)->spd_solve(1, m, n, s->L, s->right, s->gain);
-    lg_matrix_multiply_tn(n, n, m, s->right, s->gain, square);
-    double size = lg_matrix_norm(n * n, square) + lg_matrix_norm(n * n, s->Q);
-    for (size_t i = 0; i < n * n; i++) s->residual[i] = s->Q[i] - square[i];
+    memcpy(s->residual, s->Q, n * n * sizeof *s->residual);
+    memset(s->t2, 0, n * n * sizeof *s->t2);
+    double size = lg_matrix_norm(n * n, s->Q);
     if (s->discrete) {
-        lg_matrix_multiply_tn(n, n, n, A, PA, square);
-        size += lg_matrix_norm(n * n, square) + lg_matrix_norm(n * n, P);
-        lg_matrix_add(n * n, -1.0, P, square);
-        lg_matrix_add(n * n, 1.0, square, s->residual);
+        for (size_t i = 0; i < n * n; i++) s->t1[i] = 0.0;
+        add_term(s, -1.0, (lg_matrix_pair){s->trial, s->t1}, false);
+        lg_matrix_multiply_twice(n, n, n, s->of->A, s->PA, s->term);
+        add_term(s, 1.0, s->term, false);
+        size += lg_matrix_norm(n * n, s->term.high) + lg_matrix_norm(n * n, s->trial);
     } else {
-        lg_matrix_transpose(n, n, PA, square);
-        size += 2.0 * lg_matrix_norm(n * n, PA);
-        lg_matrix_add(n * n, 1.0, PA, s->residual);
-        lg_matrix_add(n * n, 1.0, square, s->residual);
+        add_term(s, 1.0, s->PA, false);
+        add_term(s, 1.0, s->PA, true);
+        size += 2.0 * lg_matrix_norm(n * n, s->PA.high);
     }
+    lg_matrix_multiply_twice(n, n, m, s->gain, s->twice, s->term); /* K^T right */
+    add_term(s, -1.0, s->term, false);
+    size += lg_matrix_norm(n * n, s->term.high);
+    lg_matrix_multiply_twice(n, m, m, s->gain, s->doubleW, s->PB); /* K^T W */
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < m; j++)
+            s->right[j * n + i] = s->PB.high[i * m + j] - s->twice.high[j * n + i] +
+                                  (s->PB.low[i * m + j] - s->twice.low[j * n + i]);
+    lg_matrix_multiply_tn(n, n, m, s->gain, s->right, s->t1);
+    lg_matrix_add(n * n, 1.0, s->t1, s->t2);
+    lg_matrix_add(n * n, 1.0, s->t2, s->residual);
     lg_matrix_symmetrise(n, s->residual);
     const double off = lg_matrix_norm(n * n, s->residual);
     *relative = off > 0.0 ? off / size : off;
@@ -404,9 +442,9 @@ static void keep(riccati *s, double residual, double margin) {
     s->result.margin = margin;
 }
 
-/* From the trial P on. A smaller residual is kept, at rounding only one that halves: there, corrections are
- * rounding too, multiplied by the condition of the equation, and need not shrink. Whether P is near a
- * solution is seen from the contraction: 0 in the limit, but 1/2 with eigenvalues on the boundary. */
+/* From the trial P on. A smaller residual is kept; below rounding, where that of P's own digits hides it, a P
+ * whose correction halves. Whether P is near a solution is seen from the contraction: 0 in the limit, but 1/2
+ * with eigenvalues on the boundary. */
 static lg_status refine(riccati *s) {
     const size_t n = s->n;
     double before = INFINITY, change_before = INFINITY, factor = INFINITY;
@@ -414,21 +452,22 @@ static lg_status refine(riccati *s) {
         double residual = INFINITY, margin = 0.0;
         const bool usable = evaluate(s, &residual) && find_poles(s, &margin) && margin > 0.0;
         if (step == 0 && !usable) return explain(s, "the closed loop is not stable");
-        if (step > 0 && (!usable || !(residual < (before > rounding ? before : 0.5 * before)))) break;
+        if (step > 0 && (!usable || !(residual < fmax(before, rounding)))) break;
+        correct(s);
+        const double change = lg_matrix_norm(n * n, s->t1), size = lg_matrix_norm(n * n, s->trial);
+        const double correction = change > 0.0 ? change / size : 0.0;
+        if (step > 0 && residual < rounding && !(correction < 0.5 * change_before)) break;
         keep(s, residual, margin);
         s->result.refinements = step;
-        correct(s);
-        const double change = lg_matrix_norm(n * n, s->t1);
-        s->result.correction = change > 0.0 ? change / lg_matrix_norm(n * n, s->P) : 0.0;
+        s->result.correction = correction;
+        if (!(correction > 0.0)) break;
         lg_matrix_add(n * n, 1.0, s->t1, s->trial);
         lg_matrix_symmetrise(n, s->trial);
-        factor = contraction(s);
-        if (!(change > 0.0) || !(residual < 0.5 * before) ||
-            (residual < rounding && !(s->result.correction < 0.3 * change_before)))
-            break;
-        before = residual, change_before = s->result.correction;
+        if (step == 0 || correction > measurable) factor = contraction(s);
+        before = residual, change_before = correction;
     }
-    const bool near_one = factor <= most_factor && s->result.correction <= most_correction;
+    const bool near_one =
+        (factor <= most_factor || !(s->result.correction > 0.0)) && s->result.correction <= most_correction;
     return near_one ? LG_OK : explain(s, "Newton's method does not converge");
 }
 

@@ -26,7 +26,7 @@ def care_cases():
                [[1 + e, 1], [1, 1]], None)
     for e in (1e6, 1.0, 1e-3, 1e-6):
         yield f"CAREX 2.3, {e:g}", [[0, e], [0, 0]], [[0], [1]], np.eye(2), [[1]], None
-    for e in (1.0, 1e-3, 1e-6):
+    for e in (1.0, 1e-3, 1e-6, 1e-7):
         yield f"CAREX 2.4, {e:g}", [[1 + e, 1], [1, 1 + e]], np.eye(2), e * e * np.eye(2), np.eye(2), None
     for e in (1.0, 1e-2, 1e-4):
         yield (f"CAREX 2.5, {e:g}", [[3 - e, 1], [4, 2 - e]], [[1], [1]],

@@ -1,6 +1,9 @@
 /* Steps along coordinates, equilibria, the zero-order hold, and regulators whose cost is that of the run. */
+#include <float.h>
+
 #include "models/machine_support.h"
 #include "models/model_support.h"
+#include "golden/hold_table.h"
 #include "support/malloc_count.h"
 
 #include "liegrad/control.h"
@@ -99,6 +102,26 @@ TEST("the zero-order hold of integrators, an oscillator and stiff scales is exac
     assert_status(lg_zero_order_hold(2, 1, chain, push, NAN, Ad, Bd, test_work(4096), 4096, NULL),
                   LG_NOT_FINITE);
     assert_status(lg_zero_order_hold(2, 1, chain, push, 1.0, Ad, Bd, NULL, 0, NULL), LG_INVALID_ARGUMENT);
+}
+
+static double distance(size_t count, const double *a, const double *b) {
+    double apart = 0.0, size = 0.0;
+    for (size_t i = 0; i < count; i++) apart = hypot(apart, a[i] - b[i]), size = hypot(size, b[i]);
+    return apart > 0.0 ? apart / size : apart;
+}
+
+TEST("the zero-order hold against 50 digits: integrators, stiff, badly scaled, overscaled, huge, tiny") {
+    print_message("%-28s %9s %9s %9s %9s\n", "relative errors", "Ad", "Bd", "SciPy", "condition");
+    for (size_t i = 0; i < LG_COUNT(hold_table); i++) {
+        const hold_case *c = &hold_table[i];
+        const size_t n = c->n, m = c->m;
+        const double *A = c->numbers, *B = A + n * n, *exact = B + n * m;
+        double *Ad = TEST_ARRAY(double, n *n), *Bd = TEST_ARRAY(double, n *m);
+        hold(n, m, A, B, c->h, Ad, Bd);
+        const double off_A = distance(n * n, Ad, exact), off_B = distance(n * m, Bd, exact + n * n);
+        print_message("%-28s %9.1e %9.1e %9.1e %9.1e\n", c->name, off_A, off_B, c->scipy, c->condition);
+        assert_true(fmax(off_A, off_B) <= 4.0 * DBL_EPSILON * fmax(1.0, c->condition));
+    }
 }
 
 /* ---- regulators ---- */
