@@ -124,17 +124,6 @@ static bool taken(expecting *e, double *values, double *out) {
     return true;
 }
 
-/* How often a row of the logs is the residual of a window, on average. */
-static double repeats(const lg_machine_problem *problem, size_t windows, size_t first) {
-    size_t rows = 0, end = 0;
-    for (size_t w = 0; w < windows; w++) {
-        const size_t begin = problem->start[w] + first, after = problem->start[w] + problem->window;
-        rows += after - (begin > end ? begin : end);
-        end = after;
-    }
-    return (double)(windows * (problem->window - first)) / (double)rows;
-}
-
 /* ---- what there is to be explained ---- */
 
 /* Adds the squares of what changes of the velocities make of one window: of velocities, and of positions. */
@@ -201,7 +190,7 @@ static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_
         lost *= (double)used / (double)all;
     else
         return LG_OUT_OF_MEMORY;
-    lost = fmin(lost * repeats(&e->problem, all, first), 0.5 * before);
+    lost = fmin(lost, 0.5 * before);
     *out = (lg_machine_expected){.loss = points * (before - lost)};
     add_changes(e, all, used, &out->change);
     return LG_OK;
