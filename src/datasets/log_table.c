@@ -51,6 +51,17 @@ lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
     return LG_OK;
 }
 
+lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...) {
+    char text[LG_LOG_WARNING];
+    va_list arguments;
+    const lg_log_origin *o = &table->origin[row];
+    va_start(arguments, format);
+    (void)vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return lg_log_warn(table, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
+                       is_h5(table, o->file) ? "row" : "line", o->line, text);
+}
+
 static lg_status grow(lg_log_table *table) {
     const size_t room = table->room == 0 ? FIRST_ROWS : 2 * table->room;
     double *data = lg_alloc(table->context, room, table->columns * sizeof *data);

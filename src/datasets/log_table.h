@@ -1,5 +1,5 @@
 /* Logs on their way into lg_logs. log_csv.c and log_h5.c fill a table with the columns of the machine file;
- * logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_check.c compares positions with
+ * log_jumps.c tells outliers, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_check.c compares positions with
  * velocities, log_statistics.c has noise and splines. */
 #ifndef LG_LOG_TABLE_H
 #define LG_LOG_TABLE_H
@@ -42,6 +42,9 @@ lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, co
 lg_status lg_log_no_memory(const char *path, lg_error *error);
 /* Adds a sentence. LG_OUT_OF_MEMORY. */
 lg_status lg_log_warn(lg_log_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* The same of a row: "FILE: line 7: ..." */
+lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 /* Values (columns) as in the file. A row without a time is counted and left out. */
 lg_status lg_log_append(lg_log_table *table, uint32_t file, size_t line, const double *values, bool new_run,
                         lg_error *error);
@@ -57,6 +60,9 @@ lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error);
 /* Append the rows of one file. */
 lg_status lg_log_read_csv(lg_log_table *table, uint32_t file, lg_error *error);
 lg_status lg_log_read_h5(lg_log_table *table, uint32_t file, lg_error *error);
+
+/* Tells, of each file and column, values that jump far from all others and back within two rows. */
+lg_status lg_log_warn_of_jumps(lg_log_table *table);
 
 /* ---- after the parts are known ---- */
 

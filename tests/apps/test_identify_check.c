@@ -323,6 +323,115 @@ TEST("constant inputs, feedback, coordinates that never move and a free scale ar
     assert_says(result.err, "scale of the forces");
 }
 
+/* Changes the input of a log whose motion stays; what is told of it. */
+typedef struct input_case {
+    void (*make)(sheet *s);
+    const char *told; /* NULL: nothing */
+} input_case;
+
+static void one_jump(sheet *s) {
+    s->u[70] = 10966;
+}
+static void two_rows(sheet *s) {
+    s->u[70] = 10966, s->u[71] = 9000;
+}
+static void several(sheet *s) {
+    s->u[20] = -400, s->u[70] = 500, s->u[150] = 10966;
+}
+static void first_row(sheet *s) {
+    s->u[0] = 10966;
+}
+static void last_row(sheet *s) {
+    s->u[ROWS - 1] = -10966;
+}
+static void beside_offset(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = 0.26 + 0.01 * s->u[i];
+    s->u[70] = 0.9;
+}
+static void of_constant(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = 6;
+    s->u[70] = 10966;
+}
+static void of_steps(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = i / 20 % 2 == 0 ? 0 : 10;
+    s->u[70] = 10966;
+}
+static void nothing(sheet *s) {
+    (void)s;
+}
+static void steps(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = i / 20 % 2 == 0 ? 0 : 10;
+}
+static void one_step(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = i < 40 ? 0 : 10;
+}
+static void noisy_step(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = (i < 1 ? 0 : 10) + 1e-3 * noise(i);
+}
+static void late_step(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = i + 4 < ROWS ? 0 : 10;
+}
+static void short_step(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = (i >= 50 && i < 53 ? 10 : 0) + 1e-3 * noise(i);
+}
+static void pulses(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = i % 17 == 0 ? 10 : 0;
+}
+static void hammer(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = i == 30 ? 50 : 0;
+}
+static void every_row(sheet *s) {
+    for (size_t i = 0; i < ROWS; i++) s->u[i] = noise(i) > 0 ? 3 : -3;
+}
+
+TEST("a jump of an input and back is told with file, line and column, and steps, pulses and noise are not") {
+    static const input_case cases[] = {{one_jump, "line 72: column u: jumps to 10966"},
+                                       {two_rows, "line 72: column u: jumps to 10966"},
+                                       {several, "the first of 3 such"},
+                                       {first_row, "line 2: column u: jumps to 10966"},
+                                       {last_row, "line 201: column u: jumps to -10966"},
+                                       {beside_offset, "line 72: column u: jumps to 0.9"},
+                                       {of_constant, "line 72: column u: jumps to 10966"},
+                                       {of_steps, "line 72: column u: jumps to 10966"},
+                                       {nothing, NULL},
+                                       {steps, NULL},
+                                       {one_step, NULL},
+                                       {noisy_step, NULL},
+                                       {late_step, NULL},
+                                       {short_step, NULL},
+                                       {pulses, NULL},
+                                       {hammer, NULL},
+                                       {every_row, NULL}};
+    static const double units[] = {1, 1e-9, 1e9};
+    cli_write("input.yaml", "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+                            "inputs: {columns: [u]}\npotential: {kind: quadratic, of: x}\n");
+    write_sheet("first.csv", good_sheet());
+    for (size_t i = 0; i < LG_COUNT(cases); i++)
+        for (size_t k = 0; k < LG_COUNT(units); k++) {
+            sheet *s = good_sheet();
+            cases[i].make(s);
+            for (size_t row = 0; row < ROWS; row++) s->u[row] *= units[k];
+            write_sheet("second.csv", s);
+            cli_json(identify, "check input.yaml first.csv second.csv", "files 2", &result);
+            assert_int_equal(strstr(result.err, "such jumps") != NULL, cases[i].told != NULL);
+            if (cases[i].told != NULL && k == 0) assert_says(result.err, cases[i].told);
+            if (cases[i].told != NULL) assert_says(result.err, "second.csv: line ");
+        }
+    sheet *s = good_sheet();
+    one_jump(s);
+    write_sheet("second.csv", s);
+    cli_json(identify, "fit input.yaml first.csv second.csv --out m.h5 --epochs 2", "loss >0", &result);
+    assert_int_equal(times(result.err, "second.csv: line 72: column u: jumps to 10966"), 1);
+    cli_write("place.yaml",
+              "columns: {time: t}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
+              "mass: {kind: known, values: [1]}\n");
+    s = good_sheet();
+    s->cells[70][X] = 40;
+    write_sheet("second.csv", s);
+    cli_json(identify, "check place.yaml first.csv second.csv", "files 2", &result);
+    assert_says(result.err, "second.csv: line 72: column x: jumps to 40");
+}
+
 TEST("positions that are late are told with their lag, noisy or not, and a sensor that is stuck with its "
      "rows") {
     static const double sizes[] = {0.0, 1e-3};

@@ -1,0 +1,87 @@
+/* Values far from all others of their column, for a row or two: outliers. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "datasets/h5.h"
+#include "datasets/log_table.h"
+
+enum { MOST_SORTED = 50000, FEWEST = 20, LONGEST = 2 };
+#define OUTSIDE 50  /* one part in so many, at each end, is left out of the range of most values */
+#define FAR     5.0 /* ranges from it */
+
+/* The values of most rows, and how far from them is far. */
+typedef struct bulk {
+    double low, high, far;
+} bulk;
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* A column that stands still has no range: its size takes its place. False: nothing is far. */
+static bool find_bulk(const lg_log_table *t, uint32_t column, size_t first, size_t end, double *work,
+                      bulk *out) {
+    const size_t stride = (end - first) / MOST_SORTED + 1;
+    size_t n = 0;
+    for (size_t row = first; row < end; row += stride) {
+        const double x = lg_log_row(t, row)[column];
+        if (isfinite(x)) work[n++] = x;
+    }
+    if (n < FEWEST) return false;
+    qsort(work, n, sizeof *work, compare);
+    const size_t outside = n / OUTSIDE > LONGEST ? n / OUTSIDE : LONGEST;
+    *out = (bulk){.low = work[outside], .high = work[n - 1 - outside]};
+    const double range = out->high - out->low;
+    out->far = FAR * (range > 0 ? range : fabs(out->low));
+    return out->far > 0;
+}
+
+static double distance(const bulk *b, double x) {
+    return x > b->high ? x - b->high : x < b->low ? b->low - x : 0;
+}
+
+/* At the end of a run a value does not come back: a step looks like it, unless it is far beyond the size of all
+ * others, too. */
+static bool is_outlier(const lg_log_table *t, uint32_t column, size_t row, size_t after, size_t first,
+                       size_t end, const bulk *b) {
+    const bool begins = row == first || t->origin[row - 1].run != t->origin[row].run,
+               ends = after == end || t->origin[after].run != t->origin[row].run;
+    const double size = fmax(fabs(b->low), fabs(b->high));
+    return after - row <= LONGEST &&
+           ((!begins && !ends) || (b->high > b->low && fabs(lg_log_row(t, row)[column]) > FAR * size));
+}
+
+static lg_status warn_of_column(lg_log_table *t, uint32_t column, size_t first, size_t end, double *work) {
+    bulk b;
+    size_t at = 0, count = 0;
+    if (!find_bulk(t, column, first, end, work, &b)) return LG_OK;
+    for (size_t row = first, after = first; row < end; row = after) {
+        for (after = row; after < end && t->origin[after].run == t->origin[row].run; after++)
+            if (!(distance(&b, lg_log_row(t, after)[column]) > b.far)) break;
+        if (after == row)
+            after++;
+        else if (is_outlier(t, column, row, after, first, end, &b) && count++ == 0)
+            at = row;
+    }
+    if (count == 0) return LG_OK;
+    return lg_log_warn_at(t, at,
+                          "column %s: jumps to %.6g and back, where most rows are between %.6g and %.6g, the "
+                          "first of %zu such jumps: outliers? leave these cells empty",
+                          t->machine->columns[column].name, lg_log_row(t, at)[column], b.low, b.high, count);
+}
+
+lg_status lg_log_warn_of_jumps(lg_log_table *table) {
+    double *work = lg_alloc(table->context, MOST_SORTED + 1, sizeof *work);
+    lg_status status = work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    for (size_t first = 0, end = 1; first < table->rows && status == LG_OK; first = end++) {
+        while (end < table->rows && table->origin[end].file == table->origin[first].file) end++;
+        for (uint32_t i = 0; i < table->columns && status == LG_OK; i++) {
+            const lg_log_role role = table->machine->columns[i].role;
+            if (role != LG_LOG_TIME && role != LG_LOG_RUN)
+                status = warn_of_column(table, i, first, end, work);
+        }
+    }
+    lg_free(table->context, work);
+    return status;
+}
