@@ -17,6 +17,7 @@ enum { KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000 };
 static volatile int stopped_by; /* the first signal that asked for the end; 0: none */
 static volatile sig_atomic_t hung_up;
 static const app *running; /* for --version and the last words */
+static bool parsing;       /* the command line; --help and --version end the program meanwhile */
 
 static const app_option common_options[] = {
     APP_ROW_FLAG(app, json, "json", "Print the result as one JSON object"),
@@ -327,6 +328,18 @@ static void print_version(FILE *stream, struct argp_state *state) {
 
 /* ---- running ---- */
 
+/* What was printed has arrived. An exit code. */
+static int flush_output(const app *self) {
+    if (fflush(stdout) == 0 && !ferror(stdout)) return APP_EXIT_OK;
+    return app_fail(self, LG_FILE, "the results could not be written to standard output");
+}
+
+/* At the end of --help, --usage and --version, in which argp calls exit(0). */
+static void flush_help(void) {
+    const int code = parsing ? flush_output(running) : APP_EXIT_OK;
+    if (code != APP_EXIT_OK) _exit(code);
+}
+
 /* What stops a command with its state saved; the same signal again kills. SIGHUP that is ignored (nohup)
  * stays so. */
 static void on_stop(int number) {
@@ -436,8 +449,7 @@ static int run_command(app *self) {
     if (code == APP_EXIT_OK) code = self->command->run(self);
     code = app_leave_ranks(self, code);
     lg_context_destroy(self->context);
-    if ((fflush(stdout) != 0 || ferror(stdout)) && code == APP_EXIT_OK)
-        code = app_fail(self, LG_FILE, "the results could not be written to standard output");
+    if (code == APP_EXIT_OK) code = flush_output(self);
     return code == APP_EXIT_INTERRUPTED && stopped_by != 0 ? 128 + stopped_by : code;
 }
 
@@ -455,12 +467,14 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     self.command_line = join(argc, argv);
     argv[0] = self.title; /* what getopt's own messages begin with */
     install_signals();
+    parsing = atexit(flush_help) == 0;
     if (commands[0].name == NULL) {
         app_choose_command(&self, &commands[0]);
         run_parser(&self, argc, argv);
     } else {
         parse_with_commands(&self, argc, argv, summary, commands);
     }
+    parsing = false;
     lg_runtime_setup();
     lg_io_setup();
     int code = reserve(&self);

@@ -301,16 +301,17 @@ void app_file_begin(app_file *file, const char *path);
 /* On failure the old file stands and `error` says why. */
 lg_status app_file_end(app_file *file, lg_error *error);
 void app_file_discard(app_file *file);
-/* Fails now rather than after an hour of work: the folder of `path` must exist and be writable, `path` no
- * folder. */
+/* Fails now rather than after an hour of work: the folder of `path` must exist and be writable, `path` a
+ * regular file or nothing. */
 lg_status app_check_writable(const char *path, lg_error *error);
 /* Whether both paths lead to one file, through links or other spellings too. */
 bool app_same_file(const char *a, const char *b);
 
 typedef enum app_use {
-    APP_WRITTEN, /* the file is replaced */
-    APP_DRAWN,   /* a picture: data and script beside it are replaced too */
-    APP_READ     /* an input that an option names */
+    APP_WRITTEN,  /* the file is replaced */
+    APP_STREAMED, /* likewise, or it is a pipe or a device, which is written to */
+    APP_DRAWN,    /* a picture: data and script beside it are replaced too */
+    APP_READ      /* an input that an option names */
 } app_use;
 typedef struct app_path {
     const char *option; /* without the dashes; NULL: an argument, which app->arguments does not hold */

@@ -32,6 +32,8 @@ lg_status app_check_writable(const char *path, lg_error *error) {
     struct stat information;
     if (stat(path, &information) == 0 && S_ISDIR(information.st_mode))
         return app_error(error, LG_FILE, "%s: cannot be written: it is a folder", path);
+    if (stat(path, &information) == 0 && !S_ISREG(information.st_mode))
+        return app_error(error, LG_FILE, "%s: cannot be written: it is not a regular file", path);
     char *folder = app_format("%s", path);
     char *slash = strrchr(folder, '/');
     if (slash == NULL)
@@ -78,33 +80,41 @@ bool app_same_file(const char *a, const char *b) {
 typedef struct used_file {
     const char *option; /* NULL: an argument */
     char *path;
-    bool written;
+    bool written, streamed;
 } used_file;
 
 /* All files that a command touches, inputs first; `out` has room for app.arguments and 3 (count). */
 static size_t list_files(const app *self, const app_path *paths, size_t count, used_file *out) {
     size_t n = 0;
     for (int i = 0; i < self->argument_count; i++)
-        out[n++] = (used_file){NULL, app_format("%s", self->arguments[i]), false};
+        out[n++] = (used_file){NULL, app_format("%s", self->arguments[i]), false, false};
     for (size_t i = 0; i < count; i++)
         if (paths[i].path != NULL && paths[i].use == APP_READ)
-            out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), false};
+            out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), false, false};
     for (size_t i = 0; i < count; i++) {
         if (paths[i].path == NULL || paths[i].use == APP_READ) continue;
         const int stem = (int)strlen(paths[i].path) - 4;
-        out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), true};
+        out[n++] =
+            (used_file){paths[i].option, app_format("%s", paths[i].path), true, paths[i].use == APP_STREAMED};
         if (paths[i].use != APP_DRAWN) continue;
-        out[n++] = (used_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), true};
-        out[n++] = (used_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), true};
+        out[n++] = (used_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), true, false};
+        out[n++] = (used_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), true, false};
     }
     return n;
+}
+
+/* A pipe or a device that takes what is written as it comes. */
+static bool is_stream(const used_file *file) {
+    struct stat about;
+    return file->streamed && stat(file->path, &about) == 0 && !S_ISREG(about.st_mode) &&
+           !S_ISDIR(about.st_mode);
 }
 
 /* files[at] is written: it can be, and it is none of those before it. */
 static int check_output(const app *self, const used_file *files, size_t at) {
     const used_file *file = &files[at];
     lg_error error = {LG_OK, ""};
-    const lg_status status = app_check_writable(file->path, &error);
+    const lg_status status = is_stream(file) ? LG_OK : app_check_writable(file->path, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, file->path);
     for (size_t i = 0; i < at; i++) {
         const used_file *other = &files[i];

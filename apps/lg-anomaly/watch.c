@@ -576,7 +576,7 @@ static int watch_with(const app *self, const well_model *model, int file) {
 static int run(app *self) {
     well_model model;
     int file = STDIN_FILENO;
-    const app_path paths[] = {{"input", values.input, APP_READ}, {"log", values.log, APP_WRITTEN}};
+    const app_path paths[] = {{"input", values.input, APP_READ}, {"log", values.log, APP_STREAMED}};
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code == APP_EXIT_OK) code = well_model_load(self, self->arguments[0], &model);
     if (code != APP_EXIT_OK) return code;
