@@ -136,6 +136,7 @@ int train_size(app *self, const train_task *task, const char *size, train_race *
         if (app_store(slot, size, &error) == LG_OK) return APP_EXIT_OK;
         return app_usage(self, "--size: %s, or auto", error.message);
     }
+    if (train_given_files.resume != NULL) return APP_EXIT_OK; /* the stored run has the winner's size */
     const int code = run_race(self, task, slot, race);
     if (code != APP_EXIT_OK) return code;
     race->winner = winner(race);

@@ -70,10 +70,6 @@ static int check_options(const app *self, const train_task *task) {
     }
     if (files->evaluations > 0 && app_given(self, "epochs"))
         return app_usage(self, "--evaluations: is another name of --epochs; give one of them");
-    if (files->resume != NULL && files->size != NULL)
-        return app_usage(self, "--size: a resumed run has its size already");
-    if (files->resume != NULL && app_given(self, "preset"))
-        return app_usage(self, "--preset: a resumed run has its settings already");
     return APP_EXIT_OK;
 }
 
@@ -314,6 +310,25 @@ typedef struct stored_run {
     void *run;
 } stored_run;
 
+/* The member of the stored run that task->training is of the run. */
+static const lg_training *stored_training(const train_task *task, const stored_run *stored) {
+    const ptrdiff_t offset = (const char *)task->training - (const char *)task->settings[0].values;
+    return (const lg_training *)(const void *)((const char *)stored->run + offset);
+}
+
+/* The preset says once more what the stored run should be, and is compared with it. */
+static bool derives_again(const app *self) {
+    return app_given(self, "preset");
+}
+
+/* What a race chose is not raced again. */
+static void adopt_size(app *self, const app_settings *settings, const void *from) {
+    app_slot *slot = app_find_slot(self, "hidden");
+    if (files->size == NULL || slot == NULL || slot->given) return;
+    lg_hyperparameter_copy(slot->row, from, settings->values);
+    slot->given = true;
+}
+
 /* What was not given on the command line becomes the stored run's. */
 static int open_stored(app *self, const train_task *task, stored_run *stored) {
     lg_error error = {LG_OK, ""};
@@ -322,8 +337,9 @@ static int open_stored(app *self, const train_task *task, stored_run *stored) {
     const lg_status status = lg_checkpoint_open(self->context, files->resume, NULL, task->kind, stored->run,
                                                 &stored->reader, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, files->resume);
-    app_adopt(self, &task->settings[0], stored->run, false);
-    if (!self->seed_given) self->seed = task->training->seed;
+    adopt_size(self, &task->settings[0], stored->run);
+    if (!derives_again(self)) app_adopt(self, &task->settings[0], stored->run, false);
+    if (!self->seed_given) self->seed = stored_training(task, stored)->seed;
     return APP_EXIT_OK;
 }
 
@@ -418,12 +434,16 @@ static int run_with(app *self, const train_task *task, stored_run *stored, const
     lg_error error = {LG_OK, ""};
     train_session session = {.app = self, .task = task, .race = *race, .floor = (double)NAN};
     task->training->seed = self->seed;
-    const lg_status status =
-        task->describe(task->user, self, stored->reader != NULL ? stored->run : NULL, &error);
+    const lg_status status = task->describe(
+        task->user, self, stored->reader != NULL && !derives_again(self) ? stored->run : NULL, &error);
     int code = status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
+    if (stored->reader != NULL && !app_given(self, "epochs"))
+        task->training->epochs = stored_training(task, stored)->epochs;
     task->training->epochs = train_epochs(self, task->training);
     if (code == APP_EXIT_OK && stored->reader == NULL) code = check_method(self, task);
-    if (code == APP_EXIT_OK) code = compare(self, task, stored);
+    /* What is derived again knows the parts of the data after the split alone. */
+    if (code == APP_EXIT_OK && (task->prepare == NULL || !derives_again(self)))
+        code = compare(self, task, stored);
     if (code == APP_EXIT_OK && task->prepare != NULL) {
         code = task->prepare(task->user, self);
         if (code == APP_EXIT_OK) code = compare(self, task, stored);
