@@ -9,8 +9,7 @@ sys.path[1:1] = [os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__
 
 import timing
 
-args = timing.arguments()
-timing.pin(args.threads)
+args = timing.begin()
 if args.threads == 1:
     os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
 os.environ["JAX_PLATFORMS"] = "cpu"

@@ -7,8 +7,7 @@ sys.dont_write_bytecode = True
 
 import timing
 
-args = timing.arguments()
-timing.pin(args.threads)
+args = timing.begin()
 
 import torch
 

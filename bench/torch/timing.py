@@ -30,6 +30,13 @@ def pin(threads):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 
 
+def begin():
+    """The arguments of a peer, which runs on its core from now on."""
+    args = arguments()
+    pin(args.threads)
+    return args
+
+
 def row(samples_us, **more):
     s = sorted(samples_us)
     at = lambda f: s[max(0, math.ceil(f * len(s)) - 1)]
