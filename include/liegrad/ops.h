@@ -52,7 +52,8 @@ LG_API lg_var lg_abs(lg_tape *tape, lg_var x);  /* derivative sign(x), +1 at 0 *
 LG_API lg_var lg_sign(lg_tape *tape, lg_var x); /* +1 for x >= 0, else -1; derivative 0 */
 
 /* Activations (activation.h) as families closed under differentiation: the n-th derivative is computed from
- * stored values, to order 8; beyond that LG_NOT_DIFFERENTIABLE. */
+ * stored values, to order 8; beyond that LG_NOT_DIFFERENTIABLE. Where an activation is flat, its derivatives
+ * are right to rounding of 1, not of their own size. */
 LG_API lg_var lg_act(lg_tape *tape, lg_var x, lg_activation kind);
 /* Derivative number `order` of the activation at x, elementwise. */
 LG_API lg_var lg_act_derivative(lg_tape *tape, lg_var x, lg_activation kind, int order);

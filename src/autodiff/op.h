@@ -114,6 +114,7 @@ struct lg_op {
      * lie over an input; over_first: it writes all of y from input 0 first, so that y may lie over input 0
      * alone, and only if no other input reads the same numbers. */
     bool over_first;
+    bool saturates; /* elementwise; derivatives are made of the value: their errors are relative to 1 */
     /* The input that multiplies what the others give, the last one; *rest becomes the attributes of the
      * operation without it. False: there is none. NULL: never. */
     bool (*factor)(const lg_attr *attr, uint32_t inputs, lg_attr *rest);

@@ -261,7 +261,8 @@ static lg_instead act_instead(const lg_known *k) {
     return k->attr->i[0] == LG_IDENTITY ? lg_instead_input(0) : lg_instead_nothing();
 }
 const lg_op lg_op_act = {LG_OP("act", 0, 1, 1, act_shape, act_forward, act_vjp, act_jvp),
-                         .element = act_element, .instead = act_instead, .ends_layer = true};
+                         .element = act_element, .instead = act_instead, .ends_layer = true,
+                         .saturates = true};
 
 static lg_var act_node(lg_tape *tape, lg_var x, lg_activation kind) {
     lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};

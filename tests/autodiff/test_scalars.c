@@ -1,7 +1,10 @@
 /* Scalar code of operations: every operation that has some, on every node that the registry of the gradient
  * check puts on a tape, is the same function as the operation's tensors, on every instruction set, in both
  * types. Elementwise operations may work over an input. ctest-labels: isa */
+#include "compiled.h"
 #include "row_support.h"
+
+#include <float.h>
 
 #include "autodiff/op_rows.h"
 #include "autodiff/op_table.h"
@@ -339,4 +342,559 @@ TEST("simplified code is the same") {
                 assert_close(r[made], want, 0, 0);
             }
     lg_scalars_destroy(&s);
+}
+
+/* ---- extreme arguments ----
+ *
+ * What an elementwise row computes, by its tensors, its scalar code and its C, in both types, is the value of
+ * the scalar code in long double at arguments that differ by a few units of rounding. A formula that overflows
+ * on the way, or that cancels, is found: long double goes on. The derivative is that of the scalar code.
+ * Results below the smallest normal number may be 0; derivatives may need the reciprocal of an argument, which
+ * has none below it. */
+
+enum { UNITS = 4, TRIPLES = 3000 };
+
+typedef struct dual {
+    long double v, d;
+} dual;
+
+/* A derivative of zero stays zero, whatever it is multiplied by. */
+static long double times(long double d, long double factor) {
+    return d == 0 ? 0 : d * factor;
+}
+
+/* All instructions at `in`, differentiated by input `by`; false: one of them is a function of an angle, which
+ * test_program_c and test_kernels hold against their own references. */
+static bool in_long_double(const lg_scalars *s, lg_dtype dtype, const long double *in, uint32_t by, dual *r) {
+    for (uint32_t i = 0; i < s->count; i++) {
+        const lg_scalar_code *c = &s->code[i];
+        const dual a = r[c->in[0]], b = r[c->in[1]];
+        const long double p = dtype == LG_F32 ? (long double)(float)c->p : (long double)c->p;
+        dual y = {0, 0};
+        switch (c->op) {
+        case LG_S_INPUT:
+            y = (dual){in[c->n], c->n == by};
+            break;
+        case LG_S_CONSTANT:
+            y.v = p;
+            break;
+        case LG_S_ADD:
+            y = (dual){a.v + b.v, a.d + b.d};
+            break;
+        case LG_S_SUB:
+            y = (dual){a.v - b.v, a.d - b.d};
+            break;
+        case LG_S_MUL:
+            y = (dual){a.v * b.v, times(a.d, b.v) + times(b.d, a.v)};
+            break;
+        case LG_S_DIV:
+            y.v = a.v / b.v, y.d = times(a.d, 1 / b.v) - times(b.d, y.v / b.v);
+            break;
+        case LG_S_NEG:
+            y = (dual){-a.v, -a.d};
+            break;
+        case LG_S_MAX:
+            y = a.v >= b.v ? a : b;
+            break;
+        case LG_S_GE:
+            y.v = a.v >= b.v;
+            break;
+        case LG_S_SELECT:
+            y = a.v != 0 ? b : r[c->in[2]];
+            break;
+        case LG_S_SQRT:
+            y.v = sqrtl(a.v), y.d = times(a.d, 0.5L / y.v);
+            break;
+        case LG_S_ABS:
+            y = (dual){fabsl(a.v), a.v >= 0 ? a.d : -a.d};
+            break;
+        case LG_S_SIGN:
+            y.v = a.v >= 0 ? 1 : -1;
+            break;
+        case LG_S_POW:
+            y = (dual){powl(a.v, p), p == 0 ? 0 : times(a.d, p * powl(a.v, p - 1))};
+            break;
+        case LG_S_EXP:
+            y.v = expl(a.v), y.d = times(a.d, y.v);
+            break;
+        case LG_S_LOG:
+            y = (dual){logl(a.v), times(a.d, 1 / a.v)};
+            break;
+        case LG_S_SIN:
+            y = (dual){sinl(a.v), times(a.d, cosl(a.v))};
+            break;
+        case LG_S_COS:
+            y = (dual){cosl(a.v), times(a.d, -sinl(a.v))};
+            break;
+        case LG_S_TANH:
+            y = (dual){tanhl(a.v), times(a.d, 1 / (coshl(a.v) * coshl(a.v)))};
+            break;
+        case LG_S_SIGMOID:
+            y = (dual){1 / (1 + expl(-a.v)), times(a.d, 1 / ((1 + expl(-a.v)) * (1 + expl(a.v))))};
+            break;
+        case LG_S_ATAN2: {
+            const long double square = a.v * a.v + b.v * b.v;
+            y = (dual){atan2l(a.v, b.v), times(a.d, b.v / square) - times(b.d, a.v / square)};
+            break;
+        }
+        default:
+            return false;
+        }
+        r[i] = y;
+    }
+    return true;
+}
+
+/* A row with attributes. */
+typedef struct element_case {
+    const lg_op *op;
+    lg_attr attr;
+    uint32_t inputs;
+    double payload[LG_MAX_INPUTS];
+} element_case;
+
+/* Where one of the ways first goes wrong. */
+typedef struct finding {
+    bool found;
+    char words[256];
+} finding;
+
+typedef struct element_run {
+    const element_case *of;
+    lg_dtype dtype;
+    lg_scalars s;
+    lg_scalar y;
+    size_t points;
+    double *x[LG_MAX_INPUTS]; /* (points), numbers of the type */
+    dual *r;
+} element_run;
+
+/* Value (by: beyond the inputs) or derivative at point i; input k, if there is one, is moved by so many
+ * units. */
+static long double reference(const element_run *e, size_t i, uint32_t by, uint32_t k, double units) {
+    long double in[LG_MAX_INPUTS] = {0};
+    const long double eps = e->dtype == LG_F64 ? (long double)DBL_EPSILON : (long double)FLT_EPSILON;
+    for (uint32_t j = 0; j < e->of->inputs; j++)
+        in[j] = (long double)e->x[j][i] * (j == k ? 1 + units * eps : 1);
+    (void)in_long_double(&e->s, e->dtype, in, by, e->r);
+    return by < e->of->inputs ? e->r[e->y].d : e->r[e->y].v;
+}
+
+static bool is_right(const element_run *e, size_t i, uint32_t by, double got, long double *wanted) {
+    const bool f64 = e->dtype == LG_F64;
+    const long double eps = f64 ? (long double)DBL_EPSILON : (long double)FLT_EPSILON;
+    const long double most = f64 ? (long double)DBL_MAX : (long double)FLT_MAX;
+    const long double y = *wanted = reference(e, i, by, UINT32_MAX, 0);
+    const long double size = by < e->of->inputs && e->of->op->saturates ? 1 : fabsl(y);
+    long double room = UNITS * eps * size + UNITS * (f64 ? (long double)DBL_MIN : (long double)FLT_MIN);
+    if (isnan(y) || isnan(got)) return isnan(y) && isnan(got);
+    if (isinf(y)) return (long double)got == y;
+    for (uint32_t k = 0; k < e->of->inputs; k++)
+        for (int side = -1; side <= 1; side += 2) {
+            const long double moved = reference(e, i, by, k, side * UNITS);
+            if (!isnan(moved)) room += fabsl(moved - y);
+        }
+    if (isinf(got)) return fabsl(y) + room > most && (got > 0) == (y > 0);
+    return fabsl((long double)got - y) <= room;
+}
+
+static bool has_subnormal(const element_run *e, size_t i) {
+    const double least = e->dtype == LG_F64 ? DBL_MIN : (double)FLT_MIN;
+    bool has = false;
+    for (uint32_t k = 0; k < e->of->inputs; k++) has = has || (e->x[k][i] != 0 && fabs(e->x[k][i]) < least);
+    return has;
+}
+
+static void compare_way(const element_run *e, const char *way, uint32_t by, const double *got, finding *f) {
+    for (size_t i = 0; i < e->points && !f->found; i++) {
+        long double wanted;
+        if (by < e->of->inputs && has_subnormal(e, i)) continue;
+        if (is_right(e, i, by, got[i], &wanted)) continue;
+        f->found = true;
+        (void)snprintf(f->words, sizeof f->words,
+                       "%s (%u %u, c %g), %s, %s by %d at (%.9g, %.9g, %.9g): %.17g, not %.17Lg",
+                       e->of->op->name, e->of->attr.i[0], e->of->attr.i[1], e->of->attr.c,
+                       e->dtype == LG_F64 ? "f64" : "f32", way, by < e->of->inputs ? (int)by : -1, e->x[0][i],
+                       e->of->inputs > 1 ? e->x[1][i] : 0.0, e->of->inputs > 2 ? e->x[2][i] : 0.0, got[i],
+                       wanted);
+    }
+}
+
+/* ---- points ---- */
+
+static const double sizes[] = {0,
+                               0x1p-1074,
+                               1e-310,
+                               1e-300,
+                               1e-200,
+                               1e-160,
+                               1e-100,
+                               1e-50,
+                               1e-38,
+                               1e-30,
+                               1e-20,
+                               1e-16,
+                               1e-12,
+                               1e-10,
+                               1e-8,
+                               1e-7,
+                               1e-5,
+                               1e-4,
+                               1e-3,
+                               0.01,
+                               0.1,
+                               0.3,
+                               0.5,
+                               0.7,
+                               0.9999,
+                               1 - 1e-12,
+                               1,
+                               1.0001,
+                               1.5707963267948966,
+                               2,
+                               3,
+                               3.1415926535897931,
+                               5,
+                               9,
+                               16,
+                               17,
+                               20,
+                               30,
+                               37,
+                               40,
+                               88,
+                               89,
+                               103,
+                               500,
+                               708,
+                               709.5,
+                               710,
+                               745,
+                               746,
+                               1e3,
+                               1e5,
+                               1e8,
+                               1e10,
+                               1e16,
+                               1e30,
+                               1e38,
+                               1e100,
+                               1e154,
+                               1e160,
+                               1e200,
+                               1e300};
+
+/* What may stand in input k. A helper of a derivative, which is constant to it, is a value of the activation:
+ * at most 1. Products of three stay within the range. */
+static bool belongs(const element_run *e, uint32_t k, double size) {
+    const bool f64 = e->dtype == LG_F64, helper = e->of->op->frozen != ~0u && (e->of->op->frozen >> k & 1u);
+    const double most = f64 ? 1e100 : 1e10;
+    if (helper && size > 1) return false;
+    if (e->of->inputs > 2 && size != 0 && (size > most || size < 1 / most)) return false;
+    return f64 || (size <= (double)FLT_MAX && (size == 0 || (float)size != 0));
+}
+
+/* All pairs of signed sizes, or some triples of them. */
+static void draw_points(element_run *e) {
+    const size_t n = 2 * LG_COUNT(sizes);
+    const uint32_t inputs = e->of->inputs;
+    const size_t all = inputs == 1 ? n : inputs == 2 ? n * n : TRIPLES;
+    lg_rng rng;
+    lg_rng_seed(&rng, 17, inputs);
+    for (uint32_t k = 0; k < inputs; k++) e->x[k] = TEST_ARRAY(double, all);
+    for (size_t p = 0; p < all; p++) {
+        bool held = true;
+        for (uint32_t k = 0; k < inputs; k++) {
+            const size_t at = inputs == 1   ? p
+                              : inputs == 2 ? (k == 0 ? p % n : p / n)
+                                            : (size_t)lg_rng_below(&rng, n);
+            const double size = sizes[at / 2], x = at % 2 == 0 ? size : -size;
+            e->x[k][e->points] = e->dtype == LG_F32 ? (double)(float)x : x;
+            held = held && belongs(e, k, size);
+        }
+        e->points += held;
+    }
+}
+
+/* ---- the ways ---- */
+
+static void by_scalars(const element_run *e, finding *f) {
+    double in[LG_MAX_INPUTS], *got = TEST_ARRAY(double, e->points), *r = TEST_ARRAY(double, e->s.count);
+    for (size_t i = 0; i < e->points; i++) {
+        const size_t mark = lg_test_owned();
+        for (uint32_t k = 0; k < e->of->inputs; k++) in[k] = e->x[k][i];
+        walk_by_kernel(&e->s, lg_kernels_for(e->dtype), in, r);
+        got[i] = r[e->y];
+        lg_test_give_back(mark);
+    }
+    compare_way(e, "scalar code", UINT32_MAX, got, f);
+}
+
+static void by_tape(const element_run *e, bool derivatives, finding *f) {
+    lg_tape *tape = test_tape(e->dtype);
+    lg_var x[LG_MAX_INPUTS], d[LG_MAX_INPUTS];
+    double *got = TEST_ARRAY(double, e->points);
+    for (uint32_t k = 0; k < e->of->inputs; k++)
+        x[k] = lg_input_f64(tape, lg_shape1((uint32_t)e->points), e->x[k]);
+    const lg_var y = lg_record(tape, e->of->op, x, e->of->inputs, &e->of->attr);
+    assert_ok(lg_read(tape, y, e->points, got));
+    compare_way(e, "tensors", UINT32_MAX, got, f);
+    if (!derivatives) return;
+    assert_ok(lg_grad(tape, y, x, e->of->inputs, d));
+    for (uint32_t k = 0; k < e->of->inputs; k++) {
+        assert_ok(lg_read(tape, d[k], e->points, got));
+        compare_way(e, "derivative", k, got, f);
+    }
+}
+
+/* Code and points; false: the row's code holds a function of an angle. */
+static bool open_run(element_run *e, const element_case *of, lg_dtype dtype) {
+    lg_scalar x[LG_MAX_INPUTS];
+    const long double nowhere[LG_MAX_INPUTS] = {0};
+    *e = (element_run){.of = of, .dtype = dtype};
+    lg_scalars_init(&e->s, NULL);
+    for (uint32_t k = 0; k < of->inputs; k++) x[k] = lg_s_input(&e->s, k);
+    e->y = of->op->element(&e->s, &of->attr, x, of->inputs);
+    e->r = TEST_ARRAY(dual, e->s.count);
+    if (!in_long_double(&e->s, dtype, nowhere, 0, e->r)) return false;
+    draw_points(e);
+    return true;
+}
+
+static void check_element(const element_case *of, finding *f) {
+    for (int dtype = 0; dtype < 2 && !f->found; dtype++) {
+        element_run e;
+        const size_t mark = lg_test_owned();
+        assert_true(open_run(&e, of, (lg_dtype)dtype));
+        by_scalars(&e, f);
+        by_tape(&e, of->op->frozen == 0, f);
+        lg_scalars_destroy(&e.s);
+        lg_test_give_back(mark);
+    }
+}
+
+/* ---- all rows ---- */
+
+enum { CASES = 256 };
+static element_case element_cases[CASES];
+static size_t element_count;
+
+static void note_case(const lg_tape *tape, const lg_node *node, const char *row) {
+    if (node->op->element == NULL || node->inputs > 3) return;
+    element_case c = {.op = node->op, .attr = node->attr, .inputs = node->inputs};
+    for (uint32_t k = 0; node->op->payload == LG_PAYLOAD_REALS && k < node->inputs; k++)
+        c.payload[k] = ((const double *)node->attr.pointer)[k];
+    c.attr.pointer = NULL;
+    for (size_t i = 0; i < element_count; i++)
+        if (memcmp(&element_cases[i], &c, sizeof c) == 0) return;
+    assert_true(element_count < CASES);
+    element_cases[element_count++] = c;
+}
+
+/* All cases but the functions of an angle, whose number is returned. */
+static size_t note_cases(void) {
+    element_count = 0;
+    each_node(note_case);
+    size_t kept = 0;
+    for (size_t i = 0; i < element_count; i++) {
+        element_case c = element_cases[i];
+        element_run e;
+        const size_t mark = lg_test_owned();
+        if (c.op->payload == LG_PAYLOAD_REALS) c.attr.pointer = c.payload;
+        seen[lg_op_place(c.op)] = true;
+        if (open_run(&e, &c, LG_F64)) element_cases[kept++] = c;
+        lg_scalars_destroy(&e.s);
+        lg_test_give_back(mark);
+    }
+    const size_t angles = element_count - kept;
+    element_count = kept;
+    for (size_t i = 0; i < kept; i++)
+        if (element_cases[i].attr.pointer != NULL) element_cases[i].attr.pointer = element_cases[i].payload;
+    return angles;
+}
+
+TEST("elementwise rows keep their digits at extreme arguments, and their derivatives do") {
+    memset(seen, 0, sizeof seen);
+    const size_t angles = note_cases();
+    for (size_t i = 0; i < element_count; i++) {
+        finding f = {.found = false};
+        check_element(&element_cases[i], &f);
+        if (f.found) fail_msg("%s", f.words);
+    }
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
+        if (lg_ops[i]->element != NULL && !seen[i]) fail_msg("%s was on no tape", lg_ops[i]->name);
+    print_message("%zu rows with their attributes; %zu functions of an angle are held elsewhere\n",
+                  element_count, angles);
+}
+
+/* ---- in C ---- */
+
+static lg_status record_case(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const element_case *c = user;
+    y[0] = lg_record(tape, c->op, x, c->inputs, &c->attr);
+    return lg_tape_status(tape);
+}
+
+static lg_program *program_of_cases(void) {
+    static const lg_port in[3] = {{.name = "a", .low = 0.1, .high = 0.9},
+                                  {.name = "b", .low = 0.1, .high = 0.9},
+                                  {.name = "c", .low = 0.1, .high = 0.9}};
+    static const lg_port out = {.name = "y"};
+    static lg_function_spec functions[CASES];
+    static char names[CASES][8];
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_error error;
+    for (size_t i = 0; i < element_count; i++) {
+        (void)snprintf(names[i], sizeof names[i], "f%zu", i);
+        functions[i] = (lg_function_spec){names[i], in,          element_cases[i].inputs, &out,
+                                          1,        record_case, &element_cases[i]};
+    }
+    lg_program_spec_init(&spec);
+    spec.functions = functions, spec.function_count = element_count;
+    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    return program;
+}
+
+static void by_c(const element_run *e, shim run, finding *f) {
+    double *got = TEST_ARRAY(double, e->points), work[4096];
+    for (size_t i = 0; i < e->points; i++) {
+        unsigned char x[3][8], y[8];
+        for (uint32_t k = 0; k < e->of->inputs; k++)
+            lg_kernels_for(e->dtype)->convert_in(1, &e->x[k][i], x[k]);
+        run((const void *[]){x[0], x[1], x[2]}, (void *[]){y}, work);
+        lg_kernels_for(e->dtype)->convert_out(1, y, &got[i]);
+    }
+    compare_way(e, "C", UINT32_MAX, got, f);
+}
+
+TEST("in C they keep them too") {
+    if (system("command -v gcc >/dev/null") != 0) skip();
+    (void)note_cases();
+    lg_program *program = program_of_cases();
+    for (int way = 0; way < 4; way++) {
+        compiled c;
+        const lg_dtype dtype = way % 2 == 0 ? LG_F64 : LG_F32;
+        if (!compile_program(&c, program, "gcc", "-O1", dtype, way / 2 == 1)) fail_msg("%s", c.why);
+        assert_true(c.source->work_size <= 4096);
+        for (size_t i = 0; i < element_count; i++) {
+            const size_t mark = lg_test_owned();
+            finding f = {.found = false};
+            element_run e;
+            assert_true(open_run(&e, &element_cases[i], dtype));
+            by_c(&e, shim_of(&c, lg_program_function_name(program, i)), &f);
+            lg_scalars_destroy(&e.s);
+            lg_test_give_back(mark);
+            if (f.found) fail_msg("%s", f.words);
+        }
+        assert_true(discard_compiled(&c));
+    }
+    lg_program_destroy(program);
+}
+
+/* ---- formulas that lose their digits, and those that do not ---- */
+
+/* log(1 + u) for u >= 0, relative to its own size (W. Kahan). */
+static lg_scalar log_one_more(lg_scalars *s, lg_scalar u) {
+    const lg_scalar one = lg_s_constant(s, 1.0), w = lg_s_add(s, one, u), rest = lg_s_sub(s, w, one);
+    const lg_scalar same = lg_s(s, LG_S_GE, lg_s_constant(s, 0.0), rest);
+    const lg_scalar divisor = lg_s_select(s, same, one, rest);
+    return lg_s_select(s, same, u, lg_s_mul(s, u, lg_s_div(s, lg_s(s, LG_S_LOG, w, w), divisor)));
+}
+
+static lg_scalar square_of(lg_scalars *s, lg_scalar x) {
+    return lg_s_mul(s, x, x);
+}
+
+/* asinh x = log(x + sqrt(x^2 + 1)): overflows, and cancels for x < 0 */
+static lg_scalar plain_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const lg_scalar more = lg_s_add(s, square_of(s, x[0]), lg_s_constant(s, 1.0));
+    const lg_scalar sum = lg_s_add(s, x[0], lg_s(s, LG_S_SQRT, more, more));
+    return lg_s(s, LG_S_LOG, sum, sum);
+}
+
+/* sign x log(|x| + sqrt(x^2 + 1)): overflows, and loses digits near 0 */
+static lg_scalar odd_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]);
+    return lg_s_mul(s, lg_s(s, LG_S_SIGN, x[0], x[0]), plain_asinh(s, attr, &size, 1));
+}
+
+/* The same without overflow: log 2 |x| from 1e9 on. */
+static lg_scalar large_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]), limit = lg_s_constant(s, 1e9);
+    const lg_scalar large = lg_s(s, LG_S_GE, size, limit), inner = lg_s_select(s, large, limit, size);
+    const lg_scalar far = lg_s_add(s, lg_s(s, LG_S_LOG, size, size), lg_s_constant(s, 0.69314718055994531));
+    const lg_scalar y = lg_s_select(s, large, far, plain_asinh(s, attr, &inner, 1));
+    return lg_s_mul(s, lg_s(s, LG_S_SIGN, x[0], x[0]), y);
+}
+
+/* And near 0: log(1 + |x| + x^2/(1 + sqrt(x^2 + 1))) */
+static lg_scalar good_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]), limit = lg_s_constant(s, 1e9);
+    const lg_scalar large = lg_s(s, LG_S_GE, size, limit), inner = lg_s_select(s, large, limit, size);
+    const lg_scalar one = lg_s_constant(s, 1.0), square = square_of(s, inner),
+                    more = lg_s_add(s, square, one);
+    const lg_scalar below = lg_s_add(s, one, lg_s(s, LG_S_SQRT, more, more));
+    const lg_scalar near = log_one_more(s, lg_s_add(s, inner, lg_s_div(s, square, below)));
+    const lg_scalar far = lg_s_add(s, lg_s(s, LG_S_LOG, size, size), lg_s_constant(s, 0.69314718055994531));
+    return lg_s_mul(s, lg_s(s, LG_S_SIGN, x[0], x[0]), lg_s_select(s, large, far, near));
+}
+
+/* |x| + log((1 + exp(-2 |x|))/2): cancels near 0 */
+static lg_scalar plain_logcosh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]), twice = lg_s_scale(s, -2.0, size);
+    const lg_scalar sum = lg_s_add(s, lg_s_constant(s, 1.0), lg_s(s, LG_S_EXP, twice, twice));
+    const lg_scalar half = lg_s_scale(s, 0.5, sum);
+    return lg_s_add(s, size, lg_s(s, LG_S_LOG, half, half));
+}
+
+/* That of docs/adding.md: log(1 + 2 t^2/(1 - t^2)), t = tanh(x/2), for |x| < 1. */
+static lg_scalar good_logcosh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]), one = lg_s_constant(s, 1.0);
+    const lg_scalar large = lg_s(s, LG_S_GE, size, one), half = lg_s_scale(s, 0.5, x[0]);
+    const lg_scalar t = lg_s(s, LG_S_TANH, half, half), square = square_of(s, t);
+    const lg_scalar u =
+        lg_s_select(s, large, one, lg_s_div(s, lg_s_scale(s, 2.0, square), lg_s_sub(s, one, square)));
+    return lg_s_select(s, large, plain_logcosh(s, attr, x, inputs), log_one_more(s, u));
+}
+
+/* Tensors by the C library. */
+#define PLANTED_FORWARD(name, function)                                                                      \
+    static lg_status name(lg_evaluation *e) {                                                                \
+        for (size_t i = 0; i < e->count; i++) {                                                              \
+            double x, y;                                                                                     \
+            e->k->convert_out(1, (const char *)e->x[0] + i * e->k->size, &x);                                \
+            y = function;                                                                                    \
+            e->k->convert_in(1, &y, (char *)e->y + i * e->k->size);                                          \
+        }                                                                                                    \
+        return LG_OK;                                                                                        \
+    }
+PLANTED_FORWARD(asinh_forward, asinh(x))
+PLANTED_FORWARD(logcosh_forward, fabs(x) < 1 ? log1p(2 * sinh(x / 2) * sinh(x / 2))
+                                             : fabs(x) + log1p(exp(-2 * fabs(x))) - 0.69314718055994531)
+
+TEST("a formula that overflows on the way or cancels is found, and a sound one passes") {
+    static const struct {
+        const char *name;
+        lg_status (*forward)(lg_evaluation *e);
+        lg_scalar (*element)(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs);
+        bool sound;
+    } rows[] = {{"plain asinh", asinh_forward, plain_asinh, false},
+                {"odd asinh", asinh_forward, odd_asinh, false},
+                {"large asinh", asinh_forward, large_asinh, false},
+                {"asinh", asinh_forward, good_asinh, true},
+                {"plain log cosh", logcosh_forward, plain_logcosh, false},
+                {"log cosh", logcosh_forward, good_logcosh, true}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_op op = lg_op_sin;
+        op.name = rows[i].name;
+        op.forward = rows[i].forward;
+        op.element = rows[i].element;
+        op.frozen = ~0u; /* its derivative is not asked for */
+        const element_case c = {.op = &op, .inputs = 1};
+        finding f = {.found = false};
+        check_element(&c, &f);
+        if (f.found != !rows[i].sound) fail_msg("%s: %s", rows[i].name, f.found ? f.words : "not found");
+        if (f.found) print_message("found: %s\n", f.words);
+    }
 }
