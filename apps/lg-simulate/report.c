@@ -75,6 +75,7 @@ void report_json(const report *what) {
         app_json_text(&json, "out", sim->values->out);
         app_json_size(&json, "points", what->path->kept);
     }
+    app_json_warnings(&json, sim->self);
     app_json_end(&json);
 }
 

@@ -132,6 +132,8 @@ typedef struct watch {
     double *work;
     size_t invariants;
     double *start, *end, *drift; /* (invariants); drift: largest |I - I(start)| */
+    bool energetic;              /* the first invariant is the energy */
+    double *rest, kinetic;       /* (dim): a state without its velocities; the largest kinetic energy */
     double manifold;             /* largest */
     double spent;                /* seconds */
     bool traced;
@@ -143,6 +145,8 @@ typedef struct watch {
 
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0);
 lg_status watch_step(void *self, double t, double h, const double *y);
+/* Warns of steps that are too long to mean anything: rotations beyond pi in a step, an energy that changes. */
+void watch_warn(const watch *self, const plan *how, const outcome *run);
 void watch_end(watch *self);
 
 /* ---- where states are kept (samples.c) ---- */

@@ -57,6 +57,29 @@ static double invariant(const watch *self, size_t i, const double *y) {
     return lg_system_invariant(self->sim->system, i, y, self->work);
 }
 
+/* H(q, p) - H(q, 0): momenta and velocities are the second half of R^2n, R^n behind a rotation, and the
+ * second group of the other spaces; all of so(3)*. */
+static void look_at_kinetic(watch *self, const double *y) {
+    const lg_space *space = lg_system_space(self->sim->system);
+    double *rest = self->rest;
+    memcpy(rest, y, self->sim->dim * sizeof *rest);
+    for (size_t f = 0; f < space->factors; f++) {
+        const size_t count = space->factor[f].count;
+        const size_t state = lg_space_kind_entry(space->factor[f].kind)->state;
+        const lg_space_kind kind = space->factor[f].kind;
+        for (size_t copy = 0; kind != LG_SPACE_RN && copy < count; copy++, rest += state) {
+            const size_t first = kind == LG_SPACE_SO3_DUAL ? 0 : kind == LG_SPACE_SO3 ? 9 : state - 3;
+            memset(rest + first, 0, (state - first) * sizeof *rest);
+        }
+        if (kind != LG_SPACE_RN) continue;
+        const size_t first = f > 0 ? 0 : count / 2;
+        memset(rest + first, 0, (count - first) * sizeof *rest);
+        rest += count;
+    }
+    const double kinetic = self->end[0] - invariant(self, 0, self->rest);
+    if (fabs(kinetic) > self->kinetic) self->kinetic = fabs(kinetic);
+}
+
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0) {
     *self = (watch){.sim = sim, .traced = traced, .recorded = recorded};
     self->invariants = lg_system_invariants(sim->system);
@@ -67,6 +90,9 @@ void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded,
     self->trace = (trace){.width = 3 + self->invariants, .stride = 1};
     for (size_t i = 0; i < self->invariants; i++) self->start[i] = self->end[i] = invariant(self, i, y0);
     self->manifold = lg_space_manifold_error(lg_system_space(sim->system), y0);
+    self->rest = app_alloc(sim->dim, sizeof *self->rest);
+    self->energetic = self->invariants > 0 && strcmp(lg_system_invariant_name(sim->system, 0), "energy") == 0;
+    if (self->energetic) look_at_kinetic(self, y0);
 }
 
 static void record(watch *self, double t, double h) {
@@ -99,13 +125,36 @@ lg_status watch_step(void *user, double t, double h, const double *y) {
         self->end[i] = invariant(self, i, y);
         self->drift[i] = larger(self->drift[i], fabs(self->end[i] - self->start[i]));
     }
+    if (self->energetic) look_at_kinetic(self, y);
     if (self->traced) add_to_trace(self, t, h, manifold);
     if (self->recorded) record(self, t, h);
     self->spent += app_seconds() - begin;
     return LG_OK;
 }
 
+/* A method of order 1 is taken to be looked at, and loses energy: it is told when it loses all. A body at
+ * rest has rounding alone. */
+#define ENERGY_TOLD     0.1
+#define ENERGY_ROUNDING 1e-10
+
+void watch_warn(const watch *self, const plan *how, const outcome *run) {
+    const double turn = run->stats.max_angle, told = how->scheme->order > 1 ? ENERGY_TOLD : 1;
+    const double drift = self->energetic ? self->drift[0] : 0;
+    const bool rounding = drift <= ENERGY_ROUNDING * fabs(self->energetic ? self->start[0] : 0);
+    if (turn > 3.14159265358979323846)
+        app_warn(self->sim->self,
+                 "a step turns a body by %.3g rad, which is more than pi: the steps are too long for '%s'; "
+                 "give more --steps",
+                 turn, how->scheme->name);
+    if (drift > told * self->kinetic && !rounding)
+        app_warn(self->sim->self,
+                 "the energy, which is constant, changes by %.3g; the largest kinetic energy is %.3g: the "
+                 "result is far from the solution; give %s",
+                 drift, self->kinetic, how->steps > 0 ? "more --steps" : "a smaller --tol");
+}
+
 void watch_end(watch *self) {
+    free(self->rest);
     free(self->work);
     free(self->start);
     free(self->end);

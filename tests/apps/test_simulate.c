@@ -119,6 +119,34 @@ TEST("the energy is told at the start, at the end and as its largest drift; thet
                  component_of("oscillator.yaml --method midpoint --steps 100", 0), 0, 1e-14);
 }
 
+/* The second half of a row: a piece of the warning, or NULL for silence. */
+TEST("steps that are far too long are told; good ones, short ones of Euler, and rest are not") {
+    static const struct {
+        const char *arguments, *words;
+    } rows[] = {
+        {"chain.yaml --method rkmk4 --steps 20 --t-end 3", "the energy, which is constant, changes by"},
+        {"chain.yaml --method rkmk4 --steps 400", NULL},
+        {"cotangent.yaml --method lie-euler --steps 2 --t-end 20", "rad, which is more than pi"},
+        {"cotangent.yaml --method slgi --steps 400", NULL},
+        {"oscillator.yaml --method rk4 --steps 2", "far from the solution; give more --steps"},
+        {"oscillator.yaml --method euler --steps 100", NULL},
+        {"oscillator.yaml --method euler --steps 5", "far from the solution"},
+        {"rigid.yaml", NULL},
+        {"rest.yaml --method rkmk4 --steps 100", NULL},
+    };
+    cli_write("rest.yaml", "system: pendulum-chain\ngravity: 9.81\nmasses: [1]\nlengths: [1]\n"
+                           "initial: {q: [[1e-9, 0, -1]], omega: [[0, 0, 0]]}\nt_end: 10\n");
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        json(rows[i].arguments, "warnings [");
+        const char *warnings = json_find(result.out, "warnings");
+        if (rows[i].words == NULL && warnings[1 + strspn(warnings + 1, " \n")] != ']')
+            fail_msg("%s: %s", rows[i].arguments, result.err);
+        if (rows[i].words == NULL) continue;
+        if (strstr(warnings, rows[i].words) == NULL || strstr(result.err, rows[i].words) == NULL)
+            fail_msg("%s: '%s' is not in %s", rows[i].arguments, rows[i].words, result.err);
+    }
+}
+
 TEST("a chain is integrated by groups and without, on the manifold or with the distance from it told") {
     const double *y = state_of("chain.yaml --tol 1e-11", 12);
     json_expect(result.out,
