@@ -322,6 +322,8 @@ static void fail_search(lg_minimiser *m) {
         restart(m);
     else if (m->counts.failures == 2 && m->options.check)
         begin_check(m);
+    else if (lg_minimise_flat(m))
+        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     else if (m->counts.failures == 2 || !isfinite(m->numbers.high_value) || lg_minimise_newton_shows(m))
         lg_minimise_finish(m, lg_minimise_no_step(m));
     else

@@ -13,6 +13,7 @@ static const double DIFFERENCE = 1e-5; /* of a variable */
 static const double FLAT = 1e-12;      /* curvature that changes f by less than that of it is zero */
 static const double LEAST_SHIFT = 1e-12, MOST_SHIFT = 1e12; /* of the diagonal */
 static const double CONVEX_SHIFT = 1e-9;                    /* up to this A counts as positive semidefinite */
+static const double ONE_SIDED_SHIFT = 1e-4;                 /* the same from differences to one side */
 static const double LEFT = 1e-8, STILL = 1e-12, STRIDE = 0.1, LEAST_SLOPE = 1e-300;
 
 static size_t before_hessian(const lg_minimiser *m) {
@@ -131,7 +132,7 @@ static void decide(lg_minimiser *m) {
     for (size_t i = 0; i < n; i++) m->d[i] *= m->y[i];
     if (shift > CONVEX_SHIFT && shift <= MOST_SHIFT) add_downwards(m);
     if (m->row->invert != NULL && shift <= CONVEX_SHIFT) m->row->invert(m, m->y);
-    if (lg_minimise_flat(m) && shift <= CONVEX_SHIFT) {
+    if (lg_minimise_flat(m) && shift <= ONE_SIDED_SHIFT) {
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     } else if (m->k->dot(n, m->g, m->d) < 0.0) {
         lg_minimise_search(m, 1.0);

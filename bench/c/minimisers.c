@@ -1,0 +1,58 @@
+/* The collections of tests/nn/minimise_problems.h, for bench/minimisers, as a shared library: their functions, and
+ * runs of our minimisers with defaults. */
+#include "liegrad/minimise.h"
+#include "nn/minimise_problems.h"
+
+size_t problem_count(void);
+size_t problem_count(void) {
+    return MINIMISE_PROBLEMS;
+}
+
+/* sizes (4): n, m, starts, whether NIST's. certified (n): NIST's parameters. */
+const char *problem_describe(size_t number, size_t *sizes, double *least, double *certified);
+const char *problem_describe(size_t number, size_t *sizes, double *least, double *certified) {
+    const minimise_problem p = minimise_problem_at(number);
+    sizes[0] = p.n, sizes[1] = p.m, sizes[2] = minimise_problem_starts(&p), sizes[3] = p.nist != NULL;
+    *least = p.least;
+    for (size_t i = 0; p.nist != NULL && i < p.n; i++) certified[i] = p.start[2 * p.n + i];
+    return p.name;
+}
+
+void problem_start(size_t number, size_t start, double *x);
+void problem_start(size_t number, size_t start, double *x) {
+    const minimise_problem p = minimise_problem_at(number);
+    minimise_problem_start(&p, start, x);
+}
+
+void problem_jacobian(size_t number, const double *x, double *r, double *jacobian);
+void problem_jacobian(size_t number, const double *x, double *r, double *jacobian) {
+    const minimise_problem p = minimise_problem_at(number);
+    minimise_problem_jacobian(&p, x, r, jacobian);
+}
+
+static lg_status value(void *user, const double *x, double *f, double *gradient) {
+    minimise_problem_value(user, x, f, gradient);
+    return LG_OK;
+}
+
+static lg_status residuals(void *user, const double *x, double *r, double *jacobian) {
+    minimise_problem_jacobian(user, x, r, jacobian);
+    return LG_OK;
+}
+
+/* x: start and result. The status. */
+int problem_run(size_t number, int method, double *x, double *f, size_t *evaluations);
+int problem_run(size_t number, int method, double *x, double *f, size_t *evaluations) {
+    minimise_problem p = minimise_problem_at(number);
+    lg_minimise_options options;
+    lg_minimise_result result;
+    lg_minimise_options_init(&options);
+    options.method = (lg_minimise_method)method;
+    const lg_status status =
+        method == LG_MINIMISE_LM
+            ? lg_least_squares(NULL, p.n, p.m, residuals, &p, &options, x, NULL, &result, NULL)
+            : lg_minimise(NULL, p.n, value, &p, &options, x, &result, NULL);
+    *f = result.value;
+    *evaluations = (size_t)result.evaluations;
+    return status;
+}
