@@ -117,12 +117,14 @@ TEST("the certified parameters give the certified sums of squares") {
 
 typedef struct counts {
     int refused, endless, far, certified, runs;
+    uint64_t evaluations;
 } counts;
 
 /* One row of the table. Zero to rounding counts as a minimum of 0. */
 static void count(const minimise_problem *p, size_t start, int method, const run_result *r, counts *c) {
     const bool low = r->result.value <= 1.001 * p->least + (p->least == 0 ? 1e-14 : 1e-20);
     c->runs++;
+    c->evaluations += r->result.evaluations;
     c->refused += r->status == LG_CHECK_FAILED;
     c->endless += r->result.end == LG_MINIMISE_UNBOUNDED;
     if (p->nist != NULL) c->certified += digits(p, r->x) >= 4;
@@ -143,18 +145,21 @@ static counts count_table(int method, scaled_problem (*make)(size_t number)) {
             count(&p.of, start, method, &r, &c);
         }
     }
-    print_message("%s: %d runs, %d refused, %d at other minima, %d of %d regressions to 4 digits\n",
-                  method_names[method], c.runs, c.refused, c.far, c.certified, 2 * NIST_COUNT);
+    print_message(
+        "%s: %d runs, %llu evaluations, %d refused, %d at other minima, %d of %d regressions to 4 digits\n",
+        method_names[method], c.runs, (unsigned long long)c.evaluations, c.refused, c.far, c.certified,
+        2 * NIST_COUNT);
     return c;
 }
 
 TEST("no exact gradient is refused, LG_OK is a minimum, and the regressions have their digits") {
     static const int least[LG_MINIMISE_METHOD_COUNT] = {49, 45, 53};
+    static const uint64_t most[LG_MINIMISE_METHOD_COUNT] = {100000, 75000, 55000}; /* evaluations */
     for (int method = 0; method < LG_MINIMISE_METHOD_COUNT; method++) {
         const counts c = count_table(method, plain);
         assert_int_equal(c.refused, 0);
         assert_int_equal(c.endless, 0);
-        assert_true(c.certified >= least[method]);
+        assert_true(c.certified >= least[method] && c.evaluations <= most[method]);
     }
 }
 
