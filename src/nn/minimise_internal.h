@@ -81,6 +81,7 @@ struct lg_minimiser {
     double value_unit;
     const lg_minimise_squares *squares; /* NULL: the Gauss-Newton matrix is all there is */
     bool newton;                        /* searches along a Newton step; of LM, which has other steps */
+    bool last;                          /* of lg_least_squares: the step after which it ends */
     double *memory;                     /* all vectors */
     double *x, *g, *d, *point;          /* (n) */
     double *curvature;                  /* (held): what this rank has of (length) */

@@ -9,7 +9,8 @@
 
 enum { MOST_REFUSALS = 40 };
 static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16,
-                    LEAST_DAMPING = 1e-14, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5;
+                    LEAST_DAMPING = 1e-14, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
+                    LAST_RISE = 1e-14;
 
 /* ---- memory: rows of p at a stride ---- */
 
@@ -180,6 +181,13 @@ static void refuse(lg_minimiser *m) {
     m->numbers.growth *= 2.0;
 }
 
+/* At a minimum, to the rounding of f: the step without damping has more digits of x. */
+static void begin_last(lg_minimiser *m) {
+    for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
+    m->counts.stage = LG_STAGE_SEARCH;
+    m->last = true;
+}
+
 /* The next trial; raises the damping until there is one that differs from x and lowers f by more than the
  * rounding of f. */
 static void propose(lg_minimiser *m) {
@@ -192,10 +200,13 @@ static void propose(lg_minimiser *m) {
         if (moves && foretold(m) > ROUNDING * m->numbers.value) return;
         break;
     }
-    if (m->squares == NULL || at_minimum(m))
+    const bool minimum = m->squares == NULL || at_minimum(m);
+    if (!minimum)
+        (void)lg_minimise_verify(m, LG_MINIMISE_STUCK);
+    else if (m->squares == NULL || !isfinite(m->numbers.high_value))
         lg_minimise_finish(m, lg_minimise_no_step(m));
     else
-        (void)lg_minimise_verify(m, LG_MINIMISE_STUCK);
+        begin_last(m);
 }
 
 static void take(lg_minimiser *m, double value, const double *gradient, const double *matrix) {
@@ -227,6 +238,15 @@ static void begin_damped(lg_minimiser *m) {
     m->numbers.growth = 2.0;
     m->numbers.high_value = 0.0;
     propose(m);
+}
+
+static bool tell_last(lg_minimiser *m, double value, const double *gradient, const double *matrix,
+                      bool finite) {
+    const bool good = finite && value <= m->numbers.value * (1.0 + LAST_RISE);
+    if (good) take(m, value, gradient, matrix);
+    m->counts.iterations += good;
+    lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+    return good;
 }
 
 static bool tell_newton(lg_minimiser *m, double value, const double *gradient, const double *matrix,
@@ -282,6 +302,7 @@ bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *grad
     const bool finite = isfinite(value) && m->k->all_finite(m->n, gradient) &&
                         m->k->all_finite(lg_minimise_matrix_length(m->n, &m->options), matrix);
     m->counts.evaluations++;
+    if (m->last) return tell_last(m, value, gradient, matrix, finite);
     if (m->newton && m->counts.stage == LG_STAGE_SEARCH)
         return tell_newton(m, value, gradient, matrix, finite);
     if (m->counts.stage == LG_STAGE_SEARCH) return tell_step(m, value, gradient, matrix, finite);
