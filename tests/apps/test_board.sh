@@ -18,6 +18,10 @@ for kind in search study; do
     # Tasks: together all of the work, the table by --merge, and no board behind it.
     for i in 0 1 2; do $command --out t.csv --task $i/3 >"task$i" & done
     wait
+    # What is done stays done: a task that finds it all done leaves the results and their seconds.
+    before=$(sha256sum <t.csv.board)
+    $command --out t.csv --task 0/3 >again
+    [ "$before" = "$(sha256sum <t.csv.board)" ] || fail "$kind: what was done is done again"
     $command --out t.csv --merge >merged
     same_table $kind.csv t.csv || fail "$kind: tasks gave another table"
     [ ! -e t.csv.board ] || fail "$kind: the board is left"
@@ -48,6 +52,27 @@ for kind in search study; do
     [ ! -e t.csv.board ] || fail "$kind: the board is left after killed tasks"
     rm -f t.csv*
 done
+
+# A trial is not stopped while one before it has not come as far. With --quantile 1 a trial is stopped where all before it
+# are better; trial 0 is the worst of these three, so none is. The task that has trial 0 is held after its first report, while
+# another task takes the rest.
+state_of_first() { od -An -t u8 -j 168 -N 8 t.csv.board 2>/dev/null | tr -d ' '; } # behind the head of the board: 1 is a part
+sed 's/epochs: 20/epochs: 150/' ranges.yaml >long.yaml
+long="lg-elastica search long.yaml data.h5 --trials 3 --threads 1 --warm-up 1 --quantile 1 --seed 6"
+$long --out long.csv >one 2>&1
+! grep -q pruned long.csv || fail "trial 0 is not the worst one"
+$long --out t.csv --task 0/2 >task0 2>&1 &
+pid=$!
+until [ "0$(state_of_first)" -gt 0 ]; do :; done
+kill -STOP $pid
+held=$(state_of_first)
+$long --out t.csv --task 1/2 >task1 2>&1
+kill -CONT $pid
+wait $pid
+[ "$held" = 1 ] || fail "trial 0 was done before it could be held"
+$long --out t.csv --merge >merged 2>&1
+same_table long.csv t.csv || fail "a trial was stopped by what was not known yet"
+rm -f t.csv*
 
 # A table of other work is refused, and its board does not stand in the way of the right work. A merge of a part says so.
 sed 's/seed: 1/seed: 2/' grid.yaml >grid2.yaml
