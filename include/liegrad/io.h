@@ -59,8 +59,9 @@ LG_API void lg_io_setup(void);
 typedef struct lg_read_options {
     size_t size; /* sizeof(lg_read_options) */
     /* HDF5 crashes or loops on some damaged files. With probe, a forked child first reads the complete file,
-     * with limits on memory, CPU time and, far above it, wall time. LG_FORMAT when the child dies. Default
-     * true. Turn it off in a process that must not fork. */
+     * with limits on memory, CPU time and, far above it, wall time. LG_FORMAT when the child dies, LG_FILE
+     * when it stands still: probe_seconds and 4 s without CPU time. After 3 s a sentence goes to the log.
+     * Default true. Turn it off in a process that must not fork. */
     bool probe;
     uint32_t probe_seconds; /* CPU time of the child, default 20 and more for large files */
     uint64_t max_size;      /* largest array in memory, default 8 GiB: beyond it LG_FORMAT */

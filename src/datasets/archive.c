@@ -185,7 +185,7 @@ lg_status lg_file_reader_create(const lg_context *context, const char *path, con
                                 const lg_read_options *options, lg_file_reader **out, lg_error *error) {
     if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     open_call call = {context, path, kind, options, NULL};
-    LG_TRY(lg_probe(path, options, probe_all, &call, error));
+    LG_TRY(lg_probe(context, path, options, probe_all, &call, error));
     lg_file_reader *reader = lg_alloc(context, 1, sizeof *reader);
     if (reader == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     reader->context = context;

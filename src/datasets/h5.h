@@ -139,9 +139,11 @@ lg_h5 *lg_file_reader_h5(lg_file_reader *reader);
 /* ---- probe ---- */
 
 /* Runs read(user, error) in a forked child with limits on memory and CPU time. Returns the status and
- * sentence of the child, or LG_FORMAT when it dies. options NULL: the defaults; without options->probe: LG_OK
- * at once. A file that cannot be opened gives LG_OK; the reader that follows reports it. */
-lg_status lg_probe(const char *path, const lg_read_options *options,
+ * sentence of the child, or LG_FORMAT when it dies, LG_FILE when it stands still (no use of the processor for
+ * options->probe_seconds and 4 s), LG_CANCELLED. After 3 s a sentence says that it goes on. options NULL: the
+ * defaults; without options->probe: LG_OK at once. A file that cannot be opened gives LG_OK; the reader that
+ * follows reports it. */
+lg_status lg_probe(const lg_context *context, const char *path, const lg_read_options *options,
                    lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error);
 /* Opens the file and runs read(user, h5, error), first in the child of lg_probe, then here. */
 lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_options *options,

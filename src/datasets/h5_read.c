@@ -119,7 +119,7 @@ static lg_status open_and_read(void *user, lg_error *error) {
 lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_options *options,
                      lg_status (*read)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error) {
     read_call call = {context, path, options, read, user};
-    LG_TRY(lg_probe(path, options, open_and_read, &call, error));
+    LG_TRY(lg_probe(context, path, options, open_and_read, &call, error));
     return open_and_read(&call, error);
 }
 

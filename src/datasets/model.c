@@ -259,7 +259,7 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
                       lg_status (*edit)(void *user, lg_h5 *h5, lg_error *error), void *user,
                       lg_error *error) {
     edit_call call = {context, path, edit, user, false};
-    LG_TRY(lg_probe(path, NULL, edit_file, &call, error));
+    LG_TRY(lg_probe(context, path, NULL, edit_file, &call, error));
     call.commit = true;
     return edit_file(&call, error);
 }

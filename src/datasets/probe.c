@@ -3,12 +3,14 @@
 #define _DEFAULT_SOURCE /* syscall */
 #include <errno.h>
 #include <limits.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -121,7 +123,40 @@ static _Noreturn void run_child(int fd, const lg_read_options *options, uint64_t
     _exit(transfer(fd, &report, sizeof report, true) ? 0 : 1);
 }
 
-lg_status lg_probe(const char *path, const lg_read_options *options,
+/* Seconds without a report after which a sentence says that the check goes on; seconds beyond
+ * options->probe_seconds that the child may use no processor: it waits for what does not come. */
+enum { PATIENT = 3, STILL = 4 };
+
+/* The child's seconds of processor; -1: not known. */
+static double child_seconds(pid_t child) {
+    clockid_t id;
+    struct timespec used;
+    if (clock_getcpuclockid(child, &id) != 0 || clock_gettime(id, &used) != 0) return -1.0;
+    return (double)used.tv_sec + 1e-9 * (double)used.tv_nsec;
+}
+
+/* Until the child reports or dies. LG_CANCELLED, LG_FILE: it is to be ended. */
+static lg_status await_report(const lg_context *context, const char *path, const lg_read_options *options,
+                              pid_t child, int fd, lg_error *error) {
+    struct pollfd report = {fd, POLLIN, 0};
+    const unsigned most = options->probe_seconds + STILL;
+    unsigned still = 0;
+    double used = 0.0;
+    for (unsigned waited = 0;; waited++) {
+        if (poll(&report, 1, 1000) > 0) return LG_OK;
+        if (lg_cancelled(context)) return LG_CANCELLED;
+        if (waited == PATIENT)
+            lg_log_message(context, LG_LOG_INFO, "%s: is still being checked", lg_shown_path(path));
+        const double now = child_seconds(child);
+        still = now > used || now < 0.0 ? 0 : still + 1;
+        used = now;
+        if (still >= most)
+            return lg_fail(error, LG_FILE, "%s: the check of the file has stood still for %u s and was ended",
+                           lg_shown_path(path), still);
+    }
+}
+
+lg_status lg_probe(const lg_context *context, const char *path, const lg_read_options *options,
                    lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error) {
     lg_read_options chosen;
     LG_TRY(lg_read_options_resolve(options, &chosen, error));
@@ -143,9 +178,12 @@ lg_status lg_probe(const char *path, const lg_read_options *options,
                        strerror(code));
     }
     lg_error report;
-    bool complete = transfer(ends[0], &report, sizeof report, false);
+    const lg_status waiting = await_report(context, path, &chosen, child, ends[0], error);
+    if (waiting != LG_OK) (void)kill(child, SIGKILL);
+    const bool complete = waiting == LG_OK && transfer(ends[0], &report, sizeof report, false);
     (void)close(ends[0]);
     while (waitpid(child, NULL, 0) < 0 && errno == EINTR) continue;
+    if (waiting != LG_OK) return waiting;
     if (!complete)
         return lg_fail(error, LG_FORMAT, "%s: is damaged: reading it crashed or did not end",
                        lg_shown_path(path));

@@ -220,7 +220,7 @@ TEST("in the probe nothing is written, sent, started or signalled, and the paren
         char sentence[128];
         set_scene(ends[1]);
         (void)snprintf(sentence, sizeof sentence, "%s: %s", it.what, strerror(EPERM));
-        if (lg_probe(scene.old, NULL, attempts_it, &it, &error) != LG_FILE) fail_msg("it %s", it.what);
+        if (lg_probe(NULL, scene.old, NULL, attempts_it, &it, &error) != LG_FILE) fail_msg("it %s", it.what);
         assert_string_equal(error.message, sentence);
         assert_int_equal(access(scene.fresh, F_OK), -1);
         struct stat about;
@@ -246,7 +246,7 @@ TEST("the child has none of the parent's pipes and sockets, whatever number it g
     spare = fcntl(ends[1], F_DUPFD_CLOEXEC, 500);
     for (int i = 0; i < 2; i++) {
         set_scene(i == 0 ? ends[1] : spare);
-        assert_status(lg_probe(scene.old, NULL, passes_out, NULL, NULL), LG_FILE);
+        assert_status(lg_probe(NULL, scene.old, NULL, passes_out, NULL, NULL), LG_FILE);
         (void)close(scene.descriptor);
     }
     char byte;
@@ -266,7 +266,7 @@ static lg_status grows_a_file(void *user, lg_error *error) {
 
 TEST("no file grows") {
     set_scene(-1);
-    assert_status(lg_probe(scene.old, NULL, grows_a_file, NULL, NULL), LG_FILE);
+    assert_status(lg_probe(NULL, scene.old, NULL, grows_a_file, NULL, NULL), LG_FILE);
     (void)close(scene.descriptor);
 }
 
@@ -302,16 +302,77 @@ TEST("the probe reads, with threads in the parent too, and a crash is a crash") 
     set_scene(-1);
     assert_int_equal(pthread_create(&thread, NULL, computes, (void *)&x), 0);
     for (int i = 0; i < 20; i++)
-        if (lg_probe(scene.old, NULL, reads, NULL, &error) != LG_OK) fail_msg("%s", error.message);
-    assert_status(lg_probe(scene.old, NULL, aborts, NULL, &error), LG_FORMAT);
+        if (lg_probe(NULL, scene.old, NULL, reads, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_status(lg_probe(NULL, scene.old, NULL, aborts, NULL, &error), LG_FORMAT);
     assert_says(error.message, "crashed or did not end");
     assert_int_equal(pthread_join(thread, NULL), 0);
     (void)close(scene.descriptor);
 }
 
+static lg_status stands_still(void *user, lg_error *error) {
+    const struct timespec long_time = {1000, 0};
+    (void)user, (void)error;
+    (void)nanosleep(&long_time, NULL);
+    return LG_OK;
+}
+
+static lg_status works(void *user, lg_error *error) {
+    (void)user, (void)error;
+    struct timespec begin, now;
+    volatile double x = 1;
+    (void)clock_gettime(CLOCK_MONOTONIC, &begin);
+    do {
+        for (int i = 0; i < 1000000; i++) x = x * 0.999 + 1;
+        (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    } while (now.tv_sec - begin.tv_sec < 5);
+    return LG_OK;
+}
+
+static void keep_words(void *user, lg_log_level level, const char *message) {
+    (void)snprintf(user, 256, "%d %s", (int)level, message);
+}
+
+static double seconds_of_day(void) {
+    struct timespec now;
+    (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+TEST("a check that stands still is told and ended within its seconds and four, one that works is not") {
+    lg_read_options options;
+    lg_context_options how;
+    lg_context *context;
+    char words[256] = "";
+    volatile int stop = 0;
+    lg_error error = {LG_OK, ""};
+    set_scene(-1);
+    lg_context_options_init(&how);
+    how.log = keep_words;
+    how.log_user = words;
+    how.cancel = &stop;
+    assert_ok(lg_context_create(&how, &context));
+    lg_read_options_init(&options);
+    options.probe_seconds = 1;
+    double begin = seconds_of_day();
+    assert_status(lg_probe(context, scene.old, &options, stands_still, NULL, &error), LG_FILE);
+    assert_says(error.message, "has stood still");
+    assert_says(words, "is still being checked");
+    assert_true(seconds_of_day() - begin < 30);
+    options.probe_seconds = 20;
+    words[0] = '\0';
+    assert_ok(lg_probe(context, scene.old, &options, works, NULL, &error));
+    assert_says(words, "is still being checked");
+    begin = seconds_of_day();
+    stop = 1;
+    assert_status(lg_probe(context, scene.old, &options, stands_still, NULL, &error), LG_CANCELLED);
+    assert_true(seconds_of_day() - begin < 15);
+    lg_context_destroy(context);
+    (void)close(scene.descriptor);
+}
+
 TEST("the parent can do as before") {
     set_scene(-1);
-    assert_ok(lg_probe(scene.old, NULL, reads, NULL, NULL));
+    assert_ok(lg_probe(NULL, scene.old, NULL, reads, NULL, NULL));
     assert_int_equal(creates(), 0);
     assert_int_equal(forks(), 0);
     assert_int_equal(opens_pair(), 0);

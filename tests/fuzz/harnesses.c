@@ -83,10 +83,10 @@ lg_status __wrap_lg_read_options_resolve(const lg_read_options *options, lg_read
     return LG_OK;
 }
 
-lg_status __wrap_lg_probe(const char *name, const lg_read_options *options,
+lg_status __wrap_lg_probe(const lg_context *context, const char *name, const lg_read_options *options,
                           lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error);
-lg_status __wrap_lg_probe(const char *name, const lg_read_options *options,
+lg_status __wrap_lg_probe(const lg_context *context, const char *name, const lg_read_options *options,
                           lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error) {
-    (void)name, (void)options, (void)read, (void)user, (void)error;
+    (void)context, (void)name, (void)options, (void)read, (void)user, (void)error;
     return LG_OK;
 }
