@@ -139,16 +139,30 @@ TEST("--size auto shares --seconds with the training, and says where there is no
                "--size: this model has no network", &result);
 }
 
-TEST("noise on all points is trained with measured and with estimated starts") {
-    cli_expect(lg, "generate scene.yaml --trajectories 60 --noise 1e-2 --noise-on all --out n.h5 --seed 5", 0,
-               "n.h5", &result);
-    cli_json(lg, "train n.h5 --epochs 300 --out b.h5", "starts \"measured\"", &result);
+/* E1 of a model of noisy data, trained from measured or estimated starts. */
+static double error_with(const char *starts) {
+    char line[128];
+    (void)snprintf(line, sizeof line, "train n.h5 --starts %s --epochs 300 --out b.h5", starts);
+    cli_json(lg, line, strcmp(starts, "measured") == 0 ? "method \"ssbroyden\"" : "method \"lbfgs\"",
+             &result);
     cli_json(lg, "evaluate b.h5 test.h5", "E1 *", &result);
-    const double measured = json_number(result.out, "E1");
-    cli_json(lg, "train n.h5 --starts estimated --epochs 300 --out b.h5",
-             "starts \"estimated\", method \"lbfgs\"", &result);
-    cli_json(lg, "evaluate b.h5 test.h5", "E1 *", &result);
-    assert_true(json_number(result.out, "E1") < measured);
+    return json_number(result.out, "E1");
+}
+
+TEST("noise on all points: estimated starts do better than measured ones on most of five sets of data") {
+    enum { SETS = 5 };
+    int better = 0;
+    for (int seed = 1; seed <= SETS; seed++) {
+        char line[128];
+        (void)snprintf(
+            line, sizeof line,
+            "generate scene.yaml --trajectories 60 --noise 1e-2 --noise-on all --out n.h5 --seed %d",
+            10 + seed);
+        cli_expect(lg, line, 0, "n.h5", &result);
+        const double measured = error_with("measured");
+        better += error_with("estimated") < measured;
+    }
+    assert_true(2 * better > SETS);
     cli_expect(lg, "train n.h5 --starts estimated --newton --potential linear --out b.h5", 2, "--newton",
                &result);
 }

@@ -449,7 +449,8 @@ TEST("geodesic distances and their slopes keep their digits up to 1e-12 from the
             x[k] = lg_input_f64(tape, lg_shape3(1, 1, 3), a[k]);
             y[k] = lg_input_f64(tape, lg_shape3(1, 1, 3), b[k]);
         }
-        lg_var square = lg_hamiltonian_squared_distance(tape, LG_DISTANCE_GEODESIC, &space, (const double[2]){1, 1}, x, y);
+        lg_var square = lg_hamiltonian_squared_distance(tape, LG_DISTANCE_GEODESIC, &space,
+                                                        (const double[2]){1, 1}, x, y);
         assert_ok(lg_grad(tape, square, y, 1, &slope));
         assert_ok(lg_read(tape, square, 1, &found));
         assert_ok(lg_read(tape, slope, 3, g));
