@@ -369,3 +369,32 @@ TEST("functions of the angle in C are the kernels' for all orders") {
     }
     discard(&c);
 }
+
+/* ---- outputs that a call does not want ---- */
+
+RECORDING(record_constants) {
+    const uint32_t rows = lg_var_shape(tape, x[0]).dims[0];
+    double row[24];
+    for (size_t i = 0; i < 24; i++) row[i] = (double)i;
+    const lg_var one = lg_input(tape, lg_shape2(1, 24), row);
+    y[0] = lg_broadcast_to(tape, one, lg_shape2(rows, 24));
+    y[1] = lg_slice(tape, y[0], 1, 0, 20);
+}
+
+RECORDING(record_calls) {
+    lg_var now = x[0];
+    for (size_t i = 0; i < 3; i++) now = lg_slice(tape, lg_program_call(tape, "f", i % 2, &now), 1, 3, 3);
+    y[0] = now;
+}
+
+TEST("a call that wants one output of several compiles without a warning") {
+    const lg_port in = {.name = "x", .shape = {1, {3}}}, out[] = {{.name = "y"}, {.name = "z"}};
+    const lg_function_spec functions[] = {{"f", &in, 1, out, 2, record_constants, NULL},
+                                          {"g", &in, 1, out, 1, record_calls, NULL}};
+    const lg_program_spec spec = spec_of(NULL, 0, functions, 2);
+    const bundle b = {.program = test_program(&spec)};
+    for (int single = 0; single < 2; single++) {
+        compiled c = compile(&b, has("gcc") ? "gcc" : "clang", "-O2", single ? LG_F32 : LG_F64, true);
+        discard(&c);
+    }
+}
