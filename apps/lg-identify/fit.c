@@ -150,6 +150,22 @@ static lg_status describe(void *user, app *self, const void *stored, lg_error *e
     return LG_OK;
 }
 
+/* Rows that no window has, where they are more than a hundredth and were not left out by --stride. */
+static void warn_of_rows(const app *self, const training *t) {
+    const size_t all = t->data.training.rows;
+    size_t rows = 0, end = 0;
+    for (size_t w = 0; w < run.windows; w++) {
+        const size_t begin = t->start[w] > end ? t->start[w] : end;
+        end = t->start[w] + run.window;
+        rows += end - begin;
+    }
+    if (run.stride <= run.window && 100 * (all - rows) > all)
+        app_warn(self,
+                 "%zu of %zu rows are in no window of %u rows, and are not learned from: they lie in parts "
+                 "without a gap that are shorter, or behind the last complete row; take a shorter --window",
+                 all - rows, all, run.window);
+}
+
 static int prepare(void *user, app *self) {
     training *t = user;
     lg_error error = {LG_OK, ""};
@@ -168,7 +184,9 @@ static int prepare(void *user, app *self) {
                                       .validation = all - run.windows};
     take_loss_scales(t);
     const lg_status status = lg_machine_problem_check(&t->problem, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
+    if (status != LG_OK) return app_fail(self, status, "%s", app_sentence(status, &error));
+    warn_of_rows(self, t);
+    return APP_EXIT_OK;
 }
 
 /* ---- the fit ---- */

@@ -228,6 +228,22 @@ TEST("the mass of a network is told where the logs are, and where that is") {
     assert_close(json_number(json_find(json_find(result.out, "identified"), "mass.1.1"), "value"), 1, 0.3, 0);
 }
 
+TEST("rows of parts that are shorter than a window are told, and the tail of a longer part is learned from") {
+    run("generate scene.yaml --runs 1 --t-end 24.84 --out long.csv"); /* 1243 rows */
+    run("generate scene.yaml --runs 3 --t-end 0.8 --out short.csv");
+    static const struct {
+        const char *line, *told;
+    } rows[] = {{"fit machine.yaml long.csv --window 500 --stride 499 --epochs 2 --out m.h5", NULL},
+                {"fit machine.yaml long.csv short.csv --window 41 --epochs 2 --out m.h5", NULL},
+                {"fit machine.yaml long.csv short.csv --window 42 --epochs 2 --out m.h5",
+                 "123 of 1366 rows are in no window of 42 rows"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_json(identify, rows[i].line, i == 0 ? "windows 3" : "windows >3", &result);
+        assert_int_equal(strstr(result.err, "in no window") != NULL, rows[i].told != NULL);
+        if (rows[i].told != NULL) assert_says(result.err, rows[i].told);
+    }
+}
+
 TEST("a fit has no option that its networks cannot take: --size") {
     run("fit --help");
     assert_null(strstr(result.out, "--size"));
