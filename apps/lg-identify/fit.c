@@ -461,9 +461,8 @@ static void warn_of_numbers(const app *self, const lg_identification *of, size_t
     }
 }
 
-/* The loss of a model that explains the logs: what their noise leaves of each number, of numbers without noise
- * what a hundredth of the forces would make, and what the steps make, unless that is more than all else.
- */
+/* The loss of a model that explains the logs: what their noise leaves of each number, of numbers without
+ * noise what .8 % of the forces would make, and what the steps make, unless that is more than all else. */
 static lg_status find_expected(const app *self, const training *t, const double *theta, double floor,
                                explained *what, lg_error *error) {
     static const double small = 8e-3;

@@ -363,8 +363,8 @@ typedef struct lg_machine_noise {
 /* What a model leaves of the logs, in units of the loss. */
 typedef struct lg_machine_expected {
     /* The loss that is expected of a model that explains the logs but for white noise: each number of a
-     * column adds (noise/scale)^2, estimated starts and parameters that the logs determine take away what they
-     * adapt to (their degrees of freedom), measured starts add what their noise makes of a window. From at
+     * column adds (noise/scale)^2, estimated starts and parameters that the logs determine take away what
+     * they adapt to (their degrees of freedom), measured starts add what their noise makes of a window. From at
      * most 512 windows; of
      * more than 256 parameters weights of networks count nothing, others an average number each. */
     double loss;

@@ -41,8 +41,8 @@ static double distance(const bulk *b, double x) {
     return x > b->high ? x - b->high : x < b->low ? b->low - x : 0;
 }
 
-/* At the end of a run a value does not come back: a step looks like it, unless it is far beyond the size of all
- * others, too. */
+/* At the end of a run a value does not come back: a step looks like it, unless it is far beyond the size of
+ * all others, too. */
 static bool is_outlier(const lg_log_table *t, uint32_t column, size_t row, size_t after, size_t first,
                        size_t end, const bulk *b) {
     const bool begins = row == first || t->origin[row - 1].run != t->origin[row].run,

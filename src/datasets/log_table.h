@@ -1,6 +1,6 @@
 /* Logs on their way into lg_logs. log_csv.c and log_h5.c fill a table with the columns of the machine file;
- * log_jumps.c tells outliers, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_check.c compares positions with
- * velocities, log_statistics.c has noise and splines. */
+ * log_jumps.c tells outliers, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_check.c
+ * compares positions with velocities, log_statistics.c has noise and splines. */
 #ifndef LG_LOG_TABLE_H
 #define LG_LOG_TABLE_H
 

@@ -158,8 +158,8 @@ static bool invert(const normal *s, bool prior, double *work, int *order, double
     return info == 0;
 }
 
-/* Numbers that are squares of parameters tell no error where these are 0: such a parameter moves to where they
- * change. theta (n), in and out; `up` and `down` (count). False: none moves. */
+/* Numbers that are squares of parameters tell no error where these are 0: such a parameter moves to where
+ * they change. theta (n), in and out; `up` and `down` (count). False: none moves. */
 static bool leave_bounds(const normal *s, double *theta, size_t count, const lg_identified *numbers,
                          lg_identified *up, lg_identified *down) {
     static const double away = 1e-2;
@@ -224,8 +224,8 @@ static void propagate(const normal *s, const double *W, size_t count, double *gr
     }
 }
 
-/* Numbers that ran to 0 or infinity move no more with the parameters, though they depend on them: their errors
- * are infinite and their shares 0. theta (n) and moved (count) are spoiled. */
+/* Numbers that ran to 0 or infinity move no more with the parameters, though they depend on them: their
+ * errors are infinite and their shares 0. theta (n) and moved (count) are spoiled. */
 static void mark_lost(const normal *s, size_t count, double *gradient, double *theta, lg_identified *moved,
                       lg_identified *numbers, double *units) {
     for (size_t i = 0; i < count; i++) {

@@ -242,8 +242,8 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian);
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem);
-/* Variances of the residuals of one row of the log, in the order of lg_machine_linearise and of the numbers of
- * a start, for the noise of its numbers times `factor`. Missing numbers have none. */
+/* Variances of the residuals of one row of the log, in the order of lg_machine_linearise and of the numbers
+ * of a start, for the noise of its numbers times `factor`. Missing numbers have none. */
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
                               double factor, double *out);
 
