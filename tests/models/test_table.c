@@ -222,6 +222,10 @@ TEST("the median of far cells is that of a sorted column, and the largest number
     assert_int_equal(far.count, 2);
     assert_ok(lg_table_find_far(NULL, x, 1, 2, &far));
     assert_int_equal(far.count, 0);
+    static const double apart[] = {-1e308, -1.0001e308, -0.9999e308, -1.00005e308, 1.7e308};
+    assert_ok(lg_table_find_far(NULL, apart, 1, LG_COUNT(apart), &far));
+    assert_int_equal(far.count, 1);
+    assert_int_equal(far.farthest, 4);
     assert_status(lg_table_find_far(NULL, x, 1, 0, &far), LG_INVALID_ARGUMENT);
     assert_status(lg_table_find_far(NULL, NULL, 1, 1, &far), LG_INVALID_ARGUMENT);
     EVERY_ALLOCATION_FAILS(context, 1, status = lg_table_find_far(context, x, 1, LG_COUNT(x), &far););
