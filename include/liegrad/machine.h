@@ -364,9 +364,9 @@ typedef struct lg_machine_noise {
 typedef struct lg_machine_expected {
     /* The loss that is expected of a model that explains the logs but for white noise: each number of a
      * column adds (noise/scale)^2, estimated starts and parameters that the logs determine take away what
-     * they adapt to (their degrees of freedom), measured starts add what their noise makes of a window. From at
-     * most 512 windows; of
-     * more than 256 parameters weights of networks count nothing, others an average number each. */
+     * they adapt to (their degrees of freedom), measured starts add what their noise makes of a window.
+     * From at most 512 windows; of more than 256 parameters weights of networks count nothing, others an
+     * average number each. */
     double loss;
     /* Of each coordinate, what changes of its velocities in the windows make of positions and velocities: the
      * loss of a model in which nothing acts, about. */
