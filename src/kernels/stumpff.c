@@ -90,20 +90,28 @@ static double root(double w, double *dx) {
     return x;
 }
 
+/* Sine and cosine of x + dx; dx is not small where x is large. */
+static double sine_of(double x, double dx) {
+    return fabs(dx) > 1e-9 ? sin(x) * cos(dx) + cos(x) * sin(dx) : sin(x) + dx * cos(x);
+}
+
+static double cosine_of(double x, double dx) {
+    return fabs(dx) > 1e-9 ? cos(x) * cos(dx) - sin(x) * sin(dx) : cos(x) - dx * sin(x);
+}
+
 /* c_0 and c_1 in closed form, |w| > 1 */
 static void closed_form(double w, double c[2]) {
     double dx;
     const double x = root(w, &dx);
-    const double s = w > 0 ? sin(x) : sinh(x), co = w > 0 ? cos(x) : cosh(x);
-    c[0] = w > 0 ? co - dx * s : co + dx * s;
-    c[1] = (s + dx * co) / x;
+    c[0] = w > 0 ? cosine_of(x, dx) : cosh(x) + dx * sinh(x);
+    c[1] = (w > 0 ? sine_of(x, dx) : sinh(x) + dx * cosh(x)) / x;
 }
 
 /* c_2 = 2 sin(x/2)^2/w */
 static double closed_form_2(double w) {
     double dx;
     const double x = 0.5 * root(w, &dx);
-    const double half = w > 0 ? sin(x) + 0.5 * dx * cos(x) : sinh(x) + 0.5 * dx * cosh(x);
+    const double half = w > 0 ? sine_of(x, 0.5 * dx) : sinh(x) + 0.5 * dx * cosh(x);
     return 2.0 * half * half / fabs(w);
 }
 

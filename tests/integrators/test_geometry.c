@@ -257,6 +257,18 @@ TEST("log of what is almost a rotation is as far off") {
     }
 }
 
+TEST("an exponential is a rotation at every angle, also where the angle itself has no digits") {
+    static const double angles[] = {1e-310, 1e-9, 1.0, 3.7, 1e3, 1e8, 1e13, 1e14, 1e15, 1e16, 1e30, 1e100};
+    for (size_t k = 0; k < LG_COUNT(angles); k++) {
+        const double u[3] = {0.48 * angles[k], -0.64 * angles[k], 0.6 * angles[k]};
+        double R[9];
+        lg_so3_exp(u, R);
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++)
+                assert_close(lg_dot3(R + 3 * i, R + 3 * j), i == j ? 1.0 : 0.0, 0.0, 4e-15);
+    }
+}
+
 TEST("the projection is the polar factor") {
     lg_rng rng;
     lg_rng_seed(&rng, 15, 0);

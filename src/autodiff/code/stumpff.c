@@ -42,14 +42,22 @@ static double stumpff_root(double w, double *dx) {
     return x;
 }
 
+/* Sine and cosine of x + dx; dx is not small where x is large. */
+static double stumpff_sine(double x, double dx) {
+    return fabs(dx) > 1e-9 ? sin(x) * cos(dx) + cos(x) * sin(dx) : sin(x) + dx * cos(x);
+}
+
+static double stumpff_cosine(double x, double dx) {
+    return fabs(dx) > 1e-9 ? cos(x) * cos(dx) - sin(x) * sin(dx) : cos(x) - dx * sin(x);
+}
+
 /* c_0, c_1 and c_2, |w| > 1 */
 static void stumpff_closed(double w, double *c) {
     double dx, half;
     const double x = stumpff_root(w, &dx);
-    const double s = w > 0.0 ? sin(x) : sinh(x), co = w > 0.0 ? cos(x) : cosh(x);
-    c[0] = w > 0.0 ? co - dx * s : co + dx * s;
-    c[1] = (s + dx * co) / x;
-    half = w > 0.0 ? sin(0.5 * x) + 0.5 * dx * cos(0.5 * x) : sinh(0.5 * x) + 0.5 * dx * cosh(0.5 * x);
+    c[0] = w > 0.0 ? stumpff_cosine(x, dx) : cosh(x) + dx * sinh(x);
+    c[1] = (w > 0.0 ? stumpff_sine(x, dx) : sinh(x) + dx * cosh(x)) / x;
+    half = w > 0.0 ? stumpff_sine(0.5 * x, 0.5 * dx) : sinh(0.5 * x) + 0.5 * dx * cosh(0.5 * x);
     c[2] = 2.0 * half * half / fabs(w);
 }
 
