@@ -8,7 +8,7 @@
 #include "datasets/h5.h"
 
 #define UNIT_VECTOR 1e-9
-#define LARGEST     1e12 /* of every number */
+#define LARGEST     1e300 /* of every number */
 #define MAX_LINKS   1000000
 
 /* ---- the table of systems ---- */

@@ -202,10 +202,10 @@ static bool learns(const lg_system *system, size_t *n) {
     return *n > 0;
 }
 
-/* The larger of | |q| - 1 | and |q.p| / (1 + |p|). */
+/* The larger of | |q| - 1 | and |q.p| / |p|. */
 static double off_manifold(const double *copy) {
-    const double *q = copy, *p = copy + 3;
-    return fmax(fabs(sqrt(lg_dot3(q, q)) - 1), fabs(lg_dot3(q, p)) / (1 + sqrt(lg_dot3(p, p))));
+    const double *q = copy, *p = copy + 3, along = fabs(lg_dot3(q, p));
+    return fmax(fabs(sqrt(lg_dot3(q, q)) - 1), along > 0.0 ? along / sqrt(lg_dot3(p, p)) : 0.0);
 }
 
 const lg_hamiltonian_family lg_hamiltonian_chain = {

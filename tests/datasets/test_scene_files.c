@@ -384,7 +384,7 @@ static void refuse_values(whole *w, const char *key, bool positive) {
                                         "true",   "",      "[]",    "[[]]"};
     static const char *const wrong[] = {"[1, 2, 3, 4, 5, 6, 7]", "[[1, 2], [3, 4], [5, 6], [7, 8]]",
                                         "[[[[1]]]]", "&a [*a, *a, *a]", "[[1, 2, 3], [4, 5]]"};
-    static const char *const nonpositive[] = {"0", "-1", "[1, 0]", "[0, 1, 1]", "[1, 1, -2]", "1e13"};
+    static const char *const nonpositive[] = {"0", "-1", "[1, 0]", "[0, 1, 1]", "[1, 1, -2]", "1e301"};
     const char *name = strchr(key, '.') != NULL ? strchr(key, '.') + 1 : key;
     for (size_t i = 0; i < LG_COUNT(never); i++) refuse(w, key, never[i], name);
     for (size_t i = 0; i < LG_COUNT(wrong); i++) refuse(w, key, wrong[i], "");

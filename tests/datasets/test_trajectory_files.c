@@ -282,6 +282,24 @@ TEST("a data set of the wrong shape or value is refused by name") {
     assert_ok(read_and_free(NULL, path, NULL, NULL));
 }
 
+TEST("momenta off the cotangent space are refused whatever their unit") {
+    static const double units[] = {1e-9, 1.0, 1e9};
+    for (size_t i = 0; i < LG_COUNT(units); i++)
+        for (int off = 0; off < 2; off++) {
+            lg_trajectories set;
+            const char *path = good_file();
+            assert_ok(lg_trajectories_read(NULL, path, NULL, &set, NULL));
+            for (size_t k = 0; k < set.count * set.points; k++) {
+                double *q = set.data + k * 6, *p = q + 3;
+                const double along = off && k == 0 ? 0.5 * hypot(hypot(p[0], p[1]), p[2]) : 0.0;
+                for (size_t c = 0; c < 3; c++) p[c] = units[i] * (p[c] + along * q[c]);
+            }
+            assert_ok(lg_trajectories_write(NULL, path, &set, NULL));
+            lg_trajectories_destroy(&set);
+            assert_status(read_and_free(NULL, path, NULL, NULL), off ? LG_FORMAT : LG_OK);
+        }
+}
+
 TEST("first points off the manifold are brought back where that is asked for, and the distance is told") {
     lg_read_options options;
     lg_trajectories set;

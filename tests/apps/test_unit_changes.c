@@ -1,0 +1,13 @@
+/* Results of commands in other units of mass, length and time: a part of the table, in four changes of units. */
+#include "units_support.h"
+
+static int setup(void **state) {
+    return cli_begin();
+}
+
+TEST("trained, identified, solved and simulated results do not depend on the units") {
+    static const units in[] = {{1e9, 1, 1}, {1, 1e-9, 1}, {1, 1, 1e-9}, {1e-9, 1e3, 1e9}};
+    compare_table(in, LG_COUNT(in), true);
+}
+
+TEST_GROUP(setup, cli_end)
