@@ -90,8 +90,8 @@ typedef struct lg_hamiltonian_vars {
  * A family describes one kind of learned Hamiltonian. Training, evaluation, files and C use this description.
  * lg_hamiltonian_init also takes a family of your own; files refer to the families of the table
  * (src/models/hamiltonian_families.c) by name. y, gradients and algebra elements are arrays of the space's
- * parts (liegrad/taped.h), inside (divided by the scales). The functions record on `tape`, and failures stick
- * to it.
+ * parts (liegrad/taped.h), inside (divided by the scales). The functions record on `tape`, and failures
+ * stick to it.
  */
 typedef struct lg_hamiltonian_array {
     const char *name; /* in files, below /model: "mass/gamma" */
@@ -271,14 +271,14 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  *   s_1  the size of q, where the family scales it, else 1,
  *   s_2  s_1 |p| / (|q'| T): a mass of 1 inside moves as the data do.
  * Where nothing moves, T is the time of a trajectory and s_i the size. Only model, trajectories, points, dt
- * and data of the problem are read. Errors: LG_INVALID_ARGUMENT (one of them is missing), LG_NOT_FINITE (sizes
- * out of range). */
+ * and data of the problem are read. Errors: LG_INVALID_ARGUMENT (one of them is missing), LG_NOT_FINITE
+ * (sizes out of range). */
 LG_API lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_hamiltonian_scales *out,
                                             lg_error *error);
 /* out (d): the scale of each number of a state, s_i for part i. */
 LG_API void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out);
-/* Whether a part of the states changes along the trajectories by more than rounding, with the same errors:
- * false. */
+/* Whether a part of the states changes along the trajectories by more than rounding; false for a problem with
+ * the same errors. */
 LG_API bool lg_hamiltonian_moves(const lg_hamiltonian_problem *problem);
 /* Sets problem->weight by the data: one over the mean square of the change of a part from the first point to
  * the others, so that the parts count alike in the loss. Errors as above. */
@@ -292,8 +292,8 @@ LG_API lg_status lg_hamiltonian_weigh(lg_hamiltonian_problem *problem, lg_error 
 LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out);
 
 /* That mean squared difference over all trajectories in the units of the data, ambient and without weights
- * and penalty, in double precision; not finite where a prediction is not. Errors, with *out untouched: those of
- * lg_hamiltonian_problem_check and of the integrator. */
+ * and penalty, in double precision; not finite where a prediction is not. Errors, with *out untouched: those
+ * of lg_hamiltonian_problem_check and of the integrator. */
 LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    const lg_hamiltonian_problem *problem, const double *theta,
                                                    double *out, lg_error *error);

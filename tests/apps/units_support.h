@@ -108,9 +108,13 @@ static const units_row units_table[] = {
                NULL},
               {"lg-hamiltonian generate p.yaml --trajectories 20 --points 6 --t-end 1 --seed 2", "b.h5",
                "test.h5", NULL}},
-     .commands = {"lg-hamiltonian train train.h5 --epochs 200 --out m.h5",
-                  "lg-hamiltonian evaluate m.h5 test.h5"},
-     .results = {{{"loss", {0, 1, 0}, STATE, 0}}, {{"E1", {0, 1, 0}, STATE, 0}, {"E2", ENERGY, LESS, 0}}}},
+     .commands =
+         {"lg-hamiltonian train train.h5 --epochs 200 --out m.h5", "lg-hamiltonian evaluate m.h5 test.h5",
+          "lg-hamiltonian predict m.h5 --initial <0.5:0,1,0>,<0.3:0,1,0>,<0.1:1,1,-1>,<-0.2:1,1,-1> --t-end "
+          "<5:0,0,1>"},
+     .results = {{{"loss", {0, 1, 0}, STATE, 0}},
+                 {{"E1", {0, 1, 0}, STATE, 0}, {"E2", ENERGY, LESS, 0}},
+                 {{"energy_drift", ENERGY, LESS, 0}}}},
     {.name = "lg-hamiltonian, coupled oscillators in single precision",
      .files = {{"p.yaml", "system: coupled-oscillators\nstarts: {kind: thesis}\n"}},
      .data = {{"lg-hamiltonian generate p.yaml --trajectories 200 --points 6 --t-end 0.3", "a.h5", "train.h5",
