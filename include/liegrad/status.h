@@ -2,6 +2,10 @@
  *
  * Every public function that can fail returns an lg_status. On failure pure outputs are untouched; in/out
  * arguments say in their own comment what happens to them. The library never exits, aborts or prints.
+ *
+ * NULL is fine for a context, an lg_error, what is to be destroyed, and where a comment says so. Functions
+ * that return an lg_status refuse it elsewhere: LG_INVALID_ARGUMENT. Functions that return something else, or
+ * nothing, must not be given NULL.
  */
 #ifndef LIEGRAD_STATUS_H
 #define LIEGRAD_STATUS_H

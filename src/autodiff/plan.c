@@ -167,6 +167,8 @@ static lg_status choose(const lg_plan_options *options, lg_plan_options *chosen,
 
 lg_status lg_plan_create(const lg_program *program, size_t function, const lg_plan_options *options,
                          lg_plan **out, lg_error *error) {
+    if (program == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or the place of the plan is missing");
     lg_plan_options chosen;
     lg_error ignored;
     if (error == NULL) error = &ignored;

@@ -158,9 +158,9 @@ lg_status lg_program_add_loop(lg_program *p, const char *name, const char *funct
                               const lg_carry *carry, size_t carry_count, lg_error *error) {
     size_t callee;
     LG_TRY(lg_program_check_name("a function", name, error));
-    if (function == NULL || (carry == NULL && carry_count > 0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': the function or what is carried is missing",
-                       name);
+    if (p == NULL || function == NULL || (carry == NULL && carry_count > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "loop '%s': the program, its function or what is carried is missing", name);
     if (lg_program_find(p, function, &callee) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", function);
     if (times < 1 || times > LG_PROGRAM_MAX_TIMES)
@@ -197,7 +197,8 @@ const char *lg_program_function_name(const lg_program *p, size_t function) {
 }
 
 lg_status lg_program_find(const lg_program *p, const char *name, size_t *function) {
-    for (size_t i = 0; name != NULL && i < p->functions; i++)
+    if (p == NULL || name == NULL || function == NULL) return LG_INVALID_ARGUMENT;
+    for (size_t i = 0; i < p->functions; i++)
         if (strcmp(p->function[i].name, name) == 0) {
             *function = i;
             return LG_OK;
@@ -226,6 +227,7 @@ lg_parameter_spec lg_program_parameter(const lg_program *p, size_t index) {
 }
 
 lg_status lg_program_set_parameter(lg_program *p, size_t index, const double *values) {
+    if (p == NULL || values == NULL) return LG_INVALID_ARGUMENT;
     if (index >= p->parameters) return LG_NOT_FOUND;
     const lg_program_parameter_own *own = &p->parameter[index];
     for (size_t i = 0; i < own->count; i++)

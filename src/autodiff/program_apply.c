@@ -140,6 +140,9 @@ static lg_status apply_loop(const applying *a, lg_var *outputs) {
 
 lg_status lg_program_record(lg_tape *tape, const lg_program *program, size_t function,
                             const lg_var *parameters, const lg_var *inputs, lg_var *outputs) {
+    if (tape == NULL) return LG_INVALID_ARGUMENT;
+    if (program == NULL || inputs == NULL || outputs == NULL)
+        (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, "program", "it, its inputs or its outputs are missing");
     if (tape->status != LG_OK) return tape->status;
     if (function >= program->functions) {
         lg_tape_fail(tape, LG_NOT_FOUND, "program", "there is no such function");

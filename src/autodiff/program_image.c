@@ -46,6 +46,7 @@ typedef struct owned_image {
 } owned_image;
 
 lg_status lg_function_image_create(const lg_program *p, size_t function, lg_function_image **out) {
+    if (p == NULL || out == NULL) return LG_INVALID_ARGUMENT;
     if (function >= p->functions) return LG_NOT_FOUND;
     const lg_function *f = &p->function[function];
     owned_image *made = lg_alloc(p->context, 1, sizeof *made);
@@ -235,6 +236,8 @@ static lg_status make_function(making *m) {
 }
 
 lg_status lg_program_add_image(lg_program *program, const lg_function_image *image, lg_error *error) {
+    if (program == NULL || image == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or the image is missing");
     making m = {.program = program, .from = image, .error = error};
     lg_error ignored;
     if (error == NULL) m.error = &ignored;

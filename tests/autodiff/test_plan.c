@@ -690,24 +690,25 @@ TEST("loops carry several outputs, in any order, and refuse what cannot be") {
         size_t count;
         lg_status status;
         const char *says;
-    } refused[] = {
-        {"l", "g", 2, both, 2, LG_NOT_FOUND, "there is no function 'g'"},
-        {"l", NULL, 2, both, 2, LG_INVALID_ARGUMENT, "'l': the function or what is carried is missing"},
-        {"l", "f", 2, NULL, 2, LG_INVALID_ARGUMENT, "'l': the function or what is carried is missing"},
-        {"l", "f", 2, &unknown, 1, LG_NOT_FOUND, "'f' has no output 'r'"},
-        {"l", "f", 2, &nowhere, 1, LG_NOT_FOUND, "'f' has no input 'z'"},
-        {"l", "f", 2, &unnamed, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
-        {"l", "f", 2, &unset, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
-        {"l", "f", 0, both, 2, LG_INVALID_ARGUMENT, "'l' is run 0 times: 1 to 16777216"},
-        {"l", "f", 1 << 25, both, 2, LG_INVALID_ARGUMENT, "is run 33554432 times: 1 to 16777216"},
-        {"l", "both", 2, both, 2, LG_INVALID_ARGUMENT, "'l' calls 'both', which is a loop too"},
-        {"f", "f", 2, both, 2, LG_INVALID_ARGUMENT, "two functions are called 'f'"},
-        {NULL, "f", 2, both, 2, LG_INVALID_ARGUMENT, "name of a function"},
-        {"l", "f", 2, twice, 2, LG_INVALID_ARGUMENT, "'l': input 'a' is carried twice"},
-        {"l", "uneven", 2, &wider, 1, LG_INVALID_ARGUMENT,
-         "'l': output 'wide' cannot become input 'a': their shapes differ"},
-        {"l", "uneven", 2, &common, 1, LG_INVALID_ARGUMENT,
-         "'l': output 'one' cannot become input 'a': all rows share one of them"}};
+    } refused[] = {{"l", "g", 2, both, 2, LG_NOT_FOUND, "there is no function 'g'"},
+                   {"l", NULL, 2, both, 2, LG_INVALID_ARGUMENT,
+                    "'l': the program, its function or what is carried is missing"},
+                   {"l", "f", 2, NULL, 2, LG_INVALID_ARGUMENT,
+                    "'l': the program, its function or what is carried is missing"},
+                   {"l", "f", 2, &unknown, 1, LG_NOT_FOUND, "'f' has no output 'r'"},
+                   {"l", "f", 2, &nowhere, 1, LG_NOT_FOUND, "'f' has no input 'z'"},
+                   {"l", "f", 2, &unnamed, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
+                   {"l", "f", 2, &unset, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
+                   {"l", "f", 0, both, 2, LG_INVALID_ARGUMENT, "'l' is run 0 times: 1 to 16777216"},
+                   {"l", "f", 1 << 25, both, 2, LG_INVALID_ARGUMENT, "is run 33554432 times: 1 to 16777216"},
+                   {"l", "both", 2, both, 2, LG_INVALID_ARGUMENT, "'l' calls 'both', which is a loop too"},
+                   {"f", "f", 2, both, 2, LG_INVALID_ARGUMENT, "two functions are called 'f'"},
+                   {NULL, "f", 2, both, 2, LG_INVALID_ARGUMENT, "name of a function"},
+                   {"l", "f", 2, twice, 2, LG_INVALID_ARGUMENT, "'l': input 'a' is carried twice"},
+                   {"l", "uneven", 2, &wider, 1, LG_INVALID_ARGUMENT,
+                    "'l': output 'wide' cannot become input 'a': their shapes differ"},
+                   {"l", "uneven", 2, &common, 1, LG_INVALID_ARGUMENT,
+                    "'l': output 'one' cannot become input 'a': all rows share one of them"}};
     for (size_t i = 0; i < LG_COUNT(refused); i++) {
         memset(&error, 0, sizeof error);
         assert_status(lg_program_add_loop(program, refused[i].name, refused[i].function, refused[i].times,
