@@ -520,11 +520,11 @@ TEST("the probe catches a reader that dies") {
     options.probe_seconds = 1;
     for (int how = 0; how < 3; how++) {
         lg_error error = {LG_OK, ""};
-        assert_status(lg_probe(path, &options, dies, &how, &error), LG_FORMAT);
+        assert_status(lg_probe(NULL, path, &options, dies, &how, &error), LG_FORMAT);
         assert_non_null(strstr(error.message, "good.h5"));
         assert_non_null(strstr(error.message, "damaged"));
     }
     options.probe = false;
     int how = 0;
-    assert_ok(lg_probe(path, &options, dies, &how, NULL));
+    assert_ok(lg_probe(NULL, path, &options, dies, &how, NULL));
 }
