@@ -119,8 +119,8 @@ TASKS = {  # model, data, starts, near the solution
 
 
 def solution(model, data, near):
-    """The minimum in 40 digits by Newton's method, and what conditioning allows of each number: the change that changes f by its
-    own rounding, m u, and what rounding of r does through the pseudoinverse of J; over the size of the number."""
+    """The minimum in 40 digits by Newton's method, and what conditioning allows of each number: the change that rounding
+    of f and of the residuals hides, and what rounding of r does through the pseudoinverse of J; over the size of the number."""
     xs, ys = numbers(data[0]), numbers(data[1])
     n, m = len(near), len(xs)
     r = lambda b: [MODELS[model](b, i, xs[i], ys[i]) for i in range(m)]
@@ -143,13 +143,13 @@ def solution(model, data, near):
         b = [a * s for a, s in zip(z, scale)]
         J = jacobian(b)
         inverse = mp.inverse(J.T * J)
-        pseudo, f = inverse * J.T, mp.fsum(v * v for v in r(b))
+        pseudo, hidden = inverse * J.T, U64 * mp.fsum(m * v * v + 4 * abs(v * y) for v, y in zip(r(b), ys))
     allows = 0
     for k in range(n):
-        width = mp.sqrt(m * U64 * f * inverse[k, k])
+        width = mp.sqrt(hidden * inverse[k, k])
         rounding = mp.fsum(abs(pseudo[k, i]) * (abs(ys[i]) or 1) for i in range(m)) * U64 * 4
         allows = max(allows, (width + rounding) / abs(b[k]))
-    return b, float(allows) + 16 * U64
+    return b, float(allows) + 64 * U64
 
 
 def fits(function, wanted, *also):
