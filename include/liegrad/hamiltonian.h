@@ -107,6 +107,10 @@ struct lg_hamiltonian_family {
     /* Parts that have a unit. The product of these units is that of an action, energy times time, as for q and
      * p of a pair. Scales of the other parts are 1. */
     bool scaled[LG_HAMILTONIAN_MAX_PARTS];
+    /* From `many` copies on, T is `stretch` times longer and s_2 as much smaller: V is larger inside, and small
+     * networks learn such systems further (measured, docs/reports/hamiltonian.md). 0: never. */
+    uint32_t many;
+    double stretch;
     uint32_t inputs;                       /* of V, for each of the n */
     uint32_t forces;                       /* numbers of an input for each of the n */
     const char *layout[3];                 /* names of the parts of a state, ended by NULL: "q", "p" */
@@ -270,6 +274,7 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  *   T    the geometric mean over the parts that change of spread / rate,
  *   s_1  the size of q, where the family scales it, else 1,
  *   s_2  s_1 |p| / (|q'| T): a mass of 1 inside moves as the data do.
+ * From family->many copies on, T is family->stretch times longer and s_2 as much smaller.
  * Where nothing moves, T is the time of a trajectory and s_i the size. Only model, trajectories, points, dt
  * and data of the problem are read. Errors: LG_INVALID_ARGUMENT (one of them is missing), LG_NOT_FINITE
  * (sizes out of range). */

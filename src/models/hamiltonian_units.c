@@ -130,7 +130,8 @@ lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_h
     walk w;
     motion m;
     LG_TRY(measure(problem, &w, &m, error));
-    const bool *scaled = problem->model->family->scaled;
+    const lg_hamiltonian_family *family = problem->model->family;
+    const bool *scaled = family->scaled;
     const double time = time_of(&m);
     lg_hamiltonian_scales made = {time > 0.0 ? time : problem->dt * (double)(problem->points - 1),
                                   {1.0, 1.0}};
@@ -140,6 +141,10 @@ lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_h
     const double mass = m.size[1] / (m.rate[0] * made.time);
     if (m.parts == 2 && scaled[1] && m.change[0] > rounding * m.size[0] && mass > 0.0)
         made.part[1] = made.part[0] * mass;
+    if (family->many > 0 && problem->model->n >= family->many && scaled[1]) {
+        made.time *= family->stretch;
+        made.part[1] /= family->stretch;
+    }
     const bool fit = is_scale(made.time) && is_scale(made.part[0]) && is_scale(made.part[1]) &&
                      is_scale(made.part[0] * made.part[1] / made.time);
     if (!fit) return lg_fail(error, LG_NOT_FINITE, "the sizes of the data are out of range");
