@@ -31,8 +31,9 @@ static void invert(size_t k, const double *m, double *W) {
     free(l);
 }
 
-/* W = m^-1 (k, k), inside (divided by the scales). *condition = max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W:
- * how nearly the rows of m depend on each other, whatever their scale. False: the family has no mass. */
+/* W = m^-1 (k, k), inside (divided by the scales). *condition = max_i m_ii W_ii >= 1, which multiplies the
+ * rounding of what is solved with W: how nearly the rows of m depend on each other, whatever their scale.
+ * False: the family has no mass. */
 static bool invert_mass(const lg_hamiltonian *model, const double *theta, double *W, double *condition) {
     const size_t k = model->n;
     double *m = app_alloc(k * k, sizeof *m);

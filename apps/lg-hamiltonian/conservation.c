@@ -103,8 +103,8 @@ static bool is_finite(const course *c) {
     return isfinite(c->begin) && isfinite(c->x) && isfinite(c->y);
 }
 
-/* Different trajectories count, from their second point on, where there is a third: noise in the data raises the
- * energies of all points but, often, the first. */
+/* Different trajectories count, from their second point on, where there is a third: noise in the data
+ * raises the energies of all points but, often, the first. */
 static size_t follow_all(const measuring *m, course *out) {
     const size_t d = lg_model_inputs(m->model), points = m->problem->points, skipped = points > 2 ? 1 : 0;
     size_t *index = app_alloc(m->problem->trajectories, sizeof *index), count = 0;
@@ -160,8 +160,8 @@ static bool is_told(const cost *c) {
            fabs(c->slope) > scatter * (1.0 + few / (double)c->count) * c->error;
 }
 
-/* Whether the fit is near what it can reach: most of the motion is explained, and the loss has ceased to fall.
- * The energy of a model that is not learned changes along any data. */
+/* Whether the fit is near what it can reach: most of the motion is explained, and the loss has ceased to
+ * fall. The energy of a model that is not learned changes along any data. */
 static bool is_learned(const app *self, const learner *trained, const double *theta) {
     static const double explained = 0.3, fall = 1.5;
     enum { FEWEST = 16 }; /* epochs */

@@ -75,8 +75,8 @@ void warn_of_inputs(const app *self, const char *path, const lg_trajectories *da
 /* The trajectories without those that repeat another one, all numbers alike: their indices (room for all).
  * Returns how many. From one thread at a time. */
 size_t different_trajectories(const lg_hamiltonian_problem *problem, size_t *out);
-/* Says so when nothing moves, when trajectories repeat others, and when the data have fewer numbers than there
- * are parameters. */
+/* Says so when nothing moves, when trajectories repeat others, and when the data have fewer numbers than
+ * there are parameters. */
 void warn_of_data(const app *self, const lg_hamiltonian_problem *problem, const char *path);
 
 /* The model with the state of its fit; `theta` has lg_hamiltonian_parameters numbers. */

@@ -1,5 +1,5 @@
-/* The collections of tests/nn/minimise_problems.h, for bench/minimisers, as a shared library: their functions, and
- * runs of our minimisers with defaults. */
+/* The collections of tests/nn/minimise_problems.h, for bench/minimisers, as a shared library: their
+ * functions, and runs of our minimisers with defaults. */
 #include "liegrad/minimise.h"
 #include "nn/minimise_problems.h"
 

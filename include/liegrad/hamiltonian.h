@@ -104,11 +104,11 @@ struct lg_hamiltonian_family {
     const char *copy;                               /* what n counts, "link" */
     lg_space_kind factor[LG_HAMILTONIAN_MAX_PARTS]; /* of the space, n copies each */
     uint32_t factors;
-    /* Parts that have a unit. The product of these units is that of an action, energy times time, as for q and
-     * p of a pair. Scales of the other parts are 1. */
+    /* Parts that have a unit. The product of these units is that of an action, energy times time, as for q
+     * and p of a pair. Scales of the other parts are 1. */
     bool scaled[LG_HAMILTONIAN_MAX_PARTS];
-    /* From `many` copies on, T is `stretch` times longer and s_2 as much smaller: V is larger inside, and small
-     * networks learn such systems further (measured, docs/reports/hamiltonian.md). 0: never. */
+    /* From `many` copies on, T is `stretch` times longer and s_2 as much smaller: V is larger inside, and
+     * small networks learn such systems further (measured, docs/reports/hamiltonian.md). 0: never. */
     uint32_t many;
     double stretch;
     uint32_t inputs;                       /* of V, for each of the n */

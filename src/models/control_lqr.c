@@ -12,7 +12,8 @@ enum { MOST_SQUARINGS = 1100, BLOCKS = 8 };
 
 typedef struct hold {
     size_t rows; /* n + m */
-    /* M; its powers 2, 4, 6; over and under the fraction's line; scratch (rows, rows). Units of the variables. */
+    /* M; its powers 2, 4, 6; over and under the fraction's line; scratch (rows, rows). Units of the
+     * variables. */
     double *M, *M2, *M4, *M6, *over, *under, *next, *sum, *unit;
     int *pivots;
 } hold;
@@ -62,8 +63,9 @@ static double largest_row_of_power(const hold *s, int power) {
     return most;
 }
 
-/* How often M is halved for Pade's approximation [13/13] (Al-Mohy & Higham, SIAM J. Matrix Anal. Appl. 31 (2009),
- * algorithm 5.1): from the norms of powers of M, which may be far smaller than those powers of the norm. */
+/* How often M is halved for Pade's approximation [13/13] (Al-Mohy & Higham, SIAM J. Matrix Anal. Appl. 31
+ * (2009), algorithm 5.1): from the norms of powers of M, which may be far smaller than those powers of the
+ * norm. */
 static int squarings_of(const hold *s) {
     static const double theta = 4.25, first_error = 8.8299e-36; /* 1/(C(26, 13) 27!) */
     const size_t n = s->rows;
@@ -97,7 +99,8 @@ static void set_powers(hold *s, int halvings) {
     lg_matrix_multiply(n, n, n, s->M2, s->M4, s->M6);
 }
 
-/* M <- exp(M) by Pade's approximation of M / 2^k, squared k times. The transposes that LAPACK sees commute alike. */
+/* M <- exp(M) by Pade's approximation of M / 2^k, squared k times. The transposes that LAPACK sees commute
+ * alike. */
 static void exponential(hold *s) {
     /* (26 - k)! 13!/(26! k! (13 - k)!) */
     static const double b[] = {1.0,
@@ -145,8 +148,8 @@ static void exponential(hold *s) {
     memcpy(s->M, s->over, n * n * sizeof *s->M);
 }
 
-/* D^-1 M D with powers of 2: rows and columns of A of a size, and each column of B at most as large as A, with
- * which exp's column grows. */
+/* D^-1 M D with powers of 2: rows and columns of A of a size, and each column of B at most as large as A,
+ * with which exp's column grows. */
 static void balance(hold *s, size_t n) {
     const size_t N = s->rows;
     const int size = (int)n;

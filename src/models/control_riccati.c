@@ -269,8 +269,8 @@ static void close_loop(const riccati *s) {
     for (size_t i = 0; i < n * n; i++) s->closed[i] = s->of->A[i] - s->closed[i];
 }
 
-/* s->right = B^T P + S^T and W (discrete: B^T P A + S^T, R + B^T P B) of the trial P, and the same in twice the
- * digits. */
+/* s->right = B^T P + S^T and W (discrete: B^T P A + S^T, R + B^T P B) of the trial P, and the same in twice
+ * the digits. */
 static void weigh(const riccati *s) {
     const size_t n = s->n, m = s->m;
     const lg_matrix_pair A = {(double *)s->of->A, NULL}, B = {(double *)s->of->B, NULL}, P = {s->trial, NULL};
@@ -304,10 +304,10 @@ static void add_term(const riccati *s, double sign, lg_matrix_pair x, bool trans
         }
 }
 
-/* gain K (m, n), closed = A - B K and the residual of the trial P; *relative: its size. False: W is not positive
- * definite. The residual is what Newton's method divides by the distance of the closed loop from the boundary: its
- * terms are summed in twice the digits, -right^T W^-1 right as K^T (W K - right) - right^T K, in which the
- * rounding of K has no share. */
+/* gain K (m, n), closed = A - B K and the residual of the trial P; *relative: its size. False: W is not
+ * positive definite. The residual is what Newton's method divides by the distance of the closed loop from
+ * the boundary: its terms are summed in twice the digits, -right^T W^-1 right as K^T (W K - right) -
+ * right^T K, in which the rounding of K has no share. */
 static bool evaluate(const riccati *s, double *relative) {
     const size_t n = s->n, m = s->m;
     weigh(s);

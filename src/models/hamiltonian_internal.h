@@ -22,8 +22,8 @@ double lg_hamiltonian_energy_scale(const lg_hamiltonian *model);
 lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
 lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
 
-/* The equation that training solves with a scheme, inside and without input: on the manifold for Lie group schemes, else on R^d with
- * the parts of `start`. `vars` must outlive the use of `ode`. */
+/* The equation that training solves with a scheme, inside and without input: on the manifold for Lie group
+ * schemes, else on R^d with the parts of `start`. `vars` must outlive the use of `ode`. */
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
                                       const lg_var *start, lg_taped_ode *ode);
 /* The functions of a model in a loop: value, grad and field as in lg_hamiltonian_program; velocity (x, u) ->

@@ -18,8 +18,9 @@ static void store(lg_dtype dtype, void *values, size_t i, double value) {
         ((float *)values)[i] = (float)value;
 }
 
-/* Points first..last of the samples as states inside, ((last - first + 1) count, d). All samples of one point follow
- * each other, the order of the concatenated predictions. For geodesic distances they are projected. */
+/* Points first..last of the samples as states inside, ((last - first + 1) count, d). All samples of one
+ * point follow each other, the order of the concatenated predictions. For geodesic distances they are
+ * projected. */
 static void fill_states(const lg_hamiltonian_problem *problem, const lg_space *space, lg_dtype dtype,
                         const uint32_t *samples, size_t count, size_t first, size_t last, void *values) {
     const size_t d = space->dim;

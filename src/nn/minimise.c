@@ -215,8 +215,8 @@ static void restart(lg_minimiser *m) {
 
 /* ---- the check: values along a random line against slopes by Simpson's rule ----
  *
- * At each level the line is shorter. A level tells nothing where differences of fourth order, which steps of a
- * smooth function do not have, or the rounding of f are as large as the change of f. */
+ * At each level the line is shorter. A level tells nothing where differences of fourth order, which steps
+ * of a smooth function do not have, or the rounding of f are as large as the change of f. */
 
 void lg_minimise_check_direction(lg_minimiser *m) {
     lg_rng rng;

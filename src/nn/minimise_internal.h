@@ -52,11 +52,13 @@ typedef struct lg_minimise_row {
      * used as scratch. */
     void (*update)(struct lg_minimiser *m, double *s, double *y);
     void (*direction)(struct lg_minimiser *m); /* m->d = -H g, where there are pairs */
-    /* H becomes S (L L^T)^-1 S, S = diag(scale); L lower triangular, packed (n, n), in m->curvature. NULL: cannot. */
+    /* H becomes S (L L^T)^-1 S, S = diag(scale); L lower triangular, packed (n, n), in m->curvature. NULL:
+     * cannot. */
     void (*invert)(struct lg_minimiser *m, const double *scale);
 } lg_minimise_row;
 
-/* Of lg_least_squares: r (rows) and the columns of J (n, rows) at the trial and at x, and room for a factor of J. */
+/* Of lg_least_squares: r (rows) and the columns of J (n, rows) at the trial and at x, and room for a factor
+ * of J. */
 typedef struct lg_minimise_squares {
     size_t rows;
     const double *trial_r, *trial_columns;
@@ -76,7 +78,8 @@ struct lg_minimiser {
     size_t first, end; /* rows of this rank */
     size_t *bytes;     /* (ranks): of an exchange */
     lg_status status;  /* of the exchanges */
-    /* The caller's units of x (n) and of f, in which the gradient is compared with its tolerance; NULL, 1: ones. */
+    /* The caller's units of x (n) and of f, in which the gradient is compared with its tolerance; NULL, 1:
+     * ones. */
     const double *unit;
     double value_unit;
     const lg_minimise_squares *squares; /* NULL: the Gauss-Newton matrix is all there is */

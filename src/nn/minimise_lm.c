@@ -102,8 +102,8 @@ static double ridge_of(const arrow *a, size_t i) {
     return square > 0.0 ? LEAST_DAMPING * square : 1.0;
 }
 
-/* The same d as the least |(J; sqrt(mu D/2)) d + (r; 0)|, by Householder reflections: its error grows with the
- * condition of J, not its square. */
+/* The same d as the least |(J; sqrt(mu D/2)) d + (r; 0)|, by Householder reflections: its error grows with
+ * the condition of J, not its square. */
 static bool solve_residuals(lg_minimiser *m, bool damped) {
     const lg_minimise_squares *q = m->squares;
     const arrow a = arrow_of(m);

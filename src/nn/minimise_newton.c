@@ -1,5 +1,5 @@
-/* Where searches fail: the Hessian A from differences of gradients tells whether the point is a minimum, and a
- * Newton step from it goes on where rounding has spoiled H.
+/* Where searches fail: the Hessian A from differences of gradients tells whether the point is a minimum,
+ * and a Newton step from it goes on where rounding has spoiled H.
  *
  * A is symmetric, (n, n): the upper triangle and diagonal A, the lower triangle a factor. */
 #include <math.h>
@@ -68,8 +68,8 @@ static double curvature_of(const lg_minimiser *m, size_t i) {
     return fmax(fabs(m->s[i]), fmax(flat, 1e-300));
 }
 
-/* Factors A + shift D in the lower triangle, scaled to the unit diagonal D = diag(curvature_of), 1/sqrt(D) in m->y;
- * the diagonal of A lies in m->s. False: not positive definite. */
+/* Factors A + shift D in the lower triangle, scaled to the unit diagonal D = diag(curvature_of), 1/sqrt(D)
+ * in m->y; the diagonal of A lies in m->s. False: not positive definite. */
 static bool factor(lg_minimiser *m, double shift) {
     const size_t n = m->n;
     const int order = (int)n;
@@ -91,8 +91,8 @@ static void solve(const lg_minimiser *m, double *x) {
     dpotrs_("U", &order, &one, hessian_of(m), &order, x, &order, &info);
 }
 
-/* d += v where f curves downwards: the eigenvector of the lowest eigenvalue, by inverse iteration, at a length of
- * STRIDE of the variable that it changes most. */
+/* d += v where f curves downwards: the eigenvector of the lowest eigenvalue, by inverse iteration, at a
+ * length of STRIDE of the variable that it changes most. */
 static void add_downwards(lg_minimiser *m) {
     const size_t n = m->n;
     double *v = m->s, most = 0.0;
@@ -116,8 +116,8 @@ bool lg_minimise_newton_shows(const lg_minimiser *m) {
     return m->numbers.damping <= CONVEX_SHIFT && (still || fall <= LEFT * fabs(m->numbers.value));
 }
 
-/* Searches along the Newton step d = -(A + shift D)^-1 g, with the least shift of a power of 10 that makes the
- * matrix positive definite. */
+/* Searches along the Newton step d = -(A + shift D)^-1 g, with the least shift of a power of 10 that makes
+ * the matrix positive definite. */
 static void decide(lg_minimiser *m) {
     const size_t n = m->n;
     double *A = hessian_of(m), shift = 0.0;

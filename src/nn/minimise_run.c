@@ -77,7 +77,8 @@ static lg_status conclude(lg_minimiser *m, lg_status status, lg_minimise_end end
     return status;
 }
 
-/* The minimiser sees x/unit and f/value_unit, the units taken from the start: nothing depends on the caller's. */
+/* The minimiser sees x/unit and f/value_unit, the units taken from the start: nothing depends on the
+ * caller's. */
 typedef struct given_objective {
     lg_objective function;
     void *user;
@@ -85,8 +86,8 @@ typedef struct given_objective {
     double value_unit;           /* a power of 2 */
 } given_objective;
 
-/* Units of variables that start at zero: `size` is what f or r has, slope[i] what a unit of variable i adds to it.
- * A slope that is zero but for rounding tells none. */
+/* Units of variables that start at zero: `size` is what f or r has, slope[i] what a unit of variable i adds
+ * to it. A slope that is zero but for rounding tells none. */
 static void units_of_zeros(size_t n, const double *x, double size, const double *slope, double *unit) {
     static const double ROUNDED = 1e-12;
     double largest = 0.0;

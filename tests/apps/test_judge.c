@@ -484,7 +484,8 @@ TEST("exact data are not called damped where the model has not learned them, and
     }
 }
 
-/* Trajectory i is trajectory i modulo `kinds`; with `rest`, all its points are the first one, without momentum. */
+/* Trajectory i is trajectory i modulo `kinds`; with `rest`, all its points are the first one, without
+ * momentum. */
 static void repeat(lg_trajectories *data, size_t kinds, bool rest) {
     const size_t size = data->points * 6;
     for (size_t i = 0; i < data->count; i++)

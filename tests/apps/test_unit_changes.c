@@ -1,4 +1,5 @@
-/* Results of commands in other units of mass, length and time: a part of the table, in four changes of units. */
+/* Results of commands in other units of mass, length and time: a part of the table, in four changes of
+ * units. */
 #include "units_support.h"
 
 static int setup(void **state) {

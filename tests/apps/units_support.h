@@ -1,6 +1,6 @@
-/* Commands whose results must not depend on the units of mass, length and time: one table. A row has files, data and
- * commands in which every number with a unit says which: <x:a,b,c> is x mass^a length^b time^c. The results of a row
- * are compared with the results in units of 1. */
+/* Commands whose results must not depend on the units of mass, length and time: one table. A row has files,
+ * data and commands in which every number with a unit says which: <x:a,b,c> is x mass^a length^b time^c.
+ * The results of a row are compared with the results in units of 1. */
 #ifndef LG_UNITS_SUPPORT_H
 #define LG_UNITS_SUPPORT_H
 
@@ -15,9 +15,9 @@ typedef struct dimension {
     double mass, length, time;
 } dimension;
 
-/* SAME: every number of the value within `bound`, relative to the largest. LESS: at most 3 times as large. STATE: LESS
- * for a mean of squares of positions, whose dimension is given, and momenta: at most as the larger unit makes it; CURVE:
- * of lengths and numbers without a unit. */
+/* SAME: every number of the value within `bound`, relative to the largest. LESS: at most 3 times as large.
+ * STATE: LESS for a mean of squares of positions, whose dimension is given, and momenta: at most as the
+ * larger unit makes it; CURVE: of lengths and numbers without a unit. */
 typedef enum comparison { SAME, LESS, STATE, CURVE } comparison;
 
 typedef struct wanted {
@@ -31,8 +31,8 @@ typedef struct units_row {
     const char *name;
     bool quick;
     const char *files[3][2]; /* name, text */
-    /* Made in units of 1: a command, its file, and the columns of a CSV file with their dimensions (NULL: it is a file
-     * of trajectories). Then converted to `name`. */
+    /* Made in units of 1: a command, its file, and the columns of a CSV file with their dimensions (NULL:
+     * it is a file of trajectories). Then converted to `name`. */
     struct {
         const char *command, *made, *name, *columns;
     } data[2];

@@ -347,10 +347,10 @@ TEST("simplified code is the same") {
 /* ---- extreme arguments ----
  *
  * What an elementwise row computes, by its tensors, its scalar code and its C, in both types, is the value of
- * the scalar code in long double at arguments that differ by a few units of rounding. A formula that overflows
- * on the way, or that cancels, is found: long double goes on. The derivative is that of the scalar code.
- * Results below the smallest normal number may be 0; derivatives may need the reciprocal of an argument, which
- * has none below it. */
+ * the scalar code in long double at arguments that differ by a few units of rounding. A formula that
+ * overflows on the way, or that cancels, is found: long double goes on. The derivative is that of the
+ * scalar code. Results below the smallest normal number may be 0; derivatives may need the reciprocal of an
+ * argument, which has none below it. */
 
 enum { UNITS = 4, TRIPLES = 3000 };
 

@@ -184,9 +184,9 @@ TEST("the floor of an exact chain is its loss") {
     assert_true(compared >= lg_scheme_count());
 }
 
-/* The order between the last two of the step sizes, where the next order counts least. At order 5 what is left
- * lies between a part of the next order and rounding, within 0.3 at the states of eight seeds; above it, the
- * order over all step sizes is surer. An order that is wrong by 1 is outside everywhere. */
+/* The order between the last two of the step sizes, where the next order counts least. At order 5 what is
+ * left lies between a part of the next order and rounding, within 0.3 at the states of eight seeds; above
+ * it, the order over all step sizes is surer. An order that is wrong by 1 is outside everywhere. */
 static void check_floor(const built *b, const lg_scheme *scheme, const double *y) {
     lg_hamiltonian_problem problem = {.model = &b->hamiltonian,
                                       .scheme = scheme,
@@ -428,8 +428,8 @@ TEST("geodesic distances are those along great circles with momenta carried alon
 }
 
 /* From a = e3 with momentum p to b = (sin d, 0, -cos d), d = pi - theta, with momentum r; f = (cos theta, 0,
- * -sin theta) is the direction at b. P p = p1 f + p2 e2. Turning b about e3 moves it along e2 by sin d and P p
- * by p2 f + p1 (cos theta - 1) e2 - p2 e1; moving b along f changes theta alone. */
+ * -sin theta) is the direction at b. P p = p1 f + p2 e2. Turning b about e3 moves it along e2 by sin d and
+ * P p by p2 f + p1 (cos theta - 1) e2 - p2 e1; moving b along f changes theta alone. */
 TEST("geodesic distances and their slopes keep their digits up to 1e-12 from the antipode") {
     static const double gaps[] = {1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 0.5, 1.0, 2.0, 2.6};
     const double p[2] = {0.7, -0.4}, r[2] = {-0.9, 1.3}; /* by (e1, e2) and (f, e2) */

@@ -1,4 +1,5 @@
-/* Learned Hamiltonians with scales: they are the same model in other units, and training does not see units. */
+/* Learned Hamiltonians with scales: they are the same model in other units, and training does not see
+ * units. */
 #include "models/model_support.h"
 
 #include "liegrad/mechanics.h"

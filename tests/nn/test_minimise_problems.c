@@ -1,5 +1,5 @@
-/* Minimisers on two collections of problems: no exact gradient is refused, LG_OK means a minimum, parameters have
- * their certified digits, and no unit matters. */
+/* Minimisers on two collections of problems: no exact gradient is refused, LG_OK means a minimum,
+ * parameters have their certified digits, and no unit matters. */
 #include "nn_support.h"
 
 #include "liegrad/minimise.h"
@@ -72,8 +72,8 @@ static double digits(const minimise_problem *p, const double *x) {
     return least;
 }
 
-/* Whether x is a minimum nearby: with A the Hessian, scaled to a unit diagonal, A + 1e-8 is positive definite,
- * and a Newton step lowers f by less than 1e-4 of it. */
+/* Whether x is a minimum nearby: with A the Hessian, scaled to a unit diagonal, A + 1e-8 is positive
+ * definite, and a Newton step lowers f by less than 1e-4 of it. */
 static bool is_minimum(const minimise_problem *p, const double *x) {
     const size_t n = p->n;
     double A[MOST_VARIABLES][MOST_VARIABLES], g[MOST_VARIABLES], other[MOST_VARIABLES], at[MOST_VARIABLES];
