@@ -145,7 +145,7 @@ typedef struct watch {
 
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0);
 lg_status watch_step(void *self, double t, double h, const double *y);
-/* Warns of steps that are too long to mean anything: rotations beyond pi in a step, an energy that changes. */
+/* Warns of steps that are too long: rotations beyond pi in a step, an energy that changes. */
 void watch_warn(const watch *self, const plan *how, const outcome *run);
 void watch_end(watch *self);
 
