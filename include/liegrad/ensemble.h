@@ -105,7 +105,7 @@ typedef struct lg_ensemble_stats {
     double seconds;
 } lg_ensemble_stats;
 
-/* `keep` may be NULL, `stats` too. Errors: LG_INVALID_ARGUMENT with a sentence (times, steps, events,
+/* `start`, `keep` and `stats` may be NULL. Errors: LG_INVALID_ARGUMENT with a sentence (times, steps, events,
  * scheme), LG_UNSUPPORTED (adaptive without an embedded solution, a scheme that does not apply to the
  * system), LG_OUT_OF_MEMORY, LG_CANCELLED, those of `start` and `keep`. Members that fail are no error. */
 LG_API lg_status lg_ensemble_run(const lg_context *context, const lg_system *system,

@@ -374,6 +374,7 @@ static void sweep_back(lg_tape *tape, lg_sweep *sweep, lg_var y, const lg_var *w
 
 static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad, bool added,
                           double *bound, const apart *rows) {
+    LG_TRY(lg_tape_needs(tape, "backward", n == 0 || (wrt != NULL && grad != NULL)));
     if (!lg_valid_list(tape, &y, 1, "backward") || !lg_valid_list(tape, wrt, n, "backward"))
         return tape->status;
     if (tape->unrecorded) {

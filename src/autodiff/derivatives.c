@@ -36,6 +36,9 @@ static void collect(lg_tape *tape, lg_range range, lg_var *found, const lg_var *
 
 lg_status lg_vjp(lg_tape *tape, const lg_var *y, const lg_var *cotangent, size_t ny, const lg_var *wrt,
                  size_t n, lg_var *out) {
+    LG_TRY(lg_tape_needs(tape, "vjp",
+                         (ny == 0 || (y != NULL && cotangent != NULL)) &&
+                             (n == 0 || (wrt != NULL && out != NULL))));
     if (!lg_valid_list(tape, y, ny, "vjp") || !lg_valid_list(tape, cotangent, ny, "vjp") ||
         !lg_valid_list(tape, wrt, n, "vjp"))
         return tape->status;
@@ -65,6 +68,7 @@ lg_status lg_vjp(lg_tape *tape, const lg_var *y, const lg_var *cotangent, size_t
 }
 
 lg_status lg_grad(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, lg_var *out) {
+    LG_TRY(lg_tape_needs(tape, "grad", n == 0 || (wrt != NULL && out != NULL)));
     if (!lg_valid_list(tape, &y, 1, "grad") || !lg_valid_list(tape, wrt, n, "grad")) return tape->status;
     lg_var one = lg_full(tape, lg_node_at(tape, y)->shape, 1.0);
     if (tape->status != LG_OK) return tape->status;
@@ -115,6 +119,9 @@ static void forward_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, l
 
 lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, const lg_var *direction,
                  size_t nx, lg_var *out) {
+    LG_TRY(lg_tape_needs(tape, "jvp",
+                         (ny == 0 || (y != NULL && out != NULL)) &&
+                             (nx == 0 || (x != NULL && direction != NULL))));
     if (!lg_valid_list(tape, y, ny, "jvp") || !lg_valid_list(tape, x, nx, "jvp") ||
         !lg_valid_list(tape, direction, nx, "jvp"))
         return tape->status;

@@ -11,6 +11,7 @@ void lg_tape_options_init(lg_tape_options *options) {
 }
 
 lg_status lg_tape_create(const lg_context *context, const lg_tape_options *options, lg_tape **out) {
+    LG_NEEDS(NULL, out);
     lg_tape_options chosen;
     lg_tape_options_init(&chosen);
     if (options != NULL) {
@@ -99,6 +100,7 @@ void lg_forget_nodes(lg_tape *tape, uint32_t node) {
 }
 
 lg_status lg_tape_rewind(lg_tape *tape, lg_mark mark) {
+    LG_NEEDS(NULL, tape);
     if (mark.nodes > tape->count) return LG_INVALID_ARGUMENT;
     if (mark.nodes > 0 && tape->nodes[mark.nodes - 1].generation != mark.generation)
         return LG_INVALID_ARGUMENT;
@@ -126,7 +128,7 @@ void lg_tape_reset(lg_tape *tape) {
 /* ---- errors ---- */
 
 lg_status lg_tape_status(const lg_tape *tape) {
-    return tape->status;
+    return tape != NULL ? tape->status : LG_INVALID_ARGUMENT;
 }
 
 const char *lg_tape_message(const lg_tape *tape) {
@@ -145,6 +147,12 @@ void lg_scope_pop(lg_tape *tape) {
 static void append(char *text, size_t size, const char *more) {
     size_t used = strlen(text);
     (void)snprintf(text + used, size - used, "%s", more);
+}
+
+lg_status lg_tape_needs(lg_tape *tape, const char *operation, bool all) {
+    if (tape == NULL) return LG_INVALID_ARGUMENT;
+    if (!all) (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation, "an argument is NULL");
+    return tape->status;
 }
 
 lg_var lg_tape_fail(lg_tape *tape, lg_status status, const char *operation, const char *reason) {
@@ -351,6 +359,7 @@ const void *lg_value(const lg_tape *tape, lg_var v) {
 }
 
 lg_status lg_read(const lg_tape *tape, lg_var v, size_t count, double *out) {
+    LG_NEEDS(NULL, tape, out);
     if (tape->status != LG_OK) return tape->status;
     const lg_node *node = readable(tape, v);
     if (node == NULL) return LG_STALE_HANDLE;

@@ -20,6 +20,15 @@
         if (lg_try_status_ != LG_OK) return lg_try_status_;                                                  \
     } while (0)
 
+/* Returns LG_INVALID_ARGUMENT, with a sentence in `error` (may be NULL), when one of these pointers is NULL. */
+#define LG_NEEDS(error, ...)                                                                                 \
+    do {                                                                                                     \
+        const void *const lg_needs_[] = {__VA_ARGS__};                                                       \
+        for (size_t lg_i_ = 0; lg_i_ < LG_COUNT(lg_needs_); lg_i_++)                                         \
+            if (lg_needs_[lg_i_] == NULL)                                                                    \
+                return lg_fail(error, LG_INVALID_ARGUMENT, "one of these is NULL: %s", #__VA_ARGS__);        \
+    } while (0)
+
 /* Zeroed memory, 64-byte aligned; NULL on failure or overflow of count * size. count * size == 0 gives a
  * valid pointer. A NULL context means the C library's allocator. */
 void *lg_alloc(const lg_context *context, size_t count, size_t size);

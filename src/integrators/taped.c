@@ -303,8 +303,9 @@ static lg_status make_span(lg_tape *tape, const lg_space *space, const lg_taped_
 /* ---- runs ---- */
 
 static lg_status start(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, const lg_var *y,
-                       run *r) {
+                       const lg_var *out, run *r) {
     *r = (run){.tape = tape, .scheme = scheme, .ode = ode, .force = LG_NONE};
+    LG_TRY(lg_tape_needs(tape, "step", scheme != NULL && ode != NULL && y != NULL && out != NULL));
     LG_TRY(check(tape, scheme, ode, y));
     r->parts = lg_taped_parts(&ode->space);
     return LG_OK;
@@ -320,7 +321,8 @@ lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_ta
                              const lg_taped_interval *over, const lg_var *y, lg_var *out) {
     run r;
     lg_parts next;
-    LG_TRY(start(tape, scheme, ode, y, &r));
+    LG_TRY(lg_tape_needs(tape, "step", over != NULL));
+    LG_TRY(start(tape, scheme, ode, y, out, &r));
     LG_TRY(make_span(tape, &ode->space, over, y[0], &r.over));
     for (size_t p = 0; p < r.parts; p++) next.part[p] = y[p];
     LG_TRY(take_step(&r, &next));
@@ -337,7 +339,7 @@ lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_ta
                              double h, size_t steps, size_t every, const lg_var *y0, lg_var *out) {
     run r;
     lg_parts y;
-    LG_TRY(start(tape, scheme, ode, y0, &r));
+    LG_TRY(start(tape, scheme, ode, y0, out, &r));
     if (steps == 0 || every == 0 || steps % every != 0)
         return refuse(tape, LG_INVALID_ARGUMENT, "there are no steps, or no multiple of those that are kept");
     for (size_t p = 0; p < r.parts; p++) y.part[p] = y0[p];

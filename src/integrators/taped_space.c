@@ -298,6 +298,7 @@ static lg_var join(lg_tape *tape, const lg_space *space, side which, const lg_va
 }
 
 lg_status lg_taped_split(lg_tape *tape, const lg_space *space, lg_var y, lg_var *parts) {
+    LG_TRY(lg_tape_needs(tape, "split", space != NULL && parts != NULL));
     return split(tape, space, STATE, y, parts);
 }
 
@@ -316,6 +317,7 @@ lg_var lg_taped_join_algebra(lg_tape *tape, const lg_space *space, const lg_var 
 /* ---- loops over the factors ---- */
 
 lg_status lg_taped_act(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y, lg_var *out) {
+    LG_TRY(lg_tape_needs(tape, "action", space != NULL && a != NULL && y != NULL && out != NULL));
     if (!fit(tape, space, false, a, y, "action")) return lg_tape_status(tape);
     FOR_FACTORS(space, f, row, at) {
         row->act(tape, a + at, y + at, out + at);
@@ -325,6 +327,7 @@ lg_status lg_taped_act(lg_tape *tape, const lg_space *space, const lg_var *a, co
 
 lg_status lg_taped_generator(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y,
                              lg_var *out) {
+    LG_TRY(lg_tape_needs(tape, "generator", space != NULL && a != NULL && y != NULL && out != NULL));
     if (!fit(tape, space, false, a, y, "generator")) return lg_tape_status(tape);
     FOR_FACTORS(space, f, row, at) {
         row->generator(tape, a + at, y + at, out + at);
@@ -370,6 +373,7 @@ static void dexpinv_series(lg_tape *tape, const factor_row *row, int truncation,
 
 lg_status lg_taped_dexpinv(lg_tape *tape, const lg_space *space, int truncation, const lg_var *a,
                            const lg_var *b, lg_var *out) {
+    LG_TRY(lg_tape_needs(tape, "dexpinv", space != NULL && a != NULL && b != NULL && out != NULL));
     if (truncation < LG_DEXPINV_EXACT || truncation > LG_DEXPINV_MAX)
         (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dexpinv", "there is no such truncation");
     if (!fit(tape, space, true, a, b, "dexpinv")) return lg_tape_status(tape);

@@ -60,6 +60,7 @@ void lg_statistics_destroy(lg_statistics *statistics) {
 }
 
 lg_status lg_statistics_like(const lg_statistics *s, lg_statistics **out) {
+    LG_NEEDS(NULL, s, out);
     LG_TRY(lg_statistics_create(s->context, s->rows, s->columns, s->bins, s->logarithmic, out));
     for (size_t i = 0; i < s->rows * s->columns; i++) (*out)->cells[i].range = s->cells[i].range;
     return LG_OK;
@@ -139,6 +140,7 @@ static bool sums_fit(const lg_exact_sum *a, const lg_exact_sum *b) {
 }
 
 lg_status lg_statistics_merge(lg_statistics *into, const lg_statistics *from) {
+    LG_NEEDS(NULL, into, from);
     const size_t cells = into->rows * into->columns;
     if (into->rows != from->rows || into->columns != from->columns || into->bins != from->bins)
         return LG_SHAPE;
@@ -227,6 +229,7 @@ static const member members[] = {
 };
 
 lg_status lg_statistics_save(const lg_statistics *s, const lg_archive_writer *archive) {
+    LG_NEEDS(NULL, s, archive);
     const size_t cells = s->rows * s->columns;
     uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
     char *values = lg_alloc(s->context, cells, 8 * LG_EXACT_PARTS);
@@ -268,6 +271,7 @@ static bool is_cell(const lg_statistics *s, size_t index) {
 }
 
 lg_status lg_statistics_load(lg_statistics *s, const lg_archive_reader *archive) {
+    LG_NEEDS(NULL, s, archive);
     const size_t cells = s->rows * s->columns;
     uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
     char *values = lg_alloc(s->context, cells, 8 * LG_EXACT_PARTS);

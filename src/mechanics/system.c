@@ -300,10 +300,10 @@ static lg_status make(const lg_context *context, const lg_system_row *row, const
 
 lg_status lg_system_create(const lg_context *context, const char *name, const lg_system_options *options,
                            lg_system **out, lg_error *error) {
+    LG_NEEDS(error, name, out);
     lg_system_options defaults;
     lg_system_options_init(&defaults);
     if (!options) options = &defaults;
-    if (!out) return lg_fail(error, LG_INVALID_ARGUMENT, "out is NULL");
     if (options->size != sizeof(lg_system_options))
         return lg_fail(error, LG_INVALID_ARGUMENT, "system options of unknown size %zu", options->size);
     const lg_system_row *row = find_row(name, options->form);
@@ -320,6 +320,7 @@ size_t lg_system_constants(const lg_system *system) {
 }
 
 lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out) {
+    LG_NEEDS(NULL, system, out);
     const size_t constants = lg_system_constants(system);
     const size_t bytes = block_size(system->row, system->links, system->parameter_count, constants);
     lg_system *copy = lg_alloc(context, bytes, 1);
@@ -332,6 +333,7 @@ lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_
 }
 
 lg_status lg_system_set_parameters(lg_system *system, const double *values) {
+    LG_NEEDS(NULL, system, values);
     const double *from = values;
     for (const lg_parameter_entry *p = system->row->parameters; p->key; p++) {
         const size_t n = lg_parameter_numbers(p, system->links);

@@ -135,7 +135,7 @@ lg_status lg_minimiser_create(const lg_context *context, size_t n, const lg_mini
 }
 
 lg_status lg_minimiser_status(const lg_minimiser *m) {
-    return m->status;
+    return m != NULL ? m->status : LG_INVALID_ARGUMENT;
 }
 
 void lg_minimise_gather(lg_minimiser *m, double *x) {

@@ -40,6 +40,7 @@ static size_t rows_length(const lg_minimiser *m) {
 }
 
 lg_status lg_minimiser_collect(lg_minimiser *m, lg_error *error) {
+    LG_NEEDS(error, m);
     const lg_ranks *ranks = m->options.ranks;
     if (!divided(m)) return LG_OK;
     const size_t stride = lg_minimise_stride(m->n), behind = m->held - rows_length(m);
@@ -89,6 +90,7 @@ static lg_status save_all(const lg_minimiser *m, double *curvature, const lg_arc
 }
 
 lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writer, lg_error *error) {
+    LG_NEEDS(error, m, writer);
     (void)lg_fail(error, LG_OK, "%s", "");
     double *curvature = divided(m) ? m->whole : m->curvature;
     if (curvature == NULL)
@@ -137,6 +139,7 @@ static lg_status load(const lg_minimiser *m, const lg_archive_reader *reader, do
 }
 
 lg_status lg_minimiser_load(lg_minimiser *m, const lg_archive_reader *reader, lg_error *error) {
+    LG_NEEDS(error, m, reader);
     (void)lg_fail(error, LG_OK, "%s", "");
     const size_t vectors = (size_t)(m->curvature - m->memory);
     lg_minimise_counts counts;

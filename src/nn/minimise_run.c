@@ -348,6 +348,7 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
 }
 
 lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *matrix, double *right) {
+    LG_NEEDS(NULL, matrix, right);
     const int order = (int)n, many = (int)columns;
     int info = 0;
     for (size_t i = 0; i < n; i++) {
