@@ -240,9 +240,16 @@ TEST("a part whose counts, ends or sums contradict each other is refused by merg
                 fail_msg("%s[%zu], value %zu: %d\n%s", places[i].dataset, places[i].index, v, result.code,
                          result.err);
         }
-    damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/states/count", 0, 1);
-    cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "contradict each other",
-               &result);
+    /* Fewer than lie in the bins, more than lie in the bins. */
+    static const struct {
+        const char *dataset;
+        uint64_t count;
+    } counts[] = {{"accumulators/states/count", 1}, {"accumulators/events/count", 2500}};
+    for (size_t i = 0; i < LG_COUNT(counts); i++) {
+        damage("odd.part-1-of-2.h5", "bad.h5", counts[i].dataset, 0, counts[i].count);
+        cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "contradict each other",
+                   &result);
+    }
     for (size_t v = 0; v < LG_COUNT(ends); v++) {
         damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/states/largest", 1, ends[v]);
         cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "bad.h5", &result);
@@ -485,6 +492,8 @@ TEST("an ensemble whose members all failed has failed") {
     assert_says(result.out, "failed: 20");
     assert_true(cli_exists("failed.h5"));
     cli_expect(lg, "merge again.h5 failed.h5", 4, "all 20 members failed", &result);
+    damage("failed.h5", "bad.h5", "failures/by_status", LG_TOO_MANY_STEPS, 19);
+    cli_expect(lg, "merge again.h5 bad.h5", 3, "contradict each other", &result);
     cli_expect(lg, "pendulums.yaml --ensemble 20 --vary m1=uniform:-2:-1", 2, "all 20 members failed",
                &result);
 }

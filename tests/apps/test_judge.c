@@ -460,20 +460,24 @@ static void change_mass(lg_trajectories *data, double by) {
 
 TEST("exact data are not called damped where the model has not learned them, and in no unit") {
     static const struct {
-        double mass;
+        double mass, t_end;
         const char *options;
         int code;
-    } rows[] = {{1.0, "--epochs 3", 0},
-                {1.0, "--epochs 8", 0},
-                {1.0, "--preset thesis --epochs 3", 0},
-                {1e3, "--epochs 100 --units given", 4},
-                {1e-6, "--epochs 100 --units given", 0},
-                {1e3, "--epochs 100", 0},
-                {1e-6, "--epochs 100", 0}};
+    } rows[] = {{1.0, 0.1, "--epochs 3", 0},
+                {1.0, 0.1, "--epochs 8", 0},
+                {1.0, 0.1, "--preset thesis --epochs 3", 0},
+                {1.0, 1.0, "--epochs 2", 0}, /* most is explained, but the loss still falls */
+                {1.0, 1.0, "--preset thesis --lr 1e-3 --epochs 8", 0},
+                {1.0, 1.0, "--preset thesis --lr 1e-9 --epochs 20", 0}, /* nothing is explained */
+                {1e3, 0.1, "--epochs 100 --units given", 4},
+                {1e-6, 0.1, "--epochs 100 --units given", 0},
+                {1e3, 0.1, "--epochs 100", 0},
+                {1e-6, 0.1, "--epochs 100", 0}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        lg_trajectories *data =
-            generate("chain1.yaml --trajectories 150 --points 5 --t-end 0.1 --seed 2", "plain3.h5");
         char command[128];
+        (void)snprintf(command, sizeof command,
+                       "chain1.yaml --trajectories 150 --points 5 --t-end %g --seed 2", rows[i].t_end);
+        lg_trajectories *data = generate(command, "plain3.h5");
         change_mass(data, rows[i].mass);
         write_data("mass.h5", data);
         (void)snprintf(command, sizeof command, "train mass.h5 --out mass-model.h5 %s", rows[i].options);
