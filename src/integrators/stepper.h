@@ -70,6 +70,8 @@ struct lg_stepper {
 /* f(t, y) for a step of size about h, from memory when it is known; *f stays valid during the step. */
 lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input,
                            const double **f);
+/* f(t, y) at the end of a step of size about h, which the next step needs too; valid until then. */
+lg_status lg_stepper_last(lg_stepper *s, double t, double h, const double *y, const double **f);
 lg_status lg_stepper_evaluate(lg_stepper *s, double t, const double *y, const double *input, double *out);
 /* Takes the angle of an exponent into account. */
 void lg_stepper_turn(lg_stepper *s, const double *a);

@@ -51,6 +51,19 @@ lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, c
     return LG_OK;
 }
 
+/* Dense output needs what an FSAL scheme has in memo[1]. */
+lg_status lg_stepper_last(lg_stepper *s, double t, double h, const double *y, const double **f) {
+    const size_t n = s->ode.space.dim;
+    lg_memo *end = &s->memo[1];
+    const bool known = lg_memo_holds(end, n, t, h, y);
+    double *value = known || !s->scheme->fsal ? end->value : s->bracket;
+    *f = value;
+    if (known) return LG_OK;
+    LG_TRY(lg_stepper_evaluate(s, t, y, NULL, value));
+    if (value == end->value) lg_memo_keep(end, n, t, y);
+    return LG_OK;
+}
+
 void lg_stepper_reset(lg_stepper *stepper) {
     for (int i = 0; i < 2; i++) stepper->memo[i].valid = stepper->memo[i].is_packed = false;
 }

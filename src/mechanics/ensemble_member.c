@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "integrators/event_search.h"
+#include "integrators/stepper.h"
 
 lg_status lg_one_by_one_begin(const lg_context *context, const lg_lane_plan *plan, const lg_system *system,
                               lg_one_by_one *out) {
@@ -12,8 +13,9 @@ lg_status lg_one_by_one_begin(const lg_context *context, const lg_lane_plan *pla
     lg_ode ode;
     out->context = context;
     out->plan = plan;
-    double **const parts[] = {&out->rows, &out->y, &out->before, &out->trial, &out->events};
-    const size_t counts[] = {plan->count * dim, dim, dim, dim, LG_EVENTS_MAX};
+    double **const parts[] = {&out->rows,     &out->y,      &out->before, &out->trial,
+                              &out->velocity, &out->events, &out->slopes};
+    const size_t counts[] = {plan->count * dim, dim, dim, dim, dim, LG_EVENTS_MAX, LG_EVENTS_MAX};
     for (size_t i = 0; i < LG_COUNT(parts); i++) {
         *parts[i] = lg_alloc(context, counts[i], sizeof(double));
         if (!*parts[i]) return LG_OUT_OF_MEMORY;
@@ -26,7 +28,8 @@ lg_status lg_one_by_one_begin(const lg_context *context, const lg_lane_plan *pla
 }
 
 void lg_one_by_one_end(lg_one_by_one *one) {
-    double *const parts[] = {one->rows, one->y, one->before, one->trial, one->work, one->events};
+    double *const parts[] = {one->rows, one->y,        one->before, one->trial,
+                             one->work, one->velocity, one->events, one->slopes};
     if (!one->plan) return;
     for (size_t i = 0; i < LG_COUNT(parts); i++) lg_free(one->context, parts[i]);
     lg_stepper_destroy(one->stepper);
@@ -41,31 +44,78 @@ static double event_of(const lg_ensemble_event *event, const double *y) {
     return sum;
 }
 
-static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, double t, double h,
-                           double after, double *out) {
-    lg_event_search search = {.high = 1.0, .g_low = event_of(event, one->before), .g_high = after};
-    const double close = 4.0 * DBL_EPSILON * one->plan->t_end / h;
-    bool done = false;
-    lg_event_guess(&search);
-    while (!done) {
-        LG_TRY(lg_step(one->looker, t, search.fraction * h, one->before, NULL, one->trial));
-        done = lg_event_narrow(&search, event_of(event, one->trial), close);
-    }
-    *out = t + search.fraction * h;
+/* The velocity at the end of the stepper's step of size about h. */
+static lg_status find_velocity(lg_one_by_one *one, lg_stepper *stepper, double t, double h, const double *y) {
+    const double *f;
+    LG_TRY(lg_stepper_last(stepper, t, h, y, &f));
+    lg_space_generator(&stepper->ode.space, f, y, one->velocity);
     return LG_OK;
+}
+
+static double slope_of(const lg_one_by_one *one, const lg_ensemble_event *event) {
+    double sum = 0.0;
+    for (size_t i = 0; i < event->terms; i++) sum += event->weight[i] * one->velocity[event->index[i]];
+    return sum;
+}
+
+/* In the step from t to t + h: NaN where the search ends without an event. */
+static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, lg_event_search *search,
+                           double t, double h, double *out) {
+    const double close = 4.0 * DBL_EPSILON * one->plan->t_end / h;
+    for (bool done = false; !done;) {
+        const double part = search->fraction * h;
+        LG_TRY(lg_step(one->looker, t, part, one->before, NULL, one->trial));
+        if (search->dips) LG_TRY(find_velocity(one, one->looker, t + part, part, one->trial));
+        done = lg_event_look(search, event_of(event, one->trial), h * slope_of(one, event), close);
+    }
+    *out = search->dips ? NAN : t + search->fraction * h;
+    return LG_OK;
+}
+
+/* Begins a search in the step from `before` to y for each event that had no time yet. */
+static bool begin_searches(lg_one_by_one *one, double h, const double *y, lg_event_search *search) {
+    bool any = false;
+    for (size_t e = 0; e < one->plan->event_count; e++) {
+        const lg_ensemble_event *event = &one->plan->events[e];
+        const double slope = slope_of(one, event);
+        search[e] = (lg_event_search){.event = -1,
+                                      .direction = event->direction,
+                                      .g_low = event_of(event, one->before),
+                                      .g_high = event_of(event, y),
+                                      .slope_low = h * one->slopes[e],
+                                      .slope_high = h * slope};
+        one->slopes[e] = slope;
+        if (isnan(one->events[e]) && lg_event_begin(&search[e])) search[e].event = (int)e, any = true;
+    }
+    return any;
+}
+
+static bool awaits_event(const lg_one_by_one *one) {
+    for (size_t e = 0; e < one->plan->event_count; e++)
+        if (isnan(one->events[e])) return true;
+    return false;
 }
 
 /* After a step from `before` to y; h > 0. */
 static lg_status look(void *user, double t, double h, const double *y) {
     lg_one_by_one *one = user;
-    for (size_t e = 0; e < one->plan->event_count; e++) {
-        const lg_ensemble_event *event = &one->plan->events[e];
-        const double after = event_of(event, y);
-        if (isnan(one->events[e]) && lg_event_counts(event->direction, event_of(event, one->before), after))
-            LG_TRY(find_time(one, event, t, h, after, &one->events[e]));
+    lg_event_search search[LG_EVENTS_MAX];
+    if (awaits_event(one)) {
+        LG_TRY(find_velocity(one, one->stepper, t + h, h, y));
+        const bool any = begin_searches(one, h, y, search);
+        for (size_t e = 0; any && e < one->plan->event_count; e++)
+            if (search[e].event >= 0)
+                LG_TRY(find_time(one, &one->plan->events[e], &search[e], t, h, &one->events[e]));
     }
     memcpy(one->before, y, one->plan->space.dim * sizeof(*y));
     one->reached = t + h;
+    return LG_OK;
+}
+
+/* At the start, `before`. */
+static lg_status begin_events(lg_one_by_one *one) {
+    LG_TRY(find_velocity(one, one->stepper, 0.0, one->plan->t_end, one->before));
+    for (size_t e = 0; e < one->plan->event_count; e++) one->slopes[e] = slope_of(one, &one->plan->events[e]);
     return LG_OK;
 }
 
@@ -116,6 +166,7 @@ void lg_one_by_one_run(lg_one_by_one *one, const double *y0, size_t member, cons
     one->reached = 0.0;
     lg_stepper_reset(one->stepper);
     lg_stepper_reset(one->looker);
+    if (outcome.status == LG_OK && plan->event_count > 0) outcome.status = begin_events(one);
     if (outcome.status == LG_OK)
         outcome.status = plan->steps > 0 ? run_fixed(one, &outcome) : run_adaptive(one, &outcome);
     outcome.reached = outcome.status == LG_OK ? plan->t_end : one->reached;

@@ -10,8 +10,9 @@ typedef struct lg_one_by_one {
     const lg_lane_plan *plan;
     lg_system_user user;
     lg_stepper *stepper, *looker; /* the second one makes the steps of searches for events */
-    double *work, *rows, *y, *before, *trial;
+    double *work, *rows, *y, *before, *trial, *velocity;
     double *events; /* of the member at hand, LG_EVENTS_MAX */
+    double *slopes; /* LG_EVENTS_MAX: of what the events look at, at `before` */
     double reached;
 } lg_one_by_one;
 

@@ -291,6 +291,100 @@ TEST("the search for an event needs few looks where g bends") {
     assert_true(looks_for(-5.0, 0.1) <= 15);
 }
 
+/* 2 sinh(x/2)^2 = cosh x - 1 */
+static double bowl(double x) {
+    return 2.0 * sinh(0.5 * x) * sinh(0.5 * x);
+}
+
+/* Looks for a change of sign of size (cosh(a (x - m)) - 1 - depth) in [0, 1]; its time, or NaN. */
+static double dip_at(double size, double a, double m, double depth, int direction) {
+    lg_event_search s = {.direction = direction,
+                         .g_low = size * (bowl(a * m) - depth),
+                         .g_high = size * (bowl(a * (1.0 - m)) - depth),
+                         .slope_low = -size * a * sinh(a * m),
+                         .slope_high = size * a * sinh(a * (1.0 - m))};
+    bool done = !lg_event_begin(&s);
+    while (!done) {
+        const double x = a * (s.fraction - m);
+        done = lg_event_look(&s, size * (bowl(x) - depth), size * a * sinh(x), 1e-13);
+        assert_true(s.looks <= 40);
+    }
+    return s.dips ? (double)NAN : s.fraction;
+}
+
+TEST("a number that turns just beyond 0 has its events, one that turns just before has none, in any unit") {
+    lg_rng rng;
+    lg_rng_seed(&rng, 7, 0);
+    for (int k = 0; k < 20000; k++) {
+        const double size = (k % 2 == 0 ? 1.0 : -1.0) * pow(10.0, lg_rng_uniform_in(&rng, -60.0, 60.0));
+        const double a = lg_rng_uniform_in(&rng, 0.3, 5.0), m = lg_rng_uniform_in(&rng, 0.05, 0.95);
+        const double edge = a * (m < 0.5 ? m : 1.0 - m);
+        const double depth = bowl(edge) * pow(10.0, lg_rng_uniform_in(&rng, -9.0, -0.1));
+        const double way = 2.0 * asinh(sqrt(0.5 * depth)) / a, error = 1e-14 / depth + 1e-12;
+        const int down = size > 0.0 ? -1 : 1;
+        assert_close(dip_at(size, a, m, depth, down), m - way, 0, error);
+        assert_close(dip_at(size, a, m, depth, 0), m - way, 0, error);
+        assert_close(dip_at(size, a, m, depth, -down), m + way, 0, error);
+        assert_true(isnan(dip_at(size, a, m, -depth, 0)));
+    }
+}
+
+/* Pendulums released at rest swing to x = -0.8 (1 + d) and back. d lies in 1e-4 .. 1e-1; every other member
+ * turns before -0.8 instead. */
+#define SWING_LEVEL 0.8
+
+static double swing_beyond(uint64_t member) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 6, member);
+    const double d = pow(10.0, lg_rng_uniform_in(&rng, -4.0, -1.0));
+    return member % 2 == 0 ? d : -d;
+}
+
+static lg_status swing_start(void *user, uint64_t member, double *y, double *parameters) {
+    const double x = SWING_LEVEL * (1.0 + swing_beyond(member));
+    memset(y, 0, 6 * sizeof(*y));
+    y[0] = x;
+    y[2] = -sqrt(1.0 - x * x);
+    return LG_OK;
+}
+
+/* Times of x falling, then rising through the level. */
+static seen run_swings(const char *scheme, bool one_by_one, double tolerance, double h_max) {
+    static const double end[] = {1.9};
+    const lg_ensemble_event events[] = {
+        {.terms = 1, .index = {0}, .weight = {1.0}, .level = -SWING_LEVEL, .direction = -1},
+        {.terms = 1, .index = {0}, .weight = {1.0}, .level = -SWING_LEVEL, .direction = 1}};
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    lg_ensemble_options o = options_for(lg_scheme_find(scheme), MOST);
+    o.times = end, o.count = 1, o.events = events, o.event_count = 2;
+    o.one_by_one = one_by_one;
+    o.control.rtol = o.control.atol = tolerance;
+    o.control.h_max = h_max;
+    o.control.max_steps = 100000;
+    if (o.steps > 0) o.steps = 97;
+    seen my = {.system = system, .count = 1};
+    my.states = TEST_ARRAY(double, MOST * 6);
+    assert_ok(lg_ensemble_run(NULL, system, &o, swing_start, &my, keep, &my, NULL, NULL));
+    return my;
+}
+
+TEST("a number that passes the value and comes back inside of a step has both events, others have none") {
+    static const char *const schemes[] = {"dp54", "dp85", "rkmk54", "cf43", "rk4", "rkmk4", "cf4"};
+    const seen fine = run_swings("dp85", false, 1e-12, 1e-3);
+    for (size_t s = 0; s < LG_COUNT(schemes); s++)
+        for (int k = 0; k < 16; k++) {
+            const double tolerance = 1e-6 * pow(10.0, -0.2 * (k / 2));
+            const seen my = run_swings(schemes[s], k % 2 == 1, tolerance, 0.0);
+            for (int m = 0; m < MOST; m++)
+                for (int e = 0; e < 2; e++) {
+                    const double d = swing_beyond((uint64_t)m);
+                    assert_int_equal(isnan(fine.events[m][e]), d < 0.0);
+                    assert_int_equal(isnan(my.events[m][e]), d < 0.0);
+                    if (d > 0.0) assert_close(my.events[m][e], fine.events[m][e], 0, 3e-6 / sqrt(d));
+                }
+        }
+}
+
 TEST("a member without the event has none, and a start on the level is none") {
     static const double end[] = {3.0};
     const lg_ensemble_event events[] = {
