@@ -15,6 +15,7 @@
 #include <stdio.h>
 
 #include "core/count.h"
+#include "core/text.h"
 #include "liegrad/context.h"
 #include "liegrad/hyperparameters.h"
 #include "liegrad/ranks.h"
@@ -212,7 +213,13 @@ int app_usage(const app *app, const char *format, ...) __attribute__((format(pri
 void app_out_of_memory(void) __attribute__((noreturn));
 /* Zeroed, aligned to 64 bytes; exits with code 5 when there is none. Freed with free. */
 void *app_alloc(size_t count, size_t size);
-/* The same, but NULL when there is none: for sizes that the user chooses in a run that can go on. */
+/* An empty text that never has `failed`: it ends the program as app_alloc does. Every text of an executable
+ * begins so. Not thread safe. */
+lg_text app_text(void);
+/* Returns the status, but ends the program as app_alloc does when memory was missing: for what may be absent
+ * and is left out then. */
+lg_status app_had_memory(lg_status status);
+/* As app_alloc, but NULL when there is none: for sizes that the user chooses in a run that can go on. */
 void *app_try_alloc(size_t count, size_t size);
 /* A word of a command line, in quotes where a shell needs them. Freed with free. */
 char *app_quote(const char *word);

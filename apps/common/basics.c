@@ -100,6 +100,31 @@ void *app_alloc(size_t count, size_t size) {
     return memory;
 }
 
+static void *take(void *user, size_t bytes) {
+    (void)user;
+    return app_alloc(bytes, 1);
+}
+
+static void release(void *user, void *memory) {
+    (void)user;
+    free(memory);
+}
+
+lg_text app_text(void) {
+    static lg_context *memory;
+    lg_context_options options;
+    lg_context_options_init(&options);
+    options.allocate = take;
+    options.release = release;
+    if (memory == NULL) (void)app_had_memory(lg_context_create(&options, &memory));
+    return (lg_text){.context = memory};
+}
+
+lg_status app_had_memory(lg_status status) {
+    if (status == LG_OUT_OF_MEMORY) app_out_of_memory();
+    return status;
+}
+
 char *app_format_list(const char *format, va_list arguments) {
     va_list again;
     va_copy(again, arguments);

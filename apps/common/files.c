@@ -182,16 +182,16 @@ lg_status app_claim(const app *self, const char *path, lg_error *error) {
     if (self->rank > 0 || self->shares) return LG_OK;
     const bool there = stat(path, &about) == 0, folder = there && S_ISDIR(about.st_mode);
     if (there && !folder && !S_ISREG(about.st_mode)) return LG_OK;
-    char *target = target_of(path, folder);
-    lg_lock lock = {.fd = -1};
+    claim *made = app_alloc(1, sizeof *made); /* not behind the lock: without memory it would stay */
+    *made = (claim){claims, target_of(path, folder), {.fd = -1}};
     lg_status status = LG_OK;
-    if (!is_claimed(target)) status = lg_lock_take(NULL, target, self->command_line, &lock, error);
-    if (lock.fd < 0) {
-        free(target);
+    if (!is_claimed(made->target))
+        status = lg_lock_take(NULL, made->target, self->command_line, &made->lock, error);
+    if (made->lock.fd < 0) {
+        free(made->target);
+        free(made);
         return status;
     }
-    claim *made = app_alloc(1, sizeof *made);
-    *made = (claim){claims, target, lock};
     claims = made;
     if (!registered) (void)atexit(release_claims);
     registered = true;

@@ -32,7 +32,7 @@ typedef struct job {
     text *to;
     bool has_zeros; /* a block without nonzeros */
     size_t entries, tables, most_in, most_out, most_zeros;
-    text symbols, calls;
+    text symbols;
 } job;
 
 /* ---- arguments and results ---- */
@@ -351,7 +351,7 @@ static const char rules[] =
 /* The tables go to `body`, whose sizes stand before the fragment. */
 static void write_file(job *j, char **functions, char *(*derived)[DERIVATIVES], size_t count) {
     const char *name = j->source->options->name;
-    text body = {.data = NULL}, *to = export_add_file(j->source, "%s_casadi.c");
+    text body = app_text(), *to = export_add_file(j->source, "%s_casadi.c");
     j->to = &body;
     for (size_t i = 0; i < count; i++) write_function(j, functions[i], derived[i]);
     lg_text_add(to, "/* Functions of %s.h for CasADi:\n *  ", name);
@@ -382,7 +382,7 @@ static size_t split(char *list, char **names, size_t most) {
 int export_casadi(const app *self, const char *path, lg_program *program, export_source *source) {
     static const char *const usual[] = {"value", "field", "velocity", "step", NULL};
     const size_t most = lg_program_functions(program);
-    job j = {.self = self, .program = program, .source = source};
+    job j = {.self = self, .program = program, .source = source, .symbols = app_text()};
     char *chosen = export_choose(self, source->options, program, usual);
     if (chosen == NULL) return APP_EXIT_USAGE;
     if (source->options->dtype != LG_F64) {
@@ -393,7 +393,7 @@ int export_casadi(const app *self, const char *path, lg_program *program, export
     char **functions = app_alloc(most, sizeof *functions);
     char *(*derived)[DERIVATIVES] = app_alloc(most, sizeof *derived);
     const size_t count = split(chosen, functions, most);
-    text list = {.data = NULL};
+    text list = app_text();
     for (size_t i = 0; i < count; i++) derive(&j, functions[i], derived[i], &list);
     source->prefix = "c_";
     const int code = export_whole(self, path, program, list.data, source);

@@ -149,6 +149,8 @@ void export_units(export_source *source, const char *otherwise);
 /* Lines for `about`: command line, seed, CPU and version of the training, SHA-256 of its data ("": unknown).
  */
 void export_provenance(export_source *source, const lg_provenance *provenance, const char *sha256);
+/* Empty texts, no files. */
+void export_source_begin(export_source *source, const export_options *options);
 void export_source_free(export_source *source);
 
 /* ---- golden vectors (golden.c) ---- */

@@ -33,7 +33,7 @@ static void add_wrapped(text *to, const char *line, const char *end) {
 }
 
 void export_add_lines(text *to, const char *lines) {
-    text safe = {.data = NULL};
+    text safe = app_text();
     lg_text_add_comment(&safe, lines != NULL ? lines : "");
     for (const char *line = safe.data; line != NULL && *line != '\0';) {
         const char *end = line + strcspn(line, "\n");
@@ -52,7 +52,7 @@ void export_tell_words(const export_source *source, text *to) {
 }
 
 void export_add_words(const export_source *source, text *to) {
-    text lines = {.data = NULL};
+    text lines = app_text();
     export_tell_words(source, &lines);
     export_add_lines(to, lines.data);
     lg_text_destroy(&lines);
@@ -314,6 +314,7 @@ static void add_marker(const char *file, const char *name, text *to) {
 text *export_add_file(export_source *source, const char *name) {
     export_file *file = &source->files[source->file_count++];
     file->name = app_format(name, source->options->name);
+    file->content = app_text();
     add_marker(file->name, source->options->name, &file->content);
     return &file->content;
 }
@@ -327,8 +328,9 @@ void export_compose(export_source *source) {
 
 typedef struct place {
     const export_source *source;
-    const char *out; /* without slashes at its end */
-    bool replace;    /* `out` is a folder with files */
+    const char *out;    /* without slashes at its end */
+    const char *parent; /* the folder that `out` is in */
+    bool replace;       /* `out` is a folder with files */
     lg_temporary holds;
     const char *temporary; /* the folder they are written in, once it exists */
 } place;
@@ -341,6 +343,7 @@ static bool is_empty_folder(const char *path) {
     struct stat information;
     if (lstat(path, &information) != 0 || !S_ISDIR(information.st_mode)) return false;
     DIR *folder = opendir(path);
+    if (folder == NULL && errno == ENOMEM) app_out_of_memory();
     if (folder == NULL) return false;
     bool empty = true;
     for (struct dirent *entry; empty && (entry = readdir(folder)) != NULL;)
@@ -353,10 +356,11 @@ static bool is_empty_folder(const char *path) {
  * it is one of ours, for this name. */
 static bool is_ours(const place *at, size_t file, const char *path) {
     char found[512];
-    text marker = {.data = NULL};
+    text marker = app_text();
     const char *name = at->source->options->name;
     char *words = app_format("lg-export: %s", name);
     FILE *stream = fopen(path, "rb");
+    if (stream == NULL && errno == ENOMEM) app_out_of_memory();
     const size_t n = stream != NULL ? fread(found, 1, sizeof found - 1, stream) : 0;
     found[n] = '\0';
     if (stream != NULL) (void)fclose(stream);
@@ -389,16 +393,10 @@ static lg_status look_at(const place *at, size_t file, lg_error *error) {
 
 /* The folder that `out` is made in has to exist. */
 static lg_status look_above(const place *at, lg_error *error) {
-    char *parent = app_format("%s", at->out), *slash = strrchr(parent, '/');
     struct stat information;
-    if (slash != NULL) slash[slash == parent ? 1 : 0] = '\0';
-    const bool missing = slash != NULL && stat(parent, &information) != 0 && errno == ENOENT;
-    const lg_status status =
-        missing ? app_error(error, LG_FILE, "%s: cannot be made: there is no folder %s, make that first",
-                            at->out, parent)
-                : LG_OK;
-    free(parent);
-    return status;
+    if (stat(at->parent, &information) == 0 || errno != ENOENT) return LG_OK;
+    return app_error(error, LG_FILE, "%s: cannot be made: there is no folder %s, make that first", at->out,
+                     at->parent);
 }
 
 /* What stands at `out`: nothing or an empty folder, or a folder in which the names are free or ours. */
@@ -424,8 +422,10 @@ static lg_status make_temporary(const app *self, place *at, lg_error *error) {
     return status;
 }
 
-static int write_whole(const char *path, const text *content) {
-    const int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+/* From here to the end of the file nothing allocates: a program that ends for want of memory would leave
+ * some of the files. */
+static int write_whole(int folder, const char *name, const text *content) {
+    const int fd = openat(folder, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0) return errno;
     int code = 0;
     for (size_t done = 0; done < content->length && code == 0;) {
@@ -452,49 +452,41 @@ static void sync_folder(const char *path) {
 
 static lg_status write_files(place *at, lg_error *error) {
     for (size_t i = 0; i < at->source->file_count; i++) {
-        char *path = app_format("%s/%s", at->temporary, at->source->files[i].name);
-        const int code = write_whole(path, &at->source->files[i].content);
-        free(path);
+        const export_file *file = &at->source->files[i];
+        const int code = write_whole(at->holds.fd, file->name, &file->content);
         if (code != 0) return place_error(at, "cannot be written", code, error);
         if (app_interrupted())
             return app_error(error, LG_CANCELLED, "%s: stopped, nothing is written", at->out);
     }
-    sync_folder(at->temporary);
+    (void)fsync(at->holds.fd);
     return LG_OK;
 }
 
 static lg_status rename_files(place *at, lg_error *error) {
-    for (size_t i = 0; i < at->source->file_count; i++) {
+    const int out = open(at->out, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    int code = out < 0 ? errno : 0;
+    for (size_t i = 0; i < at->source->file_count && code == 0; i++) {
         const char *name = at->source->files[i].name;
-        char *from = app_format("%s/%s", at->temporary, name), *to = app_format("%s/%s", at->out, name);
-        const int code = rename(from, to) == 0 ? 0 : errno;
-        free(to);
-        free(from);
-        if (code != 0) return place_error(at, "cannot be written", code, error);
+        if (renameat(at->holds.fd, name, out, name) != 0) code = errno;
     }
-    (void)rmdir(at->temporary);
-    sync_folder(at->out);
-    return LG_OK;
+    if (code == 0) (void)rmdir(at->temporary);
+    if (out >= 0) (void)fsync(out);
+    if (out >= 0) (void)close(out);
+    return code == 0 ? LG_OK : place_error(at, "cannot be written", code, error);
 }
 
 static lg_status rename_folder(place *at, lg_error *error) {
     struct stat old;
     if (stat(at->out, &old) == 0) (void)chmod(at->temporary, old.st_mode & 07777);
     if (rename(at->temporary, at->out) != 0) return place_error(at, "cannot be written", errno, error);
-    char *parent = app_format("%s", at->out), *slash = strrchr(parent, '/');
-    if (slash != NULL) slash[slash == parent ? 1 : 0] = '\0';
-    sync_folder(slash != NULL ? parent : ".");
-    free(parent);
+    sync_folder(at->parent);
     return LG_OK;
 }
 
 static void remove_temporary(const place *at) {
     if (at->temporary == NULL) return;
-    for (size_t i = 0; i < at->source->file_count; i++) {
-        char *path = app_format("%s/%s", at->temporary, at->source->files[i].name);
-        (void)unlink(path);
-        free(path);
-    }
+    for (size_t i = 0; i < at->source->file_count; i++)
+        (void)unlinkat(at->holds.fd, at->source->files[i].name, 0);
     (void)rmdir(at->temporary);
 }
 
@@ -516,20 +508,26 @@ static lg_status refuse_unfit(const export_source *source, const char *does, lg_
         does, source->options->dtype == LG_F32 ? " in single precision: export it with --dtype f64" : "");
 }
 
+/* The folder that a path without slashes at its end is in. Freed with free. */
+static char *folder_of(const char *path) {
+    const char *slash = strrchr(path, '/');
+    return slash == NULL ? app_format(".")
+                         : app_format("%.*s", slash == path ? 1 : (int)(slash - path), path);
+}
+
 int export_write(const app *self, const export_source *source, const char *out) {
     lg_error error = {LG_OK, ""};
     char *folder = app_format("%s", out);
     for (size_t n = strlen(folder); n > 1 && folder[n - 1] == '/'; n--) folder[n - 1] = '\0';
-    place at = {.source = source, .out = folder};
+    char *parent = folder_of(folder);
+    place at = {.source = source, .out = folder, .parent = parent};
     bool unfit = source->weights.unfit || source->code.unfit || source->sizes.unfit || source->test.unfit;
-    for (size_t i = 0; i < source->file_count; i++) {
-        unfit = unfit || source->files[i].content.unfit;
-        if (source->files[i].content.failed) app_out_of_memory();
-    }
+    for (size_t i = 0; i < source->file_count; i++) unfit = unfit || source->files[i].content.unfit;
     const lg_status status = unfit                         ? refuse_unfit(source, "holds", &error)
                              : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
                                                            : put(self, &at, &error);
     const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, out);
+    free(parent);
     free(folder);
     return code;
 }

@@ -107,7 +107,7 @@ static void add_words(text *to, const text *each, const text *whole, long k) {
 /* What number k of the variable is, or all of them. */
 static void add_meaning(const block *b, text *to, const variable *v, long k) {
     const export_source *source = b->source;
-    text words = {.data = NULL};
+    text words = app_text();
     const bool input = v->kind == INPUT && strcmp(v->name, "u") == 0;
     if (v == &b->variables[b->count - 1])
         lg_text_add(&words, "%s", longest_step);
@@ -180,7 +180,7 @@ static void add_unknowns2(const job *j, const char *element, bool derivatives, b
 }
 
 static void add_common(const job *j, text *to) {
-    text about = {.data = NULL};
+    text about = app_text();
     lg_text_add(&about, "%s", lg_program_description(j->b.program));
     if (j->b.source->delay.length > 0)
         lg_text_add(&about, "%s%s: delay them yourself", about.length > 0 ? "; " : "",
@@ -330,7 +330,8 @@ static void make_token(job *j) {
 static int export_fmu(const app *self, const char *path, lg_program *program, export_source *source,
                       int version) {
     job *j = app_alloc(1, sizeof *j);
-    *j = (job){.b = {.self = self, .program = program, .source = source}, .version = version};
+    *j = (job){.b = {.self = self, .program = program, .source = source, .list = app_text()},
+               .version = version};
     int code =
         source->options->dtype != LG_F64
             ? app_usage(self,

@@ -188,7 +188,7 @@ static void refuse_function(const app *self, const lg_program *program, const ch
 
 char *export_choose(const app *self, const export_options *options, const lg_program *program,
                     const char *const *usual) {
-    text list = {.data = NULL};
+    text list = app_text();
     char *missing = NULL, *out = NULL;
     if (options->functions != NULL)
         add_given(options->functions, program, &list, &missing);
@@ -217,7 +217,7 @@ char *export_derive(const app *self, lg_program *program, lg_derivative_kind kin
     lg_derivative_init(&what);
     what.kind = kind;
     what.function = function;
-    if (lg_program_derive(program, &what, &error) == LG_OK) return name;
+    if (app_had_memory(lg_program_derive(program, &what, &error)) == LG_OK) return name;
     app_warn(self, "%s has no %s: %s", function, name, error.message);
     free(name);
     return NULL;

@@ -1,6 +1,7 @@
 /* lg-export: a trained model as C sources for control code. */
 #include "lg-export/export.h"
 
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -97,7 +98,7 @@ static bool is_text(const char *path) {
 }
 
 static int unknown_scheme(const job *j) {
-    text names = {.data = NULL};
+    text names = app_text();
     for (size_t i = 0; i < lg_scheme_count(); i++)
         lg_text_add(&names, "%s%s", i > 0 ? ", " : "", lg_scheme_at(i)->name);
     const int code = app_usage(j->self, "--scheme: '%s' is neither a file (.yaml, .yml, .json) nor one of %s",
@@ -123,6 +124,7 @@ static void hash_model(job *j) {
     unsigned char block[65536];
     lg_sha256 state;
     FILE *stream = fopen(j->path, "rb");
+    if (stream == NULL && errno == ENOMEM) app_out_of_memory();
     if (stream == NULL) return;
     lg_sha256_init(&state);
     for (size_t n; (n = fread(block, 1, sizeof block, stream)) > 0;) lg_sha256_add(&state, block, n);
@@ -316,9 +318,8 @@ static int export_run(app *self) {
                          .golden = given.golden,
                          .seed = self->seed,
                          .functions = given.functions,
-                         .compact = given.compact},
-             .source = {.condition = 1}};
-    j.source.options = &j.options;
+                         .compact = given.compact}};
+    export_source_begin(&j.source, &j.options);
     if (given.out == NULL || given.out[0] == '\0')
         return app_usage(self, "--out is missing: give a folder for the files");
     int code = choose_name(&j);

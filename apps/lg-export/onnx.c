@@ -57,9 +57,9 @@ static lg_status add_nodes(onnx_job *j, const char *file, lg_error *error) {
 /* ---- the file ---- */
 
 static void add_value_info(onnx_job *j, int field, const char *called, const lg_port *port) {
-    text dims = {.data = NULL}, tensor = {.data = NULL}, type = {.data = NULL}, info = {.data = NULL};
+    text dims = app_text(), tensor = app_text(), type = app_text(), info = app_text();
     for (uint32_t k = 0; k < port->shape.rank + !port->shared; k++) {
-        text dim = {.data = NULL};
+        text dim = app_text();
         if (k == 0 && !port->shared)
             proto_text(&dim, 2, "rows");
         else
@@ -76,7 +76,7 @@ static void add_value_info(onnx_job *j, int field, const char *called, const lg_
 
 static void write_file(onnx_job *j, const export_source *source, const char *description, text *to) {
     char *producer = app_format("lg-export: %s", source->options->name);
-    text opset = {.data = NULL};
+    text opset = app_text();
     proto_whole(to, 1, IR_VERSION);
     proto_text(to, 2, producer);
     proto_text(to, 3, lg_version());
@@ -132,7 +132,7 @@ int export_onnx(const app *self, const char *path, lg_program *program, export_s
     free(chosen);
     lg_status status = graph_make(program, function, &g, &error);
     export_options options = *source->options;
-    onnx_job j = {.g = &g, .options = &options};
+    onnx_job j = {.g = &g, .options = &options, .graph = app_text()};
     if (status == LG_OK) choose_type(self, &g, source, &options);
     if (status == LG_OK) status = add_nodes(&j, source->options->file, &error);
     if (status == LG_OK) {

@@ -29,7 +29,7 @@ int onnx_real_type(const onnx_job *j) {
 
 static void add_tensor(onnx_job *j, const char *called, int type, const int64_t *dims, size_t rank,
                        const void *data, size_t bytes) {
-    text tensor = {.data = NULL};
+    text tensor = app_text();
     for (size_t i = 0; i < rank; i++) proto_whole(&tensor, 1, dims[i]);
     proto_whole(&tensor, 2, type);
     proto_text(&tensor, 8, called);
@@ -68,7 +68,7 @@ onnx_name onnx_wholes(onnx_job *j, const int64_t *values, size_t count) {
 
 static void add_attribute(text *node, const onnx_attribute *a) {
     static const int types[] = {[ONNX_INT] = 2, [ONNX_INTS] = 7};
-    text message = {.data = NULL};
+    text message = app_text();
     proto_text(&message, 1, a->name);
     if (a->type == ONNX_INT) proto_whole(&message, 3, a->i[0]);
     for (size_t k = 0; a->type == ONNX_INTS && k < a->count; k++) proto_whole(&message, 8, a->i[k]);
@@ -78,7 +78,7 @@ static void add_attribute(text *node, const onnx_attribute *a) {
 
 void onnx_emit_to(onnx_job *j, const char *out, const char *type, const onnx_name *in, size_t inputs,
                   const onnx_attribute *with, size_t attributes) {
-    text node = {.data = NULL};
+    text node = app_text();
     for (size_t i = 0; i < inputs; i++) proto_text(&node, 1, in[i].text);
     proto_text(&node, 2, out);
     proto_text(&node, 3, out);

@@ -245,7 +245,7 @@ static int add_function(job *j, size_t index, text *table, size_t *largest) {
 }
 
 static int add_test(job *j) {
-    text table = {.data = NULL}, *to = &j->source->test;
+    text table = app_text(), *to = &j->source->test;
     size_t largest = 1;
     int code = APP_EXIT_OK;
     /* the types of the fragment stand before the tables, what uses them behind */
@@ -284,7 +284,8 @@ static void add_about(const job *j) {
 static void add_provenance(const job *j, const char *path) {
     lg_file_reader *reader = NULL;
     lg_provenance provenance;
-    if (lg_file_reader_create(j->self->context, path, NULL, NULL, &reader, NULL) != LG_OK) return;
+    if (app_had_memory(lg_file_reader_create(j->self->context, path, NULL, NULL, &reader, NULL)) != LG_OK)
+        return;
     lg_file_reader_provenance(reader, &provenance);
     export_provenance(j->source, &provenance, NULL);
     lg_file_reader_destroy(reader);

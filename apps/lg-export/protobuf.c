@@ -35,6 +35,5 @@ void proto_text(text *to, int field, const char *value) {
 
 void proto_message(text *to, int field, text *message) {
     proto_bytes(to, field, message->data != NULL ? message->data : "", message->length);
-    if (message->failed) to->failed = true;
     lg_text_destroy(message);
 }

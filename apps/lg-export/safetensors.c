@@ -62,17 +62,16 @@ static void write_file(job *j, export_source *source) {
     lg_text_append(to, j->header.data, j->header.length);
     if (j->data.length > 0) lg_text_append(to, j->data.data, j->data.length);
     to->unfit = j->data.unfit;
-    to->failed = to->failed || j->data.failed || j->header.failed;
 }
 
 int export_safetensors(const app *self, const char *path, lg_program *program, export_source *source) {
-    job j = {.options = source->options};
+    job j = {.options = source->options, .header = app_text(), .data = app_text()};
     lg_model_file file;
     lg_text_add(
         &j.header,
         "{\"__metadata__\":{\"writer\":\"lg-export: %s\",\"layout\":\"weights are (in, out): y = x W + b\"}",
         source->options->name);
-    if (lg_model_load(self->context, path, NULL, &file, NULL) == LG_OK) {
+    if (app_had_memory(lg_model_load(self->context, path, NULL, &file, NULL)) == LG_OK) {
         add_model(&j, &file);
         lg_model_file_destroy(&file);
     } else {

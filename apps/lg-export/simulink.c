@@ -84,7 +84,7 @@ static const char rules[] = "NAME_simulink.o: NAME_simulink.c NAME_simulink.h NA
 
 int export_simulink(const app *self, const char *path, lg_program *program, export_source *source) {
     block *b = app_alloc(1, sizeof *b);
-    *b = (block){.self = self, .program = program, .source = source};
+    *b = (block){.self = self, .program = program, .source = source, .list = app_text()};
     int code =
         source->options->dtype != LG_F64
             ? app_usage(self,

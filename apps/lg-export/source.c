@@ -2,6 +2,7 @@
 #include "lg-export/export.h"
 
 #include <float.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -101,15 +102,18 @@ double export_tolerance(const export_source *source) {
     return 20 * eps * (double)source->depth * source->condition;
 }
 
+static void read_units(const lg_archive_reader *archive, const char *name, char *units) {
+    if (app_had_memory(archive->text(archive->user, name, units, EXPORT_UNITS)) != LG_OK) units[0] = '\0';
+}
+
 void export_read_units(const app *self, const char *path, export_options *options) {
     lg_file_reader *reader = NULL;
     lg_archive_reader archive;
-    if (lg_file_reader_create(self->context, path, NULL, NULL, &reader, NULL) != LG_OK) return;
-    if (lg_file_reader_archive(reader, "model", &archive) == LG_OK) {
-        if (archive.text(archive.user, "input_units", options->input_units, EXPORT_UNITS) != LG_OK)
-            options->input_units[0] = '\0';
-        if (archive.text(archive.user, "output_units", options->output_units, EXPORT_UNITS) != LG_OK)
-            options->output_units[0] = '\0';
+    if (app_had_memory(lg_file_reader_create(self->context, path, NULL, NULL, &reader, NULL)) != LG_OK)
+        return;
+    if (app_had_memory(lg_file_reader_archive(reader, "model", &archive)) == LG_OK) {
+        read_units(&archive, "input_units", options->input_units);
+        read_units(&archive, "output_units", options->output_units);
     }
     lg_file_reader_destroy(reader);
 }
@@ -137,14 +141,27 @@ void export_provenance(export_source *source, const lg_provenance *provenance, c
         lg_text_add(&source->about, "%-12s  %llu\n", "seed", (unsigned long long)provenance->seed);
 }
 
+/* Where the texts lie in a source. */
+static const size_t texts[] = {
+    offsetof(export_source, about),    offsetof(export_source, state),        offsetof(export_source, input),
+    offsetof(export_source, places),   offsetof(export_source, inputs_each),  offsetof(export_source, delay),
+    offsetof(export_source, sizes),    offsetof(export_source, declarations), offsetof(export_source, arrays),
+    offsetof(export_source, weights),  offsetof(export_source, code),         offsetof(export_source, test),
+    offsetof(export_source, products), offsetof(export_source, rules)};
+
+static text *text_of(export_source *source, size_t i) {
+    return (text *)(void *)((char *)source + texts[i]);
+}
+
+void export_source_begin(export_source *source, const export_options *options) {
+    *source = (export_source){.options = options, .condition = 1};
+    for (size_t i = 0; i < LG_COUNT(texts); i++) *text_of(source, i) = app_text();
+}
+
 void export_source_free(export_source *source) {
-    text *const texts[] = {&source->about,       &source->sizes, &source->declarations, &source->arrays,
-                           &source->weights,     &source->code,  &source->test,         &source->products,
-                           &source->rules,       &source->state, &source->input,        &source->places,
-                           &source->inputs_each, &source->delay};
     double *const arrays[] = {source->golden.x, source->golden.y, source->golden.jacobian,
                               source->golden.extra};
-    for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_destroy(texts[i]);
+    for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_destroy(text_of(source, i));
     for (size_t i = 0; i < LG_COUNT(arrays); i++) free(arrays[i]);
     for (size_t i = 0; i < source->file_count; i++) {
         free(source->files[i].name);

@@ -257,7 +257,7 @@ static int order_layers(const app *self, network *n) {
     }
     free(list);
     if (fits && done == n->count) return APP_EXIT_OK;
-    lg_text names = {.data = NULL};
+    lg_text names = app_text();
     add_names(n, &names);
     const int code = app_usage(self, "--layers: '%s' does not name each layer once; in some order: %s",
                                values.layers, names.data != NULL ? names.data : "none");
@@ -282,7 +282,7 @@ static bool has_other_order(const network *n) {
 
 static void warn_order(const app *self, const network *n) {
     if (values.layers != NULL || !n->by_name || !has_other_order(n)) return;
-    lg_text names = {.data = NULL};
+    lg_text names = app_text();
     add_names(n, &names);
     app_warn(self,
              "the layers fit each other in other orders too; taken in the order of their names, %s: give "
