@@ -211,6 +211,7 @@ static int run_and_report(const simulation *sim, const plan *how, watch *seen, s
     }
     if (status != LG_OK) return fail_run(sim, how, &run, status, &error);
     watch_warn(seen, how, &run);
+    if (slope == NULL) horizon_warn(sim, how, path->y + (path->count - 1) * sim->dim);
     int code = slope != NULL ? gradient_compute(sim, how->scheme, seen, slope) : APP_EXIT_OK;
     if (code == APP_EXIT_OK) code = write_outputs(&what);
     if (code != APP_EXIT_OK) return code;

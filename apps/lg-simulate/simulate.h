@@ -118,6 +118,10 @@ void plan_tolerance(const simulation *sim, double tol, plan *out);
 lg_status integrate(const simulation *sim, const plan *how, const double *y0, double *rows, outcome *out,
                     lg_error *error);
 
+/* Runs once more at ten times the tolerance of adaptive steps, and warns where the end y (dim) of the run
+ * differs so much that few of its digits can be right (horizon.c). */
+void horizon_warn(const simulation *sim, const plan *how, const double *y);
+
 /* ---- what is seen along a run (watch.c) ---- */
 
 /* A list of (t, h, manifold error, drifts): every accepted step, thinned out to the largest values of

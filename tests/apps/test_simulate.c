@@ -2,6 +2,8 @@
  * pictures, gradients. What it refuses: test_refused. */
 #include "cli_support.h"
 
+#include <glob.h>
+
 #include "liegrad/integrators.h"
 #include "liegrad/io.h"
 
@@ -117,6 +119,67 @@ TEST("the energy is told at the start, at the end and as its largest drift; thet
     assert_close(json_number(energy, "max_drift"), 0.5 * (growth - 1), 1e-11, 0);
     assert_close(component_of("oscillator.yaml --method implicit-euler --theta 0.5 --steps 100", 0),
                  component_of("oscillator.yaml --method midpoint --steps 100", 0), 0, 1e-14);
+}
+
+/* A double pendulum in units of mass and length; the unit of time stays. */
+static const char *swing(double mass, double length, const char *rates, double t_end) {
+    static char text[512];
+    (void)snprintf(text, sizeof text,
+                   "system: pendulum-chain\nform: lagrangian\ngravity: %.17g\nmasses: [%.17g, %.17g]\n"
+                   "lengths: [%.17g, %.17g]\ninitial: {q: [[0.8, 0, 0.6], [0.6, 0, 0.8]], omega: %s}\n"
+                   "t_end: %.17g\n",
+                   9.81 * length, mass, mass, length, length, rates, t_end);
+    return text;
+}
+
+TEST("a state beyond the horizon of prediction is told, with the time, in any unit") {
+    static const double units[][2] = {{1, 1}, {1e9, 1}, {1e-9, 1}, {1, 1e9}, {1, 1e-9}};
+    static const char *const methods[] = {"rkmk54", "dp54", "dp85"};
+    for (size_t i = 0; i < LG_COUNT(units); i++)
+        for (size_t m = 0; m < LG_COUNT(methods); m++) {
+            char line[128];
+            double from = 0;
+            cli_write("chaos.yaml", swing(units[i][0], units[i][1], "[[0, 1, 0], [0, 1, 0]]", 60));
+            (void)snprintf(line, sizeof line, "chaos.yaml --method %s", methods[m]);
+            json(line, "warnings [");
+            const char *told = strstr(json_find(result.out, "warnings"), "from t = ");
+            assert_non_null(told);
+            assert_says(result.err, "the result is not known at this tolerance");
+            assert_int_equal(sscanf(told, "from t = %lf", &from), 1);
+            assert_true(from > 15 && from < 35);
+            (void)snprintf(line, sizeof line, "chaos.yaml --method %s --t-end %g", methods[m], 0.5 * from);
+            run(line);
+            assert_string_equal(result.err, "");
+        }
+}
+
+TEST("motions that can be known are not warned of: all scenes, rest, small swings for long") {
+    static const char *const rows[] = {"still.yaml",
+                                       "small.yaml",
+                                       "rigid.yaml --t-end 1000",
+                                       "oscillator.yaml --t-end 3000",
+                                       "cotangent.yaml --t-end 5",
+                                       "oscillator.yaml --tol 1e-3 --t-end 20"};
+    glob_t scenes;
+    cli_write("still.yaml", "system: pendulum-chain\ngravity: 9.7\nmasses: [1.3, 0.7]\nlengths: [0.9, 1.1]\n"
+                            "initial: {q: [[0, 0, -1], [0, 0, -1]], omega: [[0, 0, 0], [0, 0, 0]]}\n"
+                            "t_end: 10\n");
+    cli_write("small.yaml", "system: pendulum-chain\ngravity: 9.7\nmasses: [1.3, 0.7]\nlengths: [0.9, 1.1]\n"
+                            "initial: {q: [[0.28, 0, -0.96], [0, 0.28, -0.96]], omega: [[0, 0, 0], [0, 0, 0]]}\n"
+                            "t_end: 100\n");
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        run(rows[i]);
+        if (strstr(result.err, "not known") != NULL) fail_msg("%s: %s", rows[i], result.err);
+    }
+    assert_int_equal(glob(LG_TEST_DIR "/../scenes/*.yaml", 0, NULL, &scenes), 0);
+    assert_true(scenes.gl_pathc >= 15);
+    for (size_t i = 0; i < scenes.gl_pathc; i++) {
+        if (strstr(scenes.gl_pathv[i], "/study-") != NULL || strstr(scenes.gl_pathv[i], "-ensemble.") != NULL)
+            continue;
+        run(scenes.gl_pathv[i]);
+        if (strstr(result.err, "not known") != NULL) fail_msg("%s: %s", scenes.gl_pathv[i], result.err);
+    }
+    globfree(&scenes);
 }
 
 /* The second half of a row: a piece of the warning, or NULL for silence. */

@@ -1,0 +1,110 @@
+/* Whether a result can be known at its tolerance: adaptive steps once more at ten times the tolerance. */
+#include "lg-simulate/simulate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Points at which it is looked for the time when two runs part. */
+enum { MOMENTS = 200 };
+
+/* A difference is told from this part of the size on, or from the square root of a larger tolerance on. */
+#define TOLD 1e-2
+
+/* Blocks with one key are a part of the state: all q_i, all omega_i. */
+typedef struct sizes {
+    const simulation *sim;
+    size_t *part;            /* (blocks): the first block with the same key */
+    double *largest, *apart; /* (blocks), at first blocks: |y_i| in the run; the difference of two states */
+} sizes;
+
+static sizes sizes_of(const simulation *sim) {
+    const size_t count = sim->block_count;
+    sizes self = {sim, app_alloc(count, sizeof *self.part), app_alloc(count, sizeof *self.largest),
+                  app_alloc(count, sizeof *self.apart)};
+    for (size_t b = 0; b < count; b++)
+        while (strcmp(sim->blocks[self.part[b]].key, sim->blocks[b].key) != 0) self.part[b]++;
+    return self;
+}
+
+static void sizes_free(sizes *self) {
+    free(self->part);
+    free(self->largest);
+    free(self->apart);
+}
+
+/* into[part] = the larger of it and the largest |x_i - y_i|; y NULL: 0 */
+static void widen(const sizes *self, const double *x, const double *y, double *into) {
+    for (size_t b = 0; b < self->sim->block_count; b++) {
+        const block *at = &self->sim->blocks[b];
+        double *most = &into[self->part[b]];
+        for (size_t i = at->offset; i < at->offset + at->count; i++)
+            *most = fmax(*most, fabs(x[i] - (y != NULL ? y[i] : 0)));
+    }
+}
+
+static lg_status look_at_sizes(void *user, double t, double h, const double *y) {
+    const sizes *self = user;
+    (void)t;
+    (void)h;
+    widen(self, y, NULL, self->largest);
+    return LG_OK;
+}
+
+/* The difference of two states as a part of the size, in the part of the state where it is least: where a
+ * body is at rest, its velocities are rounding, and differ by their whole size. */
+static double difference(const sizes *self, const double *x, const double *y) {
+    double least = INFINITY;
+    for (size_t b = 0; b < self->sim->block_count; b++) self->apart[b] = 0;
+    widen(self, x, y, self->apart);
+    for (size_t b = 0; b < self->sim->block_count; b++)
+        if (self->largest[b] > 0) least = fmin(least, self->apart[b] / self->largest[b]);
+    return isfinite(least) ? least : 0;
+}
+
+/* The first of the moments at which the runs differ by `bound`; t_end where none is found. */
+static double parting(const simulation *sim, plan fine, plan coarse, const sizes *size, double bound) {
+    double t[MOMENTS], found = fine.t_end;
+    double *a = app_alloc(2 * MOMENTS * sim->dim, sizeof *a), *b = a + MOMENTS * sim->dim;
+    outcome run;
+    lg_error error;
+    for (size_t i = 0; i < MOMENTS; i++) t[i] = fine.t_end * ((double)(i + 1) / MOMENTS);
+    fine.times = coarse.times = t;
+    fine.count = coarse.count = MOMENTS;
+    fine.observe = coarse.observe = NULL;
+    if (integrate(sim, &fine, sim->scene.state, a, &run, &error) == LG_OK &&
+        integrate(sim, &coarse, sim->scene.state, b, &run, &error) == LG_OK)
+        for (size_t i = MOMENTS; i-- > 0;)
+            if (difference(size, a + i * sim->dim, b + i * sim->dim) > bound) found = t[i];
+    free(a);
+    return found;
+}
+
+void horizon_warn(const simulation *sim, const plan *how, const double *y) {
+    const double coarse_tolerance = 10 * how->rtol, bound = fmax(TOLD, sqrt(coarse_tolerance));
+    plan coarse = *how;
+    outcome run;
+    lg_error error;
+    if (how->steps > 0 || coarse_tolerance >= 1) return;
+    sizes size = sizes_of(sim);
+    double *end = app_alloc(sim->dim, sizeof *end);
+    (void)look_at_sizes(&size, 0, 0, sim->scene.state);
+    coarse.rtol = coarse_tolerance;
+    coarse.atol *= 10;
+    coarse.times = &how->t_end;
+    coarse.count = 1;
+    coarse.observe = look_at_sizes;
+    coarse.observer = &size;
+    if (integrate(sim, &coarse, sim->scene.state, end, &run, &error) == LG_OK) {
+        const double apart = difference(&size, y, end);
+        if (apart > bound)
+            app_warn(
+                sim->self,
+                "from t = %.4g on the result is not known at this tolerance: a run at ten times the "
+                "tolerance differs there by %.2g of the size of the state, and at the end by %.2g; give a "
+                "smaller --tol, or ask for statistics of many runs (--ensemble)",
+                parting(sim, *how, coarse, &size, bound), bound, apart);
+    }
+    free(end);
+    sizes_free(&size);
+}
