@@ -31,11 +31,11 @@ LG_BEGIN_DECLS
 
 /* ---- members ---- */
 
-/* An event: g(y) = sum_i weight_i y_index_i - level changes its sign. Its time is found by steps of the scheme
- * itself from the start of the step in which it lies. Where g has the same sign at both ends of a step, the
- * cubic with the values and slopes of the ends says whether g may have come to 0 between them, and steps to
- * its extremum decide. Not seen: a g that passes 0 again and again in a step, which the cubic does not follow;
- * of three changes in a step, the time of one is given. */
+/* An event: g(y) = sum_i weight_i y_index_i - level changes its sign. Its time is found by steps of the
+ * scheme itself from the start of the step in which it lies. Where g has the same sign at both ends of a
+ * step, the cubic with the values and slopes of the ends says whether g may have come to 0 between them, and
+ * steps to its extremum decide. Not seen: a g that passes 0 again and again in a step, which the cubic does
+ * not follow; of three changes in a step, the time of one is given. */
 #define LG_EVENT_TERMS 8
 #define LG_EVENTS_MAX  8
 typedef struct lg_ensemble_event {
