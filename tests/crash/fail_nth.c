@@ -1,7 +1,6 @@
 /* Stands before malloc in a program (LD_PRELOAD): of the calls from the program and from liegrad's libraries,
- * number LG_FAIL_FROM to LG_FAIL_TO find no memory. Calls that open a stream or a folder, which allocates, are
- * calls too. Other libraries always get memory. LG_FAIL_COUNT: a file that gets the number of calls at the
- * end. */
+ * number LG_FAIL_FROM to LG_FAIL_TO find no memory. Calls that open a stream or a folder are calls too: they
+ * allocate. Other libraries always get memory. LG_FAIL_COUNT: a file that gets the number of calls. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <dlfcn.h>
