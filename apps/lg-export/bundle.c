@@ -5,13 +5,16 @@
 #include "lg-export/export.h"
 
 /* Parameters as the code has them. */
-lg_status export_round_parameters(const export_source *source, lg_program *program) {
+lg_status export_round_parameters(export_source *source, lg_program *program) {
     lg_status status = LG_OK;
     for (size_t i = 0; i < lg_program_parameters(program) && status == LG_OK; i++) {
         const lg_parameter_spec p = lg_program_parameter(program, i);
         const size_t count = lg_shape_count(p.shape);
         double *values = app_alloc(count, sizeof *values);
-        for (size_t k = 0; k < count; k++) values[k] = export_round(source->options, p.values[k]);
+        for (size_t k = 0; k < count; k++) {
+            values[k] = export_round(source->options, p.values[k]);
+            source->lost += lg_is_lost(source->options->dtype, p.values[k]);
+        }
         status = lg_program_set_parameter(program, i, values);
         free(values);
     }
@@ -35,6 +38,7 @@ static void take_texts(export_source *source, const lg_c_source *c) {
     source->calls += c->stack_calls;
     source->numbers += c->numbers;
     source->integers += c->integers;
+    source->lost += c->lost;
     if (c->work_size > source->work) source->work = c->work_size;
 }
 

@@ -98,6 +98,7 @@ typedef struct export_source {
     size_t parameters;    /* of the model; 0: `numbers` is told */
     size_t numbers;       /* reals in NAME_weights.c */
     size_t integers;      /* ints there */
+    size_t lost;          /* numbers of the model that are too small for the exported type */
     double *start; /* (starts) a state at rest on the manifold, then (tunable) values of the shared inputs
                                behind the first input; or NULL */
     size_t starts, tunable;
@@ -178,7 +179,7 @@ typedef struct export_function {
 int export_bundle(const app *self, export_source *source, lg_program *program, bool compact,
                   export_function *functions, size_t count);
 /* Replaces all parameters of the program by their rounded values. */
-lg_status export_round_parameters(const export_source *source, lg_program *program);
+lg_status export_round_parameters(export_source *source, lg_program *program);
 
 /* ---- what Hamiltonians and machines share (hamiltonian.c) ---- */
 

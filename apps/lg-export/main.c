@@ -291,6 +291,7 @@ static void report_json(const job *j, size_t parameters, size_t weights) {
     app_json_size(&json, "stack_size", j->source.stack);
     app_json_size(&json, "depth", j->source.depth);
     app_json_real(&json, "tolerance", export_tolerance(&j->source));
+    app_json_warnings(&json, j->self);
     app_json_end(&json);
 }
 
@@ -311,6 +312,17 @@ static void report(const job *j) {
            j->source.depth);
 }
 
+/* A number that becomes 0 in silence is a wrong number, a guard against division by 0 included. */
+static void warn_lost(const job *j) {
+    const export_source *source = &j->source;
+    const size_t lost = source->lost + source->weights.lost + source->code.lost;
+    if (lost > 0)
+        app_warn(j->self,
+                 "%s: %zu of the numbers are below 1.2e-38 and lose digits or become 0 in single precision: "
+                 "export it with --dtype f64, or choose units in which they are larger",
+                 j->options.file, lost);
+}
+
 static int export_run(app *self) {
     job j = {.self = self,
              .path = self->arguments[0],
@@ -328,6 +340,7 @@ static int export_run(app *self) {
     if (code == APP_EXIT_OK) code = build_files(&j);
     if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* what is wrong with the numbers is in the file */
     if (code == APP_EXIT_OK) code = export_write(self, &j.source, given.out);
+    if (code == APP_EXIT_OK) warn_lost(&j);
     if (code == APP_EXIT_OK) report(&j);
     export_source_free(&j.source);
     lg_scheme_destroy(j.scheme);

@@ -137,6 +137,7 @@ int export_onnx(const app *self, const char *path, lg_program *program, export_s
     if (status == LG_OK) status = add_nodes(&j, source->options->file, &error);
     if (status == LG_OK) {
         name_outputs(&j);
+        source->lost += j.graph.lost;
         write_file(&j, source, lg_program_description(program), export_add_file(source, "%s.onnx"));
     }
     lg_text_destroy(&j.graph);

@@ -47,8 +47,10 @@ void onnx_add_reals(onnx_job *j, const char *called, const int64_t *dims, size_t
         add_tensor(j, called, ONNX_FLOAT, dims, rank, narrow, count * sizeof *narrow);
         free(narrow);
     }
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count; i++) {
         if (!isfinite(export_round(j->options, values[i]))) j->graph.unfit = true;
+        j->graph.lost += lg_is_lost(j->options->dtype, values[i]);
+    }
 }
 
 onnx_name onnx_number(onnx_job *j, double value) {

@@ -364,6 +364,7 @@ static void take_texts(job *j) {
     source->depth = j->c->most_depth > 0 ? j->c->most_depth : 1;
     source->numbers = j->c->numbers;
     source->integers = j->c->integers;
+    source->lost += j->c->lost;
     source->functions = j->c->functions;
 }
 

@@ -27,6 +27,7 @@ static void add_tensor(job *j, const char *name, uint32_t rank, const uint64_t *
     for (size_t i = 0; i < count; i++) {
         const float narrow = (float)values[i];
         if (!isfinite(export_round(j->options, values[i]))) j->data.unfit = true;
+        j->data.lost += lg_is_lost(j->options->dtype, values[i]);
         lg_text_append(&j->data, single ? (const char *)&narrow : (const char *)&values[i], single ? 4 : 8);
     }
     lg_text_add(&j->header, "],\"data_offsets\":[%zu,%zu]}", start, j->data.length);
@@ -62,6 +63,7 @@ static void write_file(job *j, export_source *source) {
     lg_text_append(to, j->header.data, j->header.length);
     if (j->data.length > 0) lg_text_append(to, j->data.data, j->data.length);
     to->unfit = j->data.unfit;
+    source->lost += j->data.lost;
 }
 
 int export_safetensors(const app *self, const char *path, lg_program *program, export_source *source) {

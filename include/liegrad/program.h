@@ -263,6 +263,7 @@ typedef struct lg_c_source {
                                         -O0 to -O3) */
     size_t stack_calls;       /* so many functions, or fewer, call each other */
     size_t numbers, integers; /* in the arrays */
+    size_t lost; /* of LG_F32: numbers below 1.2e-38, not 0, that lose digits or become 0: a warning is due */
 } lg_c_source;
 
 /* Errors: LG_INVALID_ARGUMENT (options, a name that C or the code has already), LG_NOT_FOUND (a function),

@@ -232,6 +232,7 @@ static void write_all(writing *w) {
     out->stack_calls = c->most_nesting + 1 + c->most_chain;
     out->numbers = c->weights;
     out->integers = c->indices;
+    out->lost = c->code.lost + w->weights.lost;
     if (!lg_c_good(c) || unfit_or_failed(w)) return;
     out->sizes = give(w, &w->sizes);
     out->declarations = give(w, &w->declarations);

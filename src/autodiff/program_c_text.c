@@ -31,6 +31,7 @@ bool lg_c_good(lg_c *c) {
 bool lg_c_takes(lg_c *c, const lg_text *text) {
     c->code.failed = c->code.failed || text->failed;
     c->code.unfit = c->code.unfit || text->unfit;
+    c->code.lost += text->lost;
     return lg_c_good(c);
 }
 

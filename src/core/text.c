@@ -1,5 +1,6 @@
 #include "core/text.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -28,6 +29,7 @@ void lg_text_join(lg_text *to, const lg_text *from) {
     if (from->length > 0) lg_text_append(to, from->data, from->length);
     to->unfit = to->unfit || from->unfit;
     to->failed = to->failed || from->failed;
+    to->lost += from->lost;
 }
 
 void lg_text_add(lg_text *to, const char *format, ...) {
@@ -74,10 +76,15 @@ void lg_text_destroy(lg_text *to) {
 
 /* ---- numbers ---- */
 
+bool lg_is_lost(lg_dtype dtype, double value) {
+    return dtype == LG_F32 && fabs(value) < (double)FLT_MIN && (double)(float)value != value;
+}
+
 void lg_text_add_real(lg_text *to, lg_dtype dtype, double value) {
     const double stored = dtype == LG_F32 ? (double)(float)value : value;
     char digits[40];
     if (!isfinite(stored)) to->unfit = true;
+    if (lg_is_lost(dtype, value)) to->lost++;
     (void)snprintf(digits, sizeof digits, "%.*g", dtype == LG_F32 ? 9 : 17, isfinite(stored) ? stored : 0.0);
     lg_text_add(to, "%s%s%s", digits, strpbrk(digits, ".e") == NULL ? ".0" : "", dtype == LG_F32 ? "f" : "");
 }

@@ -11,6 +11,7 @@ typedef struct lg_text {
     size_t length, room;
     bool unfit;  /* a number was added that is not finite in its type */
     bool failed; /* out of memory */
+    size_t lost; /* numbers that were added and are too small for single precision */
 } lg_text;
 
 void lg_text_add(lg_text *to, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -20,6 +21,8 @@ void lg_text_join(lg_text *to, const lg_text *from);
 /* As it is, with NAME_ at the beginning of a word replaced by the name and _. */
 void lg_text_add_named(lg_text *to, const char *name, const char *code);
 void lg_text_destroy(lg_text *to);
+/* Whether a number of double precision becomes 0 or loses digits in this type because it is too small. */
+bool lg_is_lost(lg_dtype dtype, double value);
 /* A number as C of this type: 17 or 9 digits, suffix f for float, always with a point or exponent. */
 void lg_text_add_real(lg_text *to, lg_dtype dtype, double value);
 /* Numbers separated by commas, four a line of `indent` blanks, no comma behind the last one. */

@@ -364,6 +364,24 @@ TEST("what the precision cannot hold is not written") {
     }
 }
 
+/* In C and in files of numbers. */
+TEST("numbers that are too small for single precision are told, in every format, and no other ones") {
+    static const char *const targets[] = {"c", "package", "onnx", "safetensors"};
+    make_hamiltonian("small.h5", 1e-60, "");
+    for (size_t i = 0; i < LG_COUNT(targets); i++) {
+        char command[200];
+        for (int k = 0; k < 3; k++) {
+            (void)snprintf(command, sizeof command, "%s --json --out o --target %s --dtype %s",
+                           k < 2 ? "small.h5" : "pendulum.h5", targets[i], k != 1 ? "f32" : "f64");
+            cli_expect(lg, command, 0, "", &result);
+            const bool told = strstr(result.err, "lose digits or become 0 in single precision") != NULL;
+            if (told != (k == 0) || told != (strstr(result.out, "lose digits or become 0") != NULL))
+                fail_msg("%s: told %d\n%s%s", command, told, result.err, result.out);
+            export_expect("rm -r o");
+        }
+    }
+}
+
 TEST("units are those of the file") {
     export_run("pendulum.h5 --out o");
     export_expect("grep -q '^ \\* units  *of the inputs: q: 1, p: kg m^2/s$' o/pendulum.h && grep -q '^ \\*  "
