@@ -231,8 +231,9 @@ LG_API lg_status lg_machine_space(const lg_machine *machine, lg_space *space);
 /* Numbers of the features of a term: how many inputs its network has. */
 LG_API uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
 
-/* theta (parameters): networks' weights U(+-1/sqrt(fan_in)), last layers scaled by .1; masses 1, small
- * damping, an input map of 0 but 1 for input j of velocity j, potentials and residuals 0, in scaled units. */
+/* theta (parameters; here and below it may be NULL where there are none): networks' weights
+ * U(+-1/sqrt(fan_in)), last layers scaled by .1; masses 1, small damping, an input map of 0 but 1 for input j
+ * of velocity j, potentials and residuals 0, in scaled units. */
 LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);
 /* Brings the biases of angles in theta to (-pi, pi]: full turns change nothing that a log shows. */
 LG_API void lg_machine_wrap_biases(const lg_machine *machine, double *theta);
@@ -352,7 +353,8 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * number of windows. `problem` is borrowed. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
-/* The loss of all windows but the validation part; `floor`: of it, the part that the steps make. */
+/* The loss of all windows but the validation part; `floor` (may be NULL): of it, the part that
+ * the steps make. */
 LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem,
                                  const double *theta, double *loss, double *floor, lg_error *error);
 

@@ -4,8 +4,9 @@
  * arguments say in their own comment what happens to them. The library never exits, aborts or prints.
  *
  * NULL is fine for a context, an lg_error, what is to be destroyed, and where a comment says so. Functions
- * that return an lg_status refuse it elsewhere: LG_INVALID_ARGUMENT. Functions that return something else, or
- * nothing, must not be given NULL.
+ * that return an lg_status refuse it elsewhere: LG_INVALID_ARGUMENT (tests/core/test_arguments.c calls them,
+ * and names the few that it leaves out). Functions that return something else, or nothing, must not be given
+ * NULL.
  */
 #ifndef LIEGRAD_STATUS_H
 #define LIEGRAD_STATUS_H

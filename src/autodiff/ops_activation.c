@@ -18,6 +18,7 @@ const char *lg_activation_name(lg_activation kind) {
 }
 
 lg_status lg_activation_parse(const char *name, lg_activation *out) {
+    LG_NEEDS(NULL, name, out);
     for (int i = 0; i < LG_ACTIVATION_COUNT; i++)
         if (strcmp(name, names[i]) == 0) {
             *out = (lg_activation)i;

@@ -231,8 +231,8 @@ static inline int lg_axis(int axis, uint32_t rank) {
     if (axis < 0) axis += (int)rank;
     return axis >= 0 && axis < (int)rank ? axis : -1;
 }
-/* What a function needs beside the tape: the sticky status; LG_INVALID_ARGUMENT, which sticks to a tape, where
- * `all` is false or the tape is NULL. */
+/* The sticky status. `all` says whether the pointers that the operation needs are there: if not,
+ * LG_INVALID_ARGUMENT, which sticks. The same for a tape that is NULL. */
 lg_status lg_tape_needs(lg_tape *tape, const char *operation, bool all);
 
 #endif

@@ -145,6 +145,7 @@ void lg_classifier_score(const lg_classifier *c, const double *f, double *score,
 }
 
 lg_status lg_classifier_window(const lg_classifier *c, const float *x, double *score, double *work) {
+    LG_NEEDS(NULL, c, x, score, work);
     if (c->features.count == 0 || c->features.count != c->pca.inputs) return LG_INVALID_ARGUMENT;
     LG_TRY(lg_features_compute(&c->features, x, work, work + c->pca.inputs + lg_pca_outputs(&c->pca)));
     lg_classifier_score(c, work, score, work);
@@ -210,6 +211,7 @@ static const double *gradient_of(const lg_classifier *c, const pieces *p, size_t
 
 lg_status lg_classifier_decisions(const lg_classifier *c, const float *x, double *y, double *jacobian,
                                   double *work) {
+    LG_NEEDS(NULL, c, x, y, work);
     if (c->features.count == 0 || c->features.count != c->pca.inputs) return LG_INVALID_ARGUMENT;
     const pieces p = cut(c, work);
     const size_t inputs = (size_t)c->features.channels * c->features.length;

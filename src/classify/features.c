@@ -172,6 +172,7 @@ size_t lg_features_work_size(const lg_features *f) {
 }
 
 lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work) {
+    LG_NEEDS(NULL, features, x, out, work);
     LG_TRY(kinds[features->kind]->compute(features, x, out, work));
     for (uint32_t i = 0; i < features->count; i++)
         if (!isfinite(out[i])) return LG_NOT_FINITE;

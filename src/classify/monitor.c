@@ -185,6 +185,7 @@ static void vote(lg_monitor *monitor, lg_answer answer) {
 }
 
 lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready, lg_verdict *verdict) {
+    LG_NEEDS(NULL, monitor, ready, verdict);
     store(monitor, sample);
     if (--monitor->until > 0) {
         *ready = false;

@@ -35,6 +35,7 @@ void lg_context_options_init(lg_context_options *options) {
 }
 
 lg_status lg_context_create(const lg_context_options *options, lg_context **out) {
+    LG_NEEDS(NULL, out);
     lg_context_options chosen;
     lg_context_options_init(&chosen);
     if (options != NULL) {

@@ -20,7 +20,7 @@
         if (lg_try_status_ != LG_OK) return lg_try_status_;                                                  \
     } while (0)
 
-/* Returns LG_INVALID_ARGUMENT, with a sentence in `error` (may be NULL), when one of these pointers is NULL. */
+/* Returns LG_INVALID_ARGUMENT, with a sentence in `error` (may be NULL), when one of the pointers is NULL. */
 #define LG_NEEDS(error, ...)                                                                                 \
     do {                                                                                                     \
         const void *const lg_needs_[] = {__VA_ARGS__};                                                       \

@@ -12,6 +12,7 @@ void lg_ranks_part(uint32_t rank, uint32_t count, size_t total, size_t *first, s
 }
 
 lg_status lg_ranks_share(const lg_ranks *ranks, uint32_t from, void *data, size_t bytes) {
+    LG_NEEDS(NULL, ranks, data);
     size_t *list = lg_alloc(NULL, ranks->count, sizeof *list);
     if (list == NULL) return LG_OUT_OF_MEMORY;
     list[from] = bytes;
@@ -30,6 +31,7 @@ static lg_status gather_equal(const lg_ranks *ranks, void *all, size_t bytes) {
 }
 
 lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_error *error) {
+    LG_NEEDS(error, ranks);
     typedef struct report {
         uint32_t status;
         char message[sizeof error->message];

@@ -648,6 +648,7 @@ static lg_status set_list(const lg_hyperparameter *row, const char *text, void *
 }
 
 lg_status lg_hyperparameter_set(const lg_hyperparameter *row, const char *text, void *run, lg_error *error) {
+    LG_NEEDS(error, row, text, run);
     double real;
     uint64_t whole;
     if (is_named(row)) return set_name(row, text, run, error);

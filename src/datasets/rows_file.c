@@ -130,6 +130,7 @@ lg_status lg_rows_file_create(const lg_context *context, const char *path, const
 /* ---- rows ---- */
 
 lg_status lg_rows_file_put(const lg_rows_file *file, uint64_t row, const double *values) {
+    LG_NEEDS(NULL, file, values);
     const char *from = (const char *)values;
     size_t left = file->row_bytes;
     off_t to = (off_t)(file->offset + row * file->row_bytes);
@@ -144,6 +145,7 @@ lg_status lg_rows_file_put(const lg_rows_file *file, uint64_t row, const double 
 }
 
 lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error) {
+    LG_NEEDS(error, file);
     if (fsync(file->temporary.fd) != 0 || rename(file->temporary.name, file->path) != 0)
         return failed(error, file->path, "cannot be written");
     lg_temporary_end(&file->temporary);
@@ -219,6 +221,7 @@ static bool map_part(hid_t create, hid_t whole, const lg_rows_part *part, uint64
 
 lg_status lg_file_writer_rows(lg_file_writer *writer, const lg_rows_part *parts, size_t count,
                               uint64_t points, uint64_t dim, lg_error *error) {
+    LG_NEEDS(error, writer, parts);
     lg_h5 *h5 = lg_file_writer_h5(writer);
     hsize_t extent[3] = {0, points, dim};
     bool made = true;

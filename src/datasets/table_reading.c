@@ -289,6 +289,7 @@ static void move_row(lg_table_data *data, size_t from, size_t to) {
 
 lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, size_t *left_out,
                                  lg_error *error) {
+    if (count > 0) LG_NEEDS(error, tables);
     const size_t rows = count > 0 ? tables[0]->rows : 0;
     size_t complete = 0, kept = 0;
     for (size_t i = 0; i < count; i++)

@@ -92,6 +92,7 @@ static bool hold(int fd) {
 
 lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder, lg_temporary *out,
                               lg_error *error) {
+    LG_NEEDS(error, target, out);
     const size_t size = strlen(target) + ROOM;
     int code = 0;
     lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, size, 1)};

@@ -270,6 +270,7 @@ static lg_status read_all(reading *r, lg_error *error) {
 }
 
 lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out, lg_error *error) {
+    LG_NEEDS(error, path, out);
     lg_tensors made = {.context = context};
     reading r = {.context = context, .path = path, .out = &made};
     const lg_status status = read_all(&r, error);

@@ -35,7 +35,8 @@ const char *lg_elastica_case_name(lg_elastica_case kind) {
 }
 
 lg_status lg_elastica_case_parse(const char *name, lg_elastica_case *out) {
-    for (size_t i = 0; name && i < LG_ELASTICA_CASE_COUNT; i++) {
+    LG_NEEDS(NULL, name, out);
+    for (size_t i = 0; i < LG_ELASTICA_CASE_COUNT; i++) {
         if (strcmp(name, families[i].name) != 0) continue;
         *out = (lg_elastica_case)i;
         return LG_OK;

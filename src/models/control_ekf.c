@@ -105,6 +105,7 @@ static lg_status take_root(size_t n, const double *a, const char *name, double *
 
 lg_status lg_ekf_init(const lg_model *model, const lg_ekf_options *options, lg_ekf **out, void *memory,
                       size_t bytes, lg_error *error) {
+    LG_NEEDS(error, model, options, out, memory);
     if (options == NULL || options->size != sizeof *options || out == NULL || options->scheme == NULL ||
         options->state == NULL || options->P == NULL || options->W == NULL || options->sensors == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "options, or something in them, are missing");
@@ -196,6 +197,7 @@ static lg_status commit(lg_ekf *e, const double *array, size_t columns) {
 }
 
 lg_status lg_ekf_predict(lg_ekf *ekf, double h, const double *input) {
+    LG_NEEDS(NULL, ekf);
     lg_ekf *e = ekf;
     const size_t r = e->r;
     if (!(h > 0.0) || !isfinite(h)) return LG_INVALID_ARGUMENT;
@@ -280,6 +282,7 @@ static lg_status move(lg_ekf *e) {
 }
 
 lg_status lg_ekf_update(lg_ekf *ekf, const double *z, double *nis) {
+    LG_NEEDS(NULL, ekf, z);
     lg_ekf *e = ekf;
     if (!lg_kernels_for(LG_F64)->all_finite(e->k, z)) return LG_NOT_FINITE;
     e->model->motion.basis(e->model, e->state, e->basis);

@@ -250,6 +250,7 @@ static lg_status linearise(const lg_model *model, const lg_lqr_options *options,
 
 lg_status lg_lqr_init(const lg_model *model, const lg_lqr_options *options, lg_lqr *out, void *memory,
                       size_t bytes, lg_error *error) {
+    LG_NEEDS(error, model, options, out, memory);
     parts p;
     lg_riccati_result result;
     double drift;
@@ -270,6 +271,7 @@ lg_status lg_lqr_init(const lg_model *model, const lg_lqr_options *options, lg_l
 }
 
 lg_status lg_lqr_control(const lg_lqr *lqr, const double *state, double *u) {
+    LG_NEEDS(NULL, lqr, state, u);
     LG_TRY(lg_model_deviation(lqr->model, lqr->state, state, lqr->c, lqr->work));
     for (int writing = 0; writing < 2; writing++)
         for (size_t i = 0; i < lqr->m; i++) {

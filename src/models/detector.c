@@ -14,7 +14,8 @@ const char *lg_detector_loss_name(lg_detector_loss loss) {
 }
 
 lg_status lg_detector_loss_parse(const char *name, lg_detector_loss *out) {
-    for (int i = 0; name != NULL && i < LG_DETECTOR_LOSS_COUNT; i++)
+    LG_NEEDS(NULL, name, out);
+    for (int i = 0; i < LG_DETECTOR_LOSS_COUNT; i++)
         if (strcmp(name, loss_names[i]) == 0) {
             *out = (lg_detector_loss)i;
             return LG_OK;
@@ -130,6 +131,7 @@ static lg_status make_scores(lg_detector_plan *made, const double *theta, lg_err
 lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,
                                   const lg_scaler *scaler, const double *theta, lg_dtype dtype,
                                   lg_detector_plan **out, lg_error *error) {
+    LG_NEEDS(error, model, scaler, theta, out);
     const size_t channels = model->net.channels;
     lg_detector_plan *made = lg_alloc(context, 1, sizeof *made);
     double *numbers = lg_alloc(context, 2 * channels, sizeof *numbers);

@@ -125,5 +125,6 @@ lg_status lg_detector_build(const lg_context *context, const lg_detector *model,
 
 lg_status lg_detector_program(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,
                               const double *theta, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, model, scaler, theta, out);
     return lg_detector_build(context, model, scaler, theta, false, out, error);
 }

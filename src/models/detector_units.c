@@ -148,6 +148,7 @@ static lg_status count(const lg_detector_problem *problem, const double *theta, 
 
 lg_status lg_detector_count_units(const lg_detector_problem *problem, const double *theta,
                                   lg_detector_units *out) {
+    LG_NEEDS(NULL, problem, theta, out);
     return count(problem, theta, true, out);
 }
 

@@ -5,6 +5,7 @@
 lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                               lg_potential_kind potential, const uint32_t *hidden, uint32_t hidden_layers,
                               lg_activation activation) {
+    LG_NEEDS(NULL, model, family);
     if (family == NULL || n < 1 || n > LG_HAMILTONIAN_MAX_COPIES) return LG_INVALID_ARGUMENT;
     const lg_potential_row *row = lg_potential_row_of(potential);
     if (row == NULL) return LG_INVALID_ARGUMENT;

@@ -41,6 +41,7 @@ static bool usable(uint32_t n, const double *arrays) {
 }
 
 lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m) {
+    LG_NEEDS(NULL, model, theta, m);
     if (model->family != &lg_hamiltonian_chain) return LG_UNSUPPORTED;
     const size_t n = model->n;
     const double unit = model->scales.part[1] * model->scales.time; /* of p by that of q' */

@@ -142,6 +142,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
 
 lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                  const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, model, theta, out);
     recording r = {model, scheme != NULL ? scheme : lg_scheme_find(model->family->scheme)};
     return build(context, &r, theta, false, out, error);
 }

@@ -1,4 +1,5 @@
 /* Learned Hamiltonians on a tape, for every family: binding, functions of states, equations. */
+#include "autodiff/tape_internal.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
@@ -41,6 +42,7 @@ static lg_var array_of(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
 
 lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
                               lg_hamiltonian_vars *vars) {
+    LG_TRY(lg_tape_needs(tape, "hamiltonian", model != NULL && vars != NULL));
     const lg_hamiltonian_family *family = model->family;
     lg_hamiltonian_vars made = {.model = model};
     lg_var arrays[LG_HAMILTONIAN_MAX_ARRAYS];
@@ -238,6 +240,7 @@ static lg_status ode_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p,
 }
 
 lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode) {
+    LG_NEEDS(NULL, vars, ode);
     lg_taped_ode made = {.field = ode_field, .user = vars};
     LG_TRY(lg_hamiltonian_space(vars->model->family, vars->model->n, &made.space));
     if (vars->model->family->force != NULL) {

@@ -64,8 +64,8 @@ static lg_status ratio_with(lg_tape *tape, const lg_hamiltonian_problem *problem
 
 lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamiltonian_problem *problem,
                                double *theta, double *factor) {
+    LG_NEEDS(NULL, problem, theta);
     LG_TRY(lg_hamiltonian_problem_check(problem, NULL));
-    if (theta == NULL) return LG_INVALID_ARGUMENT;
     const lg_mlp *net = &problem->model->net;
     const size_t count = problem->trajectories < MOST_STATES ? problem->trajectories : MOST_STATES;
     const size_t size = 4 * count * lg_hamiltonian_state_dim(problem->model);

@@ -269,6 +269,7 @@ static void weigh_in_units(lg_hamiltonian_problem *problem) {
 
 lg_status lg_hamiltonian_mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
                                             const double *theta, double *out, lg_error *error) {
+    LG_NEEDS(error, problem, theta, out);
     lg_hamiltonian_problem plain = *problem;
     lg_fit_problem fit;
     plain.penalty = 0.0;
@@ -281,6 +282,7 @@ lg_status lg_hamiltonian_mean_squared_error(const lg_context *context, const lg_
 
 lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
                                const double *theta, double *out, lg_error *error) {
+    LG_NEEDS(error, problem, theta, out);
     lg_hamiltonian_problem plain = *problem;
     lg_fit_problem fit;
     LG_TRY(lg_hamiltonian_problem_check(problem, error));
@@ -353,6 +355,7 @@ static lg_status check_distance(const lg_hamiltonian_problem *problem, lg_error 
 }
 
 lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error) {
+    LG_NEEDS(error, problem);
     if (problem->model == NULL || problem->data == NULL || problem->trajectories == 0 ||
         problem->substeps == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no model, no data, no trajectories or no substeps");
@@ -427,6 +430,7 @@ static lg_status shard_change(void *user, lg_tape *tape, lg_var theta, const uin
 
 lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_hamiltonian_problem *problem,
                                          const double *theta, size_t point, double *out, lg_error *error) {
+    LG_NEEDS(error, problem, theta, out);
     integral_change of = {problem, point - 1};
     lg_fit_problem fit;
     LG_TRY(lg_hamiltonian_problem_check(problem, error));

@@ -127,6 +127,7 @@ static bool is_scale(double x) {
 
 lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_hamiltonian_scales *out,
                                      lg_error *error) {
+    LG_NEEDS(error, problem, out);
     walk w;
     motion m;
     LG_TRY(measure(problem, &w, &m, error));
@@ -159,6 +160,7 @@ bool lg_hamiltonian_moves(const lg_hamiltonian_problem *problem) {
 }
 
 lg_status lg_hamiltonian_weigh(lg_hamiltonian_problem *problem, lg_error *error) {
+    LG_NEEDS(error, problem);
     walk w;
     motion m;
     double most = 0.0;

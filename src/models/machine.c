@@ -50,6 +50,7 @@ lg_machine_places lg_machine_parts(const lg_machine *machine) {
 }
 
 lg_status lg_machine_space(const lg_machine *machine, lg_space *space) {
+    LG_NEEDS(NULL, machine, space);
     lg_space_factor factors[4];
     size_t count = 0;
     if (machine->places > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->places};
@@ -312,6 +313,7 @@ static size_t place_parameters(lg_machine *machine, bool networks, size_t offset
 }
 
 lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
+    LG_NEEDS(error, machine);
     LG_TRY(count_coordinates(machine, error));
     LG_TRY(check_names(machine, error));
     LG_TRY(lg_grey_check(machine, error));

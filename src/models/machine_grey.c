@@ -136,6 +136,8 @@ lg_status lg_grey_check(const lg_machine *machine, lg_error *error) {
 
 lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t count, const double *values,
                                    const bool *unknown, lg_error *error) {
+    LG_NEEDS(error, machine, key);
+    if (count > 0) LG_NEEDS(error, values);
     const lg_grey_system *system = machine->grey.system;
     const lg_parameter_entry *p = NULL;
     if (system == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "parameters are those of a system");
@@ -328,6 +330,7 @@ static void add_term(lg_machine *machine, const lg_term_kind *kind) {
 }
 
 lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error *error) {
+    LG_NEEDS(error, machine, name);
     const lg_grey_system *system = NULL;
     if (machine->grey.system != NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has a system already");

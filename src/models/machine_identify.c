@@ -287,6 +287,7 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
 
 lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, lg_identification *out, lg_error *error) {
+    LG_NEEDS(error, problem, theta, out);
     const lg_machine *machine = problem->machine;
     const size_t count = lg_machine_numbers(machine, theta, 0, NULL);
     normal s = {.context = context, .problem = problem, .n = machine->parameters};

@@ -82,6 +82,7 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
                               const lg_scheme *scheme, uint32_t substeps, const lg_machine_log *log,
                               const size_t *start, size_t count, size_t steps, double *positions,
                               double *velocities, lg_error *error) {
+    LG_NEEDS(error, machine, scheme, log, start);
     lg_space space;
     lg_tape *tape = NULL;
     if (count == 0 || count > UINT32_MAX || substeps == 0)

@@ -249,6 +249,7 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
 
 lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                              const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, machine, out);
     return make(context, machine, theta, scheme != NULL ? scheme : lg_scheme_find("cf4"), out, error);
 }
 

@@ -47,6 +47,7 @@ static lg_var grey_theta(const lg_machine_vars *vars) {
 }
 
 lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta, lg_machine_vars *vars) {
+    LG_TRY(lg_tape_needs(tape, "machine", machine != NULL && vars != NULL));
     *vars = (lg_machine_vars){.machine = machine};
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
@@ -233,6 +234,7 @@ static lg_status record_true_state(lg_tape *tape, const lg_machine_vars *vars, l
 
 lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
                                   lg_var velocities, lg_var *parts) {
+    LG_TRY(lg_tape_needs(tape, "state", vars != NULL && parts != NULL));
     return record_true_state(tape, vars, without_bias(tape, vars, false, positions),
                              without_bias(tape, vars, true, velocities), parts);
 }
@@ -510,6 +512,7 @@ static void move_rotations(lg_tape *tape, const body *b, lg_var *algebra) {
 
 lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts, lg_var u,
                                   lg_var *algebra) {
+    LG_TRY(lg_tape_needs(tape, "field", vars != NULL && parts != NULL && algebra != NULL));
     const lg_machine *machine = vars->machine;
     lg_machine_seen seen = {.parts = parts, .u = u, .rows = rows_of(tape, parts)};
     if (lg_is_none(u) && machine->input_count > 0) {

@@ -171,6 +171,7 @@ static double known_energy(const lg_machine *machine, const moments *size) {
 }
 
 lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error) {
+    LG_NEEDS(error, machine, log);
     moments size = {{0}, {0}, {0}, {0}};
     lg_machine plain = *machine;
     lg_machine_scales_init(&plain.scales);

@@ -162,6 +162,7 @@ lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine
                                      const lg_machine_log *log, const size_t *start, size_t count,
                                      uint32_t window, double *positions, double *velocities,
                                      lg_error *error) {
+    LG_NEEDS(error, machine, scheme, log, start, positions, velocities);
     lg_machine_problem problem = {.machine = machine,
                                   .scheme = scheme,
                                   .substeps = substeps,

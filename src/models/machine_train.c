@@ -55,6 +55,7 @@ static bool positive(const double *x, uint32_t count) {
 }
 
 lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *error) {
+    LG_NEEDS(error, problem);
     const lg_machine *machine = problem->machine;
     lg_space space;
     if (problem->windows == 0 || problem->windows > UINT32_MAX)
@@ -338,6 +339,7 @@ static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const doub
 
 lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                           double *loss, double *floor, lg_error *error) {
+    LG_NEEDS(error, problem, loss);
     lg_tape *tape = NULL;
     lg_fit_problem fit;
     LG_TRY(lg_machine_problem_check(problem, error));

@@ -58,6 +58,7 @@ static lg_status create(const lg_context *context, lg_model_kind kind, const lg_
 
 lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamiltonian *hamiltonian,
                                       const double *theta, lg_model **out, lg_error *error) {
+    LG_NEEDS(error, hamiltonian, theta, out);
     lg_program *bundle;
     lg_model_motion motion;
     LG_TRY(lg_model_hamiltonian_motion(hamiltonian, &motion));
@@ -67,6 +68,7 @@ lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamilt
 
 lg_status lg_model_create_machine(const lg_context *context, const lg_machine *machine, const double *theta,
                                   lg_model **out, lg_error *error) {
+    LG_NEEDS(error, machine, out);
     lg_program *bundle;
     lg_model_motion motion;
     LG_TRY(lg_model_machine_motion(machine, &motion));
@@ -76,6 +78,7 @@ lg_status lg_model_create_machine(const lg_context *context, const lg_machine *m
 
 lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogate *surrogate,
                                     const double *theta, lg_model **out, lg_error *error) {
+    LG_NEEDS(error, surrogate, theta, out);
     lg_program *bundle;
     LG_TRY(lg_surrogate_program(context, surrogate, theta, &bundle, error));
     return create(context, LG_MODEL_SURROGATE, NULL, bundle, out, error);
@@ -84,6 +87,7 @@ lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogat
 lg_status lg_model_create_detector(const lg_context *context, const lg_detector *detector,
                                    const lg_scaler *scaler, const double *theta, lg_model **out,
                                    lg_error *error) {
+    LG_NEEDS(error, detector, scaler, theta, out);
     lg_program *bundle;
     LG_TRY(lg_detector_program(context, detector, scaler, theta, &bundle, error));
     return create(context, LG_MODEL_DETECTOR, NULL, bundle, out, error);
@@ -92,6 +96,7 @@ lg_status lg_model_create_detector(const lg_context *context, const lg_detector 
 lg_status lg_model_create_table(const lg_context *context, const lg_table *table, const lg_scaler *inputs,
                                 const lg_scaler *outputs, const double *theta, lg_model **out,
                                 lg_error *error) {
+    LG_NEEDS(error, table, inputs, theta, out);
     lg_program *bundle;
     LG_TRY(lg_table_program(context, table, inputs, outputs, theta, &bundle, error));
     return create(context, LG_MODEL_TABLE, NULL, bundle, out, error);

@@ -10,6 +10,7 @@ size_t lg_model_input_dim(const lg_model *model) {
 
 lg_status lg_model_field(const lg_model *model, const double *state, const double *input, double *field,
                          void *work) {
+    LG_NEEDS(NULL, model, state, field, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
     lg_model_run(model, LG_MODEL_FIELD, x, &field, work);
@@ -27,17 +28,20 @@ static lg_status convert(const lg_model *model, lg_model_function function, cons
 
 lg_status lg_model_machine_state(const lg_model *model, const double *positions, const double *velocities,
                                  double *state, void *work) {
+    LG_NEEDS(NULL, model, positions, velocities, state, work);
     const double *const x[] = {positions, velocities};
     return convert(model, LG_MODEL_STATE, x, state, work);
 }
 
 lg_status lg_model_machine_velocities(const lg_model *model, const double *state, double *velocities,
                                       void *work) {
+    LG_NEEDS(NULL, model, state, velocities, work);
     return convert(model, LG_MODEL_VELOCITIES, &state, velocities, work);
 }
 
 lg_status lg_model_machine_positions(const lg_model *model, const double *state, double *positions,
                                      void *work) {
+    LG_NEEDS(NULL, model, state, positions, work);
     return convert(model, LG_MODEL_POSITIONS, &state, positions, work);
 }
 
@@ -64,9 +68,9 @@ static lg_status ode_drift(void *user, double t, const double *p, const double *
     return LG_OK;
 }
 
-lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work) {
+/* `work` may be NULL: the equation is then only looked at. */
+static lg_status ode_of(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work) {
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
-    if (user == NULL || ode == NULL) return LG_INVALID_ARGUMENT;
     lg_ode made = {.space = model->motion.space, .field = ode_field, .user = user};
     if (model->plan[LG_MODEL_FORCE] != NULL) {
         LG_TRY(lg_space_init_rn(&made.space, made.space.dim));
@@ -76,6 +80,11 @@ lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, 
     *user = (lg_model_user){model, work};
     *ode = made;
     return LG_OK;
+}
+
+lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work) {
+    LG_NEEDS(NULL, model, ode, user, work);
+    return ode_of(model, ode, user, work);
 }
 
 /* ---- a stepper in one piece of memory: user, work, stepper ---- */
@@ -93,7 +102,7 @@ static size_t before_stepper(const lg_model *model) {
 static lg_status equation(const lg_model *model, const lg_scheme *scheme, lg_model_user *user, void *work,
                           lg_ode *ode) {
     if (model == NULL || scheme == NULL) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_model_ode(model, ode, user, work));
+    LG_TRY(ode_of(model, ode, user, work));
     return scheme->kind == LG_SCHEME_VARIATIONAL ? LG_UNSUPPORTED : LG_OK;
 }
 

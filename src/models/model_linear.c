@@ -78,6 +78,7 @@ static void fill_A(const lg_model *model, const double *state, const linear_part
 
 lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input, double *A,
                              double *B, double *basis, void *work) {
+    LG_NEEDS(NULL, model, state, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const size_t d = model->inputs, m = lg_model_input_dim(model), r = lg_model_tangent_dim(model);
     size_t doubles;
@@ -94,6 +95,7 @@ lg_status lg_model_linearise(const lg_model *model, const double *state, const d
 
 lg_status lg_model_deviation(const lg_model *model, const double *state, const double *other, double *c,
                              void *work) {
+    LG_NEEDS(NULL, model, state, other, c, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     size_t doubles;
     const linear_parts w = parts_of(model, work, &doubles);
@@ -127,6 +129,7 @@ void lg_model_drift(const lg_model *model, const double *state, const double *in
 
 lg_status lg_model_retract(const lg_model *model, const double *state, const double *c, double *out,
                            void *work) {
+    LG_NEEDS(NULL, model, state, c, out, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     size_t doubles;
@@ -183,6 +186,7 @@ static bool descend(const lg_model *model, const double *input, const search *s,
 
 lg_status lg_model_equilibrium(const lg_model *model, const double *input, double *state, double *drift,
                                void *work) {
+    LG_NEEDS(NULL, model, state, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     size_t doubles;

@@ -34,6 +34,7 @@ static void list(lg_novelty *v, item out[ITEMS]) {
 static const char *const sizes[SIZES] = {ROOT "channels", ROOT "length", ROOT "classes", ROOT "bands"};
 
 lg_status lg_novelty_save(const lg_novelty *novelty, const lg_archive_writer *w, lg_error *error) {
+    LG_NEEDS(error, novelty, w);
     lg_novelty v = *novelty; /* only read */
     item items[ITEMS];
     const uint32_t size[SIZES] = {v.channels, v.length, v.classes, v.bands};
@@ -103,6 +104,7 @@ static lg_status read_item(const lg_archive_reader *r, const item *it, lg_error 
 
 lg_status lg_novelty_load(const lg_context *context, const lg_archive_reader *r, lg_novelty *out,
                           lg_error *error) {
+    LG_NEEDS(error, r, out);
     uint32_t size[SIZES];
     item items[ITEMS];
     *out = (lg_novelty){.channels = 0};

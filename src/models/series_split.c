@@ -14,7 +14,8 @@ const char *lg_split_name(lg_split split) {
 }
 
 lg_status lg_split_parse(const char *name, lg_split *out) {
-    for (int i = 0; name != NULL && i < LG_SPLIT_COUNT; i++)
+    LG_NEEDS(NULL, name, out);
+    for (int i = 0; i < LG_SPLIT_COUNT; i++)
         if (strcmp(name, split_names[i]) == 0) {
             *out = (lg_split)i;
             return LG_OK;
@@ -279,6 +280,7 @@ static void deal_folds(fold_task *t) {
 
 lg_status lg_folds(const lg_context *context, const uint32_t *label, const uint32_t *number, size_t count,
                    uint32_t folds, uint32_t *fold) {
+    LG_NEEDS(NULL, label, fold);
     fold_task t = {.folds = folds > 0 ? folds : 1, .classes = 1};
     for (size_t i = 0; i < count; i++)
         if (label[i] >= t.classes) t.classes = (size_t)label[i] + 1;

@@ -49,6 +49,7 @@ static void fill(lg_spectrum *s) {
 
 lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_t bands, lg_spectrum *out,
                              lg_error *error) {
+    LG_NEEDS(error, out);
     if (bands == 0 || bands != lg_spectrum_bands(length, bands))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u bands of a series of %u samples: at most %u", bands,
                        length, lg_spectrum_bands(length, LG_SPECTRUM_BANDS));

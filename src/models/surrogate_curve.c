@@ -151,6 +151,7 @@ static size_t rows_for(const lg_surrogate *model, size_t points) {
 lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
                                      const double *theta, lg_dtype dtype, size_t points,
                                      lg_surrogate_curves **out, lg_error *error) {
+    LG_NEEDS(error, model, theta, out);
     return create(context, model, theta, dtype, rows_for(model, points), out, error);
 }
 
@@ -513,6 +514,7 @@ static void place_nodes(judging *j, const lg_surrogate *model, size_t nodes, dou
 lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *model, const double *theta,
                                 const lg_elastica_curves *curves, const uint32_t *chosen, size_t count,
                                 double *node_error, lg_surrogate_errors *out, lg_error *error) {
+    LG_NEEDS(error, model, theta, curves, out);
     judging j = {.curves = curves, .chosen = chosen, .count = chosen != NULL ? count : curves->count};
     LG_TRY(lg_surrogate_check_curves(model, curves, error));
     LG_TRY(check_chosen(&j, error));

@@ -69,6 +69,7 @@ static double take_out(const double *vector, size_t n, double *y) {
 lg_status lg_surrogate_coefficients(const lg_context *context, const lg_surrogate *model,
                                     const lg_elastica_curves *curves, const uint32_t *training, size_t count,
                                     double *coefficients, double *truncation, lg_error *error) {
+    LG_NEEDS(error, model, curves, training, coefficients);
     const size_t n = lg_surrogate_outputs(model), modes = model->options.modes;
     double rest = 0.0;
     LG_TRY(check(model, curves, training, count, error));
@@ -194,6 +195,7 @@ static uint32_t needed(const double *s, size_t count, uint32_t most) {
 lg_status lg_surrogate_count_modes(const lg_context *context, const lg_surrogate *model,
                                    const lg_elastica_curves *curves, const uint32_t *training, size_t count,
                                    uint32_t *modes, lg_error *error) {
+    LG_NEEDS(error, model, curves, training, modes);
     decomposition d = {.count = count};
     const lg_status status = take_apart(context, model, curves, training, &d, error);
     if (status == LG_OK) *modes = needed(d.s, d.least, model->options.modes);
@@ -204,6 +206,7 @@ lg_status lg_surrogate_count_modes(const lg_context *context, const lg_surrogate
 lg_status lg_surrogate_find_modes(const lg_context *context, const lg_surrogate *model,
                                   const lg_elastica_curves *curves, const uint32_t *training, size_t count,
                                   double *modes, lg_error *error) {
+    LG_NEEDS(error, model, curves, training, modes);
     const uint32_t wanted = model->options.modes;
     if (count <= wanted)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u modes need at least %u curves to learn from, not %zu",

@@ -458,6 +458,7 @@ static const struct bundle {
 
 lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model, const double *theta,
                                lg_program **out, lg_error *error) {
+    LG_NEEDS(error, model, theta, out);
     /* The union only drops const: recording only reads the model. */
     union {
         const lg_surrogate *borrowed;

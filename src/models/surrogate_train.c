@@ -467,6 +467,7 @@ static size_t sample_count(const lg_surrogate_problem *problem) {
 }
 
 lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_error *error) {
+    LG_NEEDS(error, problem);
     const lg_elastica_curves *curves = problem->curves;
     if (problem->model == NULL || curves == NULL || problem->training == NULL ||
         problem->training_count == 0 || curves->boundary == NULL || curves->q == NULL || curves->v == NULL)

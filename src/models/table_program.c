@@ -55,6 +55,7 @@ static lg_status check_scaler(const lg_scaler *scaler, uint32_t columns, const c
 
 lg_status lg_table_program(const lg_context *context, const lg_table *model, const lg_scaler *inputs,
                            const lg_scaler *outputs, const double *theta, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, model, inputs, theta, out);
     /* The union only drops const: recording only reads the model. */
     union {
         const lg_table *borrowed;

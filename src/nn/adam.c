@@ -37,6 +37,7 @@ const char *lg_schedule_name(lg_schedule_kind kind) {
 }
 
 lg_status lg_schedule_parse(const char *name, lg_schedule_kind *out) {
+    LG_NEEDS(NULL, name, out);
     for (int i = 0; i < LG_SCHEDULE_COUNT; i++) {
         if (strcmp(name, schedule_names[i]) != 0) continue;
         *out = (lg_schedule_kind)i;

@@ -14,7 +14,8 @@ const char *lg_pooling_name(lg_pooling kind) {
 }
 
 lg_status lg_pooling_parse(const char *name, lg_pooling *out) {
-    for (int i = 0; name != NULL && i < LG_POOLING_COUNT; i++)
+    LG_NEEDS(NULL, name, out);
+    for (int i = 0; i < LG_POOLING_COUNT; i++)
         if (strcmp(name, pooling_names[i]) == 0) {
             *out = (lg_pooling)i;
             return LG_OK;

@@ -461,6 +461,7 @@ static lg_status run(lg_fit *fit, lg_error *error) {
 }
 
 lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
+    LG_NEEDS(error, fit);
     (void)lg_fail(error, LG_OK, "%s", "");
     if (fit->state.minimiser != NULL) lg_minimiser_scatter(fit->state.minimiser);
     const lg_status status = run(fit, error);

@@ -172,6 +172,7 @@ static lg_status write_item(const lg_archive_writer *writer, const item *it, lg_
 }
 
 lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error) {
+    LG_NEEDS(error, fit, writer);
     (void)lg_fail(error, LG_OK, "%s", "");
     lg_fit_state copy = fit->state; /* pointers and numbers; only read */
     uint64_t open = copy.open;
@@ -316,6 +317,7 @@ static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, 
 }
 
 lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
+    LG_NEEDS(error, fit, reader);
     (void)lg_fail(error, LG_OK, "%s", "");
     lg_fit_state loaded = {0};
     lg_status made = check_hyperparameters(fit, reader, error);

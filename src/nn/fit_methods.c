@@ -84,10 +84,12 @@ static lg_status parse_plan(const char *text, bool squares, lg_fit_plan *out, lg
 }
 
 lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error) {
+    LG_NEEDS(error, text, out);
     return parse_plan(text, true, out, error);
 }
 
 lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_error *error) {
+    LG_NEEDS(error, text, out);
     return parse_plan(text, false, out, error);
 }
 

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/tape_internal.h"
 #include "core/core.h"
 
 #define MAX_WIDTH (1u << 20)
@@ -80,6 +81,7 @@ const char *lg_initialisation_name(lg_initialisation kind) {
 }
 
 lg_status lg_initialisation_parse(const char *name, lg_initialisation *out) {
+    LG_NEEDS(NULL, name, out);
     for (int i = 0; i < LG_INITIALISATION_COUNT; i++) {
         if (strcmp(name, initialisations[i].name) != 0) continue;
         *out = (lg_initialisation)i;
@@ -114,6 +116,7 @@ void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
 /* ---- on a tape ---- */
 
 lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_mlp_vars *vars) {
+    LG_TRY(lg_tape_needs(tape, "mlp", net != NULL && vars != NULL));
     lg_mlp_vars bound;
     const size_t parameters = lg_mlp_parameters(net);
     if (lg_tape_status(tape) == LG_OK && (parameters > UINT32_MAX || offset > UINT32_MAX - parameters))

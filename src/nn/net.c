@@ -31,6 +31,7 @@ const char *lg_net_kind_name(lg_net_kind kind) {
 }
 
 lg_status lg_net_kind_parse(const char *name, lg_net_kind *out) {
+    LG_NEEDS(NULL, name, out);
     for (int i = 0; i < LG_NET_KIND_COUNT; i++) {
         if (strcmp(name, bodies[i].name) != 0) continue;
         *out = (lg_net_kind)i;

@@ -2,6 +2,7 @@
 #include "nn/net.h"
 
 #include "autodiff/dual.h"
+#include "autodiff/tape_internal.h"
 #include "core/core.h"
 
 /* The parameters of the dense layers as views of the flat vector; LG_NONE for a missing bias. */
@@ -105,6 +106,7 @@ static lg_var apply_dual(lg_tape *tape, const lg_net *net, const bound *b, lg_va
 
 lg_status lg_net_record_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
                             lg_var dx, lg_var *y, lg_var *dy) {
+    LG_TRY(lg_tape_needs(tape, "network", net != NULL && y != NULL && dy != NULL));
     bound b = {.taps = NULL};
     if (!bind(tape, net, theta, offset, &b)) return lg_tape_status(tape);
     const lg_var both = apply_dual(tape, net, &b, lg_dual_pair(tape, x, dx));

@@ -297,7 +297,9 @@ lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
 lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
                               const lg_search_problem *problem, lg_search_known known, uint64_t number,
                               lg_trial *trial, lg_error *why) {
-    if (problem == NULL || problem->run == NULL || trial == NULL || options == NULL || why == NULL)
+    lg_error unasked;
+    if (why == NULL) why = &unasked;
+    if (problem == NULL || problem->run == NULL || trial == NULL || options == NULL)
         return lg_fail(why, LG_INVALID_ARGUMENT, "a search needs something to run and room for trials");
     LG_TRY(lg_search_space_check(space, why));
     LG_TRY(check_options(options, why));

@@ -1,20 +1,41 @@
 /* NULL arguments: what a function that returns an lg_status needs is refused as NULL, whatever the others
  * are. */
 #define _GNU_SOURCE /* MAP_ANONYMOUS */
+#include <glob.h>
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "autodiff/program_support.h"
+#include "support/machine_models.h"
 #include "support/memory_archive.h"
 
 #include "liegrad/adjoint.h"
+#include "liegrad/classify.h"
+#include "liegrad/control.h"
+#include "liegrad/convolution.h"
+#include "liegrad/detector.h"
+#include "liegrad/elastica.h"
 #include "liegrad/ensemble.h"
 #include "liegrad/gradcheck.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/io.h"
+#include "liegrad/logs.h"
+#include "liegrad/machine_model.h"
 #include "liegrad/mechanics.h"
+#include "liegrad/metrics.h"
 #include "liegrad/minimise.h"
+#include "liegrad/model.h"
+#include "liegrad/monitor.h"
+#include "liegrad/novelty.h"
 #include "liegrad/program_image.h"
+#include "liegrad/hyperparameters.h"
+#include "liegrad/ranks.h"
+#include "liegrad/riser.h"
+#include "liegrad/search.h"
+#include "liegrad/surrogate.h"
+#include "liegrad/tables.h"
 #include "liegrad/train.h"
 
 /* REFUSES(lg_f(NEEDED(a), b, NEEDED(&c))): lg_f is called in children, as it stands and with each needed
@@ -27,23 +48,23 @@
 
 enum { STATUS = 100, PAST = 1000 }; /* a child's exit code: STATUS + the lg_status */
 
-static int countdown;        /* needed pointers before the NULL */
-static const char **missing; /* in memory shared with the children: the pointer that was NULL, or NULL */
+static int countdown;       /* needed pointers before the NULL */
+static const char **absent; /* in memory shared with the children: the pointer that was NULL, or NULL */
 static pid_t child;
 static int faults;
 
 static bool nulled(const char *text) {
     if (countdown-- != 0) return false;
-    *missing = text;
+    *absent = text;
     return true;
 }
 
 static bool in_child(int which) {
     static const int crashes[] = {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL};
-    if (missing == NULL)
-        missing = mmap(NULL, sizeof *missing, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    assert_true(missing != MAP_FAILED);
-    *missing = NULL;
+    if (absent == NULL)
+        absent = mmap(NULL, sizeof *absent, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    assert_true(absent != MAP_FAILED);
+    *absent = NULL;
     child = fork();
     assert_true(child >= 0);
     if (child > 0) return false;
@@ -52,12 +73,16 @@ static bool in_child(int which) {
     return true;
 }
 
+static const char *calls[512]; /* as the tests state them */
+static size_t call_count;
+
 /* The number of the next needed pointer, or PAST. */
 static int judged(int which, const char *call) {
     int code = 0;
     assert_int_equal(waitpid(child, &code, 0), child);
-    if (which >= 0 && *missing == NULL) return PAST;
-    const char *what = which < 0 ? "no pointer" : *missing;
+    if (which < 0 && call_count < LG_COUNT(calls)) calls[call_count++] = call;
+    if (which >= 0 && *absent == NULL) return PAST;
+    const char *what = which < 0 ? "no pointer" : *absent;
     const bool crashed = !WIFEXITED(code) || WEXITSTATUS(code) < STATUS;
     const lg_status status = crashed ? LG_OK : (lg_status)(WEXITSTATUS(code) - STATUS);
     if (crashed || (status == LG_INVALID_ARGUMENT) != (which >= 0)) {
@@ -119,6 +144,7 @@ TEST("programs") {
     REFUSES(lg_program_write_c(NEEDED(program), NEEDED(&how), NEEDED(&source), NULL));
     REFUSES(lg_function_image_create(NEEDED(program), 0, NEEDED(&copy)));
     REFUSES(lg_program_add_image(NEEDED(bare), NEEDED(image), NULL));
+    REFUSES(lg_program_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(program), NULL, NULL));
     REFUSES(lg_program_train(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NULL, NULL, NULL));
     lg_function_image_destroy(image);
 }
@@ -332,4 +358,628 @@ TEST("minimisers") {
     REFUSES(lg_minimiser_save(NEEDED(minimiser), NEEDED(&writer), NULL));
     REFUSES(lg_minimiser_load(NEEDED(minimiser), NEEDED(&reader), NULL));
     lg_minimiser_destroy(minimiser);
+}
+
+static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                          size_t batch, lg_var *loss) {
+    *loss = lg_sum(tape, lg_mul(tape, theta, theta));
+    return lg_tape_status(tape);
+}
+
+TEST("networks and fits") {
+    lg_activation activation;
+    lg_net_kind kind;
+    lg_initialisation initialisation;
+    lg_schedule_kind schedule;
+    lg_pooling pooling;
+    lg_fit_plan plan;
+    lg_mlp mlp;
+    lg_net net;
+    lg_tape *tape = test_tape(LG_F64);
+    const lg_var theta = lg_input(tape, lg_shape1(64), numbers), x = lg_full(tape, lg_shape2(1, 1), 1.0);
+    lg_mlp_vars vars;
+    lg_var out[2];
+    assert_ok(lg_mlp_init(&mlp, 1, NULL, 0, 1, LG_TANH, true));
+    assert_ok(lg_net_init(&net, LG_NET_MLP, 1, 1, 2, 1, 1, LG_TANH));
+    REFUSES(lg_activation_parse(NEEDED("tanh"), NEEDED(&activation)));
+    REFUSES(lg_pooling_parse(NEEDED("mean"), NEEDED(&pooling)));
+    REFUSES(lg_net_kind_parse(NEEDED("mlp"), NEEDED(&kind)));
+    REFUSES(lg_initialisation_parse(NEEDED("fan-in"), NEEDED(&initialisation)));
+    REFUSES(lg_schedule_parse(NEEDED("step"), NEEDED(&schedule)));
+    REFUSES(lg_fit_plan_parse(NEEDED("adam"), NEEDED(&plan), NULL));
+    REFUSES(lg_fit_plan_parse_any_loss(NEEDED("adam"), NEEDED(&plan), NULL));
+    REFUSES(lg_mlp_init(NEEDED(&mlp), 1, NEEDED(&(uint32_t){2}), 1, 1, LG_TANH, true));
+    assert_ok(lg_mlp_init(&mlp, 1, NULL, 0, 1, LG_TANH, true));
+    REFUSES(lg_mlp_bind(NEEDED(tape), NEEDED(&mlp), theta, 0, NEEDED(&vars)));
+    REFUSES(lg_net_init(NEEDED(&net), LG_NET_MLP, 1, 1, 2, 1, 1, LG_TANH));
+    REFUSES(lg_net_record_jvp(NEEDED(tape), NEEDED(&net), theta, 0, x, x, NEEDED(out), NEEDED(out + 1)));
+
+    lg_fit_problem problem = {.parameters = 1, .samples = 2, .loss = fit_loss};
+    lg_fit *fit = NULL, *made;
+    assert_ok(lg_fit_create(NULL, &problem, NULL, numbers, &fit, NULL));
+    memory_archive *archive = TEST_ARRAY(memory_archive, 1), *new = TEST_ARRAY(memory_archive, 1);
+    const lg_archive_writer writer = memory_writer(new), first = memory_writer(archive);
+    const lg_archive_reader reader = memory_reader(archive);
+    assert_ok(lg_fit_save(fit, &first, NULL));
+    REFUSES(lg_fit_create(NULL, NEEDED(&problem), NULL, NEEDED(numbers), NEEDED(&made), NULL));
+    REFUSES(lg_fit_run(NEEDED(fit), NULL));
+    REFUSES(lg_fit_save(NEEDED(fit), NEEDED(&writer), NULL));
+    REFUSES(lg_fit_load(NEEDED(fit), NEEDED(&reader), NULL));
+    REFUSES(lg_newton_fit(NULL, NEEDED(&problem), NULL, NEEDED(others), NULL));
+    lg_fit_destroy(fit);
+}
+
+static void release_model(void *model) {
+    lg_model_destroy(model);
+}
+
+TEST("Hamiltonians, models and control") {
+    const lg_hamiltonian_family *family = lg_hamiltonian_family_find("separable");
+    const lg_scheme *scheme = lg_scheme_find("rk4");
+    lg_hamiltonian h;
+    lg_hamiltonian_scales scales;
+    lg_space space;
+    lg_error *const none = NULL;
+    const uint32_t hidden = 3;
+    assert_ok(lg_hamiltonian_init(&h, family, 1, LG_POTENTIAL_MLP, &hidden, 1, LG_TANH));
+    const size_t count = lg_hamiltonian_parameters(&h);
+    const double *theta = test_numbers(1, count, 0.1, 1.0), *data = test_numbers(2, 64, -1.0, 1.0);
+    double *changed = TEST_ARRAY(double, count);
+    memcpy(changed, theta, count * sizeof *theta);
+    lg_hamiltonian_problem problem = {.model = &h,
+                                      .scheme = scheme,
+                                      .substeps = 1,
+                                      .trajectories = 2,
+                                      .points = 3,
+                                      .dt = 0.1,
+                                      .data = data,
+                                      .penalty = 1.0,
+                                      .penalty_integral = lg_first_integral_find("oscillator")};
+    lg_tape *tape = test_tape(LG_F64);
+    const lg_var at = lg_input(tape, lg_shape1((uint32_t)count), theta);
+    lg_hamiltonian_vars vars;
+    lg_taped_ode taped;
+    lg_program *program;
+    assert_ok(lg_hamiltonian_bind(tape, &h, at, &vars));
+    REFUSES(lg_hamiltonian_space(NEEDED(family), 1, NEEDED(&space)));
+    REFUSES(
+        lg_hamiltonian_init(NEEDED(&h), NEEDED(family), 1, LG_POTENTIAL_MLP, NEEDED(&hidden), 1, LG_TANH));
+    REFUSES(lg_hamiltonian_mass(NEEDED(&h), NEEDED(theta), NEEDED(others)));
+    REFUSES(lg_hamiltonian_problem_check(NEEDED(&problem), none));
+    REFUSES(lg_hamiltonian_find_scales(NEEDED(&problem), NEEDED(&scales), none));
+    REFUSES(lg_hamiltonian_weigh(NEEDED(&problem), none));
+    REFUSES(lg_hamiltonian_mean_squared_error(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
+    REFUSES(lg_hamiltonian_integral_change(NULL, NEEDED(&problem), NEEDED(theta), 2, NEEDED(others), none));
+    REFUSES(lg_hamiltonian_floor(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
+    REFUSES(lg_hamiltonian_scale(NULL, NEEDED(&problem), NEEDED(changed), NULL));
+    REFUSES(lg_hamiltonian_bind(NEEDED(tape), NEEDED(&h), at, NEEDED(&vars)));
+    REFUSES(lg_hamiltonian_taped_ode(NEEDED(&vars), NEEDED(&taped)));
+    REFUSES(lg_hamiltonian_program(NULL, NEEDED(&h), NEEDED(theta), NULL, NEEDED(&program), none));
+
+    lg_model *model = NULL, *made;
+    assert_ok(lg_model_create_hamiltonian(NULL, &h, theta, &model, none));
+    lg_test_owns(model, release_model);
+    lg_ode ode;
+    lg_model_user user;
+    lg_stepper *stepper;
+    double state[2] = {0.1, 0.2};
+    void *room = test_work(1 << 20);
+    lg_trajectories set = {.count = 0}, new;
+    assert_ok(lg_trajectories_create(NULL, "oscillator", family, 1, 2, 3, 0.2, false, 0, &set));
+    REFUSES(lg_trajectories_create(NULL, NEEDED("oscillator"), NEEDED(family), 1, 2, 3, 0.2, false, 0,
+                                   NEEDED(&new)));
+    REFUSES(lg_trajectories_set_truth(NEEDED(&set), NEEDED(test_system("oscillator", NULL))));
+    REFUSES(lg_trajectories_write(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(&set), NULL));
+    lg_trajectories_destroy(&set);
+    REFUSES(lg_model_create_hamiltonian(NULL, NEEDED(&h), NEEDED(theta), NEEDED(&made), none));
+    REFUSES(lg_model_field(NEEDED(model), NEEDED(state), NULL, NEEDED(others), NEEDED(work)));
+    REFUSES(lg_model_ode(NEEDED(model), NEEDED(&ode), NEEDED(&user), NEEDED(work)));
+    REFUSES(lg_model_stepper_init(NEEDED(model), NEEDED(scheme), NEEDED(&stepper), NEEDED(room), 1 << 20));
+    REFUSES(lg_model_linearise(NEEDED(model), NEEDED(state), NULL, NULL, NULL, NULL, NEEDED(work)));
+    REFUSES(lg_model_deviation(NEEDED(model), NEEDED(state), NEEDED(state), NEEDED(others), NEEDED(work)));
+    REFUSES(lg_model_retract(NEEDED(model), NEEDED(state), NEEDED(numbers), NEEDED(others), NEEDED(work)));
+    REFUSES(lg_model_equilibrium(NEEDED(model), NULL, NEEDED(state), NULL, NEEDED(work)));
+    REFUSES(
+        lg_model_machine_state(NEEDED(model), NEEDED(state), NEEDED(state), NEEDED(others), NEEDED(work)));
+    REFUSES(lg_model_machine_velocities(NEEDED(model), NEEDED(state), NEEDED(others), NEEDED(work)));
+    REFUSES(lg_model_machine_positions(NEEDED(model), NEEDED(state), NEEDED(others), NEEDED(work)));
+
+    const double one[1] = {1.0};
+    const lg_riccati equation = {sizeof equation, 1, 1, one, one, one, one, NULL};
+    REFUSES(lg_care(NEEDED(&equation), NULL, NULL, NULL, NULL, NEEDED(room), 1 << 20, none));
+    REFUSES(lg_dare(NEEDED(&equation), NULL, NULL, NULL, NULL, NEEDED(room), 1 << 20, none));
+    REFUSES(lg_zero_order_hold(1, 1, NEEDED(one), NEEDED(one), 0.1, NEEDED(others), NEEDED(others + 1),
+                               NEEDED(room), 1 << 20, none));
+    lg_lqr_options lqr;
+    lg_lqr_options_init(&lqr);
+    lqr.state = state, lqr.Q = (const double[]){1.0, 0.0, 0.0, 1.0}, lqr.R = one;
+    lqr.most_drift = 1e9;
+    lg_lqr regulator;
+    void *second = test_work(1 << 20);
+    lg_sensor sensor = {LG_SENSOR_STATE, 0, 0.1, 0.0};
+    lg_ekf_options noisy;
+    lg_ekf_options_init(&noisy);
+    noisy.scheme = scheme, noisy.state = state, noisy.P = noisy.W = lqr.Q;
+    noisy.sensors = &sensor, noisy.sensor_count = 1;
+    lg_ekf *ekf = NULL;
+    assert_ok(lg_ekf_init(model, &noisy, &ekf, second, 1 << 20, &error));
+    REFUSES(lg_ekf_init(NEEDED(model), NEEDED(&noisy), NEEDED(&ekf), NEEDED(room), 1 << 20, none));
+    REFUSES(lg_ekf_predict(NEEDED(ekf), 0.1, NULL));
+    REFUSES(lg_ekf_update(NEEDED(ekf), NEEDED(one), NULL));
+    if (lg_lqr_init(model, &lqr, &regulator, second, 1 << 20, &error) != LG_OK) fail_msg("%s", error.message);
+    REFUSES(lg_lqr_control(NEEDED(&regulator), NEEDED(state), NEEDED(others)));
+    REFUSES(lg_lqr_init(NEEDED(model), NEEDED(&lqr), NEEDED(&regulator), NEEDED(room), 1 << 20, none));
+}
+
+TEST("elastica and surrogates") {
+    lg_elastica_case family;
+    lg_elastica problem;
+    lg_elastica_init(&problem);
+    problem.intervals = 10;
+    lg_elastica_options options;
+    lg_elastica_options_init(&options);
+    lg_elastica_solution solutions[2];
+    size_t count;
+    lg_elastica_sampling sampling;
+    lg_elastica_sampling_init(&sampling);
+    sampling.count = 2;
+    sampling.problem.intervals = 10;
+    lg_elastica_curves curves, made;
+    assert_ok(lg_elastica_generate(NULL, &sampling, &curves, &error));
+    REFUSES(lg_elastica_case_parse(NEEDED(lg_elastica_case_name((lg_elastica_case)0)), NEEDED(&family)));
+    REFUSES(lg_elastica_check(NEEDED(&problem), NULL));
+    REFUSES(lg_elastica_solve(NULL, NEEDED(&problem), NULL, NEEDED(others), NULL, NULL));
+    REFUSES(lg_elastica_solve_continuous(NULL, NEEDED(&problem), NULL, NEEDED(others), NULL, NULL, NULL));
+    REFUSES(lg_elastica_branches(NULL, NEEDED(&problem), NULL, false, 2, NEEDED(others), NEEDED(solutions),
+                                 NEEDED(&count), NULL));
+    REFUSES(lg_elastica_generate(NULL, NEEDED(&sampling), NEEDED(&made), NULL));
+    REFUSES(lg_elastica_curves_create(NULL, 2, 10, false, NEEDED(&made)));
+
+    lg_surrogate_kind kind;
+    lg_surrogate_options how = {.architecture = LG_NET_MLP,
+                                .embedding = 3,
+                                .hidden = 3,
+                                .layers = 1,
+                                .activation = LG_TANH,
+                                .modes = 1};
+    lg_surrogate model;
+    assert_ok(lg_surrogate_init(&model, &how, 10, 3.3, 1.5, &error));
+    double *modes = TEST_ARRAY(double, 1000), *theta = TEST_ARRAY(double, lg_surrogate_parameters(&model));
+    const uint32_t training[2] = {0, 1};
+    uint32_t found;
+    uint8_t parts[2];
+    assert_ok(lg_surrogate_find_modes(NULL, &model, &curves, training, 2, modes, &error));
+    model.modes = modes;
+    lg_surrogate_problem learned = {.model = &model,
+                                    .curves = &curves,
+                                    .training = training,
+                                    .training_count = 2,
+                                    .coefficients = numbers};
+    lg_surrogate_curves *plan;
+    lg_surrogate_errors errors;
+    lg_program *program;
+    REFUSES(lg_surrogate_kind_parse(NEEDED("discrete"), NEEDED(&kind)));
+    REFUSES(lg_surrogate_init(NEEDED(&model), NEEDED(&how), 10, 3.3, 1.5, NULL));
+    REFUSES(lg_surrogate_count_modes(NULL, NEEDED(&model), NEEDED(&curves), NEEDED(training), 2,
+                                     NEEDED(&found), NULL));
+    REFUSES(lg_surrogate_find_modes(NULL, NEEDED(&model), NEEDED(&curves), NEEDED(training), 2, NEEDED(modes),
+                                    NULL));
+    REFUSES(lg_surrogate_coefficients(NULL, NEEDED(&model), NEEDED(&curves), NEEDED(training), 2,
+                                      NEEDED(others), NULL, NULL));
+    REFUSES(lg_surrogate_split(2, 0.5, 0.5, 1, NEEDED(parts)));
+    REFUSES(lg_surrogate_problem_check(NEEDED(&learned), NULL));
+    REFUSES(lg_surrogate_program(NULL, NEEDED(&model), NEEDED(theta), NEEDED(&program), NULL));
+    REFUSES(lg_surrogate_curves_create(NULL, NEEDED(&model), NEEDED(theta), LG_F64, 3, NEEDED(&plan), NULL));
+    lg_model *created;
+    REFUSES(lg_model_create_surrogate(NULL, NEEDED(&model), NEEDED(theta), NEEDED(&created), NULL));
+    REFUSES(lg_surrogate_evaluate(NULL, NEEDED(&model), NEEDED(theta), NEEDED(&curves), NULL, 0, NULL,
+                                  NEEDED(&errors), NULL));
+    lg_elastica_curves_destroy(&curves);
+}
+
+TEST("tables and files") {
+    static lg_table_options shape = {
+        .network = LG_NET_MLP, .activation = LG_TANH, .hidden_count = 1, .hidden = {3}, .linear = true};
+    lg_table model;
+    lg_scaler scaler;
+    lg_table_far far;
+    lg_program *program;
+    const double *values = test_numbers(3, 16, -1.0, 1.0);
+    assert_ok(lg_table_init(&model, &shape, 2, 2, &error));
+    assert_ok(lg_table_scaler_fit(NULL, values, 2, NULL, 8, &scaler));
+    double *theta = TEST_ARRAY(double, lg_table_parameters(&model));
+    lg_model *made;
+    REFUSES(lg_table_init(NEEDED(&model), NEEDED(&shape), 2, 2, NULL));
+    REFUSES(lg_table_scaler_fit(NULL, NEEDED(values), 2, NULL, 8, NEEDED(&scaler)));
+    REFUSES(lg_table_find_far(NULL, NEEDED(values), 2, 8, NEEDED(&far)));
+    REFUSES(lg_table_program(NULL, NEEDED(&model), NEEDED(&scaler), NEEDED(&scaler), NEEDED(theta),
+                             NEEDED(&program), NULL));
+    REFUSES(lg_model_create_table(NULL, NEEDED(&model), NEEDED(&scaler), NEEDED(&scaler), NEEDED(theta),
+                                  NEEDED(&made), NULL));
+    lg_scaler_destroy(&scaler);
+
+    static const char path[] = "/nonexistent/file.h5", text[] = "coordinates:";
+    lg_table_names names;
+    lg_table_data table;
+    lg_tensors tensors;
+    const char *const column = "a";
+    REFUSES(lg_table_names_read(NULL, NEEDED(path), NULL, NEEDED(&names), NULL));
+    REFUSES(lg_table_read(NULL, NEEDED(path), NEEDED(&column), 1, NULL, NULL, NEEDED(&table), NULL));
+    REFUSES(lg_tensors_read(NULL, NEEDED(path), NEEDED(&tensors), NULL));
+
+    double number;
+    uint64_t integer;
+    lg_temporary temporary;
+    lg_lock lock;
+    lg_file_writer *writer;
+    lg_file_reader *reader;
+    lg_rows_about about;
+    lg_trajectories trajectories;
+    lg_hamiltonian_file hamiltonian;
+    lg_surrogate_file surrogate;
+    lg_detector_file detector;
+    lg_table_file filed;
+    lg_machine_model_file machine_model;
+    lg_elastica_data elastica;
+    lg_series_data series;
+    lg_model_file file;
+    lg_search_file search;
+    lg_scene scene;
+    lg_scheme *scheme;
+    lg_grid grid;
+    lg_machine_file machine;
+    char kind[64];
+    REFUSES(lg_file_write(NULL, NEEDED(path), NEEDED(text), sizeof text, NULL));
+    REFUSES(lg_temporary_create(NULL, NEEDED(path), false, NEEDED(&temporary), NULL));
+    REFUSES(lg_lock_take(NULL, NEEDED(path), NEEDED(text), NEEDED(&lock), NULL));
+    REFUSES(lg_number_parse(NEEDED("1"), NEEDED(&number)));
+    REFUSES(lg_integer_parse(NEEDED("1"), NEEDED(&integer)));
+    REFUSES(lg_file_writer_create(NULL, NEEDED(path), NEEDED("model"), NULL, NEEDED(&writer), NULL));
+    REFUSES(lg_rows_file_look(NULL, NEEDED(path), NEEDED(&about), NULL, 0, NULL));
+    REFUSES(lg_file_reader_create(NULL, NEEDED(path), NULL, NULL, NEEDED(&reader), NULL));
+    REFUSES(lg_trajectories_read(NULL, NEEDED(path), NULL, NEEDED(&trajectories), NULL));
+    REFUSES(lg_model_load_hamiltonian(NULL, NEEDED(path), NULL, NEEDED(&hamiltonian), NULL));
+    REFUSES(lg_elastica_data_read(NULL, NEEDED(path), NULL, NEEDED(&elastica), NULL));
+    REFUSES(lg_model_load_surrogate(NULL, NEEDED(path), NULL, NEEDED(&surrogate), NULL));
+    REFUSES(lg_series_read(NULL, NEEDED(path), NULL, NULL, NEEDED(&series), NULL));
+    REFUSES(lg_model_load_detector(NULL, NEEDED(path), NULL, NEEDED(&detector), NULL));
+    REFUSES(lg_model_load_table(NULL, NEEDED(path), NULL, NEEDED(&filed), NULL));
+    REFUSES(lg_model_load_machine_model(NULL, NEEDED(path), NULL, NEEDED(&machine_model), NULL));
+    REFUSES(lg_program_load(NULL, NEEDED(path), NULL, NEEDED(&program), NULL));
+    REFUSES(lg_file_kind(NULL, NEEDED(path), NULL, NEEDED(kind), sizeof kind, NULL));
+    REFUSES(lg_model_load(NULL, NEEDED(path), NULL, NEEDED(&file), NULL));
+    REFUSES(lg_search_file_read(NULL, NEEDED(path), NEEDED(&search), NULL));
+    REFUSES(lg_scene_read(NULL, NEEDED(path), NULL, NEEDED(&scene), NULL));
+    REFUSES(lg_scheme_read(NULL, NEEDED(path), NEEDED(&scheme), NULL));
+    REFUSES(lg_grid_read(NULL, NEEDED(path), NEEDED(&grid), NULL));
+    REFUSES(lg_machine_file_read(NULL, NEEDED(path), NEEDED(&machine), NULL));
+    REFUSES(lg_machine_file_parse(NULL, NEEDED("machine"), NEEDED(text), sizeof text - 1, NEEDED(&machine),
+                                  NULL));
+}
+
+static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *answer, double *score) {
+    return LG_OK;
+}
+
+TEST("series and classes") {
+    lg_series series = {.count = 12, .channels = 1, .length = 8, .classes = 2}, other = series;
+    lg_windows windows, cut;
+    lg_scaler scaler;
+    lg_split split;
+    uint8_t parts[12];
+    uint32_t fold[12];
+    assert_ok(lg_series_allocate(NULL, &series, false, false));
+    for (int i = 0; i < 96; i++) series.x[i] = (float)sin(i * i);
+    for (int i = 0; i < 12; i++) series.label[i] = i % 2;
+    assert_ok(lg_windows_create(NULL, &series, 0, 0, &windows, NULL));
+    REFUSES(lg_series_allocate(NULL, NEEDED(&other), false, false));
+    REFUSES(lg_windows_create(NULL, NEEDED(&series), 0, 0, NEEDED(&cut), NULL));
+    REFUSES(lg_split_parse(NEEDED(lg_split_name((lg_split)0)), NEEDED(&split)));
+    REFUSES(lg_series_split(NULL, NEEDED(&series), NEEDED(&windows), (lg_split)0, 0.25, 0.25, 1,
+                            NEEDED(parts), NULL));
+    REFUSES(lg_folds(NULL, NEEDED(series.label), NULL, 12, 2, NEEDED(fold)));
+    REFUSES(lg_scaler_fit(NULL, NEEDED(&series), NEEDED(&windows), NULL, 12, true, NEEDED(&scaler)));
+
+    lg_spectrum spectrum;
+    lg_novelty novelty;
+    lg_novelty_options options;
+    lg_novelty_options_init(&options);
+    REFUSES(lg_spectrum_create(NULL, 8, 1, NEEDED(&spectrum), NULL));
+    REFUSES(lg_novelty_fit(NULL, NEEDED(&options), NEEDED(&series), NEEDED(&windows), NULL, 12, 1,
+                           NEEDED(&novelty), NULL));
+    memory_archive *saved = TEST_ARRAY(memory_archive, 1), *again = TEST_ARRAY(memory_archive, 1);
+    const lg_archive_writer to = memory_writer(saved), to_another = memory_writer(again);
+    const lg_archive_reader from = memory_reader(saved);
+    if (lg_novelty_fit(NULL, &options, &series, &windows, NULL, 12, 1, &novelty, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    assert_ok(lg_novelty_save(&novelty, &to, NULL));
+    REFUSES(lg_novelty_save(NEEDED(&novelty), NEEDED(&to_another), NULL));
+    REFUSES(lg_novelty_load(NULL, NEEDED(&from), NEEDED(&novelty), NULL));
+    lg_novelty_destroy(&novelty);
+    lg_monitor_options watch;
+    lg_monitor_options_init(&watch);
+    watch.channels = 1, watch.window = 8, watch.hop = 8;
+    lg_monitor *monitor = NULL;
+    void *room = test_work(1 << 16);
+    bool ready;
+    lg_verdict verdict;
+    assert_ok(lg_monitor_init(&watch, judge, NULL, &monitor, room, 1 << 16, &error));
+    REFUSES(
+        lg_monitor_init(NEEDED(&watch), NEEDED(judge), NULL, NEEDED(&monitor), NEEDED(room), 1 << 16, NULL));
+    REFUSES(lg_monitor_push(NEEDED(monitor), NULL, NEEDED(&ready), NEEDED(&verdict)));
+
+    lg_feature_kind kind;
+    lg_criterion criterion;
+    lg_method method;
+    lg_features features, made;
+    lg_pca pca;
+    lg_logistic logistic;
+    lg_tree tree, pruned;
+    lg_tree_options growth;
+    lg_tree_options_init(&growth);
+    lg_pruning_step steps[8];
+    lg_svm svm;
+    lg_method_options chain, *grid = &chain;
+    lg_method_options_init(&chain);
+    lg_classifier classifier = {0};
+    size_t count;
+    const double *x = test_numbers(4, 24, -1.0, 1.0);
+    const uint32_t *label = series.label;
+    assert_ok(lg_features_create(NULL, LG_FEATURES_STD, false, &series, 8, NULL, &features, &error));
+    assert_ok(lg_tree_fit(NULL, &growth, x, label, 12, 2, 2, &tree, &error));
+    assert_ok(lg_svm_fit(NULL, LG_KERNEL_LINEAR, 1.0, 0.0, x, label, 12, 2, 2, &svm, &error));
+    REFUSES(lg_feature_kind_parse(NEEDED("raw"), NEEDED(&kind)));
+    REFUSES(lg_criterion_parse(NEEDED("gini"), NEEDED(&criterion)));
+    REFUSES(lg_method_parse(NEEDED("tree"), NEEDED(&method)));
+    REFUSES(lg_features_create(NULL, LG_FEATURES_STD, false, NEEDED(&series), 8, NULL, NEEDED(&made), NULL));
+    REFUSES(lg_features_compute(NEEDED(&features), NEEDED(series.x), NEEDED(others), NEEDED(work)));
+    REFUSES(lg_features_table(NULL, NEEDED(&features), NEEDED(&series), NEEDED(&windows), 1, NEEDED(others),
+                              NULL));
+    REFUSES(lg_pca_fit(NULL, NEEDED(x), 12, 2, 1, NEEDED(&pca), NULL));
+    REFUSES(lg_logistic_fit(NULL, NEEDED(x), NEEDED(label), 12, 2, 2, 1.0, NEEDED(&logistic), NULL));
+    REFUSES(lg_tree_fit(NULL, NEEDED(&growth), NEEDED(x), NEEDED(label), 12, 2, 2, NEEDED(&pruned), NULL));
+    REFUSES(lg_tree_pruning_path(NULL, NEEDED(&tree), 8, NEEDED(steps), NEEDED(&count)));
+    REFUSES(lg_tree_prune(NULL, NEEDED(&tree), 0.0, NEEDED(&pruned)));
+    REFUSES(
+        lg_svm_fit(NULL, LG_KERNEL_LINEAR, 1.0, 0.0, NEEDED(x), NEEDED(label), 12, 2, 2, NEEDED(&svm), NULL));
+    REFUSES(lg_svm_plane(NEEDED(&svm), NEEDED(others), NEEDED(others + 2)));
+    REFUSES(lg_classifier_fit(NULL, NEEDED(&chain), NEEDED(x), NEEDED(label), NULL, 12, 2, 2,
+                              NEEDED(&classifier), NULL));
+    REFUSES(lg_grid_search(NULL, NEEDED(grid), 1, 2, NEEDED(x), NEEDED(label), NULL, NULL, 12, 2, 2, 1,
+                           NEEDED(others), NEEDED(&count), NULL));
+    lg_classifier fitted = {.features = features}, loaded;
+    assert_ok(lg_classifier_fit(NULL, &chain, x, label, NULL, 12, 1, 2, &fitted, &error));
+    memory_archive *archive = TEST_ARRAY(memory_archive, 1), *new = TEST_ARRAY(memory_archive, 1);
+    const lg_archive_writer writer = memory_writer(new), first = memory_writer(archive);
+    const lg_archive_reader reader = memory_reader(archive);
+    assert_ok(lg_classifier_save(&fitted, &first, NULL));
+    REFUSES(lg_classifier_window(NEEDED(&fitted), NEEDED(series.x), NEEDED(others), NEEDED(work)));
+    REFUSES(lg_classifier_decisions(NEEDED(&fitted), NEEDED(series.x), NEEDED(others), NULL, NEEDED(work)));
+    REFUSES(lg_classifier_save(NEEDED(&fitted), NEEDED(&writer), NULL));
+    REFUSES(lg_classifier_load(NULL, NEEDED(&reader), NEEDED(&loaded), NULL));
+    fitted.features = (lg_features){.count = 0};
+    lg_classifier_destroy(&fitted);
+
+    lg_detector detector = {
+        .net = {.channels = 1, .length = 8, .outputs = 2, .plane = 2, .activation = LG_TANH},
+        .classes = 2,
+        .loss = LG_DETECTOR_CROSS_ENTROPY};
+    lg_detector_data data, taken;
+    lg_detector_units units;
+    lg_program *program;
+    lg_detector_plan *plan;
+    lg_model *model;
+    assert_ok(lg_cnn_init(&detector.net, &error));
+    assert_ok(lg_scaler_fit(NULL, &series, &windows, NULL, 12, true, &scaler));
+    assert_ok(lg_detector_data_create(NULL, &detector, &scaler, &series, &windows, NULL, 12, LG_F64, &data,
+                                      &error));
+    const double *theta = test_numbers(5, lg_cnn_parameters(&detector.net), -1.0, 1.0);
+    const lg_detector_problem learned = {.model = &detector, .data = &data, .training = 12};
+    REFUSES(lg_cnn_init(NEEDED(&detector.net), NULL));
+    REFUSES(lg_detector_check(NEEDED(&detector), NULL));
+    REFUSES(lg_detector_data_create(NULL, NEEDED(&detector), NEEDED(&scaler), NEEDED(&series),
+                                    NEEDED(&windows), NULL, 12, LG_F64, NEEDED(&taken), NULL));
+    REFUSES(lg_detector_count_units(NEEDED(&learned), NEEDED(theta), NEEDED(&units)));
+    REFUSES(
+        lg_detector_program(NULL, NEEDED(&detector), NEEDED(&scaler), NEEDED(theta), NEEDED(&program), NULL));
+    REFUSES(lg_detector_plan_create(NULL, NEEDED(&detector), NEEDED(&scaler), NEEDED(theta), LG_F64,
+                                    NEEDED(&plan), NULL));
+    REFUSES(lg_model_create_detector(NULL, NEEDED(&detector), NEEDED(&scaler), NEEDED(theta), NEEDED(&model),
+                                     NULL));
+    lg_detector_data_destroy(&data);
+    lg_scaler_destroy(&scaler);
+    REFUSES(lg_auc(NULL, NEEDED(label), NEEDED(x), 12, 2, NEEDED(others)));
+    lg_features_destroy(&features);
+    lg_tree_destroy(&tree);
+    lg_svm_destroy(&svm);
+    lg_windows_destroy(&windows);
+    lg_series_destroy(&series);
+}
+
+static lg_status run_trial(void *user, lg_search *search, lg_trial *trial, lg_error *why) {
+    trial->objective = 1.0;
+    return LG_OK;
+}
+
+static lg_status gather(void *user, void *all, const size_t *bytes) {
+    return LG_OK;
+}
+
+TEST("risers, searches and ranks") {
+    lg_housing housing;
+    lg_riser_parameters riser;
+    lg_riser_run run;
+    lg_riser_stream *stream = NULL, *made;
+    lg_riser_parameters_init(&riser);
+    lg_riser_run_init(&run);
+    run.discard = run.ramp = 0.0;
+    double periods[LG_RISER_DOF], q[2 * LG_RISER_DOF] = {0.0}, v[2 * LG_RISER_DOF] = {0.0};
+    float samples[LG_RISER_CHANNELS];
+    lg_wave waves[LG_RISER_COMPONENTS];
+    assert_ok(lg_riser_stream_create(NULL, &riser, &run, &stream, &error));
+    REFUSES(lg_housing_parse(NEEDED(lg_housing_name((lg_housing)0)), NEEDED(&housing)));
+    REFUSES(lg_riser_parameters_check(NEEDED(&riser), NULL));
+    REFUSES(lg_riser_periods(NEEDED(&riser), false, NEEDED(periods)));
+    REFUSES(lg_sea_components(NEEDED(&run.sea), 100.0, 9.81, 1, NEEDED(waves)));
+    REFUSES(lg_riser_simulate(NULL, NEEDED(&riser), NEEDED(&run), 1, NEEDED(samples), NULL));
+    REFUSES(lg_riser_stream_create(NULL, NEEDED(&riser), NEEDED(&run), NEEDED(&made), NULL));
+    REFUSES(lg_riser_stream_next(NEEDED(stream), 1, NEEDED(samples), NULL));
+    REFUSES(lg_riser_free_motion(NULL, NEEDED(&riser), 0.01, 1, false, NEEDED(q), NEEDED(v), NULL, NULL));
+    lg_riser_stream_destroy(stream);
+
+    const lg_search_space space = {.count = 1, .ranges = {{.name = "lr", .low = 1.0, .high = 2.0}}};
+    const lg_search_problem problem = {.run = run_trial};
+    lg_search_options options;
+    lg_search_options_init(&options);
+    options.trials = 1;
+    lg_trial trial = {0};
+    size_t count = 0;
+    REFUSES(lg_search_space_check(NEEDED(&space), NULL));
+    REFUSES(lg_search_run(NULL, NEEDED(&space), &options, NEEDED(&problem), NEEDED(&trial), NEEDED(&count),
+                          NULL));
+    REFUSES(lg_search_run_trial(NEEDED(&space), NEEDED(&options), NEEDED(&problem), NULL, 0, NEEDED(&trial),
+                                NULL));
+
+    const lg_ranks ranks = {sizeof ranks, 0, 1, NULL, gather, NULL};
+    lg_context *context;
+    lg_detector_loss loss;
+    lg_hamiltonian_run hyper;
+    REFUSES(lg_ranks_share(NEEDED(&ranks), 0, NEEDED(others), 8));
+    REFUSES(lg_ranks_agree(NEEDED(&ranks), LG_OK, NULL));
+    REFUSES(lg_context_create(NULL, NEEDED(&context)));
+    REFUSES(lg_detector_loss_parse(NEEDED(lg_detector_loss_name((lg_detector_loss)0)), NEEDED(&loss)));
+    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &hyper);
+    REFUSES(lg_hyperparameter_set(NEEDED(lg_hyperparameter_find(lg_hamiltonian_hyperparameters, "epochs")),
+                                  NEEDED("3"), NEEDED(&hyper), NULL));
+}
+
+TEST("machines") {
+    static const char text[] = "coordinates: [{name: x, kind: line, velocity: vx}]\n"
+                               "mass: {kind: diagonal}\n"
+                               "potential: {kind: polynomial, of: x, degree: 2}\n";
+    lg_machine_model_file *file = make_machine_model(text, 1);
+    lg_machine *machine = &file->run.machine, changed = *machine, grey = {.coordinate_count = 2};
+    const double *theta = file->theta;
+    enum { ROWS = 8 };
+    double t[ROWS], q[ROWS], v[ROWS];
+    for (int i = 0; i < ROWS; i++) t[i] = 0.1 * i, q[i] = cos(t[i]), v[i] = -sin(t[i]);
+    const size_t first[2] = {0, ROWS}, start[2] = {0, 3};
+    lg_machine_problem problem = {.machine = machine,
+                                  .scheme = lg_scheme_find("cf4"),
+                                  .substeps = 1,
+                                  .window = 4,
+                                  .log = {ROWS, 1, first, t, q, v, NULL},
+                                  .windows = 2,
+                                  .start = start,
+                                  .position_scale = {1.0},
+                                  .velocity_scale = {1.0}};
+    lg_space space;
+    lg_tape *tape = test_tape(LG_F64);
+    const lg_var at = lg_input(tape, lg_shape1((uint32_t)machine->parameters), theta);
+    const lg_var one = lg_full(tape, lg_shape2(1, 1), 1.0);
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
+    assert_ok(lg_machine_bind(tape, machine, at, &vars));
+    assert_ok(lg_machine_record_state(tape, &vars, one, one, parts));
+    lg_machine_noise noise = {{0.1}, {0.1}};
+    lg_machine_expected expected;
+    lg_identified *identified = TEST_ARRAY(lg_identified, 64);
+    lg_identification about = {.numbers = identified};
+    lg_program *program;
+    lg_model *model;
+    for (int i = 0; i < 2; i++)
+        grey.coordinates[i] = (lg_machine_coordinate){.name = {(char)('p' + i)}, .kind = LG_COORDINATE_ANGLE};
+    REFUSES(lg_machine_init(NEEDED(&changed), NULL));
+    REFUSES(lg_machine_set_system(NEEDED(&grey), NEEDED("two-link-arm"), NULL));
+    assert_ok(lg_machine_set_system(&grey, "two-link-arm", &error));
+    REFUSES(lg_machine_set_parameter(NEEDED(&grey), NEEDED("gravity"), 1, NEEDED(numbers), NULL, NULL));
+    REFUSES(lg_machine_space(NEEDED(machine), NEEDED(&space)));
+    REFUSES(lg_machine_bind(NEEDED(tape), NEEDED(machine), at, NEEDED(&vars)));
+    REFUSES(lg_machine_record_state(NEEDED(tape), NEEDED(&vars), one, one, NEEDED(parts)));
+    REFUSES(lg_machine_record_field(NEEDED(tape), NEEDED(&vars), NEEDED(parts), LG_NONE, NEEDED(out)));
+    REFUSES(lg_machine_find_scales(NEEDED(&changed), NEEDED(&problem.log), NULL));
+    REFUSES(lg_machine_problem_check(NEEDED(&problem), NULL));
+    REFUSES(lg_machine_loss(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), NULL, NULL));
+    REFUSES(
+        lg_machine_expect(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&noise), NEEDED(&expected), NULL));
+    REFUSES(lg_machine_identify(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&about), NULL));
+    REFUSES(lg_machine_free_run(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
+                                NEEDED(&problem.log), NEEDED(start), 2, 2, NULL, NULL, NULL));
+    REFUSES(lg_machine_estimate_starts(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
+                                       NEEDED(&problem.log), NEEDED(start), 2, 4, NEEDED(others),
+                                       NEEDED(others + 8), NULL));
+    REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
+    REFUSES(lg_model_save_machine_model(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
+    REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
+    REFUSES(lg_model_create_machine(NULL, NEEDED(machine), NEEDED(theta), NEEDED(&model), NULL));
+}
+
+/* What the tests above leave out: it has no pointer, needs MPI, or needs more than a few lines of files. */
+static const char *const left_out[] = {
+    "lg_minimise_end_status",
+    "lg_mpi_ranks",
+    "lg_mpi_begin",
+    "lg_file_writer_archive",
+    "lg_file_writer_commit",
+    "lg_rows_file_create",
+    "lg_rows_file_put",
+    "lg_rows_file_commit",
+    "lg_file_writer_rows",
+    "lg_file_reader_archive",
+    "lg_model_save_hamiltonian",
+    "lg_model_record_hamiltonian",
+    "lg_elastica_data_write",
+    "lg_model_save_surrogate",
+    "lg_series_write",
+    "lg_file_writer_names",
+    "lg_file_reader_names",
+    "lg_model_save_detector",
+    "lg_model_save_table",
+    "lg_checkpoint_create",
+    "lg_checkpoint_open",
+    "lg_run_compare",
+    "lg_trials_write",
+    "lg_trials_read",
+    "lg_scene_draw_start",
+    "lg_logs_read",
+    "lg_table_evidence",
+    "lg_table_keep_complete",
+};
+
+static bool is_called(const char *name, size_t length) {
+    for (size_t i = 0; i < call_count; i++)
+        if (strncmp(calls[i], name, length) == 0 && calls[i][length] == '(') return true;
+    return false;
+}
+
+static bool is_left_out(const char *name, size_t length) {
+    for (size_t i = 0; i < LG_COUNT(left_out); i++)
+        if (strlen(left_out[i]) == length && memcmp(left_out[i], name, length) == 0) return true;
+    return false;
+}
+
+/* The last test: those before it state the calls. */
+TEST("every public function that returns an lg_status is called, or named as left out") {
+    static const char begin[] = "\nLG_API lg_status ";
+    glob_t headers;
+    size_t functions = 0;
+    assert_int_equal(glob(LG_TEST_DIR "/../include/liegrad/*.h", 0, NULL, &headers), 0);
+    for (size_t i = 0; i < headers.gl_pathc; i++) {
+        static char text[1 << 17];
+        FILE *file = fopen(headers.gl_pathv[i], "rb");
+        assert_non_null(file);
+        text[fread(text, 1, sizeof text - 1, file)] = '\0';
+        assert_true(feof(file));
+        (void)fclose(file);
+        for (const char *at = text; (at = strstr(at, begin)) != NULL; functions++) {
+            at += sizeof begin - 1;
+            const size_t length = strcspn(at, "(\n");
+            if (is_called(at, length) == is_left_out(at, length)) {
+                print_error("ERROR: %.*s: neither called nor left out, or both\n", (int)length, at);
+                faults++;
+            }
+        }
+    }
+    globfree(&headers);
+    assert_true(functions > 270);
 }

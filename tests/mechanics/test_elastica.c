@@ -40,7 +40,7 @@ TEST("families of boundary values by hand") {
     assert_ok(lg_elastica_case_parse("both-ends", &kind));
     assert_int_equal(kind, LG_ELASTICA_BOTH_ENDS);
     assert_status(lg_elastica_case_parse("left-end", &kind), LG_NOT_FOUND);
-    assert_status(lg_elastica_case_parse(NULL, &kind), LG_NOT_FOUND);
+    assert_status(lg_elastica_case_parse(NULL, &kind), LG_INVALID_ARGUMENT);
 }
 
 static void refused(const lg_elastica *p, const lg_elastica_options *o, lg_status status) {

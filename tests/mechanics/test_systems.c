@@ -162,7 +162,7 @@ TEST("systems, forms and parameters that cannot be are refused by name") {
     }
     lg_system_options options = options_of(NULL, 3, &only_gravity, 1);
     refused("pendulum", &options, LG_NOT_FOUND, "\"pendulum\"", "oscillator, quartic");
-    refused(NULL, &options, LG_NOT_FOUND, "there is no system", "pendulum-chain");
+    refused(NULL, &options, LG_INVALID_ARGUMENT, "NULL", "name");
     options.form = "newtonian";
     refused("pendulum-chain", &options, LG_NOT_FOUND, "\"newtonian\"", "lagrangian, hamiltonian");
     refused("oscillator", &options, LG_NOT_FOUND, "\"newtonian\"", "one form only");

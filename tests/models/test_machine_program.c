@@ -328,7 +328,7 @@ TEST("other kinds of model have no states of machines") {
     assert_status(lg_model_machine_state(model, x, x, x + 12, work), LG_UNSUPPORTED);
     assert_status(lg_model_machine_velocities(model, x, x + 12, work), LG_UNSUPPORTED);
     assert_status(lg_model_machine_positions(model, x, x + 12, work), LG_UNSUPPORTED);
-    assert_status(lg_model_machine_state(NULL, x, x, x + 12, work), LG_UNSUPPORTED);
+    assert_status(lg_model_machine_state(NULL, x, x, x + 12, work), LG_INVALID_ARGUMENT);
 }
 
 TEST("a state that is not finite gives NaN everywhere") {
