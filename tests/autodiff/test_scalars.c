@@ -741,7 +741,7 @@ static lg_program *program_of_cases(void) {
                                   {.name = "c", .low = 0.1, .high = 0.9}};
     static const lg_port out = {.name = "y"};
     static lg_function_spec functions[CASES];
-    static char names[CASES][8];
+    static char names[CASES][24];
     lg_program_spec spec;
     lg_program *program = NULL;
     lg_error error;
