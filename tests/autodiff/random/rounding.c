@@ -9,8 +9,8 @@
  * a comparison, a pivot of zero) that lies within rounding. Every second evaluation takes the scalar code
  * of operations that have it, and shakes the result of each instruction; how far it moves is measured from
  * the same code unshaken, lest wrong code explain itself. An element is explained if it differs by at most
- * 2 widths of one or four evaluations, or by 10 widths of 400 (of 1e6 recordings, two had elements that
- * rounding moved by 4.3 and 6 widths). The evaluations are of the plan's type, so
+ * 2 widths of one or four evaluations, or by 10 widths of 400 (rounding moved an element by 6 widths in one
+ * of 800 000 recordings). The evaluations are of the plan's type, so
  * that what an operation rounds inside counts too; the tape is of double precision for both types, and its
  * inputs are single numbers. */
 #include <float.h>
