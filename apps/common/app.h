@@ -219,7 +219,7 @@ lg_text app_text(void);
 /* Returns the status, but ends the program as app_alloc does when memory was missing: for what may be absent
  * and is left out then. */
 lg_status app_had_memory(lg_status status);
-/* As app_alloc, but NULL when there is none: for sizes that the user chooses in a run that can go on. */
+/* As app_alloc, but NULL when memory ends: for sizes that the user chooses in a run that can go on. */
 void *app_try_alloc(size_t count, size_t size);
 /* A word of a command line, in quotes where a shell needs them. Freed with free. */
 char *app_quote(const char *word);

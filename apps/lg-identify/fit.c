@@ -485,7 +485,7 @@ static lg_status find_expected(const app *self, const training *t, const double 
 }
 
 static void warn_of_misfit(const app *self, const explained *what, double floor) {
-    /* What a model leaves beside white noise, and what chance makes of so few numbers. */
+    /* The loss may exceed the expected one by half, and by four standard deviations of chance. */
     const double numbers = 2.0 * (double)run.windows * run.window * run.machine.velocities,
                  more = 1.5 + 4.0 * sqrt(2.0 / numbers);
     if (floor > what->tolerated)

@@ -41,7 +41,7 @@ typedef struct lg_minimise_numbers {
 
 typedef struct lg_minimise_row {
     const char *name;
-    uint64_t slow;  /* so many iterations without a fall of f end the run */
+    uint64_t slow;  /* the run ends after so many iterations that do not lower f */
     uint64_t creep; /* so many, and 4 n, without half of f call for a Newton step */
     /* Doubles before the Hessian in its memory. */
     size_t (*before_hessian)(const struct lg_minimiser *m);

@@ -38,7 +38,7 @@ static size_t sides(const lg_minimiser *m) {
     return lg_minimise_flat(m) ? 1 : 2;
 }
 
-/* The point of the next difference: x +- a step along one variable. */
+/* The next point of the difference quotient: x plus or minus a step along one variable. */
 static void next_point(lg_minimiser *m) {
     const size_t i = (size_t)m->counts.trials / sides(m);
     memcpy(m->point, m->x, m->n * sizeof *m->x);
