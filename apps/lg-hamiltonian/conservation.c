@@ -52,8 +52,10 @@ static cost find_cost(const course *courses, size_t count) {
 typedef struct measuring {
     const lg_hamiltonian_problem *problem;
     double unit[6 * LG_HAMILTONIAN_MAX_COPIES]; /* of each number of a state, in S */
-    const lg_model *model;
+    lg_model *model;
     void *work;         /* of the model's evaluations */
+    void *flow;         /* of the model's evaluations by `steps` */
+    lg_model_user user; /* of `steps` */
     lg_stepper *steps;  /* of the scheme of training; NULL: none for this model */
     double *predicted;  /* (points, d) */
     double *way, *gain; /* (points): S; H of the data less H of the scheme's own run */
@@ -124,31 +126,41 @@ static void number_units(const lg_hamiltonian_problem *problem, double *unit) {
     lg_hamiltonian_number_scales(&scaled, unit);
 }
 
-/* What motion costs, beside the run of the scheme of training or, without `scheme`, beside no change. */
-static cost measure(const app *self, const lg_model *model, const lg_hamiltonian_problem *problem,
-                    bool scheme) {
-    const size_t points = problem->points;
-    void *flow = app_alloc(1, lg_model_work_size(model));
-    lg_model_user user;
+static lg_status measuring_begin(const app *self, const lg_hamiltonian_problem *problem, const double *theta,
+                                 measuring *m, lg_error *error) {
+    *m = (measuring){.problem = problem};
+    const lg_status status =
+        lg_model_create_hamiltonian(self->context, problem->model, theta, &m->model, error);
+    if (status != LG_OK) return status;
+    m->work = app_alloc(1, lg_model_work_size(m->model));
+    m->flow = app_alloc(1, lg_model_work_size(m->model));
+    m->predicted = app_alloc(problem->points * lg_model_inputs(m->model), sizeof(double));
+    m->way = app_alloc(problem->points, sizeof(double));
+    m->gain = app_alloc(problem->points, sizeof(double));
+    number_units(problem, m->unit);
     lg_ode ode;
-    measuring m = {.problem = problem,
-                   .model = model,
-                   .work = app_alloc(1, lg_model_work_size(model)),
-                   .predicted = app_alloc(points * lg_model_inputs(model), sizeof(double)),
-                   .way = app_alloc(points, sizeof(double)),
-                   .gain = app_alloc(points, sizeof(double))};
-    number_units(problem, m.unit);
-    course *courses = app_alloc(problem->trajectories, sizeof *courses);
-    if (!scheme || lg_model_ode(model, &ode, &user, flow) != LG_OK ||
-        lg_stepper_create(self->context, problem->scheme, &ode, &m.steps) != LG_OK)
-        m.steps = NULL;
-    const cost out = find_cost(courses, follow_all(&m, courses));
-    lg_stepper_destroy(m.steps);
-    free(flow);
-    free(m.work);
-    free(m.predicted);
-    free(m.way);
-    free(m.gain);
+    if (lg_model_ode(m->model, &ode, &m->user, m->flow) != LG_OK ||
+        lg_stepper_create(self->context, problem->scheme, &ode, &m->steps) != LG_OK)
+        m->steps = NULL;
+    return LG_OK;
+}
+
+static void measuring_end(measuring *m) {
+    lg_stepper_destroy(m->steps);
+    lg_model_destroy(m->model);
+    free(m->work);
+    free(m->flow);
+    free(m->predicted);
+    free(m->way);
+    free(m->gain);
+}
+
+/* What motion costs, compared with the run of the scheme of training or, without `scheme`, with no change. */
+static cost measure(const measuring *m, bool scheme) {
+    measuring with = *m;
+    if (!scheme) with.steps = NULL;
+    course *courses = app_alloc(m->problem->trajectories, sizeof *courses);
+    const cost out = find_cost(courses, follow_all(&with, courses));
     free(courses);
     return out;
 }
@@ -160,36 +172,95 @@ static bool is_told(const cost *c) {
            fabs(c->slope) > scatter * (1.0 + few / (double)c->count) * c->error;
 }
 
-/* Whether the fit is near what it can reach: most of the motion is explained, and the loss has ceased to
- * fall. The energy of a model that is not learned changes along any data. */
-static bool is_learned(const app *self, const learner *trained, const double *theta) {
-    static const double explained = 0.3, fall = 1.5;
+/* Over the second half of the epochs the loss falls by at most this factor, and it does not end in a peak. */
+static bool has_settled(const learner *trained, double fall) {
+    static const double peak = 1.5;
     enum { FEWEST = 16 }; /* epochs */
-    const lg_hamiltonian_problem *problem = &trained->problem;
     const double *history = lg_fit_history(trained->fit, LG_FIT_LOSS);
     const size_t epochs = lg_fit_epochs_done(trained->fit);
-    double loss = 0.0;
     if (epochs < FEWEST || !(history[epochs / 2] <= fall * history[epochs - 1])) return false;
-    return lg_hamiltonian_mean_squared_error(self->context, problem, theta, &loss, NULL) == LG_OK &&
-           loss <= explained * unchanged_error(problem);
+    for (size_t i = epochs / 2; i < epochs; i++)
+        if (history[epochs - 1] > peak * history[i]) return false;
+    return true;
+}
+
+/* The loss has fallen, so that training was at work, and falls no longer. */
+static bool has_come_to_rest(const learner *trained) {
+    static const double still = 1.05, worked = 1.3;
+    const double *history = lg_fit_history(trained->fit, LG_FIT_LOSS);
+    return has_settled(trained, still) &&
+           history[0] >= worked * history[lg_fit_epochs_done(trained->fit) - 1];
+}
+
+/* Whether the fit is near what it can reach. The energy of a model that is not learned changes along any
+ * data. Data that lose most of their energy leave most of the motion unexplained; then the loss must be at
+ * rest. */
+static bool is_learned(const learner *trained, double loss) {
+    static const double most = 0.3, some = 0.9, slow = 1.5;
+    const double left = loss / unchanged_error(&trained->problem);
+    return (left <= most && has_settled(trained, slow)) || (left <= some && has_come_to_rest(trained));
+}
+
+/* Correlation of the errors of neighbouring single steps, of all trajectories. A force that the model lacks
+ * gives nearly 1. Noise of the data gives -1/2 or so, for it enters one error with each sign. */
+static double error_correlation(const measuring *m) {
+    const lg_hamiltonian_problem *problem = m->problem;
+    const size_t d = lg_model_inputs(m->model), points = problem->points;
+    double *error = app_alloc(2 * d, sizeof *error), product = 0.0, square = 0.0;
+    for (size_t i = 0; i < problem->trajectories; i++)
+        for (size_t j = 0; j + 1 < points; j++) {
+            const double *state = problem->data + (i * points + j) * d;
+            double *now = error + j % 2 * d, *before = error + (j + 1) % 2 * d;
+            run_scheme(m, state, 2);
+            for (size_t k = 0; k < d; k++) {
+                now[k] = (state[d + k] - m->predicted[d + k]) / m->unit[k];
+                if (j == 0) continue;
+                product += now[k] * before[k], square += (now[k] * now[k] + before[k] * before[k]) / 2.0;
+            }
+        }
+    free(error);
+    return square > 0.0 ? product / square : 0.0;
 }
 
 /* A conservative model loses nothing to motion, whatever the noise. A scheme with large steps does; then the
  * energy falls beside its run, or by itself, but not both. */
-lg_status warn_of_drift(const app *self, const learner *trained, const double *theta, lg_error *error) {
-    lg_model *model;
-    const lg_hamiltonian_problem *problem = &trained->problem;
-    if (!is_learned(self, trained, theta)) return LG_OK;
-    const lg_status status = lg_model_create_hamiltonian(self->context, problem->model, theta, &model, error);
+static bool warn_of_cost(const app *self, const measuring *m) {
+    const cost found = measure(m, false), beside = measure(m, true);
+    if (!is_told(&found) || !is_told(&beside) || !(found.change * beside.change > 0.0)) return false;
+    app_warn(self,
+             "the data are not conservative: along a trajectory the learned energy %s by %.2g on average "
+             "(standard error %.1g; energies spread by %.2g), which no Hamiltonian can do; lg-identify "
+             "learns damped and driven machines",
+             found.change < 0 ? "falls" : "rises", fabs(found.change),
+             fabs(found.change * found.error / found.slope), found.spread);
+    return true;
+}
+
+/* Energies that start alike, or on a curve of states, leave a Hamiltonian so much freedom that the learned
+ * energy does not change. The motion is wrong then, by more than noise explains. */
+static void warn_of_misfit(const app *self, const measuring *m, double loss) {
+    static const double small = 1e-3, alike = 0.5;
+    enum { FEWEST = 4 }; /* points */
+    const double left = loss / unchanged_error(m->problem);
+    if (m->steps == NULL || m->problem->points < FEWEST || !(left > small)) return;
+    const double correlation = error_correlation(m);
+    if (correlation > alike)
+        app_warn(
+            self,
+            "the model does not explain the data: it is wrong by %.2g %% of the motion (root mean square), "
+            "and neighbouring steps err alike (correlation %.2f), as they do when a force is missing, not "
+            "with noise: the data may not be conservative (lg-identify learns damped and driven machines), "
+            "or the network is too small",
+            100.0 * sqrt(left), correlation);
+}
+
+lg_status warn_of_drift(const app *self, const learner *trained, const double *theta, double loss,
+                        lg_error *error) {
+    measuring m;
+    if (!is_learned(trained, loss)) return LG_OK;
+    const lg_status status = measuring_begin(self, &trained->problem, theta, &m, error);
     if (status != LG_OK) return status;
-    const cost found = measure(self, model, problem, false), beside = measure(self, model, problem, true);
-    lg_model_destroy(model);
-    if (is_told(&found) && is_told(&beside) && found.change * beside.change > 0.0)
-        app_warn(self,
-                 "the data are not conservative: along a trajectory the learned energy %s by %.2g on average "
-                 "(standard error %.1g; energies spread by %.2g), which no Hamiltonian can do; lg-identify "
-                 "learns damped and driven machines",
-                 found.change < 0 ? "falls" : "rises", fabs(found.change),
-                 fabs(found.change * found.error / found.slope), found.spread);
+    if (!warn_of_cost(self, &m) && has_come_to_rest(trained)) warn_of_misfit(self, &m, loss);
+    measuring_end(&m);
     return LG_OK;
 }

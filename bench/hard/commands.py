@@ -120,7 +120,7 @@ def swings(count, start=0.5, friction=0.0, spread=0.0, points=20):
 
 LEARN = "lg-hamiltonian train d.h5 --preset best --epochs 100 --out m.h5"
 for name, sentence, data in (("one trajectory 30 times", "!not conservative", swings(30)), ("one trajectory 30 times, told", "repeat another one", swings(30)),
-                             ("at rest", "nothing moves", swings(30, 0.0)), ("friction", "not conservative", swings(30, 0.5, 0.3, 2.0))):
+                             ("at rest", "nothing moves", swings(30, 0.0)), ("friction", "does not explain", swings(30, 0.5, 0.3, 2.0))):
     told("Hamiltonians", name, 0, sentence, LEARN, d_h5=data)
 
 # ---- machines: x'' = -k x - c x', k = 4, c = 0.3 ----

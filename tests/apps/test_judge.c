@@ -26,6 +26,7 @@ static int setup(void **state) {
     cli_write("chain2.yaml", chain2);
     cli_write("chain-box.yaml", chain_box);
     cli_write("oscillators.yaml", oscillators_box);
+    cli_write("coupled.yaml", "system: coupled-oscillators\n");
     cli_write("grid.yaml", grid);
     return 0;
 }
@@ -469,6 +470,7 @@ TEST("exact data are not called damped where the model has not learned them, and
                 {1.0, 1.0, "--epochs 2", 0}, /* most is explained, but the loss still falls */
                 {1.0, 1.0, "--preset thesis --lr 1e-3 --epochs 8", 0},
                 {1.0, 1.0, "--preset thesis --lr 1e-9 --epochs 20", 0}, /* nothing is explained */
+                {1.0, 1.0, "--preset thesis --lr 2e-5 --epochs 40", 0}, /* little is explained */
                 {1e3, 0.1, "--epochs 100 --units given", 4},
                 {1e-6, 0.1, "--epochs 100 --units given", 0},
                 {1e3, 0.1, "--epochs 100", 0},
@@ -535,7 +537,7 @@ static void make_damped(lg_trajectories *data, double c) {
 
 TEST("sixty trajectories of varied energies show that an oscillator is damped, and are silent on one that is "
      "not") {
-    static const double damping[] = {0.0, 0.5, 0.05};
+    static const double damping[] = {0.0, 0.5, 0.05, 1.0, 2.0, 3.0};
     cli_write("oscillator.yaml", "system: oscillator\n");
     for (size_t i = 0; i < LG_COUNT(damping); i++) {
         lg_trajectories *data =
@@ -544,6 +546,43 @@ TEST("sixty trajectories of varied energies show that an oscillator is damped, a
         write_data("damped2.h5", data);
         cli_expect(lg, "train damped2.h5 --out damped-model.h5 --epochs 100", 0, "parameters", &result);
         assert_int_equal(strstr(result.err, "not conservative") != NULL, damping[i] > 0);
+    }
+}
+
+TEST("a model is not judged at a peak of the loss") {
+    (void)generate("chain1.yaml --trajectories 60 --points 9 --t-end 2 --noise 0.03 --seed 2", "peak.h5");
+    cli_expect(lg, "train peak.h5 --out peak-model.h5 --preset thesis --epochs 40", 0, "", &result);
+    assert_null(strstr(result.err, "not conservative"));
+}
+
+/* Trajectory i is a e^(-ct) (cos t, 0, -sin t, 0), a from .5 to 1.5: one of two oscillators rests. */
+static void turn_and_shrink(lg_trajectories *data, double c) {
+    for (size_t i = 0; i < data->count; i++)
+        for (size_t j = 0; j < data->points; j++) {
+            double *y = data->data + (i * data->points + j) * 4;
+            const double t = data->t[j], a = (0.5 + (double)i / (double)data->count) * exp(-c * t);
+            y[0] = a * cos(t), y[1] = 0.0, y[2] = -a * sin(t), y[3] = 0.0;
+        }
+}
+
+/* Starts on one ray, and no trajectory comes where another one has been: a Hamiltonian whose energy does not
+ * change along them goes through all states, at wrong times. */
+TEST("friction is told where the learned energy does not show it, and noise is not taken for friction") {
+    static const struct {
+        double friction, noise;
+        bool told;
+    } rows[] = {{0.0, 0.0, false}, {0.0, 0.1, false}, {0.1, 0.0, true}, {0.3, 0.0, true}, {1.0, 0.0, true}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        char command[128];
+        (void)snprintf(command, sizeof command,
+                       "coupled.yaml --trajectories 30 --points 20 --t-end 1.9 --seed 3 --noise %g",
+                       rows[i].noise);
+        lg_trajectories *data = generate(command, "ray.h5");
+        if (rows[i].noise == 0.0) turn_and_shrink(data, rows[i].friction);
+        write_data("ray2.h5", data);
+        cli_expect(lg, "train ray2.h5 --out ray-model.h5 --epochs 100", 0, "parameters", &result);
+        assert_int_equal(strstr(result.err, "neighbouring steps err alike") != NULL, rows[i].told);
+        assert_null(strstr(result.err, "not conservative:"));
     }
 }
 
