@@ -317,7 +317,7 @@ bool app_same_file(const char *a, const char *b);
 typedef enum app_use {
     APP_WRITTEN,  /* the file is replaced */
     APP_STREAMED, /* likewise, or it is a pipe or a device, which is written to */
-    APP_DRAWN,    /* a picture: data and script beside it are replaced too */
+    APP_DRAWN,    /* a picture: its data and script, next to it, are replaced too */
     APP_READ      /* an input that an option names */
 } app_use;
 typedef struct app_path {

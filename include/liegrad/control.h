@@ -75,7 +75,7 @@ LG_API lg_status lg_dare(const lg_riccati *equation, double *P, double *K, doubl
  * h); Ad (n, n), Bd (n, m); they may be A and B. Pade's approximation [13/13] with scaling and squaring
  * (Al-Mohy & Higham, SIAM J. Matrix Anal. Appl. 31, 2009) of the matrix balanced by powers of 2. Relative
  * errors of Ad and Bd: about 1e-15 max(1, c), c the condition number of the exponential: |A| h or more, far
- * more where exp(A h) is small beside exp(|A| h). Errors:
+ * more where exp(A h) is much smaller than exp(|A| h). Errors:
  * LG_INVALID_ARGUMENT (sizes as above, NULL, memory), LG_NOT_FINITE (A, B, h, or the result). */
 LG_API size_t lg_zero_order_hold_work_size(size_t n, size_t m);
 LG_API lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const double *B, double h,

@@ -104,7 +104,7 @@ struct lg_hamiltonian_family {
     const char *copy;                               /* what n counts, "link" */
     lg_space_kind factor[LG_HAMILTONIAN_MAX_PARTS]; /* of the space, n copies each */
     uint32_t factors;
-    /* Parts that have a unit. The product of these units is that of an action, energy times time, as for q
+    /* Parts that have a unit. The product of these units is the unit of an action, energy times time, as for q
      * and p of a pair. Scales of the other parts are 1. */
     bool scaled[LG_HAMILTONIAN_MAX_PARTS];
     /* From `many` copies on, T is `stretch` times longer and s_2 as much smaller: V is larger inside, and
@@ -197,7 +197,8 @@ typedef struct lg_first_integral {
     const lg_hamiltonian_family *family; /* whose states it takes; NULL: any */
     uint32_t n;                          /* it is for so many copies only; 0: for any number */
     bool numbered;                       /* it is that of one copy, j */
-    int power[LG_HAMILTONIAN_MAX_PARTS]; /* G has the unit of part 1 to this power times that of part 2 ... */
+    int power
+        [LG_HAMILTONIAN_MAX_PARTS]; /* G has the unit of part 1 to this power, times the unit of part 2 to the next ... */
     /* Records G (B, 1) of the parts y; j counts from 0. Failures stick to the tape. */
     lg_var (*record)(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j, const lg_var *y);
     void *user; /* first argument of record */
@@ -290,7 +291,7 @@ LG_API bool lg_hamiltonian_moves(const lg_hamiltonian_problem *problem);
 LG_API lg_status lg_hamiltonian_weigh(lg_hamiltonian_problem *problem, lg_error *error);
 
 /* Fills a training problem for lg_fit: loss = mean squared difference over (batch, d, M - 1) of predicted and
- * given points inside, the initial point excluded, or that of another distance, with the weights of the
+ * given points inside, the initial point excluded, or with another distance, and with the weights of the
  * parts, plus the penalty, whose G is in the units of the data.
  * `problem` is borrowed and must outlive the fit. With estimated starts the mean is over M points, and the
  * a_i, zero at first, follow the parameters of the model: N algebra_dim more numbers. */

@@ -63,7 +63,7 @@ LG_API lg_status lg_function_image_create(const lg_program *program, size_t func
 LG_API void lg_function_image_destroy(lg_function_image *image); /* NULL is fine */
 
 /* A program with parameters and a description, whose functions lg_program_add_image adds: `spec` has none.
- * Errors, with a sentence: those of lg_program_build. */
+ * Errors, with a sentence: the same as lg_program_build. */
 LG_API lg_status lg_program_begin(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                                   lg_error *error);
 

@@ -113,7 +113,7 @@ typedef struct lg_taped_interval {
 
 /* One step from (t, y): out is the point at t + h; it may be y. Nothing is kept between calls, and a stage
  * that only the next step or an error estimate needs is not recorded. Times and steps as variables give the
- * same numbers as constants, to rounding. Errors: those of lg_taped_integrate; LG_SHAPE (a
+ * same numbers as constants, to rounding. Errors: the same as lg_taped_integrate; LG_SHAPE (a
  * time, step or input that has not the stated shape with the state's B). On failure `out` is untouched. */
 LG_API lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                     const lg_taped_interval *over, const lg_var *y, lg_var *out);

@@ -214,7 +214,9 @@ static lg_status check_loop(const lg_program *p, const lg_function *f, lg_error 
     if (f->times > LG_PROGRAM_MAX_TIMES)
         return lg_fail(error, LG_FORMAT, "loop '%s' is run more than %u times", f->name,
                        LG_PROGRAM_MAX_TIMES);
-    if (f->nodes != 0) return lg_fail(error, LG_FORMAT, "loop '%s' has operations of its own", f->name);
+    if (f->nodes != 0)
+        return lg_fail(error, LG_FORMAT, "loop '%s' holds operations, and it may only repeat a function",
+                       f->name);
     if (f->callee >= p->functions)
         return lg_fail(error, LG_FORMAT, "loop '%s' calls no function that was there before it", f->name);
     const lg_function *callee = &p->function[f->callee];

@@ -163,7 +163,7 @@ const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
                     "Scale the potential's last layer before training, towards the forces of the data"),
     HAMILTONIAN("run", "units", NAME, units, .value_name = lg_name_units, .optional = true, .value = "given",
                 .meaning =
-                    "Units in which training computes and weighs its loss: those of the data, or data: "
+                    "Units in which training computes and weighs its loss: the data's, or data: "
                     "units of the size of the data, so that the result does not depend on their units"),
     HAMILTONIAN("run", "starts", NAME, starts, .value_name = lg_name_start, .optional = true,
                 .value = "measured",

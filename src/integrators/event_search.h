@@ -7,7 +7,7 @@
 #include <stdbool.h>
 
 /* Times are parts of the step: [low, high] brackets the change or the extremum, `fraction` is where to look
- * next. Slopes are those of g by this time. */
+ * next. Slopes are dg/d(this time). */
 typedef struct lg_event_search {
     int event, looks;
     int direction; /* 1: g rises; -1: g falls; 0: either */

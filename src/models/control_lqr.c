@@ -78,7 +78,7 @@ static int squarings_of(const hold *s) {
     const double size = fmin(fmax(d6, d8), fmax(d8, d10));
     if (!(norm > 0.0) || !isfinite(norm) || !isfinite(size)) return 0;
     int squarings = size > theta ? (int)ceil(log2(size / theta)) : 0;
-    /* |M / 2^k|^27 beside |M / 2^k|: what the approximation leaves out. */
+    /* |M / 2^k|^27 as a part of |M / 2^k|: what the approximation leaves out. */
     const double left = first_error * largest_row_of_power(s, 27) / norm;
     const double excess = isfinite(left) && left > 0.0 ? log2(left) - 26.0 * squarings + 53.0 : 0.0;
     if (excess > 0.0) squarings += (int)ceil(excess / 26.0);
@@ -120,7 +120,7 @@ static void exponential(hold *s) {
     const size_t n = s->rows;
     const int size = (int)n;
     const double norm = largest_row(n, s->M);
-    /* Powers of a huge M overflow: their norms are those of a smaller one. */
+    /* Powers of a huge M overflow: their norms come from a smaller M. */
     const int before = isfinite(norm) && norm > 0x1p80 ? (int)ceil(log2(norm)) - 80 : 0;
     int info;
     set_powers(s, before);

@@ -442,7 +442,7 @@ static void keep(riccati *s, double residual, double margin) {
     s->result.margin = margin;
 }
 
-/* From the trial P on. A smaller residual is kept; below rounding, where that of P's own digits hides it, a P
+/* From the trial P on. A smaller residual is kept; below the rounding of P's digits, which hides it, a P
  * whose correction halves. Whether P is near a solution is seen from the contraction: 0 in the limit, but 1/2
  * with eigenvalues on the boundary. */
 static lg_status refine(riccati *s) {

@@ -44,7 +44,7 @@ lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, 
     LG_NEEDS(NULL, model, theta, m);
     if (model->family != &lg_hamiltonian_chain) return LG_UNSUPPORTED;
     const size_t n = model->n;
-    const double unit = model->scales.part[1] * model->scales.time; /* of p by that of q' */
+    const double unit = model->scales.part[1] * model->scales.time; /* of p over the unit of q' */
     mass(n, theta + lg_hamiltonian_array_offset(model, 0), m);
     for (size_t i = 0; i < n * n; i++) m[i] *= unit;
     return LG_OK;

@@ -125,7 +125,7 @@ TEST("a cell far from all others is told with line and value, and hides nothing 
         cli_run_limited(fit, "train far.csv --out far.h5 --json", 0, &result);
         if (strstr(result.out, line) == NULL) fail_msg("%s%s", result.out, result.err);
     }
-    /* The range of the inputs is that of the others. */
+    /* The range of the inputs is the range of the other cells. */
     write_marked("far.csv", 40, 1e6, 1, 1);
     cli_json(fit, "train far.csv --out far.h5", "inputs 2", &result);
     cli_write("query.csv", "a,b,y\n100,0,0\n");

@@ -37,7 +37,7 @@ fail() {
     failures=$((failures + 1))
     echo "$model to $target, $before before, allocations $from to $to fail: $*"
 }
-# is FOLDER: now/out has the files of the folder and no other ones, and nothing stands beside it.
+# is FOLDER: now/out has the files of the folder and no other ones, and nothing stands next to it.
 is() {
     [ "$(ls -A now)" = out ] && diff -r now/out "$1" >/dev/null 2>&1
 }

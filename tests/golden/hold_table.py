@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes hold_table.h beside itself: exponentials exp((A, B; 0, 0) h), of 50 digits by mpmath. `condition` is the
+"""Writes hold_table.h into its own folder: exponentials exp((A, B; 0, 0) h), of 50 digits by mpmath. `condition` is the
 relative condition number of the exponential in the Frobenius norm, |exp's derivative| |M| / |exp(M)|, of the matrix
 scaled by powers of 2; `scipy` is the larger relative error, of Ad and Bd, of SciPy's expm."""
 import os

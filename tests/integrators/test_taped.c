@@ -610,7 +610,7 @@ static void fresh_state(lg_tape *tape, const pair *p, lg_var *y) {
 
 TEST("schemes, spaces and functions that do not fit are refused, and the tape keeps why") {
     static const struct {
-        const char *scheme, *other; /* the pair is that of `scheme`, the step that of `other` */
+        const char *scheme, *other; /* the pair belongs to `scheme`, the step to `other` */
         lg_status status;
         const char *words;
     } rows[] = {{"cf4", "rk4", LG_UNSUPPORTED, "for R^n"},

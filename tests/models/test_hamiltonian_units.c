@@ -338,7 +338,7 @@ TEST("the scales of an oscillator are its amplitudes and 1/w, with many points o
 
 /* ---- data without motion ---- */
 
-TEST("where nothing moves the scales are those of sizes and of the time of a trajectory") {
+TEST("where nothing moves the scales are sizes and the duration of a trajectory") {
     training s = make_training(&systems[2], (units){1e5, 1e-4, 1e3});
     s.problem.model = &s.model;
     for (size_t i = 0; i < N * M * s.d; i++) s.data[i] = s.data[i % s.d];

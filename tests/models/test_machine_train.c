@@ -330,7 +330,7 @@ static void identify_moved(task *t, const char *kind, double damping_at, lg_iden
     t->theta[at] = before;
 }
 
-TEST("numbers at a bound have the error that they have beside it") {
+TEST("numbers at a bound have the error that they have near the bound") {
     static const char *const kinds[] = {"diagonal", "constant", "coulomb", "quadratic"};
     static const double near[] = {0.0, 1e-200, -1e-30, 1e-9, 1e-3};
     lg_identified found[NUMBERS];

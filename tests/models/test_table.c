@@ -204,7 +204,7 @@ TEST("cells far from all others are found in whatever unit, and columns that are
         }
 }
 
-TEST("the median of far cells is that of a sorted column, and the largest numbers do not overflow") {
+TEST("the median of far cells agrees with a sorted column, and the largest numbers do not overflow") {
     double x[] = {1.7e308, -1.7e308, 1.0, 2.0, 4.0, 3.0, 5.0, 0.0, 6.0};
     lg_table_far far;
     for (size_t rows = 1; rows <= LG_COUNT(x); rows++) {
