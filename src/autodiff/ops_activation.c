@@ -7,6 +7,7 @@
 #include "autodiff/op_rows.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
+#include "kernels/act_zeros.h"
 
 #include <string.h>
 
@@ -48,24 +49,13 @@ static lg_status act_shape(const lg_shape *const *in, uint32_t inputs, const lg_
 
 /* ---- scalar code ---- */
 
-enum { TERMS = LG_K_ACT_ORDERS + 1 };
-
-/* r_n of sigma^(n) = q(h) r_n(h), with q = sigma' = q0 + q1 h + q2 h^2 of h = sigma: r_1 = 1, r_{n+1} = (q
- * r_n)'. */
-static void polynomial(const double q[3], uint32_t order, double r[TERMS]) {
-    double product[TERMS + 2];
-    for (int i = 0; i < TERMS; i++) r[i] = i == 0 ? 1.0 : 0.0;
-    for (uint32_t n = 1; n < order; n++) {
-        for (int i = 0; i < TERMS + 2; i++) product[i] = 0.0;
-        for (int i = 0; i < TERMS; i++)
-            for (int j = 0; j < 3; j++) product[i + j] += q[j] * r[i];
-        for (int i = 0; i < TERMS; i++) r[i] = (i + 1) * product[i + 1];
+/* y prod_k (h^2 - z_k), to = 1 - h^2, as in act.inc */
+static lg_scalar times_zeros(lg_scalars *s, uint32_t order, lg_scalar h, lg_scalar to, lg_scalar y) {
+    for (uint32_t k = 0; k < (order - 1) / 2; k++) {
+        const double zero = lg_act_zeros[order][k];
+        const lg_scalar from = zero > 0 ? lg_s_mul(s, h, h) : lg_s_neg(s, to);
+        y = lg_s_mul(s, y, lg_s_sub(s, from, lg_s_constant(s, zero)));
     }
-}
-
-static lg_scalar horner(lg_scalars *s, const double r[TERMS], lg_scalar h) {
-    lg_scalar y = lg_s_constant(s, r[TERMS - 1]);
-    for (int i = TERMS - 1; i-- > 0;) y = lg_s_add(s, lg_s_mul(s, y, h), lg_s_constant(s, r[i]));
     return y;
 }
 
@@ -75,19 +65,19 @@ static lg_scalar where_positive(lg_scalars *s, lg_scalar x, lg_scalar yes, lg_sc
 }
 
 static lg_scalar tanh_code(lg_scalars *s, lg_scalar h, uint32_t order) {
-    static const double q[3] = {1.0, 0.0, -1.0};
-    const lg_scalar one = lg_s_constant(s, 1.0);
-    double r[TERMS];
-    polynomial(q, order, r);
-    return lg_s_mul(s, lg_s_mul(s, lg_s_sub(s, one, h), lg_s_add(s, one, h)), horner(s, r, h));
+    const lg_scalar one = lg_s_constant(s, 1.0), factor = lg_s_constant(s, lg_act_factorial[order]);
+    const lg_scalar first = lg_s_mul(s, lg_s_sub(s, one, h), lg_s_add(s, one, h));
+    const lg_scalar odd = order % 2 == 0 ? lg_s_mul(s, lg_s_neg(s, h), factor) : factor;
+    return lg_s_mul(s, first, times_zeros(s, order, h, first, odd));
 }
 
-static lg_scalar sigmoid_code(lg_scalars *s, lg_scalar h, uint32_t order) {
-    static const double q[3] = {0.0, 1.0, -1.0};
-    double r[TERMS];
-    if (order == 0) return h;
-    polynomial(q, order, r);
-    return lg_s_mul(s, lg_s_mul(s, h, lg_s_sub(s, lg_s_constant(s, 1.0), h)), horner(s, r, h));
+static lg_scalar sigmoid_code(lg_scalars *s, lg_scalar v, uint32_t order) {
+    if (order == 0) return v;
+    const lg_scalar one = lg_s_constant(s, 1.0), first = lg_s_mul(s, v, lg_s_sub(s, one, v));
+    const lg_scalar h = lg_s_sub(s, one, lg_s_scale(s, 2.0, v));
+    const lg_scalar factor = lg_s_constant(s, lg_act_factorial[order] / (double)(1u << (order - 1)));
+    const lg_scalar odd = order % 2 == 0 ? lg_s_mul(s, h, factor) : factor;
+    return lg_s_mul(s, first, times_zeros(s, order, h, lg_s_scale(s, 4.0, first), odd));
 }
 
 static lg_scalar kink_code(lg_scalars *s, lg_scalar x, double slope, uint32_t order) {

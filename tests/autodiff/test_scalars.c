@@ -542,10 +542,18 @@ static const double sizes[] = {0,
                                1e-4,
                                1e-3,
                                0.01,
+                               0.05,
                                0.1,
+                               0.2,
                                0.3,
+                               0.4,
                                0.5,
+                               0.6,
                                0.7,
+                               0.8,
+                               0.9,
+                               0.96,
+                               0.99,
                                0.9999,
                                1 - 1e-12,
                                1,
@@ -679,22 +687,39 @@ enum { CASES = 256 };
 static element_case element_cases[CASES];
 static size_t element_count;
 
+static void add_case(const element_case *c) {
+    for (size_t i = 0; i < element_count; i++)
+        if (memcmp(&element_cases[i], c, sizeof *c) == 0) return;
+    assert_true(element_count < CASES);
+    element_cases[element_count++] = *c;
+}
+
 static void note_case(const lg_tape *tape, const lg_node *node, const char *row) {
     if (node->op->element == NULL || node->inputs > 3) return;
     element_case c = {.op = node->op, .attr = node->attr, .inputs = node->inputs};
     for (uint32_t k = 0; node->op->payload == LG_PAYLOAD_REALS && k < node->inputs; k++)
         c.payload[k] = ((const double *)node->attr.pointer)[k];
     c.attr.pointer = NULL;
-    for (size_t i = 0; i < element_count; i++)
-        if (memcmp(&element_cases[i], &c, sizeof c) == 0) return;
-    assert_true(element_count < CASES);
-    element_cases[element_count++] = c;
+    add_case(&c);
+}
+
+/* The derivatives of activations from a stored value, of all orders, without a factor and with one. */
+static void note_derivatives(void) {
+    for (uint32_t kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
+        for (uint32_t order = 0; order <= LG_K_ACT_ORDERS; order++)
+            for (uint32_t factor = 0; factor < 2; factor++) {
+                const element_case c = {.op = &lg_op_act_derivative,
+                                        .attr = {.i = {kind, order, 1, factor}},
+                                        .inputs = 2 + factor};
+                add_case(&c);
+            }
 }
 
 /* All cases but the functions of an angle, whose number is returned. */
 static size_t note_cases(void) {
     element_count = 0;
     each_node(note_case);
+    note_derivatives();
     size_t kept = 0;
     for (size_t i = 0; i < element_count; i++) {
         element_case c = element_cases[i];

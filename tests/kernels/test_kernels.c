@@ -390,6 +390,74 @@ TEST_EVERY_TABLE("derivatives of activations to order 8 are exact", k) {
         }
 }
 
+/* tanh^(n) = (1 - h^2) Q_n(h), Q_1 = 1, Q_(n+1) = -2 h Q_n + (1 - h^2) Q_n' with whole numbers as coefficients;
+ * hence d tanh^(n)/dh = Q_(n+1). */
+static long double tanh_polynomial(int n, long double h) {
+    long double q[LG_K_ACT_ORDERS + 3] = {1}, y = 0;
+    for (int m = 1; m < n; m++) {
+        long double next[LG_K_ACT_ORDERS + 3] = {0};
+        for (int i = 0; i < m; i++) {
+            next[i + 1] -= (i + 2) * q[i];
+            if (i > 0) next[i - 1] += i * q[i];
+        }
+        memcpy(q, next, sizeof q);
+    }
+    for (int i = n; i-- > 0;) y = y * h + q[i];
+    return y;
+}
+
+/* A derivative at the stored value h, and |y| + |h dy/dh|. */
+typedef struct conditioned {
+    long double y, size;
+} conditioned;
+
+static conditioned of_tanh(int n, long double h) {
+    if (n == 0) return (conditioned){h, fabsl(h)};
+    const long double y = (1 - h) * (1 + h) * tanh_polynomial(n, h);
+    return (conditioned){y, fabsl(y) + fabsl(h * tanh_polynomial(n + 1, h))};
+}
+
+/* sigmoid(x) = (1 + tanh(x/2))/2 */
+static conditioned of_sigmoid(int n, long double s) {
+    if (n == 0) return (conditioned){s, fabsl(s)};
+    const long double y = s * (1 - s) * ldexpl(tanh_polynomial(n, 2 * s - 1), 1 - n);
+    return (conditioned){y, fabsl(y) + fabsl(s * ldexpl(tanh_polynomial(n + 1, 2 * s - 1), -n))};
+}
+
+static conditioned of_activation(lg_k_act kind, int n, long double x, long double h) {
+    if (kind == LG_K_TANH) return of_tanh(n, h);
+    const conditioned a = of_sigmoid(n, h);
+    if (kind == LG_K_SIGMOID) return a;
+    const conditioned b = n > 0 ? of_sigmoid(n - 1, h) : (conditioned){0, 0};
+    return (conditioned){x * a.y + n * b.y, fabsl(x) * a.size + n * b.size};
+}
+
+TEST_EVERY_TABLE("derivatives from a stored value have all digits that the stored value gives them", k) {
+    enum { N = 1000 };
+    static const lg_k_act smooth[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH};
+    void *x = numbers(k, N), *y = numbers(k, N), *h = numbers(k, N);
+    lg_rng rng;
+    lg_rng_seed(&rng, 11, 1);
+    for (size_t kind = 0; kind < LG_COUNT(smooth); kind++)
+        for (int order = 0; order <= LG_K_ACT_ORDERS; order++) {
+            for (size_t i = 0; i < N; i++) {
+                const double near = pow(10.0, lg_rng_uniform_in(&rng, -10.0, 0.0));
+                const double s = i % 4 == 0 ? near : i % 4 == 1 ? 1 - near : lg_rng_uniform(&rng);
+                set(k, h, i, smooth[kind] == LG_K_TANH ? 2 * s - 1 : s);
+                set(k, x, i, lg_rng_uniform_in(&rng, -4.0, 4.0));
+            }
+            k->act(smooth[kind], order, N, x, h, NULL, y);
+            for (size_t i = 0; i < N; i++) {
+                const conditioned want =
+                    of_activation(smooth[kind], order, (long double)get(k, x, i), (long double)get(k, h, i));
+                const long double off = fabsl((long double)get(k, y, i) - want.y);
+                if (!(off <= 4 * (long double)epsilon(k) * want.size))
+                    fail_msg("kind %d, order %d at %.17g: off by %.3Lg units", (int)smooth[kind], order,
+                             get(k, h, i), off / ((long double)epsilon(k) * want.size));
+            }
+        }
+}
+
 TEST_EVERY_TABLE(
     "act_reverse is its passes one by one, to the bit: dq [+]= c s^(order), dx [+]= (c q) s^(order + 1)", k) {
     lg_rng rng;

@@ -8,11 +8,14 @@
  * gives it there: it contains the condition of the element, and contains both sides of a kink (a maximum,
  * a comparison, a pivot of zero) that lies within rounding. Every second evaluation takes the scalar code
  * of operations that have it, and shakes the result of each instruction; how far it moves is measured from
- * the same code unshaken, lest wrong code explain itself. An element is explained if it differs by at most
- * 2 widths of one or four evaluations, or by 10 widths of 400 (rounding moved an element by 6 widths in one
- * of 800 000 recordings). The evaluations are of the plan's type, so
- * that what an operation rounds inside counts too; the tape is of double precision for both types, and its
- * inputs are single numbers. */
+ * the same code unshaken, lest wrong code explain itself. The evaluations are of the plan's type, so that what
+ * an operation rounds inside counts too; the tape is of double precision for both types, and its inputs are
+ * single numbers.
+ *
+ * An element is explained if it differs by at most 2 widths of one or four evaluations, or by 4 widths of 400.
+ * An element that half of the evaluations move by more than half of its size has no digit. It is a quotient
+ * of roundings, whose tail falls like 1/x: one in 4000 lies beyond 10 times the largest of 400. Such an
+ * element may differ by 10 widths. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -26,10 +29,11 @@
 #define AT_ONCE    8.0  /* eps: a relative difference that needs no width */
 #define VERY_LARGE 1e15 /* numbers on the tape, beyond which a recording is not compared */
 enum { MOST_CODE = 1024 };
-static const struct {
+typedef struct stage {
     int evaluations;
-    double widths;
-} stages[] = {{1, 2.0}, {4, 2.0}, {400, 10.0}};
+    double widths, of_no_digit;
+} stage;
+static const stage stages[] = {{1, 2.0, 2.0}, {4, 2.0, 2.0}, {400, 4.0, 10.0}};
 
 /* ---- the tape ---- */
 
@@ -232,29 +236,32 @@ static bool all_at_once(const truth *t, size_t j, lg_dtype dtype, const void *go
     return true;
 }
 
-/* The first element that `times` evaluations do not explain, or SIZE_MAX; its width. */
-static size_t unexplained(const truth *t, size_t j, lg_dtype dtype, const void *got, int times, double widths,
+/* The first element that the evaluations of `in` do not explain, or SIZE_MAX; its width. */
+static size_t unexplained(const truth *t, size_t j, lg_dtype dtype, const void *got, const stage *in,
                           double *width) {
     const double *want = truth_of(t, j);
     const size_t count = t->out_count[j];
     double *spread = room(count, sizeof *spread), *plain = room(count, sizeof *plain);
+    int *lost = room(count, sizeof *lost);
     size_t found = SIZE_MAX;
     shaking s;
     open_shaking(&s, t, dtype);
     s.code = true;
-    if (times > 1) shake(&s);
-    if (times > 1) s.k->convert_out(count, s.value[t->out[j].index], plain);
+    if (in->evaluations > 1) shake(&s);
+    if (in->evaluations > 1) s.k->convert_out(count, s.value[t->out[j].index], plain);
     s.units = UNITS;
-    for (int n = 0; n < times; n++) {
+    for (int n = 0; n < in->evaluations; n++) {
         s.code = n % 2 == 1;
         shake(&s);
         const void *moved = s.value[t->out[j].index];
         for (size_t i = 0; i < count; i++) {
             const double by = fabs(number_at(s.k, moved, i) - (s.code ? plain[i] : want[i]));
+            lost[i] += by > 0.5 * fabs(want[i]);
             if (by > spread[i] || isnan(by)) spread[i] = by; /* NaN stays: no number is the truth */
         }
     }
     for (size_t i = 0; found == SIZE_MAX && i < count; i++) {
+        const double widths = 2 * lost[i] > in->evaluations ? in->of_no_digit : in->widths;
         const double bound = widths * spread[i] + AT_ONCE * s.eps * fabs(want[i]) + s.least;
         *width = spread[i];
         if (fabs(number_at(lg_kernels_for(dtype), got, i) - want[i]) > bound ||
@@ -264,6 +271,7 @@ static size_t unexplained(const truth *t, size_t j, lg_dtype dtype, const void *
     close_shaking(&s);
     free(spread);
     free(plain);
+    free(lost);
     return found;
 }
 
@@ -272,7 +280,7 @@ bool explained(const truth *t, size_t j, lg_dtype dtype, const void *got, char *
     if (all_at_once(t, j, dtype, got, eps_of(dtype))) return true;
     size_t i = 0;
     for (size_t n = 0; n < LG_COUNT(stages) && i != SIZE_MAX; n++)
-        i = unexplained(t, j, dtype, got, stages[n].evaluations, stages[n].widths, &width);
+        i = unexplained(t, j, dtype, got, &stages[n], &width);
     if (i == SIZE_MAX) return true;
     (void)snprintf(sentence, size,
                    "output %zu, element %zu: %.17g, not %.17g; rounding gives it a width of %.2g", j, i,
