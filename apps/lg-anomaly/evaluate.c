@@ -407,6 +407,19 @@ static void tell_unlike(evaluation *e) {
              e->unlike, e->judged.count, reason);
 }
 
+/* A window whose numbers overflow in the model has no class. */
+static int refuse_infinite(const evaluation *e) {
+    const judgement *judged = &e->judged;
+    size_t infinite = 0, first = 0;
+    for (size_t i = judged->count * judged->classes; i-- > 0;)
+        if (!isfinite(judged->score[i])) infinite++, first = i / judged->classes;
+    if (infinite == 0) return APP_EXIT_OK;
+    return app_fail(e->app, LG_NOT_FINITE,
+                    "%s: %zu scores of %zu windows are not finite, the first of window %u (from 0): its "
+                    "numbers are too large for the model",
+                    e->path, infinite, judged->count, judged->window[first]);
+}
+
 static int evaluate(evaluation *e) {
     const app *self = e->app;
     const lg_series *series = &e->from.data.series;
@@ -430,6 +443,8 @@ static int evaluate(evaluation *e) {
     status = judge_windows(self, e->model, series, &e->from.windows, &e->part, &e->judged, &error);
     if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return app_fail(self, status, "%s: %s", e->path, error.message);
+    code = refuse_infinite(e);
+    if (code != APP_EXIT_OK) return code;
     if (values.votes.count > 0) vote(e);
     if (e->model->sort != WELL_NOVELTY && e->model->novelty.channels > 0) tell_unlike(e);
     return APP_EXIT_OK;

@@ -23,7 +23,8 @@ static int judge(const app *self, const lg_table_file *file, const fit_table *ta
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     const double seconds = app_seconds() - begin;
     warn_outside(self, j.outside, j.rows, table->path, self->arguments[0]);
-    const int code = warn_infinite(self, j.infinite, j.rows, table->path);
+    const int code = warn_judgement(self, file, &j, table->path);
+    warn_far_outputs(self, file, table);
     if (values.plot != NULL) status = draw_judgement(self, values.plot, file, &j, &error);
     if (status == LG_OK && self->json) {
         app_json json;

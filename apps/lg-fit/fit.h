@@ -41,6 +41,10 @@ int read_table(const app *self, const char *path, const column_names *inputs, co
 static inline const double *table_row(const fit_table *table, size_t row) {
     return table->data.values + row * table->data.columns;
 }
+/* Warnings for cells of the columns first .. first + names->count - 1 that lie far from all others of their
+ * column, for eight columns at most; `follows`: what follows from such cells. */
+void warn_far(const app *self, const fit_table *table, uint32_t first, const column_names *names,
+              const char *follows);
 /* Labels become numbers of the model's classes. A class that the model does not know is an error. */
 int match_classes(const app *self, fit_table *table, const lg_table_text *name, uint32_t classes);
 
@@ -50,7 +54,7 @@ typedef struct judgement {
     size_t rows, outside;       /* outside: rows with an input beyond the training range by a tenth of it */
     size_t infinite;            /* rows with a prediction that is not finite */
     double *truth, *prediction; /* (rows, outputs) of a regression; of a classification NULL */
-    double *rmse, *r2;          /* (outputs); r2 NaN for a constant column */
+    double *rmse, *r2;          /* (outputs); not finite where they overflow; r2 NaN for a constant column */
     double scaled_rmse;         /* over all outputs, in their scales */
     double accuracy, f1;        /* of a classification; f1 of class 1 of two, else the mean */
     uint64_t *confusion;        /* (classes, classes): truth by rows */
@@ -64,6 +68,10 @@ void judgement_json(app_json *json, const lg_table_file *file, const judgement *
 void judgement_print(const lg_table_file *file, const judgement *j);
 /* A warning for rows whose prediction is not finite; the exit code. */
 int warn_infinite(const app *self, size_t infinite, size_t rows, const char *path);
+/* The same for the errors of a judgement. */
+int warn_judgement(const app *self, const lg_table_file *file, const judgement *j, const char *path);
+/* The far cells of a regression's outputs in a table that is judged. */
+void warn_far_outputs(const app *self, const lg_table_file *file, const fit_table *table);
 bool are_finite(const double *y, uint32_t count);
 /* A warning for rows outside of the training range. */
 void warn_outside(const app *self, size_t outside, size_t rows, const char *path, const char *model);

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "datasets/table_names.h"
 #include "lg-fit/fit.h"
 #include "liegrad/metrics.h"
 
@@ -29,24 +30,31 @@ void softmax(double *y, uint32_t classes) {
     for (uint32_t c = 0; c < classes; c++) y[c] /= sum;
 }
 
+/* sqrt(mean (x - y)^2) of a column of (rows, stride); y moves on by `step`. It overflows only where the result
+ * does. NaN where a number is not finite. */
+static double distance(const double *x, size_t stride, const double *y, size_t step, size_t rows) {
+    double largest = 0, squares = 0;
+    for (size_t i = 0; i < rows; i++) largest = fmax(largest, fabs(0.5 * x[i * stride] - 0.5 * y[i * step]));
+    if (largest == 0) largest = 1;
+    for (size_t i = 0; i < rows; i++) {
+        const double part = (0.5 * x[i * stride] - 0.5 * y[i * step]) / largest;
+        squares += part * part / (double)rows;
+    }
+    return 2.0 * (sqrt(squares) * largest);
+}
+
 static void sum_columns(const lg_table_file *file, judgement *j) {
     const uint32_t outputs = file->run.model.net.outputs;
-    double scaled = 0;
+    j->scaled_rmse = 0;
     for (uint32_t o = 0; o < outputs; o++) {
-        double mean = 0, squares = 0, spread = 0;
-        for (size_t i = 0; i < j->rows; i++) mean += j->truth[i * outputs + o] / (double)j->rows;
-        for (size_t i = 0; i < j->rows; i++) {
-            const double off =
-                (j->prediction[i * outputs + o] - j->truth[i * outputs + o]) / file->outputs.scale[o];
-            const double from = (j->truth[i * outputs + o] - mean) / file->outputs.scale[o];
-            squares += off * off / (double)j->rows;
-            spread += from * from / (double)j->rows;
-        }
-        j->rmse[o] = sqrt(squares) * file->outputs.scale[o];
-        j->r2[o] = spread > 1e-24 ? 1.0 - squares / spread : (double)NAN;
-        scaled += squares / outputs;
+        const double *truth = j->truth + o, scale = file->outputs.scale[o];
+        double mean = 0;
+        for (size_t i = 0; i < j->rows; i++) mean += truth[i * outputs] / (double)j->rows;
+        const double spread = distance(truth, outputs, &mean, 0, j->rows);
+        j->rmse[o] = distance(truth, outputs, j->prediction + o, outputs, j->rows);
+        j->r2[o] = spread > 1e-12 * scale ? 1.0 - pow(j->rmse[o] / spread, 2) : (double)NAN;
+        j->scaled_rmse = hypot(j->scaled_rmse, j->rmse[o] / scale / sqrt(outputs));
     }
-    j->scaled_rmse = sqrt(scaled);
 }
 
 static void sum_classes(uint32_t classes, judgement *j) {
@@ -192,6 +200,10 @@ static void print_confusion(const lg_table_file *file, const judgement *j) {
     app_table_end(&table, stdout);
 }
 
+static void put_result(app_table *table, const char *format, double value) {
+    app_table_cell(table, isfinite(value) ? format : "-", value);
+}
+
 void judgement_print(const lg_table_file *file, const judgement *j) {
     app_table table;
     if (j->rows == 0) return;
@@ -206,8 +218,8 @@ void judgement_print(const lg_table_file *file, const judgement *j) {
     app_table_cell(&table, "r2");
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
         app_table_cell(&table, "%s", file->output_name[o]);
-        app_table_cell(&table, "%.4g", j->rmse[o]);
-        app_table_cell(&table, "%.4f", j->r2[o]);
+        put_result(&table, "%.4g", j->rmse[o]);
+        put_result(&table, "%.4f", j->r2[o]);
     }
     app_table_end(&table, stdout);
 }
@@ -222,6 +234,27 @@ int warn_infinite(const app *self, size_t infinite, size_t rows, const char *pat
     if (infinite == 0) return APP_EXIT_OK;
     app_warn(self, "%s: the predictions of %zu of %zu rows are not finite", path, infinite, rows);
     return APP_EXIT_NUMERIC;
+}
+
+void warn_far_outputs(const app *self, const lg_table_file *file, const fit_table *table) {
+    const column_names names = {table->outputs, file->output_name};
+    warn_far(self, table, table->inputs, &names, "the errors are theirs");
+}
+
+int warn_judgement(const app *self, const lg_table_file *file, const judgement *j, const char *path) {
+    int code = warn_infinite(self, j->infinite, j->rows, path);
+    char quoted[LG_TABLE_QUOTED];
+    for (uint32_t o = 0; j->truth != NULL && o < file->run.model.net.outputs && code == APP_EXIT_OK; o++) {
+        const char *name = !isfinite(j->rmse[o])                            ? "rmse"
+                           : isinf(j->r2[o])                                ? "r2"
+                           : !isfinite(j->rmse[o] / file->outputs.scale[o]) ? "scaled_rmse"
+                                                                            : NULL;
+        if (name == NULL) continue;
+        app_warn(self, "%s: column %s: %s is not finite: the differences from the predictions overflow", path,
+                 lg_table_quote(file->output_name[o], quoted), name);
+        code = APP_EXIT_NUMERIC;
+    }
+    return code;
 }
 
 void warn_outside(const app *self, size_t outside, size_t rows, const char *path, const char *model) {

@@ -45,17 +45,17 @@ static void put_header(FILE *to, const lg_table_file *file) {
     (void)fputc('\n', to);
 }
 
-/* Empty cells for a row that lacks an input. */
-static void put_row(FILE *to, const lg_table_file *file, double *y, bool complete) {
+/* Empty cells where y is not known. */
+static void put_row(FILE *to, const lg_table_file *file, double *y, bool known) {
     const uint32_t outputs = file->run.model.net.outputs;
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
-    if (complete && !regression) {
+    if (known && !regression) {
         softmax(y, outputs);
         put_text(to, file->output_name[lg_class_of(y, outputs)]);
     }
     for (uint32_t o = 0; o < outputs; o++) {
         if (o > 0 || !regression) (void)fputc(',', to);
-        if (complete) (void)fprintf(to, "%.17g", y[o]);
+        if (known) (void)fprintf(to, "%.17g", y[o]);
     }
     (void)fputc('\n', to);
 }
@@ -71,13 +71,14 @@ static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model,
     put_header(to, file);
     for (size_t i = 0; i < table->data.rows; i++) {
         const double *x = table_row(table, i);
-        bool complete = true;
+        bool complete = true, finite = false;
         for (uint32_t c = 0; c < table->inputs; c++) complete = complete && !isnan(x[c]);
         if (complete) lg_model_eval(model, x, y, work);
+        if (complete) finite = are_finite(y, file->run.model.net.outputs);
         found->incomplete += !complete;
-        found->infinite += complete && !are_finite(y, file->run.model.net.outputs);
+        found->infinite += complete && !finite;
         found->outside += complete && is_outside(file, x);
-        put_row(to, file, y, complete);
+        put_row(to, file, y, finite);
     }
     free(y);
     free(work);
@@ -155,8 +156,8 @@ const app_command predict_command = {
     .summary = "Write the outputs of a model for a table",
     .details =
         "One row for each row of TABLE, in order: the outputs, or the class and the probability of each. "
-        "Columns are found by their names; the outputs need not be there. A row that lacks an input has "
-        "empty predictions.",
+        "Columns are found by their names; the outputs need not be there. The cells of a row that lacks an "
+        "input, or whose predictions are not finite, are empty.",
     .options = predict_options,
     .values = &values,
     .arguments_min = 2,

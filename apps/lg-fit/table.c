@@ -125,6 +125,29 @@ int read_table(const app *self, const char *path, const column_names *inputs, co
     return APP_EXIT_OK;
 }
 
+void warn_far(const app *self, const fit_table *table, uint32_t first, const column_names *names,
+              const char *follows) {
+    enum { MOST_TOLD = 8 };
+    const lg_table_data *data = &table->data;
+    uint32_t told = 0;
+    for (uint32_t c = 0; c < names->count; c++) {
+        const double *values = data->values + first + c;
+        lg_table_far far;
+        char quoted[LG_TABLE_QUOTED];
+        if (lg_table_find_far(self->context, values, data->columns, data->rows, &far) != LG_OK)
+            app_out_of_memory();
+        if (far.count == 0 || told++ >= MOST_TOLD) continue;
+        app_warn(self,
+                 "%s: column %s: %zu of %zu cells %s far from all others, the farthest in %s %zu: %.6g (the "
+                 "median is %.6g); %s; a cell that is an error is to be left empty",
+                 table->path, lg_table_quote(names->name[c], quoted), far.count, data->rows,
+                 far.count == 1 ? "lies" : "lie", data->place, data->line[far.farthest],
+                 values[far.farthest * data->columns], far.median, follows);
+    }
+    if (told > MOST_TOLD)
+        app_warn(self, "%s: %u more columns have cells far from all others", table->path, told - MOST_TOLD);
+}
+
 int match_classes(const app *self, fit_table *table, const lg_table_text *name, uint32_t classes) {
     lg_table_data *data = &table->data;
     uint32_t *number = app_alloc(data->classes + 1, sizeof *number);

@@ -214,38 +214,18 @@ static int check_spread(const app *self, const training *state, uint32_t column)
         data->line[low], largest, data->place, data->line[high]);
 }
 
-static void warn_far(const app *self, const training *state, uint32_t column, const lg_table_far *far) {
-    const lg_table_data *data = &state->table.data;
-    char quoted[LG_TABLE_QUOTED];
-    app_warn(
-        self,
-        "%s: column %s: %zu of %zu cells %s far from all others, the farthest in %s %zu: %.6g (the median "
-        "is %.6g); %s; a cell that is an error is to be left empty",
-        state->table.path, lg_table_quote(column_name(state, column), quoted), far->count, data->rows,
-        far->count == 1 ? "lies" : "lie", data->place, data->line[far->farthest],
-        data->values[far->farthest * data->columns + column], far->median,
-        column < state->inputs.count ? "the column is scaled without them, and the fit has to follow them"
-                                     : "the fit follows them, and its errors are theirs");
-}
-
 /* All columns that are used. */
 static int check_cells(const app *self, const training *state) {
-    enum { MOST_TOLD = 8 };
-    const lg_table_data *data = &state->table.data;
-    uint32_t told = 0;
+    const fit_table *table = &state->table;
+    const column_names outputs = {table->outputs, state->outputs.name};
     int code = APP_EXIT_OK;
-    for (uint32_t c = 0; c < data->columns && code == APP_EXIT_OK; c++) {
-        lg_table_far far;
+    for (uint32_t c = 0; c < table->data.columns && code == APP_EXIT_OK; c++)
         code = check_spread(self, state, c);
-        const lg_status status =
-            lg_table_find_far(self->context, data->values + c, data->columns, data->rows, &far);
-        if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
-        if (far.count > 0 && told++ < MOST_TOLD) warn_far(self, state, c, &far);
-    }
-    if (told > MOST_TOLD)
-        app_warn(self, "%s: %u more columns have cells far from all others", state->table.path,
-                 told - MOST_TOLD);
-    return code;
+    if (code != APP_EXIT_OK) return code;
+    warn_far(self, table, 0, &state->inputs,
+             "the column is scaled without them, and the fit has to follow them");
+    warn_far(self, table, state->inputs.count, &outputs, "the fit follows them, and its errors are theirs");
+    return APP_EXIT_OK;
 }
 
 /* Whether these inputs, the outputs and the classes can be read. */

@@ -156,7 +156,10 @@ static int judge_model(const training *state, const train_session *session, lg_t
                  "the %s part has one row, which cannot say how good the model is; --test TABLE judges "
                  "it on others",
                  v->part);
-    if (test != NULL) warn_outside(self, v->judged.outside, v->judged.rows, test, train_given_files.out);
+    if (test != NULL) {
+        warn_outside(self, v->judged.outside, v->judged.rows, test, train_given_files.out);
+        warn_far_outputs(self, file, &state->test);
+    }
     file->rmse = isfinite(v->judged.scaled_rmse) ? v->judged.scaled_rmse : (double)NAN;
     file->accuracy = v->judged.accuracy;
     file->f1 = v->judged.f1;
@@ -181,7 +184,7 @@ int finish_training(void *user, train_session *session) {
     if (code == APP_EXIT_OK) {
         const char *path = state->given->test != NULL ? state->given->test : state->table.path;
         learned = judge_training(state, session, &v);
-        const int finite = warn_infinite(session->app, v.judged.infinite, v.judged.rows, path);
+        const int finite = warn_judgement(session->app, &file, &v.judged, path);
         if (learned == APP_EXIT_OK) learned = finite;
         code = write_model(state, session->app, &file, &v);
     }

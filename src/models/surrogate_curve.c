@@ -484,7 +484,8 @@ static lg_status finish(judging *j, const lg_surrogate *model, double *node_erro
     j->e.mse_v = j->square[1] / terms;
     j->e.mse = 0.5 * (j->e.mse_q + j->e.mse_v);
     if (!(j->e.mse <= DBL_MAX && j->e.boundary_error <= DBL_MAX && j->e.unit_tangent_error <= DBL_MAX))
-        return lg_fail(error, LG_NOT_FINITE, "the network's curves or the given ones are not finite");
+        return lg_fail(error, LG_NOT_FINITE,
+                       "the differences of the network's curves from the given ones are not finite");
     for (size_t k = 0; node_error != NULL && k < 2 * nodes; k++)
         node_error[k] = j->node_sums[k] / (double)j->count;
     *out = j->e;

@@ -250,6 +250,32 @@ TEST("every method trains, evaluates and predicts") {
     assert_true(chosen[0] != chosen[1] && chosen[0] != chosen[2] && chosen[1] != chosen[2]);
 }
 
+/* Networks in single precision overflow. */
+TEST("scores that are not finite are refused, and no other method has such") {
+    static char scores[1 << 14];
+    char path[1024], line[256];
+    size_t refused = 0;
+    lg_series_data *data = read_back("fresh.h5");
+    cli_path("large.h5", path, sizeof path);
+    data->series.x[5] = 3e38F;
+    assert_ok(lg_series_write(NULL, path, data, NULL));
+    for (size_t i = 0; i < LG_COUNT(methods); i++) {
+        (void)snprintf(line, sizeof line, "train data.h5 %s --out large-model.h5", methods[i]);
+        cli_run_limited(lg, line, 0, &result);
+        cli_run_limited(lg, "evaluate large-model.h5 large.h5 --scores large.csv", 0, &result);
+        if (result.code == 4) {
+            assert_says(result.err, "scores of 48 windows are not finite, the first of window 0 (from 0)");
+            refused++;
+            continue;
+        }
+        assert_int_equal(result.code, 0);
+        (void)cli_read("large.csv", scores, sizeof scores);
+        if (strstr(scores, "nan") != NULL || strstr(scores, "inf") != NULL)
+            fail_msg("%s: %s", methods[i], scores);
+    }
+    assert_true(refused > 0);
+}
+
 /* Classes that a child could tell apart, and every shape. */
 TEST("data of every shape are learned") {
     static const char *const how[] = {"--epochs 3",

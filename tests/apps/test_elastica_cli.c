@@ -177,6 +177,34 @@ TEST("generated curves are those that are asked for, and what solve finds") {
          "test_mse null, floor null, warnings [\"the model has learned nothing");
 }
 
+TEST("nodes that no beam has are told where curves are read") {
+    static const double sizes[] = {3.0, -1e4, 1e200, 1e307};
+    static const char *const lines[] = {"evaluate model.h5 odd.h5",
+                                        "train odd.h5 --hidden 4 --layers 0 --epochs 1 --out odd-model.h5"};
+    char path[1024];
+    lg_elastica_data data;
+    cli_path("data.h5", path, sizeof path);
+    assert_ok(lg_elastica_data_read(NULL, path, NULL, &data, NULL));
+    cli_path("odd.h5", path, sizeof path);
+    for (size_t i = 0; i < 2 * LG_COUNT(sizes); i++) {
+        double *number = (i % 2 == 0 ? data.curves.q : data.curves.v) + 2 * (11 * 3 + 5);
+        const double kept = *number;
+        *number = sizes[i / 2] * data.curves.length;
+        assert_ok(lg_elastica_data_write(NULL, path, &data, NULL));
+        *number = kept;
+        for (size_t k = 0; k < LG_COUNT(lines); k++) {
+            cli_run_limited(lg, lines[k], 0, &result);
+            if (strstr(result.err,
+                       "odd.h5: 1 nodes are no points of a beam, the first is node 5 of curve 3") == NULL)
+                fail_msg("%s: %s", lines[k], result.err);
+            if (fabs(sizes[i / 2]) > 1e100) assert_int_equal(result.code, 4);
+        }
+    }
+    lg_elastica_data_destroy(&data);
+    cli_json(lg, "evaluate model.h5 both.h5", "", &result);
+    if (strstr(result.out, "no points") != NULL) fail_msg("%s", result.out);
+}
+
 /* Processor time of the children that have ended: a busy machine does not change it. */
 static double children_seconds(void) {
     struct rusage use;

@@ -132,6 +132,47 @@ TEST("a cell far from all others is told with line and value, and hides nothing 
     cli_json(fit, "evaluate far.h5 query.csv", "outside 1", &result);
 }
 
+TEST("a far cell of an output is told where a table is judged, and the errors are right up to 1e308") {
+    static const double sizes[] = {1e3, -1e6, 1e12, 1e150, 1e200, -1e307, 1e308};
+    static const char *const lines[] = {"evaluate clean.h5 far.csv",
+                                        "train clean.csv --test far.csv --epochs 2 --out far.h5"};
+    const double y = sin(noise(200)) + 0.1 * noise(201) * noise(201), rows = 300;
+    write_marked("clean.csv", 0, 1, 1, 1);
+    cli_expect(fit, "train clean.csv --out clean.h5", 0, "", &result);
+    for (size_t i = 0; i < LG_COUNT(sizes) * LG_COUNT(lines); i++) {
+        const double size = sizes[i / LG_COUNT(lines)];
+        write_marked("far.csv", 40, 1, size, 1);
+        cli_json(fit, lines[i % LG_COUNT(lines)], "scaled_rmse >1", &result);
+        if (strstr(result.out, "far.csv: column y: 1 of 300 cells lies far from all others, the farthest in "
+                               "line 40") == NULL)
+            fail_msg("%g: %s", size, result.out);
+        assert_close(inner(result.out, "rmse", "y"), fabs(size * y) / sqrt(rows), 1e-9, 1);
+        assert_close(inner(result.out, "r2", "y"), -1 / (rows - 1), 1e-9, 10 / fabs(size));
+    }
+}
+
+TEST("errors that overflow are null and end with a sentence, and no table shows them") {
+    static const char *const rows[][3] = {
+        {"a,b,y\n0,0,-1.7e308\n0,1,1.7e308\n", "rmse {\"y\": 1.7", "column y: scaled_rmse is not finite"},
+        {"a,b,y\n1e170,0,1\n1e170,0,1.001\n", "r2 {\"y\": null", "column y: r2 is not finite"},
+        {"a,b,y\n1e308,0,1.7976e308\n1e308,0,-1.7976e308\n", "rmse {\"y\": null",
+         "column y: rmse is not finite"},
+    };
+    write_marked("clean.csv", 0, 1, 1, 1);
+    cli_expect(fit, "train clean.csv --out clean.h5", 0, "", &result);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_write("over.csv", rows[i][0]);
+        cli_expect(fit, "evaluate clean.h5 over.csv --json", 4, rows[i][2], &result);
+        json_expect(result.out, rows[i][1]);
+        cli_expect(fit, "evaluate clean.h5 over.csv", 4, rows[i][2], &result);
+        if (strstr(result.out, "inf") != NULL || strstr(result.out, "nan") != NULL)
+            fail_msg("%s", result.out);
+    }
+    cli_write("over.csv", "a,b,y\n0,1,1\n1,1,1\n");
+    cli_expect(fit, "evaluate clean.h5 over.csv", 0, " -\n", &result); /* r2 of a constant column */
+    cli_json(fit, "evaluate clean.h5 over.csv", "warnings []", &result);
+}
+
 TEST("numbers too small to be scaled are refused before the training, with the lines") {
     static const double units[] = {1e-310, 1e-320};
     need_tables();
@@ -157,6 +198,7 @@ TEST("predictions that are not finite are counted, and end with 4") {
     cli_json(fit, "train smooth.csv --inputs a,b,c,d --outputs y --out finite.h5", "inputs 4", &result);
     cli_write("huge.csv", "a,b,c,d,y\n0,3e6,0,0,1\n1e308,-1e308,1e308,1,1\n");
     cli_expect(fit, "predict finite.h5 huge.csv", 4, "predictions of 1 of 2 rows are not finite", &result);
+    assert_string_equal(strrchr(result.out, '.') + strcspn(strrchr(result.out, '.'), "\n"), "\n\n");
     cli_expect(fit, "predict finite.h5 huge.csv --out p.csv", 4, "predictions of 1 of 2 rows", &result);
     cli_expect(fit, "evaluate finite.h5 huge.csv", 4, "predictions of 1 of 2 rows", &result);
     cli_expect(fit, "train smooth.csv --inputs a,b,c,d --outputs y --test huge.csv --out test.h5", 4,
