@@ -30,8 +30,8 @@ void softmax(double *y, uint32_t classes) {
     for (uint32_t c = 0; c < classes; c++) y[c] /= sum;
 }
 
-/* sqrt(mean (x - y)^2) of a column of (rows, stride); y moves on by `step`. It overflows only where the result
- * does. NaN where a number is not finite. */
+/* sqrt(mean (x - y)^2) of a column of (rows, stride); y moves on by `step`. It overflows only where the
+ * result does. NaN where a number is not finite. */
 static double distance(const double *x, size_t stride, const double *y, size_t step, size_t rows) {
     double largest = 0, squares = 0;
     for (size_t i = 0; i < rows; i++) largest = fmax(largest, fabs(0.5 * x[i * stride] - 0.5 * y[i * step]));

@@ -67,8 +67,8 @@ double unchanged_error(const lg_hamiltonian_problem *problem);
 void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, double loss, double floor);
 /* Says so when the first integral of the penalty drifts along the data. */
 lg_status warn_of_integral(const app *self, const learner *trained, lg_error *error);
-/* Warns where the learned energy changes along the data as the energy of no conservative system does, and where
- * the model at its least loss leaves errors that are not noise. */
+/* Warns where the learned energy changes along the data as the energy of no conservative system does, and
+ * where the model at its least loss leaves errors that are not noise. */
 lg_status warn_of_drift(const app *self, const learner *trained, const double *theta, double loss,
                         lg_error *error);
 /* Learned systems are autonomous: says so when the data come with inputs. */

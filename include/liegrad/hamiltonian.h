@@ -104,8 +104,8 @@ struct lg_hamiltonian_family {
     const char *copy;                               /* what n counts, "link" */
     lg_space_kind factor[LG_HAMILTONIAN_MAX_PARTS]; /* of the space, n copies each */
     uint32_t factors;
-    /* Parts that have a unit. The product of these units is the unit of an action, energy times time, as for q
-     * and p of a pair. Scales of the other parts are 1. */
+    /* Parts that have a unit. The product of these units is the unit of an action, energy times time, as for
+     * q and p of a pair. Scales of the other parts are 1. */
     bool scaled[LG_HAMILTONIAN_MAX_PARTS];
     /* From `many` copies on, T is `stretch` times longer and s_2 as much smaller: V is larger inside, and
      * small networks learn such systems further (measured, docs/reports/hamiltonian.md). 0: never. */
@@ -198,7 +198,7 @@ typedef struct lg_first_integral {
     uint32_t n;                          /* it is for so many copies only; 0: for any number */
     bool numbered;                       /* it is that of one copy, j */
     int power
-        [LG_HAMILTONIAN_MAX_PARTS]; /* G has the unit of part 1 to this power, times the unit of part 2 to the next ... */
+        [LG_HAMILTONIAN_MAX_PARTS]; /* G's unit: part 1's unit to power[0], times part 2's to power[1] ... */
     /* Records G (B, 1) of the parts y; j counts from 0. Failures stick to the tape. */
     lg_var (*record)(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j, const lg_var *y);
     void *user; /* first argument of record */

@@ -165,9 +165,9 @@ typedef struct lg_kernels {
      * h is the stored helper: tanh: tanh(x); sigmoid and swish: sigmoid(x); others: unused, may be NULL.
      * x may be NULL for tanh and sigmoid when order >= 1 or h is given, and for ReLU and leaky ReLU when h is
      * given (then h is the activation's value, whose sign is that of x). order 0 with h == NULL computes from
-     * x. tanh^(n), sigmoid^(n): products over their zeros (act_zeros.h). swish^(n) = x s^(n) + n s^(n-1). ReLU: 1 for x > 0 else 0
-     * (0 at the kink: ties to the zero branch), leaky: LG_LEAKY_SLOPE for x <= 0; orders >= 2 are 0. sine^(n)
-     * = sin(x + n pi/2), exactly +-sin or +-cos. identity: x, 1, 0. */
+     * x. tanh^(n), sigmoid^(n): products over their zeros (act_zeros.h). swish^(n) = x s^(n) + n s^(n-1).
+     * ReLU: 1 for x > 0 else 0 (0 at the kink: ties to the zero branch), leaky: LG_LEAKY_SLOPE for x <= 0;
+     * orders >= 2 are 0. sine^(n) = sin(x + n pi/2), exactly +-sin or +-cos. identity: x, 1, 0. */
     void (*act)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *g, void *y);
     /* One reverse step of y = q sigma^(order)(x) (q NULL: ones) with cotangent c: dq [+]= c sigma^(order),
      * dx [+]= c q sigma^(order + 1); either may be NULL. Whether something is added is said for each.

@@ -390,8 +390,8 @@ TEST_EVERY_TABLE("derivatives of activations to order 8 are exact", k) {
         }
 }
 
-/* tanh^(n) = (1 - h^2) Q_n(h), Q_1 = 1, Q_(n+1) = -2 h Q_n + (1 - h^2) Q_n' with whole numbers as coefficients;
- * hence d tanh^(n)/dh = Q_(n+1). */
+/* tanh^(n) = (1 - h^2) Q_n(h), Q_1 = 1, Q_(n+1) = -2 h Q_n + (1 - h^2) Q_n' with whole numbers as
+ * coefficients; hence d tanh^(n)/dh = Q_(n+1). */
 static long double tanh_polynomial(int n, long double h) {
     long double q[LG_K_ACT_ORDERS + 3] = {1}, y = 0;
     for (int m = 1; m < n; m++) {

@@ -8,11 +8,12 @@
  * gives it there: it contains the condition of the element, and contains both sides of a kink (a maximum,
  * a comparison, a pivot of zero) that lies within rounding. Every second evaluation takes the scalar code
  * of operations that have it, and shakes the result of each instruction; how far it moves is measured from
- * the same code unshaken, lest wrong code explain itself. The evaluations are of the plan's type, so that what
- * an operation rounds inside counts too; the tape is of double precision for both types, and its inputs are
- * single numbers.
+ * the same code unshaken, lest wrong code explain itself. The evaluations are of the plan's type, so that
+ * what an operation rounds inside counts too; the tape is of double precision for both types, and its inputs
+ * are single numbers.
  *
- * An element is explained if it differs by at most 2 widths of one or four evaluations, or by 4 widths of 400.
+ * An element is explained if it differs by at most 2 widths of one or four evaluations, or by 4 widths of
+ * 400.
  * An element that half of the evaluations move by more than half of its size has no digit. It is a quotient
  * of roundings, whose tail falls like 1/x: one in 4000 lies beyond 10 times the largest of 400. Such an
  * element may differ by 10 widths. */
