@@ -10,7 +10,8 @@
  * w = x^2.
  *
  * Errors of exp and dexp are those of rounding in u: 1e-16 (1 + |u|). An angle of 1e13 is known to 1e-3 rad,
- * and from 1e16 on rotations have no digit. dexp^-1 has poles at |u| = 2 pi, 4 pi, ...
+ * and from 1e16 on rotations have no digit. From 1e154 on, where |u|^2 overflows, results are not finite (in
+ * exported code of single precision from 1e19 on). dexp^-1 has poles at |u| = 2 pi, 4 pi, ...
  *
  * No function here fails, allocates or locks; NaN in gives NaN out. `out` may be the same array as an input,
  * a partial overlap is not allowed.
@@ -52,9 +53,11 @@ LG_API void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]);
 /* dexp_u^* = dexp_{-u} and its inverse (dexp_u^-1)^* = dexp_{-u}^-1; dexp_u^* mu = Ad_{exp u}^* dexp_u mu */
 LG_API void lg_so3_dexp_dual(const double u[3], const double mu[3], double out[3]);
 LG_API void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double out[3]);
-/* Replaces R by the nearest rotation in the Frobenius norm (the orthogonal polar factor). Newton's iteration:
- *   R <- (R + R^-T)/2 (Higham 1986)
- * The result is NaN when det R is not positive: such a matrix is not a rotation with rounding errors. */
+/* Replaces R by the nearest rotation in the Frobenius norm (the orthogonal polar factor). The error is some
+ * 1e-15 s_1/(s_2 + s_3), s_1 >= s_2 >= s_3 the singular values of R; entries may be of any size. Method near
+ * rotations: R <- (R + R^-T)/2 (Higham 1986), else the eigenvector of a matrix of order 4 (Horn 1987).
+ * The result is NaN when det R is not positive: such a matrix is not a rotation with rounding errors. It is
+ * NaN too when s_2 + s_3 is below some 1e-13 s_1: then rounding alone says what the rotation is. */
 LG_API void lg_so3_project(double R[9]);
 
 /* ---- SE(3) ----

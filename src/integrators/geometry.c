@@ -58,15 +58,23 @@ void lg_so3_exp(const double u[3], double R[9]) {
     lg_so3_exp_multiply(u, identity, R);
 }
 
-/* The rows of 4 q q^T are linear in R, where q = (scalar, vector) is the unit quaternion. The row with the
- * largest diagonal entry has length at least 2, so normalising it loses no digits. */
+/* K of q^T K q = tr(R(q)^T A) for unit quaternions q = (scalar, vector), plus `shift` on the diagonal. Of a
+ * rotation A = R(q), K + I is 4 q q^T. */
+static void quaternion_form(const double A[9], double shift, double K[4][4]) {
+    const double wx = A[7] - A[5], wy = A[2] - A[6], wz = A[3] - A[1];
+    const double xy = A[1] + A[3], xz = A[2] + A[6], yz = A[5] + A[7];
+    const double rows[4][4] = {{shift + A[0] + A[4] + A[8], wx, wy, wz},
+                               {wx, shift + A[0] - A[4] - A[8], xy, xz},
+                               {wy, xy, shift - A[0] + A[4] - A[8], yz},
+                               {wz, xz, yz, shift - A[0] - A[4] + A[8]}};
+    memcpy(K, rows, sizeof rows);
+}
+
+/* The row of 4 q q^T with the largest diagonal entry has length at least 2, so normalising it loses no
+ * digits. */
 void lg_so3_log(const double R[9], double u[3]) {
-    const double wx = R[7] - R[5], wy = R[2] - R[6], wz = R[3] - R[1];
-    const double xy = R[1] + R[3], xz = R[2] + R[6], yz = R[5] + R[7];
-    const double rows[4][4] = {{1.0 + R[0] + R[4] + R[8], wx, wy, wz},
-                               {wx, 1.0 + R[0] - R[4] - R[8], xy, xz},
-                               {wy, xy, 1.0 - R[0] + R[4] - R[8], yz},
-                               {wz, xz, yz, 1.0 - R[0] - R[4] + R[8]}};
+    double rows[4][4];
+    quaternion_form(R, 1.0, rows);
     int best = 0;
     for (int k = 1; k < 4; k++)
         if (rows[k][k] > rows[best][best]) best = k;
@@ -113,8 +121,6 @@ void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double out[3]) {
     lg_so3_dexpinv(minus, mu, out);
 }
 
-enum { POLAR_STEPS = 100 }; /* 10 from condition number 1e3; each one halves the largest singular value */
-
 /* Entries far from 1 are scaled by a power of two. Those of rotations are not. */
 static void scale_entries(double R[9]) {
     double largest = 0.0;
@@ -125,19 +131,55 @@ static void scale_entries(double R[9]) {
     for (int i = 0; i < 9; i++) R[i] = ldexp(R[i], -exponent);
 }
 
-/* R^-T = cofactors / determinant. The error after a step is half the square of the one before. */
+enum { SQUARES = 50 };
+
+/* The quaternion q of the nearest rotation maximises q^T K q (B. K. P. Horn 1987). Squares of K + c I, which
+ * has no negative eigenvalue, tend to a multiple of q q^T. A gap of rounding between the two largest
+ * eigenvalues does not open in so many squares: then the result is NaN. */
+static void nearest_rotation(double R[9]) {
+    double sum = 0.0, change = 1.0, P[4][4];
+    for (int i = 0; i < 9; i++) sum += fabs(R[i]);
+    quaternion_form(R, sum, P);
+    for (int n = 0; n < SQUARES && change > 1e-9; n++) {
+        const double scale = 1.0 / (P[0][0] + P[1][1] + P[2][2] + P[3][3]);
+        double Q[4][4];
+        for (int i = 0; i < 16; i++) Q[i / 4][i % 4] = scale * P[i / 4][i % 4];
+        change = 0.0;
+        for (int i = 0; i < 16; i++) {
+            const double *a = Q[i / 4], *b = Q[i % 4];
+            P[i / 4][i % 4] = (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
+            change = fmax(change, fabs(P[i / 4][i % 4] - a[i % 4]));
+        }
+    }
+    const double turn[9] = {P[0][0] + P[1][1] - P[2][2] - P[3][3],
+                            2.0 * (P[1][2] - P[0][3]),
+                            2.0 * (P[1][3] + P[0][2]),
+                            2.0 * (P[1][2] + P[0][3]),
+                            P[0][0] - P[1][1] + P[2][2] - P[3][3],
+                            2.0 * (P[2][3] - P[0][1]),
+                            2.0 * (P[1][3] - P[0][2]),
+                            2.0 * (P[2][3] + P[0][1]),
+                            P[0][0] - P[1][1] - P[2][2] + P[3][3]};
+    for (int i = 0; i < 9; i++) R[i] = change > 1e-9 ? NAN : turn[i];
+}
+
+/* Newton's steps, R^-T = cofactors / determinant: the error after a step is half the square of the one
+ * before. Far from rotations the inverse loses digits that the polar factor has. */
 void lg_so3_project(double R[9]) {
-    double cofactor[9], change = 1.0;
+    double cofactor[9], d[9], change = 1.0;
     scale_entries(R);
-    for (int step = 0; step < POLAR_STEPS && change > 1e-9; step++) {
+    while (change > 1e-9) {
         for (int i = 0; i < 3; i++) cross(R + 3 * ((i + 1) % 3), R + 3 * ((i + 2) % 3), cofactor + 3 * i);
         const double det = dot(R, cofactor), scale = det > 0.0 ? 1.0 / det : NAN;
         change = 0.0;
         for (int i = 0; i < 9; i++) {
-            const double d = 0.5 * (scale * cofactor[i] - R[i]);
-            R[i] += d;
-            change = fmax(change, fabs(d));
+            d[i] = 0.5 * (scale * cofactor[i] - R[i]);
+            if (fabs(d[i]) > change) change = fabs(d[i]);
         }
+        if (change > 0.5)
+            nearest_rotation(R);
+        else
+            for (int i = 0; i < 9; i++) R[i] += d[i];
     }
 }
 

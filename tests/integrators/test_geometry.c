@@ -297,6 +297,63 @@ TEST("the projection is the polar factor") {
     for (int i = 0; i < 9; i++) assert_true(isnan(reflection[i]) && isnan(zero[i]));
 }
 
+/* U diag(values) V^T with random rotations, or the diagonal; its polar factor U V^T. */
+static void draw_matrix(lg_rng *rng, bool turned, const double values[3], double A[9], double polar[9]) {
+    static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    double a[6], U[9], V[9], weighted[9];
+    memcpy(U, identity, sizeof U);
+    memcpy(V, identity, sizeof V);
+    if (turned) {
+        random_algebra(rng, 3.0, a);
+        lg_so3_exp(a, U);
+        lg_so3_exp(a + 3, V);
+    }
+    for (int i = 0; i < 9; i++) weighted[i] = U[i] * values[i % 3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            A[3 * i + j] = lg_dot3(weighted + 3 * i, V + 3 * j);
+            polar[3 * i + j] = lg_dot3(U + 3 * i, V + 3 * j);
+        }
+}
+
+/* Rounding of the matrix turns the nearest rotation by eps/(sum of the two smallest singular values). The
+ * sign of a determinant that is small enough is lost in rounding. */
+TEST("the projection of any matrix is the nearest rotation, or NaN") {
+    static const double others[][2] = {{1, 1}, {1, 0.3}, {1, 0.01}, {1, 1e-5}, {1, 1e-10}, {1, 1e-17}};
+    static const double least[] = {1,      0.1,    1e-3,   1e-7,   1e-10,  1e-13,  1e-15,
+                                   1e-16,  1e-17,  1e-20,  1e-25,  1e-30,  1e-40,  1e-80,
+                                   1e-120, 1e-160, 1e-200, 1e-280, 1e-300, 1e-310, 1e-320};
+    static const double scales[] = {1, 1e100, 1e-100};
+    lg_rng rng;
+    lg_rng_seed(&rng, 16, 0);
+    for (size_t n = 0; n < LG_COUNT(others) * LG_COUNT(least) * LG_COUNT(scales) * 2 * 5; n++) {
+        const double *other = others[n % LG_COUNT(others)], s = least[n / LG_COUNT(others) % LG_COUNT(least)];
+        const size_t rest = n / LG_COUNT(others) / LG_COUNT(least);
+        const double scale = scales[rest % 3], sign = rest / 3 % 2 == 0 ? 1.0 : -1.0;
+        const bool turned = rest / 6 % 5 > 0;
+        const double values[3] = {other[0], other[1], sign * s};
+        if (s > other[1] || (scale < 1.0 && s * scale < 1e-300)) continue;
+        double A[9], R[9], polar[9], lost = 0.0;
+        draw_matrix(&rng, turned, values, A, polar);
+        for (int i = 0; i < 9; i++) R[i] = A[i] * scale;
+        lg_so3_project(R);
+        for (int i = 0; i < 9; i++) lost += isnan(R[i]);
+        const double known = turned ? 1e-14 : 1e-300; /* smaller determinants may have the other sign */
+        const double gap = other[1] + s, error = 2e-15 / fmin(1.0, turned ? gap : 1.0);
+        if (sign < 0 && s * other[1] > known) assert_true(lost == 9);
+        if (sign > 0 && s * other[1] > known && gap > 1e-12) assert_true(lost == 0);
+        if (gap < 1e-14) assert_true(lost == 9);
+        if (lost > 0) {
+            assert_true(lost == 9);
+            continue;
+        }
+        if (sign * s > -known) assert_same(R, polar, 9, error);
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++)
+                assert_close(lg_dot3(R + 3 * i, R + 3 * j), i == j ? 1.0 : 0.0, 0.0, 1e-15);
+    }
+}
+
 TEST("spaces that cannot be are refused") {
     lg_space space = {.dim = 77};
     const lg_space_factor zero = {LG_SPACE_TS2, 0}, unknown = {LG_SPACE_KINDS, 1},

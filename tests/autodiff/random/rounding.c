@@ -13,10 +13,9 @@
  * are single numbers.
  *
  * An element is explained if it differs by at most 2 widths of one or four evaluations, or by 4 widths of
- * 400.
- * An element that half of the evaluations move by more than half of its size has no digit. It is a quotient
- * of roundings, whose tail falls like 1/x: one in 4000 lies beyond 10 times the largest of 400. Such an
- * element may differ by 10 widths. */
+ * 400. An element that half of the evaluations move by more than half of its size has no digit. It is a
+ * quotient of roundings, whose tail falls like 1/x: one in 4000 lies beyond 10 times the largest of 400. Such
+ * an element may differ by 10 widths. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
