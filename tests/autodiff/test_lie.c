@@ -1,6 +1,8 @@
 /* Maps of so(3) and se(3) as operations: values against the plain functions, in every instruction set and
- * both types; cotangents of the kernels against those that the tape records; third derivatives; bad shapes.
- */
+ * both types; cotangents of the kernels against those that the tape records; values and cotangents at extreme
+ * angles, plain, on tapes, as plans and in C; third derivatives; bad shapes. */
+#include "compiled.h"
+#include "program_support.h"
 #include "support/fixtures.h"
 
 #include "kernels/kernels.h"
@@ -200,6 +202,138 @@ TEST("maps and cotangents are those of 120 digits at angles from 0 to 1e15: plai
         if (!(table_error(i, out) <= 2.0))
             fail_msg("map %d, angle %s, recorded: %.2g times what rounding allows", lie_table[i].map,
                      lie_table[i].angle, table_error(i, out));
+    }
+}
+
+/* ---- in programs: as plans and in C ---- */
+
+RECORDING(record_map) {
+    (void)theta;
+    y[0] = apply(tape, *(const int *)user, x);
+}
+
+/* Function f<map> and its adjoint, adj1_f<map>, of all maps on vectors. */
+static lg_program *program_of_maps(void) {
+    static const lg_port in[LG_K_LIE_INPUTS] = {{.name = "a", .shape = {.rank = 1, .dims = {3}}},
+                                                {.name = "b", .shape = {.rank = 1, .dims = {3}}},
+                                                {.name = "c", .shape = {.rank = 1, .dims = {3}}},
+                                                {.name = "d", .shape = {.rank = 1, .dims = {3}}}};
+    static const lg_port out = {.name = "y"};
+    static int number[LG_K_LIE_MAPS];
+    lg_function_spec functions[LG_K_LIE_MAPS];
+    char name[LG_K_LIE_MAPS][8];
+    for (int map = 0; map < LG_K_LIE_MAPS; map++) {
+        number[map] = map;
+        (void)snprintf(name[map], sizeof name[map], "f%d", map);
+        functions[map] = (lg_function_spec){name[map], in, inputs_of(map), &out, 1, record_map, &number[map]};
+    }
+    const lg_program_spec spec = spec_of(NULL, 0, functions, LG_K_LIE_MAPS);
+    lg_program *program = test_program(&spec);
+    for (int map = 0; map < LG_K_LIE_MAPS; map++) (void)derived(program, LG_DERIVATIVE_ADJOINT, name[map]);
+    return program;
+}
+
+/* How a function of a program is evaluated at one row. */
+typedef struct way {
+    const char *name;
+    lg_program *program;
+    lg_dtype dtype;
+    const compiled *c; /* NULL: plans */
+    lg_plan_options options;
+} way;
+
+static void run_way(const way *w, const char *function, const void *const *in, void *const *out) {
+    if (w->c != NULL) {
+        shim_of(w->c, function)(in, out, TEST_ARRAY(double, w->c->source->work_size));
+        return;
+    }
+    lg_plan *plan = NULL;
+    size_t number;
+    assert_ok(lg_program_find(w->program, function, &number));
+    assert_ok(lg_plan_create(w->program, number, &w->options, &plan, NULL));
+    void *work = lg_alloc(NULL, lg_plan_work_size(plan) + 1, 1);
+    lg_plan_eval(plan, in, out, work);
+    lg_free(NULL, work);
+    lg_plan_destroy(plan);
+}
+
+/* The value at inputs x, and after it cotangents of the inputs. */
+static void map_by_way(const way *w, int map, const double *const *x, double (*out)[3]) {
+    const lg_kernels *k = lg_kernels_for(w->dtype);
+    const size_t inputs = inputs_of(map);
+    double in[LG_K_LIE_INPUTS + 1][3], y[LG_K_LIE_INPUTS + 1][3];
+    const void *values[LG_K_LIE_INPUTS + 1];
+    void *to[LG_K_LIE_INPUTS + 1];
+    char function[16];
+    for (size_t i = 0; i <= inputs; i++) {
+        k->convert_in(3, i < inputs ? x[i] : lie_table_g, in[i]);
+        values[i] = in[i];
+        to[i] = y[i];
+    }
+    (void)snprintf(function, sizeof function, "f%d", map);
+    run_way(w, function, values, to);
+    (void)snprintf(function, sizeof function, "adj1_f%d", map);
+    run_way(w, function, values, to + 1);
+    for (size_t i = 0; i <= inputs; i++) k->convert_out(3, y[i], out[i]);
+}
+
+/* |u|^2 overflows: no result is a number. */
+static void check_overflow(const way *w) {
+    static const double sizes[] = {1e155, 1e200, 1e300};
+    for (int map = 0; map < LG_K_LIE_MAPS; map++)
+        for (size_t i = 0; i < LG_COUNT(sizes) && w->dtype == LG_F64; i++) {
+            const double u[3] = {0.48 * sizes[i], -0.64 * sizes[i], 0.6 * sizes[i]};
+            const double *const x[] = {u, lie_table_v, lie_table_q, lie_table_p};
+            double out[LG_K_LIE_INPUTS + 1][3];
+            map_by_way(w, map, x, out);
+            for (uint32_t e = 0; e < 3 * (inputs_of(map) + 1); e++)
+                if (isfinite(out[e / 3][e % 3]))
+                    fail_msg("%s, map %d at %g: number %u is %g", w->name, map, sizes[i], e,
+                             out[e / 3][e % 3]);
+        }
+}
+
+static void check_way(const way *w) {
+    double out[LG_K_LIE_INPUTS + 1][3];
+    for (size_t i = 0; i < LG_COUNT(lie_table); i++) {
+        const double *const x[] = {table_input(i, 0), table_input(i, 1), table_input(i, 2),
+                                   table_input(i, 3)};
+        const size_t mark = lg_test_owned();
+        if (lie_table[i].single != (w->dtype == LG_F32)) continue;
+        map_by_way(w, lie_table[i].map, x, out);
+        if (!(table_error(i, out) <= 2.0))
+            fail_msg("%s, map %d, angle %s: %.2g times what rounding allows", w->name, lie_table[i].map,
+                     lie_table[i].angle, table_error(i, out));
+        lg_test_give_back(mark);
+    }
+    check_overflow(w);
+}
+
+TEST("plans of maps and of their adjoints have these digits too") {
+    lg_program *program = program_of_maps();
+    for (int n = 0; n < 4; n++) {
+        way w = {.name = n < 2 ? "plan, double" : "plan, single",
+                 .program = program,
+                 .dtype = n < 2 ? LG_F64 : LG_F32};
+        lg_plan_options_init(&w.options);
+        w.options.dtype = w.dtype;
+        w.options.compact = n % 2 == 1;
+        check_way(&w);
+    }
+}
+
+TEST("and C of them") {
+    if (system("command -v gcc >/dev/null") != 0) skip();
+    lg_program *program = program_of_maps();
+    for (int n = 0; n < 4; n++) {
+        compiled c;
+        const way w = {.name = n < 2 ? "C, double" : "C, single",
+                       .program = program,
+                       .dtype = n < 2 ? LG_F64 : LG_F32,
+                       .c = &c};
+        if (!compile_program(&c, program, "gcc", "-O1", w.dtype, n % 2 == 1)) fail_msg("%s", c.why);
+        check_way(&w);
+        assert_true(discard_compiled(&c));
     }
 }
 
