@@ -1,4 +1,6 @@
 /* Learned Hamiltonians: the exact parameters reproduce the true system; losses and their gradients. */
+#include "autodiff/compiled.h"
+#include "autodiff/program_support.h"
 #include "models/model_support.h"
 
 #include "liegrad/mechanics.h"
@@ -430,37 +432,80 @@ TEST("geodesic distances are those along great circles with momenta carried alon
 /* From a = e3 with momentum p to b = (sin d, 0, -cos d), d = pi - theta, with momentum r; f = (cos theta, 0,
  * -sin theta) is the direction at b. P p = p1 f + p2 e2. Turning b about e3 moves it along e2 by sin d and
  * P p by p2 f + p1 (cos theta - 1) e2 - p2 e1; moving b along f changes theta alone. */
+/* d^2 of (q, p) and (q', p') on T*S^2, and its slope by q': on a tape, as a plan, in C. */
+RECORDING(record_square) {
+    lg_space space;
+    (void)user, (void)theta;
+    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
+    y[0] = lg_hamiltonian_squared_distance(tape, LG_DISTANCE_GEODESIC, &space, (const double[2]){1, 1}, x,
+                                           x + 2);
+}
+
+typedef void (*square_fn)(lg_program *program, const compiled *c, const double *const *in,
+                          double *const *out);
+
+static void square_by_tape(lg_program *program, const compiled *c, const double *const *in,
+                           double *const *out) {
+    lg_tape *tape = test_tape(LG_F64);
+    lg_var x[4], y, slope;
+    for (int i = 0; i < 4; i++) x[i] = lg_input_f64(tape, lg_shape3(1, 1, 3), in[i]);
+    assert_ok(record_square(NULL, tape, NULL, x, &y));
+    assert_ok(lg_grad(tape, y, &x[2], 1, &slope));
+    assert_ok(lg_read(tape, y, 1, out[0]));
+    assert_ok(lg_read(tape, slope, 3, out[3]));
+}
+
+static void square_by_plan(lg_program *program, const compiled *c, const double *const *in,
+                           double *const *out) {
+    assert_ok(lg_program_eval(NULL, program, "square", 1, in, out, NULL));
+    assert_ok(lg_program_eval(NULL, program, "adj1_square", 1, in, out + 1, NULL));
+}
+
+static void square_by_c(lg_program *program, const compiled *c, const double *const *in, double *const *out) {
+    double *work = TEST_ARRAY(double, c->source->work_size);
+    shim_of(c, "square")((const void *const *)in, (void *const *)out, work);
+    shim_of(c, "adj1_square")((const void *const *)in, (void *const *)(out + 1), work);
+}
+
+static lg_program *program_of_square(void) {
+    const lg_shape shape = lg_shape3(1, 1, 3);
+    const lg_port in[] = {{.name = "q", .shape = shape, .shared = true, .low = 0.1, .high = 0.9},
+                          {.name = "p", .shape = shape, .shared = true},
+                          {.name = "q1", .shape = shape, .shared = true, .low = 0.1, .high = 0.9},
+                          {.name = "p1", .shape = shape, .shared = true}};
+    const lg_port out = {.name = "square"};
+    const lg_function_spec function = {"square", in, 4, &out, 1, record_square, NULL};
+    const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
+    lg_program *program = test_program(&spec);
+    (void)derived(program, LG_DERIVATIVE_ADJOINT, "square");
+    return program;
+}
+
 TEST("geodesic distances and their slopes keep their digits up to 1e-12 from the antipode") {
     static const double gaps[] = {1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 0.5, 1.0, 2.0, 2.6};
-    const double p[2] = {0.7, -0.4}, r[2] = {-0.9, 1.3}; /* by (e1, e2) and (f, e2) */
-    lg_space space;
-    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
-    for (size_t i = 0; i < LG_COUNT(gaps); i++) {
-        const double d = gaps[i], theta = acos(-1.0) - d, c = -cos(d), s = sin(d);
+    static const square_fn ways[] = {square_by_tape, square_by_plan, square_by_c};
+    const double p[2] = {0.7, -0.4}, r[2] = {-0.9, 1.3}, one = 1.0; /* by (e1, e2) and (f, e2) */
+    lg_program *program = program_of_square();
+    compiled code;
+    const bool compiles = system("command -v gcc >/dev/null") == 0;
+    if (compiles && !compile_program(&code, program, "gcc", "-O1", LG_F64, false)) fail_msg("%s", code.why);
+    for (size_t n = 0; n < LG_COUNT(gaps) * (compiles ? 3 : 2); n++) {
+        const double d = gaps[n % LG_COUNT(gaps)], theta = acos(-1.0) - d, c = -cos(d), s = sin(d);
         const double value = theta * theta + (p[0] - r[0]) * (p[0] - r[0]) + (p[1] - r[1]) * (p[1] - r[1]);
         /* (P p - r) . (p2 f + p1 (c - 1) e2 - p2 e1), with e1.f = c */
         const double turn = (p[0] - r[0]) * (p[1] - p[1] * c) + (p[1] - r[1]) * p[0] * (c - 1.0);
         const double a[2][3] = {{0, 0, 1}, {p[0], p[1], 0}};
         const double b[2][3] = {{s, 0, c}, {r[0] * c, r[1], -r[0] * s}};
-        lg_var x[2], y[2], slope;
-        double found, g[3];
-        lg_tape *tape = test_tape(LG_F64);
-        for (int k = 0; k < 2; k++) {
-            x[k] = lg_input_f64(tape, lg_shape3(1, 1, 3), a[k]);
-            y[k] = lg_input_f64(tape, lg_shape3(1, 1, 3), b[k]);
-        }
-        lg_var square = lg_hamiltonian_squared_distance(tape, LG_DISTANCE_GEODESIC, &space,
-                                                        (const double[2]){1, 1}, x, y);
-        assert_ok(lg_grad(tape, square, y, 1, &slope));
-        assert_ok(lg_read(tape, square, 1, &found));
-        assert_ok(lg_read(tape, slope, 3, g));
+        double found, other[3][3], g[3];
+        ways[n / LG_COUNT(gaps)](program, &code, (const double *[]){a[0], a[1], b[0], b[1], &one},
+                                 (double *[]){&found, other[0], other[1], g, other[2]});
         assert_close(found, value, 4e-15, 0.0);
         assert_close(g[0] * c - g[2] * s, 2.0 * theta, 1e-14, 1e-14 * fabs(g[1]));
         assert_close(g[1], 2.0 * turn / s, 1e-14, 1e-14);
     }
+    if (compiles) assert_true(discard_compiled(&code));
 }
 
-/* Points equal to the predictions, and antipodes. */
 TEST("geodesic distances have a gradient at 0 and between antipodes") {
     for (int antipodes = 0; antipodes < 2; antipodes++) {
         exact e = exact_chain(1);
