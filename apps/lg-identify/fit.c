@@ -382,6 +382,8 @@ static void put_gauge(app_json *json, const lg_machine *machine, const lg_identi
 typedef struct explained {
     double loss, expected; /* `expected`: at most, of a model that explains the logs */
     double tolerated;      /* the same but for the error of the steps */
+    double forces;         /* the loss of a model in which nothing acts, about */
+    lg_machine_missing missing;
     mass_place mass;
 } explained;
 
@@ -477,11 +479,19 @@ static lg_status find_expected(const app *self, const training *t, const double 
     what->tolerated =
         isfinite(expected.loss) ? expected.loss : 0.0; /* a model that blows up excuses nothing */
     for (uint32_t i = 0; i < run.machine.coordinate_count; i++) {
+        what->forces += expected.change.position[i] + expected.change.velocity[i];
         if (!(t->position_noise[i] > 0.0)) what->tolerated += small * small * expected.change.position[i];
         if (!(t->velocity_noise[i] > 0.0)) what->tolerated += small * small * expected.change.velocity[i];
     }
     what->expected = what->tolerated + fmin(floor, what->tolerated);
     return LG_OK;
+}
+
+/* Whether forces are missing, at least a ten thousandth of all: neither chance nor the error of the steps. */
+static bool are_missing(const explained *what, double floor) {
+    static const double chance = 10.0, least = 1e-4;
+    const lg_machine_missing *missing = &what->missing;
+    return missing->ratio > chance && missing->loss > fmax(floor, least * least * what->forces);
 }
 
 static void warn_of_misfit(const app *self, const explained *what, double floor) {
@@ -494,14 +504,26 @@ static void warn_of_misfit(const app *self, const explained *what, double floor)
             "the steps are too long: their error makes %.2g of the loss, where the noise leaves %.2g; take "
             "more --substeps: only then the loss tells whether the model explains the logs",
             floor, what->tolerated);
-    if (what->loss > more * what->expected)
+    const bool large = what->loss > more * what->expected, missing = are_missing(what, floor);
+    char size[128] = "", forces[256] = "";
+    if (large)
+        (void)snprintf(size, sizeof size,
+                       "the loss is %.2g, where their noise and the steps leave %.2g at most", what->loss,
+                       what->expected);
+    if (missing)
+        (void)snprintf(forces, sizeof forces,
+                       "forces that it does not have, functions of positions, velocities and inputs that are "
+                       "about %.2g %% of all forces, make %.2g of the loss of %.2g",
+                       100.0 * sqrt(what->missing.loss / what->forces), what->missing.loss, what->loss);
+    if (large || missing)
         app_warn(
             self,
-            "the model does not explain the logs: the loss is %.2g, where their noise and the steps leave "
-            "%.2g at most; standard errors mean nothing then. More epochs, if the loss still falls; else a "
-            "term is missing, or the logs contradict themselves: the sign or order of inputs, their delay, "
-            "sensors on two clocks",
-            what->loss, what->expected);
+            "the model does not explain the logs: %s%s%s; standard errors mean nothing then, the numbers "
+            "are further off. More epochs, if the loss still falls; else a term is missing%s",
+            size, large && missing ? "; " : "", forces,
+            large ? ", or the logs contradict themselves: the sign or order of inputs, their delay, "
+                    "sensors on two clocks"
+                  : "");
 }
 
 static int finish(void *user, train_session *session) {
@@ -516,6 +538,8 @@ static int finish(void *user, train_session *session) {
         lg_machine_loss(self->context, &t->problem, theta, &what.loss, &session->floor, &error);
     if (status == LG_OK && !isfinite(what.loss)) status = LG_NOT_FINITE;
     if (status == LG_OK) status = find_expected(self, t, theta, session->floor, &what, &error);
+    if (status == LG_OK)
+        status = lg_machine_find_missing(self->context, &t->problem, theta, &what.missing, &error);
     find_mass_place(t, &what.mass);
     int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
     const size_t count = lg_machine_numbers(&run.machine, theta, 0, NULL), n = run.machine.parameters;

@@ -379,6 +379,20 @@ LG_API lg_status lg_machine_expect(const lg_context *context, const lg_machine_p
                                    const double *theta, const lg_machine_noise *noise,
                                    lg_machine_expected *out, lg_error *error);
 
+/* What forces that the machine does not have would explain of the loss: constant ones, those linear in
+ * heights, velocities and inputs, polynomials of degree 3 in the height and velocity of each coordinate (of
+ * a degree below where these were more than 128 numbers). Angles enter by sine and cosine. */
+typedef struct lg_machine_missing {
+    /* Of the loss, to first order. 0: it was not looked, as for networks and for more than 128 parameters. */
+    double loss;
+    /* F of a test whether that is chance: about 1 for white residuals, next to never above 10 where the
+     * machine is the true one. */
+    double ratio;
+} lg_machine_missing;
+/* theta: as for lg_machine_identify, a best fit. Errors: LG_OUT_OF_MEMORY, the tape's. */
+LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_problem *problem,
+                                         const double *theta, lg_machine_missing *out, lg_error *error);
+
 /* ---- identified numbers ---- */
 
 /* A number with a meaning, in the units of the log: an unknown one of a system by its label, "m1";

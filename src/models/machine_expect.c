@@ -13,7 +13,7 @@
 #include "kernels/kernels.h"
 #include "models/machine_internal.h"
 
-enum { MOST_WINDOWS = 512, CHUNK = 64, MOST_PARAMETERS = 256 };
+enum { CHUNK = 64, MOST_PARAMETERS = 256 };
 
 typedef struct expecting {
     const lg_context *context;
@@ -176,7 +176,8 @@ static void add_changes(const expecting *e, size_t all, size_t used, lg_machine_
 
 static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_expected *out) {
     const size_t all = e->problem.windows - e->problem.validation;
-    const size_t used = all < MOST_WINDOWS ? all : MOST_WINDOWS, first = e->measured ? 1 : 0;
+    const size_t used = all < LG_MACHINE_MOST_WINDOWS ? all : LG_MACHINE_MOST_WINDOWS,
+                 first = e->measured ? 1 : 0;
     /* of sums over points 0 .. M - 1 those over the points that count */
     const double points = (double)e->problem.window / (double)(e->problem.window - first);
     const size_t d = e->rows / e->problem.window;

@@ -11,10 +11,10 @@
 #include "liegrad/ops.h"
 #include "models/machine_internal.h"
 
-enum { MOST_WINDOWS = 512, CHUNK = 64 };
+enum { CHUNK = 64 };
 
 /* R of J = Q R (n, n) of the machine's parameters, column-major, the starts of the windows eliminated; the
- * sum of squares. */
+ * sum of squares. With `last` the residuals are column n - 1. */
 typedef struct normal {
     const lg_context *context;
     const lg_machine_problem *problem;
@@ -22,12 +22,14 @@ typedef struct normal {
     const double *theta;
     double at[LG_MACHINE_POSITIONS]; /* where M of a network is told */
     size_t n, starts;                /* parameters of the machine, of one start */
-    size_t rows;                     /* numbers of the residuals of a chunk, and room for them */
-    double *jacobian;                /* (rows, n + starts) */
-    double *columns;                 /* its transpose */
-    double *residuals;               /* (rows) */
-    double *stack;                   /* (n + rows, n), column-major: R above the columns of a chunk */
-    double *triangle;                /* R */
+    bool last;
+    size_t rows;       /* numbers of the residuals of a chunk, and room for them */
+    double *jacobian;  /* (rows, n + starts) */
+    double *columns;   /* its transpose */
+    double *residuals; /* (rows) */
+    double *stack;     /* (n + rows, n), column-major: R above the columns of a chunk */
+    double *triangle;  /* R */
+    double *lagged;    /* NULL, or (n, n): products of columns with columns a row of the log later */
     double squares, weighted;
 } normal;
 
@@ -77,15 +79,29 @@ static bool triangulate(const lg_context *context, size_t m, size_t n, double *m
     return there && info == 0;
 }
 
+/* Rows of a window's point are as many as a start has numbers. */
+static void add_lagged(normal *s, size_t count) {
+    const size_t each = s->rows / count, d = lg_machine_start_numbers(s->problem->machine);
+    for (size_t j = 0; j < s->n * s->n; j++)
+        for (size_t w = 0; w < count; w++) {
+            const double *a = s->columns + j / s->n * s->rows + w * each,
+                         *b = s->columns + j % s->n * s->rows + w * each;
+            s->lagged[j] += dot(a, b + d, each - d);
+        }
+}
+
 static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, size_t count, size_t batch) {
-    const size_t columns = s->n + s->starts;
+    const size_t given = s->n - s->last, columns = given + s->starts;
     double squares = 0.0;
     s->rows = count * s->fit.rows;
     LG_TRY(s->fit.linearise(s->fit.user, tape, s->theta, samples, count, batch, &squares, s->residuals,
                             s->jacobian));
     for (size_t row = 0; row < s->rows; row++)
-        for (size_t j = 0; j < columns; j++) s->columns[j * s->rows + row] = s->jacobian[row * columns + j];
+        for (size_t j = 0; j < columns; j++)
+            s->columns[(j < given ? j : j + s->last) * s->rows + row] = s->jacobian[row * columns + j];
+    if (s->last) memcpy(s->columns + given * s->rows, s->residuals, s->rows * sizeof *s->columns);
     if (s->starts > 0) eliminate(s, count);
+    if (s->lagged != NULL) add_lagged(s, count);
     s->squares += squares;
     for (size_t row = 0; row < s->rows; row++) s->weighted += s->residuals[row] != 0.0;
     for (size_t j = 0; j < s->n; j++) {
@@ -99,7 +115,7 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
 
 static lg_status add_all(normal *s, lg_tape *tape) {
     const size_t windows = s->problem->windows - s->problem->validation;
-    const size_t used = windows < MOST_WINDOWS ? windows : MOST_WINDOWS;
+    const size_t used = windows < LG_MACHINE_MOST_WINDOWS ? windows : LG_MACHINE_MOST_WINDOWS;
     uint32_t samples[CHUNK];
     for (size_t first = 0; first < used; first += CHUNK) {
         const size_t count = used - first < CHUNK ? used - first : CHUNK;
@@ -285,6 +301,29 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
     return status;
 }
 
+static lg_status allocate(normal *s) {
+    const lg_machine_problem *problem = s->problem;
+    lg_machine_fit_problem(problem, &s->fit);
+    if (lg_machine_starts_estimated(problem)) s->starts = lg_machine_start_numbers(problem->machine);
+    const size_t rows = CHUNK * s->fit.rows, columns = s->n + s->starts;
+    s->jacobian = lg_alloc(s->context, (2 * columns + 1) * rows, sizeof(double));
+    if (s->jacobian != NULL) {
+        s->columns = s->jacobian + columns * rows;
+        s->residuals = s->columns + columns * rows;
+    }
+    s->stack = lg_alloc(s->context, (s->n + rows) * s->n, sizeof(double));
+    s->triangle = lg_alloc(s->context, s->n * s->n, sizeof(double));
+    if (s->jacobian == NULL || s->stack == NULL || s->triangle == NULL) return LG_OUT_OF_MEMORY;
+    memset(s->triangle, 0, s->n * s->n * sizeof *s->triangle);
+    return LG_OK;
+}
+
+static void release(normal *s) {
+    lg_free(s->context, s->jacobian);
+    lg_free(s->context, s->stack);
+    lg_free(s->context, s->triangle);
+}
+
 lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, lg_identification *out, lg_error *error) {
     LG_NEEDS(error, problem, theta, out);
@@ -299,27 +338,15 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     for (size_t i = 0; out->spread != NULL && i < s.n * s.n; i++) out->spread[i] = 0.0;
     for (size_t i = 0; out->correlations != NULL && i < count * count; i++) out->correlations[i] = 0.0;
     if (count == 0) return LG_OK;
-    lg_machine_fit_problem(problem, &s.fit);
-    if (problem->starts == LG_MACHINE_STARTS_ESTIMATED)
-        s.starts = (s.fit.parameters - s.n) / problem->windows;
-    const size_t rows = CHUNK * s.fit.rows, columns = s.n + s.starts;
-    s.jacobian = lg_alloc(context, (2 * columns + 1) * rows, sizeof(double));
-    if (s.jacobian != NULL) {
-        s.columns = s.jacobian + columns * rows;
-        s.residuals = s.columns + columns * rows;
-    }
-    s.stack = lg_alloc(context, (s.n + rows) * s.n, sizeof(double));
-    s.triangle = lg_alloc(context, s.n * s.n, sizeof(double));
     const size_t all = lg_machine_problem_parameters(problem);
     double *at = lg_alloc(context, all, sizeof *at);
     lg_identified *moved = lg_alloc(context, 2 * count, sizeof *moved);
     double *work = lg_alloc(context, (4 * s.n + 1 + count) * s.n + (1 + count) * count, sizeof *work);
     int *order = lg_alloc(context, s.n, sizeof *order);
-    const bool room = s.jacobian != NULL && s.stack != NULL && s.triangle != NULL && at != NULL &&
-                      moved != NULL && work != NULL && order != NULL;
-    lg_status status = room ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
+    const bool room = at != NULL && moved != NULL && work != NULL && order != NULL;
+    lg_status status = allocate(&s);
+    if (status == LG_OK) status = room ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
-        memset(s.triangle, 0, s.n * s.n * sizeof *s.triangle);
         memcpy(at, theta, all * sizeof *at);
         s.theta = at;
         const bool left = leave_bounds(&s, at, count, out->numbers, moved, moved + count);
@@ -335,12 +362,34 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
         if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
     lg_tape_destroy(tape);
-    lg_free(context, s.jacobian);
-    lg_free(context, s.stack);
-    lg_free(context, s.triangle);
+    release(&s);
     lg_free(context, at);
     lg_free(context, moved);
     lg_free(context, order);
     lg_free(context, work);
+    return status;
+}
+
+lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
+                              const double *theta, double *triangle, double *lagged, double *numbers,
+                              lg_error *error) {
+    normal s = {.context = context,
+                .problem = problem,
+                .theta = theta,
+                .n = problem->machine->parameters + 1,
+                .last = true,
+                .lagged = lagged};
+    lg_tape *tape = NULL;
+    lg_status status = allocate(&s);
+    if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
+    if (status == LG_OK) status = add_all(&s, tape);
+    if (status == LG_OK) memcpy(triangle, s.triangle, s.n * s.n * sizeof *triangle);
+    *numbers = s.weighted;
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "%s",
+                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
+                                                                    : lg_status_sentence(status));
+    lg_tape_destroy(tape);
+    release(&s);
     return status;
 }

@@ -242,6 +242,15 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian);
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem);
+/* Most windows that errors of numbers and what is expected of a loss are taken from. */
+enum { LG_MACHINE_MOST_WINDOWS = 512 };
+/* R (n, n), column-major, of [J r] = Q R with n - 1 parameters of the machine: the Jacobian and, last, the
+ * residuals, starts eliminated window by window. From at most LG_MACHINE_MOST_WINDOWS windows, but in units
+ * of the loss of all. `lagged` (n, n), zeros before: [J r]^T [J r], the second factor a row of the log later;
+ * of these windows alone, as is `numbers`, how many residuals are not 0. */
+lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
+                              const double *theta, double *triangle, double *lagged, double *numbers,
+                              lg_error *error);
 /* Variances of the residuals of one row of the log, in the order of lg_machine_linearise and of the numbers
  * of a start, for the noise of its numbers times `factor`. Missing numbers have none. */
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,

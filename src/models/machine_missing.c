@@ -1,0 +1,152 @@
+/* Machines: what forces that the model does not have would explain of the logs.
+ *
+ * The machine gets further terms, all zero: constant forces, forces linear in all heights, velocities and
+ * inputs, and polynomials of the height and velocity of each coordinate. At the fit the residuals are
+ * r = e - J_1 t with columns J_1 of these terms. Of r the part along J_1, starts and the machine's own
+ * parameters taken away, is chance where e is noise: with p columns and N numbers that are left
+ *   F = (|r_1|^2/p) / (|r - r_1|^2/N)
+ * is around 1 (Lagrange multiplier test; Engle 1984). Neighbours of what is left, with the correlation c,
+ * count as 1 - c of 1 + c numbers: steps of another program, held inputs and coarse digits leave residuals
+ * that are smooth in time but no function of the state. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "kernels/kernels.h"
+#include "models/machine_internal.h"
+
+enum { MOST_COLUMNS = 128, HIGHEST = 3 };
+
+/* ---- the further terms ---- */
+
+static lg_machine_term *add(lg_machine *machine, lg_machine_part part, const char *kind, uint32_t degree) {
+    lg_machine_term *term = &machine->terms[machine->term_count++];
+    *term = (lg_machine_term){.kind = lg_term_kind_find(part, kind), .part = part, .degree = degree};
+    return term;
+}
+
+static void see(lg_machine_term *term, lg_machine_sight kind, uint32_t first, uint32_t end) {
+    for (uint32_t i = first; i < end && term->of_count < LG_MACHINE_FEATURES; i++)
+        term->of[term->of_count++] = (lg_machine_feature){kind, i};
+}
+
+/* False: the machine has no room for them. */
+static bool extend(const lg_machine *machine, uint32_t degree, lg_machine *out) {
+    const uint32_t n = machine->coordinate_count;
+    *out = *machine;
+    if (machine->term_count + n + 2 > LG_MACHINE_TERMS) return false;
+    see(add(out, LG_MACHINE_POTENTIAL, "linear", 0), LG_FEATURE_HEIGHT, 0, n);
+    lg_machine_term *all = add(out, LG_MACHINE_RESIDUAL, "polynomial", 1);
+    see(all, LG_FEATURE_HEIGHT, 0, n);
+    see(all, LG_FEATURE_VELOCITY, 0, n);
+    see(all, LG_FEATURE_INPUT, 0, machine->input_count);
+    for (uint32_t i = 0; i < n && degree > 1; i++) {
+        lg_machine_term *own = add(out, LG_MACHINE_RESIDUAL, "polynomial", degree);
+        see(own, LG_FEATURE_HEIGHT, i, i + 1);
+        see(own, LG_FEATURE_VELOCITY, i, i + 1);
+    }
+    return lg_machine_init(out, NULL) == LG_OK && out->parameters <= machine->parameters + MOST_COLUMNS;
+}
+
+/* ---- what they explain ---- */
+
+/* The columns of the triangle (n, n) before the last, made orthonormal one after the other: those from `own`
+ * on explain what they take out of the last one. A column of which little is left is a combination of
+ * others. Below each column, (n, 2 n), stands how it is combined from the triangle's. */
+static void explain(size_t n, size_t own, double *columns, double *explained, double *left, size_t *taken) {
+    static const double combined = 1e-6;
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    double *last = columns + (n - 1) * 2 * n;
+    taken[0] = taken[1] = 0;
+    for (size_t j = 0; j + 1 < n; j++) {
+        double *column = columns + j * 2 * n;
+        const double before = k->dot(n, column, column);
+        for (size_t i = 0; i < 2 * j; i++) { /* twice */
+            const double *basis = columns + i % j * 2 * n;
+            k->axpy(2 * n, -k->dot(n, basis, column), basis, column);
+        }
+        const double norm = k->dot(n, column, column);
+        const bool adds = norm > combined * combined * before;
+        for (size_t i = 0; i < 2 * n; i++) column[i] = adds ? column[i] / sqrt(norm) : 0.0;
+        const double part = k->dot(n, column, last);
+        k->axpy(2 * n, -part, column, last);
+        taken[j >= own] += adds;
+        if (j >= own) *explained += part * part;
+    }
+    *left = k->dot(n, last, last);
+}
+
+/* How many numbers of what is left, the combination a of the columns, count as one. */
+static double correlated(size_t n, const double *lagged, const double *a, double squares) {
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += a[i] * k->dot(n, lagged + i * n, a);
+    const double c = fmin(fmax(sum / squares, 0.0), 0.999);
+    return (1.0 + c) / (1.0 - c);
+}
+
+/* The part of the windows' rows that no window before has. */
+static double distinct(const lg_machine_problem *problem, size_t all, size_t used) {
+    size_t rows = 0, end = 0;
+    for (size_t w = 0; w < used; w++) {
+        const size_t start = problem->start[w * all / used], begin = start > end ? start : end;
+        end = start + problem->window;
+        rows += end - begin;
+    }
+    return (double)rows / ((double)used * (double)problem->window);
+}
+
+/* work (4 n^2): zeros. */
+static lg_status look(const lg_context *context, const lg_machine_problem *problem, const double *theta,
+                      size_t own, double *work, lg_machine_missing *out, lg_error *error) {
+    const size_t n = problem->machine->parameters + 1, all = problem->windows - problem->validation;
+    const size_t used = all < LG_MACHINE_MOST_WINDOWS ? all : LG_MACHINE_MOST_WINDOWS;
+    const double part = (double)used / (double)all;
+    double numbers, left, *columns = work, *triangle = work + 2 * n * n, *lagged = triangle + n * n;
+    size_t taken[2];
+    LG_TRY(lg_machine_triangle(context, problem, theta, triangle, lagged, &numbers, error));
+    for (size_t j = 0; j < n; j++) {
+        memcpy(columns + 2 * j * n, triangle + j * n, n * sizeof *columns);
+        columns[(2 * j + 1) * n + j] = 1.0;
+    }
+    explain(n, own, columns, &out->loss, &left, taken);
+    if (lg_machine_starts_estimated(problem))
+        numbers -= (double)used * (double)lg_machine_start_numbers(problem->machine);
+    numbers = distinct(problem, all, used) * numbers - (double)(taken[0] + taken[1]);
+    if (taken[1] > 0 && numbers >= 1.0 && left > 0.0)
+        out->ratio = out->loss / (double)taken[1] / (left / numbers) /
+                     correlated(n, lagged, columns + (2 * n - 1) * n, part * left);
+    out->loss *= part;
+    return LG_OK;
+}
+
+lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_problem *problem,
+                                  const double *theta, lg_machine_missing *out, lg_error *error) {
+    LG_NEEDS(error, problem, theta, out);
+    const lg_machine *machine = problem->machine;
+    const size_t own = machine->parameters, starts = lg_machine_problem_parameters(problem) - own;
+    *out = (lg_machine_missing){.loss = 0.0};
+    if (machine->weights > 0 || own > MOST_COLUMNS || problem->theta != NULL) return LG_OK;
+    lg_machine *extended = lg_alloc(context, 1, sizeof *extended);
+    uint32_t degree = HIGHEST;
+    while (extended != NULL && degree > 0 && !extend(machine, degree, extended)) degree--;
+    if (extended != NULL && degree == 0) {
+        lg_free(context, extended);
+        return LG_OK;
+    }
+    const size_t n = extended != NULL ? extended->parameters + 1 : 1;
+    double *at = lg_alloc(context, n + starts, sizeof *at), *work = lg_alloc(context, 4 * n * n, sizeof *at);
+    const bool room = extended != NULL && at != NULL && work != NULL;
+    lg_status status = room ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu columns", n);
+    if (status == LG_OK) {
+        lg_machine_problem more = *problem;
+        more.machine = extended;
+        memcpy(at, theta, own * sizeof *at);
+        memcpy(at + n - 1, theta + own, starts * sizeof *at);
+        status = look(context, &more, at, own, work, out, error);
+    }
+    lg_free(context, extended);
+    lg_free(context, at);
+    lg_free(context, work);
+    return status;
+}
