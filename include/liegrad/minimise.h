@@ -18,11 +18,16 @@
  * lg_minimise and lg_least_squares measure x by its start, |x_i|, and f by its gradient there: units do
  * not matter. (A variable that starts at 0 is measured by what f and its derivative say; where the
  * derivative is zero too, it counts as large as the largest of the others.) Where no step lowers f, or
- * many lower it by little, they look at the Hessian (n up to 200: 2 n evaluations; differences of g),
- * search along the Newton step or down along its lowest eigenvector, and go on. LG_MINIMISE_GRADIENT and
- * LG_MINIMISE_ROUNDING then mean a minimum: the Hessian is positive semidefinite to 1e-9 of its diagonal,
- * and the Newton step lowers f by less than 1e-8 of it or moves x by less than 1e-8 of it. A plateau
- * counts as a minimum.
+ * many lower it by little, they look at the Hessian (n up to 200, L-BFGS about 2 memory: 2 n evaluations;
+ * differences of g), search along the Newton step or down along its lowest eigenvector, and go on.
+ * LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a minimum: the Hessian is positive semidefinite to
+ * 1e-9 of its diagonal, and the Newton step lowers f by less than 1e-8 of it or moves x by less than 1e-8 of
+ * it. A plateau counts as a minimum.
+ *
+ * Of more variables Lanczos' method looks for a way down, at most 30 evaluations each time. It finds negative
+ * curvature that 30 steps from a random direction show: more than 1e-4 of the largest curvature, of
+ * variables divided by 1 + |x_i|, and surely from about a hundredth on. A saddle that is flatter than that
+ * still counts as a minimum.
  */
 #ifndef LIEGRAD_MINIMISE_H
 #define LIEGRAD_MINIMISE_H
@@ -84,7 +89,8 @@ typedef struct lg_minimise_options {
     uint32_t memory;           /* L-BFGS: 50 pairs, 1..1000 */
     double gradient_tolerance; /* 0: only an exact zero */
     /* true: g is compared with f along a line, at the start and where no step lowers f: 4 evaluations each,
-     * up to 16 where f is rough or before g is called wrong; the Hessian verifies a minimum. Of
+     * up to 16 where f is rough or before g is called wrong; the Hessian, or 30 products with it, verifies a
+     * minimum. Of
      * lg_least_squares: J with r along a line at the start, 2 evaluations, 8 before it is called wrong. */
     bool check;
     bool slow; /* true: LG_MINIMISE_SLOW ends; false */

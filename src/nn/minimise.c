@@ -324,7 +324,8 @@ static void fail_search(lg_minimiser *m) {
         begin_check(m);
     else if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
-    else if (m->counts.failures == 2 || !isfinite(m->numbers.high_value) || lg_minimise_newton_shows(m))
+    else if (m->counts.failures == 2 || !isfinite(m->numbers.high_value) || !lg_minimise_newton_fits(m) ||
+             lg_minimise_newton_shows(m))
         lg_minimise_finish(m, lg_minimise_no_step(m));
     else
         lg_minimise_finish(m, LG_MINIMISE_STUCK);
@@ -350,13 +351,14 @@ bool lg_minimise_creeps(lg_minimiser *m) {
 }
 
 bool lg_minimise_newton_pays(const lg_minimiser *m, double fall) {
-    return fall > PROFIT * fabs(m->numbers.value + fall);
+    return lg_minimise_newton_fits(m) && fall > PROFIT * fabs(m->numbers.value + fall);
 }
 
 /* The trial point becomes x. */
 static void accept(lg_minimiser *m, double value, const double *gradient) {
     const size_t n = m->n;
-    const bool newton = m->counts.failures > 1, last = newton && lg_minimise_newton_shows(m);
+    const bool newton = m->counts.failures > 1 && lg_minimise_newton_fits(m),
+               last = newton && lg_minimise_newton_shows(m);
     const double fall = m->numbers.value - value;
     for (size_t i = 0; i < n; i++) {
         m->s[i] = m->point[i] - m->x[i];
@@ -407,6 +409,8 @@ bool lg_minimiser_tell(lg_minimiser *m, double value, const double *gradient) {
     if (m->counts.stage == LG_STAGE_SEARCH) return tell_search(m, value, gradient);
     if (m->counts.stage == LG_STAGE_CHECK)
         tell_check(m, value, gradient);
+    else if (m->counts.stage == LG_STAGE_CURVATURE)
+        lg_minimise_curvature_tell(m, gradient);
     else
         lg_minimise_newton_tell(m, gradient);
     return false;

@@ -115,6 +115,8 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
          "minimise/counts does not fit together"},
         {c->stage != LG_STAGE_HESSIAN || (lg_minimise_newton_fits(m) && c->trials < 2 * m->n),
          "minimise/counts has more points of a Hessian than there are"},
+        {c->stage != LG_STAGE_CURVATURE || (lg_minimise_curvature_fits(m) && c->trials < LG_LANCZOS_STEPS),
+         "minimise/counts has more Lanczos vectors than there are"},
         {!searching || (isfinite(numbers->alpha) && isfinite(numbers->value) && numbers->slope < 0.0),
          "minimise/numbers is no state of a search"},
         {m->k->all_finite((size_t)(m->s - m->memory), memory) && m->k->all_finite(m->length, curvature),

@@ -12,9 +12,10 @@ typedef enum lg_minimise_stage {
     LG_STAGE_CHECK,  /* comparing g with f */
     LG_STAGE_SEARCH, /* along d */
     LG_STAGE_DONE,
-    LG_STAGE_HESSIAN /* differences of g */
+    LG_STAGE_HESSIAN,  /* differences of g: the whole Hessian */
+    LG_STAGE_CURVATURE /* the same along Lanczos vectors */
 } lg_minimise_stage;
-#define LG_MINIMISE_STAGE_COUNT 5
+#define LG_MINIMISE_STAGE_COUNT 6
 
 /* The state beside the vectors. Members of one struct are of one type: each is saved as an array. */
 typedef struct lg_minimise_counts {
@@ -121,6 +122,14 @@ bool lg_minimise_newton_fits(const lg_minimiser *m);
 /* Ends, if the Hessian cannot be looked at; else goes on to look, which ends or finds a way down. */
 lg_minimise_end lg_minimise_verify(lg_minimiser *m, lg_minimise_end end);
 void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient);
+/* Searches along d, also where g is zero and d leads from a saddle or a top. */
+void lg_minimise_leave(lg_minimiser *m);
+/* The same for many variables (minimise_curvature.c): evaluations along up to LG_LANCZOS_STEPS vectors look
+ * for a direction of negative curvature, along which the search goes on; without one the run ends. */
+enum { LG_LANCZOS_STEPS = 30 };
+bool lg_minimise_curvature_fits(const lg_minimiser *m);
+void lg_minimise_curvature_begin(lg_minimiser *m);
+void lg_minimise_curvature_tell(lg_minimiser *m, const double *gradient);
 /* Whether the Hessian was positive semidefinite and the Newton step d leaves f or x as they are. */
 bool lg_minimise_newton_shows(const lg_minimiser *m);
 
@@ -139,6 +148,12 @@ void lg_minimise_gather(lg_minimiser *m, double *x);
 /* Elements between two vectors of n. */
 static inline size_t lg_minimise_stride(size_t n) {
     return (n + 7) / 8 * 8;
+}
+
+/* Doubles that Lanczos' vectors and coefficients take; 0 where the options exclude the check. */
+static inline size_t lg_minimise_curvature_length(size_t n, const lg_minimise_options *options) {
+    const bool looks = options->check && options->ranks == NULL;
+    return looks ? LG_LANCZOS_STEPS * (lg_minimise_stride(n) + 2) : 0;
 }
 
 /* max |x_i|, NaN when one is; 0 for n = 0. */

@@ -3,9 +3,12 @@
 
 #include "nn/minimise_internal.h"
 
-/* memory: pairs s_0, y_0, s_1, y_1, ... as a ring, at a stride; then 1/y.s of each, and alphas. */
+/* memory: pairs s_0, y_0, s_1, y_1, ... as a ring, at a stride; then 1/y.s of each, and alphas. Lanczos'
+ * vectors may need more. */
 static size_t length(size_t n, const lg_minimise_options *options) {
-    return (size_t)options->memory * (2 * lg_minimise_stride(n) + 2);
+    const size_t pairs = (size_t)options->memory * (2 * lg_minimise_stride(n) + 2),
+                 least = lg_minimise_curvature_length(n, options);
+    return pairs > least ? pairs : least;
 }
 
 /* -H g from the pairs before number `count`; H_0 = (y.s/y.y) 1 of the newest one. */

@@ -53,12 +53,16 @@ static void begin(lg_minimiser *m) {
 }
 
 lg_minimise_end lg_minimise_verify(lg_minimiser *m, lg_minimise_end end) {
-    if (!lg_minimise_newton_fits(m)) {
+    const bool newton = lg_minimise_newton_fits(m);
+    if (!newton && !lg_minimise_curvature_fits(m)) {
         lg_minimise_finish(m, end);
         return end;
     }
     m->counts.failures = 2;
-    begin(m);
+    if (newton)
+        begin(m);
+    else
+        lg_minimise_curvature_begin(m);
     return LG_MINIMISE_RUNNING;
 }
 
@@ -92,10 +96,13 @@ static void solve(const lg_minimiser *m, double *x) {
 }
 
 /* d += v where f curves downwards: the eigenvector of the lowest eigenvalue, by inverse iteration, at a
- * length of STRIDE of the variable that it changes most. */
-static void add_downwards(lg_minimiser *m) {
+ * length of STRIDE of the variable that it changes most. The shift is halved while it can be: the eigenvector
+ * then grows by a factor of 2 at least beside those of positive eigenvalues. */
+static void add_downwards(lg_minimiser *m, double shift) {
     const size_t n = m->n;
     double *v = m->s, most = 0.0;
+    while (factor(m, 0.5 * shift)) shift *= 0.5;
+    (void)factor(m, shift);
     lg_minimise_check_direction(m);
     for (int i = 0; i < ITERATIONS; i++) {
         solve(m, v);
@@ -116,6 +123,16 @@ bool lg_minimise_newton_shows(const lg_minimiser *m) {
     return m->numbers.damping <= CONVEX_SHIFT && (still || fall <= LEFT * fabs(m->numbers.value));
 }
 
+void lg_minimise_leave(lg_minimiser *m) {
+    if (m->k->dot(m->n, m->g, m->d) < 0.0) {
+        lg_minimise_search(m, 1.0);
+        return;
+    }
+    m->numbers.slope = -LEAST_SLOPE;
+    lg_minimise_search_begin(m, 1.0);
+    for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
+}
+
 /* Searches along the Newton step d = -(A + shift D)^-1 g, with the least shift of a power of 10 that makes
  * the matrix positive definite. */
 static void decide(lg_minimiser *m) {
@@ -130,16 +147,12 @@ static void decide(lg_minimiser *m) {
     for (size_t i = 0; i < n; i++) m->d[i] = -m->g[i] * m->y[i];
     if (shift <= MOST_SHIFT) solve(m, m->d);
     for (size_t i = 0; i < n; i++) m->d[i] *= m->y[i];
-    if (shift > CONVEX_SHIFT && shift <= MOST_SHIFT) add_downwards(m);
+    if (shift > CONVEX_SHIFT && shift <= MOST_SHIFT) add_downwards(m, shift);
     if (m->row->invert != NULL && shift <= CONVEX_SHIFT) m->row->invert(m, m->y);
     if (lg_minimise_flat(m) && shift <= ONE_SIDED_SHIFT) {
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
-    } else if (m->k->dot(n, m->g, m->d) < 0.0) {
-        lg_minimise_search(m, 1.0);
-    } else { /* from a saddle or a top, where g is zero */
-        m->numbers.slope = -LEAST_SLOPE;
-        lg_minimise_search_begin(m, 1.0);
-        for (size_t i = 0; i < n; i++) m->point[i] = m->x[i] + m->d[i];
+    } else {
+        lg_minimise_leave(m);
     }
 }
 
