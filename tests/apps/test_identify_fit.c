@@ -326,7 +326,7 @@ TEST("logs that contradict the machine are told from those that it explains: smo
 
 /* ---- forces that the model lacks ---- */
 
-/* Of a machine with coordinates x and y (or x alone) and masses 1: y[4] = x, y, x', y' to the accelerations. */
+/* Of a machine with coordinates x and y (or x alone) and masses 1: y[4] = x, y, x', y', out: x'', y''. */
 typedef void field(const double *y, double *out);
 static void cubic(const double *y, double c, double *out) {
     out[0] = -4 * y[0] - c * y[0] * y[0] * y[0] - 0.3 * y[2];
