@@ -310,10 +310,16 @@ static lg_status record_family(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
-/* Small, across the ends of the series, next to zeros and to the pole, large, negative. */
+/* Small, across the ends of the series, next to zeros and to the pole, large, negative; squares of extreme
+ * angles. */
 static double angle(lg_rng *rng, size_t i) {
     static const double centres[] = {0.0, 1.0, 4.0, 9.8696044010893586, 16.0, 39.478417604357434, 45.0};
-    const size_t kind = i % 9;
+    static const double extreme[] = {
+        0.0,   1e-320,      1e-18, 1e-8, 10.89, 12.25, 13.69, 15.9999, 16.0001,
+        16.81, 39.47841759, 1e4,   1e8,  1e16,  1e20,  1e26,  1e30,
+    };
+    const size_t kind = i % 10;
+    if (kind == 9) return extreme[i / 10 % LG_COUNT(extreme)];
     if (kind < 7) return centres[kind] + pow(10, lg_rng_uniform_in(rng, -12, 0)) * (i % 2 == 0 ? 1 : -1);
     return kind == 7 ? lg_rng_uniform_in(rng, -60, 300) : lg_rng_uniform_in(rng, -1, 1);
 }
