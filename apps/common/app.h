@@ -297,6 +297,8 @@ void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_
 
 /* ---- files ---- */
 
+/* A regular file to be read, or NULL. Never waits, as opening a pipe that nobody writes to would. */
+FILE *app_open(const char *path);
 /* A text file in memory that replaces `path` when it is complete: temporary name beside it, fsync, rename. */
 typedef struct app_file {
     const char *path;

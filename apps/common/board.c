@@ -118,7 +118,7 @@ void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT])
     size_t n;
     lg_sha256_init(&sha);
     lg_sha256_add(&sha, text, strlen(text) + 1);
-    FILE *file = path != NULL ? fopen(path, "re") : NULL;
+    FILE *file = path != NULL ? app_open(path) : NULL;
     while (file != NULL && (n = fread(block, 1, sizeof block, file)) > 0) lg_sha256_add(&sha, block, n);
     if (file != NULL) (void)fclose(file);
     lg_sha256_finish(&sha, label);

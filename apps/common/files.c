@@ -9,6 +9,11 @@
 
 #include "liegrad/io.h"
 
+FILE *app_open(const char *path) {
+    struct stat about;
+    return stat(path, &about) == 0 && S_ISREG(about.st_mode) ? fopen(path, "rbe") : NULL;
+}
+
 void app_file_begin(app_file *file, const char *path) {
     *file = (app_file){.path = path};
     file->stream = open_memstream(&file->text, &file->length);

@@ -580,7 +580,7 @@ static int run(app *self) {
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code == APP_EXIT_OK) code = well_model_load(self, self->arguments[0], &model);
     if (code != APP_EXIT_OK) return code;
-    if (values.input != NULL) file = open(values.input, O_RDONLY | O_CLOEXEC);
+    if (values.input != NULL) file = open(values.input, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (file < 0)
         code = app_fail(self, LG_FILE, "%s: %s", values.input, strerror(errno));
     else

@@ -205,7 +205,7 @@ static void train(bench *b, learning *l) {
 
 static void read_weights(const bench *b, learning *l) {
     const size_t n = lg_hamiltonian_parameters(&l->model);
-    FILE *file = fopen(b->given->weights, "rb");
+    FILE *file = app_open(b->given->weights);
     const bool whole = file != NULL && fread(l->theta, sizeof *l->theta, n, file) == n && fgetc(file) == EOF;
     if (file != NULL) (void)fclose(file);
     if (!whole) exit(app_fail_file(b->app, LG_FORMAT, NULL, b->given->weights));

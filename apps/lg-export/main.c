@@ -123,7 +123,7 @@ static int choose_scheme(job *j) {
 static void hash_model(job *j) {
     unsigned char block[65536];
     lg_sha256 state;
-    FILE *stream = fopen(j->path, "rb");
+    FILE *stream = app_open(j->path);
     if (stream == NULL && errno == ENOMEM) app_out_of_memory();
     if (stream == NULL) return;
     lg_sha256_init(&state);

@@ -1,12 +1,10 @@
 /* Text files of rows. */
 #include "datasets/csv.h"
+#include "datasets/h5.h"
+#include "datasets/read_file.h"
 
-#include <errno.h>
 #include <math.h>
 #include <string.h>
-#include <sys/stat.h>
-
-#include "datasets/h5.h"
 
 enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 20, FIRST_LINE = 1 << 12 };
 
@@ -188,16 +186,10 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, d
 /* ---- the file ---- */
 
 static lg_status open_file(lg_csv *c, const char *what, lg_error *error) {
-    struct stat about;
+    uint64_t bytes;
     if (c->path == NULL || *c->path == '\0')
         return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
-    if (stat(c->path, &about) != 0)
-        return lg_fail(error, errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE, "%s: %s",
-                       c->shown, strerror(errno));
-    if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", c->shown);
-    c->from = fopen(c->path, "rb");
-    if (c->from == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", c->shown, strerror(errno));
-    return LG_OK;
+    return lg_read_open(c->path, &c->from, &bytes, error);
 }
 
 lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,

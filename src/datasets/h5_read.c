@@ -1,12 +1,11 @@
-#include <errno.h>
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "datasets/h5_internal.h"
+#include "datasets/read_file.h"
 
 /* Upper bound on the bytes of data in a compressed byte of the file; larger declared sizes are absurd. */
 #define EXPANSION 8192u
@@ -14,18 +13,10 @@
 /* ---- opening ---- */
 
 static lg_status check_file(const char *path, uint64_t *bytes, lg_error *error) {
-    struct stat about;
-    const char *shown = lg_shown_path(path);
-    if (stat(path, &about) != 0) {
-        lg_status status = errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE;
-        return lg_fail(error, status, "%s: %s", shown, strerror(errno));
-    }
-    if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", shown);
-    if (access(path, R_OK) != 0)
-        return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
-    if (about.st_size == 0) return lg_fail(error, LG_FORMAT, "%s: is empty", shown);
-    *bytes = (uint64_t)about.st_size;
-    return LG_OK;
+    FILE *file;
+    LG_TRY(lg_read_open(path, &file, bytes, error));
+    (void)fclose(file);
+    return *bytes > 0 ? LG_OK : lg_fail(error, LG_FORMAT, "%s: is empty", lg_shown_path(path));
 }
 
 static hid_t new_access_list(void) {
@@ -55,8 +46,9 @@ static hid_t open_image(void *image, size_t bytes) {
 
 /* HDF5 by itself would open the file for writing, though nothing is written to it. */
 static hid_t open_copy(const lg_context *context, const char *path, uint64_t bytes) {
-    FILE *from = fopen(path, "rb");
-    void *image = from != NULL ? lg_alloc(context, (size_t)bytes, 1) : NULL;
+    FILE *from = NULL;
+    uint64_t now;
+    void *image = lg_read_open(path, &from, &now, NULL) == LG_OK ? lg_alloc(context, (size_t)bytes, 1) : NULL;
     const bool whole = image != NULL && fread(image, 1, (size_t)bytes, from) == bytes;
     hid_t file = whole ? open_image(image, (size_t)bytes) : H5I_INVALID_HID;
     lg_free(context, image);

@@ -5,6 +5,7 @@
 
 #include "datasets/h5.h"
 #include "datasets/log_table.h"
+#include "datasets/read_file.h"
 
 enum { FIRST_ROWS = 1024, FIRST_WARNINGS = 8 };
 
@@ -15,11 +16,8 @@ lg_status lg_log_no_memory(const char *path, lg_error *error) {
 static bool is_h5(const lg_log_table *table, uint32_t file) {
     static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
     unsigned char first[8] = {0};
-    FILE *from = fopen(table->paths[file], "rb");
-    if (from == NULL) return false;
-    const size_t got = fread(first, 1, sizeof first, from);
-    (void)fclose(from);
-    return got == sizeof first && memcmp(first, signature, sizeof first) == 0;
+    return lg_read_first(table->paths[file], first, sizeof first) == sizeof first &&
+           memcmp(first, signature, sizeof first) == 0;
 }
 
 lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, const char *format, ...) {

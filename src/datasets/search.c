@@ -1,15 +1,14 @@
 /* Random search: ranges from YAML, trials as CSV. */
-#include <errno.h>
 #include <float.h>
 #include <inttypes.h>
 #include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <yaml.h>
 
 #include "datasets/h5.h"
+#include "datasets/read_file.h"
 #include "datasets/yaml.h"
 
 /* ---- ranges ---- */
@@ -595,23 +594,20 @@ static lg_status parse_table(table *t, const lg_search_file *search, uint64_t se
 
 static lg_status read_text(const lg_context *context, const char *path, char **out, lg_error *error) {
     const char *shown = lg_shown_path(path);
-    struct stat about;
-    if (stat(path, &about) != 0)
-        return lg_fail(error, errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE, "%s: %s", shown,
-                       strerror(errno));
-    if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", shown);
-    if (about.st_size == 0) return lg_fail(error, LG_FORMAT, "%s: line 1: is empty", shown);
-    if ((uintmax_t)about.st_size > MAX_BYTES)
-        return lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
-    const size_t size = (size_t)about.st_size;
-    FILE *file = fopen(path, "rb");
-    if (file == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
-    char *data = lg_alloc(context, size + 1, 1);
+    FILE *file;
+    uint64_t bytes;
+    LG_TRY(lg_read_open(path, &file, &bytes, error));
+    const size_t size = bytes <= MAX_BYTES ? (size_t)bytes : 0;
+    char *data = size > 0 ? lg_alloc(context, size + 1, 1) : NULL;
     const bool whole = data != NULL && fread(data, 1, size, file) == size;
     (void)fclose(file);
     const char *hole = whole ? memchr(data, '\0', size) : NULL;
     lg_status status = LG_OK;
-    if (data == NULL)
+    if (bytes == 0)
+        status = lg_fail(error, LG_FORMAT, "%s: line 1: is empty", shown);
+    else if (bytes > MAX_BYTES)
+        status = lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
+    else if (data == NULL)
         status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
     else if (!whole)
         status = lg_fail(error, LG_FILE, "%s: cannot be read", shown);

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "datasets/read_file.h"
 #include "datasets/table_reading.h"
 
 enum { MAGIC = 8, LONGEST_HEADER = 1 << 16, MOST_BYTES = 8, CHECK = 1 << 16 };
@@ -172,10 +173,9 @@ static lg_status read_file(lg_table_reading *r, npy *n, lg_error *error) {
 lg_status lg_table_read_npy(lg_table_reading *r, lg_error *error) {
     npy *n = lg_alloc(r->context, 1, sizeof *n);
     if (n == NULL) return lg_table_no_memory(r, error);
-    n->from = fopen(r->path, "rb");
-    const lg_status status =
-        n->from != NULL ? read_file(r, n, error)
-                        : lg_fail(error, LG_FILE, "%s: cannot be read: %s", r->shown, strerror(errno));
+    uint64_t bytes;
+    lg_status status = lg_read_open(r->path, &n->from, &bytes, error);
+    if (status == LG_OK) status = read_file(r, n, error);
     if (n->from != NULL) (void)fclose(n->from);
     lg_free(r->context, n);
     return status;

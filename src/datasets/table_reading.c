@@ -1,14 +1,14 @@
 /* Tables of numbers: names, rows, classes. */
+#include "datasets/log_table.h"
+#include "datasets/names.h"
+#include "datasets/read_file.h"
+#include "datasets/table_names.h"
 #include "datasets/table_reading.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "datasets/log_table.h"
-#include "datasets/names.h"
-#include "datasets/table_names.h"
 
 enum { FIRST_NAMES = 16, FIRST_NUMBERS = 8192 };
 
@@ -327,9 +327,7 @@ static lg_status read_any(lg_table_reading *r, lg_error *error) {
     static const unsigned char h5[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'},
                                npy[6] = {0x93, 'N', 'U', 'M', 'P', 'Y'};
     unsigned char first[8] = {0};
-    FILE *from = r->path != NULL ? fopen(r->path, "rb") : NULL;
-    const size_t got = from != NULL ? fread(first, 1, sizeof first, from) : 0;
-    if (from != NULL) (void)fclose(from);
+    const size_t got = r->path != NULL ? lg_read_first(r->path, first, sizeof first) : 0;
     if (got == sizeof h5 && memcmp(first, h5, sizeof h5) == 0) return lg_table_read_h5(r, error);
     if (got >= sizeof npy && memcmp(first, npy, sizeof npy) == 0) return lg_table_read_npy(r, error);
     return lg_table_read_csv(r, error);

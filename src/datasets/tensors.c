@@ -1,13 +1,12 @@
 /* Named tensors: safetensors files. The header is JSON, which libyaml reads. */
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <yaml.h>
 
 #include "datasets/h5.h"
+#include "datasets/read_file.h"
 #include "datasets/yaml.h"
 #include "liegrad/tables.h"
 
@@ -229,20 +228,6 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
 
 /* ---- the file ---- */
 
-static lg_status open_file(reading *r, lg_error *error) {
-    struct stat about;
-    if (stat(r->path, &about) != 0)
-        return lg_fail(error, errno == ENOENT ? LG_NOT_FOUND : LG_FILE, "%s: %s", lg_shown_path(r->path),
-                       strerror(errno));
-    if (!S_ISREG(about.st_mode))
-        return lg_fail(error, LG_FILE, "%s: is not a regular file", lg_shown_path(r->path));
-    r->from = fopen(r->path, "rb");
-    if (r->from == NULL)
-        return lg_fail(error, LG_FILE, "%s: cannot be read: %s", lg_shown_path(r->path), strerror(errno));
-    r->bytes = (uint64_t)about.st_size;
-    return LG_OK;
-}
-
 /* The length of the header (8 bytes, the least first), then the header. */
 static lg_status read_header(reading *r, lg_error *error) {
     unsigned char first[8] = {0};
@@ -261,7 +246,7 @@ static lg_status read_header(reading *r, lg_error *error) {
 }
 
 static lg_status read_all(reading *r, lg_error *error) {
-    LG_TRY(open_file(r, error));
+    LG_TRY(lg_read_open(r->path, &r->from, &r->bytes, error));
     LG_TRY(read_header(r, error));
     LG_TRY(take_all(r, error));
     LG_TRY(check_places(r, error));

@@ -1,13 +1,11 @@
+#include "datasets/h5.h"
+#include "datasets/read_file.h"
 #include "datasets/yaml.h"
 
-#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <yaml.h>
-
-#include "datasets/h5.h"
 
 #define MAX_BYTES ((size_t)1 << 20)
 #define MAX_DEPTH 16 /* brackets inside brackets */
@@ -48,15 +46,11 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
                         lg_error *error) {
     if (path == NULL || *path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     const char *shown = lg_shown_path(path);
-    struct stat about;
-    if (stat(path, &about) != 0)
-        return lg_fail(error, errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE, "%s: %s", shown,
-                       strerror(errno));
-    if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", shown);
-    FILE *file = fopen(path, "rb");
-    if (file == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
+    FILE *file;
+    uint64_t told;
+    LG_TRY(lg_read_open(path, &file, &told, error));
     /* One byte more than there should be tells that the file grows. */
-    const size_t room = ((uintmax_t)about.st_size < MAX_BYTES ? (size_t)about.st_size : MAX_BYTES) + 1;
+    const size_t room = (told < MAX_BYTES ? (size_t)told : MAX_BYTES) + 1;
     unsigned char *data = lg_alloc(context, room + 1, 1);
     size_t size = data != NULL ? fread(data, 1, room, file) : 0;
     bool broken = ferror(file) != 0;

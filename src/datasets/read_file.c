@@ -1,0 +1,32 @@
+/* Input files. */
+#include <errno.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "datasets/h5.h"
+#include "datasets/read_file.h"
+
+lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *error) {
+    const char *shown = lg_shown_path(path);
+    struct stat about;
+    if (stat(path, &about) != 0)
+        return lg_fail(error, errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE, "%s: %s", shown,
+                       strerror(errno));
+    if (!S_ISREG(about.st_mode))
+        return lg_fail(error, LG_FILE, "%s: is not a regular file; save what a pipe gives as a file first",
+                       shown);
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
+    *out = file;
+    *bytes = (uint64_t)about.st_size;
+    return LG_OK;
+}
+
+size_t lg_read_first(const char *path, void *out, size_t room) {
+    FILE *from = NULL;
+    uint64_t bytes;
+    if (lg_read_open(path, &from, &bytes, NULL) != LG_OK) return 0;
+    const size_t got = fread(out, 1, room, from);
+    (void)fclose(from);
+    return got;
+}
