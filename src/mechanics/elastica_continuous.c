@@ -31,7 +31,8 @@
 #define TAIL         1e-13
 #define STEP_MAX     0.5
 #define FINE_MAX     4096
-#define FAR          0.3 /* radians; a result farther from its discrete start is on another branch */
+#define SHORT        1e-3 /* of 1 - d; 60 times what the coarsest discrete problem takes up */
+#define FAR          0.3  /* radians; a result farther from its discrete start is on another branch */
 
 /* Matrices of the reference panel. */
 typedef struct reference {
@@ -498,10 +499,9 @@ static double bending_energy(const lg_collocation *c) {
     return energy;
 }
 
-lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam, const double *theta,
-                               const double force[2], double tolerance) {
+/* Newton's method and refinement from what is there. */
+static lg_status solve_on(lg_collocation *collocation, const lg_beam *beam, double tolerance) {
     bool done = false;
-    start(collocation, beam, theta, force);
     for (int i = 0; i < REFINEMENTS && !done; i++) {
         LG_TRY(newton(collocation, beam));
         LG_TRY(refine(collocation, fmax(tolerance, 16.0 * DBL_EPSILON), &done));
@@ -509,6 +509,24 @@ lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam,
     if (!done) return LG_NO_CONVERGENCE;
     collocation->energy = bending_energy(collocation);
     return LG_OK;
+}
+
+lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam, const double *theta,
+                               const double force[2], double tolerance) {
+    start(collocation, beam, theta, force);
+    return solve_on(collocation, beam, tolerance);
+}
+
+/* All angles times `factor`, under the same force. */
+static void scale_angles(lg_collocation *c, double factor) {
+    for (size_t j = 0; j < c->count; j++) {
+        panel *p = &c->panels[j];
+        p->theta *= factor;
+        p->slope *= factor;
+        for (size_t i = 0; i < M; i++) p->w[i] *= factor;
+    }
+    c->last *= factor;
+    c->slope *= factor;
 }
 
 void lg_collocation_result_get(const lg_collocation *collocation, lg_collocation_result *out) {
@@ -549,13 +567,19 @@ size_t lg_collocation_grid(const lg_beam *beam) {
     return lg_beam_coarse(&fine);
 }
 
+/* Whether the solution is a minimum. */
+static lg_status judge(const lg_collocation *c, const lg_beam *beam, lg_beam_work *work, lg_beam_end *end) {
+    lg_collocation_sample(c, beam->n, work->before, NULL);
+    work->negative = lg_beam_inertia(beam, work, work->before, c->force);
+    *end = work->negative == 0 ? LG_BEAM_MINIMUM : LG_BEAM_SADDLE;
+    return LG_OK;
+}
+
 lg_status lg_collocation_polish(lg_collocation *c, const lg_beam *beam, lg_beam_work *work,
                                 lg_beam_end *end) {
     LG_TRY(lg_collocation_solve(c, beam, work->theta, work->force, work->tolerance));
     if (!is_near(c, beam, work->theta, work->before)) return LG_NO_CONVERGENCE;
-    work->negative = lg_beam_inertia(beam, work, work->before, c->force);
-    *end = work->negative == 0 ? LG_BEAM_MINIMUM : LG_BEAM_SADDLE;
-    return LG_OK;
+    return judge(c, beam, work, end);
 }
 
 /* Solves finer and finer discrete problems until the collocation converges from one of them. Gives up when
@@ -580,6 +604,33 @@ static lg_status solve_from(lg_collocation *c, lg_beam *fine, const double *gues
         *end = LG_BEAM_LOST;
     }
     return status;
+}
+
+/* Nearly straight beams. The discrete problem has no bent minimum for 1 - d below about 1.1/n^2, its soft ends
+ * take it up; and angles go like sqrt(1 - d). So the beam with f times the angles and f^2 times 1 - d is solved
+ * and 1/f of its angles, under its force, are the start (terms of the order of 1 - d are missing). */
+static lg_status solve_small(lg_collocation *c, const lg_beam *beam, double step, lg_beam_work *work,
+                             lg_beam_end *end) {
+    const double largest = fmax(fabs(beam->first), fabs(beam->last));
+    const double f = fmin(sqrt(SHORT / (1.0 - beam->d)), largest > 0.0 ? 1.0 / largest : INFINITY);
+    lg_beam scaled = *beam;
+    if (!(f > 1.0)) return LG_NO_CONVERGENCE;
+    scaled.first *= f;
+    scaled.last *= f;
+    scaled.d = 1.0 - f * f * (1.0 - beam->d);
+    LG_TRY(solve_from(c, &scaled, NULL, 0, step, work, end));
+    scale_angles(c, 1.0 / f);
+    scaled.d = beam->d;
+    scaled.first = beam->first;
+    scaled.last = beam->last;
+    LG_TRY(solve_on(c, &scaled, work->tolerance));
+    return judge(c, &scaled, work, end);
+}
+
+static lg_status solve(lg_collocation *c, lg_beam *beam, double step, lg_beam_work *work, lg_beam_end *end) {
+    const lg_status status = solve_small(c, beam, step, work, end);
+    if (status != LG_NO_CONVERGENCE && (status != LG_OK || *end == LG_BEAM_MINIMUM)) return status;
+    return solve_from(c, beam, NULL, 0, step, work, end);
 }
 
 static void report(const lg_beam_frame *frame, const lg_collocation *c, const lg_beam_work *work,
@@ -651,7 +702,9 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
         guess = lg_alloc(context, frame.beam.n + 1, sizeof *guess);
         status = guess ? take_guess(&frame, o.guess, guess, error) : LG_OUT_OF_MEMORY;
     }
-    if (status == LG_OK) status = solve_from(c, &fine, guess, frame.beam.n, o.max_step, &work, &end);
+    if (status == LG_OK)
+        status = guess ? solve_from(c, &fine, guess, frame.beam.n, o.max_step, &work, &end)
+                       : solve(c, &fine, o.max_step, &work, &end);
     if (status == LG_OK) {
         lg_collocation_export(c, problem, &frame, theta, q);
         if (solution) report(&frame, c, &work, solution);

@@ -116,6 +116,59 @@ TEST("half loops and circles are closed forms") {
     for (size_t k = 0; k <= 50; k++) assert_close(theta[k], -2.0 - 2.0 * PI * (double)k / 50.0, 0, 1e-11);
 }
 
+/* Clamped ends, 1 - d = x: 2 E(m)/K(m) - 1 = d (as a double), energy 32 K (E - (1 - m) K), force -(4 K)^2; mpmath. */
+TEST("nearly straight beams buckle as the elliptic integrals say, down to a shortening of 1e-12") {
+    static const double rows[][3] = {
+        {1e-1, 4.050408891634514, -41.57025579315579},
+        {1e-2, 0.39577485385465958, -39.676926538343484},
+        {1e-3, 0.039488290911480208, -39.498167922945326},
+        {1e-4, 0.0039479404601805831, -39.480391636277179},
+        {1e-5, 0.00039478516300591889, -39.478614997555792},
+        {1e-6, 3.9478427475100765e-5, -39.478437343577341},
+        {1e-7, 3.9478418570538215e-6, -39.478419578278425},
+        {1e-8, 3.9478417901423025e-7, -39.478417801749525},
+        {1e-9, 3.9478416497701137e-8, -39.478417624096643},
+        {1e-10, 3.9478420871803314e-9, -39.478417606331356},
+        {1e-11, 3.947842087091505e-10, -39.478417604554827},
+        {1e-12, 3.947754427386222e-11, -39.478417604377173},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        double angles[51];
+        lg_elastica_solution s;
+        const lg_elastica p = {.length = 1, .stiffness = 1, .qN = {1 - rows[i][0], 0}, .intervals = 50};
+        assert_ok(lg_elastica_solve_continuous(NULL, &p, NULL, angles, NULL, &s, NULL));
+        assert_close(s.energy, rows[i][1], 1e-12 + 5e-16 / rows[i][0], 0);
+        assert_close(s.force[0], rows[i][2], 1e-11, 0);
+        assert_int_equal(s.negative_eigenvalues, 0);
+    }
+}
+
+/* Angles are sqrt(x) times a shape and a sum of terms of order x^1.5. */
+TEST("nearly straight beams between any tangents have one shape, sqrt(1 - d) times as large") {
+    static const double ends[][2] = {{0, 0},   {0.9, -0.9}, {0, 0.9},   {0.9, 0},    {1, 1},    {-1, -2},
+                                     {1, 0.2}, {3, -3},     {2.5, 0.1}, {1e-3, 0.0}, {-4, 3.5}, {0.3, -0.2}};
+    for (size_t i = 0; i < LG_COUNT(ends); i++)
+        for (double x = 1e-11; x < 2e-5; x *= 10) {
+            lg_elastica_solution s[2];
+            for (int k = 0; k < 2; k++) {
+                const double short_by = k == 0 ? x : 1e-5, size = sqrt(short_by);
+                double angles[51];
+                lg_error error = {LG_OK, ""};
+                const lg_elastica p = {.length = 1,
+                                       .stiffness = 1,
+                                       .qN = {1 - short_by, 0},
+                                       .theta0 = size * ends[i][0],
+                                       .rotation = size * (ends[i][1] - ends[i][0]),
+                                       .intervals = 50};
+                if (lg_elastica_solve_continuous(NULL, &p, NULL, angles, NULL, &s[k], &error) != LG_OK)
+                    fail_msg("%g %g, %g: %s", ends[i][0], ends[i][1], short_by, error.message);
+                s[k].energy /= 1 - p.qN[0];
+            }
+            assert_close(s[0].energy, s[1].energy, 1e-3 + 1e-14 / x, 0);
+            assert_close(s[0].force[0], s[1].force[0], 1e-3 + 1e-14 / x, 0);
+        }
+}
+
 TEST("a guess chooses the minimum") {
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
     lg_elastica_options o;
