@@ -1,5 +1,8 @@
-/* Values far from all others of their column, for a row or two: outliers. */
+/* Values far from all others of their column, for a row or two: outliers. Values beside which the others are
+ * rounding errors: faults of the log. */
+#include <float.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "datasets/h5.h"
@@ -71,15 +74,36 @@ static lg_status warn_of_column(lg_log_table *t, uint32_t column, size_t first, 
                           t->machine->columns[column].name, lg_log_row(t, at)[column], b.low, b.high, count);
 }
 
-lg_status lg_log_warn_of_jumps(lg_log_table *table) {
+/* A square that overflows, or the range of the others below the rounding of the value. */
+static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t first, size_t end, double *work,
+                             lg_error *error) {
+    bulk b;
+    const bool found = find_bulk(t, column, first, end, work, &b);
+    for (size_t row = first; row < end; row++) {
+        const double x = lg_log_row(t, row)[column];
+        if (isnan(x) || (isfinite(x * x) && !(found && distance(&b, x) * DBL_EPSILON > b.far))) continue;
+        char others[80] = "";
+        if (found)
+            (void)snprintf(others, sizeof others, ", most rows are between %.6g and %.6g", b.low, b.high);
+        return lg_log_fail(t, row, error,
+                           "column %s: %.6g is so large that other rows are nothing beside it%s: an outlier? "
+                           "leave this cell empty",
+                           t->machine->columns[column].name, x, others);
+    }
+    return LG_OK;
+}
+
+lg_status lg_log_judge_jumps(lg_log_table *table, lg_error *error) {
     double *work = lg_alloc(table->context, MOST_SORTED + 1, sizeof *work);
-    lg_status status = work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    lg_status status = work != NULL ? LG_OK : lg_log_no_memory(table->paths[0], error);
     for (size_t first = 0, end = 1; first < table->rows && status == LG_OK; first = end++) {
         while (end < table->rows && table->origin[end].file == table->origin[first].file) end++;
         for (uint32_t i = 0; i < table->columns && status == LG_OK; i++) {
             const lg_log_role role = table->machine->columns[i].role;
-            if (role != LG_LOG_TIME && role != LG_LOG_RUN)
-                status = warn_of_column(table, i, first, end, work);
+            if (role == LG_LOG_TIME || role == LG_LOG_RUN) continue;
+            status = refuse_huge(table, i, first, end, work, error);
+            if (status == LG_OK && warn_of_column(table, i, first, end, work) != LG_OK)
+                status = lg_log_no_memory(table->paths[0], error);
         }
     }
     lg_free(table->context, work);

@@ -404,7 +404,7 @@ static lg_status read_logs(reading *r) {
     LG_TRY(measure_steps(r));
     LG_TRY(measure_columns(r));
     LG_TRY(warned(r, warn_of_columns(r)));
-    LG_TRY(warned(r, lg_log_warn_of_jumps(t)));
+    LG_TRY(lg_log_judge_jumps(t, r->error));
     LG_TRY(cut(r));
     LG_TRY(lg_log_clean(t, r->error));
     LG_TRY(find_noise(r));

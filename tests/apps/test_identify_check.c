@@ -432,6 +432,36 @@ TEST("a jump of an input and back is told with file, line and column, and steps,
     assert_says(result.err, "second.csv: line 72: column x: jumps to 40");
 }
 
+TEST("a cell beside which all others are nothing is refused with file, line and column, whatever reads it") {
+    static const char *const commands[] = {"check input.yaml first.csv second.csv",
+                                           "fit input.yaml first.csv second.csv --out m.h5",
+                                           "fit input.yaml first.csv --validation second.csv --out m.h5"};
+    static const double values[] = {1e308, -1e308, 1e155, 1e20, -1e20};
+    static const char *const spoiled[] = {"u", "x", "vx", "u"};
+    for (size_t c = 0; c < LG_COUNT(commands); c++)
+        for (size_t k = 0; k < LG_COUNT(values); k++)
+            for (size_t column = 0; column < LG_COUNT(spoiled); column++) {
+                const bool idle =
+                    column == 3; /* an input that is 0 else: 1e20 is then all that is known of it */
+                char want[64];
+                sheet *s = good_sheet();
+                if (idle && fabs(values[k]) < 1e154) continue;
+                for (size_t row = 0; row < ROWS && idle; row++) s->u[row] = 0;
+                if (spoiled[column][0] == 'u')
+                    s->u[70] = values[k];
+                else
+                    s->cells[70][column == 1 ? X : VX] = values[k];
+                write_sheet("second.csv", s);
+                (void)snprintf(want, sizeof want, "second.csv: line 72: column %s: %g is so large",
+                               spoiled[column], values[k]);
+                cli_expect(identify, commands[c], 3, want, &result);
+            }
+    sheet *s = good_sheet();
+    s->cells[70][X] = 1e308;
+    write_sheet("second.csv", s);
+    cli_expect(identify, "check place.yaml second.csv", 3, "line 72: column x: 1e+308 is so large", &result);
+}
+
 TEST("positions that are late are told with their lag, noisy or not, and a sensor that is stuck with its "
      "rows") {
     static const double sizes[] = {0.0, 1e-3};
