@@ -52,6 +52,32 @@ static double deviation(const lg_log_table *table, uint32_t column, int k, doubl
     return median > 0 ? median : sqrt(squares / (double)count);
 }
 
+/* The step of a column of coarse numbers, of which half at least are there more than once; 0: none. Steps
+ * that are equal because a motion is steady have each number once. */
+static double step_of(const lg_log_table *table, uint32_t column, double *work) {
+    const size_t stride = table->rows / MOST_WINDOWS + 1;
+    size_t count = 0, different = 0;
+    double least = INFINITY;
+    for (size_t row = 0; row < table->rows && count < MOST_WINDOWS; row += stride) {
+        const double x = lg_log_row(table, row)[column];
+        if (isfinite(x)) work[count++] = x;
+    }
+    if (table->machine->columns[column].role == LG_LOG_INPUT) return 0;
+    qsort(work, count, sizeof *work, compare);
+    for (size_t i = 1; i < count; i++) {
+        const double gap = work[i] - work[i - 1];
+        if (!(gap > 0)) continue;
+        least = fmin(least, gap);
+        different++;
+    }
+    if (different < FEWEST_WINDOWS || 2 * different > count) return 0;
+    for (size_t i = 1; i < count; i++) {
+        const double steps = (work[i] - work[i - 1]) / least;
+        if (fabs(steps - round(steps)) > 1e-3) return 0;
+    }
+    return least;
+}
+
 lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most) {
     double *work = lg_alloc(table->context, MOST_WINDOWS, sizeof *work);
     if (work == NULL) return LG_OUT_OF_MEMORY;
@@ -63,6 +89,10 @@ lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise
         if (!*at_most) break;
         *noise = next;
     }
+    /* Numbers that are rounded to steps are off by a step/sqrt(12); where the column is slow, by the same
+     * amount for many rows, which differences do not show. */
+    const double rounding = step_of(table, column, work) / sqrt(12);
+    if (rounding > *noise) *noise = rounding, *at_most = false;
     lg_free(table->context, work);
     return LG_OK;
 }
