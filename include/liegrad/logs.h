@@ -83,9 +83,11 @@ typedef struct lg_log_options {
 LG_API void lg_log_options_init(lg_log_options *options);
 
 typedef struct lg_log_statistics {
-    double low, high;   /* as in the log, after scaling; NaN: all values are missing */
-    size_t missing;     /* rows without it */
-    double noise;       /* estimated standard deviation; NaN: too few rows */
+    double low, high; /* as in the log, after scaling; NaN: all values are missing */
+    size_t missing;   /* rows without it */
+    /* Estimated standard deviation; of coarse positions and velocities at least step/sqrt(12). NaN: too few
+     * rows. */
+    double noise;
     bool noise_at_most; /* the column is smooth: its noise is not more than that */
 } lg_log_statistics;
 
@@ -110,7 +112,8 @@ typedef struct lg_logs {
 } lg_logs;
 
 /* Reads CSV or HDF5 files. options NULL: the defaults. Errors: LG_NOT_FOUND, LG_FILE, LG_OUT_OF_MEMORY;
- * LG_FORMAT with file, line (HDF5: row, from 1) and column: text, missing columns, time that does not
+ * LG_FORMAT with file, line (HDF5: row, from 1) and column: text, missing columns, numbers beside which the
+ * others of a column are nothing, time that does not
  * increase, attitudes that are none, columns that do not belong together. */
 LG_API lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file,
                               const char *const *paths, size_t count, const lg_log_options *options,
