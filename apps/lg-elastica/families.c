@@ -23,7 +23,7 @@ static void warn_impossible(const app *self, const char *path, const lg_elastica
         app_warn(
             self,
             "%s: %zu nodes are no points of a beam, the first is node %zu of curve %zu (from 0): more than "
-            "twice the length from its start, or a tangent longer than 2; errors and losses are theirs",
+            "twice the length from its start, or a tangent longer than 2; most of the error comes from them",
             path, count, node, curve);
 }
 

@@ -238,7 +238,7 @@ int warn_infinite(const app *self, size_t infinite, size_t rows, const char *pat
 
 void warn_far_outputs(const app *self, const lg_table_file *file, const fit_table *table) {
     const column_names names = {table->outputs, file->output_name};
-    warn_far(self, table, table->inputs, &names, "the errors are theirs");
+    warn_far(self, table, table->inputs, &names, "most of the error comes from them");
 }
 
 int warn_judgement(const app *self, const lg_table_file *file, const judgement *j, const char *path) {

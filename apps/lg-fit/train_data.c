@@ -224,7 +224,8 @@ static int check_cells(const app *self, const training *state) {
     if (code != APP_EXIT_OK) return code;
     warn_far(self, table, 0, &state->inputs,
              "the column is scaled without them, and the fit has to follow them");
-    warn_far(self, table, state->inputs.count, &outputs, "the fit follows them, and its errors are theirs");
+    warn_far(self, table, state->inputs.count, &outputs,
+             "the fit follows them, and most of its error comes from them");
     return APP_EXIT_OK;
 }
 

@@ -1,5 +1,5 @@
-/* Values far from all others of their column, for a row or two: outliers. Values beside which the others are
- * rounding errors: faults of the log. */
+/* Values far from all others of their column, for a row or two: outliers. Values so large that the others are
+ * lost in their rounding: faults of the log. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -85,10 +85,11 @@ static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t firs
         char others[80] = "";
         if (found)
             (void)snprintf(others, sizeof others, ", most rows are between %.6g and %.6g", b.low, b.high);
-        return lg_log_fail(t, row, error,
-                           "column %s: %.6g is so large that other rows are nothing beside it%s: an outlier? "
-                           "leave this cell empty",
-                           t->machine->columns[column].name, x, others);
+        return lg_log_fail(
+            t, row, error,
+            "column %s: %.6g is so large that the other rows are lost in its rounding%s: an outlier? "
+            "leave this cell empty",
+            t->machine->columns[column].name, x, others);
     }
     return LG_OK;
 }

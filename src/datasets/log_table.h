@@ -61,7 +61,7 @@ lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error);
 lg_status lg_log_read_csv(lg_log_table *table, uint32_t file, lg_error *error);
 lg_status lg_log_read_h5(lg_log_table *table, uint32_t file, lg_error *error);
 
-/* Of each file and column, refuses values that are so large that the others are nothing beside them, and
+/* Of each file and column, refuses values so large that the others are lost in their rounding, and
  * tells those that jump far from all others and back within two rows. */
 lg_status lg_log_judge_jumps(lg_log_table *table, lg_error *error);
 

@@ -606,9 +606,9 @@ static lg_status solve_from(lg_collocation *c, lg_beam *fine, const double *gues
     return status;
 }
 
-/* Nearly straight beams. The discrete problem has no bent minimum for 1 - d below about 1.1/n^2, its soft ends
- * take it up; and angles go like sqrt(1 - d). So the beam with f times the angles and f^2 times 1 - d is solved
- * and 1/f of its angles, under its force, are the start (terms of the order of 1 - d are missing). */
+/* Nearly straight beams. The discrete problem has no bent minimum for 1 - d below about 1.1/n^2: its soft
+ * ends take up so much. Angles go like sqrt(1 - d). So the beam with f times the angles and f^2 times 1 - d
+ * is solved; 1/f of its angles, under its force, is the start, right but for terms of order 1 - d. */
 static lg_status solve_small(lg_collocation *c, const lg_beam *beam, double step, lg_beam_work *work,
                              lg_beam_end *end) {
     const double largest = fmax(fabs(beam->first), fabs(beam->last));

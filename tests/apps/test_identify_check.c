@@ -432,7 +432,8 @@ TEST("a jump of an input and back is told with file, line and column, and steps,
     assert_says(result.err, "second.csv: line 72: column x: jumps to 40");
 }
 
-TEST("a cell beside which all others are nothing is refused with file, line and column, whatever reads it") {
+TEST("a cell so large that the others are lost in its rounding is refused with file, line and column, "
+     "whatever reads it") {
     static const char *const commands[] = {"check input.yaml first.csv second.csv",
                                            "fit input.yaml first.csv second.csv --out m.h5",
                                            "fit input.yaml first.csv --validation second.csv --out m.h5"};

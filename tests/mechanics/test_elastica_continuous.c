@@ -116,7 +116,8 @@ TEST("half loops and circles are closed forms") {
     for (size_t k = 0; k <= 50; k++) assert_close(theta[k], -2.0 - 2.0 * PI * (double)k / 50.0, 0, 1e-11);
 }
 
-/* Clamped ends, 1 - d = x: 2 E(m)/K(m) - 1 = d (as a double), energy 32 K (E - (1 - m) K), force -(4 K)^2; mpmath. */
+/* Clamped ends, 1 - d = x: 2 E(m)/K(m) - 1 = d (as a double), energy 32 K (E - (1 - m) K), force -(4 K)^2;
+ * mpmath. */
 TEST("nearly straight beams buckle as the elliptic integrals say, down to a shortening of 1e-12") {
     static const double rows[][3] = {
         {1e-1, 4.050408891634514, -41.57025579315579},
