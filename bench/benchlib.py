@@ -43,7 +43,7 @@ def find_lg_bench(build):
     for folder in ([build] if build else []) + [os.environ.get("LIEGRAD_BUILD", ""), os.path.join(ROOT, "build")]:
         path = os.path.join(folder, "bin", "lg-bench")
         if folder and os.access(path, os.X_OK):
-            return path
+            return os.path.abspath(path)
     raise SystemExit("lg-bench is not built; scripts/configure build && cmake --build build (or --build FOLDER)")
 
 
