@@ -393,11 +393,26 @@ RECORDING(record_calls) {
     y[0] = now;
 }
 
-TEST("a call that wants one output of several compiles without a warning") {
+RECORDING(record_still) {
+    const double row[9] = {1, 2, 3, 4, 5, 6, 7, 8, 9};
+    const lg_var one = lg_input(tape, lg_shape2(1, 9), row);
+    y[0] = lg_broadcast_to(tape, one, lg_shape2(lg_var_shape(tape, x[0]).dims[0], 9));
+}
+
+RECORDING(record_joined) {
+    const lg_var still = lg_program_call(tape, "still", 0, x), both[2] = {still, still};
+    const lg_var joined = lg_concat(tape, both, 2, 1);
+    y[0] = lg_program_call(tape, "still", 0, &joined);
+}
+
+TEST("calls whose outputs are constants, and of which one is wanted, compile without a warning") {
     const lg_port in = {.name = "x", .shape = {1, {3}}}, out[] = {{.name = "y"}, {.name = "z"}};
+    const lg_port wide = {.name = "x", .shape = {1, {18}}};
     const lg_function_spec functions[] = {{"f", &in, 1, out, 2, record_constants, NULL},
-                                          {"g", &in, 1, out, 1, record_calls, NULL}};
-    const lg_program_spec spec = spec_of(NULL, 0, functions, 2);
+                                          {"g", &in, 1, out, 1, record_calls, NULL},
+                                          {"still", &wide, 1, out, 1, record_still, NULL},
+                                          {"joined", &wide, 1, out, 1, record_joined, NULL}};
+    const lg_program_spec spec = spec_of(NULL, 0, functions, LG_COUNT(functions));
     const bundle b = {.program = test_program(&spec)};
     for (int single = 0; single < 2; single++) {
         compiled c = compile(&b, has("gcc") ? "gcc" : "clang", "-O2", single ? LG_F32 : LG_F64, true);
