@@ -170,6 +170,19 @@ static double known_energy(const lg_machine *machine, const moments *size) {
     return count > 0 ? exp(logs / (double)count) : 0.0;
 }
 
+/* Why there is no time scale. */
+static lg_status refuse_motion(const lg_machine *machine, const moments *size, lg_error *error) {
+    bool moves = false, turns = false;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) moves = moves || size->velocity[i] > 0.0;
+    for (uint32_t k = 0; k < machine->velocities; k++) turns = turns || size->acceleration[k] > 0.0;
+    return lg_fail(
+        error, LG_FORMAT, "%s",
+        !moves   ? "nothing moves in the logs: nothing can be learned"
+        : !turns ? "all velocities are constant in the logs: forces that would change them, and masses, "
+                   "cannot be learned; log a motion that speeds up or slows down"
+                 : "velocities or accelerations in the logs overflow: give them in larger units");
+}
+
 lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error) {
     LG_NEEDS(error, machine, log);
     moments size = {{0}, {0}, {0}, {0}};
@@ -178,8 +191,7 @@ lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log,
     measure_motion(&plain, log, &size);
     if (machine->input_count > 0) measure_inputs(machine, log, &size);
     const double time = time_of(machine, &size);
-    if (!(time > 0.0 && isfinite(time)))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "nothing moves in the logs: nothing can be learned");
+    if (!(time > 0.0 && isfinite(time))) return refuse_motion(machine, &size, error);
     machine->scales.time = time;
     set_lengths(machine, &size);
     for (uint32_t j = 0; j < machine->input_count; j++)

@@ -521,6 +521,23 @@ TEST("a coordinate that never moves is named") {
     assert_says(result.err, "coordinate y never moves");
 }
 
+TEST("logs without accelerations are refused: at rest, and with constant velocities") {
+    static const double speeds[] = {0.0, 0.5, -3e-9};
+    enum { SIZE = 1 << 15 };
+    char *text = lg_test_memory(SIZE);
+    cli_write("x.yaml", "coordinates: [{name: x, kind: line, velocity: vx}]\nmass: diagonal\n"
+                        "potential: {kind: quadratic, of: x}\n");
+    for (size_t k = 0; k < LG_COUNT(speeds); k++) {
+        size_t used = (size_t)snprintf(text, SIZE, "t,x,vx\n");
+        for (int i = 0; i < 300; i++)
+            used += (size_t)snprintf(text + used, SIZE - used, "%.6g,%.17g,%.17g\n", i / 64.0,
+                                     1 + speeds[k] * i / 64.0, speeds[k]);
+        cli_write("x.csv", text);
+        cli_expect(identify, "fit x.yaml x.csv --out m.h5", 3,
+                   k == 0 ? "nothing moves in the logs" : "all velocities are constant in the logs", &result);
+    }
+}
+
 TEST("a free mass with a free input map is fitted in a gauge that is told") {
     cli_write("free.yaml", OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: quadratic, of: x}\n"
                                               "damping: diagonal\ninput_map: constant\n");

@@ -264,42 +264,47 @@ TEST("Ctrl-C keeps the table of a search") {
 /* ---- the same command line once more, with --resume ---- */
 
 static const struct {
-    const char *program, *data, *options;
+    const char *program, *command, *options;
 } lines[] = {
-    {"lg-hamiltonian", "chain.h5", "--preset thesis --epochs 3 --hidden 12,12"},
-    {"lg-hamiltonian", "chain.h5", "--preset best --epochs 3 --hidden 5,5 --seed 7"},
-    {"lg-hamiltonian", "chain.h5", "--preset best --epochs 3 --method adam --batch 16 --validation 0.2"},
-    {"lg-hamiltonian", "chain.h5", "--size 8,8 --epochs 3 --integrator rk4 --substeps 2 --shards 2"},
-    {"lg-hamiltonian", "chain.h5", "--epochs 3 --hidden 6 --penalty 0.1 --activation tanh --potential mlp"},
-    {"lg-elastica", "beam.h5", "--preset thesis --epochs 3 --network discrete"},
-    {"lg-elastica", "beam.h5", "--preset best --epochs 3 --network continuous"},
-    {"lg-elastica", "beam.h5", "--preset best --epochs 3 --network angle --method adam"},
-    {"lg-elastica", "beam.h5", "--preset best --size auto --seconds 4"},
-    {"lg-anomaly", "riser.h5", "--preset thesis --epochs 3 --batch 20 --plane 3 --split run"},
-    {"lg-anomaly", "riser.h5", "--preset best --epochs 3 --batch 20 --plane 3 --history l.csv"},
-    {"lg-fit", "table.csv", "--epochs 5 --outputs y"},
-    {"lg-fit", "table.csv", "--epochs 5 --size auto --outputs y"},
-    {"lg-fit", "table.csv", "--epochs 5 --method adam:2,lbfgs --hidden 6 --validation 0.2"},
+    {"lg-hamiltonian", "train chain.h5", "--preset thesis --epochs 3 --hidden 12,12"},
+    {"lg-hamiltonian", "train chain.h5", "--preset best --epochs 3 --hidden 5,5 --seed 7"},
+    {"lg-hamiltonian", "train chain.h5",
+     "--preset best --epochs 3 --method adam --batch 16 --validation 0.2"},
+    {"lg-hamiltonian", "train chain.h5", "--size 8,8 --epochs 3 --integrator rk4 --substeps 2 --shards 2"},
+    {"lg-hamiltonian", "train chain.h5",
+     "--epochs 3 --hidden 6 --penalty 0.1 --activation tanh --potential mlp"},
+    {"lg-elastica", "train beam.h5", "--preset thesis --epochs 3 --network discrete"},
+    {"lg-elastica", "train beam.h5", "--preset best --epochs 3 --network continuous"},
+    {"lg-elastica", "train beam.h5", "--preset best --epochs 3 --network angle --method adam"},
+    {"lg-elastica", "train beam.h5", "--preset best --size auto --seconds 4"},
+    {"lg-anomaly", "train riser.h5", "--preset thesis --epochs 3 --batch 20 --plane 3 --split run"},
+    {"lg-anomaly", "train riser.h5", "--preset best --epochs 3 --batch 20 --plane 3 --history l.csv"},
+    {"lg-fit", "train table.csv", "--epochs 5 --outputs y"},
+    {"lg-fit", "train table.csv", "--epochs 5 --size auto --outputs y"},
+    {"lg-fit", "train table.csv", "--epochs 5 --method adam:2,lbfgs --hidden 6 --validation 0.2"},
+    {"lg-identify", "fit machine.yaml table.csv", "--epochs 5"},
+    {"lg-identify", "fit machine.yaml table.csv", "--epochs 5 --method adam --window 6 --stride 2 --seed 3"},
 };
 
 static void write_table(void) {
-    char text[8192] = "a,b,y\n";
+    char text[8192] = "t,a,b,y\n";
     size_t used = strlen(text);
     for (int i = 0; i < 120; i++)
-        used += (size_t)snprintf(text + used, sizeof text - used, "%.6f,%.6f,%.6f\n", sin(i * 1.7),
+        used += (size_t)snprintf(text + used, sizeof text - used, "%d,%.6f,%.6f,%.6f\n", i, sin(i * 1.7),
                                  cos(i * 2.9), sin(2 * sin(i * 1.7)) * cos(i * 2.9));
     cli_write("table.csv", text);
+    cli_write("machine.yaml", "columns: {time: t}\ncoordinates: [{name: a, kind: line, velocity: b}]\n"
+                              "mass: diagonal\npotential: {kind: quadratic, of: a}\n");
 }
 
 TEST("the command line of a training, with --resume, goes on with it") {
     char line[512];
     write_table();
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
-        run(lines[i].program, "train %s %s --stop-after 1 --out again.h5", lines[i].data, lines[i].options);
+        run(lines[i].program, "%s %s --stop-after 1 --out again.h5", lines[i].command, lines[i].options);
         if (!cli_exists("again.h5.checkpoint")) fail_msg("row %zu: has no checkpoint", i);
-        (void)snprintf(line, sizeof line,
-                       "train %s %s --stop-after 1 --out again.h5 --resume again.h5.checkpoint",
-                       lines[i].data, lines[i].options);
+        (void)snprintf(line, sizeof line, "%s %s --stop-after 1 --out again.h5 --resume again.h5.checkpoint",
+                       lines[i].command, lines[i].options);
         cli_expect(lines[i].program, line, 0, "", &result);
         cli_unlink("again.h5.checkpoint");
         if (cli_exists("again.h5")) cli_unlink("again.h5");
