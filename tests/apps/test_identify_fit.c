@@ -522,7 +522,7 @@ TEST("a coordinate that never moves is named") {
 }
 
 TEST("logs without accelerations are refused: at rest, and with constant velocities") {
-    static const double speeds[] = {0.0, 0.5, -3e-9};
+    static const double speeds[] = {0.0, 0.5, -256.0};
     enum { SIZE = 1 << 15 };
     char *text = lg_test_memory(SIZE);
     cli_write("x.yaml", "coordinates: [{name: x, kind: line, velocity: vx}]\nmass: diagonal\n"
