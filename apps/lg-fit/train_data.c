@@ -409,14 +409,17 @@ static lg_status fit_outputs(training *state, const app *self) {
     return status;
 }
 
-/* The columns of a scaler from `first` on, scaled, in the order of the parts. */
+/* The columns of a scaler from `first` on, scaled, in the order of the parts. Far cells are learned as MOST
+ * deviations at most, whose squares can be summed. */
 static double *scaled_rows(const training *state, uint32_t first, const lg_scaler *scaler) {
+    static const double MOST = 1e100;
     const size_t rows = state->table.data.rows;
     double *out = app_alloc(rows * scaler->channels, sizeof *out);
     for (size_t i = 0; i < rows; i++) {
         const double *row = table_row(&state->table, state->order[i]) + first;
         for (uint32_t c = 0; c < scaler->channels; c++)
-            out[i * scaler->channels + c] = (row[c] - scaler->mean[c]) / scaler->scale[c];
+            out[i * scaler->channels + c] =
+                fmax(-MOST, fmin((row[c] - scaler->mean[c]) / scaler->scale[c], MOST));
     }
     return out;
 }

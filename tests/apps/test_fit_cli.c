@@ -105,7 +105,7 @@ static void write_marked(const char *name, size_t line, double a, double y, doub
 }
 
 TEST("a cell far from all others is told with line and value, and hides nothing of the other inputs") {
-    static const double sizes[] = {1e3, -1e6, 1e12, 1e150};
+    static const double sizes[] = {1e3, -1e6, 1e12, 1e150, 1e200, -1e307, 1.4e308};
     char line[128];
     need_tables();
     write_marked("clean.csv", 0, 1, 1, 1);
