@@ -295,7 +295,8 @@ LG_API bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_
 
 /* Sets the scales by the log: T from the root mean squares of velocities and accelerations, L = T times that
  * of a line's velocity, U those of the inputs, E so that masses are around 1. lg_machine_init must have been
- * called; its results stay. LG_FORMAT, with a sentence: nothing moves, velocities are constant or overflow. */
+ * called; its results stay. LG_FORMAT, with a sentence: nothing moves, all velocities are constant, or they
+ * overflow. */
 LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error);
 
 /* ---- steps ----
