@@ -314,6 +314,28 @@ TEST("saddles and tops of any number of variables are left, minima are not") {
     }
 }
 
+/* 1 + sum (x_i - i % 7)^4: the Hessian at the minimum is zero to rounding. */
+static lg_status quartic(const double *x, size_t n, double *value, double *gradient) {
+    *value = 1;
+    for (size_t i = 0; i < n; i++) {
+        const double d = x[i] - (double)(i % 7);
+        *value += d * d * d * d;
+        gradient[i] = 4 * d * d * d;
+    }
+    return LG_OK;
+}
+
+TEST("a minimum without curvature is one, of any number of variables") {
+    static const size_t sizes[] = {1, 10, 100, 150, 201, 1000};
+    for (size_t row = 0; row < LG_COUNT(sizes) * LG_MINIMISE_LM; row++) {
+        function f = FUNCTION(quartic, sizes[row / LG_MINIMISE_LM]);
+        const lg_minimise_result r =
+            minimise(&f, (lg_minimise_method)(row % LG_MINIMISE_LM), start_of(f.n), LG_OK);
+        assert_close(r.value, 1, 1e-12, 0);
+        assert_true(r.evaluations < 2000);
+    }
+}
+
 TEST("to look for a way down costs 30 evaluations at most, and none without the check") {
     static const uint64_t most[] = {0, 30};
     for (int method = 0; method < LG_MINIMISE_LM; method++) {
