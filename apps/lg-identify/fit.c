@@ -489,7 +489,7 @@ static lg_status find_expected(const app *self, const training *t, const double 
 
 /* Whether forces are missing, at least a ten thousandth of all: neither chance nor the error of the steps. */
 static bool are_missing(const explained *what, double floor) {
-    static const double chance = 10.0, least = 1e-4;
+    static const double chance = 8.0, least = 1e-4;
     const lg_machine_missing *missing = &what->missing;
     return missing->ratio > chance && missing->loss > fmax(floor, least * least * what->forces);
 }

@@ -386,7 +386,7 @@ LG_API lg_status lg_machine_expect(const lg_context *context, const lg_machine_p
 typedef struct lg_machine_missing {
     /* Of the loss, to first order. 0: it was not looked, as for networks and for more than 128 parameters. */
     double loss;
-    /* F of a test whether that is chance: about 1 for white residuals, next to never above 10 where the
+    /* F of a test whether that is chance: about 1 for white residuals, next to never above 8 where the
      * machine is the true one. */
     double ratio;
 } lg_machine_missing;
