@@ -883,6 +883,7 @@ TEST("machines") {
     assert_ok(lg_machine_record_state(tape, &vars, one, one, parts));
     lg_machine_noise noise = {{0.1}, {0.1}};
     lg_machine_expected expected;
+    lg_machine_missing missing;
     lg_identified *identified = TEST_ARRAY(lg_identified, 64);
     lg_identification about = {.numbers = identified};
     lg_program *program;
@@ -902,6 +903,7 @@ TEST("machines") {
     REFUSES(lg_machine_loss(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), NULL, NULL));
     REFUSES(
         lg_machine_expect(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&noise), NEEDED(&expected), NULL));
+    REFUSES(lg_machine_find_missing(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&missing), NULL));
     REFUSES(lg_machine_identify(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&about), NULL));
     REFUSES(lg_machine_free_run(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
                                 NEEDED(&problem.log), NEEDED(start), 2, 2, NULL, NULL, NULL));
