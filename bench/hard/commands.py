@@ -149,7 +149,7 @@ for name, X, T in (("SI", 1.0, 1.0), ("x in 1e-9", 1e9, 1.0), ("x in 1e9", 1e-9,
     number("machines", "damping of an oscillator, " + name, "identified/damping.x/value", 0.3 / T, 3e-8, FIT, m_yaml=MACHINE,
            l_csv=decay(X=X, T=T))
 for name, code, sentence, log in (
-        ("at rest", 2, "nothing moves", decay(x0=0)), ("two rows", 3, "has 2 rows", decay(rows=2)),
+        ("at rest", 3, "nothing moves", decay(x0=0)), ("two rows", 3, "has 2 rows", decay(rows=2)),
         ("a cell of 1e308", 3, "line 52: column x: 1e+308 is so large", decay(cell=(50, "1e308"))), ("a cell of nan", 0, "", decay(cell=(50, "nan"))),
         ("a cell of 9,81", 3, "line 52", decay(cell=(50, "9,81"))), ("a time twice", 3, "line 3: column t: time does not increase", decay(dt=0.0)),
         ("no potential in the model of a spring", 0, "standard errors mean nothing", decay())):
