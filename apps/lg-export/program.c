@@ -257,12 +257,14 @@ static int add_test(job *j) {
                 j->source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
     for (size_t i = 0; i < j->c->functions && code == APP_EXIT_OK; i++)
         code = add_function(j, i, &table, &largest);
-    lg_text_add(
-        to, "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, NULL}};\n",
-        table.data != NULL ? table.data : "");
-    lg_text_add(to, "enum { LARGEST = %zu };\n\n", largest);
-    *rest = 's';
-    lg_text_add_named(to, j->source->options->name, rest);
+    if (code == APP_EXIT_OK) {
+        lg_text_add(to,
+                    "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
+                    "NULL}};\nenum { LARGEST = %zu };\n\n",
+                    table.data != NULL ? table.data : "", largest);
+        *rest = 's';
+        lg_text_add_named(to, j->source->options->name, rest);
+    }
     free(fragment);
     lg_text_destroy(&table);
     return code;
@@ -381,6 +383,8 @@ int export_whole(const app *self, const char *path, lg_program *program, const c
     if (code == APP_EXIT_OK) {
         take_texts(&j);
         code = add_test(&j);
+    }
+    if (code == APP_EXIT_OK) {
         add_about(&j);
         add_provenance(&j, path);
     }
