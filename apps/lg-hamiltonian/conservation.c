@@ -167,7 +167,7 @@ static cost measure(const measuring *m, bool scheme) {
 
 /* More than chance, which few trajectories leave more of, and more than a part of the energies. */
 static bool is_told(const cost *c) {
-    static const double scatter = 4.5, few = 6.0, part = 2e-3;
+    static const double scatter = 4.5, few = 6.0, part = 5e-4;
     return c->count >= (size_t)few && fabs(c->change) > part * c->spread &&
            fabs(c->slope) > scatter * (1.0 + few / (double)c->count) * c->error;
 }
@@ -184,25 +184,27 @@ static bool has_settled(const learner *trained, double fall) {
     return true;
 }
 
-/* The loss has fallen, so that training was at work, and falls no longer. */
+/* Training ended by itself, or the loss has fallen, so that training was at work, and falls no longer. */
 static bool has_come_to_rest(const learner *trained) {
     static const double still = 1.05, worked = 1.3;
     const double *history = lg_fit_history(trained->fit, LG_FIT_LOSS);
-    return has_settled(trained, still) &&
-           history[0] >= worked * history[lg_fit_epochs_done(trained->fit) - 1];
+    return lg_fit_why_finished(trained->fit) == LG_FIT_END_MINIMISER ||
+           (has_settled(trained, still) &&
+            history[0] >= worked * history[lg_fit_epochs_done(trained->fit) - 1]);
 }
 
 /* Whether the fit is near what it can reach. The energy of a model that is not learned changes along any
  * data. Data that lose most of their energy leave most of the motion unexplained; then the loss must be at
  * rest. */
 static bool is_learned(const learner *trained, double loss) {
-    static const double most = 0.3, some = 0.9, slow = 1.5;
+    static const double most = 0.3, slow = 1.5;
     const double left = loss / unchanged_error(&trained->problem);
-    return (left <= most && has_settled(trained, slow)) || (left <= some && has_come_to_rest(trained));
+    return (left <= most && has_settled(trained, slow)) || (left < 1.01 && has_come_to_rest(trained));
 }
 
 /* Correlation of the errors of neighbouring single steps, of all trajectories. A force that the model lacks
- * gives nearly 1. Noise of the data gives -1/2 or so, for it enters one error with each sign. */
+ * gives nearly 1. White noise of the data gives -1/2 or so, for it enters one error with each sign, and 1/2
+ * at most, where half a period lies between two points. */
 static double error_correlation(const measuring *m) {
     const lg_hamiltonian_problem *problem = m->problem;
     const size_t d = lg_model_inputs(m->model), points = problem->points;
@@ -237,7 +239,7 @@ static bool warn_of_cost(const app *self, const measuring *m) {
 }
 
 /* Energies that start alike, or on a curve of states, leave a Hamiltonian so much freedom that the learned
- * energy does not change. The motion is wrong then, by more than noise explains. */
+ * energy does not change. The motion is wrong then, by more than noise and the scheme explain. */
 static void warn_of_misfit(const app *self, const measuring *m, double loss) {
     static const double small = 1e-3, alike = 0.5;
     enum { FEWEST = 4 }; /* points */
@@ -250,17 +252,22 @@ static void warn_of_misfit(const app *self, const measuring *m, double loss) {
             "the model does not explain the data: it is wrong by %.2g %% of the motion (root mean square), "
             "and neighbouring steps err alike (correlation %.2f), as they do when a force is missing, not "
             "with noise: the data may not be conservative (lg-identify learns damped and driven machines), "
-            "or the network is too small",
+            "the network too small, the training too short, or the steps too long (--substeps)",
             100.0 * sqrt(left), correlation);
 }
 
 lg_status warn_of_drift(const app *self, const learner *trained, const double *theta, double loss,
-                        lg_error *error) {
+                        double floor, lg_error *error) {
+    static const double slow = 2.0;
+    const bool learned = is_learned(trained, loss);
+    const bool misfit =
+        !is_near_floor(loss, floor) && (has_settled(trained, slow) || has_come_to_rest(trained));
     measuring m;
-    if (!is_learned(trained, loss)) return LG_OK;
+    if (!learned && !misfit) return LG_OK;
     const lg_status status = measuring_begin(self, &trained->problem, theta, &m, error);
     if (status != LG_OK) return status;
-    if (!warn_of_cost(self, &m) && has_come_to_rest(trained)) warn_of_misfit(self, &m, loss);
+    const bool told = learned && warn_of_cost(self, &m);
+    if (!told && misfit) warn_of_misfit(self, &m, loss);
     measuring_end(&m);
     return LG_OK;
 }

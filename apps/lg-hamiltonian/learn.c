@@ -181,12 +181,16 @@ static const lg_scheme *better_scheme(const lg_hamiltonian_problem *problem) {
     return best;
 }
 
+bool is_near_floor(double loss, double floor) {
+    return loss <= near_floor * floor;
+}
+
 void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, double loss, double floor) {
     const lg_scheme *scheme = problem->scheme, *better = better_scheme(problem);
     const size_t size = problem->trajectories * trajectory_size(problem);
     double square = 0;
     for (size_t i = 0; i < size; i++) square += problem->data[i] * problem->data[i] / (double)size;
-    if (!(loss <= near_floor * floor) || floor < rounding_floor * square) return;
+    if (!is_near_floor(loss, floor) || floor < rounding_floor * square) return;
     app_warn(self,
              "the loss %.3g is near the floor %.3g, the error of %s with %u step%s between two points: more "
              "training fits this error; use --substeps %u (floor about %.1g)%s%s",

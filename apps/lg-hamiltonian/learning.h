@@ -63,14 +63,16 @@ void learner_destroy(learner *self);
 double *learner_theta(const learner *self);
 /* The mean squared error of the prediction that nothing changes: each point is the first one. */
 double unchanged_error(const lg_hamiltonian_problem *problem);
-/* When the loss is within 3 times the floor: says which loss, which floor, and what to change. */
+/* Within 3 times the floor. */
+bool is_near_floor(double loss, double floor);
+/* When the loss is near the floor: says which loss, which floor, and what to change. */
 void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, double loss, double floor);
 /* Says so when the first integral of the penalty drifts along the data. */
 lg_status warn_of_integral(const app *self, const learner *trained, lg_error *error);
 /* Warns where the learned energy changes along the data as the energy of no conservative system does, and
  * where the model at its least loss leaves errors that are not noise. */
 lg_status warn_of_drift(const app *self, const learner *trained, const double *theta, double loss,
-                        lg_error *error);
+                        double floor, lg_error *error);
 /* Learned systems are autonomous: says so when the data come with inputs. */
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data);
 

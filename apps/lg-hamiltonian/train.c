@@ -180,7 +180,7 @@ static int finish(void *user, train_session *session) {
         status = lg_hamiltonian_mean_squared_error(self->context, &learned->problem, theta, &loss, &error);
     if (status == LG_OK && !isfinite(loss)) status = LG_NOT_FINITE;
     if (status == LG_OK) status = find_floor(state, session, theta, loss, &error);
-    if (status == LG_OK) status = warn_of_drift(self, learned, theta, loss, &error);
+    if (status == LG_OK) status = warn_of_drift(self, learned, theta, loss, session->floor, &error);
     const int judged = status == LG_OK
                            ? train_judge(session, "mean squared error", loss, "a state that does not change",
                                          unchanged_error(&learned->problem))
