@@ -118,12 +118,29 @@ static int write_outputs(const app *self, const beam_curve *curves, size_t count
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
 }
 
+/* Compares with the continuous beam. Where that has no answer there is nothing to say. */
+static void warn_of_intervals(const app *self, const lg_elastica *problem, double energy) {
+    static const double coarse = 0.05;
+    lg_elastica_solution continuous;
+    double *theta = app_alloc((size_t)problem->intervals + 1, sizeof *theta);
+    const lg_status status =
+        lg_elastica_solve_continuous(self->context, problem, NULL, theta, NULL, &continuous, NULL);
+    free(theta);
+    if (status == LG_OK && fabs(energy - continuous.energy) > coarse * continuous.energy)
+        app_warn(
+            self,
+            "%u intervals are too few for this shape: the energy is %.4g, and %.4g for the continuous beam; "
+            "take more --intervals, or --continuous",
+            problem->intervals, energy, continuous.energy);
+}
+
 static int solve_curve(const app *self, const boundary *where, const lg_elastica_options *options) {
     beam_curve curve;
     const double begin = app_seconds();
     int code = beam_solve(self, where, options, values.continuous, &curve);
     const double seconds = app_seconds() - begin;
     if (code != APP_EXIT_OK) return code;
+    if (!values.continuous) warn_of_intervals(self, &curve.problem, curve.solution.energy);
     code = write_outputs(self, &curve, 1, false, NULL);
     if (code == APP_EXIT_OK) report_curve(self, &curve, seconds);
     beam_curve_free(&curve);

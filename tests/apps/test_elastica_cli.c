@@ -388,4 +388,25 @@ TEST("a trial that fails is a row of the table, and the search goes on") {
                "lg-elastica train: out of memory: the network has 1", &result);
 }
 
+TEST("too few intervals for a nearly straight beam are told, and enough of them are not") {
+    static const struct {
+        double chord;
+        const char *more;
+        bool told;
+    } rows[] = {{0.9999, "", true},
+                {0.999, "", true},
+                {0.99, "", false},
+                {0.5, "", false},
+                {0.999, "--intervals 300", false},
+                {0.9999, "--continuous", false}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        char line[160];
+        (void)snprintf(line, sizeof line,
+                       "solve --length 1 --stiffness 1 --q0 0,0 --qN %g,0 --theta0 0 --thetaN 0 %s",
+                       rows[i].chord, rows[i].more);
+        cli_expect("lg-elastica", line, 0, "minimum", &result);
+        assert_int_equal(strstr(result.err, "too few for this shape") != NULL, rows[i].told);
+    }
+}
+
 TEST_GROUP(setup, cli_end)

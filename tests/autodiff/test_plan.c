@@ -376,10 +376,19 @@ RECORDING(record_twice) {
     y[4] = lg_exp(tape, lg_sub(tape, w[0], lg_slice(tape, w[1], 0, 0, 1))); /* each row less the first row */
 }
 
+/* A part of a buffer is read again for every element. */
+RECORDING(record_part) {
+    const lg_var s = lg_sin(tape, x[0]), e = lg_exp(tape, x[0]), c = lg_cos(tape, x[0]);
+    y[0] = lg_cos(tape, lg_mul(tape, s, lg_slice(tape, s, 1, 0, 1))); /* each column times the first one */
+    y[1] = lg_sin(tape, lg_sub(tape, lg_slice(tape, e, 1, 7, 1), e));
+    y[2] = lg_exp(tape, lg_mul(tape, c, lg_slice(tape, c, 0, 0, 1))); /* each row times the first one */
+}
+
 TEST("an operation may read equal numbers twice") {
     const lg_port wide = {.name = "x", .shape = {1, {40}}}, one = {.name = "x", .shape = {1, {1}}};
     check_derivatives("twice, wide", build(&wide, 1, y_ports, 5, 0, record_twice, NULL), false, false);
     check_derivatives("twice", build(&one, 1, y_ports, 5, 0, record_twice, NULL), false, false);
+    check_derivatives("a part", build(&wide, 1, y_ports, 3, 0, record_part, NULL), false, false);
 }
 
 /* x' = sin u with a constant input u: all stages are equal subexpressions. */
