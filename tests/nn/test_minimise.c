@@ -358,6 +358,54 @@ TEST("to look for a way down costs 30 evaluations at most, and none without the 
     }
 }
 
+/* A function of n variables with a number a. */
+typedef struct landscape {
+    double (*value)(const double *x, size_t n, double a, double *gradient);
+    size_t n;
+    double a;
+} landscape;
+
+static lg_status landscape_value(void *user, const double *x, double *value, double *gradient) {
+    const landscape *f = user;
+    memset(gradient, 0, f->n * sizeof *gradient);
+    *value = f->value(x, f->n, f->a, gradient);
+    return LG_OK;
+}
+
+static lg_minimise_result minimise_landscape(landscape f, int method, double *x) {
+    lg_minimise_options options;
+    lg_minimise_result r;
+    lg_minimise_options_init(&options);
+    options.method = (lg_minimise_method)method;
+    const lg_status status = lg_minimise(NULL, f.n, landscape_value, &f, &options, x, &r, NULL);
+    if (status != LG_OK)
+        fail_msg("%s, n %zu, a %g: f %g after %llu evaluations: %s", lg_minimise_method_name(options.method),
+                 f.n, f.a, r.value, (unsigned long long)r.evaluations, lg_minimise_end_sentence(r.end));
+    return r;
+}
+
+/* a + a bowl + two shallow wells of the last variable. The least is a - 0.025. */
+static double raised(const double *x, size_t n, double a, double *gradient) {
+    const double y = x[n - 1], y2 = y * y;
+    double value;
+    (void)bowl(x, n - 1, &value, gradient);
+    gradient[n - 1] = 0.1 * (y2 * y - y);
+    return a + value + 0.1 * (y2 * y2 / 4 - y2 / 2);
+}
+
+TEST("a large constant in f hides no way down above the rounding of f") {
+    static const size_t sizes[] = {201, 400};
+    for (size_t row = 0; row < 2 * LG_COUNT(sizes) * LG_MINIMISE_LM; row++)
+        for (double height = 1; height < 3e9; height *= 1e3) {
+            const landscape f = {raised, sizes[row / 2 % LG_COUNT(sizes)], height};
+            double *x = TEST_ARRAY(double, f.n);
+            for (size_t i = 0; i + 1 < f.n; i++) x[i] = row % 2 != 0 && i % 2 != 0 ? 0.5 : 1;
+            const lg_minimise_result r = minimise_landscape(f, (int)(row / (2 * LG_COUNT(sizes))), x);
+            assert_true(r.value - height + 0.025 <= 1e-14 * height);
+            assert_true(r.gradient <= 3e-8 * sqrt(height));
+        }
+}
+
 /* ---- ends ---- */
 
 static void assert_end(function f, lg_status status, lg_minimise_end end) {
