@@ -66,20 +66,25 @@ lg_minimise_end lg_minimise_verify(lg_minimiser *m, lg_minimise_end end) {
     return LG_MINIMISE_RUNNING;
 }
 
-/* Of the diagonal: what counts as curvature of variable i. */
+/* D_i: what counts as curvature of variable i, such that A_ij^2 <= D_i D_j. It is A_ii where A is positive
+ * semidefinite; of x y, whose diagonal is zero, it is |A_ij| for variables of one size. A is whole. */
 static double curvature_of(const lg_minimiser *m, size_t i) {
-    const double size = 1.0 + fabs(m->x[i]), flat = FLAT * fabs(m->numbers.value) / (size * size);
-    return fmax(fabs(m->s[i]), fmax(flat, 1e-300));
+    const double *row = hessian_of(m) + i * m->n, size = 1.0 + fabs(m->x[i]);
+    double most = fmax(FLAT * fabs(m->numbers.value) / (size * size), 1e-300);
+    for (size_t j = 0; j < m->n; j++) {
+        const double ratio = (1.0 + fabs(m->x[j])) / size;
+        most = fmax(most, fmin(fabs(row[j]) * ratio, row[j] * row[j] / fabs(m->s[j])));
+    }
+    return most;
 }
 
-/* Factors A + shift D in the lower triangle, scaled to the unit diagonal D = diag(curvature_of), 1/sqrt(D)
- * in m->y; the diagonal of A lies in m->s. False: not positive definite. */
+/* Factors A + shift D in the lower triangle, scaled by 1/sqrt(D) in m->y to the unit diagonal D; the diagonal
+ * of A lies in m->s. False: not positive definite. */
 static bool factor(lg_minimiser *m, double shift) {
     const size_t n = m->n;
     const int order = (int)n;
     double *A = hessian_of(m);
     int info = 0;
-    for (size_t i = 0; i < n; i++) m->y[i] = 1.0 / sqrt(curvature_of(m, i));
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < i; j++) A[i * n + j] = A[j * n + i] * m->y[i] * m->y[j];
         A[i * n + i] = m->s[i] * m->y[i] * m->y[i] + shift;
@@ -140,8 +145,9 @@ static void decide(lg_minimiser *m) {
     double *A = hessian_of(m), shift = 0.0;
     for (size_t i = 0; i < n; i++) {
         m->s[i] = A[i * n + i];
-        for (size_t j = 0; j < i; j++) A[j * n + i] = 0.5 * (A[j * n + i] + A[i * n + j]);
+        for (size_t j = 0; j < i; j++) A[j * n + i] = A[i * n + j] = 0.5 * (A[j * n + i] + A[i * n + j]);
     }
+    for (size_t i = 0; i < n; i++) m->y[i] = 1.0 / sqrt(curvature_of(m, i));
     while (!factor(m, shift) && shift <= MOST_SHIFT) shift = fmax(10.0 * shift, LEAST_SHIFT);
     m->numbers.damping = shift;
     for (size_t i = 0; i < n; i++) m->d[i] = -m->g[i] * m->y[i];

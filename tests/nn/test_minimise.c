@@ -406,6 +406,49 @@ TEST("a large constant in f hides no way down above the rounding of f") {
         }
 }
 
+/* Functions with a saddle at 0, of which the Hessian has a zero diagonal; a is the unit of x[0]. */
+
+/* (x y - 1)^2, and (u.v - 1)^2 of u, v with n/2 elements */
+static double hyperbola(const double *x, size_t n, double a, double *gradient) {
+    double w = -1;
+    for (size_t i = 0; i < n; i += 2) w += a * x[i] * x[i + 1];
+    for (size_t i = 0; i < n; i++) gradient[i] = 2 * w * a * x[i ^ 1];
+    return w * w;
+}
+
+/* x y + x^4 + y^4: least -1/8 */
+static double saddle_of_product(const double *x, size_t n, double a, double *gradient) {
+    const double u = a * x[0], v = x[n - 1];
+    gradient[0] = a * (v + 4 * u * u * u);
+    gradient[n - 1] = u + 4 * v * v * v;
+    return u * v + u * u * u * u + v * v * v * v;
+}
+
+/* sin x sin y: least -1 */
+static double egg_box(const double *x, size_t n, double a, double *gradient) {
+    gradient[0] = a * cos(a * x[0]) * sin(x[n - 1]);
+    gradient[n - 1] = sin(a * x[0]) * cos(x[n - 1]);
+    return sin(a * x[0]) * sin(x[n - 1]);
+}
+
+TEST("a saddle is left where the diagonal of the Hessian is zero") {
+    static const struct {
+        landscape of;
+        double start, least;
+    } cases[] = {{{hyperbola, 2, 1}, 0, 0},  {{hyperbola, 10, 1}, 0, 0},
+                 {{hyperbola, 50, 1}, 0, 0}, {{saddle_of_product, 2, 1}, 0, -0.125},
+                 {{egg_box, 2, 1}, 0, -1},   {{egg_box, 2, 1}, 1, -1}};
+    for (size_t row = 0; row < LG_COUNT(cases) * LG_MINIMISE_LM; row++)
+        for (double unit = 1e-3; unit < 2e3; unit *= 1e3) {
+            landscape f = cases[row / LG_MINIMISE_LM].of;
+            double *x = TEST_ARRAY(double, f.n);
+            for (size_t i = 0; i < f.n; i++) x[i] = cases[row / LG_MINIMISE_LM].start;
+            f.a = unit;
+            const lg_minimise_result r = minimise_landscape(f, (int)(row % LG_MINIMISE_LM), x);
+            assert_close(r.value, cases[row / LG_MINIMISE_LM].least, 1e-12, 1e-20);
+        }
+}
+
 /* ---- ends ---- */
 
 static void assert_end(function f, lg_status status, lg_minimise_end end) {
