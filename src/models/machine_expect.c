@@ -23,7 +23,7 @@ typedef struct expecting {
     const double *theta; /* with the starts */
     size_t n, own, rows; /* parameters; numbers of a start; of the residuals of a window */
     double *jacobian;    /* (CHUNK, rows, n + own) */
-    double *residuals;   /* (CHUNK, rows), then variances (rows) and of a start (own) */
+    double *residuals;   /* (CHUNK, rows), then variances and their parts (rows) and of a start (own) */
     double *columns;     /* (n + own, rows): of one window */
     double *J, *K;       /* (n, n): J'^T J', J'^T C J' */
     double left, unit;   /* tr((1 - P) C); the loss that a number in units of its noise adds */
@@ -40,12 +40,19 @@ static double dot3(const double *a, const double *b, const double *c, size_t n) 
     return sum;
 }
 
-/* Columns lose their parts along those of the start; the variance along these is lost, too. */
+/* Columns lose their parts along those of the start; the variance along these is lost, too. Of three turns
+ * of a direction the last one is the sum of the others: what is left of it is rounding. */
 static void take_start(expecting *e, const double *variance) {
+    static const double rounding = 1e-20;
+    double before[2 * LG_MACHINE_VELOCITIES];
+    for (size_t k = 0; k < e->own; k++) {
+        const double *column = e->columns + (e->n + k) * e->rows;
+        before[k] = dot(column, column, e->rows);
+    }
     for (size_t k = e->n + e->own; k-- > e->n;) {
         const double *pivot = e->columns + k * e->rows;
         const double norm = dot(pivot, pivot, e->rows);
-        if (!(norm > 0.0)) continue;
+        if (!(norm > rounding * before[k - e->n])) continue;
         e->left -= dot3(pivot, pivot, variance, e->rows) / norm;
         for (size_t j = 0; j < k; j++) {
             double *column = e->columns + j * e->rows;
@@ -69,16 +76,16 @@ static void add_start(expecting *e, const double *variance) {
 
 static void add_window(expecting *e, const double *jacobian, size_t start, double factor) {
     const size_t columns = e->n + e->own, d = e->rows / e->problem.window, first = e->measured ? d : 0;
-    double *variance = e->residuals + CHUNK * e->rows, *of_start = variance + e->rows;
+    double *variance = e->residuals + CHUNK * e->rows, *part = variance + e->rows, *of_start = part + e->rows;
     for (uint32_t j = 0; j < e->problem.window; j++)
-        lg_machine_row_variances(&e->problem, e->noise, start + j, factor, variance + j * d);
+        lg_machine_row_variances(&e->problem, e->noise, start + j, factor, variance + j * d, part + j * d);
     for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (factor * factor * (double)e->problem.windows);
     for (size_t row = 0; row < e->rows; row++) {
         const bool counts = row >= first;
         if (!counts) variance[row] = 0.0;
         for (size_t j = 0; j < columns; j++)
             e->columns[j * e->rows + row] = counts ? jacobian[row * columns + j] : 0.0;
-        e->left += variance[row];
+        e->left += variance[row] * part[row];
     }
     if (!e->measured) take_start(e, variance);
     for (size_t i = 0; i < e->n; i++)
@@ -216,7 +223,7 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     const size_t rows = CHUNK * e.rows;
     double *all = lg_alloc(context, given + starts + 1, sizeof *all);
     e.jacobian = lg_alloc(context, rows * columns, sizeof *e.jacobian);
-    e.residuals = lg_alloc(context, rows + e.rows + e.rows, sizeof *e.residuals);
+    e.residuals = lg_alloc(context, rows + 3 * e.rows, sizeof *e.residuals);
     e.columns = lg_alloc(context, e.rows * columns, sizeof *e.columns);
     e.J = lg_alloc(context, (2 * e.n + 1) * e.n + 1, sizeof *e.J);
     e.K = e.J != NULL ? e.J + e.n * e.n : NULL;

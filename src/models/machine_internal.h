@@ -238,6 +238,10 @@ lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *proble
 /* Weights of the numbers of one row: factor/scale where a number is there, in scaled units. */
 void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
                           double *velocities);
+/* The logged direction q in the place of its velocity, 0 where it is missing and of other kinds (velocities).
+ * Logs have no omega along q, so the noise of q moves omega along q by |omega| dq: residuals of omega are
+ * those across q. */
+void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double *along);
 /* lg_fit_problem.linearise of windows, and its rows for each. */
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian);
@@ -252,8 +256,10 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
 /* Variances of the residuals of one row of the log, in the order of lg_machine_linearise and of the numbers
- * of a start, for the noise of its numbers times `factor`. Missing numbers have none. */
+ * of a start, for the noise of its numbers times `factor`. Missing numbers have none. The covariance of the
+ * three numbers of a direction q or of omega is variance (1 - q q^T), `part` has the diagonal of (1 - q q^T):
+ * along a column of the Jacobian, which is across q, the whole variance counts. Other parts are 1. */
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
-                              double factor, double *out);
+                              double factor, double *out, double *part);
 
 #endif

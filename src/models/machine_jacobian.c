@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "autodiff/tape_internal.h"
+#include "liegrad/geometry.h"
 #include "models/machine_internal.h"
 
 enum { NUMBERS = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
@@ -257,6 +258,26 @@ static lg_status first_points(lg_tape *tape, chain *c) {
 
 /* ---- residuals ---- */
 
+/* Takes the parts along the logged directions off the velocities' rows of residuals and Jacobian. */
+static void keep_across(const chain *c, size_t row, double *r, double *jacobian) {
+    const lg_machine *machine = c->problem->machine;
+    double along[LG_MACHINE_VELOCITIES];
+    lg_machine_along_row(c->problem, row, along);
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        const double *q = along + first;
+        double *of_r = r + first, *J = jacobian + first * c->columns;
+        if (machine->coordinates[i].kind != LG_COORDINATE_DIRECTION) continue;
+        const double dot = lg_dot3(q, of_r);
+        for (uint32_t m = 0; m < 3; m++) of_r[m] -= dot * q[m];
+        for (size_t j = 0; j < c->columns; j++) {
+            double *column[] = {J + j, J + c->columns + j, J + 2 * c->columns + j};
+            const double sum = q[0] * *column[0] + q[1] * *column[1] + q[2] * *column[2];
+            for (uint32_t m = 0; m < 3; m++) *column[m] -= sum * q[m];
+        }
+    }
+}
+
 /* Rows of the point j of all windows: weight times S, and the residual along each axis. */
 static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
     const lg_machine *machine = c->problem->machine;
@@ -269,7 +290,7 @@ static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
         lg_machine_weigh_row(c->problem, row, c->factor, weight, weight + machine->positions);
         for (uint32_t i = 0; i < c->axes.numbers; i++) {
             r[i] = weight[i] * (z[i] - data[i]);
-            c->loss += r[i] * r[i];
+            if (i < machine->positions) c->loss += r[i] * r[i];
         }
         for (size_t i = 0; i < d; i++) {
             const axis *a = &c->axes.each[i];
@@ -279,6 +300,10 @@ static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
             k->fill(c->columns, 0.0, out);
             k->axpy(c->columns, length * weight[a->first], c->S + (s * d + i) * c->columns, out);
         }
+        double *of_v = c->r + first + d - machine->velocities;
+        if (machine->directions > 0)
+            keep_across(c, row, of_v, c->jacobian + (first + d - machine->velocities) * c->columns);
+        for (uint32_t i = 0; i < machine->velocities; i++) c->loss += of_v[i] * of_v[i];
     }
     c->done += d;
 }
@@ -292,30 +317,30 @@ size_t lg_machine_linearised_rows(const lg_machine_problem *problem) {
 }
 
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
-                              double factor, double *out) {
+                              double factor, double *out, double *part) {
     const lg_machine *machine = problem->machine;
     const axes all = axes_of(machine);
-    double weight[NUMBERS], share[NUMBERS];
-    lg_machine_weigh_row(problem, row, factor, weight, weight + machine->positions);
-    for (uint32_t i = 0; i < all.numbers; i++) share[i] = weight[i] != 0.0;
+    const double *q = problem->log.q + row * machine->positions;
+    double share[NUMBERS], along[LG_MACHINE_VELOCITIES];
+    lg_machine_weigh_row(problem, row, factor, share, share + machine->positions);
+    lg_machine_along_row(problem, row, along);
+    for (uint32_t i = 0; i < all.numbers; i++) share[i] = share[i] != 0.0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const double position = factor * noise->position[i] / problem->position_scale[i],
                      velocity = factor * noise->velocity[i] / problem->velocity_scale[i];
-        const double *q = problem->log.q + row * machine->positions + at.position;
         double *of_q = share + at.position, *of_v = share + machine->positions + at.velocity;
         for (uint32_t k = 0; k < lg_coordinate_positions(kind); k++) of_q[k] *= position * position;
-        for (uint32_t k = 0; k < lg_coordinate_row_of(kind)->velocities; k++)
-            /* the part of omega along a direction is 0 */
-            of_v[k] *= velocity * velocity * (kind == LG_COORDINATE_DIRECTION ? 1.0 - q[k] * q[k] : 1.0);
+        for (uint32_t k = 0; k < lg_coordinate_row_of(kind)->velocities; k++) of_v[k] *= velocity * velocity;
     }
     for (uint32_t i = 0; i < all.count; i++) {
         const axis *a = &all.each[i];
-        const double q =
-            a->kind == TURN_DIRECTION ? problem->log.q[row * machine->positions + a->first + a->turn] : 0.0;
-        out[i] = share[a->first] * (1.0 - q * q);
-        if (isnan(out[i])) out[i] = 0.0;
+        const double by = a->kind == TURN_DIRECTION        ? q[a->first + a->turn]
+                          : a->first >= machine->positions ? along[a->first - machine->positions]
+                                                           : 0.0;
+        out[i] = isnan(share[a->first]) ? 0.0 : share[a->first];
+        part[i] = isnan(by) ? 0.0 : 1.0 - by * by;
     }
 }
 

@@ -127,7 +127,19 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
 /* Given positions and velocities of all points, and their weights. */
 typedef struct given {
     lg_var positions, velocities, position_weights, velocity_weights;
+    lg_var along; /* as velocities: logged directions, else 0; of machines with directions */
 } given;
+
+void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double *along) {
+    const lg_machine *machine = problem->machine;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *is = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double *q = problem->log.q + row * machine->positions + at.position;
+        for (uint32_t k = 0; k < is->velocities; k++)
+            along[at.velocity + k] = is->directions > 0 && !isnan(q[k]) ? q[k] : 0.0;
+    }
+}
 
 static lg_status put_given(lg_tape *tape, const points *p, double factor, given *out) {
     const lg_machine_problem *problem = p->problem;
@@ -135,11 +147,12 @@ static lg_status put_given(lg_tape *tape, const points *p, double factor, given 
     const size_t rows = p->count * (p->last - p->first + 1);
     const lg_shape places = lg_shape2((uint32_t)rows, machine->positions),
                    speeds = lg_shape2((uint32_t)rows, machine->velocities);
-    void *memory[4];
+    void *memory[4], *along;
     out->positions = lg_input_buffer(tape, places, &memory[0]);
     out->velocities = lg_input_buffer(tape, speeds, &memory[1]);
     out->position_weights = lg_input_buffer(tape, places, &memory[2]);
     out->velocity_weights = lg_input_buffer(tape, speeds, &memory[3]);
+    if (machine->directions > 0) out->along = lg_input_buffer(tape, speeds, &along);
     LG_TRY(lg_tape_status(tape));
     size_t at = 0;
     for (uint32_t point = p->first; point <= p->last; point++)
@@ -150,6 +163,8 @@ static lg_status put_given(lg_tape *tape, const points *p, double factor, given 
                 each[i] = (double *)memory[i] + at * (i % 2 == 0 ? machine->positions : machine->velocities);
             lg_machine_scaled_rows(machine, &problem->log, &row, 1, each[0], each[1]);
             lg_machine_weigh_row(problem, row, factor, each[2], each[3]);
+            if (machine->directions > 0)
+                lg_machine_along_row(problem, row, (double *)along + at * machine->velocities);
         }
     return LG_OK;
 }
@@ -217,14 +232,32 @@ static lg_var by_window(lg_tape *tape, const points *p, lg_var x) {
     return lg_reshape(tape, x, lg_shape2(count, many * n));
 }
 
+/* Velocities of directions without their parts along the logged directions, r - (r . q) q. */
+static lg_var across(lg_tape *tape, const lg_machine *machine, lg_var r, lg_var along) {
+    const uint32_t n = machine->velocities;
+    void *memory;
+    if (machine->directions == 0) return r;
+    const lg_var blocks = lg_input_buffer(tape, lg_shape2(n, n), &memory);
+    if (lg_is_none(blocks)) return r;
+    memset(memory, 0, (size_t)n * n * sizeof(double));
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        if (machine->coordinates[i].kind != LG_COORDINATE_DIRECTION) continue;
+        for (uint32_t k = 0; k < 9; k++) ((double *)memory)[(first + k / 3) * n + first + k % 3] = 1.0;
+    }
+    const lg_var dots = lg_matmul(tape, lg_mul(tape, r, along), blocks);
+    return lg_sub(tape, r, lg_mul(tape, dots, along));
+}
+
 /* The weighted differences of each window, (count, numbers). */
 static lg_var differences(lg_tape *tape, const points *p, const lg_machine_vars *vars, const given *data,
                           const lg_var *all) {
     const lg_var positions = lg_machine_record_positions(tape, vars, all),
                  velocities = lg_machine_record_velocities(tape, vars, all);
+    const lg_var of_v = lg_mul(tape, lg_sub(tape, velocities, data->velocities), data->velocity_weights);
     const lg_var r[2] = {
         by_window(tape, p, lg_mul(tape, lg_sub(tape, positions, data->positions), data->position_weights)),
-        by_window(tape, p, lg_mul(tape, lg_sub(tape, velocities, data->velocities), data->velocity_weights))};
+        by_window(tape, p, across(tape, p->problem->machine, of_v, data->along))};
     return lg_concat(tape, r, 2, 1);
 }
 

@@ -492,6 +492,46 @@ TEST("steps that are too long for a stiff machine are told, and do not excuse it
     }
 }
 
+#define PENDULUM                                                                                             \
+    "columns: {time: t, run: run}\n"                                                                         \
+    "coordinates: [{name: d, kind: direction, columns: [x, y, z], velocity: [a, b, c]}]\n"                   \
+    "mass: {kind: known, values: [1, 1, 1]}\n"
+
+TEST("the loss of a direction is the one that its noise leaves: anywhere, fast and slow, any starts and "
+     "windows") {
+    static const struct {
+        double position, velocity; /* noise */
+        const char *spread, *options;
+    } rows[] = {{0.01, 0.02, "0.3,1", ""},
+                {0.01, 0.02, "2,3", ""},
+                {0.01, 0.001, "0.3,3", ""}, /* omega dq is 30 times the noise of omega */
+                {0.001, 0.05, "2,1", ""},
+                {0.01, 0.02, "2,3", "--window 3 --starts estimated"},
+                {0.01, 0.02, "2,3", "--window 4 --starts measured"},
+                {0.01, 0.02, "0.3,1", "--window 4 --starts measured"},
+                {0.01, 0.02, "2,6", "--window 40 --starts estimated"}};
+    cli_write("bob-scene.yaml", PENDULUM "potential: [{kind: known, form: gravity, of: d, values: [9.81]}]\n"
+                                         "damping: {kind: known, values: [0.2, 0.2, 0.2]}\n");
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        for (int seed = 2; seed < 4; seed++) {
+            char yaml[1024];
+            (void)snprintf(yaml, sizeof yaml,
+                           PENDULUM "potential: {kind: gravity, of: d}\ndamping: diagonal\n"
+                                    "noise: {x: %g, y: %g, z: %g, a: %g, b: %g, c: %g}\n",
+                           rows[i].position, rows[i].position, rows[i].position, rows[i].velocity,
+                           rows[i].velocity, rows[i].velocity);
+            cli_write("bob.yaml", yaml);
+            run("generate bob-scene.yaml --noise %g,%g --runs 8 --t-end 6 --start-spread %s --seed %d --out "
+                "bob.csv",
+                rows[i].position, rows[i].velocity, rows[i].spread, seed);
+            run("fit bob.yaml bob.csv --out m.h5 --json %s", rows[i].options);
+            const double ratio = json_number(result.out, "loss") / json_number(result.out, "expected_loss");
+            if (!(fabs(ratio - 1) < 0.04))
+                fail_msg("row %zu, seed %d: %.3f of what is expected", i, seed, ratio);
+            assert_null(strstr(result.err, "does not explain"));
+        }
+}
+
 TEST("noise of positions counts however far the machine travels") {
     cli_write("sledge.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
                                                 "damping: {kind: known, values: [0.1]}\n"
