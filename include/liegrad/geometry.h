@@ -56,8 +56,9 @@ LG_API void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double ou
 /* Replaces R by the nearest rotation in the Frobenius norm (the orthogonal polar factor). The error is some
  * 1e-15 s_1/(s_2 + s_3), s_1 >= s_2 >= s_3 the singular values of R; entries may be of any size. Method near
  * rotations: R <- (R + R^-T)/2 (Higham 1986), else the eigenvector of a matrix of order 4 (Horn 1987).
- * The result is NaN when det R is not positive: such a matrix is not a rotation with rounding errors. It is
- * NaN too when s_2 + s_3 is below some 1e-13 s_1: then rounding alone says what the rotation is. */
+ * The result is NaN when det R is not positive: such a matrix is not a rotation with rounding errors. Below
+ * s_2 s_3 of some 1e-16 s_1^2 rounding decides the sign of det R, and the result may be NaN. It is NaN when
+ * s_2 + s_3 is below some 1e-13 s_1: then rounding alone says what the rotation is. */
 LG_API void lg_so3_project(double R[9]);
 
 /* ---- SE(3) ----
