@@ -9,7 +9,7 @@
 #include "datasets/log_table.h"
 #include "liegrad/geometry.h"
 
-enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000 };
+enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000, MOST_SORTED = 50000 };
 #define SLOPE_LOW   0.8
 #define SLOPE_HIGH  1.25
 #define FITS        0.9  /* correlation of columns that belong together */
@@ -51,6 +51,7 @@ static const way rotation_ways[] = {
 typedef struct check check;
 struct check {
     lg_log_table *table;
+    double *sorted;               /* (MOST_SORTED + 1): room */
     uint32_t file;                /* where the parts begin */
     size_t begin, end;            /* parts */
     uint32_t position, positions; /* columns, for sentences and their noise */
@@ -60,6 +61,8 @@ struct check {
     bool turns;                   /* y is an angle */
     bool steady;                  /* about 0 */
     double jump;                  /* changes of more than this are left out; 0: none */
+    uint32_t clipped;             /* rows where this column is `low` or `high` are left out ... */
+    double low, high;             /* ... where low < high */
     /* The change of position from row a to row b, and the velocity that makes it. */
     void (*change)(const check *c, const way *w, const double *a, const double *b, double *y);
     void (*velocity_of)(const check *c, const way *w, const double *row, double *x);
@@ -114,6 +117,11 @@ static bool is_jump(const check *c, const double *y) {
     return jump;
 }
 
+static bool is_clipped(const check *c, size_t row) {
+    const double x = lg_log_row(c->table, row)[c->clipped];
+    return c->low < c->high && (x == c->low || x == c->high);
+}
+
 /* Over `span` rows. */
 static fit compare(const check *c, const way *w, size_t span) {
     const lg_log_table *table = c->table;
@@ -122,15 +130,17 @@ static fit compare(const check *c, const way *w, size_t span) {
     for (size_t part = c->begin; part < c->end; part++) {
         for (size_t row = table->first[part]; row + span < table->first[part + 1]; row += stride) {
             double x[3] = {0, 0, 0}, y[3] = {0, 0, 0}, now[3], before[3];
+            bool clipped = is_clipped(c, row);
             c->velocity_of(c, w, lg_log_row(table, row), before);
             for (size_t i = 1; i <= span; i++) {
                 const double h = lg_log_time(table, row + i) - lg_log_time(table, row + i - 1);
                 c->velocity_of(c, w, lg_log_row(table, row + i), now);
                 for (int k = 0; k < c->count; k++) x[k] += h * (before[k] + now[k]) / 2;
                 memcpy(before, now, sizeof before);
+                clipped = clipped || is_clipped(c, row + i);
             }
             c->change(c, w, lg_log_row(table, row), lg_log_row(table, row + span), y);
-            if (!is_jump(c, y)) add(&s, x, y);
+            if (!clipped && !is_jump(c, y)) add(&s, x, y);
         }
     }
     return fit_of(&s, c->steady);
@@ -213,12 +223,37 @@ static bool slope_is_right(const fit *f) {
     return f->slope > SLOPE_LOW && f->slope < SLOPE_HIGH;
 }
 
+static int by_size(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The least step of a column of coarse numbers; else 0. Between its smallest and its largest value a coarse
+ * column has a quarter of its numbers again; a sensor at the end of its range stands at the ends alone. */
+static double step_of(const check *c, uint32_t column) {
+    const size_t first = c->table->first[c->begin], end = c->table->first[c->end];
+    size_t count = 0, inner = 0, different = 0;
+    double least = INFINITY;
+    for (size_t row = first; row < end; row += (end - first) / MOST_SORTED + 1) {
+        const double x = lg_log_row(c->table, row)[column];
+        if (isfinite(x)) c->sorted[count++] = x;
+    }
+    qsort(c->sorted, count, sizeof *c->sorted, by_size);
+    for (size_t i = 1; i < count; i++) {
+        const double x = c->sorted[i], gap = x - c->sorted[i - 1];
+        const bool between = x > c->sorted[0] && x < c->sorted[count - 1];
+        inner += between;
+        if (gap > 0) least = fmin(least, gap), different += between;
+    }
+    return least < INFINITY && 4 * different <= 3 * inner ? least : 0;
+}
+
 static double noise_of(const check *c, uint32_t first, uint32_t count) {
     double most = 0;
     for (uint32_t i = first; i < first + count; i++) {
         const lg_log_statistics *s = &c->table->out->columns[i];
         const double noise = s->noise_at_most ? s->noise / 10 : s->noise; /* of smooth columns: far less */
-        if (noise > most) most = noise;
+        most = fmax(most, fmax(noise, step_of(c, i) / sqrt(12)));
     }
     return most;
 }
@@ -298,11 +333,6 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
 
 /* ---- sensors that fail ---- */
 
-static int by_size(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* The median size of a line's or angle's changes from row to row, 0 of none. */
 static double usual_change(const check *c, double *sizes) {
     size_t count = 0;
@@ -348,35 +378,40 @@ static lg_status refuse_outliers(const check *c, const way *w, lg_error *error) 
         c->table->machine->columns[c->velocity].name);
 }
 
-/* A column that stands at its smallest and largest value for many rows. */
-static lg_status refuse_clipped(const check *c, uint32_t column, lg_error *error) {
+/* A column that stands at its smallest and largest value for many rows, and stands nowhere else. Coarse
+ * numbers stand everywhere: the columns must belong together far better without these rows. */
+static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, size_t span, const fit *f,
+                                lg_error *error) {
     enum { MANY = 10, PART = 100 };
+    static const double better = 0.25;
     const lg_log_table *table = c->table;
     const size_t first = table->first[c->begin], end = table->first[c->end], rows = end - first;
-    double low = INFINITY, high = -INFINITY;
+    check without = *c;
     size_t count = 0;
+    without.clipped = column, without.low = INFINITY, without.high = -INFINITY;
     for (size_t row = first; row < end; row++) {
         const double x = lg_log_row(table, row)[column];
-        low = fmin(low, x), high = fmax(high, x);
+        without.low = fmin(without.low, x), without.high = fmax(without.high, x);
     }
-    for (size_t row = first; row < end; row++) {
-        const double x = lg_log_row(table, row)[column];
-        count += x == low || x == high;
-    }
-    if (count < MANY || count * PART < rows || !(low < high)) return LG_OK;
+    for (size_t row = first; row < end; row++) count += is_clipped(&without, row);
+    if (count < MANY || count * PART < rows) return LG_OK;
+    const fit rest = compare(&without, w, span);
+    if (step_of(c, column) > 0 &&
+        (rest.n < FEWEST || !(1 - rest.correlation < better * (1 - f->correlation))))
+        return LG_OK;
     return lg_fail(
         error, LG_FORMAT,
         "%s: column %s: stands at its smallest or largest value, %.6g and %.6g, in %zu of %zu rows: a "
         "sensor at the end of its range? leave these cells empty",
-        path_of(c), table->machine->columns[column].name, low, high, count, rows);
+        path_of(c), table->machine->columns[column].name, without.low, without.high, count, rows);
 }
 
 /* Lines and angles that do not belong together because a sensor fails. */
-static lg_status refuse_failures(const check *c, const way *w, lg_error *error) {
+static lg_status refuse_failures(const check *c, const way *w, size_t span, const fit *f, lg_error *error) {
     if (c->count != 1 || c->positions != 1) return LG_OK;
     LG_TRY(refuse_outliers(c, w, error));
-    LG_TRY(refuse_clipped(c, c->velocity, error));
-    return refuse_clipped(c, c->position, error);
+    LG_TRY(refuse_clipped(c, w, c->velocity, span, f, error));
+    return refuse_clipped(c, w, c->position, span, f, error);
 }
 
 /* Another way of reading the columns that fits far better, or NULL. */
@@ -419,7 +454,8 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
         found = find_span(c, &ways[0], &span, &f);
     }
     if (!found) return LG_OK;
-    if (f.correlation < FITS_WELL || slope_is_wrong(&f)) LG_TRY(refuse_failures(c, &ways[0], error));
+    if (f.correlation < FITS_WELL || slope_is_wrong(&f))
+        LG_TRY(refuse_failures(c, &ways[0], span, &f, error));
     if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
     const way *better = better_way(c, ways, count, span, &f);
     lg_log_names q, v;
@@ -448,6 +484,7 @@ static lg_status check_coordinate(const check *where, uint32_t index, lg_error *
     const lg_log_coordinate *w = &table->machine->coordinates[index];
     const lg_coordinate_kind kind = table->machine->machine.coordinates[index].kind;
     check place = {.table = table,
+                   .sorted = where->sorted,
                    .file = where->file,
                    .begin = where->begin,
                    .end = where->end,
@@ -461,6 +498,7 @@ static lg_status check_coordinate(const check *where, uint32_t index, lg_error *
                    .change = scalar_change,
                    .velocity_of = scalar_velocity};
     check attitude = {.table = table,
+                      .sorted = where->sorted,
                       .file = where->file,
                       .begin = where->begin,
                       .end = where->end,
@@ -492,9 +530,8 @@ static lg_status check_parts(const check *where, lg_error *error) {
 }
 
 /* Each file alone, so that the sentence names the one with the fault, then what only all together show. */
-lg_status lg_log_check(lg_log_table *table, lg_error *error) {
-    check where = {.table = table};
-    if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
+static lg_status check_files(check where, lg_error *error) {
+    const lg_log_table *table = where.table;
     while (where.begin < table->parts) {
         where.file = table->origin[table->first[where.begin]].file;
         for (where.end = where.begin + 1; where.end < table->parts; where.end++)
@@ -502,6 +539,15 @@ lg_status lg_log_check(lg_log_table *table, lg_error *error) {
         LG_TRY(check_parts(&where, error));
         where.begin = where.end;
     }
-    where = (check){.table = table, .file = table->origin[0].file, .end = table->parts};
+    where.begin = 0, where.file = table->origin[0].file;
     return table->origin[table->rows - 1].file != where.file ? check_parts(&where, error) : LG_OK;
+}
+
+lg_status lg_log_check(lg_log_table *table, lg_error *error) {
+    if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
+    double *sorted = lg_alloc(table->context, MOST_SORTED + 1, sizeof *sorted);
+    if (sorted == NULL) return lg_log_no_memory(table->paths[0], error);
+    const lg_status status = check_files((check){.table = table, .sorted = sorted}, error);
+    lg_free(table->context, sorted);
+    return status;
 }

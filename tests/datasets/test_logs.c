@@ -504,6 +504,36 @@ TEST("velocities of a wrong unit or sign are refused") {
     assert_true(read_text(machine("measured: momenta\n" TWO), two_sines(1000, 0))->log.rows == 400);
 }
 
+/* Numbers of a right log, rounded to steps and cut off at the end of the sensors' ranges; 0: not. */
+static const char *rounded(double step_x, double step_v, double end_x, double end_v) {
+    text log = new_text("t,q,v");
+    for (int i = 0; i < 400; i++) {
+        const double t = 0.02 * i;
+        double row[] = {t, sin(t) + 0.3 * cos(2.9 * t), cos(t) - 0.87 * sin(2.9 * t)};
+        const double step[] = {0, step_x, step_v}, end[] = {0, end_x, end_v};
+        for (int k = 1; k < 3; k++) {
+            if (end[k] > 0) row[k] = fmax(-end[k], fmin(end[k], row[k]));
+            if (step[k] > 0) row[k] = step[k] * round(row[k] / step[k]);
+        }
+        say_row(&log, row, 3);
+    }
+    return log.at;
+}
+
+TEST("coarse numbers of a right log are no sensor at the end of its range, which is told of coarse ones, "
+     "too") {
+    static const double steps[] = {0, 1e-3, 0.01, 0.02, 0.05, 0.1, 0.2};
+    for (size_t i = 0; i < LG_COUNT(steps); i++)
+        for (size_t j = 0; j < LG_COUNT(steps); j++)
+            assert_silent(read_text(machine(LINE), rounded(steps[i], steps[j], 0, 0)));
+    for (size_t i = 0; i < LG_COUNT(steps) && steps[i] < 0.1; i++) {
+        refuse_text(machine(LINE), rounded(steps[i], 0, 0.6, 0), "column q: stands at its",
+                    "end of its range");
+        refuse_text(machine(LINE), rounded(0, steps[i], 0, 0.6), "column v: stands at its",
+                    "end of its range");
+    }
+}
+
 TEST("five rows a period are enough to see a wrong unit") {
     for (int wrong = 0; wrong < 2; wrong++) {
         text log = new_text("t,q,v");
