@@ -18,11 +18,12 @@
  * lg_minimise and lg_least_squares measure x by its start, |x_i|, and f by its gradient there: units do
  * not matter. (A variable that starts at 0 is measured by what f and its derivative say; where the
  * derivative is zero too, it counts as large as the largest of the others.) Where no step lowers f, or
- * many lower it by little, they look at the Hessian (n up to 200, L-BFGS about 2 memory: 2 n evaluations;
- * differences of g), search along the Newton step or down along its lowest eigenvector, and go on.
- * LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a minimum: the Hessian is positive semidefinite to
- * 1e-9 of its diagonal, and the Newton step lowers f by less than 1e-8 of it or moves x by less than 1e-8 of
- * it. A plateau counts as a minimum.
+ * many lower it by little, they look at the Hessian (n up to 200, L-BFGS about 2 memory) by differences of g
+ * to both sides, 2 n evaluations. Where g is zero, differences to one side, n evaluations, are enough if they
+ * show eigenvalues all above 1e-4 or one below -1e-4 of the diagonal. Then they search along the Newton step
+ * or down along the lowest eigenvector, and go on. LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a
+ * minimum: the Hessian is positive semidefinite to 1e-9 of its diagonal, and the Newton step lowers f by less
+ * than 1e-8 of it or moves x by less than 1e-8 of it. A plateau counts as a minimum.
  *
  * Of more variables Lanczos' method looks for a way down, at most 30 evaluations each time. It finds negative
  * curvature that 30 steps from a random direction show: more than 1e-4 of the largest curvature, of

@@ -13,7 +13,7 @@ static const double DIFFERENCE = 1e-5; /* of a variable */
 static const double FLAT = 1e-12;      /* curvature that changes f by less than that of it is zero */
 static const double LEAST_SHIFT = 1e-12, MOST_SHIFT = 1e12; /* of the diagonal */
 static const double CONVEX_SHIFT = 1e-9;                    /* up to this A counts as positive semidefinite */
-static const double ONE_SIDED_SHIFT = 1e-4;                 /* the same from differences to one side */
+static const double CLEAR = 1e-4; /* of D: what differences to one side show surely */
 static const double LEFT = 1e-8, STILL = 1e-12, STRIDE = 0.1, LEAST_SLOPE = 1e-300;
 
 static size_t before_hessian(const lg_minimiser *m) {
@@ -33,16 +33,11 @@ static double step_of(const lg_minimiser *m, size_t i) {
     return DIFFERENCE * fmax(fabs(m->x[i]), DIFFERENCE);
 }
 
-/* Differences to both sides; where g is zero, to one. */
-static size_t sides(const lg_minimiser *m) {
-    return lg_minimise_flat(m) ? 1 : 2;
-}
-
-/* The next point of the difference quotient: x plus or minus a step along one variable. */
+/* The next point of the difference quotient: x plus a step along one variable, for all; then x minus it. */
 static void next_point(lg_minimiser *m) {
-    const size_t i = (size_t)m->counts.trials / sides(m);
+    const size_t trial = (size_t)m->counts.trials, i = trial % m->n;
     memcpy(m->point, m->x, m->n * sizeof *m->x);
-    m->point[i] += m->counts.trials % sides(m) == 0 ? step_of(m, i) : -step_of(m, i);
+    m->point[i] += trial < m->n ? step_of(m, i) : -step_of(m, i);
 }
 
 static void begin(lg_minimiser *m) {
@@ -76,6 +71,17 @@ static double curvature_of(const lg_minimiser *m, size_t i) {
         most = fmax(most, fmin(fabs(row[j]) * ratio, row[j] * row[j] / fabs(m->s[j])));
     }
     return most;
+}
+
+/* A becomes symmetric; its diagonal goes to m->s, 1/sqrt(D) to m->y. */
+static void measure(lg_minimiser *m) {
+    const size_t n = m->n;
+    double *A = hessian_of(m);
+    for (size_t i = 0; i < n; i++) {
+        m->s[i] = A[i * n + i];
+        for (size_t j = 0; j < i; j++) A[j * n + i] = A[i * n + j] = 0.5 * (A[j * n + i] + A[i * n + j]);
+    }
+    for (size_t i = 0; i < n; i++) m->y[i] = 1.0 / sqrt(curvature_of(m, i));
 }
 
 /* Factors A + shift D in the lower triangle, scaled by 1/sqrt(D) in m->y to the unit diagonal D; the diagonal
@@ -142,12 +148,8 @@ void lg_minimise_leave(lg_minimiser *m) {
  * the matrix positive definite. */
 static void decide(lg_minimiser *m) {
     const size_t n = m->n;
-    double *A = hessian_of(m), shift = 0.0;
-    for (size_t i = 0; i < n; i++) {
-        m->s[i] = A[i * n + i];
-        for (size_t j = 0; j < i; j++) A[j * n + i] = A[i * n + j] = 0.5 * (A[j * n + i] + A[i * n + j]);
-    }
-    for (size_t i = 0; i < n; i++) m->y[i] = 1.0 / sqrt(curvature_of(m, i));
+    double shift = 0.0;
+    measure(m);
     while (!factor(m, shift) && shift <= MOST_SHIFT) shift = fmax(10.0 * shift, LEAST_SHIFT);
     m->numbers.damping = shift;
     for (size_t i = 0; i < n; i++) m->d[i] = -m->g[i] * m->y[i];
@@ -155,26 +157,43 @@ static void decide(lg_minimiser *m) {
     for (size_t i = 0; i < n; i++) m->d[i] *= m->y[i];
     if (shift > CONVEX_SHIFT && shift <= MOST_SHIFT) add_downwards(m, shift);
     if (m->row->invert != NULL && shift <= CONVEX_SHIFT) m->row->invert(m, m->y);
-    if (lg_minimise_flat(m) && shift <= ONE_SIDED_SHIFT) {
+    if (lg_minimise_flat(m) && shift <= CONVEX_SHIFT) {
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     } else {
         lg_minimise_leave(m);
     }
 }
 
+/* Whether differences to one side show a minimum or a saddle. A stays. */
+static bool is_clear(lg_minimiser *m) {
+    const size_t n = m->n;
+    double *A = hessian_of(m);
+    measure(m);
+    const bool clear = factor(m, -CLEAR) || !factor(m, CLEAR);
+    for (size_t i = 0; i < n; i++) {
+        A[i * n + i] = m->s[i];
+        for (size_t j = 0; j < i; j++) A[i * n + j] = A[j * n + i];
+    }
+    return clear;
+}
+
+/* Differences to both sides; where g is zero, to one if they are clear. */
 void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient) {
-    const size_t n = m->n, i = (size_t)m->counts.trials / sides(m);
+    const size_t n = m->n, i = (size_t)m->counts.trials % n;
+    const bool back = m->counts.trials >= n;
+    const double step = back ? -step_of(m, i) : step_of(m, i);
     double *row = hessian_of(m) + i * n;
     if (!m->k->all_finite(n, gradient)) {
         lg_minimise_finish(m, lg_minimise_flat(m) ? LG_MINIMISE_GRADIENT : LG_MINIMISE_STUCK);
         return;
     }
-    const bool first = m->counts.trials % sides(m) == 0, last = (m->counts.trials + 1) % sides(m) == 0;
-    const double *from = first ? gradient : row, *to = first ? m->g : gradient;
-    const double step = last ? step_of(m, i) * (double)sides(m) : 1.0;
-    for (size_t j = 0; j < n; j++) row[j] = last ? (from[j] - to[j]) / step : gradient[j];
-    if (++m->counts.trials < sides(m) * n)
-        next_point(m);
-    else
+    for (size_t j = 0; j < n; j++) {
+        const double slope = (gradient[j] - m->g[j]) / step;
+        row[j] = back ? 0.5 * (row[j] + slope) : slope;
+    }
+    const uint64_t done = ++m->counts.trials;
+    if (done == 2 * n || (done == n && lg_minimise_flat(m) && is_clear(m)))
         decide(m);
+    else
+        next_point(m);
 }

@@ -449,6 +449,59 @@ TEST("a saddle is left where the diagonal of the Hessian is zero") {
         }
 }
 
+/* sum a cos x_i + (x_{i+1} - x_i)^2/2 on a ring: at 0 the Hessian has the eigenvalue -a and the diagonal
+ * 2 - a. The least is -a n. */
+static double ring(const double *x, size_t n, double a, double *gradient) {
+    double value = 0;
+    for (size_t i = 0; i < n; i++) {
+        const size_t j = (i + 1) % n;
+        const double d = x[j] - x[i];
+        value += a * cos(x[i]) + d * d / 2;
+        gradient[i] -= a * sin(x[i]) + d;
+        gradient[j] += d;
+    }
+    return value;
+}
+
+TEST("a saddle is left where the Hessian curves down by some 1e-9 of its diagonal") {
+    static const size_t sizes[] = {2, 3, 4, 10, 50, 150, 200};
+    for (int method = 0; method < LG_MINIMISE_LM; method++)
+        for (size_t k = 0; k < LG_COUNT(sizes); k++)
+            for (double a = 1e-2; a > 5e-9; a /= 10) {
+                const landscape f = {ring, sizes[k], a};
+                if (method == LG_MINIMISE_LBFGS && f.n > 100) continue; /* Lanczos' method */
+                double *x = TEST_ARRAY(double, f.n);
+                const lg_minimise_result r = minimise_landscape(f, method, x);
+                assert_close(r.value, -a * (double)f.n, 1e-12, 0);
+            }
+}
+
+/* The same spring with wells u^4 + u^3 - a u^2/2, u = x - 1: differences to one side hide the saddle at 1.
+ * The higher minimum is at a/3, -n a^3/54 to first order. */
+static double skew_ring(const double *x, size_t n, double a, double *gradient) {
+    double value = 0;
+    for (size_t i = 0; i < n; i++) {
+        const size_t j = (i + 1) % n;
+        const double d = x[j] - x[i], u = x[i] - 1;
+        value += u * u * (u * u + u - a / 2) + d * d / 2;
+        gradient[i] += 4 * u * u * u + 3 * u * u - a * u - d;
+        gradient[j] += d;
+    }
+    return value;
+}
+
+TEST("a saddle is left where differences to one side do not show it") {
+    static const size_t sizes[] = {2, 3, 10, 50};
+    for (size_t row = 0; row < LG_COUNT(sizes) * LG_MINIMISE_LM; row++)
+        for (double a = 1e-3; a > 5e-8; a /= 10) {
+            const landscape f = {skew_ring, sizes[row / LG_MINIMISE_LM], a};
+            double *x = TEST_ARRAY(double, f.n);
+            for (size_t i = 0; i < f.n; i++) x[i] = 1;
+            const lg_minimise_result r = minimise_landscape(f, (int)(row % LG_MINIMISE_LM), x);
+            assert_true(r.value <= -0.999 * (double)f.n * a * a * a / 54);
+        }
+}
+
 /* ---- ends ---- */
 
 static void assert_end(function f, lg_status status, lg_minimise_end end) {
