@@ -5,9 +5,9 @@
 #include "liegrad/random.h"
 #include "nn/minimise_internal.h"
 
-enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 2 };
+enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3 };
 static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
-                    PROFIT = 0.1, ROUNDED = 1e-14;
+                    PROFIT = 0.1, ROUNDED = 1e-14, FORESEEN = 10.0;
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2; /* of the variables; at the next level */
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
 
@@ -359,8 +359,10 @@ static void accept(lg_minimiser *m, double value, const double *gradient) {
     const size_t n = m->n;
     const double fall = m->numbers.value - value;
     const bool looked = m->counts.failures > 1, newton = looked && lg_minimise_newton_fits(m);
-    /* A way down that Lanczos' method shows and that lowers f by less than its rounding was rounding. */
-    const bool last = newton ? lg_minimise_newton_shows(m) : looked && fall <= ROUNDED * fabs(value);
+    /* A step far beyond the Newton step: the Hessian did not foresee where f falls. A way down that Lanczos'
+     * method shows and that lowers f by less than its rounding was rounding. */
+    const bool last = newton ? lg_minimise_newton_shows(m) && m->numbers.alpha < FORESEEN
+                             : looked && fall <= ROUNDED * fabs(value);
     for (size_t i = 0; i < n; i++) {
         m->s[i] = m->point[i] - m->x[i];
         m->y[i] = gradient[i] - m->g[i];

@@ -476,6 +476,20 @@ TEST("a saddle is left where the Hessian curves down by some 1e-9 of its diagona
             }
 }
 
+TEST("a start close to a saddle ends neither there nor as unbounded") {
+    static const size_t sizes[] = {2, 3, 4, 10, 50};
+    for (size_t row = 0; row < LG_COUNT(sizes) * LG_MINIMISE_LM; row++)
+        for (double start = 1e-1; start > 5e-13; start /= 10)
+            for (double a = 1e-3; a < 0.2; a *= 10) {
+                if (start < 5e-9 && (start > 2e-12 || a > 2e-3)) continue; /* f may not change there */
+                const landscape f = {ring, sizes[row / LG_MINIMISE_LM], a};
+                double *x = TEST_ARRAY(double, f.n);
+                for (size_t i = 0; i < f.n; i++) x[i] = start * (1 + 0.1 * (double)i);
+                const lg_minimise_result r = minimise_landscape(f, (int)(row % LG_MINIMISE_LM), x);
+                assert_close(r.value, -a * (double)f.n, 1e-12, 0);
+            }
+}
+
 /* The same spring with wells u^4 + u^3 - a u^2/2, u = x - 1: differences to one side hide the saddle at 1.
  * The higher minimum is at a/3, -n a^3/54 to first order. */
 static double skew_ring(const double *x, size_t n, double a, double *gradient) {
