@@ -2,6 +2,7 @@
  * and a Newton step from it goes on where rounding has spoiled H.
  *
  * A is symmetric, (n, n): the upper triangle and diagonal A, the lower triangle a factor. */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -144,6 +145,14 @@ void lg_minimise_leave(lg_minimiser *m) {
     for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
 }
 
+/* Whether the Newton step lowers f by no more than (sum sqrt(D_i) eps |x_i|)^2/2, by which rounding of x can
+ * change f: at a minimum of zero, less than any part of f. */
+static bool is_rounding(const lg_minimiser *m) {
+    double sum = 0.0;
+    for (size_t i = 0; i < m->n; i++) sum += fabs(m->x[i]) / m->y[i];
+    return -m->k->dot(m->n, m->g, m->d) <= DBL_EPSILON * sum * DBL_EPSILON * sum;
+}
+
 /* Searches along the Newton step d = -(A + shift D)^-1 g, with the least shift of a power of 10 that makes
  * the matrix positive definite. */
 static void decide(lg_minimiser *m) {
@@ -159,6 +168,8 @@ static void decide(lg_minimiser *m) {
     if (m->row->invert != NULL && shift <= CONVEX_SHIFT) m->row->invert(m, m->y);
     if (lg_minimise_flat(m) && shift <= CONVEX_SHIFT) {
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    } else if (shift <= CONVEX_SHIFT && is_rounding(m)) {
+        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
     } else {
         lg_minimise_leave(m);
     }
