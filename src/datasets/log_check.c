@@ -1,5 +1,6 @@
 /* Do positions move as velocities say? Changes of position over a few rows are compared with the integral of
  * the velocity (trapezoid): correlation and slope, about the means, or of steady motions about 0. */
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -60,9 +61,9 @@ struct check {
     int count;                    /* 1 or 3 */
     bool turns;                   /* y is an angle */
     bool steady;                  /* about 0 */
-    double jump;                  /* changes of more than this are left out; 0: none */
-    uint32_t clipped;             /* rows where this column is `low` or `high` are left out ... */
-    double low, high;             /* ... where low < high */
+    uint32_t watched;             /* rows are left out where this column ... */
+    double jump;                  /* ... changes by more than this to the next row; 0: none */
+    double low, high;             /* ... or is one of these; low >= high: none */
     /* The change of position from row a to row b, and the velocity that makes it. */
     void (*change)(const check *c, const way *w, const double *a, const double *b, double *y);
     void (*velocity_of)(const check *c, const way *w, const double *row, double *x);
@@ -111,14 +112,14 @@ static fit fit_of(const sums *s, bool steady) {
     return f;
 }
 
-static bool is_jump(const check *c, const double *y) {
-    bool jump = false;
-    for (int k = 0; k < c->count; k++) jump = jump || (c->jump > 0 && fabs(y[k]) > c->jump);
-    return jump;
+/* From a row to the next one. */
+static bool is_jump(const check *c, size_t row) {
+    const double *here = lg_log_row(c->table, row) + c->watched;
+    return c->jump > 0 && fabs(here[c->table->columns] - *here) > c->jump;
 }
 
 static bool is_clipped(const check *c, size_t row) {
-    const double x = lg_log_row(c->table, row)[c->clipped];
+    const double x = lg_log_row(c->table, row)[c->watched];
     return c->low < c->high && (x == c->low || x == c->high);
 }
 
@@ -130,17 +131,17 @@ static fit compare(const check *c, const way *w, size_t span) {
     for (size_t part = c->begin; part < c->end; part++) {
         for (size_t row = table->first[part]; row + span < table->first[part + 1]; row += stride) {
             double x[3] = {0, 0, 0}, y[3] = {0, 0, 0}, now[3], before[3];
-            bool clipped = is_clipped(c, row);
+            bool left_out = is_clipped(c, row);
             c->velocity_of(c, w, lg_log_row(table, row), before);
             for (size_t i = 1; i <= span; i++) {
                 const double h = lg_log_time(table, row + i) - lg_log_time(table, row + i - 1);
                 c->velocity_of(c, w, lg_log_row(table, row + i), now);
                 for (int k = 0; k < c->count; k++) x[k] += h * (before[k] + now[k]) / 2;
                 memcpy(before, now, sizeof before);
-                clipped = clipped || is_clipped(c, row + i);
+                left_out = left_out || is_clipped(c, row + i) || is_jump(c, row + i - 1);
             }
             c->change(c, w, lg_log_row(table, row), lg_log_row(table, row + span), y);
-            if (!clipped && !is_jump(c, y)) add(&s, x, y);
+            if (!left_out) add(&s, x, y);
         }
     }
     return fit_of(&s, c->steady);
@@ -253,7 +254,8 @@ static double noise_of(const check *c, uint32_t first, uint32_t count) {
     for (uint32_t i = first; i < first + count; i++) {
         const lg_log_statistics *s = &c->table->out->columns[i];
         const double noise = s->noise_at_most ? s->noise / 10 : s->noise; /* of smooth columns: far less */
-        most = fmax(most, fmax(noise, step_of(c, i) / sqrt(12)));
+        const double rounding = DBL_EPSILON * fmax(fabs(s->low), fabs(s->high));
+        most = fmax(most, fmax(fmax(noise, rounding), step_of(c, i) / sqrt(12)));
     }
     return most;
 }
@@ -333,12 +335,12 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
 
 /* ---- sensors that fail ---- */
 
-/* The median size of a line's or angle's changes from row to row, 0 of none. */
+/* The median size of the changes of the watched column from row to row, 0 of none. */
 static double usual_change(const check *c, double *sizes) {
     size_t count = 0;
     for (size_t part = c->begin; part < c->end; part++)
         for (size_t row = c->table->first[part]; row + 1 < c->table->first[part + 1]; row++) {
-            const double *here = lg_log_row(c->table, row) + c->position;
+            const double *here = lg_log_row(c->table, row) + c->watched;
             const double size = fabs(here[c->table->columns] - *here);
             if (isfinite(size)) sizes[count++] = size;
         }
@@ -346,36 +348,35 @@ static double usual_change(const check *c, double *sizes) {
     return count > 0 ? sizes[count / 2] : 0;
 }
 
-/* Steps of more than `jump`; `first`: the row after the first one. */
-static size_t count_jumps(const check *c, double jump, size_t *first) {
+/* `first`: the row after the first jump. */
+static size_t count_jumps(const check *c, size_t *first) {
     size_t count = 0;
     for (size_t part = c->begin; part < c->end; part++)
-        for (size_t row = c->table->first[part]; row + 1 < c->table->first[part + 1]; row++) {
-            const double *here = lg_log_row(c->table, row) + c->position;
-            if (!(fabs(here[c->table->columns] - *here) > jump)) continue;
-            if (count++ == 0) *first = row + 1;
-        }
+        for (size_t row = c->table->first[part]; row + 1 < c->table->first[part + 1]; row++)
+            if (is_jump(c, row) && count++ == 0) *first = row + 1;
     return count;
 }
 
-/* Single values that are far off: without their steps the columns belong together. */
-static lg_status refuse_outliers(const check *c, const way *w, lg_error *error) {
+/* Single values of a column that are far off: without their steps it belongs together with the other one. */
+static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, uint32_t other,
+                                 lg_error *error) {
     static const double far = 20;
     check without = *c;
     size_t row = 0;
     double *sizes = lg_alloc(c->table->context, c->table->rows, sizeof *sizes);
     if (sizes == NULL) return lg_log_no_memory(c->table->paths[c->file], error);
-    without.jump = far * usual_change(c, sizes);
+    without.watched = column;
+    without.jump = far * usual_change(&without, sizes);
     lg_free(c->table->context, sizes);
-    const size_t count = count_jumps(c, without.jump, &row);
+    const size_t count = count_jumps(&without, &row);
     const fit f = compare(&without, w, 1);
-    if (without.jump <= 0 || count == 0 || f.correlation < FITS || !slope_is_right(&f)) return LG_OK;
+    if (count == 0 || f.correlation < FITS || !slope_is_right(&f)) return LG_OK;
     return lg_log_fail(
         c->table, row, error,
         "column %s: jumps to %.6g, and %zu steps in all are more than %.0f times the usual one, "
         "which column %s does not show: outliers? leave these cells empty",
-        c->table->machine->columns[c->position].name, lg_log_row(c->table, row)[c->position], count, far,
-        c->table->machine->columns[c->velocity].name);
+        c->table->machine->columns[column].name, lg_log_row(c->table, row)[column], count, far,
+        c->table->machine->columns[other].name);
 }
 
 /* A column that stands at its smallest and largest value for many rows, and stands nowhere else. Coarse
@@ -388,7 +389,7 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
     const size_t first = table->first[c->begin], end = table->first[c->end], rows = end - first;
     check without = *c;
     size_t count = 0;
-    without.clipped = column, without.low = INFINITY, without.high = -INFINITY;
+    without.watched = column, without.low = INFINITY, without.high = -INFINITY;
     for (size_t row = first; row < end; row++) {
         const double x = lg_log_row(table, row)[column];
         without.low = fmin(without.low, x), without.high = fmax(without.high, x);
@@ -409,7 +410,9 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
 /* Lines and angles that do not belong together because a sensor fails. */
 static lg_status refuse_failures(const check *c, const way *w, size_t span, const fit *f, lg_error *error) {
     if (c->count != 1 || c->positions != 1) return LG_OK;
-    LG_TRY(refuse_outliers(c, w, error));
+    LG_TRY(refuse_outliers(c, w, c->position, c->velocity, error));
+    /* Velocities may jump: of an impact the correlation is still high. */
+    if (f->correlation < UNRELATED) LG_TRY(refuse_outliers(c, w, c->velocity, c->position, error));
     LG_TRY(refuse_clipped(c, w, c->velocity, span, f, error));
     return refuse_clipped(c, w, c->position, span, f, error);
 }

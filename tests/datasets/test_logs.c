@@ -504,14 +504,16 @@ TEST("velocities of a wrong unit or sign are refused") {
     assert_true(read_text(machine("measured: momenta\n" TWO), two_sines(1000, 0))->log.rows == 400);
 }
 
-/* Numbers of a right log, rounded to steps and cut off at the end of the sensors' ranges; 0: not. */
-static const char *rounded(double step_x, double step_v, double end_x, double end_v) {
+/* Numbers of a right log, with noise, rounded to steps and cut off at the end of the sensors' ranges; 0: not. */
+static const char *rounded(double noise, double step_x, double step_v, double end_x, double end_v) {
     text log = new_text("t,q,v");
+    const double *n = test_numbers(7, 2 * 400, -1.7320508, 1.7320508);
     for (int i = 0; i < 400; i++) {
         const double t = 0.02 * i;
         double row[] = {t, sin(t) + 0.3 * cos(2.9 * t), cos(t) - 0.87 * sin(2.9 * t)};
         const double step[] = {0, step_x, step_v}, end[] = {0, end_x, end_v};
         for (int k = 1; k < 3; k++) {
+            row[k] += noise * n[2 * i + k - 1];
             if (end[k] > 0) row[k] = fmax(-end[k], fmin(end[k], row[k]));
             if (step[k] > 0) row[k] = step[k] * round(row[k] / step[k]);
         }
@@ -525,12 +527,48 @@ TEST("coarse numbers of a right log are no sensor at the end of its range, which
     static const double steps[] = {0, 1e-3, 0.01, 0.02, 0.05, 0.1, 0.2};
     for (size_t i = 0; i < LG_COUNT(steps); i++)
         for (size_t j = 0; j < LG_COUNT(steps); j++)
-            assert_silent(read_text(machine(LINE), rounded(steps[i], steps[j], 0, 0)));
+            assert_silent(read_text(machine(LINE), rounded(0, steps[i], steps[j], 0, 0)));
+    assert_silent(read_text(machine(LINE), rounded(0, 0.5, 0, 0, 0))); /* five numbers */
+    refuse_text(machine(LINE), rounded(0.01, 0, 0, 0.2, 0), "column q: stands at its", "end of its range");
+    refuse_text(machine(LINE), rounded(0.01, 0, 0, 0, 0.2), "column v: stands at its", "end of its range");
     for (size_t i = 0; i < LG_COUNT(steps) && steps[i] < 0.1; i++) {
-        refuse_text(machine(LINE), rounded(steps[i], 0, 0.6, 0), "column q: stands at its",
+        refuse_text(machine(LINE), rounded(0, steps[i], 0, 0.6, 0), "column q: stands at its",
                     "end of its range");
-        refuse_text(machine(LINE), rounded(0, steps[i], 0, 0.6), "column v: stands at its",
+        refuse_text(machine(LINE), rounded(0, 0, steps[i], 0, 0.6), "column v: stands at its",
                     "end of its range");
+    }
+}
+
+TEST("velocities that are constant to rounding are right, wherever the machine is and whatever its unit") {
+    static const double speeds[] = {0, -3e-18, -3e-9, 1e-3, 1, 1e9}, places[] = {0, 1, -1e3, 1e6},
+                        errors[] = {0, 1e-16, 1e-12, 1e-8};
+    const double *n = test_numbers(7, 400, -1.7320508, 1.7320508);
+    for (size_t k = 0; k < LG_COUNT(speeds) * LG_COUNT(places) * LG_COUNT(errors); k++) {
+        const double v = speeds[k % LG_COUNT(speeds)],
+                     place = places[k / LG_COUNT(speeds) % LG_COUNT(places)],
+                     error = errors[k / LG_COUNT(speeds) / LG_COUNT(places)];
+        text log = new_text("t,q,v");
+        for (int i = 0; i < 400; i++) {
+            const double row[] = {0.02 * i, place + v * 0.02 * i, v * (1 + error * n[i])};
+            say_row(&log, row, 3);
+        }
+        assert_false(warns(read_text(machine(LINE), log.at), "fit badly"));
+    }
+}
+
+TEST("one cell of a velocity or position that is far off is named with its line") {
+    static const double sizes[] = {1e2, -1e3, 1e6, 1e12};
+    for (size_t k = 0; k < LG_COUNT(sizes) * 2; k++) {
+        const bool velocity = k % 2 == 1;
+        text log = new_text("t,q,v");
+        for (int i = 0; i < 400; i++) {
+            double row[] = {0.02 * i, sin(0.02 * i), cos(0.02 * i)};
+            if (i == 200) row[1 + velocity] = sizes[k / 2];
+            say_row(&log, row, 3);
+        }
+        refuse_text(machine(LINE), log.at,
+                    velocity ? "line 202: column v: jumps to" : "line 202: column q: jumps to",
+                    "2 steps in all");
     }
 }
 
