@@ -504,7 +504,8 @@ TEST("velocities of a wrong unit or sign are refused") {
     assert_true(read_text(machine("measured: momenta\n" TWO), two_sines(1000, 0))->log.rows == 400);
 }
 
-/* Numbers of a right log, with noise, rounded to steps and cut off at the end of the sensors' ranges; 0: not. */
+/* Numbers of a right log, with noise, rounded to steps and cut off at the end of the sensors' ranges; 0:
+ * not. */
 static const char *rounded(double noise, double step_x, double step_v, double end_x, double end_v) {
     text log = new_text("t,q,v");
     const double *n = test_numbers(7, 2 * 400, -1.7320508, 1.7320508);
