@@ -324,7 +324,8 @@ typedef enum lg_machine_starts { LG_MACHINE_STARTS_MEASURED, LG_MACHINE_STARTS_E
 
 /* Windows of M consecutive rows. The loss is the mean over windows and points 2..M of the sum over columns of
  * ((predicted - logged)/scale)^2, scales below, for R of |R' - R|^2/2 (the squared angle near 0), for q of a
- * direction |q' - q|^2; with estimated starts points 1..M. */
+ * direction |q' - q|^2, of its omega the part across the logged q (1 - q q^T); with estimated starts points
+ * 1..M. Logs have no omega along q, so noise dq of q moves it by |omega| dq along q. */
 typedef struct lg_machine_problem {
     const lg_machine *machine;
     const lg_scheme *scheme;
