@@ -113,7 +113,7 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
         {c->trials < 1000 && c->iterations <= c->evaluations && c->reference <= c->iterations &&
              c->pairs <= c->iterations,
          "minimise/counts does not fit together"},
-        {c->stage != LG_STAGE_HESSIAN || (lg_minimise_newton_fits(m) && c->trials < 2 * m->n),
+        {c->stage != LG_STAGE_HESSIAN || (lg_minimise_newton_fits(m) && c->trials <= 2 * m->n),
          "minimise/counts has more points of a Hessian than there are"},
         {c->stage != LG_STAGE_CURVATURE || (lg_minimise_curvature_fits(m) && c->trials < LG_LANCZOS_STEPS),
          "minimise/counts has more Lanczos vectors than there are"},

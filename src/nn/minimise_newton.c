@@ -34,11 +34,15 @@ static double step_of(const lg_minimiser *m, size_t i) {
     return DIFFERENCE * fmax(fabs(m->x[i]), DIFFERENCE);
 }
 
-/* The next point of the difference quotient: x plus a step along one variable, for all; then x minus it. */
+/* The next point of differences: x plus a step along one variable, for all; x minus all steps; x minus one
+ * step, for all. */
 static void next_point(lg_minimiser *m) {
-    const size_t trial = (size_t)m->counts.trials, i = trial % m->n;
-    memcpy(m->point, m->x, m->n * sizeof *m->x);
-    m->point[i] += trial < m->n ? step_of(m, i) : -step_of(m, i);
+    const size_t n = m->n, trial = (size_t)m->counts.trials;
+    memcpy(m->point, m->x, n * sizeof *m->x);
+    for (size_t i = 0; i < n; i++) {
+        if (trial == i) m->point[i] += step_of(m, i);
+        if (trial == n || trial == n + 1 + i) m->point[i] -= step_of(m, i);
+    }
 }
 
 static void begin(lg_minimiser *m) {
@@ -175,12 +179,17 @@ static void decide(lg_minimiser *m) {
     }
 }
 
-/* Whether differences to one side show a minimum or a saddle. A stays. */
-static bool is_clear(lg_minimiser *m) {
+/* Whether differences to one side foretell `gradient` to the other side and show a minimum or a saddle. A
+ * stays. */
+static bool is_clear(lg_minimiser *m, const double *gradient) {
     const size_t n = m->n;
-    double *A = hessian_of(m);
+    double *A = hessian_of(m), *off = m->d;
+    for (size_t j = 0; j < n; j++) off[j] = gradient[j] - m->g[j];
+    for (size_t i = 0; i < n; i++) m->k->axpy(n, step_of(m, i), A + i * n, off);
     measure(m);
-    const bool clear = factor(m, -CLEAR) || !factor(m, CLEAR);
+    bool clear = true;
+    for (size_t j = 0; j < n; j++) clear &= fabs(off[j]) * m->y[j] * m->y[j] <= CLEAR * step_of(m, j);
+    clear = clear && (factor(m, -CLEAR) || !factor(m, CLEAR));
     for (size_t i = 0; i < n; i++) {
         A[i * n + i] = m->s[i];
         for (size_t j = 0; j < i; j++) A[i * n + j] = A[j * n + i];
@@ -188,22 +197,27 @@ static bool is_clear(lg_minimiser *m) {
     return clear;
 }
 
-/* Differences to both sides; where g is zero, to one if they are clear. */
+/* Differences to both sides; where g is zero, to one if they are clear. Trial n, the look at the other side,
+ * is left out elsewhere. */
 void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient) {
-    const size_t n = m->n, i = (size_t)m->counts.trials % n;
-    const bool back = m->counts.trials >= n;
-    const double step = back ? -step_of(m, i) : step_of(m, i);
-    double *row = hessian_of(m) + i * n;
+    const size_t n = m->n, trial = (size_t)m->counts.trials;
+    const bool back = trial > n;
+    const size_t i = back ? trial - n - 1 : trial;
     if (!m->k->all_finite(n, gradient)) {
         lg_minimise_finish(m, lg_minimise_flat(m) ? LG_MINIMISE_GRADIENT : LG_MINIMISE_STUCK);
         return;
     }
-    for (size_t j = 0; j < n; j++) {
-        const double slope = (gradient[j] - m->g[j]) / step;
-        row[j] = back ? 0.5 * (row[j] + slope) : slope;
+    const bool last = trial == n ? is_clear(m, gradient) : trial == 2 * n;
+    if (trial != n) {
+        double *row = hessian_of(m) + i * n;
+        const double step = back ? -step_of(m, i) : step_of(m, i);
+        for (size_t j = 0; j < n; j++) {
+            const double slope = (gradient[j] - m->g[j]) / step;
+            row[j] = back ? 0.5 * (row[j] + slope) : slope;
+        }
     }
-    const uint64_t done = ++m->counts.trials;
-    if (done == 2 * n || (done == n && lg_minimise_flat(m) && is_clear(m)))
+    m->counts.trials += trial + 1 == n && !lg_minimise_flat(m) ? 2 : 1;
+    if (last)
         decide(m);
     else
         next_point(m);
