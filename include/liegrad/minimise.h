@@ -21,12 +21,11 @@
  * many lower it by little, they look at the Hessian (n up to 200, L-BFGS about 2 memory) by differences of g
  * to both sides, 2 n evaluations. Where g is zero, differences to one side, n + 1 evaluations, are enough if
  * they foretell g on the other side, and show eigenvalues all above 1e-4 or one below -1e-4 of the diagonal.
- * Then they search along the Newton step
- * or down along the lowest eigenvector, and go on. LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a
- * minimum: the Hessian is positive semidefinite to 1e-9 of its diagonal, and the Newton step lowers f by less
- * than 1e-8 of it or than rounding of x changes f, or moves x by less than 1e-8 of it. A plateau counts as a
- * minimum: where the curvature changes f by less than 1e-12 of it while x changes by its size, |x| and |x| at
- * the start.
+ * Then they search along the Newton step or down along the lowest eigenvector, and go on.
+ * LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a minimum: the Hessian is positive semidefinite to
+ * 1e-9 of its diagonal, and the Newton step lowers f by less than 1e-8 of it or than rounding of x changes f,
+ * or moves x by less than 1e-8 of it. A plateau counts as a minimum: where the curvature changes f by less
+ * than 1e-12 of it while x changes by its size, |x| and |x| at the start.
  *
  * Of more variables Lanczos' method looks for a way down, at most 30 evaluations each time. It finds negative
  * curvature that 30 steps from a random direction show: more than 1e-4 of the largest curvature, of
