@@ -221,7 +221,7 @@ static lg_program *program_of_maps(void) {
     static const lg_port out = {.name = "y"};
     static int number[LG_K_LIE_MAPS];
     lg_function_spec functions[LG_K_LIE_MAPS];
-    char name[LG_K_LIE_MAPS][8];
+    char name[LG_K_LIE_MAPS][16];
     for (int map = 0; map < LG_K_LIE_MAPS; map++) {
         number[map] = map;
         (void)snprintf(name[map], sizeof name[map], "f%d", map);
