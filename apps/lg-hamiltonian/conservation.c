@@ -238,8 +238,9 @@ static bool warn_of_cost(const app *self, const measuring *m) {
     return true;
 }
 
-/* Energies that start alike, or on a curve of states, leave a Hamiltonian so much freedom that the learned
- * energy does not change. The motion is wrong then, by more than noise and the scheme explain. */
+/* When the starts lie on a curve, or have nearly the same energy, a Hamiltonian exists whose energy stays
+ * constant along damped trajectories. Its motion differs from the data by more than noise and the error of
+ * the scheme. */
 static void warn_of_misfit(const app *self, const measuring *m, double loss) {
     static const double small = 1e-3, alike = 0.5;
     enum { FEWEST = 4 }; /* points */

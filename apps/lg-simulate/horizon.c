@@ -11,7 +11,7 @@ enum { MOMENTS = 200 };
 /* A difference is told from this part of the size on, or from the square root of a larger tolerance on. */
 #define TOLD 1e-2
 
-/* Blocks with one key are a part of the state: all q_i, all omega_i. */
+/* Blocks with the same key form a part of the state: all q_i, or all omega_i. */
 typedef struct sizes {
     const simulation *sim;
     size_t *part;            /* (blocks): the first block with the same key */

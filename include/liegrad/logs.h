@@ -112,8 +112,8 @@ typedef struct lg_logs {
 } lg_logs;
 
 /* Reads CSV or HDF5 files. options NULL: the defaults. Errors: LG_NOT_FOUND, LG_FILE, LG_OUT_OF_MEMORY;
- * LG_FORMAT with file, line (HDF5: row, from 1) and column: text, missing columns, numbers so large that the
- * others of a column are lost in their rounding, time that does not increase, attitudes that are none,
+ * LG_FORMAT with file, line (HDF5: row, from 1) and column: text; a missing column; a number so large that
+ * the rest of its column is lost in its rounding; time that does not increase; numbers that are no attitude;
  * columns that do not belong together. */
 LG_API lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file,
                               const char *const *paths, size_t count, const lg_log_options *options,

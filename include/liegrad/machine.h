@@ -231,7 +231,7 @@ LG_API lg_status lg_machine_space(const lg_machine *machine, lg_space *space);
 /* Numbers of the features of a term: how many inputs its network has. */
 LG_API uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
 
-/* theta (parameters; here and below it may be NULL where there are none): networks' weights
+/* theta (parameters; NULL is allowed for a machine without parameters, here and below): networks' weights
  * U(+-1/sqrt(fan_in)), last layers scaled by .1; masses 1, small damping, an input map of 0 but 1 for input j
  * of velocity j, potentials and residuals 0, in scaled units. */
 LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);

@@ -21,7 +21,7 @@
  * many lower it by little, they look at the Hessian (n up to 200, L-BFGS about 2 memory) by differences of g
  * to both sides, 2 n evaluations. Where g is zero, differences to one side, n + 1 evaluations, are enough if
  * they foretell g on the other side, and show eigenvalues all above 1e-4 or one below -1e-4 of the diagonal.
- * Then they search along the Newton step or down along the lowest eigenvector, and go on.
+ * The search then goes on along the Newton step or, from a saddle, down along the lowest eigenvector.
  * LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a minimum: the Hessian is positive semidefinite to
  * 1e-9 of its diagonal, and the Newton step lowers f by less than 1e-8 of it or than rounding of x changes f,
  * or moves x by less than 1e-8 of it. A plateau counts as a minimum: where the curvature changes f by less

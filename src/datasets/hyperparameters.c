@@ -161,10 +161,11 @@ const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
     HAMILTONIAN("run", "scaled", FLAG, scaled, .value_name = lg_name_yes, .optional = true, .value = "no",
                 .meaning =
                     "Scale the potential's last layer before training, towards the forces of the data"),
-    HAMILTONIAN("run", "units", NAME, units, .value_name = lg_name_units, .optional = true, .value = "given",
-                .meaning =
-                    "Units in which training computes and weighs its loss: the data's, or data: "
-                    "units of the size of the data, so that the result does not depend on their units"),
+    HAMILTONIAN(
+        "run", "units", NAME, units, .value_name = lg_name_units, .optional = true, .value = "given",
+        .meaning =
+            "Units in which training computes and weighs its loss (given: the units of the data; data: "
+            "scales of the data, so that the result does not depend on the units)"),
     HAMILTONIAN("run", "starts", NAME, starts, .value_name = lg_name_start, .optional = true,
                 .value = "measured",
                 .meaning = "Where predictions start: at the first points, or at estimated points near them, "

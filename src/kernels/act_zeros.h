@@ -15,7 +15,8 @@
 
 static const double lg_act_factorial[LG_K_ACT_ORDERS + 1] = {1, 1, 2, 6, 24, 120, 720, 5040, 40320};
 
-/* By order: z_k up to 1/2, z_k - 1 above (mpmath, 60 digits). */
+/* Row n: the zeros of order n. A zero z_k above 1/2 is stored as z_k - 1, which is negative (mpmath, 60
+ * digits). */
 static const double lg_act_zeros[LG_K_ACT_ORDERS + 1][3] = {
     {0},
     {0},

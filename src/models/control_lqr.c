@@ -78,7 +78,7 @@ static int squarings_of(const hold *s) {
     const double size = fmin(fmax(d6, d8), fmax(d8, d10));
     if (!(norm > 0.0) || !isfinite(norm) || !isfinite(size)) return 0;
     int squarings = size > theta ? (int)ceil(log2(size / theta)) : 0;
-    /* |M / 2^k|^27 as a part of |M / 2^k|: what the approximation leaves out. */
+    /* The relative error of the approximation, from the 27th power of the matrix of all |M_ij| / 2^k. */
     const double left = first_error * largest_row_of_power(s, 27) / norm;
     const double excess = isfinite(left) && left > 0.0 ? log2(left) - 26.0 * squarings + 53.0 : 0.0;
     if (excess > 0.0) squarings += (int)ceil(excess / 26.0);

@@ -256,9 +256,10 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
 /* Variances of the residuals of one row of the log, in the order of lg_machine_linearise and of the numbers
- * of a start, for the noise of its numbers times `factor`. Missing numbers have none. The covariance of the
- * three numbers of a direction q or of omega is variance (1 - q q^T), `part` has the diagonal of (1 - q q^T):
- * along a column of the Jacobian, which is across q, the whole variance counts. Other parts are 1. */
+ * of a start, for the noise of its numbers times `factor`. The variance of a missing number is 0. The
+ * covariance of the three numbers of a direction q or of omega is variance (1 - q q^T), `part` has the
+ * diagonal of (1 - q q^T): along a column of the Jacobian, which is across q, the whole variance counts.
+ * Other parts are 1. */
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
                               double factor, double *out, double *part);
 

@@ -1,13 +1,14 @@
-/* Machines: what forces that the model does not have would explain of the logs.
+/* What forces that a machine does not have would explain of the logs.
  *
  * The machine gets further terms, all zero: constant forces, forces linear in all heights, velocities and
- * inputs, and polynomials of the height and velocity of each coordinate. At the fit the residuals are
- * r = e - J_1 t with columns J_1 of these terms. Of r the part along J_1, starts and the machine's own
- * parameters taken away, is chance where e is noise: with p columns and N numbers that are left
+ * inputs, and polynomials of the height and velocity of each coordinate. J_1 are the columns of their
+ * parameters in the Jacobian at the fit, r the residuals. Starts and the machine's own parameters are
+ * eliminated from both. r_1 is the projection of r onto the p columns J_1, and N numbers are left. Where the
+ * residuals are noise,
  *   F = (|r_1|^2/p) / (|r - r_1|^2/N)
- * is around 1 (Lagrange multiplier test; Engle 1984). Neighbours of what is left, with the correlation c,
- * count as 1 - c of 1 + c numbers: steps of another program, held inputs and coarse digits leave residuals
- * that are smooth in time but no function of the state. */
+ * is around 1 (Lagrange multiplier test; Engle 1984). Steps of another program, held inputs and coarse digits
+ * leave residuals that are smooth in time but no function of the state. So N is multiplied by
+ * (1 - c)/(1 + c), where c is the correlation of r - r_1 between neighbouring rows. */
 #include <math.h>
 #include <string.h>
 
@@ -85,7 +86,7 @@ static double correlated(size_t n, const double *lagged, const double *a, double
     return (1.0 + c) / (1.0 - c);
 }
 
-/* The part of the windows' rows that no window before has. */
+/* Windows overlap: rows that differ, as a part of the rows of all windows. */
 static double distinct(const lg_machine_problem *problem, size_t all, size_t used) {
     size_t rows = 0, end = 0;
     for (size_t w = 0; w < used; w++) {

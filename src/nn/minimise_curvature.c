@@ -10,17 +10,18 @@
 #include "nn/minimise_internal.h"
 
 static const double DIFFERENCE = 1e-6; /* h, of a vector of length 1 */
-static const double NEGATIVE =
-    1e-4;                         /* of the largest eigenvalue: below, curvature is an error of differences */
+/* Smaller curvature, as a part of the largest, is an error of the differences. */
+static const double NEGATIVE = 1e-4;
 static const double FLAT = 1e-12; /* of f, as for the whole Hessian */
-static const double CLOSED = 1e-8; /* of the largest: what is left of a product is rounding */
+/* A smaller rest of a product, as a part of the largest eigenvalue, is rounding. */
+static const double CLOSED = 1e-8;
 static const double STRIDE = 0.1;
 
 static double *vector(const lg_minimiser *m, size_t k) {
     return m->curvature + k * lg_minimise_stride(m->n);
 }
 
-/* T: its diagonal, then what stands beside it. */
+/* T: the diagonal, then the numbers next to the diagonal. */
 static double *coefficients(const lg_minimiser *m) {
     return vector(m, LG_LANCZOS_STEPS);
 }
@@ -53,7 +54,8 @@ void lg_minimise_curvature_begin(lg_minimiser *m) {
     next_point(m);
 }
 
-/* The least eigenvalue of T (count, count), its eigenvector; `largest`: of absolute values. */
+/* Returns the least eigenvalue of T (count, count). v: its eigenvector; `largest`: the largest absolute value
+ * of an eigenvalue. */
 static double least_of(const lg_minimiser *m, size_t count, double *v, double *largest) {
     enum { MOST = LG_LANCZOS_STEPS, WORK = 1 + 6 * MOST + 2 * MOST * MOST, INTEGERS = 3 + 5 * MOST };
     const double *diagonal = coefficients(m), *beside = diagonal + MOST;

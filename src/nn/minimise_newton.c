@@ -113,7 +113,7 @@ static void solve(const lg_minimiser *m, double *x) {
 
 /* d += v where f curves downwards: the eigenvector of the lowest eigenvalue, by inverse iteration, at a
  * length of STRIDE of the variable that it changes most. The shift is halved while it can be: the eigenvector
- * then grows by a factor of 2 at least beside those of positive eigenvalues. */
+ * then grows at least twice as fast as the eigenvectors of positive eigenvalues. */
 static void add_downwards(lg_minimiser *m, double shift) {
     const size_t n = m->n;
     double *v = m->s, most = 0.0;
