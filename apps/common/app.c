@@ -60,26 +60,26 @@ static void put_reals(void *member, const double *values, uint32_t count) {
 }
 
 /* Numbers are read, and refused, as those of hyperparameters. */
-static lg_hyperparameter rule_of(const app_option *option) {
-    static const lg_hyper_type types[] = {[APP_SIZE] = LG_HYPER_U64,
-                                          [APP_REAL] = LG_HYPER_REAL,
-                                          [APP_SIZES] = LG_HYPER_WHOLES,
-                                          [APP_REALS] = LG_HYPER_REALS};
-    return (lg_hyperparameter){.name = option->name,
-                               .type = types[option->kind],
-                               .offset = option->offset,
-                               .size = sizeof(uint64_t),
-                               .low = option->low,
-                               .high = option->high,
-                               .above = option->above,
-                               .put = option->kind == APP_SIZES ? app_sizes_put : put_reals,
-                               .most = APP_LIST_MAX};
+static lg_field rule_of(const app_option *option) {
+    static const lg_field_type types[] = {[APP_SIZE] = LG_FIELD_U64,
+                                          [APP_REAL] = LG_FIELD_REAL,
+                                          [APP_SIZES] = LG_FIELD_WHOLES,
+                                          [APP_REALS] = LG_FIELD_REALS};
+    return (lg_field){.name = option->name,
+                      .type = types[option->kind],
+                      .offset = option->offset,
+                      .size = sizeof(uint64_t),
+                      .low = option->low,
+                      .high = option->high,
+                      .above = option->above,
+                      .put = option->kind == APP_SIZES ? app_sizes_put : put_reals,
+                      .most = APP_LIST_MAX};
 }
 
 static lg_status store_number(const app_option *option, const char *text, void *values, lg_error *error) {
-    const lg_hyperparameter rule = rule_of(option);
+    const lg_field rule = rule_of(option);
     lg_error reason = {LG_OK, ""};
-    const lg_status status = lg_hyperparameter_set(&rule, text, values, &reason);
+    const lg_status status = lg_field_set(&rule, text, values, &reason);
     const bool hint = option->longer != NULL && strstr(reason.message, "too long") != NULL;
     return status == LG_OK ? LG_OK
                            : app_error(error, status, "%.400s%s%s", reason.message, hint ? "; " : "",
@@ -117,7 +117,7 @@ static lg_status store_option(const app_option *option, const char *text, void *
 }
 
 lg_status app_store(app_slot *slot, const char *text, lg_error *error) {
-    const lg_status status = slot->row != NULL ? lg_hyperparameter_set(slot->row, text, slot->values, error)
+    const lg_status status = slot->row != NULL ? lg_field_set(slot->row, text, slot->values, error)
                                                : store_option(slot->option, text, slot->values, error);
     slot->given = slot->given || status == LG_OK;
     return status;
@@ -140,10 +140,10 @@ static void add_options(app *self, const app_option *table, void *values) {
 static void add_settings(app *self, const app_settings *settings) {
     for (; settings != NULL && settings->rows != NULL; settings++) {
         memset(settings->values, 0, settings->size);
-        lg_hyperparameters_default(settings->rows, settings->values);
-        for (const lg_hyperparameter *row = settings->rows; row->name != NULL; row++) {
+        lg_fields_default(settings->rows, settings->values);
+        for (const lg_field *row = settings->rows; row->name != NULL; row++) {
             char name[sizeof self->slots[0].name];
-            lg_hyperparameter_option(row, name, sizeof name);
+            lg_field_option(row, name, sizeof name);
             if (name[0] != '\0') add_slot(self, name, settings->values)->row = row;
         }
     }
@@ -170,10 +170,10 @@ bool app_given(const app *self, const char *option) {
 
 void app_adopt(app *self, const app_settings *settings, const void *from, bool preset) {
     char option[sizeof self->slots[0].name];
-    for (const lg_hyperparameter *row = settings->rows; row->name != NULL; row++) {
-        lg_hyperparameter_option(row, option, sizeof option);
+    for (const lg_field *row = settings->rows; row->name != NULL; row++) {
+        lg_field_option(row, option, sizeof option);
         if (!app_given(self, option) && !(preset && row->value != NULL))
-            lg_hyperparameter_copy(row, from, settings->values);
+            lg_field_copy(row, from, settings->values);
     }
 }
 
@@ -187,9 +187,9 @@ static struct argp_option *argp_table(const app *self, char *texts) {
     struct argp_option *out = app_alloc(n + COMMON + 2, sizeof *out);
     for (size_t i = 0; i < n; i++) {
         const app_slot *slot = &self->slots[i];
-        const lg_hyperparameter *row = slot->row;
+        const lg_field *row = slot->row;
         char *text = texts + i * HELP_SIZE;
-        if (row != NULL) (void)lg_hyperparameter_describe(row, text, HELP_SIZE);
+        if (row != NULL) (void)lg_field_describe(row, text, HELP_SIZE);
         out[i] =
             (struct argp_option){slot->name,
                                  KEY_COMMAND + (int)i,

@@ -17,7 +17,7 @@
 #include "core/count.h"
 #include "core/text.h"
 #include "liegrad/context.h"
-#include "liegrad/hyperparameters.h"
+#include "liegrad/fields.h"
 #include "liegrad/ranks.h"
 #include "liegrad/status.h"
 
@@ -43,7 +43,7 @@ typedef enum app_kind {
     APP_REALS   /* app_reals: finite numbers in [low, high], separated by commas */
 } app_kind;
 
-#define APP_LIST_MAX LG_HYPER_LIST_MAX
+#define APP_LIST_MAX LG_FIELD_LIST_MAX
 typedef struct app_sizes {
     size_t count;
     uint32_t values[APP_LIST_MAX];
@@ -93,7 +93,7 @@ typedef struct app_warnings app_warnings;
 /* Hyperparameters as options: a table of rows that ends with a NULL name, and the structure that they are
  * about. Before the command line is read the structure gets the rows' defaults. */
 typedef struct app_settings {
-    const lg_hyperparameter *rows;
+    const lg_field *rows;
     void *values;
     size_t size; /* of the structure */
 } app_settings;
@@ -124,7 +124,7 @@ typedef struct app_command {
 typedef struct app_slot {
     char name[32];
     const app_option *option;
-    const lg_hyperparameter *row; /* NULL: option */
+    const lg_field *row; /* NULL: option */
     void *values;
     bool given; /* on the command line */
 } app_slot;

@@ -41,11 +41,11 @@ static char *checkpoint_path(void) {
                                      : app_format("%s.checkpoint", files->out);
 }
 
-static const lg_hyperparameter *method_row(const train_task *task, void **values) {
+static const lg_field *method_row(const train_task *task, void **values) {
     const app_settings *settings = task->settings;
     for (; task->method != NULL && settings->rows != NULL; settings++) {
         *values = settings->values;
-        const lg_hyperparameter *row = lg_hyperparameter_find(settings->rows, task->method);
+        const lg_field *row = lg_field_find(settings->rows, task->method);
         if (row != NULL) return row;
     }
     return NULL;
@@ -54,9 +54,9 @@ static const lg_hyperparameter *method_row(const train_task *task, void **values
 const char *train_refuses(const train_task *task, const app_slot *slot) {
     static char text[128];
     void *values;
-    const lg_hyperparameter *method = method_row(task, &values);
+    const lg_field *method = method_row(task, &values);
     if (method == NULL || slot->row == NULL || slot->row->methods == 0) return NULL;
-    const uint32_t number = (uint32_t)lg_hyperparameter_whole(method, values);
+    const uint32_t number = (uint32_t)lg_field_whole(method, values);
     if ((slot->row->methods & 1u << number) != 0) return NULL;
     (void)snprintf(text, sizeof text, "--%s %s", task->method, method->value_name(number));
     return text;
@@ -325,7 +325,7 @@ static bool derives_again(const app *self) {
 static void adopt_size(app *self, const app_settings *settings, const void *from) {
     app_slot *slot = app_find_slot(self, "hidden");
     if (files->size == NULL || slot == NULL || slot->given) return;
-    lg_hyperparameter_copy(slot->row, from, settings->values);
+    lg_field_copy(slot->row, from, settings->values);
     slot->given = true;
 }
 
@@ -359,7 +359,7 @@ static bool has_adam(const lg_fit_plan *plan) {
 }
 
 static bool is_plan(const app_slot *slot) {
-    return slot->row != NULL && slot->row->type == LG_HYPER_PHRASE;
+    return slot->row != NULL && slot->row->type == LG_FIELD_PHRASE;
 }
 
 static bool asks_adam(const app *self, const lg_training *training) {
@@ -379,14 +379,14 @@ const char *train_preset_name(uint32_t value) {
     return value < LG_COUNT(names) ? names[value] : NULL;
 }
 
-const lg_hyperparameter train_preset_rows[] = {
+const lg_field train_preset_rows[] = {
     {.name = "preset",
-     .type = LG_HYPER_NAME,
+     .type = LG_FIELD_NAME,
      .size = sizeof train_preset_given,
      .value_name = train_preset_name,
      .otherwise = "best; thesis where Adam is asked for",
      .meaning = "Source of options that are not given: the published settings or ours"},
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 const char *train_preset(const app *self, const lg_training *training) {
     if (app_given(self, "preset")) return train_preset_name(train_preset_given);
@@ -475,35 +475,35 @@ int train_main(app *self, const train_task *task) {
 /* ---- results ---- */
 
 /* Under the name of its option where that is not the usual one, else under its own. */
-static void json_row(app_json *json, const lg_hyperparameter *row, const void *run) {
-    char key[64], text[LG_HYPER_TEXT_SIZE];
-    double list[LG_HYPER_LIST_MAX];
+static void json_row(app_json *json, const lg_field *row, const void *run) {
+    char key[64], text[LG_FIELD_TEXT_SIZE];
+    double list[LG_FIELD_LIST_MAX];
     (void)snprintf(key, sizeof key, "%s",
                    row->option != NULL && row->option[0] != '\0' ? row->option : row->name);
     switch (row->type) {
-    case LG_HYPER_REAL:
-        app_json_real(json, key, lg_hyperparameter_number(row, run));
+    case LG_FIELD_REAL:
+        app_json_real(json, key, lg_field_number(row, run));
         break;
-    case LG_HYPER_U64:
-    case LG_HYPER_U32:
-        app_json_size(json, key, lg_hyperparameter_whole(row, run));
+    case LG_FIELD_U64:
+    case LG_FIELD_U32:
+        app_json_size(json, key, lg_field_whole(row, run));
         break;
-    case LG_HYPER_FLAG:
-        app_json_bool(json, key, lg_hyperparameter_whole(row, run) != 0);
+    case LG_FIELD_FLAG:
+        app_json_bool(json, key, lg_field_whole(row, run) != 0);
         break;
-    case LG_HYPER_WHOLES:
-    case LG_HYPER_REALS:
+    case LG_FIELD_WHOLES:
+    case LG_FIELD_REALS:
         app_json_reals(json, key, list, row->get((const char *)run + row->offset, list));
         break;
     default:
-        lg_hyperparameter_show(row, run, text, sizeof text);
+        lg_field_show(row, run, text, sizeof text);
         app_json_text(json, key, text);
     }
 }
 
 /* `epochs` are those that are done, and a row that is no option is another's (the seed apart). */
 static void json_run(app_json *json, const app_settings *settings) {
-    for (const lg_hyperparameter *row = settings->rows; row->name != NULL; row++) {
+    for (const lg_field *row = settings->rows; row->name != NULL; row++) {
         const bool option = row->option == NULL || row->option[0] != '\0';
         if (strcmp(row->name, "epochs") != 0 && (option || strcmp(row->name, "seed") == 0))
             json_row(json, row, settings->values);

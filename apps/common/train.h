@@ -137,7 +137,7 @@ int train_check(app *app, const train_task *task);
  * is "thesis" where the command line asks for Adam, by a --method that ends with it or, without one, by an
  * option of Adam's alone (a rate, a batch) or by single precision. */
 const char *train_preset_name(uint32_t value); /* NULL beyond the last */
-extern const lg_hyperparameter train_preset_rows[];
+extern const lg_field train_preset_rows[];
 extern uint32_t train_preset_given;
 #define TRAIN_PRESET                                                                                         \
     { train_preset_rows, &train_preset_given, sizeof train_preset_given }

@@ -32,8 +32,8 @@ enum {
     CLASSICAL = LOGISTIC | TREE | LINEAR | RBF
 };
 
-#define ROW(name, type, member, ...) LG_HYPERPARAMETER(train_values, NULL, name, type, member, __VA_ARGS__)
-static const lg_hyperparameter rows[] = {
+#define ROW(name, type, member, ...) LG_FIELD(train_values, NULL, name, type, member, __VA_ARGS__)
+static const lg_field rows[] = {
     ROW("method", NAME, method, .value_name = train_method_name, .value = "cnn",
         .meaning =
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
@@ -89,12 +89,12 @@ static const lg_hyperparameter rows[] = {
         .meaning = "cnn: pooling after each convolution"),
     ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = CNN,
         .meaning = "cnn: number of samples pooled to one"),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 train_values train_given;
 lg_detector_run train_run;
 
-const app_settings train_settings[] = {{lg_detector_hyperparameters, &train_run, sizeof train_run},
+const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
                                        {rows, &train_given, sizeof train_given},
                                        {.rows = NULL}};
 

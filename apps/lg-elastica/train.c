@@ -14,7 +14,7 @@ enum { STREAM_WEIGHTS = 1 };
 static lg_surrogate_run run; /* all that determines the result */
 
 static const app_settings settings[] = {
-    {lg_surrogate_hyperparameters, &run, sizeof run}, TRAIN_PRESET, {.rows = NULL}};
+    {lg_surrogate_fields, &run, sizeof run}, TRAIN_PRESET, {.rows = NULL}};
 
 typedef struct training {
     lg_elastica_data data;

@@ -32,7 +32,7 @@ static const app_option file_options[] = {
 static train_values values;
 static lg_table_run run;
 static training state = {.given = &values, .run = &run};
-static const app_settings settings[] = {{lg_table_hyperparameters, &run, sizeof run}, {.rows = NULL}};
+static const app_settings settings[] = {{lg_table_fields, &run, sizeof run}, {.rows = NULL}};
 
 /* ---- the run ---- */
 

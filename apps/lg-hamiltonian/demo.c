@@ -86,7 +86,7 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 
 static lg_status train_model(demo *self) {
     lg_hamiltonian_run run = {.scheme = lg_scheme_find("cf4")};
-    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &run);
+    lg_fields_default(lg_hamiltonian_fields, &run);
     (void)learner_preset(NULL, "best", self->data.family, self->data.n, &run);
     if (values.epochs > 0) run.training.epochs = values.epochs;
     run.training.seed = self->app->seed;

@@ -32,8 +32,7 @@ lg_status learner_preset(const app *self, const char *preset, const lg_hamiltoni
         found = LG_OK;
         const bool fits = (of == NULL || strcmp(of, family->name) == 0) && n >= preset_rows[i].least;
         if (!fits || (self != NULL && app_given(self, option))) continue;
-        (void)lg_hyperparameter_set(lg_hyperparameter_find(lg_hamiltonian_hyperparameters, option),
-                                    preset_rows[i].value, run, NULL);
+        (void)lg_field_set(lg_field_find(lg_hamiltonian_fields, option), preset_rows[i].value, run, NULL);
     }
     /* The starts are too many for a dense matrix. */
     const bool dense = strcmp(preset, "best") == 0 && run->starts == LG_START_ESTIMATED;

@@ -33,13 +33,13 @@ static const double *parameter_of(const lg_system *system, const char *key) {
 
 /* Grids of earlier versions lacked these keys: one at its default adds nothing. */
 static void write_later_keys(const lg_hamiltonian_run *run, FILE *text) {
-    char value[LG_HYPER_TEXT_SIZE], usual[LG_HYPER_TEXT_SIZE];
+    char value[LG_FIELD_TEXT_SIZE], usual[LG_FIELD_TEXT_SIZE];
     lg_hamiltonian_run initial = *run;
-    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &initial);
-    for (const lg_hyperparameter *row = lg_hamiltonian_hyperparameters; row->name != NULL; row++) {
+    lg_fields_default(lg_hamiltonian_fields, &initial);
+    for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
         if (!row->optional || strcmp(row->name, "schedule") == 0) continue; /* the schedule has its place */
-        lg_hyperparameter_show(row, run, value, sizeof value);
-        lg_hyperparameter_show(row, &initial, usual, sizeof usual);
+        lg_field_show(row, run, value, sizeof value);
+        lg_field_show(row, &initial, usual, sizeof usual);
         if (strcmp(value, usual) != 0) (void)fprintf(text, "; %s %s", row->name, value);
     }
 }

@@ -19,7 +19,7 @@ static const app_option options[] = {
 static lg_hamiltonian_run run; /* all that determines the result */
 
 static const app_settings settings[] = {
-    {lg_hamiltonian_hyperparameters, &run, sizeof run}, TRAIN_PRESET, {.rows = NULL}};
+    {lg_hamiltonian_fields, &run, sizeof run}, TRAIN_PRESET, {.rows = NULL}};
 
 typedef struct training {
     lg_trajectories data;
@@ -89,9 +89,8 @@ static int check_options(const app *self) {
     static const char *const of_network[] = {"hidden", "activation", "prior"};
     static const char *const of_penalty[] = {"penalty-integral", "penalty-copy", "penalty-points",
                                              "penalty-form"};
-    char potential[LG_HYPER_TEXT_SIZE];
-    lg_hyperparameter_show(lg_hyperparameter_find(lg_hamiltonian_hyperparameters, "potential"), &run,
-                           potential, sizeof potential);
+    char potential[LG_FIELD_TEXT_SIZE];
+    lg_field_show(lg_field_find(lg_hamiltonian_fields, "potential"), &run, potential, sizeof potential);
     for (size_t i = 0; i < LG_COUNT(of_network); i++)
         if (app_given(self, of_network[i]) && !has_network(NULL))
             return app_usage(self, "--%s: --potential %s has no network", of_network[i], potential);

@@ -17,7 +17,7 @@ static const app_option options[] = {
     APP_ROW_END};
 
 static lg_machine_model_run run; /* all that determines the result */
-static const app_settings settings[] = {{lg_machine_model_hyperparameters, &run, sizeof run}, {.rows = NULL}};
+static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof run}, {.rows = NULL}};
 
 static training state = {.run = &run};
 

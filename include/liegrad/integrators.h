@@ -118,7 +118,8 @@ LG_API double lg_space_angle(const lg_space *space, const double *a);
 /* algebra = f(t, y), ode.space.algebra_dim numbers. `input` is the input of lg_step, or NULL. A status other
  * than LG_OK ends the integration, which returns it; after LG_NOT_FINITE an adaptive integration first tries
  * smaller steps. */
-typedef lg_status (*lg_field)(void *user, double t, const double *y, const double *input, double *algebra);
+typedef lg_status (*lg_vector_field)(void *user, double t, const double *y, const double *input,
+                                     double *algebra);
 /* For separable systems on R^2n, y = (q, p). `half` is q for the force -dV/dq, and p for the velocity dK/dp.
  * `half` and `out` have n numbers each. */
 typedef lg_status (*lg_half_field)(void *user, double t, const double *half, const double *input,
@@ -130,7 +131,7 @@ typedef lg_status (*lg_variational_step)(void *user, double t, double h, double 
 
 typedef struct lg_ode {
     lg_space space;
-    lg_field field;         /* may be NULL when only splitting schemes are used */
+    lg_vector_field field;  /* may be NULL when only splitting schemes are used */
     lg_half_field force;    /* NULL when the system is not separable */
     lg_half_field velocity; /* NULL if and only if force is */
     void *user;

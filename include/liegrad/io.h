@@ -576,7 +576,7 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
 /* ---- checkpoints of unfinished trainings ---- */
 
 /* A kind of run, for the functions below, which take an lg_hamiltonian_run, lg_surrogate_run or
- * lg_detector_run by its address. The hyperparameters of each stand in liegrad/hyperparameters.h. */
+ * lg_detector_run by its address. The hyperparameters of each stand in liegrad/fields.h. */
 typedef struct lg_run_kind lg_run_kind;
 LG_API extern const lg_run_kind lg_run_hamiltonian, lg_run_surrogate, lg_run_detector, lg_run_table;
 
@@ -781,7 +781,7 @@ typedef struct lg_grid {
     uint32_t repeats;                              /* 1 */
     double t_end;                            /* of the grid, else of the scene; required in one of them */
     lg_hamiltonian_run run;                  /* hyperparameters that all runs share, each under its name in
-                             * lg_hamiltonian_hyperparameters; the model is not made yet */
+                             * lg_hamiltonian_fields; the model is not made yet */
     lg_noise noise_kind;                     /* normal */
     uint32_t test_trajectories, test_points; /* 100, 15; key test: {trajectories, points} */
     uint64_t seed;                           /* 1 */

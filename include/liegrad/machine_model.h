@@ -3,7 +3,7 @@
 #ifndef LIEGRAD_MACHINE_MODEL_H
 #define LIEGRAD_MACHINE_MODEL_H
 
-#include "liegrad/hyperparameters.h"
+#include "liegrad/fields.h"
 #include "liegrad/io.h"
 #include "liegrad/logs.h"
 #include "liegrad/machine.h"
@@ -47,7 +47,7 @@ typedef struct lg_machine_model_file {
 } lg_machine_model_file;
 
 /* Hyperparameters of lg_machine_model_run, and its kind for lg_checkpoint_create and lg_checkpoint_open. */
-LG_API extern const lg_hyperparameter lg_machine_model_hyperparameters[];
+LG_API extern const lg_field lg_machine_model_fields[];
 LG_API extern const lg_run_kind lg_run_machine_model;
 
 /* The YAML without comments and blank lines; LG_FORMAT when it is longer than LG_MACHINE_TEXT. */

@@ -45,11 +45,11 @@ static const lg_key own_keys[OWN_KEYS] = {
 };
 
 /* The key of a hyperparameter that all runs share. */
-static lg_key key_of(const lg_hyperparameter *row) {
+static lg_key key_of(const lg_field *row) {
     static const lg_key_type types[] = {
-        [LG_HYPER_REAL] = LG_KEY_REAL,   [LG_HYPER_U64] = LG_KEY_COUNT,  [LG_HYPER_U32] = LG_KEY_COUNT,
-        [LG_HYPER_FLAG] = LG_KEY_NAME,   [LG_HYPER_NAME] = LG_KEY_NAME,  [LG_HYPER_WHOLES] = LG_KEY_COUNTS,
-        [LG_HYPER_REALS] = LG_KEY_REALS, [LG_HYPER_PHRASE] = LG_KEY_TEXT};
+        [LG_FIELD_REAL] = LG_KEY_REAL,   [LG_FIELD_U64] = LG_KEY_COUNT,  [LG_FIELD_U32] = LG_KEY_COUNT,
+        [LG_FIELD_FLAG] = LG_KEY_NAME,   [LG_FIELD_NAME] = LG_KEY_NAME,  [LG_FIELD_WHOLES] = LG_KEY_COUNTS,
+        [LG_FIELD_REALS] = LG_KEY_REALS, [LG_FIELD_PHRASE] = LG_KEY_TEXT};
     return (lg_key){row->name,
                     types[row->type],
                     false,
@@ -57,11 +57,11 @@ static lg_key key_of(const lg_hyperparameter *row) {
                     row->low,
                     row->high,
                     row->most > 0 ? row->most : 1,
-                    row->type == LG_HYPER_PHRASE ? NULL : row->value_name};
+                    row->type == LG_FIELD_PHRASE ? NULL : row->value_name};
 }
 
 /* The hyperparameters that a grid varies, and the seed, which it derives. */
-static bool is_shared(const lg_hyperparameter *row) {
+static bool is_shared(const lg_field *row) {
     static const char *const varied[] = {"integrator", "penalty", "substeps", "seed"};
     for (size_t i = 0; i < LG_COUNT(varied); i++)
         if (strcmp(varied[i], row->name) == 0) return false;
@@ -72,7 +72,7 @@ static bool is_shared(const lg_hyperparameter *row) {
 enum { KEYS = 48 };
 typedef struct grid_keys {
     lg_key keys[KEYS];
-    const lg_hyperparameter *rows[KEYS];
+    const lg_field *rows[KEYS];
     size_t count;
 } grid_keys;
 
@@ -83,12 +83,12 @@ static void list_keys(grid_keys *out) {
     } varied[] = {{KEY_PENALTY, "penalty"}, {KEY_SUBSTEPS, "substeps"}};
     memcpy(out->keys, own_keys, sizeof own_keys);
     for (size_t i = 0; i < LG_COUNT(varied); i++) {
-        const lg_hyperparameter *row = lg_hyperparameter_find(lg_hamiltonian_hyperparameters, varied[i].name);
+        const lg_field *row = lg_field_find(lg_hamiltonian_fields, varied[i].name);
         out->keys[varied[i].key].low = row->low;
         out->keys[varied[i].key].high = row->high;
     }
     out->count = OWN_KEYS;
-    for (const lg_hyperparameter *row = lg_hamiltonian_hyperparameters; row->name != NULL; row++) {
+    for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
         if (!is_shared(row) || out->count == KEYS) continue;
         out->rows[out->count] = row;
         out->keys[out->count++] = key_of(row);
@@ -126,12 +126,12 @@ static void set_reals(const lg_key_value *value, uint32_t *count, double *out) {
 static lg_status fill_run(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *v,
                           lg_hamiltonian_run *run, lg_error *error) {
     for (size_t i = OWN_KEYS; i < keys->count; i++) {
-        const lg_hyperparameter *row = keys->rows[i];
+        const lg_field *row = keys->rows[i];
         lg_error reason = {LG_OK, ""};
         if (v[i].line == 0) continue;
-        if (row->type != LG_HYPER_PHRASE)
-            lg_hyperparameter_fill(row, v[i].real, v[i].count, run);
-        else if (lg_hyperparameter_set(row, v[i].text, run, &reason) != LG_OK)
+        if (row->type != LG_FIELD_PHRASE)
+            lg_field_fill(row, v[i].real, v[i].count, run);
+        else if (lg_field_set(row, v[i].text, run, &reason) != LG_OK)
             return lg_yaml_fail(yaml, v[i].line, LG_FORMAT, error, "%s: %.300s", row->name, reason.message);
     }
     return LG_OK;
@@ -148,7 +148,7 @@ static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *
                      .test_trajectories = 100,
                      .test_points = 15,
                      .seed = 1};
-    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &out->run);
+    lg_fields_default(lg_hamiltonian_fields, &out->run);
     out->integrator_count = v[KEY_INTEGRATORS].count;
     for (uint32_t i = 0; i < out->integrator_count; i++)
         out->integrators[i] = lg_scheme_at((size_t)v[KEY_INTEGRATORS].real[i]);

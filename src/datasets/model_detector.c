@@ -91,15 +91,15 @@ static bool parse_blocks(const char *text, lg_cnn *net) {
 /* ---- the run ---- */
 
 #define FACT(group, name, type, member, ...) LG_FACT(lg_detector_run, group, name, type, member, __VA_ARGS__)
-static const lg_hyperparameter facts[] = {FACT("model", "channels", U32, model.net.channels, .low = 1),
-                                          FACT("model", "length", U32, model.net.length, .low = 1),
-                                          FACT("model", "blocks", SHOWN, model.net, .show = show_blocks),
-                                          FACT("model", "classes", U32, model.classes, .low = 2),
-                                          FACT("run", "windows", U64, windows, .low = 0),
-                                          FACT("run", "window", U64, window, .low = 0),
-                                          FACT("run", "hop", U64, hop, .low = 0),
-                                          FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
-                                          LG_HYPERPARAMETER_END};
+static const lg_field facts[] = {FACT("model", "channels", U32, model.net.channels, .low = 1),
+                                 FACT("model", "length", U32, model.net.length, .low = 1),
+                                 FACT("model", "blocks", SHOWN, model.net, .show = show_blocks),
+                                 FACT("model", "classes", U32, model.classes, .low = 2),
+                                 FACT("run", "windows", U64, windows, .low = 0),
+                                 FACT("run", "window", U64, window, .low = 0),
+                                 FACT("run", "hop", U64, hop, .low = 0),
+                                 FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
+                                 LG_FIELD_END};
 
 static const lg_detector_run defaults = {.training = {.shards = 4}};
 

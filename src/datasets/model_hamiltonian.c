@@ -27,7 +27,7 @@ static void put_scales(void *member, const double *values, uint32_t count) {
 
 #define FACT(group, name, type, member, ...)                                                                 \
     LG_FACT(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
-static const lg_hyperparameter facts[] = {
+static const lg_field facts[] = {
     FACT("model", "family", NAME, model.family, .value_name = lg_name_family, .value_at = lg_family_number),
     FACT("model", "links", U32, model.n, .low = 1),
     FACT("model", "scales", REALS, model.scales, .low = 0, .get = get_scales, .put = put_scales,
@@ -37,7 +37,7 @@ static const lg_hyperparameter facts[] = {
     FACT("run", "points", U64, points, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 static const lg_hamiltonian_run defaults = {
     .model = {.scales = {1.0, {1.0, 1.0}}}, .substeps = 1, .training = {.schedule = LG_SCHEDULE_STEP}};

@@ -53,7 +53,7 @@ lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name,
 enum { SCALES = 3 + LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS };
 _Static_assert(sizeof(lg_machine_scales) == SCALES * sizeof(double),
                "scales are numbers one after the other");
-_Static_assert(SCALES <= LG_HYPER_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_HYPER_LIST_MAX,
+_Static_assert(SCALES <= LG_FIELD_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_FIELD_LIST_MAX,
                "they fit into lists");
 
 static uint32_t get_scales(const void *member, double *values) {
@@ -86,7 +86,7 @@ static void put_coordinates(void *member, const double *values, uint32_t count) 
 
 #define FACT(group, name, type, member, ...)                                                                 \
     LG_FACT(lg_machine_model_run, group, name, type, member, __VA_ARGS__)
-static const lg_hyperparameter facts[] = {
+static const lg_field facts[] = {
     FACT("model", "machine", TEXT, text, .low = 0),
     FACT("model", "scales", REALS, scales, .low = 0, .get = get_scales, .put = put_scales, .most = SCALES),
     FACT("run", "range", REALS, range, .low = -1e300, .get = get_range, .put = put_range,
@@ -99,7 +99,7 @@ static const lg_hyperparameter facts[] = {
     FACT("run", "dt", REAL, dt, .low = 0),
     FACT("run", "delay", U32, delay, .low = 0),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 static const lg_machine_model_run defaults = {
     .substeps = 1, .window = 5, .stride = 1, .training = {.schedule = LG_SCHEDULE_STEP}};

@@ -10,14 +10,14 @@ enum { BOUNDARY = 8 };
 /* ---- the run ---- */
 
 #define FACT(group, name, type, member, ...) LG_FACT(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
-static const lg_hyperparameter facts[] = {
+static const lg_field facts[] = {
     FACT("model", "intervals", U32, model.intervals, .low = LG_ELASTICA_MIN_INTERVALS),
     FACT("model", "length", REAL, model.length, .low = 0),
     FACT("model", "centre", REAL, model.centre, .low = 0),
     FACT("run", "curves", U64, curves, .low = 0),
     FACT("run", "values", NAME, continuous, .value_name = lg_name_values),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 static const lg_surrogate_run defaults = {.training = {.shards = 4}};
 

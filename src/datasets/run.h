@@ -6,19 +6,19 @@
 #define LG_RUN_H
 
 #include "datasets/h5.h"
-#include "liegrad/hyperparameters.h"
+#include "liegrad/fields.h"
 #include "liegrad/networks.h"
 
 /* A fact about the model or its data, which is part of a run beside the hyperparameters. The last arguments
  * are designated initialisers; `.low = 0` adds nothing. */
 #define LG_FACT(struct_, group_, name_, type_, member, ...)                                                  \
-    LG_HYPERPARAMETER(struct_, group_, name_, type_, member, .high = 1e300, __VA_ARGS__)
+    LG_FIELD(struct_, group_, name_, type_, member, .high = 1e300, __VA_ARGS__)
 
 struct lg_run_kind {
     const char *name;       /* attribute `kind` of a model, */
     const char *checkpoint; /* and of a checkpoint */
     /* The run. Both tables end with a row without a name. */
-    const lg_hyperparameter *facts, *hyperparameters;
+    const lg_field *facts, *hyperparameters;
     size_t run_size, training; /* offset of its lg_training */
     const void *defaults;      /* a run with the values for attributes that a file lacks */
     lg_status (*build)(lg_h5 *h5, void *run, lg_error *error); /* rows read: the model is made from them */
@@ -58,7 +58,7 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
 lg_status lg_run_get_file(lg_h5 *h5, const lg_run_kind *kind, void *file, lg_error *error);
 
 /* Sets the value of the run, unchecked: one number, `count` numbers of a list, or positions of names. */
-void lg_hyperparameter_fill(const lg_hyperparameter *row, const double *values, uint32_t count, void *run);
+void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run);
 /* LG_NOT_FOUND and LG_SHAPE of a key become LG_FORMAT, in the result and in `error` (may be NULL). */
 lg_status lg_as_format(lg_status status, lg_error *error);
 /* An optional, finite number of the root. */
@@ -78,7 +78,7 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
     const lg_run_kind lg_run_##kind = {.name = #kind,                                                        \
                                        .checkpoint = checkpoint_name,                                        \
                                        .facts = facts,                                                       \
-                                       .hyperparameters = lg_##kind##_hyperparameters,                       \
+                                       .hyperparameters = lg_##kind##_fields,                                \
                                        .run_size = sizeof(lg_##kind##_run),                                  \
                                        .training = offsetof(lg_##kind##_run, training),                      \
                                        .defaults = &defaults,                                                \

@@ -12,7 +12,7 @@ size_t lg_space_groups(const lg_space *space, size_t *end);
 
 /* A default tolerance does not take rounding of the field for error: it counts as rounding what y' does when
  * the state moves by this part of its size. */
-#define LG_FIELD_ROUNDING 0x1p-49
+#define LG_VECTOR_FIELD_ROUNDING 0x1p-49
 
 /* +1 or -1: which way the number i of a state is moved for this. No pattern that a field could cancel. */
 static inline double lg_rounding_sign(size_t i) {

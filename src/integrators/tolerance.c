@@ -21,7 +21,7 @@ static void spread(const lg_tolerance *tol, double part, double h) {
     }
 }
 
-/* How far y' moves, by group, when each number of y moves by LG_FIELD_ROUNDING of its group's size.
+/* How far y' moves, by group, when each number of y moves by LG_VECTOR_FIELD_ROUNDING of its group's size.
  * s->error holds y'. */
 static lg_status measure_noise(lg_stepper *s, double t) {
     const lg_tolerance *tol = &s->tolerance;
@@ -29,7 +29,7 @@ static lg_status measure_noise(lg_stepper *s, double t) {
     size_t i = 0;
     for (size_t g = 0; g < tol->groups; g++)
         for (; i < tol->end[g]; i++)
-            moved[i] = s->run[0][i] + lg_rounding_sign(i) * LG_FIELD_ROUNDING * tol->size[g];
+            moved[i] = s->run[0][i] + lg_rounding_sign(i) * LG_VECTOR_FIELD_ROUNDING * tol->size[g];
     const lg_status status = lg_stepper_evaluate(s, t, moved, NULL, s->bracket);
     if (status != LG_OK) return status == LG_NOT_FINITE ? LG_OK : status;
     lg_space_generator(&s->ode.space, s->bracket, s->run[0], velocity);

@@ -460,7 +460,7 @@ static lg_status generated_field(void *user, double t, const double *y, const do
     return LG_OK;
 }
 
-static lg_field field_of(const lg_system *system, lg_coordinates coordinates) {
+static lg_vector_field field_of(const lg_system *system, lg_coordinates coordinates) {
     const lg_system_row *row = system->row;
     if (coordinates == LG_COORDINATES_LIE || row->field[coordinates]) return row->field[coordinates];
     return lg_system_constrained(system) ? generated_field : row->field[LG_COORDINATES_LIE];

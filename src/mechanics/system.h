@@ -49,7 +49,7 @@ typedef struct lg_system_row {
     /* The function that takes the place of H in the structure; NULL: the energy. */
     double (*generating)(const lg_system *system, const double *y, double *work);
     /* By lg_coordinates; AMBIENT NULL: the generator of the other one. The user is lg_system_user. */
-    lg_field field[2];
+    lg_vector_field field[2];
     lg_lane_system lanes; /* the same fields on lanes; LG_LANES_NONE: there are none */
     bool extended; /* field[AMBIENT] is not the generator of the other one off the manifold, and has no taped
                       form */

@@ -30,7 +30,7 @@
 #include "liegrad/monitor.h"
 #include "liegrad/novelty.h"
 #include "liegrad/program_image.h"
-#include "liegrad/hyperparameters.h"
+#include "liegrad/fields.h"
 #include "liegrad/ranks.h"
 #include "liegrad/riser.h"
 #include "liegrad/search.h"
@@ -848,9 +848,9 @@ TEST("risers, searches and ranks") {
     REFUSES(lg_ranks_agree(NEEDED(&ranks), LG_OK, NULL));
     REFUSES(lg_context_create(NULL, NEEDED(&context)));
     REFUSES(lg_detector_loss_parse(NEEDED(lg_detector_loss_name((lg_detector_loss)0)), NEEDED(&loss)));
-    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &hyper);
-    REFUSES(lg_hyperparameter_set(NEEDED(lg_hyperparameter_find(lg_hamiltonian_hyperparameters, "epochs")),
-                                  NEEDED("3"), NEEDED(&hyper), NULL));
+    lg_fields_default(lg_hamiltonian_fields, &hyper);
+    REFUSES(lg_field_set(NEEDED(lg_field_find(lg_hamiltonian_fields, "epochs")), NEEDED("3"), NEEDED(&hyper),
+                         NULL));
 }
 
 TEST("machines") {

@@ -1,7 +1,7 @@
 /* Tables of hyperparameters: what every row of every kind has to hold. */
 #include "io_test.h"
 
-#include "liegrad/hyperparameters.h"
+#include "liegrad/fields.h"
 #include "liegrad/machine_model.h"
 
 static union run {
@@ -12,40 +12,39 @@ static union run {
     lg_machine_model_run machine;
 } run, other;
 
-static const lg_hyperparameter *const tables[] = {lg_hamiltonian_hyperparameters,
-                                                  lg_surrogate_hyperparameters, lg_detector_hyperparameters,
-                                                  lg_table_hyperparameters, lg_machine_model_hyperparameters};
+static const lg_field *const tables[] = {lg_hamiltonian_fields, lg_surrogate_fields, lg_detector_fields,
+                                         lg_table_fields, lg_machine_model_fields};
 #define EACH_ROW(row)                                                                                        \
     for (size_t table = 0; table < LG_COUNT(tables); table++)                                                \
-        for (const lg_hyperparameter *row = tables[table]; row->name != NULL; row++)
+        for (const lg_field *row = tables[table]; row->name != NULL; row++)
 
 TEST("names and options are unique") {
     EACH_ROW(row) {
         char option[64], again[64];
-        lg_hyperparameter_option(row, option, sizeof option);
-        if (option[0] != '\0') assert_ptr_equal(lg_hyperparameter_find(tables[table], row->name), row);
-        if (option[0] != '\0') assert_ptr_equal(lg_hyperparameter_find(tables[table], option), row);
+        lg_field_option(row, option, sizeof option);
+        if (option[0] != '\0') assert_ptr_equal(lg_field_find(tables[table], row->name), row);
+        if (option[0] != '\0') assert_ptr_equal(lg_field_find(tables[table], option), row);
         assert_null(strchr(option, '_'));
-        for (const lg_hyperparameter *next = row + 1; next->name != NULL; next++) {
-            lg_hyperparameter_option(next, again, sizeof again);
+        for (const lg_field *next = row + 1; next->name != NULL; next++) {
+            lg_field_option(next, again, sizeof again);
             assert_string_not_equal(row->name, next->name);
             if (option[0] != '\0') assert_string_not_equal(option, again);
         }
     }
-    assert_null(lg_hyperparameter_find(tables[0], "colour"));
-    assert_string_equal(lg_hyperparameter_find(tables[0], "weight-decay")->name, "weight_decay");
+    assert_null(lg_field_find(tables[0], "colour"));
+    assert_string_equal(lg_field_find(tables[0], "weight-decay")->name, "weight_decay");
     /* The part for validation is the detector's own: the option of that name is not lg_fit's. */
-    assert_string_equal(lg_hyperparameter_find(tables[2], "validation")->name, "validation_fraction");
+    assert_string_equal(lg_field_find(tables[2], "validation")->name, "validation_fraction");
 }
 
-static void assert_sets(const lg_hyperparameter *row, const char *text, bool good) {
+static void assert_sets(const lg_field *row, const char *text, bool good) {
     lg_error error = {LG_OK, ""};
     memset(&run, 0, sizeof run);
     other = run;
-    const lg_status status = lg_hyperparameter_set(row, text, &run, &error);
+    const lg_status status = lg_field_set(row, text, &run, &error);
     if ((status == LG_OK) != good) fail_msg("%s: '%s' was %s", row->name, text, good ? "refused" : "taken");
     if (good) {
-        assert_true(lg_hyperparameter_fits(row, &run));
+        assert_true(lg_field_fits(row, &run));
     } else {
         assert_int_equal(status, LG_INVALID_ARGUMENT);
         assert_memory_equal(&run, &other, sizeof run);
@@ -56,14 +55,14 @@ static void assert_sets(const lg_hyperparameter *row, const char *text, bool goo
 TEST("the limits of a row are taken, and nothing beyond them") {
     EACH_ROW(row) {
         char text[64];
-        const bool whole = row->type != LG_HYPER_REAL && row->type != LG_HYPER_REALS;
+        const bool whole = row->type != LG_FIELD_REAL && row->type != LG_FIELD_REALS;
         static const char *const never[] = {"", " 1", "1 ", "one", "nan", "inf", "1e999", "0x1", ",1", "1,"};
         for (size_t i = 0; i < LG_COUNT(never); i++) assert_sets(row, never[i], false);
         if (row->value_name != NULL) {
             for (uint32_t i = 0; row->value_name(i) != NULL; i++) assert_sets(row, row->value_name(i), true);
             continue;
         }
-        if (row->type == LG_HYPER_PHRASE) continue; /* tested where its text is read */
+        if (row->type == LG_FIELD_PHRASE) continue; /* tested where its text is read */
         assert_true(row->low < row->high);
         (void)snprintf(text, sizeof text, "%.17g", row->low);
         assert_sets(row, text, !row->above);
@@ -81,23 +80,23 @@ TEST("the limits of a row are taken, and nothing beyond them") {
 
 TEST("what is shown is set to the same bits, and one value changes no other") {
     EACH_ROW(row) {
-        char text[LG_HYPER_TEXT_SIZE], again[LG_HYPER_TEXT_SIZE];
-        const char *value = row->type == LG_HYPER_PHRASE   ? "adam:3,lbfgs"
+        char text[LG_FIELD_TEXT_SIZE], again[LG_FIELD_TEXT_SIZE];
+        const char *value = row->type == LG_FIELD_PHRASE   ? "adam:3,lbfgs"
                             : row->value_name != NULL      ? row->value_name(1)
-                            : row->type == LG_HYPER_WHOLES ? "3,1,2"
-                            : row->type == LG_HYPER_REAL   ? "0.10000000000000002"
+                            : row->type == LG_FIELD_WHOLES ? "3,1,2"
+                            : row->type == LG_FIELD_REAL   ? "0.10000000000000002"
                                                            : "3";
         memset(&run, 0, sizeof run);
         other = run;
-        assert_ok(lg_hyperparameter_set(row, value, &run, NULL));
-        lg_hyperparameter_show(row, &run, text, sizeof text);
+        assert_ok(lg_field_set(row, value, &run, NULL));
+        lg_field_show(row, &run, text, sizeof text);
         assert_string_equal(text, value);
-        lg_hyperparameter_copy(row, &run, &other);
+        lg_field_copy(row, &run, &other);
         assert_memory_equal(&run, &other, sizeof run);
-        for (const lg_hyperparameter *next = tables[table]; next->name != NULL; next++) {
+        for (const lg_field *next = tables[table]; next->name != NULL; next++) {
             memset(&other, 0, sizeof other);
-            lg_hyperparameter_show(next, &other, again, sizeof again);
-            lg_hyperparameter_show(next, &run, text, sizeof text);
+            lg_field_show(next, &other, again, sizeof again);
+            lg_field_show(next, &run, text, sizeof text);
             if (next != row) assert_string_equal(text, again);
         }
     }
@@ -107,17 +106,15 @@ TEST("lm is a method where the loss is a sum of squares, and there alone") {
     char text[1024];
     lg_error error;
     EACH_ROW(row) {
-        if (row->type != LG_HYPER_PHRASE) continue;
-        const bool squares = tables[table] == lg_hamiltonian_hyperparameters ||
-                             tables[table] == lg_table_hyperparameters ||
-                             tables[table] == lg_machine_model_hyperparameters;
+        if (row->type != LG_FIELD_PHRASE) continue;
+        const bool squares = tables[table] == lg_hamiltonian_fields || tables[table] == lg_table_fields ||
+                             tables[table] == lg_machine_model_fields;
         memset(&run, 0, sizeof run);
-        assert_int_equal(lg_hyperparameter_set(row, "adam:3,lm", &run, NULL),
-                         squares ? LG_OK : LG_INVALID_ARGUMENT);
-        (void)lg_hyperparameter_describe(row, text, sizeof text);
+        assert_int_equal(lg_field_set(row, "adam:3,lm", &run, NULL), squares ? LG_OK : LG_INVALID_ARGUMENT);
+        (void)lg_field_describe(row, text, sizeof text);
         assert_non_null(strstr(text, squares ? "adam, ssbroyden, lbfgs or lm, or phases"
                                              : "adam, ssbroyden or lbfgs, or phases"));
-        assert_status(lg_hyperparameter_set(row, "sgd", &run, &error), LG_INVALID_ARGUMENT);
+        assert_status(lg_field_set(row, "sgd", &run, &error), LG_INVALID_ARGUMENT);
         assert_string_equal(strstr(error.message, "there are"), squares
                                                                     ? "there are adam, ssbroyden, lbfgs, lm"
                                                                     : "there are adam, ssbroyden, lbfgs");
@@ -127,7 +124,7 @@ TEST("lm is a method where the loss is a sum of squares, and there alone") {
 TEST("rows describe themselves") {
     char text[1024];
     EACH_ROW(row) {
-        const int length = lg_hyperparameter_describe(row, text, sizeof text);
+        const int length = lg_field_describe(row, text, sizeof text);
         assert_true(length > 0 && (size_t)length < sizeof text && length == (int)strlen(text));
         assert_true(row->value == NULL || row->otherwise == NULL);
         assert_true(row->value_name != NULL || row->unit != NULL);
@@ -135,14 +132,14 @@ TEST("rows describe themselves") {
         assert_int_equal(strncmp(text, row->meaning, strlen(row->meaning)), 0);
         assert_true(row->meaning[strlen(row->meaning) - 1] != '.');
     }
-    const lg_hyperparameter *hidden = lg_hyperparameter_find(lg_surrogate_hyperparameters, "hidden");
-    (void)lg_hyperparameter_describe(hidden, text, sizeof text);
+    const lg_field *hidden = lg_field_find(lg_surrogate_fields, "hidden");
+    (void)lg_field_describe(hidden, text, sizeof text);
     assert_string_equal(text, "Width of the hidden layers (1 to 1048576; default the preset's)");
 }
 
 TEST("defaults are those of the rows") {
     memset(&run, 0, sizeof run);
-    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &run);
+    lg_fields_default(lg_hamiltonian_fields, &run);
     const lg_hamiltonian_run *r = &run.hamiltonian;
     const lg_training *how = &r->training;
     assert_true(how->dtype == LG_F64 && how->epochs == 100 && how->batch == 80 && how->lr == 1e-2);
@@ -152,12 +149,12 @@ TEST("defaults are those of the rows") {
     assert_true(r->substeps == 1 && r->penalty == 0 && r->penalty_form == LG_PENALTY_MEAN_SQUARE);
     assert_true(r->model.net.layers == 4 && r->model.net.width[3] == 100 && r->model.net.width[4] == 0);
     memset(&run, 0, sizeof run);
-    lg_hyperparameters_default(lg_detector_hyperparameters, &run);
+    lg_fields_default(lg_detector_fields, &run);
     assert_true(run.detector.validation_fraction == 0.1 && run.detector.training.validation == 0);
     assert_true(run.detector.test_fraction == 0.2 && run.detector.model.net.plane == 2);
     assert_true(run.detector.training.epochs == 0); /* the preset's */
     memset(&run, 0, sizeof run);
-    lg_hyperparameters_default(lg_surrogate_hyperparameters, &run);
+    lg_fields_default(lg_surrogate_fields, &run);
     assert_true(run.surrogate.train_fraction == 0.9 && run.surrogate.test_fraction == 0.1);
 }
 
@@ -165,7 +162,7 @@ TEST("defaults are those of the rows") {
 
 static const char page_begin[] =
     "# Hyperparameters\n\n"
-    "One table for each kind of run (`liegrad/hyperparameters.h`, `src/datasets/hyperparameters.c`) says "
+    "One table for each kind of run (`liegrad/fields.h`, `src/datasets/fields.c`) says "
     "name, "
     "range, default\nand meaning; command lines, ranges of searches, grids of studies, attributes of files, "
     "the "
@@ -186,10 +183,10 @@ static void put_page(FILE *page) {
     (void)fputs(page_begin, page);
     for (size_t table = 0; table < LG_COUNT(tables); table++) {
         (void)fprintf(page, "\n## %s\n\n| name | option | stored in | |\n|---|---|---|---|\n", titles[table]);
-        for (const lg_hyperparameter *row = tables[table]; row->name != NULL; row++) {
+        for (const lg_field *row = tables[table]; row->name != NULL; row++) {
             char option[64], text[1024];
-            lg_hyperparameter_option(row, option, sizeof option);
-            (void)lg_hyperparameter_describe(row, text, sizeof text);
+            lg_field_option(row, option, sizeof option);
+            (void)lg_field_describe(row, text, sizeof text);
             (void)fprintf(page, "| `%s` | %s%s%s | `/%s` | ", row->name, option[0] != '\0' ? "`--" : "",
                           option, option[0] != '\0' ? "`" : "", row->group);
             for (const char *c = text; *c != '\0'; c++) (void)fprintf(page, *c == '|' ? "\\%c" : "%c", *c);

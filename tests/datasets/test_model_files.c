@@ -820,25 +820,25 @@ TEST("a damaged checkpoint is refused, and no checkpoint is taken for a model or
 
 /* ---- every row of the tables that describe a run ---- */
 
-static const damage wrong_values[LG_HYPER_SHOWN + 1][2] = {
-    [LG_HYPER_REAL] = {{NULL, TEXT("many"), LG_FORMAT, "number"}, {NULL, REAL(NAN), LG_NOT_FINITE, "finite"}},
-    [LG_HYPER_U64] = {{NULL, TEXT("many"), LG_FORMAT, "integer"}, {NULL, WHOLE(-1), LG_FORMAT, ""}},
-    [LG_HYPER_U32] = {{NULL, TEXT("many"), LG_FORMAT, "integer"}, {NULL, WHOLE(-1), LG_FORMAT, ""}},
-    [LG_HYPER_FLAG] = {{NULL, TEXT("yes"), LG_FORMAT, "integer"}, {NULL, WHOLE(2), LG_FORMAT, "0 nor 1"}},
-    [LG_HYPER_NAME] = {{NULL, TEXT("no such name"), LG_FORMAT, "known name"},
+static const damage wrong_values[LG_FIELD_SHOWN + 1][2] = {
+    [LG_FIELD_REAL] = {{NULL, TEXT("many"), LG_FORMAT, "number"}, {NULL, REAL(NAN), LG_NOT_FINITE, "finite"}},
+    [LG_FIELD_U64] = {{NULL, TEXT("many"), LG_FORMAT, "integer"}, {NULL, WHOLE(-1), LG_FORMAT, ""}},
+    [LG_FIELD_U32] = {{NULL, TEXT("many"), LG_FORMAT, "integer"}, {NULL, WHOLE(-1), LG_FORMAT, ""}},
+    [LG_FIELD_FLAG] = {{NULL, TEXT("yes"), LG_FORMAT, "integer"}, {NULL, WHOLE(2), LG_FORMAT, "0 nor 1"}},
+    [LG_FIELD_NAME] = {{NULL, TEXT("no such name"), LG_FORMAT, "known name"},
                        {NULL, TEXT(""), LG_FORMAT, "known name"}},
-    [LG_HYPER_PHRASE] = {{NULL, TEXT("no such method"), LG_FORMAT, "no method"},
+    [LG_FIELD_PHRASE] = {{NULL, TEXT("no such method"), LG_FORMAT, "no method"},
                          {NULL, TEXT(""), LG_FORMAT, "no method"}}};
 
 /* `whole`: nothing may be missing but what files of earlier versions lack. */
-static void refuse_row(const lg_hyperparameter *r, bool whole, read_fn reader, fresh_fn fresh) {
+static void refuse_row(const lg_field *r, bool whole, read_fn reader, fresh_fn fresh) {
     char at[64];
     (void)snprintf(at, sizeof at, "%s@%s", r->group, r->name);
     const bool needed = !r->optional && (whole || strcmp(r->group, "model") == 0);
     const damage gone = {at, GONE, LG_FORMAT, "missing"},
                  below = {at, REAL(nextafter(r->low, -INFINITY)), LG_FORMAT, "out of range"};
     if (needed) refuse_damage(reader, fresh, &gone, 1);
-    if (r->type == LG_HYPER_REAL) refuse_damage(reader, fresh, &below, 1);
+    if (r->type == LG_FIELD_REAL) refuse_damage(reader, fresh, &below, 1);
     for (size_t i = 0; i < 2 && wrong_values[r->type][i].word != NULL; i++) {
         damage row = wrong_values[r->type][i];
         row.at = at;
@@ -853,10 +853,10 @@ static void refuse_row(const lg_hyperparameter *r, bool whole, read_fn reader, f
 TEST("every hyperparameter of a model and of a checkpoint is refused by name when it is missing or wrong") {
     for
         EACH_KIND(k) {
-            const lg_hyperparameter *const tables[] = {k->run->facts, k->run->hyperparameters};
+            const lg_field *const tables[] = {k->run->facts, k->run->hyperparameters};
             fresh_kind = k;
             for (size_t t = 0; t < LG_COUNT(tables); t++)
-                for (const lg_hyperparameter *r = tables[t]; r->name != NULL; r++) {
+                for (const lg_field *r = tables[t]; r->name != NULL; r++) {
                     refuse_row(r, false, k->read, k->fresh);
                     refuse_row(r, true, k->read_checkpoint, fresh_checkpoint);
                 }
@@ -864,23 +864,23 @@ TEST("every hyperparameter of a model and of a checkpoint is refused by name whe
 }
 
 /* Another value of the row; false where the row is shown from several members. */
-static bool change_row(const lg_hyperparameter *r, void *run) {
+static bool change_row(const lg_field *r, void *run) {
     char *at = (char *)run + r->offset;
-    double values[LG_HYPER_LIST_MAX] = {0};
+    double values[LG_FIELD_LIST_MAX] = {0};
     uint32_t count = 1;
-    if (r->type == LG_HYPER_SHOWN) return false;
-    if (r->type == LG_HYPER_TEXT) {
+    if (r->type == LG_FIELD_SHOWN) return false;
+    if (r->type == LG_FIELD_TEXT) {
         at[0] ^= 1;
         return true;
     }
-    if (r->type == LG_HYPER_PHRASE) return lg_hyperparameter_set(r, "adam:3,lbfgs", run, NULL) == LG_OK;
+    if (r->type == LG_FIELD_PHRASE) return lg_field_set(r, "adam:3,lbfgs", run, NULL) == LG_OK;
     if (r->get != NULL)
         count = r->get(at, values), values[0]++;
-    else if (r->type == LG_HYPER_REAL)
-        values[0] = nextafter(lg_hyperparameter_number(r, run), INFINITY);
+    else if (r->type == LG_FIELD_REAL)
+        values[0] = nextafter(lg_field_number(r, run), INFINITY);
     else
-        values[0] = lg_hyperparameter_whole(r, run) != 1;
-    lg_hyperparameter_fill(r, values, count, run);
+        values[0] = lg_field_whole(r, run) != 1;
+    lg_field_fill(r, values, count, run);
     return true;
 }
 
@@ -895,15 +895,15 @@ static void refuse_other_run(const kind_row *k, const any_run *run, const any_ru
 TEST("a checkpoint of another run is refused, and the sentence names the difference") {
     for
         EACH_KIND(k) {
-            const lg_hyperparameter *const tables[] = {k->run->facts, k->run->hyperparameters};
+            const lg_field *const tables[] = {k->run->facts, k->run->hyperparameters};
             const any_run wanted = run_of_example(k, k->bad);
             for (size_t t = 0; t < LG_COUNT(tables); t++)
-                for (const lg_hyperparameter *r = tables[t]; r->name != NULL; r++) {
+                for (const lg_field *r = tables[t]; r->name != NULL; r++) {
                     any_run run = wanted;
                     char have[512], want[512], says[1100];
                     if (!change_row(r, &run)) continue;
-                    lg_hyperparameter_show(r, &run, have, sizeof have);
-                    lg_hyperparameter_show(r, &wanted, want, sizeof want);
+                    lg_field_show(r, &run, have, sizeof have);
+                    lg_field_show(r, &wanted, want, sizeof want);
                     (void)snprintf(says, sizeof says, "%s %s, not %s", r->name, have, want);
                     refuse_other_run(k, &run, &wanted, says);
                 }

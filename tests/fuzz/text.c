@@ -242,19 +242,19 @@ static void names(const char *text) {
 }
 
 /* A hyperparameter that is set is shown as a text that sets the same. */
-static void hyperparameter(const lg_hyperparameter *table, size_t at, void *run, const char *text) {
-    static char shown[LG_HYPER_TEXT_SIZE], again[LG_HYPER_TEXT_SIZE];
+static void hyperparameter(const lg_field *table, size_t at, void *run, const char *text) {
+    static char shown[LG_FIELD_TEXT_SIZE], again[LG_FIELD_TEXT_SIZE];
     lg_error error = {LG_OK, ""};
     size_t rows = 0;
     while (table[rows].name != NULL) rows++;
-    const lg_hyperparameter *row = &table[at % rows];
-    lg_hyperparameters_default(table, run);
-    const lg_status status = lg_hyperparameter_set(row, text, run, &error);
+    const lg_field *row = &table[at % rows];
+    lg_fields_default(table, run);
+    const lg_status status = lg_field_set(row, text, run, &error);
     refused(status, &error);
     if (status != LG_OK) return;
-    lg_hyperparameter_show(row, run, shown, sizeof shown);
-    if (lg_hyperparameter_set(row, shown, run, &error) != LG_OK) abort();
-    lg_hyperparameter_show(row, run, again, sizeof again);
+    lg_field_show(row, run, shown, sizeof shown);
+    if (lg_field_set(row, shown, run, &error) != LG_OK) abort();
+    lg_field_show(row, run, again, sizeof again);
     if (strcmp(shown, again) != 0) abort();
 }
 
@@ -307,16 +307,16 @@ void fuzz_options(const uint8_t *data, size_t size) {
         refused(lg_fit_plan_parse(text, &plan, &error), &error);
         break;
     case 4:
-        hyperparameter(lg_hamiltonian_hyperparameters, data[1], &hamiltonian, text);
+        hyperparameter(lg_hamiltonian_fields, data[1], &hamiltonian, text);
         break;
     case 5:
-        hyperparameter(lg_surrogate_hyperparameters, data[1], &surrogate, text);
+        hyperparameter(lg_surrogate_fields, data[1], &surrogate, text);
         break;
     case 6:
-        hyperparameter(lg_detector_hyperparameters, data[1], &detector, text);
+        hyperparameter(lg_detector_fields, data[1], &detector, text);
         break;
     default:
-        hyperparameter(lg_table_hyperparameters, data[1], &table, text);
+        hyperparameter(lg_table_fields, data[1], &table, text);
     }
     free(text);
 }

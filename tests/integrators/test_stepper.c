@@ -36,7 +36,7 @@ static lg_stepper *make(const char *name, lg_ode ode) {
     return test_stepper(lg_scheme_find(name), &ode);
 }
 
-static lg_ode ode_on(lg_space_kind kind, size_t count, lg_field field, void *user) {
+static lg_ode ode_on(lg_space_kind kind, size_t count, lg_vector_field field, void *user) {
     lg_ode ode = {.field = field, .user = user};
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){kind, count}, 1));
     return ode;

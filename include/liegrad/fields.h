@@ -4,12 +4,12 @@
  * tables.
  *
  *   lg_surrogate_run run;
- *   lg_hyperparameters_default(lg_surrogate_hyperparameters, &run);
- *   const lg_hyperparameter *lr = lg_hyperparameter_find(lg_surrogate_hyperparameters, "lr");
- *   lg_status status = lg_hyperparameter_set(lr, "1e-3", &run, &error);
+ *   lg_fields_default(lg_surrogate_fields, &run);
+ *   const lg_field *lr = lg_field_find(lg_surrogate_fields, "lr");
+ *   lg_status status = lg_field_set(lr, "1e-3", &run, &error);
  */
-#ifndef LIEGRAD_HYPERPARAMETERS_H
-#define LIEGRAD_HYPERPARAMETERS_H
+#ifndef LIEGRAD_FIELDS_H
+#define LIEGRAD_FIELDS_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -20,31 +20,31 @@
 
 LG_BEGIN_DECLS
 
-typedef enum lg_hyper_type {
-    LG_HYPER_REAL,
-    LG_HYPER_U64,
-    LG_HYPER_U32,
-    LG_HYPER_FLAG,   /* bool; 0 or 1 in files, a name elsewhere */
-    LG_HYPER_NAME,   /* an enumeration, or a bool with two names; a name everywhere */
-    LG_HYPER_WHOLES, /* a list of whole numbers through `get` and `put`; commas separate them in a text */
-    LG_HYPER_REALS,  /* a list of numbers, likewise */
-    LG_HYPER_PHRASE, /* a value with a text form of its own, through `parse` and `phrase` */
-    LG_HYPER_TEXT,   /* char array; a fact about the data, which cannot be set */
-    LG_HYPER_SHOWN   /* a text that `show` makes from several members; also a fact */
-} lg_hyper_type;
+typedef enum lg_field_type {
+    LG_FIELD_REAL,
+    LG_FIELD_U64,
+    LG_FIELD_U32,
+    LG_FIELD_FLAG,   /* bool; 0 or 1 in files, a name elsewhere */
+    LG_FIELD_NAME,   /* an enumeration, or a bool with two names; a name everywhere */
+    LG_FIELD_WHOLES, /* a list of whole numbers through `get` and `put`; commas separate them in a text */
+    LG_FIELD_REALS,  /* a list of numbers, likewise */
+    LG_FIELD_PHRASE, /* a value with a text form of its own, through `parse` and `phrase` */
+    LG_FIELD_TEXT,   /* char array; a fact about the data, which cannot be set */
+    LG_FIELD_SHOWN   /* a text that `show` makes from several members; also a fact */
+} lg_field_type;
 
 /* The most numbers in a list, and room for any value as text. */
-#define LG_HYPER_LIST_MAX  256
-#define LG_HYPER_TEXT_SIZE 4096
+#define LG_FIELD_LIST_MAX  256
+#define LG_FIELD_TEXT_SIZE 4096
 
 /* A table ends with an entry whose name is NULL. */
-typedef struct lg_hyperparameter {
+typedef struct lg_field {
     const char *name; /* in files and grids, such as lr_step */
     /* On command lines, and with _ for - in JSON; NULL: the name with - for _; "": none. */
     const char *option;
     const char *group; /* of the HDF5 file: "model" or "run". What is stored must be the same in a resumed
                          * run. NULL: it is not stored */
-    lg_hyper_type type;
+    lg_field_type type;
     size_t offset, size; /* of the member in the run */
     double low, high;    /* of each number */
     bool above;          /* low itself is refused */
@@ -52,7 +52,7 @@ typedef struct lg_hyperparameter {
     bool optional;       /* files of earlier versions lack it; the run then has the default for files */
     const char *(*value_name)(uint32_t value); /* FLAG, NAME: NULL beyond the last; PHRASE: single words */
     const void *(*value_at)(uint32_t value);   /* NAME of a pointer into a table: the entry */
-    /* Lists: the numbers of the member, at most `most` <= LG_HYPER_LIST_MAX; `get` returns how many. */
+    /* Lists: the numbers of the member, at most `most` <= LG_FIELD_LIST_MAX; `get` returns how many. */
     uint32_t (*get)(const void *member, double *values);
     void (*put)(void *member, const double *values, uint32_t count);
     uint32_t most;
@@ -67,46 +67,45 @@ typedef struct lg_hyperparameter {
     const char *unit;      /* what --help calls a value; NULL: NAME */
     const char *meaning;   /* one sentence without its full stop */
     uint32_t methods;      /* bit v: it applies when the run's method is number v; 0: always */
-} lg_hyperparameter;
+} lg_field;
 
 /* An entry for `member` of `struct_`; the last arguments are designated initialisers. */
-#define LG_HYPERPARAMETER(struct_, group_, name_, type_, member, ...)                                        \
+#define LG_FIELD(struct_, group_, name_, type_, member, ...)                                                 \
     {                                                                                                        \
-        .group = group_, .name = name_, .type = LG_HYPER_##type_, .offset = offsetof(struct_, member),       \
+        .group = group_, .name = name_, .type = LG_FIELD_##type_, .offset = offsetof(struct_, member),       \
         .size = sizeof(((struct_ *)0)->member), __VA_ARGS__                                                  \
     }
-#define LG_HYPERPARAMETER_END                                                                                \
+#define LG_FIELD_END                                                                                         \
     { .name = NULL }
 
 /* The tables of lg_hamiltonian_run, lg_surrogate_run, lg_detector_run and lg_table_run. The method of a
  * surrogate is its network, in the order of lg_surrogate_kind. The detector has one method, bit 0; its
  * entries with methods = 0 belong to the split of the data, which the classical methods share. */
-LG_API extern const lg_hyperparameter lg_hamiltonian_hyperparameters[], lg_surrogate_hyperparameters[],
-    lg_detector_hyperparameters[], lg_table_hyperparameters[];
+LG_API extern const lg_field lg_hamiltonian_fields[], lg_surrogate_fields[], lg_detector_fields[],
+    lg_table_fields[];
 
 /* Finds an entry by its name or its name on command lines; NULL when there is none. */
-LG_API const lg_hyperparameter *lg_hyperparameter_find(const lg_hyperparameter *table, const char *name);
+LG_API const lg_field *lg_field_find(const lg_field *table, const char *name);
 /* Its name on command lines, cut to `size` bytes; "" for one that has none. */
-LG_API void lg_hyperparameter_option(const lg_hyperparameter *entry, char *text, size_t size);
+LG_API void lg_field_option(const lg_field *entry, char *text, size_t size);
 /* "Width of the hidden layers (1 to 1048576; default the preset's)". Returns the length as snprintf does. */
-LG_API int lg_hyperparameter_describe(const lg_hyperparameter *entry, char *text, size_t size);
+LG_API int lg_field_describe(const lg_field *entry, char *text, size_t size);
 
 /* Sets the run's value from text. LG_INVALID_ARGUMENT with a sentence that says which values are possible;
  * the run is untouched then. */
-LG_API lg_status lg_hyperparameter_set(const lg_hyperparameter *entry, const char *text, void *run,
-                                       lg_error *error);
-/* The run's value as lg_hyperparameter_set takes it, cut to `size` bytes; "?" for an unknown name. */
-LG_API void lg_hyperparameter_show(const lg_hyperparameter *entry, const void *run, char *text, size_t size);
+LG_API lg_status lg_field_set(const lg_field *entry, const char *text, void *run, lg_error *error);
+/* The run's value as lg_field_set takes it, cut to `size` bytes; "?" for an unknown name. */
+LG_API void lg_field_show(const lg_field *entry, const void *run, char *text, size_t size);
 /* The value of a number, or the position of a name; NaN for other types. */
-LG_API double lg_hyperparameter_number(const lg_hyperparameter *entry, const void *run);
+LG_API double lg_field_number(const lg_field *entry, const void *run);
 /* The exact value of whole numbers, flags and names; 0 for other types. */
-LG_API uint64_t lg_hyperparameter_whole(const lg_hyperparameter *entry, const void *run);
+LG_API uint64_t lg_field_whole(const lg_field *entry, const void *run);
 /* Whether the number or name is within its range; true for other types. */
-LG_API bool lg_hyperparameter_fits(const lg_hyperparameter *entry, const void *run);
+LG_API bool lg_field_fits(const lg_field *entry, const void *run);
 /* Copies the value from one run to another. */
-LG_API void lg_hyperparameter_copy(const lg_hyperparameter *entry, const void *from, void *to);
+LG_API void lg_field_copy(const lg_field *entry, const void *from, void *to);
 /* Sets every hyperparameter that has a default; the others are unchanged. */
-LG_API void lg_hyperparameters_default(const lg_hyperparameter *table, void *run);
+LG_API void lg_fields_default(const lg_field *table, void *run);
 
 LG_END_DECLS
 

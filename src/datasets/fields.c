@@ -1,5 +1,5 @@
 /* The tables of hyperparameters, and their conversion from and to text and numbers. */
-#include "liegrad/hyperparameters.h"
+#include "liegrad/fields.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -18,15 +18,13 @@ _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == 
 /* ---- rows ---- */
 
 /* What every kind has: how it is trained. VALUE(text) says the default. */
-#define TRAINING(run_, member, type, ...)                                                                    \
-    LG_HYPERPARAMETER(run_, "run", #member, type, training.member, __VA_ARGS__)
+#define TRAINING(run_, member, type, ...) LG_FIELD(run_, "run", #member, type, training.member, __VA_ARGS__)
 #define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE)                                      \
-    LG_HYPERPARAMETER(run_, "run", method_, PHRASE, training.plan, .parse = parse_##losses_,                 \
-                      .phrase = show_plan, .value_name = name_##losses_,                                     \
-                      .form = "phases as in adam:100,ssbroyden", .optional = true, .methods = methods_,      \
-                      VALUE("adam"), .unit = "M",                                                            \
-                      .meaning = "Method of training; an epoch of the others is one "                        \
-                                 "evaluation of the loss of all data"),                                      \
+    LG_FIELD(run_, "run", method_, PHRASE, training.plan, .parse = parse_##losses_, .phrase = show_plan,     \
+             .value_name = name_##losses_, .form = "phases as in adam:100,ssbroyden", .optional = true,      \
+             .methods = methods_, VALUE("adam"), .unit = "M",                                                \
+             .meaning = "Method of training; an epoch of the others is one "                                 \
+                        "evaluation of the loss of all data"),                                               \
         TRAINING(run_, dtype, NAME, .value_name = lg_name_dtype, .methods = methods_, VALUE("f64"),          \
                  .meaning = "Type of the weights in training"),                                              \
         TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("100"), .unit = "E",   \
@@ -121,8 +119,8 @@ static void put_points(void *member, const double *values, uint32_t count) {
 }
 
 #define HAMILTONIAN(group, name, type, member, ...)                                                          \
-    LG_HYPERPARAMETER(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
-const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
+    LG_FIELD(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
+const lg_field lg_hamiltonian_fields[] = {
     HAMILTONIAN("model", "potential", NAME, model.potential, .value_name = lg_name_potential, .value = "mlp",
                 .meaning = "The potential energy"),
     HAMILTONIAN("model", "symmetry", NAME, model.symmetry, .value_name = lg_name_symmetry, .optional = true,
@@ -172,7 +170,7 @@ const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
                            "for first points with noise"),
     TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, CONSTANT),
     TRAINING(lg_hamiltonian_run, validation, REAL, .value = "0", VALIDATION),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 enum {
     DISCRETE = 1u << LG_SURROGATE_DISCRETE,
@@ -181,9 +179,9 @@ enum {
 };
 
 #define SURROGATE(group, name, type, member, ...)                                                            \
-    LG_HYPERPARAMETER(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
+    LG_FIELD(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
 #define OPTION(group, member, type, ...) SURROGATE(group, #member, type, model.options.member, __VA_ARGS__)
-const lg_hyperparameter lg_surrogate_hyperparameters[] = {
+const lg_field lg_surrogate_fields[] = {
     SURROGATE("model", "network", NAME, model.options.kind, .value_name = lg_name_surrogate,
               .value = "discrete", .meaning = "Kind of network"),
     OPTION("model", architecture, NAME, .value_name = lg_name_net, PRESET(),
@@ -234,15 +232,15 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
                   "Learn from at most so many curves of the training part, evenly chosen; 0: from all"),
     TRAINING_ROWS(lg_surrogate_run, "method", any_loss, "Curves (continuous: points)", 0, PRESET),
     TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 /* The network. The validation part is drawn here and not by lg_fit, so that recordings and groups stay
  * whole. */
 enum { NETWORK = 1 };
 
 #define DETECTOR(group, name, type, member, ...)                                                             \
-    LG_HYPERPARAMETER(lg_detector_run, group, name, type, member, __VA_ARGS__)
-const lg_hyperparameter lg_detector_hyperparameters[] = {
+    LG_FIELD(lg_detector_run, group, name, type, member, __VA_ARGS__)
+const lg_field lg_detector_fields[] = {
     DETECTOR("model", "plane", U32, model.net.plane, .high = 1 << 20, .value = "2", .unit = "n",
              .methods = NETWORK,
              .meaning = "cnn: width of the layer before the output, 0 for none; 2 can be drawn"),
@@ -270,7 +268,7 @@ const lg_hyperparameter lg_detector_hyperparameters[] = {
                  "windows) starts again with other weights of the same seed"),
     TRAINING_ROWS(lg_detector_run, "optimizer", any_loss, "cnn: windows", NETWORK, PRESET),
     TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 static uint32_t get_widths(const void *member, double *values) {
     const lg_table_options *o = member;
@@ -297,9 +295,8 @@ static void put_decay(void *member, const double *values, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) decay->value[i] = values[i];
 }
 
-#define TABLE(group, name, type, member, ...)                                                                \
-    LG_HYPERPARAMETER(lg_table_run, group, name, type, member, __VA_ARGS__)
-const lg_hyperparameter lg_table_hyperparameters[] = {
+#define TABLE(group, name, type, member, ...) LG_FIELD(lg_table_run, group, name, type, member, __VA_ARGS__)
+const lg_field lg_table_fields[] = {
     TABLE("model", "network", NAME, model.options.network, .value_name = lg_name_net, .value = "mlp",
           .meaning = "Architecture of the network"),
     TABLE("model", "activation", NAME, model.options.activation, .value_name = lg_name_activation,
@@ -321,11 +318,11 @@ const lg_hyperparameter lg_table_hyperparameters[] = {
           .meaning = "Weights D/2 of the squares of each array of parameters, in their order in the file"),
     TRAINING_ROWS(lg_table_run, "method", squares, "Rows", 0, PRESET),
     TRAINING(lg_table_run, validation, REAL, .otherwise = "0.1; 0 with --test, for a regression", VALIDATION),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 #define MACHINE(name, type, member, ...)                                                                     \
-    LG_HYPERPARAMETER(lg_machine_model_run, "run", name, type, member, __VA_ARGS__)
-const lg_hyperparameter lg_machine_model_hyperparameters[] = {
+    LG_FIELD(lg_machine_model_run, "run", name, type, member, __VA_ARGS__)
+const lg_field lg_machine_model_fields[] = {
     MACHINE("integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
             .value = "cf4", .meaning = "Scheme of the steps between two rows"),
     MACHINE("substeps", U32, substeps, .low = 1, .high = 1e6,
@@ -342,21 +339,21 @@ const lg_hyperparameter lg_machine_model_hyperparameters[] = {
             .meaning = "Where predictions start: at the logged rows, or at estimated states near them"),
     TRAINING_ROWS(lg_machine_model_run, "method", squares, "Windows", 0, CONSTANT),
     TRAINING(lg_machine_model_run, validation, REAL, .value = "0", .option = "validation-part", VALIDATION),
-    LG_HYPERPARAMETER_END};
+    LG_FIELD_END};
 
 /* ---- names ---- */
 
-void lg_hyperparameter_option(const lg_hyperparameter *row, char *text, size_t size) {
+void lg_field_option(const lg_field *row, char *text, size_t size) {
     (void)snprintf(text, size, "%s", row->option != NULL ? row->option : row->name);
     if (row->option != NULL) return;
     for (char *c = text; *c != '\0'; c++)
         if (*c == '_') *c = '-';
 }
 
-const lg_hyperparameter *lg_hyperparameter_find(const lg_hyperparameter *rows, const char *name) {
+const lg_field *lg_field_find(const lg_field *rows, const char *name) {
     char option[LG_SYSTEM_NAME];
     for (; rows->name != NULL; rows++) {
-        lg_hyperparameter_option(rows, option, sizeof option);
+        lg_field_option(rows, option, sizeof option);
         if (strcmp(rows->name, name) == 0 || strcmp(option, name) == 0) return rows;
     }
     return NULL;
@@ -364,12 +361,12 @@ const lg_hyperparameter *lg_hyperparameter_find(const lg_hyperparameter *rows, c
 
 /* ---- values ---- */
 
-static const void *member_of(const lg_hyperparameter *row, const void *run) {
+static const void *member_of(const lg_field *row, const void *run) {
     return (const char *)run + row->offset;
 }
 
 /* Number of the row that a pointer points to; beyond the last when it points to none. */
-static uint64_t row_number(const lg_hyperparameter *row, const void *at) {
+static uint64_t row_number(const lg_field *row, const void *at) {
     const void *pointer;
     uint32_t value = 0;
     memcpy(&pointer, at, sizeof pointer);
@@ -378,7 +375,7 @@ static uint64_t row_number(const lg_hyperparameter *row, const void *at) {
 }
 
 /* The whole number of a name, a flag or an integer member of any width. */
-static uint64_t whole_at(const lg_hyperparameter *row, const void *run) {
+static uint64_t whole_at(const lg_field *row, const void *run) {
     const void *at = member_of(row, run);
     if (row->value_at != NULL) return row_number(row, at);
     bool flag = false;
@@ -391,7 +388,7 @@ static uint64_t whole_at(const lg_hyperparameter *row, const void *run) {
     return wide + narrow + flag;
 }
 
-static void set_whole(const lg_hyperparameter *row, void *run, uint64_t value) {
+static void set_whole(const lg_field *row, void *run, uint64_t value) {
     const bool flag = value != 0;
     const uint32_t narrow = (uint32_t)value;
     const void *const pointer = row->value_at != NULL ? row->value_at(narrow) : NULL;
@@ -406,42 +403,42 @@ static void set_whole(const lg_hyperparameter *row, void *run, uint64_t value) {
            row->size);
 }
 
-static bool is_named(const lg_hyperparameter *row) {
-    return row->type == LG_HYPER_NAME || row->type == LG_HYPER_FLAG;
+static bool is_named(const lg_field *row) {
+    return row->type == LG_FIELD_NAME || row->type == LG_FIELD_FLAG;
 }
 
-static bool is_whole(const lg_hyperparameter *row) {
-    return row->type == LG_HYPER_U64 || row->type == LG_HYPER_U32;
+static bool is_whole(const lg_field *row) {
+    return row->type == LG_FIELD_U64 || row->type == LG_FIELD_U32;
 }
 
-static bool is_list(const lg_hyperparameter *row) {
-    return row->type == LG_HYPER_WHOLES || row->type == LG_HYPER_REALS;
+static bool is_list(const lg_field *row) {
+    return row->type == LG_FIELD_WHOLES || row->type == LG_FIELD_REALS;
 }
 
-uint64_t lg_hyperparameter_whole(const lg_hyperparameter *row, const void *run) {
+uint64_t lg_field_whole(const lg_field *row, const void *run) {
     return is_named(row) || is_whole(row) ? whole_at(row, run) : 0;
 }
 
-double lg_hyperparameter_number(const lg_hyperparameter *row, const void *run) {
+double lg_field_number(const lg_field *row, const void *run) {
     double real;
     if (is_named(row) || is_whole(row)) return (double)whole_at(row, run);
-    if (row->type != LG_HYPER_REAL) return (double)NAN;
+    if (row->type != LG_FIELD_REAL) return (double)NAN;
     memcpy(&real, member_of(row, run), sizeof real);
     return real;
 }
 
-static bool in_range(const lg_hyperparameter *row, double value) {
+static bool in_range(const lg_field *row, double value) {
     return (row->above ? value > row->low : value >= row->low) && value <= row->high;
 }
 
-bool lg_hyperparameter_fits(const lg_hyperparameter *row, const void *run) {
+bool lg_field_fits(const lg_field *row, const void *run) {
     if (is_named(row)) return row->value_name((uint32_t)whole_at(row, run)) != NULL;
-    if (row->type != LG_HYPER_REAL && !is_whole(row)) return true;
-    return in_range(row, lg_hyperparameter_number(row, run));
+    if (row->type != LG_FIELD_REAL && !is_whole(row)) return true;
+    return in_range(row, lg_field_number(row, run));
 }
 
-static void show_list(const lg_hyperparameter *row, const void *run, char *text, size_t size) {
-    double values[LG_HYPER_LIST_MAX];
+static void show_list(const lg_field *row, const void *run, char *text, size_t size) {
+    double values[LG_FIELD_LIST_MAX];
     const uint32_t count = row->get(member_of(row, run), values);
     size_t used = 0;
     text[0] = '\0';
@@ -449,57 +446,57 @@ static void show_list(const lg_hyperparameter *row, const void *run, char *text,
         used += (size_t)snprintf(text + used, size - used, "%s%.17g", i > 0 ? "," : "", values[i]);
 }
 
-void lg_hyperparameter_show(const lg_hyperparameter *row, const void *run, char *text, size_t size) {
+void lg_field_show(const lg_field *row, const void *run, char *text, size_t size) {
     const char *name;
     switch (row->type) {
-    case LG_HYPER_REAL:
-        (void)snprintf(text, size, "%.17g", lg_hyperparameter_number(row, run));
+    case LG_FIELD_REAL:
+        (void)snprintf(text, size, "%.17g", lg_field_number(row, run));
         break;
-    case LG_HYPER_U64:
-    case LG_HYPER_U32:
+    case LG_FIELD_U64:
+    case LG_FIELD_U32:
         (void)snprintf(text, size, "%llu", (unsigned long long)whole_at(row, run));
         break;
-    case LG_HYPER_FLAG:
-    case LG_HYPER_NAME:
+    case LG_FIELD_FLAG:
+    case LG_FIELD_NAME:
         name = row->value_name((uint32_t)whole_at(row, run));
         (void)snprintf(text, size, "%s", name != NULL ? name : "?");
         break;
-    case LG_HYPER_WHOLES:
-    case LG_HYPER_REALS:
+    case LG_FIELD_WHOLES:
+    case LG_FIELD_REALS:
         show_list(row, run, text, size);
         break;
-    case LG_HYPER_TEXT:
+    case LG_FIELD_TEXT:
         (void)snprintf(text, size, "%s", (const char *)member_of(row, run));
         break;
-    case LG_HYPER_SHOWN:
+    case LG_FIELD_SHOWN:
         row->show(run, text, size);
         break;
-    case LG_HYPER_PHRASE:
+    case LG_FIELD_PHRASE:
         row->phrase(member_of(row, run), text, size);
         break;
     }
 }
 
-void lg_hyperparameter_fill(const lg_hyperparameter *row, const double *values, uint32_t count, void *run) {
+void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run) {
     if (is_list(row))
         row->put((char *)run + row->offset, values, count);
-    else if (row->type == LG_HYPER_REAL)
+    else if (row->type == LG_FIELD_REAL)
         memcpy((char *)run + row->offset, values, sizeof *values);
     else
         set_whole(row, run, (uint64_t)values[0]);
 }
 
-void lg_hyperparameter_copy(const lg_hyperparameter *row, const void *from, void *to) {
-    double values[LG_HYPER_LIST_MAX];
+void lg_field_copy(const lg_field *row, const void *from, void *to) {
+    double values[LG_FIELD_LIST_MAX];
     if (is_list(row))
         row->put((char *)to + row->offset, values, row->get(member_of(row, from), values));
     else
         memcpy((char *)to + row->offset, member_of(row, from), row->size);
 }
 
-void lg_hyperparameters_default(const lg_hyperparameter *rows, void *run) {
+void lg_fields_default(const lg_field *rows, void *run) {
     for (; rows->name != NULL; rows++)
-        if (rows->value != NULL) (void)lg_hyperparameter_set(rows, rows->value, run, NULL);
+        if (rows->value != NULL) (void)lg_field_set(rows, rows->value, run, NULL);
 }
 
 /* ---- what a row takes, in words ---- */
@@ -511,7 +508,7 @@ static void bound_text(double bound, char out[32]) {
 }
 
 /* Whether a number of the list (or the only one) is beyond the upper bound. */
-static bool exceeds(const lg_hyperparameter *row, const char *text) {
+static bool exceeds(const lg_field *row, const char *text) {
     for (char *end;; text = end + 1) {
         const double value = strtod(text, &end);
         if (value > row->high || (row->high == 0x1p64 && value >= row->high)) return true;
@@ -520,8 +517,8 @@ static bool exceeds(const lg_hyperparameter *row, const char *text) {
 }
 
 /* Bounds that mean "none" are named only when `text` is beyond them. */
-static size_t number_text(const lg_hyperparameter *row, const char *text, char *out, size_t size) {
-    const bool list = is_list(row), whole = row->type == LG_HYPER_WHOLES || is_whole(row);
+static size_t number_text(const lg_field *row, const char *text, char *out, size_t size) {
+    const bool list = is_list(row), whole = row->type == LG_FIELD_WHOLES || is_whole(row);
     const bool low = row->low > -1e300, high = row->high < 0x1p63 || exceeds(row, text);
     char bound[32];
     size_t used = (size_t)snprintf(out, size, "%s%s", list ? "a list, separated by commas, of: " : "",
@@ -539,7 +536,7 @@ static size_t number_text(const lg_hyperparameter *row, const char *text, char *
     return used;
 }
 
-static size_t names_text(const lg_hyperparameter *row, const char *last, char *out, size_t size) {
+static size_t names_text(const lg_field *row, const char *last, char *out, size_t size) {
     size_t used = 0;
     const char *name;
     for (uint32_t i = 0; used < size && (name = row->value_name(i)) != NULL; i++)
@@ -552,13 +549,13 @@ static size_t names_text(const lg_hyperparameter *row, const char *last, char *o
 }
 
 /* "adam, lbfgs or lm, or phases as in adam:100,lbfgs": single names, where there are, and the form. */
-static void form_text(const lg_hyperparameter *row, char *out, size_t size) {
+static void form_text(const lg_field *row, char *out, size_t size) {
     const size_t used = row->value_name != NULL ? names_text(row, " or ", out, size) : 0;
     if (used < size) (void)snprintf(out + used, size - used, "%s%s", used > 0 ? ", or " : "", row->form);
 }
 
 /* "1 to 1048576", "above 0 to 1", "0 or more". */
-static void span_text(const lg_hyperparameter *row, char *text, size_t size) {
+static void span_text(const lg_field *row, char *text, size_t size) {
     char low[32], high[32] = "";
     bound_text(row->low, low);
     if (row->high < 0x1p63) (void)snprintf(high, sizeof high, row->high < 1e7 ? "%.15g" : "%g", row->high);
@@ -569,7 +566,7 @@ static void span_text(const lg_hyperparameter *row, char *text, size_t size) {
                    high);
 }
 
-int lg_hyperparameter_describe(const lg_hyperparameter *row, char *text, size_t size) {
+int lg_field_describe(const lg_field *row, char *text, size_t size) {
     char range[512] = "";
     const char *value = row->value != NULL ? row->value : row->otherwise,
                *is = value != NULL ? "default " : "";
@@ -591,14 +588,14 @@ int lg_hyperparameter_describe(const lg_hyperparameter *row, char *text, size_t 
 
 enum { SHOWN = 80 /* so much of a wrong text stands in a sentence */ };
 
-static lg_status refuse_number(const lg_hyperparameter *row, const char *text, lg_error *error) {
+static lg_status refuse_number(const lg_field *row, const char *text, lg_error *error) {
     char range[256];
     (void)number_text(row, text, range, sizeof range);
     return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s%s' is not %s", SHOWN, text,
                    strlen(text) > SHOWN ? "..." : "", range);
 }
 
-static lg_status set_name(const lg_hyperparameter *row, const char *text, void *run, lg_error *error) {
+static lg_status set_name(const lg_field *row, const char *text, void *run, lg_error *error) {
     char names[512] = "";
     const char *name;
     for (uint32_t i = 0; (name = row->value_name(i)) != NULL; i++)
@@ -610,29 +607,29 @@ static lg_status set_name(const lg_hyperparameter *row, const char *text, void *
     return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is not one of %s", SHOWN, text, names);
 }
 
-static bool take_whole(const lg_hyperparameter *row, const char *text, uint64_t *out) {
+static bool take_whole(const lg_field *row, const char *text, uint64_t *out) {
     return lg_integer_parse(text, out) == LG_OK && in_range(row, (double)*out);
 }
 
-static bool take_real(const lg_hyperparameter *row, const char *text, double *out) {
+static bool take_real(const lg_field *row, const char *text, double *out) {
     return lg_number_parse(text, out) == LG_OK && in_range(row, *out);
 }
 
 /* One number of a list, `length` bytes of it; whole ones are below 2^53. */
-static bool take_item(const lg_hyperparameter *row, const char *text, size_t length, double *out) {
+static bool take_item(const lg_field *row, const char *text, size_t length, double *out) {
     char item[64];
     uint64_t whole = 0;
     if (length >= sizeof item) return false;
     memcpy(item, text, length);
     item[length] = '\0';
-    if (row->type == LG_HYPER_REALS) return take_real(row, item, out);
+    if (row->type == LG_FIELD_REALS) return take_real(row, item, out);
     const bool good = take_whole(row, item, &whole);
     *out = (double)whole;
     return good;
 }
 
-static lg_status set_list(const lg_hyperparameter *row, const char *text, void *run, lg_error *error) {
-    double values[LG_HYPER_LIST_MAX];
+static lg_status set_list(const lg_field *row, const char *text, void *run, lg_error *error) {
+    double values[LG_FIELD_LIST_MAX];
     uint32_t items = 1;
     for (const char *c = text; *c != '\0'; c++) items += *c == ',';
     if (items > row->most)
@@ -648,18 +645,18 @@ static lg_status set_list(const lg_hyperparameter *row, const char *text, void *
     return LG_OK;
 }
 
-lg_status lg_hyperparameter_set(const lg_hyperparameter *row, const char *text, void *run, lg_error *error) {
+lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_error *error) {
     LG_NEEDS(error, row, text, run);
     double real;
     uint64_t whole;
     if (is_named(row)) return set_name(row, text, run, error);
     if (is_list(row)) return set_list(row, text, run, error);
-    if (row->type == LG_HYPER_REAL) {
+    if (row->type == LG_FIELD_REAL) {
         if (!take_real(row, text, &real)) return refuse_number(row, text, error);
         memcpy((char *)run + row->offset, &real, sizeof real);
         return LG_OK;
     }
-    if (row->type == LG_HYPER_PHRASE) return row->parse(text, (char *)run + row->offset, error);
+    if (row->type == LG_FIELD_PHRASE) return row->parse(text, (char *)run + row->offset, error);
     if (!is_whole(row)) return lg_fail(error, LG_INVALID_ARGUMENT, "%s cannot be set", row->name);
     if (!take_whole(row, text, &whole)) return refuse_number(row, text, error);
     set_whole(row, run, whole);
