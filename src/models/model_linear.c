@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "models/control_internal.h"
+#include "control/internal.h"
 #include "models/model_internal.h"
 
 size_t lg_model_tangent_dim(const lg_model *model) {

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "models/control_internal.h"
+#include "control/internal.h"
 #include "models/model_internal.h"
 
 struct lg_ekf {

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "kernels/lapack.h"
-#include "models/control_internal.h"
+#include "control/internal.h"
 #include "models/model_internal.h"
 
 /* ---- zero-order hold ---- */

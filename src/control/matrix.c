@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "models/control_internal.h"
+#include "control/internal.h"
 
 void *lg_portion(lg_portions *from, size_t count, size_t size) {
     void *at = from->base != NULL ? from->base + from->used : NULL;
