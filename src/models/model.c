@@ -3,7 +3,7 @@
 
 #include "core/core.h"
 #include "models/hamiltonian_internal.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 #include "models/model_internal.h"
 
 /* ---- functions ---- */

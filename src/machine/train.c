@@ -4,7 +4,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* ---- windows ---- */
 

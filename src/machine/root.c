@@ -9,7 +9,7 @@
 
 #include "autodiff/tape_internal.h"
 #include "integrators/taped_internal.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 typedef struct newton {
     lg_tape *tape;

@@ -1,11 +1,11 @@
-/* Machines from YAML: coordinates, columns of logs, inputs. machine_terms.c reads the terms. */
+/* Machines from YAML: coordinates, columns of logs, inputs. machine/files/terms.c reads the terms. */
 #include <float.h>
 #include <stdio.h>
 #include <string.h>
 #include <yaml.h>
 
 #include "datasets/h5.h"
-#include "datasets/machine_reading.h"
+#include "machine/files/reading.h"
 #include "datasets/names.h"
 
 typedef lg_machine_reading reading;

@@ -5,7 +5,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* The numbers of one row of a log, positions, then velocities, that the term's parameters are added to. */
 static uint32_t columns_of(const lg_machine *machine, const lg_machine_term *term, uint32_t *out) {

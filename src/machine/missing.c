@@ -14,7 +14,7 @@
 
 #include "core/core.h"
 #include "kernels/kernels.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 enum { MOST_COLUMNS = 128, HIGHEST = 3 };
 

@@ -6,7 +6,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
     va_list arguments;

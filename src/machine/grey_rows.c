@@ -1,7 +1,7 @@
 /* The table of systems: M and V in the units of the log, on a tape. A new row is a system more. */
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* ---- parts of formulas ---- */
 

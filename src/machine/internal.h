@@ -25,7 +25,7 @@ typedef struct lg_machine_seen {
     uint32_t rows;
 } lg_machine_seen;
 
-/* Numbers with names (machine_numbers.c): those counted, of which `room` are kept. */
+/* Numbers with names (machine/numbers.c): those counted, of which `room` are kept. */
 typedef struct lg_number_list {
     size_t count, room;
     lg_identified *out;
@@ -66,7 +66,7 @@ struct lg_term_kind {
 extern const lg_term_kind lg_machine_mass_kinds[], lg_machine_potential_kinds[], lg_machine_force_kinds[],
     lg_machine_bias_kinds[];
 
-/* ---- systems (machine_grey.c, machine_grey_rows.c) ---- */
+/* ---- systems (machine/files/grey.c, machine/grey_rows.c) ---- */
 
 /* What the functions of a row see: B rows in the units of the log. */
 typedef struct lg_grey_view {
@@ -167,13 +167,13 @@ lg_var lg_machine_record_pull(lg_tape *tape, const lg_machine_vars *vars, const 
 /* The momenta change by an impulse (B, velocities). */
 void lg_machine_push(lg_tape *tape, const lg_machine *machine, lg_var impulse, lg_var *parts);
 
-/* ---- functions (machine_program.c) ---- */
+/* ---- functions (machine/program.c) ---- */
 
 /* lg_machine_program without step. */
 lg_status lg_machine_bundle(const lg_context *context, const lg_machine *machine, const double *theta,
                             lg_program **out, lg_error *error);
 
-/* ---- relations of numbers (machine_relations.c) ---- */
+/* ---- relations of numbers (machine/relations.c) ---- */
 
 /* Eigenvalues (n, rising) and eigenvectors, the columns of the symmetric matrix (n, n) one after the other in
  * its place. False: no convergence, or no memory. */
@@ -183,7 +183,7 @@ bool lg_machine_eigen(const lg_context *context, size_t n, double *matrix, doubl
 lg_status lg_machine_relate(const lg_context *context, size_t count, double *covariance,
                             lg_identification *out);
 
-/* ---- intervals (machine_step.c) ---- */
+/* ---- intervals (machine/step.c) ---- */
 
 /* Equations r(x) = 0 of independent rows, x and r (B, n): records r at x. */
 typedef lg_status (*lg_row_equations)(void *user, lg_tape *tape, lg_var x, lg_var *r);
@@ -191,7 +191,7 @@ typedef lg_status (*lg_row_equations)(void *user, lg_tape *tape, lg_var x, lg_va
  * exact. Rows without a solution are NaN. The equations may use variables made before, and must keep none. */
 lg_status lg_machine_root(lg_tape *tape, lg_row_equations equations, void *user, lg_var first, lg_var *x);
 
-/* A step of LG_SCHEME_VARIATIONAL (machine_variational.c), its length h, times `rows` (B, 1) unless that is
+/* A step of LG_SCHEME_VARIATIONAL (machine/variational.c), its length h, times `rows` (B, 1) unless that is
  * LG_NONE; inputs (B, inputs) at its start and end, or LG_NONE. `parts` move on. */
 typedef struct lg_machine_span {
     double h;
@@ -219,7 +219,7 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
 /* One row of scaled numbers in the units of the log. */
 void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities);
 
-/* ---- windows (machine_starts.c, machine_train.c, machine_jacobian.c) ---- */
+/* ---- windows (machine/starts.c, machine/train.c, machine/jacobian.c) ---- */
 
 static inline bool lg_machine_starts_estimated(const lg_machine_problem *problem) {
     return problem->starts == LG_MACHINE_STARTS_ESTIMATED;

@@ -17,7 +17,7 @@
 #include "autodiff/lie.h"
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 typedef struct motion {
     const lg_machine_vars *vars;

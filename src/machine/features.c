@@ -3,7 +3,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count) {
     const lg_shape shape = lg_var_shape(tape, x);

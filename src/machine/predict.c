@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 typedef struct runs {
     const lg_machine *machine;

@@ -5,7 +5,7 @@
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* Numbers of a state: those of positions and velocities together. */
 enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };

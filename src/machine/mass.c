@@ -3,7 +3,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list) {
     uint32_t count = 0;

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* What is compared: sine and cosine of angles, all other positions as they are. */
 enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_COORDINATES };

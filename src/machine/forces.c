@@ -3,7 +3,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* Damping to start with is the square of this. */
 static const double START = 0.1;

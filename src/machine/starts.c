@@ -4,7 +4,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 uint32_t lg_machine_start_numbers(const lg_machine *machine) {
     return machine->places + 3 * machine->directions + 3 * machine->rotations + machine->velocities;

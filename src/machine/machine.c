@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* ---- coordinates ---- */
 

@@ -6,7 +6,7 @@
 
 #include "core/core.h"
 #include "kernels/lapack.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 bool lg_machine_eigen(const lg_context *context, size_t n, double *matrix, double *values) {
     const int size = (int)n;

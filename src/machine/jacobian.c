@@ -12,7 +12,7 @@
 
 #include "autodiff/tape_internal.h"
 #include "liegrad/geometry.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 enum { NUMBERS = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
 

@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "core/core.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* Root mean squares over the log, in its units. */
 typedef struct moments {

@@ -6,7 +6,7 @@
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "mechanics/system.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* ---- the table ---- */
 

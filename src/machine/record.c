@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "autodiff/tape_internal.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* ---- parameters ---- */
 

@@ -5,7 +5,7 @@
 #include "autodiff/tape_internal.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 /* ---- rows ---- */
 

@@ -9,7 +9,7 @@
 #include "kernels/kernels.h"
 #include "kernels/lapack.h"
 #include "liegrad/ops.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 enum { CHUNK = 64 };
 

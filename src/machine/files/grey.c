@@ -4,7 +4,7 @@
 #include <string.h>
 #include <yaml.h>
 
-#include "datasets/machine_reading.h"
+#include "machine/files/reading.h"
 #include "datasets/names.h"
 
 typedef lg_machine_reading reading;

@@ -1,5 +1,5 @@
-/* Between machine_file.c, which reads coordinates and columns, machine_grey.c, which reads the system, and
- * machine_terms.c, which reads terms. */
+/* Between machine/files/machine.c, which reads coordinates and columns, machine/files/grey.c, which reads the system, and
+ * machine/files/terms.c, which reads terms. */
 #ifndef LG_MACHINE_READING_H
 #define LG_MACHINE_READING_H
 

@@ -11,7 +11,7 @@
 
 #include "core/core.h"
 #include "kernels/kernels.h"
-#include "models/machine_internal.h"
+#include "machine/internal.h"
 
 enum { CHUNK = 64, MOST_PARAMETERS = 256 };
 
