@@ -89,7 +89,7 @@ typedef struct lg_hamiltonian_vars {
  *
  * A family describes one kind of learned Hamiltonian. Training, evaluation, files and C use this description.
  * lg_hamiltonian_init also takes a family of your own; files refer to the families of the table
- * (src/models/hamiltonian_families.c) by name. y, gradients and algebra elements are arrays of the space's
+ * (src/hamiltonian/families.c) by name. y, gradients and algebra elements are arrays of the space's
  * parts (liegrad/taped.h), inside (divided by the scales). The functions record on `tape`, and failures
  * stick to it.
  */
@@ -204,7 +204,7 @@ typedef struct lg_first_integral {
     void *user; /* first argument of record */
 } lg_first_integral;
 
-/* The table (src/models/hamiltonian_integrals.c):
+/* The table (src/hamiltonian/integrals.c):
  *   oscillator                  (q_j^2 + p_j^2)/2, both of separable systems in which (q_j, p_j) is not
  *   anharmonic                  (q_j^2 + p_j^2)/2 + q_j^4/4, coupled to the rest
  *   angular-momentum            q_1 p_2 - q_2 p_1 of two degrees of freedom, for K and V that do not change

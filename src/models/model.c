@@ -2,7 +2,7 @@
 #include "liegrad/model.h"
 
 #include "core/core.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 #include "machine/internal.h"
 #include "models/model_internal.h"
 

@@ -4,7 +4,7 @@
 
 #include "core/core.h"
 #include "liegrad/geometry.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 #include "models/model_internal.h"
 
 /* ---- Hamiltonians ---- */

@@ -7,7 +7,7 @@
 #include "liegrad/integrators.h"
 #include "liegrad/io.h"
 #include "liegrad/model.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 #define CHAIN     (&lg_hamiltonian_chain)
 #define SEPARABLE (&lg_hamiltonian_separable)

@@ -8,7 +8,7 @@
 #include "liegrad/io.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 static inline void derive(lg_program *program, lg_derivative_kind kind, const char *function) {
     lg_derivative what;

@@ -4,7 +4,7 @@
 #include "export_support.h"
 
 #include "liegrad/io.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 static const char lg[] = "lg-export";
 static cli result;

@@ -3,7 +3,7 @@
 #include "cli_files.h"
 
 #include "liegrad/integrators.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 static const char lg[] = "lg-hamiltonian";
 static cli result;

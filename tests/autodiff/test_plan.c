@@ -13,7 +13,7 @@
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
 #include "liegrad/taped.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 #include "support/malloc_count.h"
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS };

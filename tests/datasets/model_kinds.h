@@ -8,7 +8,7 @@
 #include "liegrad/model.h"
 #include "liegrad/networks.h"
 #include "support/modes.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 /* As exact as dtype. What a file holds is released by the file's own function: lg_alloc. */
 static inline double *numbers(size_t count, lg_rng *rng, lg_dtype dtype) {

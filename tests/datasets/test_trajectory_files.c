@@ -3,7 +3,7 @@
 #include <sys/stat.h>
 
 #include "io_test.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 OWNED(lg_trajectories, lg_trajectories_destroy)
 

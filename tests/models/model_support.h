@@ -5,7 +5,7 @@
 #include "support/fixtures.h"
 
 #include "liegrad/model.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 enum { MOST_STATE = 24, MOST_INPUT = 12, MOST_TANGENT = 16 };
 

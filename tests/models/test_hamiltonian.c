@@ -5,7 +5,7 @@
 
 #include "liegrad/mechanics.h"
 #include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 enum { N = 12, M = 4 };
 

@@ -1,7 +1,7 @@
 /* A learned Hamiltonian as a bundle of functions. */
 #include "core/core.h"
 #include "integrators/taped_internal.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 typedef struct recording {
     const lg_hamiltonian *model;

@@ -6,7 +6,7 @@
 #include "core/core.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 enum {
     W,

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 enum { MOST_STATES = 256 };
 

@@ -3,7 +3,7 @@
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 /* ---- scales ---- */
 

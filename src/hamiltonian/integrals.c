@@ -3,7 +3,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 /* Column j of q or p (B, n), as (B, 1). */
 static lg_var column(lg_tape *tape, lg_var x, uint32_t j) {

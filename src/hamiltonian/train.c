@@ -7,7 +7,7 @@
 #include "integrators/stepper.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 /* ---- data ---- */
 

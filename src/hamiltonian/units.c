@@ -4,7 +4,7 @@
 
 #include "core/core.h"
 #include "integrators/taped_internal.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 /* Root mean squares over the trajectories, of all numbers of one copy of a part together. */
 typedef struct motion {

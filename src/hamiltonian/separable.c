@@ -1,6 +1,6 @@
 /* Family "separable": H = 1/2 |A p|^2 + V(q) on R^2n. */
 #include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 enum { K }; /* vars->kinetic: A^T A (n, n) */
 

@@ -1,6 +1,6 @@
 /* Learned Hamiltonians: description and initialisation. */
 #include "core/core.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                               lg_potential_kind potential, const uint32_t *hidden, uint32_t hidden_layers,

@@ -1,7 +1,7 @@
 /* Squared distances between predicted and given points, for the loss; liegrad/hamiltonian.h. */
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 /* ---- on T*S^2: q, p (B, k, 3) ---- */
 

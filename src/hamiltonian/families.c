@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 #define ROW(name) &lg_hamiltonian_##name,
 static const lg_hamiltonian_family *const families[] = {LG_HAMILTONIAN_FAMILIES(ROW)};

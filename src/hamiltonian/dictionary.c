@@ -1,7 +1,7 @@
 /* Kinds of potentials: networks of the coordinates x (B, d), or of functions of them. */
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
+#include "hamiltonian/internal.h"
 
 /* ---- functions of the dictionary ---- */
 
