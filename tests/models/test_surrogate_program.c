@@ -4,7 +4,7 @@
 #include "surrogate_support.h"
 
 #include "liegrad/program.h"
-#include "models/surrogate_internal.h"
+#include "elastica/surrogate_internal.h"
 #include "plan_support.h"
 
 enum { INTERVALS = 5, MOST_INPUTS = 9, MOST_OUTPUTS = 4 * (INTERVALS - 1) };

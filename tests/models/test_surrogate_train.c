@@ -1,7 +1,7 @@
 /* Losses of the surrogates: on a tape and from the curves, their parts, gradients, and what is refused. */
 #include "models/surrogate_support.h"
 
-#include "models/surrogate_internal.h"
+#include "elastica/surrogate_internal.h"
 
 enum { CURVES = 7, MANY = 2000 };
 

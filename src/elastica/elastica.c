@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "mechanics/elastica.h"
+#include "elastica/elastica.h"
 
 /* Beyond these an angle's rounding or the length of the continuation would spoil the result. */
 #define ANGLE_MAX 1e6

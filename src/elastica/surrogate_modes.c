@@ -6,7 +6,7 @@
 #include "core/core.h"
 #include "kernels/lapack.h"
 #include "liegrad/ops.h"
-#include "models/surrogate_internal.h"
+#include "elastica/surrogate_internal.h"
 
 size_t lg_surrogate_modes_size(const lg_surrogate *model) {
     const size_t modes = model->options.modes;

@@ -5,7 +5,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/surrogate_internal.h"
+#include "elastica/surrogate_internal.h"
 
 /* A part of a batch. */
 typedef struct part {

@@ -18,7 +18,7 @@
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
 #include "models/record.h"
-#include "models/surrogate_internal.h"
+#include "elastica/surrogate_internal.h"
 
 enum { BOUNDARY = 8, MOST_DIRECTIONS = 7 };
 

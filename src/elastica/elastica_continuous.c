@@ -16,7 +16,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "mechanics/elastica.h"
+#include "elastica/elastica.h"
 
 #define DEGREE       16
 #define M            (DEGREE + 1)

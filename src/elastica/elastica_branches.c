@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "liegrad/random.h"
-#include "mechanics/elastica.h"
+#include "elastica/elastica.h"
 
 #define RANDOM_STARTS 64
 #define FLOW_RATE     200.0 /* curvatures of the longest waves are of order 10 to 100 */

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "mechanics/elastica.h"
+#include "elastica/elastica.h"
 
 #define CHORD_LOW    0.3
 #define CHORD_HIGH   0.92

@@ -19,7 +19,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "mechanics/elastica.h"
+#include "elastica/elastica.h"
 
 #define STEP_MAX    0.5  /* largest change of an angle, radians */
 #define CLOSE       1e-2 /* steps below it are taken whole, without looking at the energy */

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "mechanics/elastica.h"
+#include "elastica/elastica.h"
 
 /* Within a block of this many values of x each curve starts from the one before. Blocks do not depend on the
  * number of threads. */

@@ -5,7 +5,7 @@
 
 #include "core/core.h"
 #include "liegrad/random.h"
-#include "models/surrogate_internal.h"
+#include "elastica/surrogate_internal.h"
 
 static const char *const kind_names[LG_SURROGATE_KIND_COUNT] = {"discrete", "continuous", "angle"};
 

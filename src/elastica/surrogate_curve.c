@@ -6,7 +6,7 @@
 
 #include "core/core.h"
 #include "liegrad/program.h"
-#include "models/surrogate_internal.h"
+#include "elastica/surrogate_internal.h"
 
 /* Rows in one batch of a network at most, and the least number of panels of the quadrature. */
 enum { BLOCK = 64, PANELS = 50 };

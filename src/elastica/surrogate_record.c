@@ -1,7 +1,7 @@
 /* The numbers of a curve from the output of the discrete network: as they are, from modes, or from angles. */
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/surrogate_internal.h"
+#include "elastica/surrogate_internal.h"
 
 uint32_t lg_surrogate_outputs(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? 4 * (model->intervals - 1) : model->net.outputs;
