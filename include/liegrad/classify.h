@@ -22,7 +22,7 @@
 
 LG_BEGIN_DECLS
 
-/* ---- features (src/classify/features.c; a file a kind) ---- */
+/* ---- features (src/anomaly/classify/features.c; a file a kind) ---- */
 
 typedef enum lg_feature_kind {
     LG_FEATURES_RAW,      /* the window as it is, channel by channel: m length numbers */

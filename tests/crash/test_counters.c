@@ -1,5 +1,5 @@
 /* Counters that pass 2^32. */
-#include "classify/monitor.c" /* its counters */
+#include "anomaly/classify/monitor.c" /* its counters */
 
 #include "nn/fit_internal.h"
 #include "nn/nn_support.h"

@@ -5,7 +5,7 @@
 #include "liegrad/riser.h"
 #include "mechanics/dense_solve.h"
 #include "mechanics/riser_check.h"
-#include "mechanics/riser.h"
+#include "anomaly/riser.h"
 #include "support/fixtures.h"
 
 enum { N = LG_RISER_DOF };

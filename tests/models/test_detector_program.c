@@ -3,7 +3,7 @@
  * paddings, no blocks, both losses. */
 #include "test_support.h"
 
-#include "models/detector_internal.h"
+#include "anomaly/detector_internal.h"
 #include "nn/odd_nets.h"
 #include "plan_support.h"
 

@@ -3,7 +3,7 @@
 
 #include "kernels/lapack.h"
 #include "liegrad/random.h"
-#include "models/novelty_internal.h"
+#include "anomaly/novelty_internal.h"
 #include "support/memory_archive.h"
 
 static const double PI = 3.14159265358979323846;

@@ -1,6 +1,6 @@
 /* Features of windows: their kinds and their channels. The computation of each kind, with its derivatives and
  * names, is in features_channel.c, features_cov.c, features_spectrum.c and features_baseline.c. */
-#include "classify/features.h"
+#include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>

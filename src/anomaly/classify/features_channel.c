@@ -1,5 +1,5 @@
 /* Features of single channels: the samples themselves, and standard deviations. */
-#include "classify/features.h"
+#include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
 /* The chain: standardise, principal components, model. */
-#include "classify/classify_internal.h"
+#include "anomaly/classify/classify_internal.h"
 
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /* Features of single channels: logarithms of their power in bands of frequency. */
-#include "classify/features.h"
+#include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>

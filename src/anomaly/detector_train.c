@@ -6,7 +6,7 @@
 #include "kernels/kernels.h"
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "models/detector_internal.h"
+#include "anomaly/detector_internal.h"
 
 /* ---- data ---- */
 

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "models/novelty_internal.h"
+#include "anomaly/novelty_internal.h"
 
 #define ROOT "novelty/"
 

@@ -1,6 +1,6 @@
 /* Support vector classification. libsvm (Chang and Lin 2011) solves the dual; this file converts and
  * evaluates the models. */
-#include "classify/classify_internal.h"
+#include "anomaly/classify/classify_internal.h"
 
 #include <libsvm/svm.h>
 #include <limits.h>

@@ -1,5 +1,5 @@
 /* Standardisation and principal components; eigenvectors of symmetric matrices. */
-#include "classify/classify_internal.h"
+#include "anomaly/classify/classify_internal.h"
 
 #include <cblas.h>
 #include <limits.h>

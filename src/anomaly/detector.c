@@ -5,7 +5,7 @@
 
 #include "kernels/kernels.h"
 #include "core/core.h"
-#include "models/detector_internal.h"
+#include "anomaly/detector_internal.h"
 
 static const char *const loss_names[LG_DETECTOR_LOSS_COUNT] = {"mse", "cross-entropy"};
 

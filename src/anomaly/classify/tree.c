@@ -4,7 +4,7 @@
  * range is partitioned and keeps its order, so that a level of the tree costs O(d n). A column whose values
  * are all equal within a node is not searched or partitioned below that node. Its range may then hold rows of
  * the sibling, which is harmless because all its values are equal. */
-#include "classify/tree.h"
+#include "anomaly/classify/tree.h"
 
 #include <math.h>
 #include <string.h>

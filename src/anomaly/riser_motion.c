@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "liegrad/random.h"
-#include "mechanics/riser.h"
+#include "anomaly/riser.h"
 
 #define ROUNDS 2 /* of the fixed point for the foundation: see docs/riser.md */
 

@@ -9,7 +9,7 @@
 #include "core/core.h"
 #include "liegrad/detector.h"
 #include "liegrad/ops.h"
-#include "models/detector_internal.h"
+#include "anomaly/detector_internal.h"
 #include "models/record.h"
 #include "nn/cnn.h"
 

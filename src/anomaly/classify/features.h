@@ -2,7 +2,7 @@
 #ifndef LG_CLASSIFY_FEATURES_H
 #define LG_CLASSIFY_FEATURES_H
 
-#include "classify/classify_internal.h"
+#include "anomaly/classify/classify_internal.h"
 
 typedef struct lg_feature_row {
     const char *name;

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "classify/tree.h"
+#include "anomaly/classify/tree.h"
 #include "core/core.h"
 
 #define NO_NODE UINT32_MAX

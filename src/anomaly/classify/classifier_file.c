@@ -1,6 +1,6 @@
 /* Classifiers in archives. One list names what is stored, for reading and writing. The reader checks sizes
  * before it allocates, and then all values. */
-#include "classify/classify_internal.h"
+#include "anomaly/classify/classify_internal.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
 /* The features of all windows of a series, by several threads. */
-#include "classify/features.h"
+#include "anomaly/classify/features.h"
 
 typedef struct table_job {
     const lg_context *context;

@@ -4,7 +4,7 @@
  * Rows of the table are centred and get a last column of ones, q = d + 1. The problem stays the same,
  * because the intercept is not penalised. theta is (rows, q); its last column has the intercepts. If d >= n,
  * x^T = Q R, and the columns of R replace the rows: the minimiser has w = Q v, |w| = |v|. */
-#include "classify/classify_internal.h"
+#include "anomaly/classify/classify_internal.h"
 
 #include <cblas.h>
 #include <limits.h>

@@ -1,5 +1,5 @@
 /* Grid search by cross-validation. */
-#include "classify/classify_internal.h"
+#include "anomaly/classify/classify_internal.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -5,7 +5,7 @@
 
 #include "kernels/kernels.h"
 #include "kernels/lapack.h"
-#include "models/novelty_internal.h"
+#include "anomaly/novelty_internal.h"
 
 enum { LEAST_WINDOWS = 8 };
 /* Standard deviations of features are not taken for smaller: logarithms to 2 %. */

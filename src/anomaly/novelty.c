@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "kernels/kernels.h"
-#include "models/novelty_internal.h"
+#include "anomaly/novelty_internal.h"
 
 /* Added to standard deviations and amplitudes, in units of the channel's scale. */
 static const double FLOOR = 1e-3;

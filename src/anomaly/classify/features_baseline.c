@@ -1,6 +1,6 @@
 /* Features of pairs of channels: standard deviations in parts of the window, and the regression line of the
  * moment on the acceleration over the parts. */
-#include "classify/features.h"
+#include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>

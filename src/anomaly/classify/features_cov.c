@@ -1,5 +1,5 @@
 /* Features of all channels together: the symmetric square root of their covariance. */
-#include "classify/features.h"
+#include "anomaly/classify/features.h"
 
 #include <float.h>
 #include <math.h>

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "liegrad/random.h"
-#include "mechanics/riser.h"
+#include "anomaly/riser.h"
 
 #define PI          3.14159265358979323846
 #define GAMMA       3.3

@@ -3,7 +3,7 @@
 
 #include "core/core.h"
 #include "kernels/kernels.h"
-#include "models/detector_internal.h"
+#include "anomaly/detector_internal.h"
 #include "nn/cnn.h"
 
 enum { STREAM_WEIGHTS = 1 };
