@@ -6,7 +6,7 @@
 #include "liegrad/model.h"
 #include "liegrad/table.h"
 #include "core/core.h"
-#include "models/table_internal.h"
+#include "table/internal.h"
 #include "support/fixtures.h"
 
 OWNED(lg_table_samples, lg_table_samples_destroy)

@@ -2,7 +2,7 @@
  * single precision: an offset causes no rounding errors in single precision. */
 #include "core/core.h"
 #include "models/record.h"
-#include "models/table_internal.h"
+#include "table/internal.h"
 
 enum { THETA, MEAN, MEAN_REST, INVERSE_SCALE, OUTPUT_MEAN, OUTPUT_SCALE, PARAMETERS };
 

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "models/table_internal.h"
+#include "table/internal.h"
 
 static const char *const task_names[LG_TABLE_TASK_COUNT] = {"regression", "classification"};
 

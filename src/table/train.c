@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "models/table_internal.h"
+#include "table/internal.h"
 
 /* Samples on a tape at once. */
 enum { CHUNK = 256 };

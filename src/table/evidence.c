@@ -6,7 +6,7 @@
 #include "core/core.h"
 #include "kernels/kernels.h"
 #include "kernels/lapack.h"
-#include "models/table_internal.h"
+#include "table/internal.h"
 
 enum { CHUNK = 128, MOST_SLICES = 2 * NET_MAX_DENSE + 1, BURN_IN = 8, REFUSALS = 8, QUIET = 3 };
 
