@@ -10,7 +10,7 @@
 #include "liegrad/detector.h"
 #include "liegrad/ops.h"
 #include "anomaly/detector_internal.h"
-#include "models/record.h"
+#include "model/record.h"
 #include "nn/cnn.h"
 
 enum { THETA, MEAN, MEAN_REST, INVERSE_SCALE, PARAMETERS };

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "control/internal.h"
-#include "models/model_internal.h"
+#include "model/internal.h"
 
 struct lg_ekf {
     const lg_model *model;

@@ -4,7 +4,7 @@
 
 #include "kernels/lapack.h"
 #include "control/internal.h"
-#include "models/model_internal.h"
+#include "model/internal.h"
 
 /* ---- zero-order hold ---- */
 

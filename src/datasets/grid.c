@@ -5,7 +5,7 @@
 
 #include "datasets/h5.h"
 #include "datasets/names.h"
-#include "datasets/run.h"
+#include "model/files/run.h"
 #include "datasets/scene.h"
 
 #define LISTS LG_GRID_VALUES

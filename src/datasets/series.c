@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "datasets/names.h"
-#include "datasets/run.h"
+#include "model/files/run.h"
 #include "datasets/series_files.h"
 
 void lg_series_data_destroy(lg_series_data *data) {

@@ -17,7 +17,7 @@
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
-#include "models/record.h"
+#include "model/record.h"
 #include "elastica/surrogate_internal.h"
 
 enum { BOUNDARY = 8, MOST_DIRECTIONS = 7 };

@@ -1,7 +1,7 @@
 /* Table networks as programs. The mean of the inputs is the sum of two parameters, the first a number of
  * single precision: an offset causes no rounding errors in single precision. */
 #include "core/core.h"
-#include "models/record.h"
+#include "model/record.h"
 #include "table/internal.h"
 
 enum { THETA, MEAN, MEAN_REST, INVERSE_SCALE, OUTPUT_MEAN, OUTPUT_SCALE, PARAMETERS };

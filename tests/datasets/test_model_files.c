@@ -2,7 +2,7 @@
  * recorded into models of Hamiltonians. */
 #include "model_kinds.h"
 
-#include "datasets/run.h"
+#include "model/files/run.h"
 #include "liegrad/ops.h"
 
 #define EACH_KIND(k) (const kind_row *k = kinds; k < kinds + KIND_COUNT; k++)

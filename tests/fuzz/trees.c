@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "common/classifier_file.h"
-#include "datasets/run.h"
+#include "model/files/run.h"
 #include "fuzz.h"
 #include "liegrad/io.h"
 #include "liegrad/logs.h"

@@ -3,7 +3,7 @@
 #include "models/model_support.h"
 
 #include "liegrad/mechanics.h"
-#include "models/model_internal.h"
+#include "model/internal.h"
 
 /* ---- a model with scales ---- */
 

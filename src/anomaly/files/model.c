@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "datasets/names.h"
-#include "datasets/run.h"
+#include "model/files/run.h"
 #include "datasets/series_files.h"
 
 /* ---- blocks as a text: "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel ..." ---- */

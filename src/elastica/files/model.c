@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "datasets/names.h"
-#include "datasets/run.h"
+#include "model/files/run.h"
 
 enum { BOUNDARY = 8 };
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "datasets/names.h"
-#include "datasets/run.h"
+#include "model/files/run.h"
 
 /* ---- the run ---- */
 

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "datasets/names.h"
-#include "datasets/run.h"
+#include "model/files/run.h"
 
 /* ---- the YAML text ---- */
 

@@ -1,4 +1,4 @@
-#include "datasets/program_file.h"
+#include "model/files/program_file.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 /* Recordings that programs of learned models share. */
-#include "models/record.h"
+#include "model/record.h"
 
 #include "kernels/kernels.h"
 #include "core/core.h"

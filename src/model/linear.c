@@ -8,7 +8,7 @@
 
 #include "core/core.h"
 #include "control/internal.h"
-#include "models/model_internal.h"
+#include "model/internal.h"
 
 size_t lg_model_tangent_dim(const lg_model *model) {
     return lg_model_moves(model) ? model->motion.tangent : 0;

@@ -1,5 +1,5 @@
 /* Loads programs from files. Sizes in the file are checked before memory is allocated. */
-#include "datasets/program_file.h"
+#include "model/files/program_file.h"
 
 #include <stdio.h>
 #include <string.h>

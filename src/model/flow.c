@@ -1,6 +1,6 @@
 /* Learned Hamiltonians and machines in a loop: the field with an input, and steps along it. */
 #include "core/core.h"
-#include "models/model_internal.h"
+#include "model/internal.h"
 
 /* ---- the field ---- */
 

@@ -5,7 +5,7 @@
 #include "core/core.h"
 #include "liegrad/geometry.h"
 #include "hamiltonian/internal.h"
-#include "models/model_internal.h"
+#include "model/internal.h"
 
 /* ---- Hamiltonians ---- */
 

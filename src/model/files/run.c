@@ -1,5 +1,5 @@
 /* The description of a run: one table for saving, loading and comparing. */
-#include "datasets/run.h"
+#include "model/files/run.h"
 
 #include <math.h>
 #include <stdio.h>

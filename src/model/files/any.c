@@ -3,7 +3,7 @@
 
 #include "core/core.h"
 #include "datasets/h5.h"
-#include "datasets/run.h"
+#include "model/files/run.h"
 #include "liegrad/machine_model.h"
 
 /* ---- the kinds: load into a file structure, make a model of it, release ---- */

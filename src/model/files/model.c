@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/run.h"
+#include "model/files/run.h"
 
 /* ---- a file structure through the offsets of its kind ---- */
 

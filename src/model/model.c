@@ -4,7 +4,7 @@
 #include "core/core.h"
 #include "hamiltonian/internal.h"
 #include "machine/internal.h"
-#include "models/model_internal.h"
+#include "model/internal.h"
 
 /* ---- functions ---- */
 

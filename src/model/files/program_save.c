@@ -1,5 +1,5 @@
 /* Programs in files: saving. */
-#include "datasets/program_file.h"
+#include "model/files/program_file.h"
 
 #include <stdio.h>
 #include <string.h>
