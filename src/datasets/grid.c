@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "datasets/names.h"
 #include "model/files/run.h"
 #include "datasets/scene.h"

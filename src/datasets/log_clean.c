@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "datasets/log_table.h"
 #include "liegrad/geometry.h"
 

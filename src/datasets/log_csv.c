@@ -1,8 +1,8 @@
 /* Logs as text: a header line, then one row a line. */
 #include <string.h>
 
-#include "datasets/csv.h"
-#include "datasets/h5.h"
+#include "files/csv.h"
+#include "files/h5.h"
 #include "datasets/log_table.h"
 
 #define NO_COLUMN UINT32_MAX

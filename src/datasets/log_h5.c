@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "datasets/h5_internal.h"
+#include "files/h5_internal.h"
 #include "datasets/log_table.h"
 
 typedef struct read_call {

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "datasets/log_table.h"
 
 enum { MOST_SORTED = 50000, FEWEST = 20, LONGEST = 2 };

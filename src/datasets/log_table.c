@@ -3,9 +3,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "datasets/log_table.h"
-#include "datasets/read_file.h"
+#include "files/read_file.h"
 
 enum { FIRST_ROWS = 1024, FIRST_WARNINGS = 8 };
 

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "datasets/log_table.h"
 
 #define DEFAULT_STEP 1.4  /* medians */

@@ -10,7 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "datasets/h5_internal.h"
+#include "files/h5_internal.h"
 
 static const char KIND[] = "ensemble-trajectories";
 

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 
 #define UNIT_VECTOR 1e-9
 #define LARGEST     1e300 /* of every number */

@@ -3,7 +3,7 @@
 #include <string.h>
 #include <yaml.h>
 
-#include "datasets/yaml.h"
+#include "files/yaml.h"
 
 #define SYNTAX_SIZE 64
 

@@ -7,9 +7,9 @@
 #include <string.h>
 #include <yaml.h>
 
-#include "datasets/h5.h"
-#include "datasets/read_file.h"
-#include "datasets/yaml.h"
+#include "files/h5.h"
+#include "files/read_file.h"
+#include "files/yaml.h"
 
 /* ---- ranges ---- */
 

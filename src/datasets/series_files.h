@@ -2,7 +2,7 @@
 #ifndef LG_SERIES_FILES_H
 #define LG_SERIES_FILES_H
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "liegrad/series.h"
 
 #define LG_SERIES_CLASSES 65536u /* most that are read */

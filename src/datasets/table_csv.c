@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/csv.h"
+#include "files/csv.h"
 #include "datasets/table_reading.h"
 
 /* Names 0, 1, 2, ... are those of a table without names, as some programs write it. */

@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/h5_internal.h"
+#include "files/h5_internal.h"
 #include "datasets/table_reading.h"
 
 /* A data set with its columns of the table. */

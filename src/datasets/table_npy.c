@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "datasets/read_file.h"
+#include "files/read_file.h"
 #include "datasets/table_reading.h"
 
 enum { MAGIC = 8, LONGEST_HEADER = 1 << 16, MOST_BYTES = 8, CHECK = 1 << 16 };

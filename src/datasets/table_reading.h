@@ -4,7 +4,7 @@
 #define LG_TABLE_READING_H
 
 #include "core/core.h"
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "liegrad/tables.h"
 
 enum { LG_TABLE_MOST_COLUMNS = 1 << 16, LG_TABLE_MOST_CLASSES = 1000 };

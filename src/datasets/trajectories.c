@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "datasets/names.h"
 #include "liegrad/geometry.h"
 

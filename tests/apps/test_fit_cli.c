@@ -1,6 +1,6 @@
 /* lg-fit: what it learns, what it predicts, and what it says of odd tables. */
 #include "cli_files.h"
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "liegrad/io.h"
 #include "liegrad/tables.h"
 

@@ -6,7 +6,7 @@
 #include <dirent.h>
 #include <unistd.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "support/fixtures.h"
 
 /* HDF5 1.10 loses a block of its own free list when a damaged header makes H5Fopen fail. Objects that we

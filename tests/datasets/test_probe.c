@@ -12,7 +12,7 @@
 #include <sys/uio.h>
 #include <sys/wait.h>
 
-#include "datasets/sandbox.h"
+#include "files/sandbox.h"
 #include "io_test.h"
 
 /* What the attempts are made on. */

@@ -4,7 +4,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "fuzz.h"
 
 const fuzz_harness fuzz_harnesses[] = {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "datasets/names.h"
 
 #define END_TOLERANCE 1e-6

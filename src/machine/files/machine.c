@@ -4,7 +4,7 @@
 #include <string.h>
 #include <yaml.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "machine/files/reading.h"
 #include "datasets/names.h"
 

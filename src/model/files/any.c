@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "model/files/run.h"
 #include "liegrad/machine_model.h"
 

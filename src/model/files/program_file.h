@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "liegrad/program_image.h"
 
 #define LG_PROGRAM_KIND "program"

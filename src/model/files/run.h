@@ -5,7 +5,7 @@
 #ifndef LG_RUN_H
 #define LG_RUN_H
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 #include "liegrad/fields.h"
 #include "liegrad/networks.h"
 

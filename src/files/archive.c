@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 
 #define NAME_SIZE 256
 

@@ -4,8 +4,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "datasets/h5_internal.h"
-#include "datasets/read_file.h"
+#include "files/h5_internal.h"
+#include "files/read_file.h"
 
 /* Upper bound on the bytes of data in a compressed byte of the file; larger declared sizes are absurd. */
 #define EXPANSION 8192u

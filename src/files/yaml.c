@@ -1,6 +1,6 @@
-#include "datasets/h5.h"
-#include "datasets/read_file.h"
-#include "datasets/yaml.h"
+#include "files/h5.h"
+#include "files/read_file.h"
+#include "files/yaml.h"
 
 #include <stdarg.h>
 #include <stdio.h>

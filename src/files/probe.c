@@ -18,8 +18,8 @@
 #include <sys/syscall.h>
 #endif
 
-#include "datasets/h5.h"
-#include "datasets/sandbox.h"
+#include "files/h5.h"
+#include "files/sandbox.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define LG_LIMIT_MEMORY 0 /* sanitizers reserve terabytes of addresses */

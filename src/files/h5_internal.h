@@ -3,7 +3,7 @@
 #ifndef LG_H5_INTERNAL_H
 #define LG_H5_INTERNAL_H
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 
 /* By how many bytes a file in memory grows. */
 #define LG_CORE_INCREMENT ((size_t)1 << 20)

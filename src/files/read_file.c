@@ -3,8 +3,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "datasets/h5.h"
-#include "datasets/read_file.h"
+#include "files/h5.h"
+#include "files/read_file.h"
 
 lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *error) {
     const char *shown = lg_shown_path(path);

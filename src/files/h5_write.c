@@ -1,7 +1,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "datasets/h5_internal.h"
+#include "files/h5_internal.h"
 
 void lg_io_setup(void) {
     (void)H5dont_atexit();

@@ -1,5 +1,5 @@
 /* HDF5 for reading and writing: types of numbers, handles, existence of objects. */
-#include "datasets/h5_internal.h"
+#include "files/h5_internal.h"
 
 #include <string.h>
 

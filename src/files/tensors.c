@@ -5,9 +5,9 @@
 #include <string.h>
 #include <yaml.h>
 
-#include "datasets/h5.h"
-#include "datasets/read_file.h"
-#include "datasets/yaml.h"
+#include "files/h5.h"
+#include "files/read_file.h"
+#include "files/yaml.h"
 #include "liegrad/tables.h"
 
 enum { MOST_HEADER = 1 << 20, MOST_TENSORS = 4096, CHUNK = 1 << 16 };

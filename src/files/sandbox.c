@@ -6,7 +6,7 @@
  * descriptors, memory that is shared with no file, signals to oneself. Structures behind pointers cannot be
  * filtered, so openat2 and clone3 are answered by ENOSYS, and the C library takes the older calls. */
 #define _GNU_SOURCE /* syscall numbers, prctl */
-#include "datasets/sandbox.h"
+#include "files/sandbox.h"
 
 #include <errno.h>
 #include <fcntl.h>

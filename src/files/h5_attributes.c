@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/h5_internal.h"
+#include "files/h5_internal.h"
 
 typedef struct attribute {
     hid_t attribute, type;

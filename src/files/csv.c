@@ -1,7 +1,7 @@
 /* Text files of rows. */
-#include "datasets/csv.h"
-#include "datasets/h5.h"
-#include "datasets/read_file.h"
+#include "files/csv.h"
+#include "files/h5.h"
+#include "files/read_file.h"
 
 #include <math.h>
 #include <string.h>

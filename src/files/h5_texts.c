@@ -1,7 +1,7 @@
 /* Texts in data sets and attributes: fixed or variable length, one or many. */
 #include <string.h>
 
-#include "datasets/h5_internal.h"
+#include "files/h5_internal.h"
 
 #define PIECE_BYTES     ((size_t)1 << 20) /* read at once, when of fixed length */
 #define PIECE_TEXTS     4096u             /* the same for variable length */

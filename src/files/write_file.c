@@ -11,7 +11,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "datasets/h5.h"
+#include "files/h5.h"
 
 const char *lg_shown_path(const char *path) {
     size_t length = strlen(path);
