@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "datasets/names.h"
+#include "settings/names.h"
 #include "model/files/run.h"
 #include "datasets/series_files.h"
 

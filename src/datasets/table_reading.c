@@ -1,6 +1,6 @@
 /* Tables of numbers: names, rows, classes. */
 #include "datasets/log_table.h"
-#include "datasets/names.h"
+#include "settings/names.h"
 #include "files/read_file.h"
 #include "datasets/table_names.h"
 #include "datasets/table_reading.h"

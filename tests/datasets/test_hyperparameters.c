@@ -162,7 +162,7 @@ TEST("defaults are those of the rows") {
 
 static const char page_begin[] =
     "# Hyperparameters\n\n"
-    "One table for each kind of run (`liegrad/fields.h`, `src/datasets/fields.c`) says "
+    "One table for each kind of run (`liegrad/fields.h`, `src/settings/fields.c`) says "
     "name, "
     "range, default\nand meaning; command lines, ranges of searches, grids of studies, attributes of files, "
     "the "

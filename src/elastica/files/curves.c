@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "files/h5.h"
-#include "datasets/names.h"
+#include "settings/names.h"
 
 #define END_TOLERANCE 1e-6
 #define STIFFNESS     10.0

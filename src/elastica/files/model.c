@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "datasets/names.h"
+#include "settings/names.h"
 #include "model/files/run.h"
 
 enum { BOUNDARY = 8 };

@@ -6,7 +6,7 @@
 
 #include "files/h5.h"
 #include "machine/files/reading.h"
-#include "datasets/names.h"
+#include "settings/names.h"
 
 typedef lg_machine_reading reading;
 

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/names.h"
+#include "settings/names.h"
 #include "model/files/run.h"
 
 /* ---- the YAML text ---- */

@@ -5,7 +5,7 @@
 #include <yaml.h>
 
 #include "machine/files/reading.h"
-#include "datasets/names.h"
+#include "settings/names.h"
 
 typedef lg_machine_reading reading;
 

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/names.h"
+#include "settings/names.h"
 
 /* Row number `index` of a run: facts, then hyperparameters; NULL beyond the last. */
 static const lg_field *row_at(const lg_run_kind *kind, size_t index) {

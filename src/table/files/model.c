@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/names.h"
+#include "settings/names.h"
 #include "model/files/run.h"
 
 /* ---- the run ---- */

@@ -1,4 +1,4 @@
-#include "datasets/names.h"
+#include "settings/names.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "files/h5.h"
-#include "datasets/names.h"
+#include "settings/names.h"
 #include "model/files/run.h"
 #include "datasets/scene.h"
 

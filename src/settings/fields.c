@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "datasets/names.h"
+#include "settings/names.h"
 #include "model/files/run.h"
 #include "liegrad/machine_model.h"
 
