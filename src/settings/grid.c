@@ -6,7 +6,7 @@
 #include "files/h5.h"
 #include "settings/names.h"
 #include "model/files/run.h"
-#include "datasets/scene.h"
+#include "mechanics/files/scene.h"
 
 #define LISTS LG_GRID_VALUES
 #define FORM  "hamiltonian" /* learned is a Hamiltonian */

@@ -2,7 +2,7 @@
 #ifndef LG_SCENE_READING_H
 #define LG_SCENE_READING_H
 
-#include "datasets/scene.h"
+#include "mechanics/files/scene.h"
 
 #define LG_SCENE_MAX_KEYS 48
 

@@ -1,5 +1,5 @@
 /* Scenes: keys and shapes come from the table of systems. */
-#include "datasets/scene_reading.h"
+#include "mechanics/files/scene_reading.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
 /* The start of a scene. Its numbers are put in the order of the state, parts under another key are converted,
  * and a point that is off the manifold by rounding is projected. */
-#include "datasets/scene_reading.h"
+#include "mechanics/files/scene_reading.h"
 
 #include <math.h>
 #include <string.h>
