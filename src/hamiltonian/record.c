@@ -1,5 +1,5 @@
 /* Learned Hamiltonians on a tape, for every family: binding, functions of states, equations. */
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"

@@ -2,7 +2,7 @@
  * variables. */
 #include "integrators/taped_internal.h"
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "integrators/stepper.h"
 #include "liegrad/ops.h"
 

@@ -15,8 +15,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/lie.h"
-#include "autodiff/tape_internal.h"
+#include "autodiff/ops/lie.h"
+#include "autodiff/tape/tape_internal.h"
 #include "integrators/stepper.h"
 
 typedef struct problem {

@@ -6,8 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "autodiff/lie.h"
-#include "autodiff/tape_internal.h"
+#include "autodiff/ops/lie.h"
+#include "autodiff/tape/tape_internal.h"
 #include "integrators/series.h"
 #include "liegrad/ops.h"
 

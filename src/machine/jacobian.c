@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "liegrad/geometry.h"
 #include "machine/internal.h"
 

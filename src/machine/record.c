@@ -1,7 +1,7 @@
 /* Machines: states, energy and field on a tape, in scaled units. */
 #include <string.h>
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "machine/internal.h"
 
 /* ---- parameters ---- */

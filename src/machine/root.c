@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "integrators/taped_internal.h"
 #include "machine/internal.h"
 

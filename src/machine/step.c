@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"

@@ -14,7 +14,7 @@
  * move as pairs (l, m) under SE(3): (dexp_u^-1)^T is dexp_{-u}^-1 of the pair (liegrad/geometry.h). */
 #include <string.h>
 
-#include "autodiff/lie.h"
+#include "autodiff/ops/lie.h"
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"

@@ -8,7 +8,7 @@
 #include <inttypes.h>
 #include <string.h>
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"
 
 /* ---- the tree ---- */

@@ -4,7 +4,7 @@
  * one place for each sample, in the first shard's. */
 #include <string.h>
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"
 
 /* Parameters that all samples share. */

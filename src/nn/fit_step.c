@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"
 
 /* Threads are used from this number of blocks on; below, waking them costs more than they save. */

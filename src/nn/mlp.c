@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/tape_internal.h"
+#include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 
 #define MAX_WIDTH (1u << 20)

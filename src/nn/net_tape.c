@@ -1,8 +1,8 @@
 /* Networks of several architectures on a tape. */
 #include "nn/net.h"
 
-#include "autodiff/dual.h"
-#include "autodiff/tape_internal.h"
+#include "autodiff/ops/dual.h"
+#include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 
 /* The parameters of the dense layers as views of the flat vector; LG_NONE for a missing bias. */

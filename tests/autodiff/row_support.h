@@ -4,7 +4,7 @@
 
 #include "support/fixtures.h"
 
-#include "autodiff/gradcheck_internal.h"
+#include "autodiff/check/internal.h"
 
 typedef struct row_on_tape {
     lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], y; /* inputs, directions of them, value */

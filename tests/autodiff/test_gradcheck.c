@@ -2,9 +2,9 @@
  * parts fails by itself when it should. ctest-labels: isa */
 #include "test_support.h"
 
-#include "autodiff/gradcheck_internal.h"
-#include "autodiff/op_rows.h"
-#include "autodiff/op_table.h"
+#include "autodiff/check/internal.h"
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/ops/op_table.h"
 #include "support/fixtures.h"
 
 /* ---- the registry ---- */

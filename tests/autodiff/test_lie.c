@@ -6,7 +6,7 @@
 #include "support/fixtures.h"
 
 #include "kernels/kernels.h"
-#include "autodiff/lie.h"
+#include "autodiff/ops/lie.h"
 #include "golden/lie_table.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"

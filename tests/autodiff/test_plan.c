@@ -6,9 +6,9 @@
 
 #include "program_support.h"
 
-#include "autodiff/op_rows.h"
-#include "autodiff/plan.h"
-#include "autodiff/program.h"
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/program/plan.h"
+#include "autodiff/program/program.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"

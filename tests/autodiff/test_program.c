@@ -1,8 +1,8 @@
 /* Programs: building, what is refused, application on a tape, plans. */
 #include "program_support.h"
 
-#include "autodiff/op_rows.h"
-#include "autodiff/plan.h"
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/program/plan.h"
 #include "liegrad/nn.h"
 #include "liegrad/program_image.h"
 #include "liegrad/taped.h"

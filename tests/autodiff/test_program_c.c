@@ -2,9 +2,9 @@
  * over tensors, compiled by gcc and clang, in both types. ctest-labels: slow */
 #include <float.h>
 
-#include "autodiff/op_rows.h"
-#include "autodiff/op_table.h"
-#include "autodiff/program.h"
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/ops/op_table.h"
+#include "autodiff/program/program.h"
 #include "liegrad/gradcheck.h"
 #include "compiled.h"
 #include "program_support.h"

@@ -1,8 +1,8 @@
 /* The text of programs as C is whole or refused: where memory ends, and where a number does not fit. */
 #include "program_support.h"
 
-#include "autodiff/program.h"
-#include "autodiff/op_rows.h"
+#include "autodiff/program/program.h"
+#include "autodiff/ops/op_rows.h"
 #include "liegrad/gradcheck.h"
 #include "liegrad/nn.h"
 

@@ -1,7 +1,7 @@
 /* Calls in programs: the same numbers as without, one copy of what is called, refusals. */
 #include "program_support.h"
 
-#include "autodiff/plan.h"
+#include "autodiff/program/plan.h"
 #include "liegrad/ops.h"
 #include "liegrad/program_image.h"
 

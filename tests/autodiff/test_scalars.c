@@ -6,9 +6,9 @@
 
 #include <float.h>
 
-#include "autodiff/op_rows.h"
-#include "autodiff/op_table.h"
-#include "autodiff/scalars.h"
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/ops/op_table.h"
+#include "autodiff/program/scalars.h"
 
 /* ---- nodes ---- */
 

@@ -2,7 +2,7 @@
  * test_program_mutants.c. */
 #include "program_mutants.h"
 
-#include "autodiff/op_table.h"
+#include "autodiff/ops/op_table.h"
 
 static lg_status read_program(const lg_context *context, const char *path, const lg_read_options *options,
                               lg_error *error) {

@@ -2,7 +2,7 @@
  * keeps and what it refuses. lg-gradcheck holds the derivatives of every scheme against differences. */
 #include "support/fixtures.h"
 
-#include "autodiff/op.h"
+#include "autodiff/ops/op.h"
 #include "integrators/taped_internal.h"
 
 enum { BATCH = 3, STEPS = 4, EVERY = 2, MAX_DIM = 72, INPUTS = 2 };

@@ -16,8 +16,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "autodiff/op_table.h"
-#include "autodiff/plan.h"
+#include "autodiff/ops/op_table.h"
+#include "autodiff/program/plan.h"
 #include "autodiff/random/random.h"
 
 enum { A_FILE = 100, MOST_FOUND = 5, ENOUGH = 2000 };

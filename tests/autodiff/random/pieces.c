@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "autodiff/op_table.h"
+#include "autodiff/ops/op_table.h"
 #include "autodiff/random/random.h"
 #include "liegrad/gradcheck.h"
 

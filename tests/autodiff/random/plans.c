@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "autodiff/plan.h"
+#include "autodiff/program/plan.h"
 #include "autodiff/random/random.h"
 #include "liegrad/io.h"
 

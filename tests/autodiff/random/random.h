@@ -2,8 +2,8 @@
 #ifndef LG_RANDOM_H
 #define LG_RANDOM_H
 
-#include "autodiff/op_table.h"
-#include "autodiff/program.h"
+#include "autodiff/ops/op_table.h"
+#include "autodiff/program/program.h"
 #include "liegrad/random.h"
 
 enum {

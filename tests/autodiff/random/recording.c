@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "autodiff/op_table.h"
+#include "autodiff/ops/op_table.h"
 #include "autodiff/random/random.h"
 
 #define LARGEST_NUMBER 1e3  /* of a variable, where the recording is drawn */

@@ -23,7 +23,7 @@
 #include <string.h>
 
 #include "autodiff/random/random.h"
-#include "autodiff/scalars.h"
+#include "autodiff/program/scalars.h"
 
 #define UNITS      4.0  /* eps */
 #define AT_ONCE    8.0  /* eps: a relative difference that needs no width */

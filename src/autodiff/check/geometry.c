@@ -1,0 +1,122 @@
+/* The registry: rows of vectors, solves, functions of the angle, Lie groups. */
+#include "autodiff/check/rows.h"
+#include "autodiff/ops/lie.h"
+#include "autodiff/ops/op_rows.h"
+
+#include <math.h>
+
+/* ---- rows of vectors, solves, functions of the angle ---- */
+
+BUILD_BINARY(rowdot)
+BUILD_BINARY(cross)
+BUILD_UNARY(rownorm2)
+
+BUILD(build_cross_self) {
+    (void)user;
+    return lg_cross(t, x[0], lg_mul(t, x[0], x[0]));
+}
+/* A = x0 + 3 I: the symmetric part of x0 has a norm below 3. */
+static lg_var definite(lg_tape *t, lg_var x, uint32_t k) {
+    double eye[6 * 6] = {0};
+    for (uint32_t i = 0; i < k; i++) eye[i * k + i] = 3.0;
+    return lg_add(t, x, lg_input_f64(t, lg_shape2(k, k), eye));
+}
+BUILD(build_spd_solve) {
+    SETTINGS;
+    return lg_spd_solve(t, definite(t, x[0], (uint32_t)s->i[0]), x[1]);
+}
+BUILD(build_spd_factor) {
+    lg_var a = definite(t, x[0], 2);
+    (void)user;
+    return lg_record(t, &lg_op_spd_factor, &a, 1, NULL);
+}
+#define SPD_ROW(label, k, m)                                                                                 \
+    ROW("spd_solve k = " label, "spd_solve", build_spd_solve, WITH(.i = {k}),                                \
+        INPUTS(IN_RANGE(-0.5, 0.5, S3(3, k, k)), ANY(S3(3, k, m))))
+
+BUILD(build_stumpff) {
+    SETTINGS;
+    return lg_stumpff_functions(t, x[0], s->i[0]);
+}
+BUILD(build_dexpinv) {
+    SETTINGS;
+    return lg_dexpinv_coefficient(t, x[0], s->i[0]);
+}
+BUILD(build_lie) {
+    SETTINGS;
+    switch (s->i[0]) {
+    case LG_K_SO3_EXP:
+        return lg_so3_exp_rows(t, x[0], x[s->i[1]]);
+    case LG_K_SO3_DEXP:
+        return lg_so3_dexp_rows(t, x[0], x[1]);
+    case LG_K_SE3_ACT:
+        return lg_se3_act_rows(t, x[0], x[1], x[2], x[3]);
+    case LG_K_SO3_DEXPINV:
+        return lg_so3_dexpinv_rows(t, x[0], x[1]);
+    default:
+        return lg_se3_dexpinv_rows(t, x[0], x[1], x[2], x[3]);
+    }
+}
+/* Rows of u: none, a tiny one, angles on both sides of where the series end, beyond pi. */
+static const double rotations[15] = {0.0, 0.0,  0.0, 1e-9, -2e-9, 2e-9, 1.1, -0.3,
+                                     0.4, -1.2, 1.6, 1.1,  3.0,   1.0,  -1.5};
+#define ROTATIONS                                                                                            \
+    { .shape = S3(5, 1, 3), .values = rotations, .scale = 0.25 }
+#define LIE(label, ...)         ROW("lie " label, "lie", build_lie, __VA_ARGS__)
+#define LIE_PAIR(label, map, u) LIE(label, WITH(.i = {map, 1}), INPUTS(u, ANY(S3(5, 1, 3))))
+#define LIE_FOUR(label, map, u)                                                                              \
+    LIE(label, WITH(.i = {map}), INPUTS(u, ANY(S3(5, 1, 3)), ANY(S3(5, 1, 3)), ANY(S3(5, 1, 3))))
+
+/* A row for each angle, for numbers of very different size would hide each other. */
+#define ANGLE_ROWS(w)                                                                                        \
+    ROW("stumpff w = " #w, "stumpff", build_stumpff, WITH(.i = {3}),                                         \
+        INPUTS(IN_VALUES((const double[]){w}, S2(1, 1)))),                                                   \
+        ROW("dexpinv_coef w = " #w, "dexpinv_coef", build_dexpinv, WITH(.i = {0}),                           \
+            INPUTS({.shape = S2(1, 1), .values = (const double[]){w}, .scale = 0.25}))
+static const double angles[8] = {0.0, 1e-18, 1e-8, 0.1, 1.0, 9.0, 9.869604401089358, 4.0};
+
+/* ---- rows ---- */
+
+static const lg_gradcheck_case rows[] = {
+    ROW("rowdot (4, 3)", "rowdot", build_rowdot, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
+    ROW("rowdot (2, 3, 5)", "rowdot", build_rowdot, INPUTS(ANY(S3(2, 3, 5)), ANY(S3(2, 3, 5)))),
+    ROW("rownorm2 (4, 3)", "rowdot", build_rownorm2, INPUTS(ANY(S2(4, 3)))),
+    ROW("cross (4, 3)", "cross", build_cross, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
+    ROW("cross (2, 2, 3)", "cross", build_cross, INPUTS(ANY(S3(2, 2, 3)), ANY(S3(2, 2, 3)))),
+    ROW("cross (3)", "cross", build_cross, INPUTS(ANY(S1(3)), ANY(S1(3)))),
+    ROW("cross of x and x^2", "cross", build_cross_self, INPUTS(ANY(S2(4, 3)))),
+    ROW_STOPS("spd_factor", "spd_factor", build_spd_factor, INPUTS(IN_RANGE(-0.5, 0.5, S3(3, 2, 2)))),
+    SPD_ROW("1", 1, 2),
+    SPD_ROW("2", 2, 2),
+    SPD_ROW("3", 3, 1),
+    SPD_ROW("3, m = 2", 3, 2),
+    SPD_ROW("4", 4, 2),
+    SPD_ROW("6", 6, 1),
+    ANGLE_ROWS(0.0),
+    ANGLE_ROWS(1e-18),
+    ANGLE_ROWS(1e-8),
+    ANGLE_ROWS(1e-4),
+    ANGLE_ROWS(0.1),
+    ANGLE_ROWS(1.0),
+    ANGLE_ROWS(4.0),
+    ANGLE_ROWS(9.0),
+    ANGLE_ROWS(9.869604401089358),
+    ANGLE_ROWS(15.9),
+    ANGLE_ROWS(16.1),
+    ANGLE_ROWS(39.0),
+    ROW("stumpff c_0..c_8 of (4, 2, 1)", "stumpff", build_stumpff, WITH(.i = {8}),
+        INPUTS(IN_VALUES(angles, S3(4, 2, 1)))),
+    ROW("stumpff c_0 of (8, 1)", "stumpff", build_stumpff, WITH(.i = {0}),
+        INPUTS(IN_VALUES(angles, S2(8, 1)))),
+    ROW("dexpinv_coef of (8, 1), order 2", "dexpinv_coef", build_dexpinv, WITH(.i = {2}),
+        INPUTS(IN_VALUES(angles, S2(8, 1)))),
+    LIE_PAIR("exp(u) x", LG_K_SO3_EXP, ROTATIONS),
+    LIE_PAIR("dexp", LG_K_SO3_DEXP, ROTATIONS),
+    LIE_PAIR("dexpinv", LG_K_SO3_DEXPINV, ROTATIONS),
+    LIE_FOUR("action of SE(3), second half", LG_K_SE3_ACT, ROTATIONS),
+    LIE_FOUR("dexpinv of se(3), second half", LG_K_SE3_DEXPINV, ROTATIONS),
+    LIE("exp(u) x of (19, 3)", WITH(.i = {LG_K_SO3_EXP, 1}), INPUTS(ANY(S2(19, 3)), ANY(S2(19, 3)))),
+    LIE("exp(u) X of (9, 9)", WITH(.i = {LG_K_SO3_EXP, 1}), INPUTS(ANY(S2(9, 3)), ANY(S2(9, 9)))),
+    LIE("exp(u) u", WITH(.i = {LG_K_SO3_EXP, 0}), INPUTS(ANY(S1(3)))),
+};
+FAMILY(geometry)

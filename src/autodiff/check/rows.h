@@ -1,0 +1,126 @@
+/* How the rows of the registry are written: a file a family of operations (gradcheck_<family>.c), builders
+ * and rows beside each other. */
+#ifndef LG_GRADCHECK_ROWS_H
+#define LG_GRADCHECK_ROWS_H
+
+#include "autodiff/check/internal.h"
+
+#define S0                                                                                                   \
+    {                                                                                                        \
+        0, {                                                                                                 \
+            0, 0, 0, 0                                                                                       \
+        }                                                                                                    \
+    }
+#define S1(a)                                                                                                \
+    {                                                                                                        \
+        1, {                                                                                                 \
+            a, 0, 0, 0                                                                                       \
+        }                                                                                                    \
+    }
+#define S2(a, b)                                                                                             \
+    {                                                                                                        \
+        2, {                                                                                                 \
+            a, b, 0, 0                                                                                       \
+        }                                                                                                    \
+    }
+#define S3(a, b, c)                                                                                          \
+    {                                                                                                        \
+        3, {                                                                                                 \
+            a, b, c, 0                                                                                       \
+        }                                                                                                    \
+    }
+#define S4(a, b, c, d)                                                                                       \
+    {                                                                                                        \
+        4, {                                                                                                 \
+            a, b, c, d                                                                                       \
+        }                                                                                                    \
+    }
+
+#define IN(...)                                                                                              \
+    { .shape = __VA_ARGS__ }
+#define IN_RANGE(a, b, ...)                                                                                  \
+    { .shape = __VA_ARGS__, .low = a, .high = b }
+#define IN_VALUES(v, ...)                                                                                    \
+    { .shape = __VA_ARGS__, .values = v }
+#define INPUTS(...)                                                                                          \
+    .inputs = (uint32_t)(sizeof((lg_gradcheck_argument[]){__VA_ARGS__}) / sizeof(lg_gradcheck_argument)),    \
+    .arguments = (const lg_gradcheck_argument[]) {                                                           \
+        __VA_ARGS__                                                                                          \
+    }
+
+/* What a build function is told besides its inputs. */
+typedef struct settings {
+    int i[5];
+    double c;
+    lg_shape shape;
+} settings;
+#define WITH(...)                                                                                            \
+    .user = &(const settings) {                                                                              \
+        __VA_ARGS__                                                                                          \
+    }
+
+#define ROW(name_, op, build_, ...)                                                                          \
+    {                                                                                                        \
+        .function = {.name = name_, .build = build_, __VA_ARGS__}, .operations = { op }                      \
+    }
+#define ROW_ZERO(name_, op, build_, ...)                                                                     \
+    { .function = {.name = name_, .build = build_, __VA_ARGS__}, .operations = {op}, .zero = true }
+#define ROW_STOPS(name_, op, build_, ...)                                                                    \
+    {                                                                                                        \
+        .function = {.name = name_, .build = build_, .stops = true, __VA_ARGS__}, .operations = {op},        \
+        .zero = true                                                                                         \
+    }
+#define ROW_TWO(name_, op, op2, build_, ...)                                                                 \
+    {                                                                                                        \
+        .function = {.name = name_, .build = build_, __VA_ARGS__}, .operations = { op, op2 }                 \
+    }
+#define ROW_COMPOSED(name_, build_, ...)                                                                     \
+    {                                                                                                        \
+        .function = {.name = name_, .build = build_, __VA_ARGS__ }                                           \
+    }
+
+/* Numbers at least 1/4 away from zero, from each other by 1/2 within a table, by 1/4 between the tables. */
+static const double apart[24] = {0.5,  -1.5, 3.0,  -2.5, 1.0,  5.5, -0.5, 2.0, -3.0, 4.5, -4.0, 1.5,
+                                 -1.0, 6.0,  -5.5, 3.5,  -2.0, 2.5, -6.0, 4.0, -3.5, 5.0, -4.5, -5.0};
+static const double between[24] = {-0.75, 2.25, -1.25, 0.75,  1.75, -5.25, 0.25,  4.25,
+                                   -0.25, 3.25, 5.25,  -1.75, 2.75, -2.25, 6.25,  -3.25,
+                                   1.25,  4.75, -2.75, -4.25, 3.75, -5.75, -3.75, 5.75};
+
+/* ReLU and LeakyReLU: every pre-activation is +-1/4 or more, x W + b with whole numbers for W. */
+static const double whole[15] = {1, 0, -1, 2, 0, 0, 1, 1, -1, 2, -1, 1, 0, 0, 1};
+static const double quarters[5] = {0.25, 0.25, -0.25, 0.25, -0.25};
+
+#define BUILD(name) static lg_var name(const void *user, lg_tape *t, const lg_var *x)
+#define SETTINGS    const settings *s = user
+#define BUILD_BINARY(op)                                                                                     \
+    BUILD(build_##op) {                                                                                      \
+        (void)user;                                                                                          \
+        return lg_##op(t, x[0], x[1]);                                                                       \
+    }
+#define BUILD_UNARY(op)                                                                                      \
+    BUILD(build_##op) {                                                                                      \
+        (void)user;                                                                                          \
+        return lg_##op(t, x[0]);                                                                             \
+    }
+
+#define ANY(...)      IN(__VA_ARGS__)
+#define POSITIVE(...) IN_RANGE(0.5, 2.0, __VA_ARGS__)
+#define APART(...)    IN_VALUES(apart, __VA_ARGS__)
+#define BETWEEN(...)  IN_VALUES(between, __VA_ARGS__)
+
+/* The end of a family's file: rows becomes lg_gradcheck_<family>. */
+#define FAMILY(family)                                                                                       \
+    const lg_gradcheck_case *lg_gradcheck_##family(size_t *count) {                                          \
+        *count = LG_COUNT(rows);                                                                             \
+        return rows;                                                                                         \
+    }
+
+const lg_gradcheck_case *lg_gradcheck_elementwise(size_t *count);
+const lg_gradcheck_case *lg_gradcheck_products(size_t *count);
+const lg_gradcheck_case *lg_gradcheck_convolutions(size_t *count);
+const lg_gradcheck_case *lg_gradcheck_arrays(size_t *count);
+const lg_gradcheck_case *lg_gradcheck_geometry(size_t *count);
+const lg_gradcheck_case *lg_gradcheck_losses(size_t *count);
+const lg_gradcheck_case *lg_gradcheck_custom(size_t *count);
+
+#endif

@@ -1,0 +1,290 @@
+/* Elementwise operations of inputs that have one shape. */
+#include <math.h>
+
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/program/scalars.h"
+#include "autodiff/tape/tape_internal.h"
+
+extern const lg_op lg_op_mix, lg_op_pow;
+
+/* ---- y = c != 0 ? a : b ---- */
+
+static lg_status three_alike(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs, (void)attr;
+    if (!lg_same_shape(in[0], in[1]) || !lg_same_shape(in[0], in[2])) return LG_SHAPE;
+    *out = *in[0];
+    return LG_OK;
+}
+static lg_status select_forward(lg_evaluation *e) {
+    e->k->select(e->count, e->x[0], e->x[1], e->x[2], e->y);
+    return LG_OK;
+}
+/* What is not chosen gets 0, whatever its derivative is. */
+static void select_vjp(lg_reverse *r) {
+    const lg_var zero = lg_zeros_like(r->tape, r->g);
+    if (r->need[1]) r->out[1] = lg_select(r->tape, r->in[0], r->g, zero);
+    if (r->need[2]) r->out[2] = lg_select(r->tape, r->in[0], zero, r->g);
+}
+static lg_var select_jvp(const lg_forward *f) {
+    const lg_var zero = lg_zeros_like(f->tape, f->y);
+    return lg_select(f->tape, f->in[0], lg_is_none(f->tangents[1]) ? zero : f->tangents[1],
+                     lg_is_none(f->tangents[2]) ? zero : f->tangents[2]);
+}
+static lg_scalar select_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s_select(s, x[0], x[1], x[2]);
+}
+const lg_op lg_op_select = {LG_OP("select", 1u, 3, 3, three_alike, select_forward, select_vjp, select_jvp),
+                            .element = select_element};
+
+lg_var lg_select(lg_tape *tape, lg_var condition, lg_var yes, lg_var no) {
+    const lg_var in[3] = {condition, yes, no};
+    return lg_record(tape, &lg_op_select, in, 3, NULL);
+}
+
+/* ---- y = (1 - z) u + z v ---- */
+
+static lg_status mix_forward(lg_evaluation *e) {
+    e->k->mix(e->count, e->x[0], e->x[1], e->x[2], e->y);
+    return LG_OK;
+}
+
+/* dz = g (v - u), du = g (1 - z) = g - dv, dv = g z */
+static void mix_vjp(lg_reverse *r) {
+    lg_tape *t = r->tape;
+    if (lg_reverse_in_place(r)) {
+        lg_reverse_three(r, t->k->mix_reverse, lg_node_at(t, r->y)->count);
+        return;
+    }
+    if (r->need[0]) r->out[0] = lg_mul(t, r->g, lg_sub(t, r->in[2], r->in[1]));
+    if (!r->need[1] && !r->need[2]) return;
+    const lg_var to_v = lg_mul(t, r->g, r->in[0]);
+    if (r->need[1]) r->out[1] = lg_sub(t, r->g, to_v);
+    if (r->need[2]) r->out[2] = to_v;
+}
+
+static lg_var mix_jvp(const lg_forward *f) {
+    lg_tape *t = f->tape;
+    lg_var from_z = LG_NONE, from_u = LG_NONE, from_v = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) from_z = lg_mul(t, f->tangents[0], lg_sub(t, f->in[2], f->in[1]));
+    if (!lg_is_none(f->tangents[1]))
+        from_u = lg_mul(t, f->tangents[1], lg_add_scalar(t, lg_neg(t, f->in[0]), 1.0));
+    if (!lg_is_none(f->tangents[2])) from_v = lg_mul(t, f->tangents[2], f->in[0]);
+    return lg_add_or(t, from_z, lg_add_or(t, from_u, from_v));
+}
+
+static lg_scalar mix_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s_add(s, lg_s_mul(s, lg_s_sub(s, lg_s_constant(s, 1.0), x[0]), x[1]), lg_s_mul(s, x[0], x[2]));
+}
+const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, three_alike, mix_forward, mix_vjp, mix_jvp),
+                         .element = mix_element};
+
+lg_var lg_lerp(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
+    const lg_var in[3] = {z, u, v};
+    return lg_record(tape, &lg_op_mix, in, 3, NULL);
+}
+
+/* ---- linear combination; attr.pointer = coefficients (payload) ---- */
+
+static lg_status combine_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
+    (void)attr;
+    if (inputs == 0) return LG_INVALID_ARGUMENT;
+    for (uint32_t i = 1; i < inputs; i++)
+        if (!lg_same_shape(in[0], in[i])) return LG_SHAPE;
+    *out = *in[0];
+    return LG_OK;
+}
+
+static lg_status combine_forward(lg_evaluation *e) {
+    const double *c = e->attr->pointer;
+    e->k->unary[LG_K_SCALE](e->count, c[0], e->x[0], e->y);
+    for (uint32_t i = 1; i < e->inputs; i++) e->k->axpy(e->count, c[i], e->x[i], e->y);
+    return LG_OK;
+}
+
+static void combine_vjp(lg_reverse *r) {
+    const double *c = r->attr->pointer;
+    for (uint32_t k = 0; k < r->inputs; k++)
+        if (r->need[k]) r->out[k] = lg_scale(r->tape, r->g, c[k]);
+}
+
+static lg_var combine_jvp(const lg_forward *f) {
+    const double *c = f->attr->pointer;
+    lg_var total = LG_NONE;
+    for (uint32_t k = 0; k < f->inputs; k++)
+        if (!lg_is_none(f->tangents[k]))
+            total = lg_add_or(f->tape, total, lg_scale(f->tape, f->tangents[k], c[k]));
+    return total;
+}
+
+static lg_scalar combine_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const double *c = attr->pointer;
+    lg_scalar total = lg_s_scale(s, c[0], x[0]);
+    for (uint32_t k = 1; k < inputs; k++) total = lg_s_add(s, total, lg_s_scale(s, c[k], x[k]));
+    return total;
+}
+const lg_op lg_op_combine = {
+    LG_OP("combine", 0, 1, LG_MAX_INPUTS, combine_shape, combine_forward, combine_vjp, combine_jvp),
+    .payload = LG_PAYLOAD_REALS, .element = combine_element, .over_first = true};
+
+lg_var lg_linear_combination(lg_tape *tape, const lg_var *x, const double *c, size_t n) {
+    if (tape->status != LG_OK) return LG_NONE;
+    if (n == 0 || n > LG_MAX_INPUTS)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "combine", "the number of terms is not in 1..64");
+    double *kept = lg_payload_allocate(tape, n * sizeof *kept);
+    if (kept == NULL) return LG_NONE;
+    for (size_t i = 0; i < n; i++) kept[i] = c[i];
+    lg_attr attr = {.pointer = kept};
+    return lg_record(tape, &lg_op_combine, x, (uint32_t)n, &attr);
+}
+
+/* ---- unary: f'(x) is named by each row through its vjp ---- */
+
+static lg_status same_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs, (void)attr;
+    *out = *in[0];
+    return LG_OK;
+}
+
+static lg_var unary(lg_tape *tape, const lg_op *op, lg_var x, double c) {
+    lg_attr attr = {.c = c};
+    return lg_record(tape, op, &x, 1, &attr);
+}
+
+/* X(name, kernel, the c with which it does nothing, scalar code, derivative times g): the derivative is an
+ * expression in t (tape), x (input), y (output), c and g; it serves the vjp and the jvp, for an elementwise
+ * Jacobian is its own transpose. */
+#define UNARY_LIST(X)                                                                                        \
+    X(scale, LG_K_SCALE, 1.0, lg_s_scale(s, c, x), lg_scale(t, g, c))                                        \
+    X(shift, LG_K_SHIFT, 0.0, lg_s_add(s, x, lg_s_constant(s, c)), g)                                        \
+    X(sqrt, LG_K_SQRT, NAN, lg_s(s, LG_S_SQRT, x, x), lg_scale(t, lg_div(t, g, y), 0.5))                     \
+    X(exp, LG_K_EXP, NAN, lg_s(s, LG_S_EXP, x, x), lg_mul(t, g, y))                                          \
+    X(log, LG_K_LOG, NAN, lg_s(s, LG_S_LOG, x, x), lg_div(t, g, x))                                          \
+    X(sin, LG_K_SIN, NAN, lg_s(s, LG_S_SIN, x, x), lg_mul(t, g, lg_cos(t, x)))                               \
+    X(cos, LG_K_COS, NAN, lg_s(s, LG_S_COS, x, x), lg_neg(t, lg_mul(t, g, lg_sin(t, x))))                    \
+    X(abs, LG_K_ABS, NAN, lg_s(s, LG_S_ABS, x, x), lg_mul(t, g, lg_sign(t, x)))
+
+#define DEFINE_UNARY(name, kernel, idle, scalar, derivative)                                                 \
+    static lg_status name##_forward(lg_evaluation *e) {                                                      \
+        e->k->unary[kernel](e->count, e->attr->c, e->x[0], e->y);                                            \
+        return LG_OK;                                                                                        \
+    }                                                                                                        \
+    static lg_var name##_times(lg_tape *t, lg_var x, lg_var y, double c, lg_var g) {                         \
+        (void)t, (void)x, (void)y, (void)c;                                                                  \
+        return derivative;                                                                                   \
+    }                                                                                                        \
+    static lg_scalar name##_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *in,                 \
+                                    uint32_t inputs) {                                                       \
+        const lg_scalar x = in[0];                                                                           \
+        const double c = attr->c;                                                                            \
+        (void)c, (void)inputs;                                                                               \
+        return scalar;                                                                                       \
+    }                                                                                                        \
+    static lg_instead name##_instead(const lg_known *known) {                                                \
+        return known->attr->c == idle ? lg_instead_input(0) : lg_instead_nothing();                          \
+    }                                                                                                        \
+    static void name##_vjp(lg_reverse *r) {                                                                  \
+        if (r->need[0]) r->out[0] = name##_times(r->tape, r->in[0], r->y, r->attr->c, r->g);                 \
+    }                                                                                                        \
+    static lg_var name##_jvp(const lg_forward *f) {                                                          \
+        return name##_times(f->tape, f->in[0], f->y, f->attr->c, f->tangents[0]);                            \
+    }                                                                                                        \
+    const lg_op lg_op_##name = {LG_OP(#name, 0, 1, 1, same_shape, name##_forward, name##_vjp, name##_jvp),   \
+                                .element = name##_element, .instead = name##_instead};
+UNARY_LIST(DEFINE_UNARY)
+
+static lg_status pow_forward(lg_evaluation *e) {
+    if (e->attr->c == 2.0)
+        e->k->binary[LG_K_MUL](e->count, e->x[0], e->x[0], e->y);
+    else
+        e->k->unary[LG_K_POW](e->count, e->attr->c, e->x[0], e->y);
+    return LG_OK;
+}
+/* c x^(c-1) g, exact zeros for c = 0, no powers for c = 1 and 2 */
+static lg_var pow_times(lg_tape *t, lg_var x, double c, lg_var g) {
+    if (c == 0.0) return lg_scale(t, g, 0.0);
+    if (c == 1.0) return g;
+    return lg_scale(t, lg_mul(t, g, c == 2.0 ? x : lg_pow(t, x, c - 1.0)), c);
+}
+static void pow_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = pow_times(r->tape, r->in[0], r->attr->c, r->g);
+}
+static lg_var pow_jvp(const lg_forward *f) {
+    return pow_times(f->tape, f->in[0], f->attr->c, f->tangents[0]);
+}
+static lg_scalar pow_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)inputs;
+    return lg_s_pow(s, x[0], attr->c);
+}
+const lg_op lg_op_pow = {LG_OP("pow", 0, 1, 1, same_shape, pow_forward, pow_vjp, pow_jvp),
+                         .element = pow_element};
+
+static lg_status sign_forward(lg_evaluation *e) {
+    e->k->unary[LG_K_SIGN](e->count, 0.0, e->x[0], e->y);
+    return LG_OK;
+}
+static lg_scalar sign_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s(s, LG_S_SIGN, x[0], x[0]);
+}
+const lg_op lg_op_sign = {LG_OP("sign", ~0u, 1, 1, same_shape, sign_forward, lg_no_vjp, lg_zero_jvp),
+                          .element = sign_element};
+
+static lg_status copy_forward(lg_evaluation *e) {
+    e->k->unary[LG_K_SCALE](e->count, 1.0, e->x[0], e->y);
+    return LG_OK;
+}
+static lg_scalar stop_gradient_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x,
+                                       uint32_t inputs) {
+    (void)s, (void)attr, (void)inputs;
+    return x[0];
+}
+static lg_instead stop_gradient_instead(const lg_known *k) {
+    (void)k;
+    return lg_instead_input(0);
+}
+const lg_op lg_op_stop_gradient = {
+    LG_OP("stop_gradient", ~0u, 1, 1, same_shape, copy_forward, lg_no_vjp, lg_zero_jvp),
+    .element = stop_gradient_element, .instead = stop_gradient_instead};
+
+lg_var lg_neg(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_scale, x, -1.0);
+}
+lg_var lg_scale(lg_tape *tape, lg_var x, double c) {
+    return unary(tape, &lg_op_scale, x, c);
+}
+lg_var lg_add_scalar(lg_tape *tape, lg_var x, double c) {
+    return unary(tape, &lg_op_shift, x, c);
+}
+lg_var lg_pow(lg_tape *tape, lg_var x, double exponent) {
+    return unary(tape, &lg_op_pow, x, exponent);
+}
+lg_var lg_square(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_pow, x, 2.0);
+}
+lg_var lg_sqrt(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_sqrt, x, 0.0);
+}
+lg_var lg_exp(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_exp, x, 0.0);
+}
+lg_var lg_log(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_log, x, 0.0);
+}
+lg_var lg_sin(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_sin, x, 0.0);
+}
+lg_var lg_cos(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_cos, x, 0.0);
+}
+lg_var lg_abs(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_abs, x, 0.0);
+}
+lg_var lg_sign(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_sign, x, 0.0);
+}
+lg_var lg_stop_gradient(lg_tape *tape, lg_var x) {
+    return unary(tape, &lg_op_stop_gradient, x, 0.0);
+}

@@ -1,0 +1,143 @@
+/* Gather and scatter of rows, each other's adjoints; attr.pointer = indices (payload), attr.i = {n, rows}. */
+#include "autodiff/ops/op_c.h"
+#include "autodiff/program/scalars.h"
+#include "autodiff/tape/tape_internal.h"
+
+#include <string.h>
+
+extern const lg_op lg_op_gather, lg_op_scatter;
+
+static lg_status gather_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    (void)inputs;
+    if (in[0]->rank == 0 || in[0]->dims[0] != attr->i[1]) return LG_SHAPE;
+    *out = *in[0];
+    out->dims[0] = attr->i[0];
+    return LG_OK;
+}
+
+static lg_status scatter_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
+    (void)inputs;
+    if (in[0]->rank == 0 || in[0]->dims[0] != attr->i[0]) return LG_SHAPE;
+    *out = *in[0];
+    out->dims[0] = attr->i[1];
+    return LG_OK;
+}
+
+static size_t row_length(const lg_shape *x) {
+    return x->dims[0] == 0 ? 0 : lg_shape_count(*x) / x->dims[0];
+}
+
+static lg_status gather_forward(lg_evaluation *e) {
+    const uint32_t *indices = e->attr->pointer;
+    size_t bytes = row_length(e->in[0]) * e->k->size;
+    for (size_t i = 0; i < e->attr->i[0]; i++)
+        memcpy((unsigned char *)e->y + i * bytes, (const unsigned char *)e->x[0] + indices[i] * bytes, bytes);
+    return LG_OK;
+}
+
+static lg_status scatter_forward(lg_evaluation *e) {
+    const uint32_t *indices = e->attr->pointer;
+    size_t length = row_length(e->in[0]), bytes = length * e->k->size;
+    e->k->fill(e->count, 0.0, e->y);
+    for (size_t i = 0; i < e->attr->i[0]; i++)
+        e->k->axpy(length, 1.0, (const unsigned char *)e->x[0] + i * bytes,
+                   (unsigned char *)e->y + indices[i] * bytes);
+    return LG_OK;
+}
+
+static const lg_c_fragment c_gather = {.comment = "Rows index[0], index[1], ... of x.",
+                                       .text =
+                                           LG_C(static void gather(int n, int length, const int *index,
+                                                                   const real *RESTRICT x, real *RESTRICT y) {
+                                               for (int i = 0; i < n; i++)
+                                                   for (int j = 0; j < length; j++)
+                                                       y[i * length + j] = x[index[i] * length + j];
+                                           })};
+
+static void gather_c(lg_c *c, const lg_evaluation *e) {
+    lg_c_indices(c, e->attr->pointer, e->attr->i[0]);
+    lg_c_call(c, &c_gather, "gather(%u, %zu, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]));
+}
+
+static const lg_c_fragment c_scatter = {
+    .comment = "Row i of x is added to row index[i] of y (rows, length), which is zero at first.",
+    .text = LG_C(static void scatter(int n, int length, int rows, const int *index, const real *RESTRICT x,
+                                     real *RESTRICT y) {
+        for (int i = 0; i < rows * length; i++) y[i] = REAL(0.0);
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < length; j++) y[index[i] * length + j] += x[i * length + j];
+    })};
+
+static void scatter_c(lg_c *c, const lg_evaluation *e) {
+    lg_c_indices(c, e->attr->pointer, e->attr->i[0]);
+    lg_c_call(c, &c_scatter, "scatter(%u, %zu, %u, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]),
+              e->attr->i[1]);
+}
+
+/* The payload is already the tape's: derivatives share it. */
+static lg_var record_indexed(lg_tape *tape, const lg_op *op, lg_var x, const lg_attr *attr) {
+    return lg_record(tape, op, &x, 1, attr);
+}
+
+static void gather_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const uint32_t *indices = e->attr->pointer;
+    const size_t length = row_length(e->in[0]);
+    (void)s;
+    for (size_t i = 0; i < e->count; i++) y[i] = x[0][indices[i / length] * length + i % length];
+}
+
+static void scatter_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const uint32_t *indices = e->attr->pointer;
+    const size_t length = row_length(e->in[0]);
+    for (size_t i = 0; i < e->count; i++) y[i] = lg_s_constant(s, 0.0);
+    for (size_t i = 0; i < e->attr->i[0] * length; i++) {
+        lg_scalar *to = &y[indices[i / length] * length + i % length];
+        *to = lg_s_add(s, *to, x[0][i]);
+    }
+}
+
+static void gather_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_scatter, r->g, r->attr);
+}
+static lg_var gather_jvp(const lg_forward *f) {
+    return record_indexed(f->tape, &lg_op_gather, f->tangents[0], f->attr);
+}
+const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, gather_jvp),
+                            .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = gather_expand,
+                            .terms = lg_no_terms};
+
+static void scatter_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_gather, r->g, r->attr);
+}
+static lg_var scatter_jvp(const lg_forward *f) {
+    return record_indexed(f->tape, &lg_op_scatter, f->tangents[0], f->attr);
+}
+const lg_op lg_op_scatter = {
+    LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, scatter_jvp),
+    .payload = LG_PAYLOAD_INDICES, .write_c = scatter_c, .expand = scatter_expand};
+
+static lg_var index_rows(lg_tape *tape, const lg_op *op, lg_var x, const uint32_t *indices, uint32_t n,
+                         uint32_t rows) {
+    for (uint32_t i = 0; i < n; i++)
+        if (indices[i] >= rows)
+            return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "an index is out of range");
+    uint32_t *kept = lg_payload_allocate(tape, (size_t)n * sizeof *kept);
+    if (kept == NULL) return LG_NONE;
+    memcpy(kept, indices, (size_t)n * sizeof *kept);
+    lg_attr attr = {.i = {n, rows, 0, 0}, .pointer = kept};
+    return record_indexed(tape, op, x, &attr);
+}
+
+lg_var lg_gather(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n) {
+    if (tape->status != LG_OK) return LG_NONE;
+    const lg_node *node = lg_node_of(tape, x, "gather");
+    if (node == NULL) return LG_NONE;
+    return index_rows(tape, &lg_op_gather, x, indices, n, node->shape.rank == 0 ? 0 : node->shape.dims[0]);
+}
+
+lg_var lg_scatter(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n, uint32_t rows) {
+    if (tape->status != LG_OK) return LG_NONE;
+    return index_rows(tape, &lg_op_scatter, x, indices, n, rows);
+}

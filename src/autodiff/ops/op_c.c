@@ -1,0 +1,18 @@
+/* C fragments that several operations need. */
+#include "autodiff/ops/op_c.h"
+
+#include <string.h>
+
+const char *lg_c_text_of(const char *name) {
+    for (const lg_c_text *t = lg_c_texts; t->name != NULL; t++)
+        if (strcmp(t->name, name) == 0) return t->text;
+    return "#error missing fragment\n";
+}
+
+const lg_c_fragment lg_c_noinline = {.file = {"noinline", "noinline"}};
+const lg_c_fragment lg_c_dot = {.file = {"dot", "dot"}};
+const lg_c_fragment lg_c_dense_add = {.file = {"dense_add", "dense_add"},
+                                      .needs = {&lg_c_dot, &lg_c_noinline}};
+static const lg_c_fragment inverse_factorial = {.file = {"inverse_factorial", "inverse_factorial"}};
+const lg_c_fragment lg_c_stumpff = {.file = {"stumpff", "stumpff"}, .needs = {&inverse_factorial}};
+const lg_c_fragment lg_c_dexpinv = {.file = {"dexpinv", "dexpinv"}};

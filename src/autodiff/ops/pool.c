@@ -1,0 +1,275 @@
+/* Pooling along time.
+ *
+ * AVG_POOL1D and AVG_POOL1D_ADJOINT are linear; attr.i = {size, stride, length}. POOL_PICK(h, x) takes of
+ * each window the element of h where x is largest, POOL_PLACE(g, x) puts it back: linear in the first input,
+ * constant to differentiation in the second. Maximum pooling is POOL_PICK(x, x).
+ */
+#include "autodiff/ops/pool.h"
+
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/ops/windows.h"
+
+extern const lg_op lg_op_pool_pick;
+
+/* ---- pooling: sizes ---- */
+
+bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out) {
+    *out = (lg_k_windows){
+        .length = x->dims[1], .channels = x->dims[2], .size = attr->i[0], .stride = attr->i[1]};
+    return x->rank == 3 && lg_windows_count(out);
+}
+
+static lg_status pooled_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    const lg_shape *x = in[0];
+    lg_k_windows w;
+    if (!lg_pool_of(x, attr, &w)) return LG_SHAPE;
+    if (inputs > 1 && !lg_same_shape(x, in[1])) return LG_SHAPE;
+    *out = lg_shape3(x->dims[0], (uint32_t)w.count, x->dims[2]);
+    return LG_OK;
+}
+
+/* g (batch, count, channels) belongs to a series x. */
+static bool pooled_from(const lg_shape *g, const lg_shape *x, const lg_attr *attr) {
+    lg_k_windows w;
+    return lg_pool_of(x, attr, &w) && g->rank == 3 && g->dims[0] == x->dims[0] && g->dims[1] == w.count &&
+           g->dims[2] == x->dims[2];
+}
+
+static lg_status spread_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    (void)inputs;
+    const lg_shape *g = in[0];
+    if (g->rank != 3) return LG_SHAPE;
+    *out = lg_shape3(g->dims[0], attr->i[2], g->dims[2]);
+    return pooled_from(g, out, attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status place_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs;
+    *out = *in[1];
+    return pooled_from(in[0], out, attr) ? LG_OK : LG_SHAPE;
+}
+
+lg_var lg_record_pool(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
+                      uint32_t length) {
+    const lg_attr own = {.i = {attr->i[0], attr->i[1], length, 0}};
+    const lg_var in[2] = {a, b};
+    return lg_record(tape, op, in, lg_is_none(b) ? 1 : 2, &own);
+}
+
+/* ---- average pooling ---- */
+
+static void spread(const lg_kernels *k, const lg_shape *shape, const lg_attr *attr, const void *g, void *x,
+                   bool add) {
+    lg_k_windows w;
+    (void)lg_pool_of(shape, attr, &w);
+    k->window_fold(&w, shape->dims[0], 1.0 / (double)w.size, g, w.channels, 0, NULL, x, add);
+}
+
+static lg_status avg_pool1d_forward(lg_evaluation *e) {
+    lg_k_windows w;
+    (void)lg_pool_of(e->in[0], e->attr, &w);
+    e->k->window_mean(&w, e->shape->dims[0], e->x[0], e->y);
+    return LG_OK;
+}
+
+static lg_status avg_pool1d_adjoint_forward(lg_evaluation *e) {
+    spread(e->k, e->shape, e->attr, e->x[0], e->y, false);
+    return LG_OK;
+}
+
+const lg_c_fragment lg_c_pool_mean = {
+    .comment = "y (batch, count, channels): means of the windows of x.",
+    .text = LG_C(static void pool_mean(int batch, conv_windows w, const real *RESTRICT x, real *RESTRICT y) {
+        const int n = w.channels;
+        const real part = REAL(1.0) / (real)w.size;
+        for (int s = 0; s < batch; s++, x += w.length * n)
+            for (int t = 0; t < w.count; t++, y += n) {
+                for (int i = 0; i < n; i++) y[i] = REAL(0.0);
+                for (int j = 0; j < w.size; j++)
+                    for (int i = 0; i < n; i++) y[i] += x[(t * w.stride + j) * n + i];
+                for (int i = 0; i < n; i++) y[i] *= part;
+            }
+    }),
+    .needs = {&lg_c_windows}};
+
+static const lg_c_fragment c_pool_mean_adjoint = {
+    .comment = "x (batch, length, channels), the adjoint of pool_mean: g (batch, count, channels)",
+    .text = LG_C(
+        static void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g, real *RESTRICT x) {
+            const int n = w.channels;
+            const real part = REAL(1.0) / (real)w.size;
+            for (int s = 0; s < batch; s++, x += w.length * n) {
+                for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
+                for (int t = 0; t < w.count; t++, g += n)
+                    for (int j = 0; j < w.size; j++)
+                        for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] * part;
+            }
+        }),
+    .needs = {&lg_c_windows}};
+
+static void avg_pool1d_c(lg_c *c, const lg_evaluation *e) {
+    char text[LG_WINDOWS_TEXT];
+    lg_k_windows w;
+    (void)lg_pool_of(e->in[0], e->attr, &w);
+    lg_c_call(c, &lg_c_pool_mean, "pool_mean(%u, %s, $0, $y)", e->shape->dims[0], lg_windows_text(&w, text));
+}
+
+static void avg_pool1d_adjoint_c(lg_c *c, const lg_evaluation *e) {
+    char text[LG_WINDOWS_TEXT];
+    lg_k_windows w;
+    (void)lg_pool_of(e->shape, e->attr, &w);
+    lg_c_call(c, &c_pool_mean_adjoint, "pool_mean_adjoint(%u, %s, $0, $y)", e->shape->dims[0],
+              lg_windows_text(&w, text));
+}
+
+static void avg_pool1d_vjp(lg_reverse *r) {
+    if (!r->need[0]) return;
+    const lg_shape x = lg_node_at(r->tape, r->in[0])->shape;
+    if (!lg_reverse_in_place(r)) {
+        r->out[0] = lg_record_pool(r->tape, &lg_op_avg_pool1d_adjoint, r->g, LG_NONE, r->attr, x.dims[1]);
+        return;
+    }
+    bool add = false;
+    void *to = lg_reverse_into(r, 0, &add);
+    if (to != NULL) spread(r->tape->k, &x, r->attr, lg_node_at(r->tape, r->g)->value, to, add);
+}
+
+static lg_var avg_pool1d_jvp(const lg_forward *f) {
+    return lg_record_pool(f->tape, &lg_op_avg_pool1d, f->tangents[0], LG_NONE, f->attr, 0);
+}
+
+static void avg_pool1d_adjoint_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = lg_record_pool(r->tape, &lg_op_avg_pool1d, r->g, LG_NONE, r->attr, 0);
+}
+
+static lg_var avg_pool1d_adjoint_jvp(const lg_forward *f) {
+    return lg_record_pool(f->tape, &lg_op_avg_pool1d_adjoint, f->tangents[0], LG_NONE, f->attr,
+                          f->attr->i[2]);
+}
+
+static size_t pool_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)in, (void)shape;
+    return attr->i[0];
+}
+
+const lg_op lg_op_avg_pool1d = {
+    LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, avg_pool1d_jvp),
+    .write_c = avg_pool1d_c, .rows = lg_rows_each, .terms = pool_terms};
+const lg_op lg_op_avg_pool1d_adjoint = {
+    LG_OP("avg_pool1d_adjoint", 0, 1, 1, spread_shape, avg_pool1d_adjoint_forward, avg_pool1d_adjoint_vjp,
+          avg_pool1d_adjoint_jvp),
+    .write_c = avg_pool1d_adjoint_c, .rows = lg_rows_each, .terms = pool_terms};
+
+/* ---- maximum pooling ---- */
+
+static lg_status pool_pick_forward(lg_evaluation *e) {
+    lg_k_windows w;
+    (void)lg_pool_of(e->in[0], e->attr, &w);
+    e->k->window_pick(&w, e->shape->dims[0], e->x[0], e->x[1], e->y);
+    return LG_OK;
+}
+
+static lg_status pool_place_forward(lg_evaluation *e) {
+    lg_k_windows w;
+    (void)lg_pool_of(e->shape, e->attr, &w);
+    e->k->window_place(&w, e->shape->dims[0], e->x[0], e->x[1], e->y, false);
+    return LG_OK;
+}
+
+static const lg_c_fragment c_pool_pick = {
+    .comment = "y (batch, count, channels): of each window the number of h where x is largest.",
+    .text = LG_C(static void pool_pick(int batch, conv_windows w, const real *h, const real *x, real *y) {
+        const int n = w.channels;
+        for (int s = 0; s < batch; s++, h += w.length * n, x += w.length * n)
+            for (int t = 0; t < w.count; t++, y += n)
+                for (int i = 0; i < n; i++) {
+                    const int at = t * w.stride * n + i;
+                    y[i] = h[at + first_maximum(w.size, n, x + at)];
+                }
+    }),
+    .needs = {&lg_c_windows, &lg_c_first_maximum}};
+
+static const lg_c_fragment c_pool_place = {
+    .comment = "The adjoint of pool_pick in h: g (batch, count, channels) is added where x is largest.",
+    .text = LG_C(static void pool_place(int batch, conv_windows w, const real *g, const real *x, real *y) {
+        const int n = w.channels;
+        for (int s = 0; s < batch; s++, x += w.length * n, y += w.length * n) {
+            for (int i = 0; i < w.length * n; i++) y[i] = REAL(0.0);
+            for (int t = 0; t < w.count; t++, g += n)
+                for (int i = 0; i < n; i++) {
+                    const int at = t * w.stride * n + i;
+                    y[at + first_maximum(w.size, n, x + at)] += g[i];
+                }
+        }
+    }),
+    .needs = {&lg_c_windows, &lg_c_first_maximum}};
+
+static void pool_pick_c(lg_c *c, const lg_evaluation *e) {
+    char text[LG_WINDOWS_TEXT];
+    lg_k_windows w;
+    (void)lg_pool_of(e->in[0], e->attr, &w);
+    lg_c_call(c, &c_pool_pick, "pool_pick(%u, %s, $0, $1, $y)", e->shape->dims[0], lg_windows_text(&w, text));
+}
+
+static void pool_place_c(lg_c *c, const lg_evaluation *e) {
+    char text[LG_WINDOWS_TEXT];
+    lg_k_windows w;
+    (void)lg_pool_of(e->shape, e->attr, &w);
+    lg_c_call(c, &c_pool_place, "pool_place(%u, %s, $0, $1, $y)", e->shape->dims[0],
+              lg_windows_text(&w, text));
+}
+
+static void pool_pick_vjp(lg_reverse *r) {
+    if (!r->need[0]) return;
+    if (!lg_reverse_in_place(r)) {
+        r->out[0] = lg_record_pool(r->tape, &lg_op_pool_place, r->g, r->in[1], r->attr, 0);
+        return;
+    }
+    bool add = false;
+    void *to = lg_reverse_into(r, 0, &add);
+    if (to == NULL) return;
+    const lg_node *x = lg_node_at(r->tape, r->in[1]);
+    lg_k_windows w;
+    (void)lg_pool_of(&x->shape, r->attr, &w);
+    r->tape->k->window_place(&w, x->shape.dims[0], lg_node_at(r->tape, r->g)->value, x->value, to, add);
+}
+
+static lg_var pool_pick_jvp(const lg_forward *f) {
+    return lg_record_pool(f->tape, &lg_op_pool_pick, f->tangents[0], f->in[1], f->attr, 0);
+}
+
+static void pool_place_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = lg_record_pool(r->tape, &lg_op_pool_pick, r->g, r->in[1], r->attr, 0);
+}
+
+static lg_var pool_place_jvp(const lg_forward *f) {
+    return lg_record_pool(f->tape, &lg_op_pool_place, f->tangents[0], f->in[1], f->attr, 0);
+}
+
+const lg_op lg_op_pool_pick = {
+    LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, pool_pick_jvp),
+    .write_c = pool_pick_c, .rows = lg_rows_each};
+const lg_op lg_op_pool_place = {
+    LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, pool_place_jvp),
+    .write_c = pool_place_c, .rows = lg_rows_each};
+
+/* ---- what the caller sees ---- */
+
+static lg_var pool(lg_tape *tape, const lg_op *op, const char *name, lg_var x, bool twice, uint32_t size,
+                   uint32_t stride) {
+    const lg_attr attr = {.i = {size, stride, 0, 0}};
+    if (tape->status != LG_OK) return LG_NONE;
+    if (size == 0 || stride == 0)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "the size or the stride is 0");
+    return lg_record_pool(tape, op, x, twice ? x : LG_NONE, &attr, 0);
+}
+
+lg_var lg_avg_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride) {
+    return pool(tape, &lg_op_avg_pool1d, "avg_pool1d", x, false, size, stride);
+}
+
+lg_var lg_max_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride) {
+    return pool(tape, &lg_op_pool_pick, "max_pool1d", x, true, size, stride);
+}

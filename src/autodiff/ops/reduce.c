@@ -1,0 +1,446 @@
+/* Sums and broadcasts, each other's adjoints; maximum over an axis.
+ *
+ * The primitives see a tensor as (outer, length, inner): REDUCE sums over the middle, REPEAT repeats along
+ * it. Everything else is a chain of them. attr.i = {outer, length, inner}.
+ */
+#include "autodiff/ops/op_c.h"
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/program/scalars.h"
+#include "autodiff/tape/tape_internal.h"
+
+#include <string.h>
+
+extern const lg_op lg_op_reduce, lg_op_reduce_max, lg_op_argmax_mask;
+
+static lg_var record_sized(lg_tape *tape, const lg_op *op, lg_var x, size_t outer, size_t length,
+                           size_t inner, lg_shape shape) {
+    if (outer > UINT32_MAX || length > UINT32_MAX || inner > UINT32_MAX)
+        return lg_tape_fail(tape, LG_SHAPE, "reduce", "more than 2^32 - 1 elements along an axis");
+    const lg_attr attr = {.i = {(uint32_t)outer, (uint32_t)length, (uint32_t)inner, 0}};
+    return lg_record_shaped(tape, op, &x, 1, &attr, shape);
+}
+
+/* outer length inner elements on one side, outer inner on the other. */
+static bool sizes_fit(const lg_shape *whole, const lg_shape *part, const lg_attr *attr) {
+    const size_t outer = attr->i[0], inner = attr->i[2];
+    const size_t more = lg_shape_count(lg_shape3(attr->i[0], attr->i[1], attr->i[2]));
+    return part->rank <= LG_MAX_RANK && more != SIZE_MAX && lg_shape_count(*whole) == more &&
+           lg_shape_count(*part) == outer * inner;
+}
+
+static lg_status reduce_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    (void)inputs;
+    return sizes_fit(in[0], out, attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status repeat_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    (void)inputs;
+    return out->rank <= LG_MAX_RANK && sizes_fit(out, in[0], attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status mask_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    const lg_shape part = lg_shape2(attr->i[0], attr->i[2]);
+    (void)inputs;
+    return attr->i[1] > 0 && lg_same_shape(in[0], out) && sizes_fit(in[0], &part, attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status reduce_forward(lg_evaluation *e) {
+    const lg_kernels *k = e->k;
+    size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
+    const unsigned char *x = e->x[0];
+    unsigned char *y = e->y;
+    if (e->count == 0) return LG_OK; /* outer may be anything then; below likewise */
+    if (outer == 1 && inner == 1) {
+        const double total = k->sum(length, x);
+        k->fill(1, total, y);
+    } else if (inner == 1) {
+        k->sum_cols(outer, length, x, y);
+    } else {
+        for (size_t o = 0; o < outer; o++)
+            k->sum_rows(length, inner, x + o * length * inner * k->size, y + o * inner * k->size, false);
+    }
+    return LG_OK;
+}
+
+static void reduce_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t length = e->attr->i[1], inner = e->attr->i[2];
+    for (size_t i = 0; i < e->count; i++)
+        y[i] = lg_s_sum(s, x[0] + i / inner * length * inner + i % inner, length, inner);
+}
+
+static const lg_c_fragment c_sum_axis = {
+    .comment = "y (outer, inner) = sum over the middle of x (outer, length, inner); eight sums side by side "
+               "where numbers lie in a row.",
+    .text = LG_C(static void sum_axis(int outer, int length, int inner, const real *RESTRICT x,
+                                      real *RESTRICT y) {
+        for (int o = 0; o < outer; o++, x += length * inner, y += inner) {
+            if (inner == 1) {
+                real part[8] = {REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0),
+                                REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0)};
+                for (int l = 0; l < length; l++) part[l % 8] += x[l];
+                y[0] =
+                    ((part[0] + part[4]) + (part[2] + part[6])) + ((part[1] + part[5]) + (part[3] + part[7]));
+            } else {
+                for (int i = 0; i < inner; i++) y[i] = REAL(0.0);
+                for (int l = 0; l < length; l++)
+                    for (int i = 0; i < inner; i++) y[i] += x[l * inner + i];
+            }
+        }
+    })};
+
+static void reduce_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    lg_c_call(c, &c_sum_axis, "sum_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+}
+
+static void reduce_vjp(lg_reverse *r) {
+    const uint32_t *i = r->attr->i;
+    if (r->need[0])
+        r->out[0] = record_sized(r->tape, &lg_op_repeat, r->g, i[0], i[1], i[2],
+                                 lg_node_at(r->tape, r->in[0])->shape);
+}
+
+static lg_var reduce_jvp(const lg_forward *f) {
+    const uint32_t *i = f->attr->i;
+    return record_sized(f->tape, &lg_op_reduce, f->tangents[0], i[0], i[1], i[2],
+                        lg_node_at(f->tape, f->y)->shape);
+}
+
+/* Of sums and broadcasts: rows that lie in `outer`. */
+static lg_row_use outer_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
+                             uint32_t copies, lg_attr *attr) {
+    (void)in, (void)inputs;
+    if (attr->i[0] % shape->dims[0] != 0) return LG_ROWS_MEET;
+    attr->i[0] /= copies;
+    return LG_ROWS_EACH;
+}
+
+static lg_instead single_instead(const lg_known *k) {
+    return k->attr->i[1] == 1 ? lg_instead_input(0) : lg_instead_nothing();
+}
+
+static size_t length_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)in, (void)shape;
+    return attr->i[1];
+}
+
+const lg_op lg_op_reduce = {LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, reduce_jvp),
+                            .given = true,
+                            .expand = reduce_expand,
+                            .write_c = reduce_c,
+                            .rows = outer_rows,
+                            .instead = single_instead,
+                            .terms = length_terms};
+
+/* y[o, l] = x[o]: the inner length is one, so single elements are repeated. */
+static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
+    if (size == sizeof(double)) {
+        const double *from = x;
+        double *to = y;
+        for (size_t o = 0; o < outer; o++)
+            for (size_t l = 0; l < length; l++) *to++ = from[o];
+    } else {
+        const float *from = x;
+        float *to = y;
+        for (size_t o = 0; o < outer; o++)
+            for (size_t l = 0; l < length; l++) *to++ = from[o];
+    }
+}
+
+static lg_status repeat_forward(lg_evaluation *e) {
+    size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
+    if (e->count == 0) return LG_OK;
+    if (inner == 1) {
+        repeat_elements(e->k->size, outer, length, e->x[0], e->y);
+        return LG_OK;
+    }
+    const unsigned char *x = e->x[0];
+    unsigned char *y = e->y;
+    size_t bytes = inner * e->k->size;
+    for (size_t o = 0; o < outer; o++)
+        for (size_t l = 0; l < length; l++, y += bytes) memcpy(y, x + o * bytes, bytes);
+    return LG_OK;
+}
+
+static void repeat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t length = e->attr->i[1], inner = e->attr->i[2];
+    (void)s;
+    for (size_t i = 0; i < e->count; i++) y[i] = x[0][i / (length * inner) * inner + i % inner];
+}
+
+static const lg_c_fragment c_repeat = {
+    .comment = "y (outer, length, inner): x (outer, inner), repeated along the middle.",
+    .text =
+        LG_C(static void repeat(int outer, int length, int inner, const real *RESTRICT x, real *RESTRICT y) {
+            for (int o = 0; o < outer; o++, x += inner)
+                for (int l = 0; l < length; l++, y += inner)
+                    for (int i = 0; i < inner; i++) y[i] = x[i];
+        })};
+
+static void repeat_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    lg_c_call(c, &c_repeat, "repeat(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+}
+
+static void repeat_vjp(lg_reverse *r) {
+    const uint32_t *i = r->attr->i;
+    if (r->need[0])
+        r->out[0] = record_sized(r->tape, &lg_op_reduce, r->g, i[0], i[1], i[2],
+                                 lg_node_at(r->tape, r->in[0])->shape);
+}
+
+static lg_var repeat_jvp(const lg_forward *f) {
+    const uint32_t *i = f->attr->i;
+    return record_sized(f->tape, &lg_op_repeat, f->tangents[0], i[0], i[1], i[2],
+                        lg_node_at(f->tape, f->y)->shape);
+}
+
+const lg_op lg_op_repeat = {LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, repeat_jvp),
+                            .given = true,
+                            .expand = repeat_expand,
+                            .write_c = repeat_c,
+                            .rows = outer_rows,
+                            .instead = single_instead,
+                            .terms = lg_no_terms};
+
+/* ---- chains: one primitive for each run of axes that differ ---- */
+
+/* small's dimension at axis i of big, 1 where small has no such axis */
+static uint32_t aligned_dim(const lg_shape *small, const lg_shape *big, uint32_t i) {
+    uint32_t missing = big->rank - small->rank;
+    return i < missing ? 1 : small->dims[i - missing];
+}
+
+static bool broadcasts_to(const lg_shape *small, const lg_shape *big) {
+    if (small->rank > big->rank) return false;
+    for (uint32_t i = 0; i < big->rank; i++) {
+        uint32_t d = aligned_dim(small, big, i);
+        if (d != big->dims[i] && d != 1) return false;
+    }
+    return true;
+}
+
+/* Applies `op` for every run of axes of `big` that `small` lacks, from the last run to the first when
+ * reducing, from the first to the last when repeating. The result has small's shape (REDUCE) or big's
+ * (REPEAT). */
+static lg_var chain(lg_tape *tape, const lg_op *op, lg_var x, const lg_shape *small, const lg_shape *big) {
+    bool reducing = op == &lg_op_reduce;
+    lg_shape now = *big; /* big's axes, those already (or not yet) treated having length 1 */
+    if (!reducing)
+        for (uint32_t i = 0; i < big->rank; i++) now.dims[i] = aligned_dim(small, big, i);
+    for (uint32_t step = 0; step < big->rank;) {
+        uint32_t i = reducing ? big->rank - 1 - step : step, run = 0;
+        while (step + run < big->rank) {
+            uint32_t axis = reducing ? i - run : i + run;
+            if (aligned_dim(small, big, axis) == big->dims[axis]) break;
+            run++;
+        }
+        if (run == 0) {
+            step++;
+            continue;
+        }
+        uint32_t first = reducing ? i - run + 1 : i;
+        size_t outer = 1, length = 1, inner = 1;
+        for (uint32_t a = 0; a < big->rank; a++) {
+            if (a < first) outer *= now.dims[a];
+            if (a >= first + run) inner *= now.dims[a];
+            if (a >= first && a < first + run) {
+                length *= big->dims[a];
+                now.dims[a] = reducing ? 1 : big->dims[a];
+            }
+        }
+        x = record_sized(tape, op, x, outer, length, inner, now);
+        step += run;
+    }
+    return lg_reshape(tape, x, reducing ? *small : *big);
+}
+
+static lg_var fit(lg_tape *tape, const lg_op *op, lg_var x, lg_shape shape) {
+    const lg_node *node = lg_node_of(tape, x, op->name);
+    if (tape->status != LG_OK || node == NULL) return LG_NONE;
+    if (shape.rank > LG_MAX_RANK) return lg_tape_fail(tape, LG_SHAPE, op->name, "rank above 4");
+    if (lg_same_shape(&node->shape, &shape)) return x;
+    lg_shape from = node->shape;
+    const lg_shape *small = op == &lg_op_reduce ? &shape : &from, *big = op == &lg_op_reduce ? &from : &shape;
+    if (!broadcasts_to(small, big)) return lg_fail_shapes(tape, op->name, &node, 1);
+    return chain(tape, op, x, small, big);
+}
+
+lg_var lg_sum_to(lg_tape *tape, lg_var x, lg_shape shape) {
+    return fit(tape, &lg_op_reduce, x, shape);
+}
+
+lg_var lg_broadcast_to(lg_tape *tape, lg_var x, lg_shape shape) {
+    return fit(tape, &lg_op_repeat, x, shape);
+}
+
+lg_var lg_sum(lg_tape *tape, lg_var x) {
+    const lg_node *node = lg_node_of(tape, x, "sum");
+    if (tape->status != LG_OK || node == NULL) return LG_NONE;
+    return record_sized(tape, &lg_op_reduce, x, 1, node->count, 1, lg_shape0());
+}
+
+lg_var lg_mean(lg_tape *tape, lg_var x) {
+    const lg_node *node = lg_node_of(tape, x, "mean");
+    if (tape->status != LG_OK || node == NULL) return LG_NONE;
+    double count = (double)node->count;
+    return lg_scale(tape, lg_sum(tape, x), 1.0 / count);
+}
+
+/* ---- along one axis ---- */
+
+static lg_shape without_axis(lg_shape shape, uint32_t axis, bool keep) {
+    if (keep) {
+        shape.dims[axis] = 1;
+        return shape;
+    }
+    for (uint32_t i = axis; i + 1 < shape.rank; i++) shape.dims[i] = shape.dims[i + 1];
+    shape.dims[--shape.rank] = 0;
+    return shape;
+}
+
+static lg_var along_axis(lg_tape *tape, const lg_op *op, lg_var x, int axis, bool keep, size_t *length) {
+    const lg_node *node = lg_node_of(tape, x, op->name);
+    if (tape->status != LG_OK || node == NULL) return LG_NONE;
+    int a = lg_axis(axis, node->shape.rank);
+    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "no such axis");
+    size_t outer, inner;
+    lg_around(&node->shape, (uint32_t)a, &outer, length, &inner);
+    return record_sized(tape, op, x, outer, *length, inner, without_axis(node->shape, (uint32_t)a, keep));
+}
+
+lg_var lg_sum_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
+    size_t length;
+    return along_axis(tape, &lg_op_reduce, x, axis, keep, &length);
+}
+
+lg_var lg_mean_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
+    size_t length = 1;
+    lg_var total = along_axis(tape, &lg_op_reduce, x, axis, keep, &length);
+    return lg_is_none(total) ? total : lg_scale(tape, total, 1.0 / (double)length);
+}
+
+/* ---- maximum ---- */
+
+static double element(const lg_evaluation *e, size_t i) {
+    return e->k->size == sizeof(double) ? ((const double *)e->x[0])[i] : (double)((const float *)e->x[0])[i];
+}
+
+/* Index along the axis of the first maximum of column (o, i); a NaN wins. */
+static size_t first_maximum(const lg_evaluation *e, size_t o, size_t i) {
+    const uint32_t *size = e->attr->i;
+    size_t best = 0;
+    double value = element(e, o * size[1] * size[2] + i);
+    for (size_t l = 1; l < size[1] && value == value; l++) {
+        double next = element(e, (o * size[1] + l) * size[2] + i);
+        if (next > value || next != next) {
+            value = next;
+            best = l;
+        }
+    }
+    return best;
+}
+
+static lg_status reduce_max_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                                  lg_shape *out) {
+    return attr->i[1] > 0 ? reduce_shape(in, inputs, attr, out) : LG_SHAPE;
+}
+
+static lg_status reduce_max_forward(lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    if (e->count == 0) return LG_OK;
+    for (size_t o = 0; o < size[0]; o++)
+        for (size_t i = 0; i < size[2]; i++) {
+            size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
+            memcpy((unsigned char *)e->y + (o * size[2] + i) * e->k->size,
+                   (const unsigned char *)e->x[0] + at * e->k->size, e->k->size);
+        }
+    return LG_OK;
+}
+
+static lg_status argmax_mask_forward(lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    const double one = 1.0;
+    if (e->count == 0) return LG_OK;
+    e->k->fill(e->count, 0.0, e->y);
+    for (size_t o = 0; o < size[0]; o++)
+        for (size_t i = 0; i < size[2]; i++) {
+            size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
+            e->k->convert_in(1, &one, (unsigned char *)e->y + at * e->k->size);
+        }
+    return LG_OK;
+}
+
+const lg_c_fragment lg_c_first_maximum = {
+    .comment =
+        "Where the largest of n numbers so far apart lies: the first of equals; a NaN is larger than all.",
+    .text = LG_C(static int first_maximum(int n, int apart, const real *x) {
+        int best = 0;
+        for (int l = 1; l < n && x[best] == x[best]; l++) {
+            const real next = x[l * apart];
+            if (next > x[best] || next != next) best = l * apart;
+        }
+        return best;
+    })};
+
+static const lg_c_fragment c_max_axis = {
+    .comment = "y (outer, inner): the largest along the middle of x (outer, length, inner).",
+    .text = LG_C(static void max_axis(int outer, int length, int inner, const real *x, real *y) {
+        for (int o = 0; o < outer; o++, x += length * inner, y += inner)
+            for (int i = 0; i < inner; i++) y[i] = x[i + first_maximum(length, inner, x + i)];
+    }),
+    .needs = {&lg_c_first_maximum}};
+
+static void reduce_max_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    lg_c_call(c, &c_max_axis, "max_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+}
+
+static const lg_c_fragment c_argmax_mask = {
+    .comment = "y: 1 where x (outer, length, inner) is largest along the middle, else 0.",
+    .text = LG_C(static void argmax_mask(int outer, int length, int inner, const real *x, real *y) {
+        for (int o = 0; o < outer; o++, x += length * inner, y += length * inner) {
+            for (int i = 0; i < length * inner; i++) y[i] = REAL(0.0);
+            for (int i = 0; i < inner; i++) y[i + first_maximum(length, inner, x + i)] = REAL(1.0);
+        }
+    }),
+    .needs = {&lg_c_first_maximum}};
+
+static void argmax_mask_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    lg_c_call(c, &c_argmax_mask, "argmax_mask(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+}
+
+const lg_op lg_op_argmax_mask = {
+    LG_OP("argmax_mask", ~0u, 1, 1, mask_shape, argmax_mask_forward, lg_no_vjp, lg_zero_jvp), .given = true,
+    .write_c = argmax_mask_c};
+
+static lg_var mask_of(lg_tape *tape, const lg_attr *attr, lg_var x) {
+    return record_sized(tape, &lg_op_argmax_mask, x, attr->i[0], attr->i[1], attr->i[2],
+                        lg_node_at(tape, x)->shape);
+}
+
+static void reduce_max_vjp(lg_reverse *r) {
+    if (!r->need[0]) return;
+    const uint32_t *i = r->attr->i;
+    lg_shape shape = lg_node_at(r->tape, r->in[0])->shape;
+    lg_var spread = record_sized(r->tape, &lg_op_repeat, r->g, i[0], i[1], i[2], shape);
+    r->out[0] = lg_mul(r->tape, spread, mask_of(r->tape, r->attr, r->in[0]));
+}
+
+static lg_var reduce_max_jvp(const lg_forward *f) {
+    const uint32_t *i = f->attr->i;
+    lg_var chosen = lg_mul(f->tape, f->tangents[0], mask_of(f->tape, f->attr, f->in[0]));
+    return record_sized(f->tape, &lg_op_reduce, chosen, i[0], i[1], i[2], lg_node_at(f->tape, f->y)->shape);
+}
+
+const lg_op lg_op_reduce_max = {
+    LG_OP("max_axis", 0, 1, 1, reduce_max_shape, reduce_max_forward, reduce_max_vjp, reduce_max_jvp),
+    .given = true, .write_c = reduce_max_c};
+
+lg_var lg_max_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
+    size_t length;
+    return along_axis(tape, &lg_op_reduce_max, x, axis, keep, &length);
+}

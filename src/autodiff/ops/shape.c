@@ -1,0 +1,516 @@
+/* Operations that move numbers: views, slices, pads, concatenation, permutation of axes. */
+#include "autodiff/ops/op_c.h"
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/program/scalars.h"
+#include "autodiff/tape/tape_internal.h"
+
+#include <string.h>
+
+extern const lg_op lg_op_slice, lg_op_pad, lg_op_concat, lg_op_permute;
+
+/* Nothing moves when the shape stays. */
+static lg_instead same_instead(const lg_known *k) {
+    return lg_same_shape(k->in[0], k->shape) ? lg_instead_input(0) : lg_instead_nothing();
+}
+
+/* ---- reshape: a view ---- */
+
+static lg_status reshape_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
+    (void)inputs, (void)attr;
+    return out->rank <= LG_MAX_RANK && lg_shape_count(*out) == lg_shape_count(*in[0]) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status reshape_forward(lg_evaluation *e) {
+    memcpy(e->y, e->x[0], e->count * e->k->size);
+    return LG_OK;
+}
+
+static const lg_c_fragment c_copy_rows = {
+    .comment = "`rows` runs of `run` numbers, so far apart there and here.",
+    .text = LG_C(static void copy_rows(int rows, int run, const real *RESTRICT x, int x_apart,
+                                       real *RESTRICT y, int y_apart) {
+        for (int i = 0; i < rows; i++)
+            for (int j = 0; j < run; j++) y[i * y_apart + j] = x[i * x_apart + j];
+    })};
+
+static void reshape_c(lg_c *c, const lg_evaluation *e) {
+    lg_c_call(c, &c_copy_rows, "copy_rows(1, %zu, $0, 0, $y, 0)", e->count);
+}
+
+static bool reshape_view(const lg_shape *const *in, const lg_attr *attr, size_t *offset) {
+    (void)in, (void)attr;
+    *offset = 0;
+    return true;
+}
+
+static void reshape_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    (void)s;
+    for (size_t i = 0; i < e->count; i++) y[i] = x[0][i];
+}
+
+static void reshape_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = lg_reshape(r->tape, r->g, lg_node_at(r->tape, r->in[0])->shape);
+}
+
+static lg_var reshape_jvp(const lg_forward *f) {
+    return lg_reshape(f->tape, f->tangents[0], lg_node_at(f->tape, f->y)->shape);
+}
+
+static lg_instead reshape_instead(const lg_known *k) {
+    (void)k;
+    return lg_instead_input(0);
+}
+
+static lg_var reshape_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape) {
+    (void)attr;
+    return lg_reshape(tape, x, shape);
+}
+
+const lg_op lg_op_reshape = {
+    LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, reshape_jvp),
+    .given = true,
+    .view = reshape_view,
+    .record = reshape_again,
+    .expand = reshape_expand,
+    .write_c = reshape_c,
+    .rows = lg_rows_each,
+    .instead = reshape_instead,
+    .terms = lg_no_terms};
+
+lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
+    if (tape->status != LG_OK) return LG_NONE;
+    const lg_node *node = lg_node_of(tape, x, "reshape");
+    if (node == NULL) return LG_NONE;
+    if (shape.rank > LG_MAX_RANK || lg_shape_count(shape) != node->count)
+        return lg_fail_shapes(tape, "reshape", &node, 1);
+    for (uint32_t i = shape.rank; i < LG_MAX_RANK; i++) shape.dims[i] = 0;
+    if (lg_same_shape(&shape, &node->shape)) return x;
+    return lg_record_value(tape, &lg_op_reshape, &x, 1, NULL, shape, node->value, LG_NODE_VIEW);
+}
+
+/* ---- slice and pad: each other's adjoints; attr.i = {axis, start or before, length or after, view offset}
+ * ---- */
+
+/* Copies `rows` runs of `run` bytes between buffers with their own pitches. */
+static void copy_runs(size_t rows, size_t run, const unsigned char *from, size_t from_pitch,
+                      unsigned char *to, size_t to_pitch) {
+    for (size_t i = 0; i < rows; i++) memcpy(to + i * to_pitch, from + i * from_pitch, run);
+}
+
+static lg_status slice_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    const uint32_t axis = attr->i[0], start = attr->i[1], length = attr->i[2];
+    (void)inputs;
+    if (axis >= in[0]->rank || start > in[0]->dims[axis] || length > in[0]->dims[axis] - start)
+        return LG_INVALID_ARGUMENT;
+    *out = *in[0];
+    out->dims[axis] = length;
+    return LG_OK;
+}
+
+static bool slice_view(const lg_shape *const *in, const lg_attr *attr, size_t *offset) {
+    size_t outer, length, inner;
+    lg_around(in[0], attr->i[0], &outer, &length, &inner);
+    *offset = attr->i[1] * inner;
+    return outer == 1;
+}
+
+static lg_status slice_forward(lg_evaluation *e) {
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    size_t size = e->k->size * inner;
+    copy_runs(outer, e->attr->i[2] * size, (const unsigned char *)e->x[0] + e->attr->i[1] * size,
+              length * size, e->y, e->attr->i[2] * size);
+    return LG_OK;
+}
+
+static void slice_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t start = e->attr->i[1], length = e->attr->i[2];
+    size_t outer, whole, inner;
+    (void)s;
+    lg_around(e->in[0], e->attr->i[0], &outer, &whole, &inner);
+    for (size_t i = 0; i < e->count; i++) {
+        const size_t o = i / (length * inner), l = i / inner % length;
+        y[i] = x[0][(o * whole + start + l) * inner + i % inner];
+    }
+}
+
+static void slice_c(lg_c *c, const lg_evaluation *e) {
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    const size_t run = e->attr->i[2] * inner;
+    lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $0 + %zu, %zu, $y, %zu)", outer, run,
+              e->attr->i[1] * inner, length * inner, run);
+}
+
+static void slice_vjp(lg_reverse *r) {
+    if (!r->need[0]) return;
+    const lg_shape *shape = &lg_node_at(r->tape, r->in[0])->shape;
+    const uint32_t *i = r->attr->i;
+    r->out[0] = lg_pad(r->tape, r->g, (int)i[0], i[1], shape->dims[i[0]] - i[1] - i[2]);
+}
+
+static lg_var slice_jvp(const lg_forward *f) {
+    return lg_slice(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
+}
+
+static lg_var slice_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape) {
+    (void)shape;
+    return lg_slice(tape, x, (int)attr->i[0], attr->i[1], attr->i[2]);
+}
+
+const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, slice_jvp),
+                           .view = slice_view,
+                           .record = slice_again,
+                           .follows = 1u << 3,
+                           .expand = slice_expand,
+                           .write_c = slice_c,
+                           .rows = lg_rows_but_axis,
+                           .instead = same_instead,
+                           .terms = lg_no_terms};
+
+lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t length) {
+    if (tape->status != LG_OK) return LG_NONE;
+    const lg_node *node = lg_node_of(tape, x, "slice");
+    if (node == NULL) return LG_NONE;
+    int a = lg_axis(axis, node->shape.rank);
+    if (a < 0 || start > node->shape.dims[a] || length > node->shape.dims[a] - start)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "slice", "no such axis, or the range leaves it");
+    size_t outer, whole, inner;
+    lg_around(&node->shape, (uint32_t)a, &outer, &whole, &inner);
+    lg_shape shape = node->shape;
+    shape.dims[a] = length;
+    lg_attr attr = {.i = {(uint32_t)a, start, length, 0}};
+    if (outer != 1 || (size_t)start * inner > UINT32_MAX) return lg_record(tape, &lg_op_slice, &x, 1, &attr);
+    attr.i[3] = start * (uint32_t)inner;
+    unsigned char *value = (unsigned char *)node->value + (size_t)attr.i[3] * tape->k->size;
+    return lg_record_value(tape, &lg_op_slice, &x, 1, &attr, shape, value, LG_NODE_VIEW);
+}
+
+static lg_status pad_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    const uint32_t axis = attr->i[0];
+    (void)inputs;
+    if (axis >= in[0]->rank || (uint64_t)in[0]->dims[axis] + attr->i[1] + attr->i[2] > UINT32_MAX)
+        return LG_INVALID_ARGUMENT;
+    *out = *in[0];
+    out->dims[axis] += attr->i[1] + attr->i[2];
+    return LG_OK;
+}
+
+static lg_status pad_forward(lg_evaluation *e) {
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    size_t size = e->k->size * inner, padded = e->attr->i[1] + length + e->attr->i[2];
+    e->k->fill(e->count, 0.0, e->y);
+    copy_runs(outer, length * size, e->x[0], length * size, (unsigned char *)e->y + e->attr->i[1] * size,
+              padded * size);
+    return LG_OK;
+}
+
+static void pad_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t before = e->attr->i[1];
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    const size_t whole = before + length + e->attr->i[2];
+    for (size_t i = 0; i < e->count; i++) {
+        const size_t o = i / (whole * inner), l = i / inner % whole;
+        const bool inside = l >= before && l < before + length;
+        y[i] = inside ? x[0][(o * length + l - before) * inner + i % inner] : lg_s_constant(s, 0.0);
+    }
+}
+
+static const lg_c_fragment c_clear = {.text = LG_C(static void clear(int n, real *y) {
+                                          for (int i = 0; i < n; i++) y[i] = REAL(0.0);
+                                      })};
+
+static void pad_c(lg_c *c, const lg_evaluation *e) {
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    const size_t run = length * inner, whole = run + (e->attr->i[1] + (size_t)e->attr->i[2]) * inner;
+    lg_c_call(c, &c_clear, "clear(%zu, $y)", e->count);
+    lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $0, %zu, $y + %zu, %zu)", outer, run, run,
+              e->attr->i[1] * inner, whole);
+}
+
+static void pad_vjp(lg_reverse *r) {
+    uint32_t axis = r->attr->i[0];
+    if (r->need[0])
+        r->out[0] = lg_slice(r->tape, r->g, (int)axis, r->attr->i[1],
+                             lg_node_at(r->tape, r->in[0])->shape.dims[axis]);
+}
+
+static lg_var pad_jvp(const lg_forward *f) {
+    return lg_pad(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
+}
+
+const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, pad_jvp),
+                         .expand = pad_expand,
+                         .write_c = pad_c,
+                         .rows = lg_rows_but_axis,
+                         .instead = same_instead,
+                         .terms = lg_no_terms};
+
+lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after) {
+    if (tape->status != LG_OK) return LG_NONE;
+    const lg_node *node = lg_node_of(tape, x, "pad");
+    if (node == NULL) return LG_NONE;
+    int a = lg_axis(axis, node->shape.rank);
+    if (a < 0 || (uint64_t)node->shape.dims[a] + before + after > UINT32_MAX)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "pad", "no such axis, or it becomes too long");
+    return lg_record(tape, &lg_op_pad, &x, 1, &(lg_attr){.i = {(uint32_t)a, before, after, 0}});
+}
+
+/* ---- concatenation; attr.i = {axis} ---- */
+
+static lg_status concat_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    const uint32_t axis = attr->i[0];
+    uint64_t length = 0;
+    if (axis >= in[0]->rank) return LG_INVALID_ARGUMENT;
+    for (uint32_t p = 0; p < inputs; p++) {
+        lg_shape other = *in[p];
+        if (other.rank != in[0]->rank) return LG_SHAPE;
+        length += other.dims[axis];
+        other.dims[axis] = in[0]->dims[axis];
+        if (!lg_same_shape(&other, in[0]) || length > UINT32_MAX) return LG_SHAPE;
+    }
+    *out = *in[0];
+    out->dims[axis] = (uint32_t)length;
+    return LG_OK;
+}
+
+static lg_status concat_forward(lg_evaluation *e) {
+    size_t outer, whole, inner, at = 0;
+    lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
+    size_t size = e->k->size * inner;
+    for (uint32_t p = 0; p < e->inputs; p++) {
+        size_t length = e->in[p]->dims[e->attr->i[0]];
+        copy_runs(outer, length * size, e->x[p], length * size, (unsigned char *)e->y + at * size,
+                  whole * size);
+        at += length;
+    }
+    return LG_OK;
+}
+
+static void concat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    size_t outer, whole, inner, at = 0;
+    (void)s;
+    lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
+    for (uint32_t p = 0; p < e->inputs; p++) {
+        const size_t run = e->in[p]->dims[e->attr->i[0]] * inner;
+        for (size_t o = 0; o < outer; o++)
+            for (size_t i = 0; i < run; i++) y[o * whole * inner + at + i] = x[p][o * run + i];
+        at += run;
+    }
+}
+
+static void concat_c(lg_c *c, const lg_evaluation *e) {
+    size_t outer, whole, inner, at = 0;
+    lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
+    for (uint32_t p = 0; p < e->inputs; p++) {
+        const size_t run = e->in[p]->dims[e->attr->i[0]] * inner;
+        lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $%u, %zu, $y + %zu, %zu)", outer, run, p, run, at,
+                  whole * inner);
+        at += run;
+    }
+}
+
+static void concat_vjp(lg_reverse *r) {
+    uint32_t axis = r->attr->i[0], at = 0;
+    for (uint32_t k = 0; k < r->inputs; k++) {
+        uint32_t length = lg_node_at(r->tape, r->in[k])->shape.dims[axis];
+        if (r->need[k]) r->out[k] = lg_slice(r->tape, r->g, (int)axis, at, length);
+        at += length;
+    }
+}
+
+static lg_var concat_jvp(const lg_forward *f) {
+    lg_var parts[LG_MAX_INPUTS];
+    for (uint32_t k = 0; k < f->inputs; k++)
+        parts[k] = lg_is_none(f->tangents[k]) ? lg_zeros_like(f->tape, f->in[k]) : f->tangents[k];
+    return lg_concat(f->tape, parts, f->inputs, (int)f->attr->i[0]);
+}
+
+static lg_instead concat_instead(const lg_known *k) {
+    return k->inputs == 1 ? lg_instead_input(0) : lg_instead_nothing();
+}
+const lg_op lg_op_concat = {
+    LG_OP("concat", 0, 1, LG_MAX_INPUTS, concat_shape, concat_forward, concat_vjp, concat_jvp),
+    .expand = concat_expand,
+    .write_c = concat_c,
+    .rows = lg_rows_but_axis,
+    .instead = concat_instead,
+    .terms = lg_no_terms};
+
+/* At most LG_MAX_INPUTS parts. */
+static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
+    const lg_node *first = lg_node_of(tape, parts[0], "concat");
+    if (first == NULL) return LG_NONE;
+    int a = lg_axis(axis, first->shape.rank);
+    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "no such axis");
+    return lg_record(tape, &lg_op_concat, parts, (uint32_t)n, &(lg_attr){.i = {(uint32_t)a, 0, 0, 0}});
+}
+
+lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
+    if (tape->status != LG_OK) return LG_NONE;
+    if (n == 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "nothing to concatenate");
+    if (n <= LG_MAX_INPUTS) return concat_some(tape, parts, n, axis);
+    size_t half = n / 2;
+    lg_var both[2] = {lg_concat(tape, parts, half, axis), lg_concat(tape, parts + half, n - half, axis)};
+    return lg_concat(tape, both, 2, axis);
+}
+
+/* ---- permutation of axes; attr.i = axes, unused places hold themselves ---- */
+
+static lg_status permute_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
+    uint32_t seen = 0;
+    (void)inputs;
+    *out = *in[0];
+    for (uint32_t i = 0; i < in[0]->rank; i++) {
+        const uint32_t a = attr->i[i];
+        if (a >= in[0]->rank || (seen >> a & 1u)) return LG_INVALID_ARGUMENT;
+        seen |= 1u << a;
+        out->dims[i] = in[0]->dims[a];
+    }
+    return LG_OK;
+}
+
+/* Whether the last two axes alone change places. */
+static bool is_transpose(uint32_t rank, const uint32_t *axes) {
+    if (rank < 2 || axes[rank - 1] != rank - 2 || axes[rank - 2] != rank - 1) return false;
+    for (uint32_t i = 0; i + 2 < rank; i++)
+        if (axes[i] != i) return false;
+    return true;
+}
+
+static lg_status permute_forward(lg_evaluation *e) {
+    const lg_kernels *k = e->k;
+    const uint32_t rank = e->shape->rank, *axes = e->attr->i;
+    if (is_transpose(rank, axes)) {
+        const size_t rows = e->in[0]->dims[rank - 2], columns = e->in[0]->dims[rank - 1];
+        for (size_t at = 0; at < e->count; at += rows * columns)
+            k->transpose(rows, columns, (const unsigned char *)e->x[0] + at * k->size,
+                         (unsigned char *)e->y + at * k->size);
+        return LG_OK;
+    }
+    size_t stride[LG_MAX_RANK], dims[LG_MAX_RANK] = {1, 1, 1, 1}, step[LG_MAX_RANK] = {0, 0, 0, 0}, run = 1;
+    for (uint32_t i = rank; i-- > 0;) {
+        stride[i] = run;
+        run *= e->in[0]->dims[i];
+    }
+    for (uint32_t i = 0; i < rank; i++) {
+        dims[LG_MAX_RANK - rank + i] = e->shape->dims[i];
+        step[LG_MAX_RANK - rank + i] = stride[axes[i]];
+    }
+    const unsigned char *x = e->x[0];
+    unsigned char *y = e->y;
+    for (size_t a = 0; a < dims[0]; a++)
+        for (size_t b = 0; b < dims[1]; b++)
+            for (size_t c = 0; c < dims[2]; c++)
+                for (size_t d = 0; d < dims[3]; d++, y += k->size)
+                    memcpy(y, x + (a * step[0] + b * step[1] + c * step[2] + d * step[3]) * k->size, k->size);
+    return LG_OK;
+}
+
+static void permute_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    (void)s;
+    for (size_t i = 0; i < e->count; i++) {
+        size_t index[LG_MAX_RANK] = {0, 0, 0, 0}, rest = i, at = 0;
+        for (uint32_t d = e->shape->rank; d-- > 0; rest /= e->shape->dims[d])
+            index[e->attr->i[d]] = rest % e->shape->dims[d];
+        for (uint32_t d = 0; d < e->shape->rank; d++) at = at * e->in[0]->dims[d] + index[d];
+        y[i] = x[0][at];
+    }
+}
+
+static const lg_c_fragment c_permute = {
+    .comment = "y (d0, d1, d2, d3), in order, from x with these distances along each axis.",
+    .text = LG_C(static void permute(int d0, int d1, int d2, int d3, int s0, int s1, int s2, int s3,
+                                     const real *RESTRICT x, real *RESTRICT y) {
+        for (int a = 0; a < d0; a++)
+            for (int b = 0; b < d1; b++)
+                for (int c = 0; c < d2; c++, y += d3)
+                    for (int d = 0; d < d3; d++) y[d] = x[a * s0 + b * s1 + c * s2 + d * s3];
+    })};
+
+static void permute_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t rank = e->shape->rank, before = LG_MAX_RANK - rank;
+    size_t stride[LG_MAX_RANK], dims[LG_MAX_RANK] = {1, 1, 1, 1}, step[LG_MAX_RANK] = {0, 0, 0, 0}, run = 1;
+    for (uint32_t i = rank; i-- > 0; run *= e->in[0]->dims[i]) stride[i] = run;
+    for (uint32_t i = 0; i < rank; i++) {
+        dims[before + i] = e->shape->dims[i];
+        step[before + i] = stride[e->attr->i[i]];
+    }
+    lg_c_call(c, &c_permute, "permute(%zu, %zu, %zu, %zu, %zu, %zu, %zu, %zu, $0, $y)", dims[0], dims[1],
+              dims[2], dims[3], step[0], step[1], step[2], step[3]);
+}
+
+static void inverse_axes(const lg_attr *attr, uint32_t rank, int *axes) {
+    for (uint32_t i = 0; i < rank; i++) axes[attr->i[i]] = (int)i;
+}
+
+static void permute_vjp(lg_reverse *r) {
+    int axes[LG_MAX_RANK];
+    inverse_axes(r->attr, lg_node_at(r->tape, r->y)->shape.rank, axes);
+    if (r->need[0]) r->out[0] = lg_permute(r->tape, r->g, axes);
+}
+
+static lg_var permute_jvp(const lg_forward *f) {
+    int axes[LG_MAX_RANK];
+    for (uint32_t i = 0; i < LG_MAX_RANK; i++) axes[i] = (int)f->attr->i[i];
+    return lg_permute(f->tape, f->tangents[0], axes);
+}
+
+static lg_row_use permute_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
+                               uint32_t copies, lg_attr *attr) {
+    (void)in, (void)inputs, (void)shape, (void)copies;
+    return attr->i[0] == 0 ? LG_ROWS_EACH : LG_ROWS_MEET;
+}
+
+/* Nothing moves when axes that are longer than 1 stay in their order. */
+static lg_instead permute_instead(const lg_known *k) {
+    uint32_t last = 0;
+    for (uint32_t d = 0; d < k->shape->rank; d++) {
+        if (k->shape->dims[d] == 1) continue;
+        if (k->attr->i[d] < last) return lg_instead_nothing();
+        last = k->attr->i[d];
+    }
+    return lg_instead_input(0);
+}
+
+const lg_op lg_op_permute = {
+    LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, permute_jvp),
+    .expand = permute_expand,
+    .write_c = permute_c,
+    .rows = permute_rows,
+    .instead = permute_instead,
+    .terms = lg_no_terms};
+
+lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
+    if (tape->status != LG_OK) return LG_NONE;
+    const lg_node *node = lg_node_of(tape, x, "permute");
+    if (node == NULL) return LG_NONE;
+    const uint32_t rank = node->shape.rank;
+    lg_attr attr = {.i = {0, 1, 2, 3}};
+    uint32_t seen = 0;
+    for (uint32_t i = 0; i < rank; i++) {
+        int a = lg_axis(axes[i], rank);
+        if (a < 0 || (seen >> a & 1u))
+            return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "permute", "not a permutation");
+        seen |= 1u << a;
+        attr.i[i] = (uint32_t)a;
+    }
+    return lg_record(tape, &lg_op_permute, &x, 1, &attr);
+}
+
+lg_var lg_transpose(lg_tape *tape, lg_var x) {
+    if (tape->status != LG_OK) return LG_NONE;
+    const lg_node *node = lg_node_of(tape, x, "transpose");
+    if (node == NULL) return LG_NONE;
+    int rank = (int)node->shape.rank, axes[LG_MAX_RANK] = {0, 1, 2, 3};
+    if (rank < 2) return lg_tape_fail(tape, LG_SHAPE, "transpose", "rank below 2");
+    axes[rank - 2] = rank - 1;
+    axes[rank - 1] = rank - 2;
+    return lg_permute(tape, x, axes);
+}

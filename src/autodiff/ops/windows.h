@@ -1,0 +1,14 @@
+/* Windows of a series as C, for operations along time. */
+#ifndef LG_OPS_WINDOWS_H
+#define LG_OPS_WINDOWS_H
+
+#include "autodiff/ops/op_c.h"
+#include "kernels/kernels.h"
+
+extern const lg_c_fragment lg_c_windows; /* their type */
+
+/* An expression of them. */
+enum { LG_WINDOWS_TEXT = 160 };
+const char *lg_windows_text(const lg_k_windows *windows, char text[LG_WINDOWS_TEXT]);
+
+#endif

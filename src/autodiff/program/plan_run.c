@@ -1,0 +1,179 @@
+/* Plans are walked through: no allocation, no lock. */
+#include <math.h>
+#include <string.h>
+
+#include "autodiff/program/plan.h"
+#include "kernels/product.h"
+
+typedef struct running {
+    const lg_plan *plan;
+    const lg_kernels *k;
+    const void *const *inputs;
+    void *const *outputs;
+    unsigned char *work;
+} running;
+
+static void *at_output(const running *r, const lg_place *p) {
+    unsigned char *base = r->outputs[p->number];
+    if (base == NULL) base = r->work + r->plan->spill[p->number] * r->k->size;
+    return base + p->offset * r->k->size;
+}
+
+/* To be written. */
+static void *to(const running *r, const lg_place *p) {
+    if (p->area == LG_AREA_WORK) return r->work + p->offset * r->k->size;
+    return p->area == LG_AREA_OUTPUT ? at_output(r, p) : NULL;
+}
+
+/* To be read. */
+static const void *from(const running *r, const lg_place *p) {
+    const size_t bytes = p->offset * r->k->size;
+    switch (p->area) {
+    case LG_AREA_WORK:
+        return r->work + bytes;
+    case LG_AREA_CONSTANTS:
+        return (const unsigned char *)r->plan->constants + bytes;
+    case LG_AREA_INPUT:
+        return (const unsigned char *)r->inputs[p->number] + bytes;
+    case LG_AREA_OUTPUT:
+        return at_output(r, p);
+    case LG_AREA_NONE:
+        break;
+    }
+    return NULL;
+}
+
+static void run_tensor(const running *r, const lg_tensor_step *s) {
+    const void *x[LG_MAX_INPUTS];
+    for (uint32_t k = 0; k < s->inputs; k++) x[k] = from(r, &s->x[k]);
+    /* Every field is named: clearing the whole takes longer than many an operation. */
+    lg_evaluation e = {.k = r->k,
+                       .crew = NULL,
+                       .attr = &s->attr,
+                       .inputs = s->inputs,
+                       .in = s->shapes,
+                       .x = x,
+                       .transposed = from(r, &s->transposed),
+                       .shape = &s->shape,
+                       .count = s->count,
+                       .y = to(r, &s->y),
+                       .kept = NULL,
+                       .scratch = to(r, &s->scratch),
+                       .failures = 0};
+    (void)s->op->forward(&e);
+}
+
+static void run_dense(const running *r, const lg_dense_step *s) {
+    void *y = to(r, &s->y);
+    r->k->gemm(s->m, s->n, s->k, from(r, &s->x), s->k, 1, from(r, &s->w), s->n, y, s->n, false);
+    r->k->bias_act((lg_k_act)s->kind, s->m, s->n, from(r, &s->b), y);
+}
+
+static void store(size_t size, uint32_t count, const uint32_t *registers, const void *values, void *y) {
+    if (size == sizeof(double)) {
+        const double *x = values;
+        double *out = y;
+        for (uint32_t i = 0; i < count; i++) out[i] = x[registers[i]];
+    } else {
+        const float *x = values;
+        float *out = y;
+        for (uint32_t i = 0; i < count; i++) out[i] = x[registers[i]];
+    }
+}
+
+static void load(size_t size, uint32_t count, const void *x, void *y) {
+    if (size == sizeof(double))
+        for (uint32_t i = 0; i < count; i++) ((double *)y)[i] = ((const double *)x)[i];
+    else
+        for (uint32_t i = 0; i < count; i++) ((float *)y)[i] = ((const float *)x)[i];
+}
+
+static void run_scalars(const running *r, const lg_scalar_step *s) {
+    const size_t size = r->k->size;
+    unsigned char *registers = to(r, &s->registers);
+    load(size, s->constants, s->constant, registers);
+    for (uint32_t i = 0; i < s->ins; i++)
+        load(size, s->in[i].count, from(r, &s->in[i].place), registers + s->in[i].first * size);
+    r->k->scalars(s->groups, s->group, s->operands, registers);
+    for (uint32_t i = 0; i < s->outs; i++)
+        store(size, s->out[i].count, s->stored + s->out[i].first, registers, to(r, &s->out[i].place));
+}
+
+/* What is carried goes from one half of its memory to the other, the last value to the caller. */
+static void run_call(const running *r, const lg_call_step *s) {
+    const void *in[LG_PROGRAM_MAX_PORTS];
+    void *out[LG_PROGRAM_MAX_PORTS], *work = to(r, &s->work);
+    const lg_plan *callee = s->callee;
+    for (size_t i = 0; i < callee->inputs; i++) in[i] = r->inputs[i];
+    for (uint32_t n = 0; n < s->times; n++) {
+        const bool last = n + 1 == s->times;
+        for (size_t j = 0; j < callee->outputs; j++) out[j] = last ? r->outputs[j] : NULL;
+        for (size_t i = 0; !last && i < callee->inputs; i++) {
+            if (s->carry[i] == UINT32_MAX || out[s->carry[i]] != NULL) continue;
+            lg_place next = s->next[i];
+            if (n % 2 == 1) next.offset += (callee->input_count[i] + 15) / 16 * 16;
+            out[s->carry[i]] = to(r, &next);
+        }
+        lg_plan_eval(callee, in, out, work);
+        for (size_t i = 0; !last && i < callee->inputs; i++)
+            if (s->carry[i] != UINT32_MAX) in[i] = out[s->carry[i]];
+    }
+}
+
+/* Copies are outputs, at the end. */
+static void run_copy(const running *r, const lg_copy_step *s) {
+    void *y = r->outputs[s->y.number];
+    if (y != NULL) memcpy(y, from(r, &s->x), s->count * r->k->size);
+}
+
+static bool all_finite(const running *r) {
+    for (size_t i = 0; i < r->plan->inputs; i++)
+        if (!r->k->all_finite(r->plan->input_count[i], r->inputs[i])) return false;
+    return true;
+}
+
+void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work) {
+    const running r = {plan, plan->k, inputs, outputs, work};
+    for (size_t i = 0; i < plan->steps; i++) {
+        const lg_plan_step *s = &plan->step[i];
+        switch (s->kind) {
+        case LG_STEP_TENSOR:
+            run_tensor(&r, &s->tensor);
+            break;
+        case LG_STEP_DENSE:
+            run_dense(&r, &s->dense);
+            break;
+        case LG_STEP_SCALARS:
+            run_scalars(&r, &s->scalars);
+            break;
+        case LG_STEP_COPY:
+            run_copy(&r, &s->copy);
+            break;
+        case LG_STEP_CALL:
+            run_call(&r, &s->call);
+            break;
+        }
+    }
+    if (plan->mark_unfit && !all_finite(&r))
+        for (size_t j = 0; j < plan->outputs; j++)
+            if (outputs[j] != NULL) plan->k->fill(plan->output_count[j], NAN, outputs[j]);
+}
+
+lg_status lg_program_eval(const lg_context *context, const lg_program *program, const char *function,
+                          size_t rows, const double *const *inputs, double *const *outputs, lg_error *error) {
+    lg_plan_options options;
+    lg_plan *plan = NULL;
+    size_t number;
+    if (program == NULL || function == NULL || inputs == NULL || outputs == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the program, its function or arrays are missing");
+    if (lg_program_find(program, function, &number) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "the program has no function '%s'", function);
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    LG_TRY(lg_plan_create(program, number, &options, &plan, error));
+    void *work = lg_alloc(context, lg_plan_work_size(plan), 1);
+    if (work != NULL) lg_plan_eval(plan, (const void *const *)inputs, (void *const *)outputs, work);
+    lg_free(context, work);
+    lg_plan_destroy(plan);
+    return work != NULL ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "no memory to run '%s'", function);
+}

@@ -1,0 +1,249 @@
+/* Programs: what they own, how a part is added, looking at them. */
+#include "autodiff/program/program_check.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ---- life ---- */
+
+void lg_program_spec_init(lg_program_spec *spec) {
+    *spec = (lg_program_spec){.size = sizeof *spec};
+}
+
+lg_status lg_program_create(const lg_context *context, lg_program **out) {
+    lg_program *made = lg_alloc(context, 1, sizeof *made);
+    if (made == NULL) return LG_OUT_OF_MEMORY;
+    made->context = context;
+    *out = made;
+    return LG_OK;
+}
+
+static void free_ports(const lg_context *context, lg_port *ports, size_t count) {
+    union {
+        const char *kept;
+        void *memory;
+    } text;
+    for (size_t i = 0; ports != NULL && i < count; i++) {
+        text.kept = ports[i].name;
+        lg_free(context, text.memory);
+        text.kept = ports[i].unit;
+        lg_free(context, text.memory);
+    }
+    lg_free(context, ports);
+}
+
+lg_status lg_ports_copy(const lg_context *context, const lg_port *ports, size_t count, lg_port **out) {
+    lg_port *made = lg_alloc(context, count, sizeof *made);
+    if (made == NULL) return LG_OUT_OF_MEMORY;
+    bool whole = true;
+    for (size_t i = 0; i < count; i++) {
+        made[i] = ports[i];
+        made[i].name = ports[i].name == NULL ? NULL : lg_strdup(context, ports[i].name);
+        made[i].unit = ports[i].unit == NULL ? NULL : lg_strdup(context, ports[i].unit);
+        whole = whole && (ports[i].name == NULL || made[i].name != NULL) &&
+                (ports[i].unit == NULL || made[i].unit != NULL);
+    }
+    if (!whole) {
+        free_ports(context, made, count);
+        return LG_OUT_OF_MEMORY;
+    }
+    *out = made;
+    return LG_OK;
+}
+
+void lg_function_destroy(const lg_context *context, lg_function *f) {
+    free_ports(context, f->input, f->inputs);
+    free_ports(context, f->output, f->outputs);
+    lg_free(context, f->name);
+    lg_free(context, f->node);
+    lg_free(context, f->edges);
+    lg_free(context, f->reals);
+    lg_free(context, f->indices);
+    lg_free(context, f->result);
+    lg_free(context, f->carry);
+    *f = (lg_function){.name = NULL};
+}
+
+void lg_program_destroy(lg_program *p) {
+    if (p == NULL) return;
+    const lg_context *context = p->context;
+    for (size_t i = 0; i < p->functions; i++) lg_function_destroy(context, &p->function[i]);
+    for (size_t i = 0; i < p->parameters; i++) {
+        lg_free(context, p->parameter[i].name);
+        lg_free(context, p->parameter[i].values);
+    }
+    lg_free(context, p->function);
+    lg_free(context, p->parameter);
+    lg_free(context, p->description);
+    lg_free(context, p);
+}
+
+/* ---- adding parts ---- */
+
+lg_status lg_program_add_parameter(lg_program *p, const lg_parameter_spec *spec, lg_error *error) {
+    LG_TRY(lg_program_check_name("a parameter", spec->name, error));
+    if (p->parameters == LG_PROGRAM_MAX_PARAMETERS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d parameters", LG_PROGRAM_MAX_PARAMETERS);
+    for (size_t i = 0; i < p->parameters; i++)
+        if (strcmp(p->parameter[i].name, spec->name) == 0)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "two parameters are called '%s'", spec->name);
+    if (!lg_program_shape_is_sound(&spec->shape, LG_MAX_RANK) || spec->values == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "parameter '%s' has no values or is too large",
+                       spec->name);
+    const size_t count = lg_shape_count(spec->shape);
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(spec->values[i]))
+            return lg_fail(error, LG_NOT_FINITE, "parameter '%s' has a number that is not finite",
+                           spec->name);
+    lg_program_parameter_own *grown = lg_alloc(p->context, p->parameters + 1, sizeof *grown);
+    lg_program_parameter_own made = {.name = lg_strdup(p->context, spec->name),
+                                     .shape = spec->shape,
+                                     .count = count,
+                                     .values = lg_alloc(p->context, count, sizeof(double))};
+    if (grown == NULL || made.name == NULL || made.values == NULL) {
+        lg_free(p->context, grown);
+        lg_free(p->context, made.name);
+        lg_free(p->context, made.values);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for parameter '%s'", spec->name);
+    }
+    memcpy(made.values, spec->values, count * sizeof(double));
+    if (p->parameters > 0) memcpy(grown, p->parameter, p->parameters * sizeof *grown);
+    grown[p->parameters++] = made;
+    lg_free(p->context, p->parameter);
+    p->parameter = grown;
+    return LG_OK;
+}
+
+lg_status lg_program_add_function(lg_program *p, lg_function *f, lg_error *error) {
+    size_t there;
+    LG_TRY(lg_program_check_name("a function", f->name, error));
+    if (lg_program_find(p, f->name, &there) == LG_OK)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "two functions are called '%s'", f->name);
+    if (p->functions == LG_PROGRAM_MAX_FUNCTIONS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d functions", LG_PROGRAM_MAX_FUNCTIONS);
+    LG_TRY(lg_program_check_function(p, f, error));
+    if (p->functions == p->capacity) {
+        const size_t capacity = p->capacity == 0 ? 8 : 2 * p->capacity;
+        lg_function *grown = lg_alloc(p->context, capacity, sizeof *grown);
+        if (grown == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for function '%s'", f->name);
+        if (p->functions > 0) memcpy(grown, p->function, p->functions * sizeof *grown);
+        lg_free(p->context, p->function);
+        p->function = grown;
+        p->capacity = capacity;
+    }
+    p->function[p->functions++] = *f;
+    *f = (lg_function){.name = NULL};
+    return LG_OK;
+}
+
+/* `loop` has its name; `of`: what it calls. */
+static lg_status add_carry(lg_function *loop, const lg_function *of, const lg_carry *carry, lg_error *error) {
+    size_t i = 0, j = 0;
+    if (carry->input == NULL || carry->output == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': what is carried has no name", loop->name);
+    while (i < of->inputs && strcmp(of->input[i].name, carry->input) != 0) i++;
+    while (j < of->outputs && strcmp(of->output[j].name, carry->output) != 0) j++;
+    if (i == of->inputs)
+        return lg_fail(error, LG_NOT_FOUND, "function '%s' has no input '%s'", of->name, carry->input);
+    if (j == of->outputs)
+        return lg_fail(error, LG_NOT_FOUND, "function '%s' has no output '%s'", of->name, carry->output);
+    if (loop->carry[i] != UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': input '%s' is carried twice", loop->name,
+                       carry->input);
+    loop->carry[i] = (uint32_t)j;
+    return LG_OK;
+}
+
+lg_status lg_program_add_loop(lg_program *p, const char *name, const char *function, size_t times,
+                              const lg_carry *carry, size_t carry_count, lg_error *error) {
+    size_t callee;
+    LG_TRY(lg_program_check_name("a function", name, error));
+    if (p == NULL || function == NULL || (carry == NULL && carry_count > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "loop '%s': the program, its function or what is carried is missing", name);
+    if (lg_program_find(p, function, &callee) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", function);
+    if (times < 1 || times > LG_PROGRAM_MAX_TIMES)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s' is run %zu times: 1 to %u", name, times,
+                       LG_PROGRAM_MAX_TIMES);
+    const lg_function *of = &p->function[callee];
+    lg_function f = {
+        .inputs = of->inputs, .outputs = of->outputs, .times = (uint32_t)times, .callee = (uint32_t)callee};
+    f.name = lg_strdup(p->context, name);
+    f.carry = lg_alloc(p->context, of->inputs, sizeof *f.carry);
+    lg_status status = f.name == NULL || f.carry == NULL ? LG_OUT_OF_MEMORY : LG_OK;
+    if (status == LG_OK) status = lg_ports_copy(p->context, of->input, of->inputs, &f.input);
+    if (status == LG_OK) status = lg_ports_copy(p->context, of->output, of->outputs, &f.output);
+    for (size_t i = 0; status == LG_OK && i < of->inputs; i++) f.carry[i] = UINT32_MAX;
+    for (size_t c = 0; status == LG_OK && c < carry_count; c++) status = add_carry(&f, of, &carry[c], error);
+    if (status == LG_OK) status = lg_program_add_function(p, &f, error);
+    if (status == LG_OUT_OF_MEMORY) (void)lg_fail(error, status, "no memory for loop '%s'", name);
+    if (status == LG_FORMAT) {
+        status = LG_INVALID_ARGUMENT;
+        if (error != NULL) error->status = status;
+    }
+    lg_function_destroy(p->context, &f);
+    return status;
+}
+
+/* ---- looking ---- */
+
+size_t lg_program_functions(const lg_program *p) {
+    return p->functions;
+}
+
+const char *lg_program_function_name(const lg_program *p, size_t function) {
+    return function < p->functions ? p->function[function].name : NULL;
+}
+
+lg_status lg_program_find(const lg_program *p, const char *name, size_t *function) {
+    if (p == NULL || name == NULL || function == NULL) return LG_INVALID_ARGUMENT;
+    for (size_t i = 0; i < p->functions; i++)
+        if (strcmp(p->function[i].name, name) == 0) {
+            *function = i;
+            return LG_OK;
+        }
+    return LG_NOT_FOUND;
+}
+
+const lg_port *lg_program_inputs(const lg_program *p, size_t function, size_t *count) {
+    *count = function < p->functions ? p->function[function].inputs : 0;
+    return function < p->functions ? p->function[function].input : NULL;
+}
+
+const lg_port *lg_program_outputs(const lg_program *p, size_t function, size_t *count) {
+    *count = function < p->functions ? p->function[function].outputs : 0;
+    return function < p->functions ? p->function[function].output : NULL;
+}
+
+size_t lg_program_parameters(const lg_program *p) {
+    return p->parameters;
+}
+
+lg_parameter_spec lg_program_parameter(const lg_program *p, size_t index) {
+    if (index >= p->parameters) return (lg_parameter_spec){.name = NULL};
+    const lg_program_parameter_own *own = &p->parameter[index];
+    return (lg_parameter_spec){own->name, own->shape, own->values};
+}
+
+lg_status lg_program_set_parameter(lg_program *p, size_t index, const double *values) {
+    if (p == NULL || values == NULL) return LG_INVALID_ARGUMENT;
+    if (index >= p->parameters) return LG_NOT_FOUND;
+    const lg_program_parameter_own *own = &p->parameter[index];
+    for (size_t i = 0; i < own->count; i++)
+        if (!isfinite(values[i])) return LG_NOT_FINITE;
+    memcpy(own->values, values, own->count * sizeof *values);
+    return LG_OK;
+}
+
+const char *lg_program_description(const lg_program *p) {
+    return p->description != NULL ? p->description : "";
+}
+
+size_t lg_program_operations(const lg_program *p, size_t function) {
+    size_t count = 0;
+    if (function >= p->functions) return 0;
+    const lg_function *f = &p->function[function];
+    for (uint32_t i = 0; i < f->nodes; i++) count += f->node[i].op != &lg_op_leaf;
+    return count;
+}

@@ -1,0 +1,247 @@
+/* Programs as C, the bodies of functions: the steps of a plan as statements. */
+#include "autodiff/ops/op_rows.h"
+#include "autodiff/program/program_c.h"
+
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+
+/* ---- steps ---- */
+
+static bool fits_int(lg_c *c, size_t count, const char *what) {
+    if (count <= INT_MAX) return true;
+    return lg_c_fail(c, LG_UNSUPPORTED, "function '%s': %s is too large for C", c->frame->plan->name, what);
+}
+
+static void write_tensor(lg_c *c, const lg_tensor_step *s) {
+    const lg_op *op = s->op;
+    const lg_evaluation e = {.k = c->frame->plan->k,
+                             .attr = &s->attr,
+                             .inputs = s->inputs,
+                             .in = s->shapes,
+                             .shape = &s->shape,
+                             .count = s->count};
+    c->step = s;
+    lg_c_use(c, s->y, s->count);
+    if (!fits_int(c, s->count, op->name)) return;
+    if (s->count == 0) return;
+    if (op->write_c != NULL)
+        op->write_c(c, &e);
+    else if (op->element != NULL)
+        lg_c_elementwise(c, op, &e);
+    else
+        (void)lg_c_fail(c, LG_UNSUPPORTED, "function '%s': %s has no C", c->frame->plan->name, op->name);
+}
+
+static const lg_c_fragment c_dense_rows = {
+    .comment = "y (m, n) = x (m, k) w (k, n) + b (n; or NULL)",
+    .text = LG_C(static NOINLINE void dense_rows(int m, int n, int k, const real *x, const real *w,
+                                                 const real *b, real *y) {
+        for (int i = 0; i < m; i++, x += k, y += n) {
+            for (int j = 0; j < n; j++) y[j] = b == NULL ? REAL(0.0) : b[j];
+            dense_add(k, n, w, x, y);
+        }
+    }),
+    .needs = {&lg_c_dense_add}};
+
+static void write_dense(lg_c *c, const lg_dense_step *s) {
+    const lg_attr kind = {.i = {(uint32_t)s->kind}};
+    const lg_place places[3] = {s->x, s->w, s->b};
+    const lg_tensor_step step = {.inputs = 3, .x = (lg_place *)places, .y = s->y};
+    c->step = &step;
+    lg_c_use(c, s->y, s->m * s->n);
+    if (!fits_int(c, s->m * s->n, "a layer") || !fits_int(c, s->k * s->n, "a layer")) return;
+    lg_c_call(c, &c_dense_rows, "dense_rows(%zu, %zu, %zu, $0, $1, %s, $y)", s->m, s->n, s->k,
+              s->b.area == LG_AREA_NONE ? "NULL" : "$2");
+    if (s->kind != LG_IDENTITY)
+        lg_c_call(c, NULL, "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &kind, 1, 1), s->m * s->n);
+    c->step = NULL;
+}
+
+/* Inlined, the test would tell gcc 12 that a caller's array may be NULL: it warns of copies that never are
+ * (-Warray-bounds). */
+static const lg_c_fragment c_copy = {.comment = "y may be NULL: an output that nobody wants",
+                                     .text = LG_C(static NOINLINE void copy(int n, const real *x, real *y) {
+                                         if (y == NULL) return;
+                                         for (int i = 0; i < n; i++) y[i] = x[i];
+                                     }),
+                                     .needs = {&lg_c_noinline}};
+
+static void write_copy(lg_c *c, const lg_copy_step *s) {
+    lg_place places[1] = {s->x};
+    const lg_tensor_step step = {.inputs = 1, .x = places, .y = s->y};
+    c->step = &step;
+    lg_c_use(c, s->y, s->count);
+    if (fits_int(c, s->count, "an output")) lg_c_call(c, &c_copy, "copy(%zu, $0, $y)", s->count);
+    c->step = NULL;
+}
+
+static size_t half_of(const lg_plan *callee, size_t i) {
+    return callee->input_count[i];
+}
+
+/* By input that is carried: from where it comes and, for its output, where it goes. */
+static void write_call(lg_c *c, const lg_call_step *s) {
+    const lg_plan *callee = s->callee;
+    size_t work = 0;
+    lg_c_frame *own = c->frame;
+    const char *name = lg_c_write_plan(c, callee, "static ", NULL, &work);
+    c->frame = own;
+    if (name == NULL) return;
+    lg_text *body = &own->body;
+    lg_place inner = s->work;
+    lg_text_add(body, "    for (int i = 0; i < %u; i++) {\n        %s(", s->times, name);
+    for (size_t i = 0; i < callee->inputs; i++) {
+        if (s->carry[i] == UINT32_MAX) {
+            lg_text_add(body, "x%zu, ", i);
+            continue;
+        }
+        const size_t at = s->next[i].offset;
+        /* an output that is carried into two inputs lies where the first of them has it */
+        size_t first = i;
+        for (size_t k = 0; k < i; k++)
+            if (s->carry[k] == s->carry[i] && k < first) first = k;
+        lg_text_add(body, "i == 0 ? x%zu : work + (%zu + i %% 2 * %zu), ", i,
+                    first == i ? at : s->next[first].offset, half_of(callee, first));
+        lg_c_use(c, s->next[first], 2 * half_of(callee, first));
+    }
+    for (size_t j = 0; j < callee->outputs; j++) {
+        size_t from = callee->inputs;
+        for (size_t i = callee->inputs; i-- > 0;)
+            if (s->carry[i] == j) from = i;
+        if (from == callee->inputs)
+            lg_text_add(body, "i == %u ? y%zu : NULL, ", s->times - 1, j);
+        else
+            lg_text_add(body, "i == %u ? y%zu : work + (%zu + (i + 1) %% 2 * %zu), ", s->times - 1, j,
+                        s->next[from].offset, half_of(callee, from));
+    }
+    lg_text_add(body, "work + %zu);\n    }\n", inner.offset);
+    lg_c_use(c, inner, work);
+}
+
+static void write_steps(lg_c *c, const lg_plan *plan) {
+    for (size_t i = 0; i < plan->steps && lg_c_good(c); i++) {
+        const lg_plan_step *s = &plan->step[i];
+        switch (s->kind) {
+        case LG_STEP_TENSOR:
+            write_tensor(c, &s->tensor);
+            break;
+        case LG_STEP_DENSE:
+            write_dense(c, &s->dense);
+            break;
+        case LG_STEP_SCALARS:
+            lg_c_scalars(c, &s->scalars);
+            break;
+        case LG_STEP_COPY:
+            write_copy(c, &s->copy);
+            break;
+        case LG_STEP_CALL:
+            write_call(c, &s->call);
+            break;
+        }
+    }
+}
+
+/* ---- functions ---- */
+
+static const lg_c_fragment c_unfit = {.file = {"unfit", "unfit"}, .needs = {&lg_c_noinline}};
+
+/* Places of outputs that nobody wants; the results last of all. Where the plan is a loop, its callee has
+ * places of its own. */
+static void add_head(const lg_plan *plan, const char *body, lg_text *to, lg_c *c) {
+    char word[32];
+    for (size_t i = 0; i < plan->inputs; i++) {
+        (void)snprintf(word, sizeof word, "x%zu", i);
+        if (!lg_c_uses(body, word)) lg_text_add(to, "    (void)%s;\n", word);
+    }
+    for (size_t j = 0; j < plan->outputs; j++) {
+        const lg_place spill = {LG_AREA_WORK, 0, plan->spill[j]};
+        if (plan->output_count[j] == 0 || plan->spill[j] == LG_NO_SPILL) continue;
+        lg_text_add(to, "    if (y%zu == NULL) y%zu = ", j, j);
+        lg_c_add_place(c, to, spill);
+        lg_text_add(to, ";\n");
+        lg_c_use(c, spill, plan->output_count[j]);
+    }
+}
+
+/* `placed`: outputs that nobody wants have places. */
+static void add_marks(lg_c *c, const lg_plan *plan, bool placed) {
+    if (!plan->mark_unfit) return;
+    lg_c_need(c, &c_unfit);
+    for (size_t i = 0; i < plan->inputs; i++)
+        for (size_t j = 0; j < plan->outputs; j++) {
+            if (!placed || plan->spill[j] == LG_NO_SPILL)
+                lg_text_add(&c->frame->body, "    if (y%zu != NULL)\n    ", j);
+            lg_text_add(&c->frame->body, "    mark_unfit(%zu, x%zu, %zu, y%zu);\n", plan->input_count[i], i,
+                        plan->output_count[j], j);
+        }
+}
+
+/* "void @(const real *x0, ..., real *y0, ..., real *work) {", then `body`. */
+static void add_whole(lg_text *to, const lg_plan *plan, const char *storage, const lg_text *head,
+                      const lg_text *body) {
+    lg_text_add(to, "%svoid @(", storage);
+    for (size_t i = 0; i < plan->inputs; i++) lg_text_add(to, "const real *x%zu, ", i);
+    for (size_t j = 0; j < plan->outputs; j++) lg_text_add(to, "real *y%zu, ", j);
+    lg_text_add(to, "real *work) {\n");
+    lg_text_join(to, head);
+    lg_text_join(to, body);
+    lg_text_add(to, "}\n");
+}
+
+/* Functions with a name of their own stand once; the text of others may be there. */
+static const char *define_whole(lg_c *c, const lg_plan *plan, const lg_text *text, const char *name) {
+    if (name == NULL) return lg_c_define(c, plan->name, text->data);
+    lg_text_add(&c->code, "\n");
+    lg_c_add_definition(&c->code, text->data, name);
+    return name;
+}
+
+static const char *write_body(lg_c *c, const lg_plan *plan, const char *storage, const char *name, bool marks,
+                              size_t *work) {
+    lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
+    lg_text text = {.context = c->context}, head = {.context = c->context};
+    c->frame = &frame;
+    if (++c->nesting > c->most_nesting) c->most_nesting = c->nesting;
+    lg_c_collect_constants(c, plan);
+    write_steps(c, plan);
+    if (marks) add_marks(c, plan, true);
+    add_head(plan, frame.body.data != NULL ? frame.body.data : "", &head, c);
+    if (frame.work == 0) lg_text_add(&head, "    (void)work;\n");
+    add_whole(&text, plan, storage, &head, &frame.body);
+    name = lg_c_takes(c, &text) ? define_whole(c, plan, &text, name) : NULL;
+    *work = frame.work;
+    c->frame = NULL;
+    c->nesting--;
+    lg_text_destroy(&text);
+    lg_text_destroy(&head);
+    lg_text_destroy(&frame.body);
+    lg_free(c->context, frame.range);
+    return name;
+}
+
+const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *storage, const char *name,
+                            size_t *work) {
+    return write_body(c, plan, storage, name, plan->mark_unfit, work);
+}
+
+void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *storage, const char *name, size_t *work) {
+    lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
+    lg_text text = {.context = c->context};
+    const lg_text nothing = {.data = NULL};
+    c->nesting++; /* the function around the body */
+    const char *body = write_body(c, plan, "static ", NULL, false, work);
+    c->nesting--;
+    if (body == NULL) return;
+    c->frame = &frame;
+    lg_text_add(&frame.body, "    %s(", body);
+    for (size_t i = 0; i < plan->inputs; i++) lg_text_add(&frame.body, "x%zu, ", i);
+    for (size_t j = 0; j < plan->outputs; j++) lg_text_add(&frame.body, "y%zu, ", j);
+    lg_text_add(&frame.body, "work);\n");
+    add_marks(c, plan, false);
+    add_whole(&text, plan, storage, &nothing, &frame.body);
+    if (lg_c_takes(c, &text)) (void)define_whole(c, plan, &text, name);
+    c->frame = NULL;
+    lg_text_destroy(&text);
+    lg_text_destroy(&frame.body);
+}

@@ -1,0 +1,396 @@
+/* Programs as C, the pieces: text of tokens, fragments and functions that stand once, tables of numbers, and
+ * statements. */
+#include "autodiff/program/program_c.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+/* ---- failures ---- */
+
+bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) {
+    char message[256];
+    va_list arguments;
+    if (c->status != LG_OK) return false;
+    va_start(arguments, format);
+    (void)vsnprintf(message, sizeof message, format, arguments);
+    va_end(arguments);
+    c->status = lg_fail(c->error, status, "%s", message);
+    return false;
+}
+
+void lg_c_fail_memory(lg_c *c) {
+    (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+}
+
+bool lg_c_good(lg_c *c) {
+    if (c->code.failed || (c->frame != NULL && c->frame->body.failed)) lg_c_fail_memory(c);
+    return c->status == LG_OK;
+}
+
+bool lg_c_takes(lg_c *c, const lg_text *text) {
+    c->code.failed = c->code.failed || text->failed;
+    c->code.unfit = c->code.unfit || text->unfit;
+    c->code.lost += text->lost;
+    return lg_c_good(c);
+}
+
+bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t size) {
+    if (needed <= *capacity) return true;
+    const size_t grown = 2 * *capacity + needed + 16;
+    void *memory = lg_alloc(c->context, grown, size);
+    if (memory == NULL) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+    if (*capacity > 0) memcpy(memory, *array, *capacity * size);
+    lg_free(c->context, *array);
+    *array = memory;
+    *capacity = grown;
+    return true;
+}
+#define ROOM(c, array, capacity, needed)                                                                     \
+    lg_c_room(c, (void **)&(c)->array, &(c)->capacity, needed, sizeof *(c)->array)
+
+/* ---- text of tokens ---- */
+
+static bool starts(const char *s, const char *word) {
+    return strncmp(s, word, strlen(word)) == 0;
+}
+
+/* Where a line may end: behind the last comma, else at the last blank, before column `most`. */
+static size_t line_break(const char *line, size_t length, size_t most) {
+    for (size_t i = most; i > most / 2; i--)
+        if (line[i] == ' ' && line[i - 1] == ',') return i;
+    for (size_t i = most; i > most / 2; i--)
+        if (line[i] == ' ' && line[i - 1] != '(' && line[i - 1] != '*') return i;
+    return length;
+}
+
+void lg_c_add_line(lg_text *to, int depth, const char *line, size_t length) {
+    enum { COLUMNS = 110 };
+    int extra = 0;
+    while (length > 0 && line[0] == ' ') line++, length--;
+    while (length > 0 && line[length - 1] == ' ') length--;
+    while (length > 0) {
+        const size_t room = (size_t)(COLUMNS - 4 * depth - extra);
+        const size_t end = length > room ? line_break(line, length, room) : length;
+        lg_text_add(to, "%*s%.*s\n", 4 * depth + extra, "", (int)end, line);
+        line += end;
+        length -= end;
+        while (length > 0 && line[0] == ' ') line++, length--;
+        extra = 8;
+    }
+}
+
+static bool is_head(const char *line) {
+    line += strspn(line, " ");
+    if (starts(line, "else ")) line += 5;
+    return starts(line, "for (") || starts(line, "if (") || starts(line, "while (");
+}
+
+/* Stringized tokens as lines: a new one after { } and ; that stand outside of parentheses and of the braces
+ * of a list, and after the head of a loop or branch. */
+static void add_tokens(lg_text *to, const char *text) {
+    int depth = 0, inside = 0, list = 0, hanging = 0, branch = 0; /* branch: where the last `if` hangs */
+    const char *line = text;
+    for (const char *s = text; *s != '\0'; s++) {
+        const char *next = s + 1 + strspn(s + 1, " ");
+        if (*s == '(' || *s == '[') inside++;
+        if (*s == ')' || *s == ']') inside--;
+        if (*s == '{' && s > text + 1 && (s[-1] == '=' || s[-2] == '=')) list++;
+        if (inside > 0) continue;
+        const bool head = *s == ')' && *next != '{' && is_head(line);
+        const bool otherwise = starts(line + strspn(line, " "), "else ") && s[1] == ' ' &&
+                               starts(s - 3, "else") && !starts(next, "if") && *next != '{';
+        if (!head && !otherwise && *s != '{' && *s != '}' && *s != ';') continue;
+        if (list > 0) {
+            list -= *s == '}';
+            continue;
+        }
+        if (*s == '}' && depth > 0) depth--;
+        if (*s == '}' && (starts(next, "else") || (depth == 0 && *next != '\0' && !starts(next, "static"))))
+            continue; /* } else {, } name; */
+        lg_c_add_line(to, depth + hanging, line, (size_t)(s + 1 - line));
+        if (head && strstr(line, "if (") != NULL && strstr(line, "if (") < s) branch = hanging;
+        hanging = head || otherwise ? hanging + 1 : starts(next, "else") && *s == ';' ? branch : 0;
+        if (*s == '{') depth++;
+        if (depth == 0 && *s == '}' && *next != '\0') lg_text_add(to, "\n");
+        line = s + 1;
+    }
+    lg_c_add_line(to, depth, line, strlen(line));
+}
+
+/* ---- fragments and functions ---- */
+
+static bool in_word(char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+}
+
+bool lg_c_uses(const char *text, const char *word) {
+    const size_t length = strlen(word);
+    for (const char *s = text; (s = strstr(s, word)) != NULL; s += length)
+        if ((s == text || !in_word(s[-1])) && !in_word(s[length])) return true;
+    return false;
+}
+
+/* Functions that a text defines: lines that begin with `static` and hold a parenthesis. */
+static size_t functions_in(const char *text) {
+    size_t count = 0;
+    for (const char *s = text; (s = strstr(s, "static ")) != NULL; s++) {
+        const size_t to_brace = strcspn(s, "{;="), to_call = strcspn(s, "(");
+        count += to_call < to_brace;
+    }
+    return count;
+}
+
+static void check_name(lg_c *c, const char *text) {
+    const size_t length = strlen(c->name);
+    for (const char *s = text; (s = strstr(s, c->name)) != NULL; s++)
+        if (s[length] == '_' && (s == text || !in_word(s[-1])))
+            (void)lg_c_fail(c, LG_INVALID_ARGUMENT,
+                            "'%s' cannot be the name: the code uses words that begin so", c->name);
+}
+
+static const char *text_of(const lg_c *c, const lg_c_fragment *fragment) {
+    if (fragment->text != NULL) return fragment->text;
+    return lg_c_text_of(fragment->file[c->dtype == LG_F32 ? 1 : 0]);
+}
+
+/* Functions that may call each other, down to the fragments that need none. */
+static size_t chain_of(const lg_c *c, const lg_c_fragment *fragment) {
+    size_t below = 0;
+    for (size_t i = 0; i < LG_C_NEEDS && fragment->needs[i] != NULL; i++) {
+        const size_t chain = chain_of(c, fragment->needs[i]);
+        if (chain > below) below = chain;
+    }
+    return functions_in(text_of(c, fragment)) + below;
+}
+
+void lg_c_need(lg_c *c, const lg_c_fragment *fragment) {
+    if (c->status != LG_OK) return;
+    for (size_t i = 0; i < c->fragments; i++)
+        if (c->fragment[i] == fragment) return;
+    for (size_t i = 0; i < LG_C_NEEDS && fragment->needs[i] != NULL; i++) lg_c_need(c, fragment->needs[i]);
+    if (!ROOM(c, fragment, fragment_capacity, c->fragments + 1)) return;
+    c->fragment[c->fragments++] = fragment;
+    const char *text = text_of(c, fragment);
+    const size_t chain = chain_of(c, fragment);
+    if (chain > c->most_chain) c->most_chain = chain;
+    check_name(c, text);
+    lg_text_add(&c->code, "\n");
+    if (fragment->comment != NULL) lg_text_add(&c->code, "/* %s */\n", fragment->comment);
+    if (fragment->text != NULL)
+        add_tokens(&c->code, text);
+    else
+        lg_text_add_named(&c->code, c->name, text);
+}
+
+void lg_c_add_definition(lg_text *to, const char *text, const char *name) {
+    for (const char *s = text; *s != '\0';) {
+        const size_t n = strcspn(s, "@");
+        lg_text_append(to, s, n);
+        s += n;
+        if (*s == '@') lg_text_append(to, name, strlen(name)), s++;
+    }
+}
+
+/* FNV-1a */
+static uint64_t hash_of(const char *text) {
+    uint64_t h = 14695981039346656037u;
+    for (; *text != '\0'; text++) h = (h ^ (unsigned char)*text) * 1099511628211u;
+    return h;
+}
+
+void lg_c_largest(lg_c *c, size_t bytes) {
+    if (bytes > c->largest) c->largest = bytes;
+}
+
+const char *lg_c_define(lg_c *c, const char *title, const char *text) {
+    if (!lg_c_good(c)) return NULL;
+    const uint64_t hash = hash_of(text);
+    for (size_t i = 0; i < c->functions; i++)
+        if (c->function[i].hash == hash && strcmp(c->function[i].text, text) == 0) return c->function[i].name;
+    if (!ROOM(c, function, function_capacity, c->functions + 1)) return NULL;
+    lg_c_function *made = &c->function[c->functions];
+    made->hash = hash;
+    made->text = lg_strdup(c->context, text);
+    if (made->text == NULL) {
+        lg_c_fail_memory(c);
+        return NULL;
+    }
+    (void)snprintf(made->name, sizeof made->name, "%s_%zu", title, ++c->functions);
+    lg_text_add(&c->code, "\n");
+    lg_c_add_definition(&c->code, text, made->name);
+    return made->name;
+}
+
+/* ---- tables ---- */
+
+/* Where these numbers lie in the table of weights; a part of a piece that is there serves. */
+static size_t weights_at(lg_c *c, const double *values, size_t count) {
+    for (size_t i = 0; i < c->pieces; i++)
+        for (size_t k = 0; count > 0 && k + count <= c->piece[i].count; k++) {
+            const double *there = c->weight + c->piece[i].at + k;
+            if (memcmp(there, values, sizeof *there) == 0 &&
+                memcmp(there, values, count * sizeof *there) == 0)
+                return c->piece[i].at + k;
+        }
+    if (!ROOM(c, weight, weight_capacity, c->weights + count) ||
+        !ROOM(c, piece, piece_capacity, c->pieces + 1))
+        return 0;
+    memcpy(c->weight + c->weights, values, count * sizeof *values);
+    c->piece[c->pieces++] = (lg_c_piece){c->weights, count};
+    c->weights += count;
+    return c->weights - count;
+}
+
+void lg_c_indices(lg_c *c, const uint32_t *values, size_t count) {
+    if (c->status != LG_OK) return;
+    for (size_t i = 0; i < c->tables; i++)
+        if (c->table[i].count == count &&
+            memcmp(c->index + c->table[i].at, values, count * sizeof *values) == 0) {
+            c->indices_at = c->table[i].at;
+            return;
+        }
+    if (!ROOM(c, index, index_capacity, c->indices + count) || !ROOM(c, table, table_capacity, c->tables + 1))
+        return;
+    if (count > 0) memcpy(c->index + c->indices, values, count * sizeof *values);
+    c->table[c->tables++] = (lg_c_piece){c->indices, count};
+    c->indices_at = c->indices;
+    c->indices += count;
+}
+
+/* Ranges of the plan's constants that steps read; those that meet become one. */
+static void read_constants(lg_c *c, lg_place place, size_t count) {
+    lg_c_frame *f = c->frame;
+    if (place.area != LG_AREA_CONSTANTS || count == 0 || c->status != LG_OK) return;
+    size_t from = place.offset, to = place.offset + count, kept = 0;
+    for (size_t i = 0; i < f->ranges; i++) {
+        const lg_c_range *r = &f->range[i];
+        if (r->from < to && from < r->from + r->count) {
+            if (r->from < from) from = r->from;
+            if (r->from + r->count > to) to = r->from + r->count;
+        } else {
+            f->range[kept++] = *r;
+        }
+    }
+    f->ranges = kept;
+    if (lg_c_room(c, (void **)&f->range, &f->range_capacity, f->ranges + 1, sizeof *f->range))
+        f->range[f->ranges++] = (lg_c_range){from, to - from, 0};
+}
+
+size_t lg_c_constant_at(const lg_c *c, size_t offset) {
+    const lg_c_frame *f = c->frame;
+    for (size_t i = 0; i < f->ranges; i++)
+        if (f->range[i].from <= offset && offset < f->range[i].from + f->range[i].count)
+            return f->range[i].at + offset - f->range[i].from;
+    return 0;
+}
+
+static size_t elements_of(const lg_tensor_step *s, uint32_t k) {
+    return s->x[k].area == LG_AREA_NONE ? 0 : lg_shape_count(*s->shapes[k]);
+}
+
+void lg_c_collect_constants(lg_c *c, const lg_plan *plan) {
+    for (size_t i = 0; i < plan->steps; i++) {
+        const lg_plan_step *s = &plan->step[i];
+        if (s->kind == LG_STEP_TENSOR)
+            for (uint32_t k = 0; k < s->tensor.inputs; k++)
+                read_constants(c, s->tensor.x[k], elements_of(&s->tensor, k));
+        if (s->kind == LG_STEP_DENSE) {
+            read_constants(c, s->dense.w, s->dense.k * s->dense.n);
+            read_constants(c, s->dense.b, s->dense.n);
+            read_constants(c, s->dense.x, s->dense.m * s->dense.k);
+        }
+        if (s->kind == LG_STEP_COPY) read_constants(c, s->copy.x, s->copy.count);
+        if (s->kind == LG_STEP_SCALARS)
+            for (uint32_t k = 0; k < s->scalars.ins; k++)
+                read_constants(c, s->scalars.in[k].place, s->scalars.in[k].count);
+    }
+    for (size_t i = 0; i < c->frame->ranges && c->status == LG_OK; i++) {
+        lg_c_range *r = &c->frame->range[i];
+        r->at = weights_at(c, (const double *)plan->constants + r->from, r->count);
+    }
+}
+
+/* ---- statements ---- */
+
+void lg_c_scratch(lg_c *c, size_t count) {
+    lg_c_use(c, c->step->scratch, count);
+}
+
+void lg_c_use(lg_c *c, lg_place place, size_t count) {
+    if (place.area == LG_AREA_WORK && place.offset + count > c->frame->work)
+        c->frame->work = place.offset + count;
+}
+
+void lg_c_add_place(lg_c *c, lg_text *to, lg_place place) {
+    size_t offset = place.offset;
+    if (place.area == LG_AREA_NONE) {
+        lg_text_add(to, "NULL");
+        return;
+    }
+    if (place.area == LG_AREA_CONSTANTS) {
+        offset = lg_c_constant_at(c, place.offset);
+        lg_text_add(to, "%s_weights", c->name);
+    } else if (place.area == LG_AREA_WORK) {
+        lg_text_add(to, "work");
+    } else {
+        lg_text_add(to, "%c%u", place.area == LG_AREA_INPUT ? 'x' : 'y', place.number);
+    }
+    if (offset > 0) lg_text_add(to, " + %zu", offset);
+}
+
+/* A sign of the format: $0 $y $s $i; how many characters it has. */
+static size_t add_memory(lg_c *c, lg_text *to, const char *sign) {
+    const lg_tensor_step *s = c->step;
+    uint32_t k = 0;
+    size_t n = 1;
+    if (*sign == 'i') {
+        lg_text_add(to, "%s_indices + %zu", c->name, c->indices_at);
+    } else if (*sign == 'y') {
+        lg_c_add_place(c, to, s->y);
+    } else if (*sign == 's') {
+        lg_c_add_place(c, to, s->scratch);
+    } else {
+        for (n = 0; sign[n] >= '0' && sign[n] <= '9'; n++) k = 10 * k + (uint32_t)(sign[n] - '0');
+        lg_c_add_place(c, to, s->x[k]);
+    }
+    return n;
+}
+
+/* " + 0" at the end of an address goes. */
+static const char *skip_zero(const char *s) {
+    return starts(s, " + 0") && (s[4] == ',' || s[4] == ')') ? s + 4 : s;
+}
+
+void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...) {
+    char call[1024], *long_call = NULL;
+    va_list arguments, again;
+    if (fragment != NULL) lg_c_need(c, fragment);
+    if (!lg_c_good(c)) return;
+    va_start(arguments, format);
+    va_copy(again, arguments);
+    const int length = vsnprintf(call, sizeof call, format, arguments);
+    va_end(arguments);
+    if (length >= (int)sizeof call) {
+        long_call = lg_alloc(c->context, (size_t)length + 1, 1);
+        if (long_call == NULL)
+            lg_c_fail_memory(c);
+        else
+            (void)vsnprintf(long_call, (size_t)length + 1, format, again);
+    }
+    va_end(again);
+    lg_text *body = &c->frame->body;
+    lg_text line = {.context = c->context};
+    for (const char *s = long_call != NULL ? long_call : call; *s != '\0';) {
+        if (*s == '$') {
+            s += 1 + add_memory(c, &line, s + 1);
+            s = skip_zero(s);
+        } else {
+            lg_text_append(&line, s++, 1);
+        }
+    }
+    lg_text_add(&line, ";");
+    if (lg_c_takes(c, &line)) lg_c_add_line(body, 1, line.data, line.length);
+    lg_text_destroy(&line);
+    lg_free(c->context, long_call);
+}

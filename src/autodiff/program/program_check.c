@@ -1,0 +1,243 @@
+/* What is checked when a function is added to a program. */
+#include "autodiff/program/program_check.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "autodiff/ops/op_table.h"
+#include "autodiff/program/program_call.h"
+
+/* Units stand in comments of C. */
+static bool unit_is_sound(const char *unit) {
+    if (unit == NULL) return true;
+    for (const char *c = unit; *c != '\0'; c++)
+        if ((unsigned char)*c < ' ' || *c == '\x7f' || *c == '\\' || *c == '"' || *c == '?' ||
+            (*c == '*' && c[1] == '/') || (*c == '/' && (c[1] == '*' || c[1] == '/')))
+            return false;
+    return strlen(unit) <= LG_PROGRAM_MAX_NAME;
+}
+
+static lg_status check_ports(const lg_function *f, lg_error *error) {
+    if (f->inputs < 1 || f->inputs > LG_PROGRAM_MAX_PORTS || f->outputs < 1 ||
+        f->outputs > LG_PROGRAM_MAX_PORTS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "function '%s' has no or too many inputs or outputs",
+                       f->name);
+    for (size_t i = 0; i < f->inputs + f->outputs; i++) {
+        const lg_port *port = i < f->inputs ? &f->input[i] : &f->output[i - f->inputs];
+        LG_TRY(lg_program_check_name(i < f->inputs ? "an input" : "an output", port->name, error));
+        for (size_t j = 0; j < i; j++) {
+            const lg_port *other = j < f->inputs ? &f->input[j] : &f->output[j - f->inputs];
+            if (strcmp(port->name, other->name) == 0)
+                return lg_fail(error, LG_INVALID_ARGUMENT, "function '%s' has two ports called '%s'", f->name,
+                               port->name);
+        }
+        if (!lg_program_shape_is_sound(&port->shape, port->shared ? LG_MAX_RANK : LG_MAX_RANK - 1))
+            return lg_fail(error, LG_SHAPE,
+                           "'%s' of function '%s' has a rank that is too high, or is too large", port->name,
+                           f->name);
+        if (!unit_is_sound(port->unit))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "the unit of '%s' of function '%s' is too long or cannot stand in a comment of C",
+                           port->name, f->name);
+        if (!isfinite(port->low) || !isfinite(port->high) || port->low > port->high)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' of function '%s' has a range that is none",
+                           port->name, f->name);
+    }
+    return LG_OK;
+}
+
+static lg_status bad_node(const lg_function *f, uint32_t i, const char *why, lg_error *error) {
+    const char *name = f->node[i].op != NULL ? f->node[i].op->name : "?";
+    return lg_fail(error, LG_FORMAT, "function '%s', operation %u (%s): %s", f->name, i, name, why);
+}
+
+static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
+    const lg_program_node *node = &f->node[i];
+    if (node->inputs != 0) return bad_node(f, i, "a leaf has inputs", error);
+    if (node->leaf == LG_LEAF_CONSTANT) {
+        if (node->payload_count == 0 || node->payload > f->real_count ||
+            node->payload_count > f->real_count - node->payload)
+            return bad_node(f, i, "its numbers are not there", error);
+        return LG_OK;
+    }
+    const size_t most = node->leaf == LG_LEAF_INPUT ? f->inputs : p->parameters;
+    if ((node->leaf != LG_LEAF_INPUT && node->leaf != LG_LEAF_PARAMETER) || node->number >= most)
+        return bad_node(f, i, "there is no such input or parameter", error);
+    for (size_t rows = 1; rows <= 3; rows++) {
+        lg_shape shape, wanted = node->leaf == LG_LEAF_INPUT ? lg_port_shape(&f->input[node->number], rows)
+                                                             : p->parameter[node->number].shape;
+        if (!lg_node_shape_at(node, rows, &shape) || !lg_same_shape(&shape, &wanted))
+            return bad_node(f, i, "its shape is not that of the input or parameter", error);
+    }
+    return LG_OK;
+}
+
+/* Calls go to functions that were there before, so they end. */
+static lg_status check_call(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
+    const lg_program_node *node = &f->node[i];
+    const lg_affine to = node->i[0], output = node->i[1];
+    if (to.rows != 0 || to.base < 0 || (uint64_t)to.base >= p->functions)
+        return bad_node(f, i, "it calls no function that was there before", error);
+    const lg_function *callee = &p->function[to.base];
+    if (output.rows != 0 || output.base < 0 || (uint64_t)output.base >= callee->outputs ||
+        callee->inputs != node->inputs)
+        return bad_node(f, i, "the function that it calls has other inputs or outputs", error);
+    for (size_t rows = 1; rows <= 3; rows++)
+        for (uint32_t k = 0; k <= node->inputs; k++) {
+            const lg_program_node *at = k < node->inputs ? &f->node[f->edges[node->first + k]] : node;
+            const lg_shape wanted =
+                lg_port_shape(k < node->inputs ? &callee->input[k] : &callee->output[output.base], rows);
+            lg_shape there;
+            if (!lg_node_shape_at(at, rows, &there) || !lg_same_shape(&there, &wanted))
+                return bad_node(f, i, "shapes are not those of the function that it calls", error);
+        }
+    return LG_OK;
+}
+
+static lg_status check_payload(const lg_function *f, uint32_t i, lg_error *error) {
+    const lg_program_node *node = &f->node[i];
+    const lg_payload payload = node->op->payload;
+    if (payload == LG_PAYLOAD_IN_PROCESS)
+        return bad_node(f, i, "an operation of the caller's own lives in the process only", error);
+    if (payload != LG_PAYLOAD_REALS && payload != LG_PAYLOAD_INDICES) return LG_OK;
+    const size_t there = payload == LG_PAYLOAD_REALS ? f->real_count : f->index_count;
+    if (node->payload > there || node->payload_count > there - node->payload)
+        return bad_node(f, i, "its payload is not there", error);
+    if (payload == LG_PAYLOAD_REALS && node->payload_count != node->inputs)
+        return bad_node(f, i, "it has not one coefficient for each input", error);
+    if (payload != LG_PAYLOAD_INDICES) return LG_OK;
+    if (node->i[0].rows != 0 || node->i[1].rows != 0 || node->i[0].base != node->payload_count)
+        return bad_node(f, i, "the number of its indices is wrong", error);
+    for (uint32_t k = 0; k < node->payload_count; k++)
+        if ((int64_t)f->indices[node->payload + k] >= node->i[1].base)
+            return bad_node(f, i, "an index is out of range", error);
+    return LG_OK;
+}
+
+/* Affine shapes and attributes satisfy the shape rule at these numbers of rows; lg_plan_create and
+ * lg_program_record ask it again at theirs. */
+static lg_status check_shapes(const lg_function *f, uint32_t i, lg_error *error) {
+    const lg_program_node *node = &f->node[i];
+    lg_shape shapes[LG_MAX_INPUTS], stated, found;
+    const lg_shape *in[LG_MAX_INPUTS];
+    lg_attr attr;
+    for (size_t rows = 1; rows <= 3; rows++) {
+        for (uint32_t k = 0; k < node->inputs; k++) {
+            (void)lg_node_shape_at(&f->node[f->edges[node->first + k]], rows, &shapes[k]);
+            in[k] = &shapes[k];
+        }
+        if (!lg_node_shape_at(node, rows, &stated) || !lg_node_attr_at(f, node, rows, &attr))
+            return bad_node(f, i, "a dimension or attribute is negative or too large", error);
+        found = stated;
+        if (node->op == &lg_op_leaf) continue;
+        const lg_status status = node->op->shape(in, node->inputs, &attr, &found);
+        if (status != LG_OK || !lg_same_shape(&found, &stated))
+            return bad_node(f, i, "its shape or attributes do not fit its inputs", error);
+    }
+    return LG_OK;
+}
+
+/* No overflow for any number of rows that fits into 32 bits. */
+static bool affine_within(lg_affine a) {
+    const int64_t most = 2 * LG_PROGRAM_MAX_DIM, slope = LG_PROGRAM_MAX_DIM / 2;
+    return a.base <= most && a.base >= -most && a.rows <= slope && a.rows >= -slope;
+}
+
+static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
+    const lg_program_node *node = &f->node[i];
+    if (node->op == NULL || (node->op != &lg_op_call && lg_op_place(node->op) == LG_OPS_MOST))
+        return bad_node(f, i, "there is no such operation", error);
+    const lg_op *op = node->op;
+    if (node->rank > LG_MAX_RANK) return bad_node(f, i, "its rank is too high", error);
+    if (!isfinite(node->c)) return bad_node(f, i, "an attribute is not finite", error);
+    if (node->inputs < op->least || node->inputs > op->most || node->first > f->edge_count ||
+        node->inputs > f->edge_count - node->first)
+        return bad_node(f, i, "it has not the right number of inputs", error);
+    for (uint32_t k = 0; k < node->inputs; k++)
+        if (f->edges[node->first + k] >= i) return bad_node(f, i, "an input comes after it", error);
+    bool within = affine_within(node->inverse);
+    for (int k = 0; k < 4; k++) within = within && affine_within(node->dims[k]) && affine_within(node->i[k]);
+    if (!within) return bad_node(f, i, "a dimension or attribute is too large", error);
+    if (node->op == &lg_op_leaf) LG_TRY(check_leaf(p, f, i, error));
+    if (node->op == &lg_op_call) LG_TRY(check_call(p, f, i, error));
+    LG_TRY(check_payload(f, i, error));
+    return check_shapes(f, i, error);
+}
+
+static lg_status check_nodes(const lg_program *p, const lg_function *f, lg_error *error) {
+    if (f->nodes == 0 || f->nodes > LG_PROGRAM_MAX_NODES)
+        return lg_fail(error, LG_FORMAT, "function '%s' has no or too many operations", f->name);
+    for (size_t i = 0; i < f->real_count; i++)
+        if (!isfinite(f->reals[i]))
+            return lg_fail(error, LG_NOT_FINITE, "function '%s' has a constant that is not finite", f->name);
+    for (uint32_t i = 0; i < f->nodes; i++) LG_TRY(check_node(p, f, i, error));
+    for (size_t j = 0; j < f->outputs; j++) {
+        if (f->result[j] >= f->nodes)
+            return lg_fail(error, LG_FORMAT, "output '%s' of function '%s' is no operation of it",
+                           f->output[j].name, f->name);
+        for (size_t rows = 1; rows <= 3; rows++) {
+            lg_shape shape;
+            const lg_shape wanted = lg_port_shape(&f->output[j], rows);
+            if (!lg_node_shape_at(&f->node[f->result[j]], rows, &shape) || !lg_same_shape(&shape, &wanted))
+                return lg_fail(error, LG_FORMAT, "output '%s' of function '%s' has another shape than stated",
+                               f->output[j].name, f->name);
+        }
+    }
+    return LG_OK;
+}
+
+static bool same_port(const lg_port *a, const lg_port *b) {
+    return a->shared == b->shared && lg_same_shape(&a->shape, &b->shape);
+}
+
+/* `from`: the output that becomes the input; UINT32_MAX: none. */
+static lg_status check_carry(const lg_function *f, const lg_port *input, uint32_t from, lg_error *error) {
+    if (from == UINT32_MAX) return LG_OK;
+    if (from >= f->outputs)
+        return lg_fail(error, LG_FORMAT, "loop '%s': what becomes input '%s' is no output", f->name,
+                       input->name);
+    const lg_port *output = &f->output[from];
+    if (output->shared != input->shared)
+        return lg_fail(
+            error, LG_FORMAT,
+            "loop '%s': output '%s' cannot become input '%s': all rows share one of them, and each "
+            "row has the other",
+            f->name, output->name, input->name);
+    if (!lg_same_shape(&output->shape, &input->shape))
+        return lg_fail(error, LG_FORMAT,
+                       "loop '%s': output '%s' cannot become input '%s': their shapes differ", f->name,
+                       output->name, input->name);
+    return LG_OK;
+}
+
+static lg_status check_loop(const lg_program *p, const lg_function *f, lg_error *error) {
+    if (f->times > LG_PROGRAM_MAX_TIMES)
+        return lg_fail(error, LG_FORMAT, "loop '%s' is run more than %u times", f->name,
+                       LG_PROGRAM_MAX_TIMES);
+    if (f->nodes != 0)
+        return lg_fail(error, LG_FORMAT, "loop '%s' holds operations, and it may only repeat a function",
+                       f->name);
+    if (f->callee >= p->functions)
+        return lg_fail(error, LG_FORMAT, "loop '%s' calls no function that was there before it", f->name);
+    const lg_function *callee = &p->function[f->callee];
+    if (callee->times != 0)
+        return lg_fail(error, LG_FORMAT, "loop '%s' calls '%s', which is a loop too", f->name, callee->name);
+    bool fits = f->inputs == callee->inputs && f->outputs == callee->outputs && f->carry != NULL;
+    for (size_t i = 0; fits && i < f->inputs; i++) fits = same_port(&f->input[i], &callee->input[i]);
+    for (size_t j = 0; fits && j < f->outputs; j++) fits = same_port(&f->output[j], &callee->output[j]);
+    if (!fits)
+        return lg_fail(error, LG_FORMAT, "loop '%s' has other ports than '%s', which it calls", f->name,
+                       callee->name);
+    for (size_t i = 0; i < f->inputs; i++) LG_TRY(check_carry(f, &f->input[i], f->carry[i], error));
+    return LG_OK;
+}
+
+lg_status lg_program_check_function(const lg_program *p, const lg_function *f, lg_error *error) {
+    LG_TRY(check_ports(f, error));
+    size_t nodes = f->nodes;
+    for (size_t i = 0; i < p->functions; i++) nodes += p->function[i].nodes;
+    if (nodes > LG_PROGRAM_MAX_ALL_NODES)
+        return lg_fail(error, LG_FORMAT, "function '%s': the program has more than %u operations", f->name,
+                       LG_PROGRAM_MAX_ALL_NODES);
+    return f->times > 0 ? check_loop(p, f, error) : check_nodes(p, f, error);
+}

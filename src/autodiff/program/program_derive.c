@@ -1,0 +1,409 @@
+/* Derivatives of functions: further functions, recorded like any other.
+ *
+ * A Jacobian takes all directions at once: each row of the inputs stands N times in the batch, N the number
+ * of directions, each time with another unit vector as direction (or cotangent, where the outputs have fewer
+ * elements). lg_plan computes once what the copies share.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "autodiff/program/program.h"
+#include "liegrad/ops.h"
+#include "liegrad/random.h"
+
+enum { PORTS = LG_PROGRAM_MAX_PORTS, NAME = LG_PROGRAM_MAX_NAME + 1 };
+
+/* Something recorded: a function of the program, or its adjoint. */
+typedef struct differentiable differentiable;
+struct differentiable {
+    lg_status (*record)(const differentiable *self, lg_tape *tape, const lg_var *parameters, const lg_var *in,
+                        lg_var *out);
+    const lg_program *program;
+    size_t function;
+    lg_port in[PORTS], out[PORTS];
+    size_t inputs, outputs;
+    size_t by[PORTS], of[PORTS]; /* inputs by which, outputs of which */
+    size_t by_count, of_count;
+    const differentiable *inner; /* of an adjoint */
+};
+
+typedef struct deriving {
+    differentiable f, adjoint;
+    lg_derivative_kind kind;
+    char names[2 * PORTS + PORTS * PORTS][3 * NAME];
+    size_t named;
+    lg_port in[PORTS], out[PORTS]; /* of the new function */
+    size_t inputs, outputs;
+} deriving;
+
+/* ---- functions and adjoints ---- */
+
+static lg_status record_function(const differentiable *f, lg_tape *tape, const lg_var *parameters,
+                                 const lg_var *in, lg_var *out) {
+    return lg_program_record(tape, f->program, f->function, parameters, in, out);
+}
+
+/* in: the inputs, then a cotangent for each output asked for; out: the cotangents of inputs asked for. */
+static lg_status record_adjoint(const differentiable *self, lg_tape *tape, const lg_var *parameters,
+                                const lg_var *in, lg_var *out) {
+    const differentiable *f = self->inner;
+    lg_var y[PORTS], of[PORTS], by[PORTS];
+    LG_TRY(f->record(f, tape, parameters, in, y));
+    for (size_t j = 0; j < f->of_count; j++) of[j] = y[f->of[j]];
+    for (size_t i = 0; i < f->by_count; i++) by[i] = in[f->by[i]];
+    return lg_vjp(tape, of, in + f->inputs, f->of_count, by, f->by_count, out);
+}
+
+static lg_status record_forward(const differentiable *f, lg_tape *tape, const lg_var *parameters,
+                                const lg_var *in, lg_var *out) {
+    lg_var y[PORTS], of[PORTS], by[PORTS];
+    LG_TRY(f->record(f, tape, parameters, in, y));
+    for (size_t j = 0; j < f->of_count; j++) of[j] = y[f->of[j]];
+    for (size_t i = 0; i < f->by_count; i++) by[i] = in[f->by[i]];
+    return lg_jvp(tape, of, f->of_count, by, in + f->inputs, f->by_count, out);
+}
+
+/* ---- Jacobians ---- */
+
+static uint32_t elements(const lg_port *port) {
+    return (uint32_t)lg_shape_count(port->shape);
+}
+
+static uint32_t total(const lg_port *ports, const size_t *chosen, size_t count) {
+    uint32_t sum = 0;
+    for (size_t i = 0; i < count; i++) sum += elements(&ports[chosen[i]]);
+    return sum;
+}
+
+/* (B, shape...) -> (B copies, shape...), each row `copies` times. */
+static lg_var repeat_rows(lg_tape *tape, const lg_port *port, lg_var x, uint32_t rows, uint32_t copies) {
+    const uint32_t n = elements(port);
+    const lg_var one = lg_reshape(tape, x, lg_shape3(rows, 1, n));
+    const lg_var all = lg_broadcast_to(tape, one, lg_shape3(rows, copies, n));
+    return lg_reshape(tape, all, lg_port_shape(port, (size_t)rows * copies));
+}
+
+/* Unit vectors of one port among `copies` directions: row r of each block is e_{r - first}, or 0. */
+static lg_var unit_rows(lg_tape *tape, const lg_port *port, uint32_t rows, uint32_t copies, uint32_t first) {
+    const uint32_t n = elements(port);
+    void *memory = NULL;
+    const lg_var leaf = lg_input_buffer(tape, lg_shape3(1, copies, n), &memory);
+    if (memory == NULL) return LG_NONE;
+    const double one = 1.0;
+    tape->k->fill((size_t)copies * n, 0.0, memory);
+    for (uint32_t i = 0; i < n; i++)
+        tape->k->convert_in(1, &one, (unsigned char *)memory + ((size_t)(first + i) * n + i) * tape->k->size);
+    const lg_var all = lg_broadcast_to(tape, leaf, lg_shape3(rows, copies, n));
+    return lg_reshape(tape, all, lg_port_shape(port, (size_t)rows * copies));
+}
+
+/* Directions or cotangents of all chosen ports, side by side. */
+static void unit_vectors(lg_tape *tape, const lg_port *ports, const size_t *chosen, size_t count,
+                         uint32_t rows, uint32_t copies, lg_var *out) {
+    uint32_t first = 0;
+    for (size_t i = 0; i < count; i++) {
+        out[i] = unit_rows(tape, &ports[chosen[i]], rows, copies, first);
+        first += elements(&ports[chosen[i]]);
+    }
+}
+
+/* block[j by_count + i] of the derivatives (B, copies, n): columns for directions, rows for cotangents. */
+static void cut_blocks(lg_tape *tape, const differentiable *f, bool forward, uint32_t rows, uint32_t copies,
+                       const lg_var *derivative, lg_var *block) {
+    for (size_t j = 0; j < f->of_count; j++) {
+        uint32_t first = 0;
+        for (size_t i = 0; i < f->by_count; i++) {
+            const uint32_t nj = elements(&f->out[f->of[j]]), ni = elements(&f->in[f->by[i]]);
+            lg_var all =
+                lg_reshape(tape, derivative[forward ? j : i], lg_shape3(rows, copies, forward ? nj : ni));
+            if (forward) {
+                all = lg_transpose(tape, all);
+                block[j * f->by_count + i] = lg_slice(tape, all, 2, first, ni);
+                first += ni;
+            } else {
+                uint32_t above = 0;
+                for (size_t k = 0; k < j; k++) above += elements(&f->out[f->of[k]]);
+                block[j * f->by_count + i] = lg_slice(tape, all, 1, above, nj);
+            }
+        }
+    }
+}
+
+static lg_status record_jacobian(const differentiable *f, lg_tape *tape, const lg_var *parameters,
+                                 const lg_var *in, lg_var *block) {
+    const uint32_t n_in = total(f->in, f->by, f->by_count), n_out = total(f->out, f->of, f->of_count);
+    const bool forward = n_in <= n_out;
+    const uint32_t copies = forward ? n_in : n_out, rows = lg_var_shape(tape, in[f->by[0]]).dims[0];
+    lg_var tiled[PORTS], y[PORTS], of[PORTS], by[PORTS], unit[PORTS], derivative[PORTS];
+    for (size_t i = 0; i < f->inputs; i++)
+        tiled[i] = f->in[i].shared ? in[i] : repeat_rows(tape, &f->in[i], in[i], rows, copies);
+    LG_TRY(lg_tape_status(tape));
+    LG_TRY(f->record(f, tape, parameters, tiled, y));
+    for (size_t j = 0; j < f->of_count; j++) of[j] = y[f->of[j]];
+    for (size_t i = 0; i < f->by_count; i++) by[i] = tiled[f->by[i]];
+    if (forward) {
+        unit_vectors(tape, f->in, f->by, f->by_count, rows, copies, unit);
+        LG_TRY(lg_jvp(tape, of, f->of_count, by, unit, f->by_count, derivative));
+    } else {
+        unit_vectors(tape, f->out, f->of, f->of_count, rows, copies, unit);
+        LG_TRY(lg_vjp(tape, of, unit, f->of_count, by, f->by_count, derivative));
+    }
+    cut_blocks(tape, f, forward, rows, copies, derivative, block);
+    return lg_tape_status(tape);
+}
+
+static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *in, lg_var *out) {
+    const deriving *d = user;
+    switch (d->kind) {
+    case LG_DERIVATIVE_FORWARD:
+        return record_forward(&d->f, tape, parameters, in, out);
+    case LG_DERIVATIVE_ADJOINT:
+        return record_adjoint(&d->adjoint, tape, parameters, in, out);
+    case LG_DERIVATIVE_JACOBIAN:
+        return record_jacobian(&d->f, tape, parameters, in, out);
+    case LG_DERIVATIVE_JACOBIAN_OF_ADJOINT:
+        return record_jacobian(&d->adjoint, tape, parameters, in, out);
+    }
+    return LG_INVALID_ARGUMENT;
+}
+
+/* ---- ports ---- */
+
+static const char *name_of(deriving *d, const char *format, const char *a, const char *b) {
+    char *name = d->names[d->named++];
+    (void)snprintf(name, sizeof d->names[0], format, a, b);
+    return name;
+}
+
+static bool begins_a_port(const lg_port *ports, size_t count, const char *prefix) {
+    for (size_t i = 0; i < count; i++)
+        if (strncmp(ports[i].name, prefix, strlen(prefix)) == 0) return true;
+    return false;
+}
+
+/* fwd_x; of a function that has fwd_ ports already, fwd2_x and so on. */
+static lg_port seed_of(deriving *d, const char *word, const lg_port *port) {
+    const differentiable *f = &d->f;
+    char prefix[16];
+    (void)snprintf(prefix, sizeof prefix, "%s_", word);
+    for (int n = 2; begins_a_port(f->in, f->inputs, prefix) || begins_a_port(f->out, f->outputs, prefix); n++)
+        (void)snprintf(prefix, sizeof prefix, "%s%d_", word, n);
+    return (lg_port){
+        .name = name_of(d, "%s%s", prefix, port->name), .shape = port->shape, .shared = port->shared};
+}
+
+static lg_status choose(const char *const *names, size_t count, const lg_port *ports, size_t there, bool all,
+                        size_t *chosen, size_t *chosen_count, const char *what, lg_error *error) {
+    *chosen_count = 0;
+    for (size_t i = 0; names == NULL && i < there; i++)
+        if (all || !ports[i].shared) chosen[(*chosen_count)++] = i;
+    for (size_t c = 0; names != NULL && c < count; c++) {
+        size_t i = 0;
+        while (i < there && strcmp(ports[i].name, names[c]) != 0) i++;
+        if (i == there) return lg_fail(error, LG_NOT_FOUND, "there is no %s '%s'", what, names[c]);
+        if (!all && ports[i].shared)
+            return lg_fail(error, LG_UNSUPPORTED,
+                           "%s '%s' is shared by all rows: a Jacobian is of each row by the same row", what,
+                           names[c]);
+        if (*chosen_count == PORTS) return lg_fail(error, LG_INVALID_ARGUMENT, "too many ports");
+        chosen[(*chosen_count)++] = i;
+    }
+    return *chosen_count > 0
+               ? LG_OK
+               : lg_fail(error, LG_INVALID_ARGUMENT, "there is no %s to differentiate by", what);
+}
+
+/* The adjoint as a differentiable of its own: inputs and cotangents -> cotangents of the inputs. */
+static void make_adjoint(deriving *d) {
+    const differentiable *f = &d->f;
+    differentiable *a = &d->adjoint;
+    *a = (differentiable){.record = record_adjoint, .program = f->program, .inner = f};
+    for (size_t i = 0; i < f->inputs; i++) a->in[a->inputs++] = f->in[i];
+    for (size_t j = 0; j < f->of_count; j++) a->in[a->inputs++] = seed_of(d, "adj", &f->out[f->of[j]]);
+    for (size_t i = 0; i < f->by_count; i++) a->out[a->outputs++] = seed_of(d, "adj", &f->in[f->by[i]]);
+    for (size_t i = 0; i < f->by_count; i++) a->by[a->by_count++] = f->by[i];
+    for (size_t j = 0; j < f->of_count; j++) a->by[a->by_count++] = f->inputs + j;
+    for (size_t i = 0; i < f->by_count; i++) a->of[a->of_count++] = i;
+}
+
+static void jacobian_ports(deriving *d, const differentiable *f) {
+    for (size_t j = 0; j < f->of_count; j++)
+        for (size_t i = 0; i < f->by_count && d->outputs < PORTS; i++)
+            d->out[d->outputs++] =
+                (lg_port){.name = name_of(d, "jac_%s_%s", f->out[f->of[j]].name, f->in[f->by[i]].name)};
+}
+
+static lg_status make_ports(deriving *d, lg_error *error) {
+    const differentiable *f = &d->f;
+    const bool adjoint = d->kind == LG_DERIVATIVE_ADJOINT || d->kind == LG_DERIVATIVE_JACOBIAN_OF_ADJOINT;
+    const bool forward = d->kind == LG_DERIVATIVE_FORWARD;
+    const size_t seeds = adjoint ? f->of_count : forward ? f->by_count : 0;
+    if (f->inputs + seeds > PORTS || (!adjoint && !forward && f->by_count * f->of_count > PORTS) ||
+        (d->kind == LG_DERIVATIVE_JACOBIAN_OF_ADJOINT && f->by_count * (f->by_count + f->of_count) > PORTS))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the derivative has more than %d inputs or outputs",
+                       PORTS);
+    if (adjoint) make_adjoint(d);
+    const differentiable *from = adjoint ? &d->adjoint : f;
+    for (size_t i = 0; i < from->inputs; i++) d->in[d->inputs++] = from->in[i];
+    for (size_t i = 0; forward && i < f->by_count; i++)
+        d->in[d->inputs++] = seed_of(d, "fwd", &f->in[f->by[i]]);
+    for (size_t j = 0; forward && j < f->of_count; j++)
+        d->out[d->outputs++] = seed_of(d, "fwd", &f->out[f->of[j]]);
+    if (d->kind == LG_DERIVATIVE_ADJOINT)
+        for (size_t i = 0; i < from->outputs; i++) d->out[d->outputs++] = from->out[i];
+    if (d->kind == LG_DERIVATIVE_JACOBIAN) jacobian_ports(d, f);
+    if (d->kind == LG_DERIVATIVE_JACOBIAN_OF_ADJOINT) jacobian_ports(d, &d->adjoint);
+    return LG_OK;
+}
+
+/* ---- whether rows are independent: a batch beside its rows one by one ---- */
+
+enum { ROWS = 3, TRIALS = 3 };
+
+typedef struct row_trial {
+    const differentiable *f;
+    lg_plan *batch, *single;
+    double *in[PORTS], *out[PORTS], *one[PORTS];
+    void *work; /* of either */
+} row_trial;
+
+static void *trial_memory(const row_trial *t, size_t bytes) {
+    return lg_alloc(t->f->program->context, bytes + 1, 1);
+}
+
+static lg_status open_trial(row_trial *t, lg_error *error) {
+    const differentiable *f = t->f;
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    LG_TRY(lg_plan_create(f->program, f->function, &options, &t->single, error));
+    options.rows = ROWS;
+    LG_TRY(lg_plan_create(f->program, f->function, &options, &t->batch, error));
+    const size_t small = lg_plan_work_size(t->single), large = lg_plan_work_size(t->batch);
+    t->work = trial_memory(t, small > large ? small : large);
+    bool failed = t->work == NULL;
+    for (size_t i = 0; i < f->inputs; i++) {
+        t->in[i] = trial_memory(t, lg_plan_input_count(t->batch, i) * sizeof(double));
+        failed = failed || t->in[i] == NULL;
+    }
+    for (size_t j = 0; j < f->outputs; j++) {
+        t->out[j] = trial_memory(t, lg_plan_output_count(t->batch, j) * sizeof(double));
+        t->one[j] = trial_memory(t, lg_plan_output_count(t->single, j) * sizeof(double));
+        failed = failed || t->out[j] == NULL || t->one[j] == NULL;
+    }
+    return failed ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a trial of rows") : LG_OK;
+}
+
+static void close_trial(row_trial *t) {
+    const lg_context *context = t->f->program->context;
+    for (size_t i = 0; i < t->f->inputs; i++) lg_free(context, t->in[i]);
+    for (size_t j = 0; j < t->f->outputs; j++) {
+        lg_free(context, t->out[j]);
+        lg_free(context, t->one[j]);
+    }
+    lg_free(context, t->work);
+    lg_plan_destroy(t->batch);
+    lg_plan_destroy(t->single);
+}
+
+static void draw_inputs(row_trial *t, uint64_t trial) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 22, trial);
+    for (size_t i = 0; i < t->f->inputs; i++) {
+        const lg_port *port = &t->f->in[i];
+        const bool ranged = port->low != 0.0 || port->high != 0.0;
+        for (size_t k = 0; k < lg_plan_input_count(t->batch, i); k++)
+            t->in[i][k] = lg_rng_uniform_in(&rng, ranged ? port->low : -1.0, ranged ? port->high : 1.0);
+    }
+}
+
+/* Relative to the row's largest number; a NaN agrees with nothing. */
+static bool row_agrees(const row_trial *t, size_t output, size_t row) {
+    const size_t count = lg_plan_output_count(t->single, output);
+    const double *batch = t->out[output] + row * count, *one = t->one[output];
+    double size = 0.0;
+    for (size_t k = 0; k < count; k++) size = fmax(size, fabs(one[k]));
+    for (size_t k = 0; k < count; k++)
+        if (!(fabs(batch[k] - one[k]) <= 1e-9 * size)) return false;
+    return true;
+}
+
+static lg_status compare_rows(row_trial *t, lg_error *error) {
+    const differentiable *f = t->f;
+    lg_plan_eval(t->batch, (const void *const *)t->in, (void *const *)t->out, t->work);
+    for (size_t r = 0; r < ROWS; r++) {
+        const void *in[PORTS];
+        for (size_t i = 0; i < f->inputs; i++)
+            in[i] = t->in[i] + (f->in[i].shared ? 0 : r * lg_plan_input_count(t->single, i));
+        lg_plan_eval(t->single, in, (void *const *)t->one, t->work);
+        for (size_t j = 0; j < f->of_count; j++)
+            if (!row_agrees(t, f->of[j], r))
+                return lg_fail(
+                    error, LG_UNSUPPORTED,
+                    "function '%s': a row of output '%s' depends on other rows of the batch, or is NaN at "
+                    "random points (low and high of its inputs): a Jacobian is of each row by the same row",
+                    f->program->function[f->function].name, f->out[f->of[j]].name);
+    }
+    return LG_OK;
+}
+
+static lg_status check_rows(const differentiable *f, lg_error *error) {
+    row_trial t = {.f = f};
+    lg_status status = open_trial(&t, error);
+    for (uint64_t trial = 0; status == LG_OK && trial < TRIALS; trial++) {
+        draw_inputs(&t, trial);
+        status = compare_rows(&t, error);
+    }
+    close_trial(&t);
+    return status;
+}
+
+/* ---- the function ---- */
+
+void lg_derivative_init(lg_derivative *what) {
+    *what = (lg_derivative){.size = sizeof *what};
+}
+
+static lg_status derive(deriving *d, lg_program *program, const lg_derivative *what, lg_error *error) {
+    static const char *const prefix[LG_DERIVATIVE_KIND_COUNT] = {"fwd1_%s%s", "adj1_%s%s", "jac_%s%s",
+                                                                 "jac_adj1_%s%s"};
+    differentiable *f = &d->f;
+    const bool rows = what->kind == LG_DERIVATIVE_JACOBIAN || what->kind == LG_DERIVATIVE_JACOBIAN_OF_ADJOINT;
+    if (lg_program_find(program, what->function, &f->function) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", what->function);
+    const lg_function *of = &program->function[f->function];
+    d->kind = what->kind;
+    f->record = record_function;
+    f->program = program;
+    f->inputs = of->inputs;
+    f->outputs = of->outputs;
+    memcpy(f->in, of->input, of->inputs * sizeof *f->in);
+    memcpy(f->out, of->output, of->outputs * sizeof *f->out);
+    LG_TRY(choose(what->inputs, what->input_count, f->in, f->inputs, !rows, f->by, &f->by_count, "input",
+                  error));
+    LG_TRY(choose(what->outputs, what->output_count, f->out, f->outputs, !rows, f->of, &f->of_count, "output",
+                  error));
+    if (rows) LG_TRY(check_rows(f, error));
+    LG_TRY(make_ports(d, error));
+    const lg_function_spec spec = {
+        .name = what->name != NULL ? what->name : name_of(d, prefix[what->kind], what->function, ""),
+        .inputs = d->in,
+        .input_count = d->inputs,
+        .outputs = d->out,
+        .output_count = d->outputs,
+        .record = record,
+        .user = d};
+    return lg_program_record_function(program, &spec, true, error);
+}
+
+lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error) {
+    if (program == NULL || what == NULL || what->size != sizeof *what || what->function == NULL ||
+        (unsigned)what->kind >= LG_DERIVATIVE_KIND_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no function, or a derivative of another version");
+    deriving *d = lg_alloc(program->context, 1, sizeof *d);
+    if (d == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a derivative of '%s'", what->function);
+    const lg_status status = derive(d, program, what, error);
+    lg_free(program->context, d);
+    return status;
+}

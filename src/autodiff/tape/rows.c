@@ -1,0 +1,183 @@
+/* Gradients of each row of a batch with respect to what all rows share.
+ *
+ * A node carries rows when it depends on a marked leaf (lg_tape_mark_rows). One that depends on theta and
+ * carries no rows is shared. The ordinary sweep sums over rows where a shared node enters one that carries
+ * rows; here each row's part is kept. Parts of a view of theta lie in theta's gradients; those of any other
+ * shared node are multiplied by its Jacobian at the end. */
+#include "autodiff/tape/rows.h"
+#include "autodiff/ops/op_rows.h"
+
+#include <string.h>
+
+enum { SHARED = 1, CARRIES = 2 };
+
+struct lg_rows {
+    lg_range range;
+    size_t count;      /* B */
+    uint32_t theta;    /* its node, and */
+    size_t parameters; /* its length */
+    double *gradient;  /* (B, parameters) */
+    uint8_t *kind;     /* of each node of the range */
+    double **part;     /* of shared nodes that are no views of theta: (B, elements), NULL until needed */
+};
+
+static bool carries_rows(const lg_tape *tape, const lg_rows *rows, uint32_t node) {
+    return (tape->nodes[node].flags & LG_NODE_ROWS) != 0 ||
+           (node >= rows->range.lo && rows->kind[node - rows->range.lo] == CARRIES);
+}
+
+static bool is_shared(const lg_rows *rows, uint32_t node) {
+    return node >= rows->range.lo && rows->kind[node - rows->range.lo] == SHARED;
+}
+
+lg_rows *lg_rows_open(lg_tape *tape, lg_range range, lg_var theta, size_t count, double *gradient,
+                      uint8_t *reach) {
+    const size_t length = (size_t)range.hi - range.lo + 1;
+    lg_rows *rows = lg_pool_take(tape, sizeof *rows + length * (sizeof *rows->part + 1));
+    if (rows == NULL) return NULL;
+    memset(rows, 0, sizeof *rows + length * (sizeof *rows->part + 1));
+    *rows = (lg_rows){.range = range,
+                      .count = count,
+                      .theta = theta.index,
+                      .parameters = tape->nodes[theta.index].count,
+                      .gradient = gradient,
+                      .part = (double **)(rows + 1)};
+    rows->kind = (uint8_t *)(rows->part + length);
+    for (uint32_t i = range.lo; i <= range.hi; i++) {
+        const lg_node *node = &tape->nodes[i];
+        const uint32_t *parents = lg_parents_of(tape, node);
+        bool carries = carries_rows(tape, rows, i);
+        for (uint32_t k = 0; k < node->inputs && !carries; k++)
+            carries = carries_rows(tape, rows, parents[k]);
+        if (carries) rows->kind[i - range.lo] = CARRIES;
+        if (carries || !reach[i - range.lo]) continue;
+        rows->kind[i - range.lo] = SHARED;
+        reach[i - range.lo] = 0;
+    }
+    memset(gradient, 0, count * rows->parameters * sizeof *gradient);
+    return rows;
+}
+
+/* Where the parts of a shared node are, a row `*stride` numbers after the other. NULL: error set. */
+static double *parts_of(lg_tape *tape, lg_rows *rows, uint32_t node, size_t *stride) {
+    size_t offset = 0;
+    uint32_t at = node;
+    for (; at != rows->theta && (tape->nodes[at].flags & LG_NODE_VIEW) != 0;
+         at = *lg_parents_of(tape, &tape->nodes[at]))
+        offset += (size_t)tape->nodes[at].attr.i[3];
+    if (at == rows->theta) {
+        *stride = rows->parameters;
+        return rows->gradient + offset;
+    }
+    double **part = &rows->part[node - rows->range.lo];
+    *stride = tape->nodes[node].count;
+    if (*part == NULL) {
+        *part = lg_pool_take(tape, rows->count * *stride * sizeof **part);
+        if (*part != NULL) memset(*part, 0, rows->count * *stride * sizeof **part);
+    }
+    return *part;
+}
+
+/* ---- one node that carries rows ---- */
+
+static void meet(lg_tape *tape, const char *operation) {
+    (void)lg_tape_fail(tape, LG_UNSUPPORTED, operation, "its rows meet");
+}
+
+/* y = a W, a W^T or + b: the part of row r is an outer product, or g_r itself. */
+static void add_product(lg_tape *tape, lg_rows *rows, const lg_node *node, uint32_t k, const double *g) {
+    const uint32_t *parents = lg_parents_of(tape, node);
+    const uint32_t variant = node->attr.i[0];
+    const lg_node *a = &tape->nodes[parents[0]];
+    const size_t n = node->shape.dims[1], m = a->shape.dims[1], count = tape->nodes[parents[k]].count;
+    size_t stride;
+    double *out = parts_of(tape, rows, parents[k], &stride);
+    if (out == NULL) return;
+    if (k == 0 || variant == LG_TN || node->shape.dims[0] != rows->count || (k == 2 && count != n)) {
+        meet(tape, node->op->name);
+        return;
+    }
+    for (size_t r = 0; r < rows->count; r++, out += stride) {
+        const double *x = (const double *)a->value + r * m, *c = g + r * n;
+        if (k == 2)
+            tape->k->axpy(n, 1.0, c, out);
+        else if (variant == LG_NN)
+            tape->k->outer(m, n, x, c, out);
+        else
+            tape->k->outer(n, m, c, x, out);
+    }
+}
+
+/* Any other operation: what is shared is given to all rows, whose cotangents then stay apart. */
+static void add_other(lg_tape *tape, lg_rows *rows, uint32_t i, uint32_t k, lg_var g) {
+    const uint32_t inputs = tape->nodes[i].inputs, shared = lg_parents_of(tape, &tape->nodes[i])[k];
+    lg_var in[LG_MAX_INPUTS], out[LG_MAX_INPUTS];
+    bool need[LG_MAX_INPUTS] = {false};
+    lg_attr attr = tape->nodes[i].attr;
+    lg_shape shape = tape->nodes[shared].shape;
+    if (shape.rank < tape->nodes[i].shape.rank) {
+        lg_shape longer = {tape->nodes[i].shape.rank, {1, 1, 1, 1}};
+        for (uint32_t d = 0; d < shape.rank; d++) longer.dims[longer.rank - shape.rank + d] = shape.dims[d];
+        shape = longer;
+    }
+    if (shape.rank == 0 || shape.dims[0] != 1 || tape->nodes[i].shape.dims[0] != rows->count) {
+        meet(tape, tape->nodes[i].op->name);
+        return;
+    }
+    shape.dims[0] = (uint32_t)rows->count;
+    for (uint32_t j = 0; j < inputs; j++) in[j] = lg_var_at(tape, lg_parents_of(tape, &tape->nodes[i])[j]);
+    in[k] = lg_broadcast_to(tape, in[k], shape);
+    need[k] = true;
+    out[k] = LG_NONE;
+    const lg_op *op = lg_row_in_use(&tape->exchange, tape->nodes[i].op);
+    lg_reverse r = {op, tape, i, lg_var_at(tape, i), g, &attr, in, inputs, need, out, NULL, true};
+    if (tape->status == LG_OK) op->vjp(&r);
+    if (tape->status != LG_OK || lg_is_none(out[k])) return;
+    size_t stride;
+    double *to = parts_of(tape, rows, shared, &stride);
+    const size_t count = tape->nodes[shared].count;
+    const double *value = lg_node_at(tape, out[k])->value;
+    for (size_t row = 0; to != NULL && row < rows->count; row++)
+        tape->k->axpy(count, 1.0, value + row * count, to + row * stride);
+}
+
+void lg_tape_mark_rows(lg_tape *tape, lg_var leaf) {
+    if (tape->status == LG_OK) tape->nodes[leaf.index].flags |= LG_NODE_ROWS;
+}
+
+void lg_rows_add(lg_tape *tape, lg_rows *rows, uint32_t i, lg_var g) {
+    for (uint32_t k = 0; k < tape->nodes[i].inputs && tape->status == LG_OK; k++) {
+        const lg_node *node = &tape->nodes[i];
+        if (!is_shared(rows, lg_parents_of(tape, node)[k]) || lg_frozen(node, k)) continue;
+        if (node->op == &lg_op_matmul && node->shape.rank == 2)
+            add_product(tape, rows, node, k, lg_node_at(tape, g)->value);
+        else
+            add_other(tape, rows, i, k, g);
+    }
+}
+
+/* ---- the end ---- */
+
+/* gradient += parts J with the Jacobian J (elements, parameters) of a shared node. */
+static void pull_back(lg_tape *tape, lg_rows *rows, uint32_t node, const double *part) {
+    const lg_mark mark = lg_tape_mark(tape);
+    const size_t elements = tape->nodes[node].count, n = rows->parameters;
+    const lg_var J = lg_jacobian(tape, lg_var_at(tape, node), lg_var_at(tape, rows->theta));
+    if (tape->status != LG_OK) return;
+    const double *value = lg_value(tape, J);
+    for (size_t r = 0; r < rows->count; r++)
+        for (size_t e = 0; e < elements; e++)
+            tape->k->axpy(n, part[r * elements + e], value + e * n, rows->gradient + r * n);
+    (void)lg_tape_rewind(tape, mark);
+}
+
+void lg_rows_close(lg_tape *tape, lg_rows *rows) {
+    const size_t length = (size_t)rows->range.hi - rows->range.lo + 1;
+    for (size_t at = 0; at < length; at++) {
+        if (rows->part[at] == NULL) continue;
+        const uint32_t node = rows->range.lo + (uint32_t)at;
+        if (tape->status == LG_OK) pull_back(tape, rows, node, rows->part[at]);
+        lg_pool_give(tape, rows->part[at], rows->count * tape->nodes[node].count * sizeof(double));
+    }
+    lg_pool_give(tape, rows, sizeof *rows + length * (sizeof *rows->part + 1));
+}

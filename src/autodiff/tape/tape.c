@@ -1,0 +1,369 @@
+/* The tape: nodes, handles, marks, the sticky error, recording and readers. */
+#include "autodiff/tape/tape_internal.h"
+
+#include <stdio.h>
+#include <string.h>
+
+/* ---- life ---- */
+
+void lg_tape_options_init(lg_tape_options *options) {
+    *options = (lg_tape_options){.size = sizeof *options, .dtype = LG_F64, .threads = 1};
+}
+
+lg_status lg_tape_create(const lg_context *context, const lg_tape_options *options, lg_tape **out) {
+    LG_NEEDS(NULL, out);
+    lg_tape_options chosen;
+    lg_tape_options_init(&chosen);
+    if (options != NULL) {
+        if (options->size != sizeof *options) return LG_INVALID_ARGUMENT;
+        chosen = *options;
+    }
+    if (chosen.dtype != LG_F64 && chosen.dtype != LG_F32) return LG_INVALID_ARGUMENT;
+    if (chosen.threads < 1 || chosen.threads > 1024) return LG_INVALID_ARGUMENT;
+    lg_tape *tape = lg_alloc(context, 1, sizeof *tape);
+    if (tape == NULL) return LG_OUT_OF_MEMORY;
+    tape->context = context;
+    tape->options = chosen;
+    tape->k = lg_kernels_for(chosen.dtype);
+    /* Tapes start far apart, so that a foreign handle does not look like one's own. */
+    tape->generation = (uint32_t)((uintptr_t)tape >> 6) * 2654435761u | 1u;
+    if (chosen.threads > 1) {
+        const lg_status status = lg_thread_pool_create(context, chosen.threads, &tape->workers);
+        if (status != LG_OK) {
+            lg_tape_destroy(tape);
+            return status;
+        }
+    }
+    *out = tape;
+    return LG_OK;
+}
+
+void lg_tape_destroy(lg_tape *tape) {
+    if (tape == NULL) return;
+    lg_thread_pool_destroy(tape->workers);
+    lg_arena_destroy(tape, &tape->arena);
+    lg_arena_destroy(tape, &tape->pool.arena);
+    lg_free(tape->context, tape->nodes);
+    lg_free(tape->context, tape->parents);
+    lg_free(tape->context, tape->transposed);
+    lg_free(tape->context, tape->lasting);
+    lg_free(tape->context, tape);
+}
+
+lg_dtype lg_tape_dtype(const lg_tape *tape) {
+    return tape->options.dtype;
+}
+
+size_t lg_tape_size(const lg_tape *tape) {
+    return tape->bytes;
+}
+
+size_t lg_tape_nodes(const lg_tape *tape) {
+    return tape->count;
+}
+
+size_t lg_tape_spd_failures(const lg_tape *tape) {
+    return tape->spd_failures;
+}
+
+/* ---- shapes ---- */
+
+lg_shape lg_shape_of(uint32_t rank, const uint32_t *dims) {
+    lg_shape shape = {rank, {0, 0, 0, 0}};
+    for (uint32_t i = 0; i < rank && i < LG_MAX_RANK; i++) shape.dims[i] = dims[i];
+    return shape;
+}
+
+size_t lg_shape_count(lg_shape shape) {
+    size_t count = 1;
+    for (uint32_t i = 0; i < shape.rank && i < LG_MAX_RANK; i++) {
+        if (shape.dims[i] != 0 && count > SIZE_MAX / shape.dims[i]) return SIZE_MAX;
+        count *= shape.dims[i];
+    }
+    return count;
+}
+
+/* ---- marks ---- */
+
+/* A mark is recognised by the node before it: if that node was rewound, its successor has another generation.
+ */
+lg_mark lg_tape_mark(const lg_tape *tape) {
+    lg_mark mark = {tape->count, tape->parents_count,
+                    tape->count == 0 ? 0 : tape->nodes[tape->count - 1].generation, tape->arena.current,
+                    tape->arena.used};
+    return mark;
+}
+
+void lg_forget_nodes(lg_tape *tape, uint32_t node) {
+    lg_forget_transposes(tape, node);
+    tape->count = node;
+}
+
+lg_status lg_tape_rewind(lg_tape *tape, lg_mark mark) {
+    LG_NEEDS(NULL, tape);
+    if (mark.nodes > tape->count) return LG_INVALID_ARGUMENT;
+    if (mark.nodes > 0 && tape->nodes[mark.nodes - 1].generation != mark.generation)
+        return LG_INVALID_ARGUMENT;
+    lg_forget_nodes(tape, mark.nodes);
+    tape->parents_count = mark.nodes == 0 ? 0 : mark.parents;
+    /* A mark on an empty tape fits any tape. */
+    tape->arena.current = mark.nodes == 0 ? 0 : mark.chunk;
+    tape->arena.used = mark.nodes == 0 ? 0 : mark.used;
+    if (++tape->generation == 0) tape->generation = 1;
+    if (tape->status != LG_OK && tape->failed_at >= mark.nodes) {
+        tape->status = LG_OK;
+        tape->message[0] = '\0';
+    }
+    return LG_OK;
+}
+
+void lg_tape_reset(lg_tape *tape) {
+    (void)lg_tape_rewind(tape, (lg_mark){0, 0, 0, 0, 0});
+    tape->status = LG_OK;
+    tape->message[0] = '\0';
+    tape->scope_depth = 0;
+    tape->spd_failures = 0;
+}
+
+/* ---- errors ---- */
+
+lg_status lg_tape_status(const lg_tape *tape) {
+    return tape != NULL ? tape->status : LG_INVALID_ARGUMENT;
+}
+
+const char *lg_tape_message(const lg_tape *tape) {
+    return tape->message;
+}
+
+void lg_scope_push(lg_tape *tape, const char *name) {
+    if (tape->scope_depth < LG_SCOPE_DEPTH) tape->scopes[tape->scope_depth] = name;
+    tape->scope_depth++;
+}
+
+void lg_scope_pop(lg_tape *tape) {
+    if (tape->scope_depth > 0) tape->scope_depth--;
+}
+
+static void append(char *text, size_t size, const char *more) {
+    size_t used = strlen(text);
+    (void)snprintf(text + used, size - used, "%s", more);
+}
+
+lg_status lg_tape_needs(lg_tape *tape, const char *operation, bool all) {
+    if (tape == NULL) return LG_INVALID_ARGUMENT;
+    if (!all) (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation, "an argument is NULL");
+    return tape->status;
+}
+
+lg_var lg_tape_fail(lg_tape *tape, lg_status status, const char *operation, const char *reason) {
+    if (tape->status != LG_OK) return LG_NONE;
+    tape->status = status;
+    tape->failed_at = tape->count;
+    (void)snprintf(tape->message, sizeof tape->message, "%s: %s", operation, reason);
+    for (int i = 0; i < tape->scope_depth && i < LG_SCOPE_DEPTH; i++) {
+        append(tape->message, sizeof tape->message, i == 0 ? ", in " : "/");
+        append(tape->message, sizeof tape->message, tape->scopes[i]);
+    }
+    return LG_NONE;
+}
+
+void lg_append_shape(char *text, size_t size, const lg_shape *shape) {
+    char number[16];
+    append(text, size, "(");
+    for (uint32_t i = 0; i < shape->rank; i++) {
+        (void)snprintf(number, sizeof number, i == 0 ? "%u" : ", %u", shape->dims[i]);
+        append(text, size, number);
+    }
+    append(text, size, ")");
+}
+
+lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const *in, uint32_t inputs) {
+    char reason[200] = "shapes do not fit: ";
+    for (uint32_t i = 0; i < inputs && i < 4; i++) {
+        if (i > 0) append(reason, sizeof reason, " and ");
+        lg_append_shape(reason, sizeof reason, &in[i]->shape);
+    }
+    return lg_tape_fail(tape, LG_SHAPE, operation, reason);
+}
+
+lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation) {
+    if (v.index < tape->count && v.generation == tape->nodes[v.index].generation && v.generation != 0)
+        return &tape->nodes[v.index];
+    lg_tape_fail(tape, LG_STALE_HANDLE, operation,
+                 lg_is_none(v) ? "an input is LG_NONE" : "an input was rewound or belongs to another tape");
+    return NULL;
+}
+
+/* ---- recording ---- */
+
+void *lg_value_allocate(lg_tape *tape, size_t count) {
+    if (count > (SIZE_MAX / 16)) {
+        lg_tape_fail(tape, LG_OUT_OF_MEMORY, "tape", "a tensor is too large");
+        return NULL;
+    }
+    size_t bytes = count * tape->k->size;
+    return tape->unrecorded ? lg_pool_take(tape, bytes) : lg_arena_allocate(tape, &tape->arena, bytes);
+}
+
+void *lg_payload_allocate(lg_tape *tape, size_t bytes) {
+    return lg_arena_allocate(tape, &tape->arena, bytes);
+}
+
+/* Room for one more node with its parents, so that pointers to nodes stay valid while it is made. */
+static bool reserve(lg_tape *tape, uint32_t inputs) {
+    return lg_grow(tape, (void **)&tape->nodes, &tape->capacity, tape->count + 1, sizeof *tape->nodes) &&
+           lg_grow(tape, (void **)&tape->parents, &tape->parents_capacity, tape->parents_count + inputs,
+                   sizeof *tape->parents);
+}
+
+static lg_node *append_node(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                            const lg_attr *attr, const lg_shape *shape, size_t count, void *value,
+                            uint32_t flags) {
+    lg_node *node = &tape->nodes[tape->count];
+    node->value = value;
+    node->transposed = NULL;
+    node->count = count;
+    if (attr != NULL)
+        node->attr = *attr;
+    else
+        node->attr = (lg_attr){0};
+    node->shape = *shape;
+    node->generation = tape->generation;
+    node->parents = tape->parents_count;
+    node->op = op;
+    node->inputs = (uint8_t)inputs;
+    node->flags = (uint8_t)flags;
+    for (uint32_t i = 0; i < inputs; i++) tape->parents[tape->parents_count + i] = in[i].index;
+    return node;
+}
+
+static void note_scope(lg_tape *tape) {
+    tape->watched[0] = '\0';
+    for (int i = 0; i < tape->scope_depth && i < LG_SCOPE_DEPTH; i++) {
+        append(tape->watched, sizeof tape->watched, i == 0 ? "" : "/");
+        append(tape->watched, sizeof tape->watched, tape->scopes[i]);
+    }
+}
+
+static lg_var commit(lg_tape *tape, uint32_t inputs) {
+    if (tape->count + 1 == tape->watch) note_scope(tape);
+    tape->parents_count += inputs;
+    return lg_var_at(tape, tape->count++);
+}
+
+lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+                       lg_shape shape, void *value, uint32_t flags) {
+    if (tape->status != LG_OK || !reserve(tape, inputs)) return LG_NONE;
+    append_node(tape, op, in, inputs, attr, &shape, lg_shape_count(shape), value, flags);
+    return commit(tape, inputs);
+}
+
+/* What the operation asks for besides its inputs and its value; false: error set. */
+static bool take_extras(lg_tape *tape, const lg_op *op, const lg_var *in, lg_evaluation *e, size_t *scratch) {
+    if (op->transpose != NULL) {
+        e->transposed = lg_kept_transpose(tape, op->transpose(e), in[1].index);
+        if (tape->status != LG_OK) return false;
+    }
+    if (op->kept != NULL && !tape->unrecorded) {
+        const size_t bytes = op->kept(e);
+        if (bytes > 0 && (e->kept = lg_payload_allocate(tape, bytes)) == NULL) return false;
+    }
+    *scratch = op->scratch != NULL ? op->scratch(e) : 0;
+    return *scratch == 0 || (e->scratch = lg_pool_take(tape, *scratch)) != NULL;
+}
+
+static lg_status evaluate(lg_tape *tape, const lg_op *op, const lg_var *in, lg_evaluation *e) {
+    size_t scratch = 0;
+    if (!take_extras(tape, op, in, e, &scratch)) return tape->status;
+    const lg_status status = op->forward(e);
+    if (scratch > 0) lg_pool_give(tape, e->scratch, scratch);
+    tape->spd_failures += e->failures;
+    return status;
+}
+
+/* `over`: the value is that of the first input. `shape`: the one asked for, where it is given. */
+static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+                     lg_shape shape, bool over) {
+    static const lg_attr none;
+    const lg_node *nodes[LG_MAX_INPUTS];
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    const void *values[LG_MAX_INPUTS];
+    if (tape->status != LG_OK) return LG_NONE;
+    if (inputs > LG_MAX_INPUTS) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "too many inputs");
+    if (!reserve(tape, inputs)) return LG_NONE;
+    for (uint32_t i = 0; i < inputs; i++) {
+        nodes[i] = lg_node_of(tape, in[i], op->name);
+        if (nodes[i] == NULL) return LG_NONE;
+        shapes[i] = &nodes[i]->shape;
+        values[i] = nodes[i]->flags & LG_NODE_NO_VALUE ? NULL : nodes[i]->value;
+    }
+    if (attr == NULL) attr = &none;
+    lg_status status = op->shape(shapes, inputs, attr, &shape);
+    if (status == LG_SHAPE) return lg_fail_shapes(tape, op->name, nodes, inputs);
+    if (status != LG_OK) return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
+    const size_t count = lg_shape_count(shape);
+    void *value = over ? nodes[0]->value : lg_value_allocate(tape, count);
+    if (value == NULL) return LG_NONE;
+    const lg_crew crew = lg_tape_crew(tape);
+    lg_evaluation e = {.k = tape->k,
+                       .crew = &crew,
+                       .attr = attr,
+                       .inputs = inputs,
+                       .in = shapes,
+                       .x = values,
+                       .shape = &shape,
+                       .count = count,
+                       .y = value};
+    status = evaluate(tape, op, in, &e);
+    if (status != LG_OK) {
+        if (tape->unrecorded) lg_pool_give(tape, value, count * tape->k->size);
+        return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
+    }
+    lg_node *node = append_node(tape, op, in, inputs, attr, &shape, count, value,
+                                tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
+    if (op->payload == LG_PAYLOAD_KEPT) node->attr.pointer = e.kept;
+    if (over) tape->nodes[in[0].index].flags |= LG_NODE_NO_VALUE;
+    return commit(tape, inputs);
+}
+
+lg_var lg_record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+    return record(tape, op, in, inputs, attr, lg_shape0(), false);
+}
+
+lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                      const lg_attr *attr) {
+    return record(tape, op, in, inputs, attr, lg_shape0(), true);
+}
+
+lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                        const lg_attr *attr, lg_shape shape) {
+    return record(tape, op, in, inputs, attr, shape, false);
+}
+
+/* ---- readers ---- */
+
+static const lg_node *readable(const lg_tape *tape, lg_var v) {
+    if (tape->status != LG_OK || v.index >= tape->count) return NULL;
+    const lg_node *node = &tape->nodes[v.index];
+    return node->generation == v.generation ? node : NULL;
+}
+
+lg_shape lg_var_shape(const lg_tape *tape, lg_var v) {
+    const lg_node *node = readable(tape, v);
+    return node != NULL ? node->shape : lg_shape0();
+}
+
+const void *lg_value(const lg_tape *tape, lg_var v) {
+    const lg_node *node = readable(tape, v);
+    return node != NULL ? node->value : NULL;
+}
+
+lg_status lg_read(const lg_tape *tape, lg_var v, size_t count, double *out) {
+    LG_NEEDS(NULL, tape, out);
+    if (tape->status != LG_OK) return tape->status;
+    const lg_node *node = readable(tape, v);
+    if (node == NULL) return LG_STALE_HANDLE;
+    if (node->count != count || node->value == NULL) return LG_SHAPE;
+    tape->k->convert_out(count, node->value, out);
+    return LG_OK;
+}
