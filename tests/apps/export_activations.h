@@ -9,16 +9,16 @@
 #define sigmoid_of EXPORT_NAME(sigmoid_of)
 
 /* clang-format off */
-#include "../../src/autodiff/code/prelude.c"
+#include "../../src/autodiff/program/code/prelude.c"
 #if EXPORT_SINGLE
-#include "../../src/autodiff/code/prelude_f32.c"
-#include "../../src/autodiff/code/exp_float.c"
+#include "../../src/autodiff/program/code/prelude_f32.c"
+#include "../../src/autodiff/program/code/exp_float.c"
 #else
-#include "../../src/autodiff/code/prelude_f64.c"
-#include "../../src/autodiff/code/exp_double.c"
+#include "../../src/autodiff/program/code/prelude_f64.c"
+#include "../../src/autodiff/program/code/exp_double.c"
 #endif
-#include "../../src/autodiff/code/tanh.c"
-#include "../../src/autodiff/code/sigmoid.c"
+#include "../../src/autodiff/program/code/tanh.c"
+#include "../../src/autodiff/program/code/sigmoid.c"
 
 static void EXPORT_NAME(tanh)(int n, real *z) {
     for (int i = 0; i < n; i++) z[i] = tanh_of(z[i]);

@@ -1,4 +1,4 @@
-/* Shared by the tests of src/classify: clouds of points, features and windows of the running test. */
+/* Shared by the tests of src/anomaly/classify: clouds of points, features and windows of the running test. */
 #ifndef LG_CLASSIFY_SUPPORT_H
 #define LG_CLASSIFY_SUPPORT_H
 

@@ -1,4 +1,4 @@
-/* Shared by the files of src/classify. */
+/* Shared by the files of src/anomaly/classify. */
 #ifndef LG_CLASSIFY_INTERNAL_H
 #define LG_CLASSIFY_INTERNAL_H
 

@@ -1,5 +1,4 @@
-/* Between machine/files/machine.c, which reads coordinates and columns, machine/files/grey.c, which reads the system, and
- * machine/files/terms.c, which reads terms. */
+/* Shared by machine.c (coordinates and columns), grey.c (the known system) and terms.c (mass, potential, ...). */
 #ifndef LG_MACHINE_READING_H
 #define LG_MACHINE_READING_H
 
