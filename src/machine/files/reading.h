@@ -1,4 +1,5 @@
-/* Shared by machine.c (coordinates and columns), grey.c (the known system) and terms.c (mass, potential, ...). */
+/* Shared by machine.c (coordinates and columns), grey.c (the known system)
+ * and terms.c (mass, potential, ...). */
 #ifndef LG_MACHINE_READING_H
 #define LG_MACHINE_READING_H
 
