@@ -19,12 +19,13 @@ static volatile sig_atomic_t hung_up;
 static const app *running; /* for --version and the last words */
 static bool parsing;       /* the command line; --help and --version end the program meanwhile */
 
-static const app_option common_options[] = {
-    APP_ROW_FLAG(app, json, "json", "Print the result as one JSON object"),
-    APP_ROW_SIZE(app, seed, "seed", "S", 0, 0x1p64, "Seed of all random numbers (default 1)"),
-    APP_ROW_SIZE(app, threads, "threads", "T", 1, 256,
-                 "Number of threads (default: all processors); results do not depend on it"),
-    APP_ROW_END};
+static const lg_field common_options[] = {
+    LG_OPTION(app, json, SWITCH, NULL, "Print the result as one JSON object"),
+    LG_OPTION(app, seed, U64, "S", "Seed of all random numbers (default 1)", .high = 0x1p64),
+    LG_OPTION(app, threads, U64, "T",
+              "Number of threads (default: all processors); results do not depend on it", .low = 1,
+              .high = 256),
+    LG_FIELD_END};
 
 void app_out_of_memory(void) {
     (void)fprintf(stderr, "%s: out of memory\n", running != NULL ? running->title : "liegrad");
@@ -39,122 +40,31 @@ const char *app_stopper(void) {
     return stopped_by == SIGTERM ? "SIGTERM" : stopped_by == SIGHUP ? "SIGHUP" : "Ctrl-C";
 }
 
-/* ---- one option ---- */
-
-uint32_t app_sizes_get(const void *member, double *values) {
-    const app_sizes *list = member;
-    for (size_t i = 0; i < list->count; i++) values[i] = list->values[i];
-    return (uint32_t)list->count;
-}
-
-void app_sizes_put(void *member, const double *values, uint32_t count) {
-    app_sizes *list = member;
-    list->count = count;
-    for (size_t i = 0; i < count; i++) list->values[i] = (uint32_t)values[i];
-}
-
-static void put_reals(void *member, const double *values, uint32_t count) {
-    app_reals *list = member;
-    list->count = count;
-    memcpy(list->values, values, count * sizeof *values);
-}
-
-/* Numbers are read, and refused, as those of hyperparameters. */
-static lg_field rule_of(const app_option *option) {
-    static const lg_field_type types[] = {[APP_SIZE] = LG_FIELD_U64,
-                                          [APP_REAL] = LG_FIELD_REAL,
-                                          [APP_SIZES] = LG_FIELD_WHOLES,
-                                          [APP_REALS] = LG_FIELD_REALS};
-    return (lg_field){.name = option->name,
-                      .type = types[option->kind],
-                      .offset = option->offset,
-                      .size = sizeof(uint64_t),
-                      .low = option->low,
-                      .high = option->high,
-                      .above = option->above,
-                      .put = option->kind == APP_SIZES ? app_sizes_put : put_reals,
-                      .most = APP_LIST_MAX};
-}
-
-static lg_status store_number(const app_option *option, const char *text, void *values, lg_error *error) {
-    const lg_field rule = rule_of(option);
-    lg_error reason = {LG_OK, ""};
-    const lg_status status = lg_field_set(&rule, text, values, &reason);
-    const bool hint = option->longer != NULL && strstr(reason.message, "too long") != NULL;
-    return status == LG_OK ? LG_OK
-                           : app_error(error, status, "%.400s%s%s", reason.message, hint ? "; " : "",
-                                       hint ? option->longer : "");
-}
-
-static lg_status store_choice(const app_option *option, const char *text, int *target, lg_error *error) {
-    char names[512] = "";
-    for (int i = 0; option->choices[i] != NULL; i++)
-        if (strcmp(option->choices[i], text) == 0) {
-            *target = i;
-            return LG_OK;
-        }
-    for (size_t i = 0, used = 0; option->choices[i] != NULL && used < sizeof names; i++)
-        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
-                                 option->choices[i]);
-    return app_error(error, LG_INVALID_ARGUMENT, "'%.80s' is not one of %s", text, names);
-}
-
-static lg_status store_option(const app_option *option, const char *text, void *values, lg_error *error) {
-    void *target = (char *)values + option->offset;
-    switch (option->kind) {
-    case APP_FLAG:
-        *(bool *)target = true;
-        return LG_OK;
-    case APP_TEXT:
-        if (text[0] == '\0') return app_error(error, LG_INVALID_ARGUMENT, "the value is empty");
-        *(const char **)target = text;
-        return LG_OK;
-    case APP_CHOICE:
-        return store_choice(option, text, target, error);
-    default:
-        return store_number(option, text, values, error);
-    }
-}
-
-lg_status app_store(app_slot *slot, const char *text, lg_error *error) {
-    const lg_status status = slot->row != NULL ? lg_field_set(slot->row, text, slot->values, error)
-                                               : store_option(slot->option, text, slot->values, error);
-    slot->given = slot->given || status == LG_OK;
-    return status;
-}
-
 /* ---- the options of a command ---- */
 
-static app_slot *add_slot(app *self, const char *name, void *values) {
-    if (self->slot_count == APP_SLOTS) abort(); /* a table of ours is too long */
-    app_slot *slot = &self->slots[self->slot_count++];
-    *slot = (app_slot){.values = values};
-    (void)snprintf(slot->name, sizeof slot->name, "%s", name);
-    return slot;
-}
-
-static void add_options(app *self, const app_option *table, void *values) {
-    for (; table != NULL && table->name != NULL; table++) add_slot(self, table->name, values)->option = table;
-}
-
 static void add_settings(app *self, const app_settings *settings) {
-    for (; settings != NULL && settings->rows != NULL; settings++) {
-        memset(settings->values, 0, settings->size);
-        lg_fields_default(settings->rows, settings->values);
-        for (const lg_field *row = settings->rows; row->name != NULL; row++) {
-            char name[sizeof self->slots[0].name];
-            lg_field_option(row, name, sizeof name);
-            if (name[0] != '\0') add_slot(self, name, settings->values)->row = row;
-        }
+    if (settings->size > 0) memset(settings->values, 0, settings->size);
+    lg_fields_default(settings->rows, settings->values);
+    for (const lg_field *row = settings->rows; row->name != NULL; row++) {
+        app_slot slot = {.row = row, .values = settings->values};
+        lg_field_option(row, slot.name, sizeof slot.name);
+        if (slot.name[0] == '\0') continue;
+        if (self->slot_count == APP_SLOTS) abort(); /* a table of ours is too long */
+        self->slots[self->slot_count++] = slot;
     }
 }
 
 void app_choose_command(app *self, const app_command *command) {
     self->command = command;
     self->slot_count = 0;
-    add_options(self, command->options, command->values);
-    add_options(self, command->shared, command->shared_values);
-    add_settings(self, command->settings);
+    const app_settings *settings = command->settings;
+    for (; settings != NULL && settings->rows != NULL; settings++) add_settings(self, settings);
+}
+
+lg_status app_store(app_slot *slot, const char *text, lg_error *error) {
+    const lg_status status = lg_field_set(slot->row, text, slot->values, error);
+    slot->given = slot->given || status == LG_OK;
+    return status;
 }
 
 app_slot *app_find_slot(const app *self, const char *option) {
@@ -179,30 +89,25 @@ void app_adopt(app *self, const app_settings *settings, const void *from, bool p
 
 /* ---- argp from tables ---- */
 
-enum { COMMON = LG_COUNT(common_options) - 1, HELP_SIZE = 1024 };
+enum { COMMON = LG_COUNT(common_options) - 1, HELP_SIZE = 2048 };
 
-/* Texts of hyperparameters are made here: `texts` has HELP_SIZE bytes for each option. */
+/* `text` has HELP_SIZE bytes. */
+static struct argp_option argp_row(const lg_field *row, const char *name, int key, int group, char *text) {
+    const bool alone = row->type == LG_FIELD_SWITCH;
+    (void)lg_field_describe(row, text, HELP_SIZE);
+    return (struct argp_option){name, key,  alone ? NULL : row->unit != NULL ? row->unit : "NAME",
+                                0,    text, group};
+}
+
+/* `texts` has HELP_SIZE bytes for each option and each common one. */
 static struct argp_option *argp_table(const app *self, char *texts) {
     const size_t n = self->slot_count;
     struct argp_option *out = app_alloc(n + COMMON + 2, sizeof *out);
-    for (size_t i = 0; i < n; i++) {
-        const app_slot *slot = &self->slots[i];
-        const lg_field *row = slot->row;
-        char *text = texts + i * HELP_SIZE;
-        if (row != NULL) (void)lg_field_describe(row, text, HELP_SIZE);
-        out[i] =
-            (struct argp_option){slot->name,
-                                 KEY_COMMAND + (int)i,
-                                 row == NULL ? slot->option->value : (row->unit != NULL ? row->unit : "NAME"),
-                                 0,
-                                 row == NULL ? slot->option->help : text,
-                                 1};
-    }
+    for (size_t i = 0; i < n; i++, texts += HELP_SIZE)
+        out[i] = argp_row(self->slots[i].row, self->slots[i].name, KEY_COMMAND + (int)i, 1, texts);
     out[n] = (struct argp_option){NULL, 0, NULL, 0, "Common options:", 2};
-    for (size_t i = 0; i < COMMON; i++)
-        out[n + 1 + i] = (struct argp_option){common_options[i].name,  KEY_COMMON + (int)i,
-                                              common_options[i].value, 0,
-                                              common_options[i].help,  2};
+    for (size_t i = 0; i < COMMON; i++, texts += HELP_SIZE)
+        out[n + 1 + i] = argp_row(&common_options[i], common_options[i].name, KEY_COMMON + (int)i, 2, texts);
     return out;
 }
 
@@ -217,11 +122,10 @@ static error_t parse_option(int key, char *text, struct argp_state *state, app *
         return 0;
     }
     if (key >= KEY_COMMON && key < KEY_COMMAND) {
-        const app_option *option = &common_options[key - KEY_COMMON];
-        app_slot slot = {.option = option, .values = self};
-        (void)snprintf(slot.name, sizeof slot.name, "%s", option->name);
+        app_slot slot = {.row = &common_options[key - KEY_COMMON], .values = self};
+        (void)snprintf(slot.name, sizeof slot.name, "%s", slot.row->name);
         store(state, &slot, text);
-        if (strcmp(option->name, "seed") == 0) self->seed_given = true;
+        if (strcmp(slot.name, "seed") == 0) self->seed_given = true;
         return 0;
     }
     return ARGP_ERR_UNKNOWN;
@@ -247,7 +151,7 @@ static error_t parse_command(int key, char *text, struct argp_state *state) {
 }
 
 static void run_parser(app *self, int argc, char **argv) {
-    char *texts = app_alloc(self->slot_count, HELP_SIZE);
+    char *texts = app_alloc(self->slot_count + COMMON, HELP_SIZE);
     struct argp_option *options = argp_table(self, texts);
     char *doc = app_format("%s%s%s", self->command->summary, self->command->details != NULL ? "\v" : "",
                            self->command->details != NULL ? self->command->details : "");
@@ -312,7 +216,8 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
         doc = longer;
     }
     char *whole = app_format("%s\n%s COMMAND --help says more.", doc, self->program);
-    struct argp_option *options = argp_table(self, NULL);
+    char texts[COMMON * HELP_SIZE];
+    struct argp_option *options = argp_table(self, texts);
     const struct argp argp = {options, parse_top, "COMMAND ...", whole, NULL, NULL, NULL};
     dispatch d = {self, commands};
     (void)argp_parse(&argp, argc, argv, ARGP_IN_ORDER, NULL, &d);

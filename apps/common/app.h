@@ -33,70 +33,23 @@ enum {
 
 /* ---- options as data ---- */
 
-typedef enum app_kind {
-    APP_FLAG,   /* bool: true when given */
-    APP_SIZE,   /* uint64_t: a whole number in [low, high] */
-    APP_REAL,   /* double: finite, in [low, high] */
-    APP_TEXT,   /* const char * */
-    APP_CHOICE, /* int: position in choices */
-    APP_SIZES,  /* app_sizes: whole numbers in [low, high], separated by commas */
-    APP_REALS   /* app_reals: finite numbers in [low, high], separated by commas */
-} app_kind;
-
-#define APP_LIST_MAX LG_FIELD_LIST_MAX
-typedef struct app_sizes {
-    size_t count;
-    uint32_t values[APP_LIST_MAX];
-} app_sizes;
-typedef struct app_reals {
-    size_t count;
-    double values[APP_LIST_MAX];
-} app_reals;
-
-/* A table of options ends with a row whose name is NULL. */
-typedef struct app_option {
-    const char *name;  /* without the dashes */
-    const char *value; /* what --help calls the value; NULL for a flag */
-    const char *help;
-    app_kind kind;
-    size_t offset; /* of the destination in the command's values */
-    double low, high;
-    bool above;                 /* low itself is refused */
-    const char *const *choices; /* APP_CHOICE: ends with NULL */
-    const char *longer;         /* lists: what takes more than APP_LIST_MAX numbers; may be NULL */
-} app_option;
-
-/* Rows of a table whose values live in `struct type`. */
-#define APP_ROW_FLAG(type, field, name, help)                                                                \
-    { name, NULL, help, APP_FLAG, offsetof(type, field), 0, 0, false, NULL, NULL }
-#define APP_ROW_TEXT(type, field, name, value, help)                                                         \
-    { name, value, help, APP_TEXT, offsetof(type, field), 0, 0, false, NULL, NULL }
-#define APP_ROW_SIZE(type, field, name, value, low, high, help)                                              \
-    { name, value, help, APP_SIZE, offsetof(type, field), low, high, false, NULL, NULL }
-#define APP_ROW_REAL(type, field, name, value, low, high, help)                                              \
-    { name, value, help, APP_REAL, offsetof(type, field), low, high, false, NULL, NULL }
-#define APP_ROW_POSITIVE(type, field, name, value, help)                                                     \
-    { name, value, help, APP_REAL, offsetof(type, field), 0, 1e300, true, NULL, NULL }
-#define APP_ROW_CHOICE(type, field, name, names, help)                                                       \
-    { name, "NAME", help, APP_CHOICE, offsetof(type, field), 0, 0, false, names, NULL }
-#define APP_ROW_SIZES(type, field, name, value, low, high, help)                                             \
-    { name, value, help, APP_SIZES, offsetof(type, field), low, high, false, NULL, NULL }
-#define APP_ROW_REALS(type, field, name, value, help, longer)                                                \
-    { name, value, help, APP_REALS, offsetof(type, field), -1e300, 1e300, false, NULL, longer }
-#define APP_ROW_END                                                                                          \
-    { NULL, NULL, NULL, APP_FLAG, 0, 0, 0, false, NULL, NULL }
-
 typedef struct app app;
 /* The first 64 sentences of app_warn. */
 typedef struct app_warnings app_warnings;
 
-/* Hyperparameters as options: a table of rows that ends with a NULL name, and the structure that they are
- * about. Before the command line is read the structure gets the rows' defaults. */
+/* Options: a table of rows (liegrad/fields.h) and the structure that has their values. Before the command
+ * line is read a structure of `size` bytes becomes zero (0: it stays as it is) and gets the rows' defaults.
+ */
 typedef struct app_settings {
     const lg_field *rows;
     void *values;
-    size_t size; /* of the structure */
+    size_t size;
 } app_settings;
+#define APP_GIVEN(rows, values)                                                                              \
+    { rows, &(values), 0 }
+#define APP_SETTINGS_END                                                                                     \
+    { NULL, NULL, 0 }
+#define APP_SETTINGS(...) ((const app_settings[]){__VA_ARGS__, APP_SETTINGS_END})
 
 /* What a command does with the processes that mpirun starts. */
 typedef enum app_together {
@@ -106,25 +59,20 @@ typedef enum app_together {
 } app_together;
 
 typedef struct app_command {
-    const char *name;          /* NULL in a program without commands; the table ends with run == NULL */
-    const char *arguments;     /* "DATA.h5", for the usage line */
-    const char *summary;       /* one line */
-    const char *details;       /* after the options in --help; may be NULL */
-    const app_option *options; /* may be NULL */
-    void *values;              /* where the options go; holds the defaults */
-    const app_option *shared;  /* those of a driver, and where they go; may be NULL */
-    void *shared_values;
-    const app_settings *settings; /* ends with rows == NULL; may be NULL */
+    const char *name;             /* NULL in a program without commands; the table ends with run == NULL */
+    const char *arguments;        /* "DATA.h5", for the usage line */
+    const char *summary;          /* one line */
+    const char *details;          /* after the options in --help; may be NULL */
+    const app_settings *settings; /* the options; ends with rows == NULL; may be NULL */
     int arguments_min, arguments_max;
     int (*run)(app *app); /* returns the exit code */
     app_together together;
 } app_command;
 
-/* An option of the command at hand: of one of its tables, or a hyperparameter. */
+/* An option of the command at hand. */
 typedef struct app_slot {
     char name[32];
-    const app_option *option;
-    const lg_field *row; /* NULL: option */
+    const lg_field *row;
     void *values;
     bool given; /* on the command line */
 } app_slot;
@@ -232,9 +180,6 @@ char *app_format_list(const char *format, va_list arguments) __attribute__((form
 /* Whole and finite, no blanks before or behind, decimal. False: *out is untouched. */
 bool app_parse_real(const char *text, double *out);
 bool app_parse_size(const char *text, uint64_t *out);
-/* Lists as members of settings: `get` and `put` of their rows. */
-uint32_t app_sizes_get(const void *member, double *values);
-void app_sizes_put(void *member, const double *values, uint32_t count);
 
 double app_seconds(void);                              /* monotonic clock */
 double app_age(void);                                  /* seconds since the program began */

@@ -22,11 +22,12 @@ typedef struct board_values {
     bool merge;
 } board_values;
 #define BOARD_ROWS(type)                                                                                     \
-    APP_ROW_TEXT(type, board.task, "task", "i/n",                                                            \
-                 "Task i of n (i from 0) of a job array: takes pieces of the work beside the others and "    \
-                 "leaves the results in FILE.board, for --merge"),                                           \
-        APP_ROW_FLAG(type, board.merge, "merge",                                                             \
-                     "Put what the tasks have finished into the output, and do no work")
+    LG_OPTION(type, board.task, STRING, "i/n",                                                               \
+              "Task i of n (i from 0) of a job array: takes pieces of the work beside the others and "       \
+              "leaves the results in FILE.board, for --merge",                                               \
+              .option = "task"),                                                                             \
+        LG_OPTION(type, board.merge, SWITCH, NULL,                                                           \
+                  "Put what the tasks have finished into the output, and do no work", .option = "merge")
 
 /* The command's processes share a board, and so its outputs (app->shares): there are several, or one left by
  * others. `out`: the output. An exit

@@ -9,27 +9,30 @@ enum { SHOWN_TRIALS = 10 };
 
 search_values search_given = {.trials = 50, .rungs = 5, .warm_up = 5, .quantile = 0.5, .validation = 0.1};
 
-const app_option search_options[] = {
-    APP_ROW_SIZE(search_values, trials, "trials", "n", 1, 1000000,
-                 "Planned number of trials, earlier ones included (default 50)"),
-    APP_ROW_TEXT(search_values, out, "out", "FILE.csv", "Table of trials, written after each trial"),
-    APP_ROW_FLAG(search_values, resume, "resume",
-                 "Continue the search of this table; without --resume an existing table is replaced"),
-    APP_ROW_SIZE(search_values, rungs, "rungs", "r", 0, LG_TRIAL_REPORTS,
-                 "Number of points at which a trial is compared with earlier ones (default 5; 0: never)"),
-    APP_ROW_SIZE(search_values, warm_up, "warm-up", "n", 0, 1000000,
-                 "Number of trials that must have passed a rung before others are stopped there (default 5)"),
-    APP_ROW_REAL(search_values, quantile, "quantile", "Q", 1e-9, 1,
-                 "A trial is stopped at a rung where at least this part of the earlier trials was better "
-                 "(default 0.5)"),
-    APP_ROW_REAL(
-        search_values, validation, "validation", "F", 1e-9, 0.9,
-        "Part of the training data that is held out; the objective is the error on it (default 0.1)"),
-    APP_ROW_TEXT(search_values, plot, "plot", "FILE.svg|.png",
-                 "Draw the objective of each trial and the "
-                 "best so far"),
+const lg_field search_options[] = {
+    LG_OPTION(search_values, trials, U64, "n", "Planned number of trials, earlier ones included (default 50)",
+              .low = 1, .high = 1000000),
+    LG_OPTION(search_values, out, STRING, "FILE.csv", "Table of trials, written after each trial"),
+    LG_OPTION(search_values, resume, SWITCH, NULL,
+              "Continue the search of this table; without --resume an existing table is replaced"),
+    LG_OPTION(search_values, rungs, U64, "r",
+              "Number of points at which a trial is compared with earlier ones (default 5; 0: never)",
+              .high = LG_TRIAL_REPORTS),
+    LG_OPTION(search_values, warm_up, U64, "n",
+              "Number of trials that must have passed a rung before others are stopped there (default 5)",
+              .high = 1000000),
+    LG_OPTION(search_values, quantile, REAL, "Q",
+              "A trial is stopped at a rung where at least this part of the earlier trials was better "
+              "(default 0.5)",
+              .low = 1e-9, .high = 1),
+    LG_OPTION(search_values, validation, REAL, "F",
+              "Part of the training data that is held out; the objective is the error on it (default 0.1)",
+              .low = 1e-9, .high = 0.9),
+    LG_OPTION(search_values, plot, STRING, "FILE.svg|.png",
+              "Draw the objective of each trial and the "
+              "best so far"),
     BOARD_ROWS(search_values),
-    APP_ROW_END};
+    LG_FIELD_END};
 
 typedef struct searching {
     app *app;
@@ -57,7 +60,7 @@ static app virtual_begin(const app *self, const app_command *train) {
 }
 
 static bool is_hyperparameter(const train_task *task, const app_slot *slot) {
-    return slot != NULL && slot->row != NULL &&
+    return slot != NULL && slot->row->group != NULL &&
            (task->held_out == NULL || strcmp(slot->name, task->held_out) != 0);
 }
 
@@ -390,13 +393,13 @@ static void print_trials(const searching *search) {
 
 /* The texts among the search's own options, which its train takes too. */
 static void print_given(const app *self) {
-    const app_command *command = self->command;
-    for (const app_option *o = command->options; o != NULL && o->name != NULL; o++)
-        if (o->kind == APP_TEXT && app_given(self, o->name)) {
-            char *word = app_quote(*(const char *const *)((const char *)command->values + o->offset));
-            (void)printf(" --%s %s", o->name, word);
-            free(word);
-        }
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const app_slot *slot = &self->slots[i];
+        if (!slot->given || slot->row->type != LG_FIELD_STRING || slot->values == &search_given) continue;
+        char *word = app_quote(*(const char *const *)((const char *)slot->values + slot->row->offset));
+        (void)printf(" --%s %s", slot->name, word);
+        free(word);
+    }
 }
 
 /* The best trial's settings as words of a command line. */

@@ -16,8 +16,8 @@ typedef struct search_values {
 } search_values;
 
 extern search_values search_given;
-extern const app_option search_options[];
-#define SEARCH_SHARED .shared = search_options, .shared_values = &search_given
+extern const lg_field search_options[];
+#define SEARCH_SHARED APP_GIVEN(search_options, search_given)
 
 #define SEARCH_DETAILS                                                                                       \
     "The file has `ranges`, options of train each with one of {uniform: [a, b]}, {log-uniform: [a, b]}, "    \
@@ -26,11 +26,11 @@ extern const app_option search_options[];
     "code 4 when none was finished. Ctrl-C keeps the finished trials and ends with exit code 130; --resume " \
     "continues to the same table."
 
-/* The members of a command `search`, but for `run`; `data` is what its train takes: "DATA.h5". */
+/* A command `search` without its settings and `run`; `data` is what its train takes: "DATA.h5". */
 #define SEARCH_COMMAND(data)                                                                                 \
     .name = "search", .arguments = "RANGES.yaml " data,                                                      \
-    .summary = "Random search over the options of train", .details = SEARCH_DETAILS, SEARCH_SHARED,          \
-    .arguments_min = 2, .arguments_max = 2, .together = APP_WORKERS
+    .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .arguments_min = 2,     \
+    .arguments_max = 2, .together = APP_WORKERS
 
 /* Arguments RANGES.yaml DATA.h5; `train` is the command whose task is searched. Returns the exit code. */
 int search_main(app *app, const app_command *train, const train_task *task);

@@ -11,13 +11,14 @@
 
 study_values study_given;
 
-const app_option study_options[] = {
-    APP_ROW_TEXT(study_values, out, "out", "FILE.csv",
-                 "Table of runs; runs that it already has are not repeated"),
-    APP_ROW_SIZE(study_values, jobs, "jobs", "J", 1, 256,
-                 "Number of simultaneous runs (default: --threads); each uses threads/jobs threads"),
-    APP_ROW_SIZE(study_values, stop_after, "stop-after", "n", 1, 1e9, "Stop after n new runs"),
-    BOARD_ROWS(study_values), APP_ROW_END};
+const lg_field study_options[] = {
+    LG_OPTION(study_values, out, STRING, "FILE.csv",
+              "Table of runs; runs that it already has are not repeated"),
+    LG_OPTION(study_values, jobs, U64, "J",
+              "Number of simultaneous runs (default: --threads); each uses threads/jobs threads", .low = 1,
+              .high = 256),
+    LG_OPTION(study_values, stop_after, U64, "n", "Stop after n new runs", .low = 1, .high = 1e9),
+    BOARD_ROWS(study_values), LG_FIELD_END};
 
 typedef struct study {
     app *app;

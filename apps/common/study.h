@@ -96,8 +96,8 @@ typedef struct study_values {
     board_values board;
 } study_values;
 extern study_values study_given;
-extern const app_option study_options[];
-#define STUDY_SHARED .shared = study_options, .shared_values = &study_given
+extern const lg_field study_options[];
+#define STUDY_SHARED APP_GIVEN(study_options, study_given)
 
 typedef struct study_picture {
     const char *option, *path; /* path NULL: not wanted */

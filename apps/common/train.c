@@ -10,7 +10,7 @@ enum { CHECKPOINT_EVERY = 10 };
 train_files train_given_files;
 
 /* --size is first: TRAIN_SHARED_NO_SIZE begins after it. */
-const app_option train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the loss"), APP_ROW_END};
+const lg_field train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the loss"), LG_FIELD_END};
 
 static const train_files *const files = &train_given_files;
 
@@ -55,7 +55,7 @@ const char *train_refuses(const train_task *task, const app_slot *slot) {
     static char text[128];
     void *values;
     const lg_field *method = method_row(task, &values);
-    if (method == NULL || slot->row == NULL || slot->row->methods == 0) return NULL;
+    if (method == NULL || slot->row->methods == 0) return NULL;
     const uint32_t number = (uint32_t)lg_field_whole(method, values);
     if ((slot->row->methods & 1u << number) != 0) return NULL;
     (void)snprintf(text, sizeof text, "--%s %s", task->method, method->value_name(number));
@@ -92,7 +92,7 @@ static int check_files(app *self, const train_task *task) {
     const app_path paths[] = {
         {"resume", same ? NULL : files->resume, APP_READ},
         {task->kept,
-         kept != NULL ? *(const char *const *)((const char *)kept->values + kept->option->offset) : NULL,
+         kept != NULL ? *(const char *const *)((const char *)kept->values + kept->row->offset) : NULL,
          APP_READ},
         {"out", files->out, APP_WRITTEN},
         {"checkpoint", checkpoint, APP_WRITTEN},
@@ -359,7 +359,7 @@ static bool has_adam(const lg_fit_plan *plan) {
 }
 
 static bool is_plan(const app_slot *slot) {
-    return slot->row != NULL && slot->row->type == LG_FIELD_PHRASE;
+    return slot->row->type == LG_FIELD_PHRASE;
 }
 
 static bool asks_adam(const app *self, const lg_training *training) {
@@ -367,7 +367,7 @@ static bool asks_adam(const app *self, const lg_training *training) {
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
         if (slot->given && is_plan(slot)) return ends_with_adam(training);
-        adam = adam || (slot->given && slot->row != NULL && slot->row->adam);
+        adam = adam || (slot->given && slot->row->adam);
     }
     return adam;
 }
@@ -381,6 +381,7 @@ const char *train_preset_name(uint32_t value) {
 
 const lg_field train_preset_rows[] = {
     {.name = "preset",
+     .group = "",
      .type = LG_FIELD_NAME,
      .size = sizeof train_preset_given,
      .value_name = train_preset_name,
@@ -415,7 +416,7 @@ static int check_method(const app *self, const train_task *task) {
     if (has_adam(&task->training->plan)) return APP_EXIT_OK;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        if (slot->given && slot->row != NULL && slot->row->adam)
+        if (slot->given && slot->row->adam)
             return app_usage(self, "--%s: is for adam; training by %s has no such option", slot->name, plan);
     }
     return APP_EXIT_OK;
@@ -493,7 +494,7 @@ static void json_row(app_json *json, const lg_field *row, const void *run) {
         break;
     case LG_FIELD_WHOLES:
     case LG_FIELD_REALS:
-        app_json_reals(json, key, list, row->get((const char *)run + row->offset, list));
+        app_json_reals(json, key, list, lg_field_list(row, run, list));
         break;
     default:
         lg_field_show(row, run, text, sizeof text);

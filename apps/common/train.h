@@ -2,7 +2,7 @@
  * of training: --resume, checkpoints, progress, Ctrl-C, --history, exit codes, JSON.
  *
  * A command gives a train_task and returns train_main(...). The run of its settings[0] says how is trained:
- * the options are its hyperparameters, checkpoints hold it, and a resumed run is compared with it. The search
+ * its rows are the hyperparameters, checkpoints hold it, and a resumed run is compared with it. The search
  * driver (common/search.h) trains the same task.
  *
  * Functions that return int return an exit code, and have told the user when it is not APP_EXIT_OK; those
@@ -20,39 +20,40 @@ typedef struct train_files {
     double seconds;
 } train_files;
 
-/* What the command line gave, and its options: `shared` of a command; of one whose task has no `sizes`,
- * TRAIN_SHARED_NO_SIZE. */
+/* What the command line gave, and its options, which stand among the settings of a command.
+ * TRAIN_SHARED_NO_SIZE is for a command whose task has no `sizes`. */
 extern train_files train_given_files;
-extern const app_option train_file_options[];
-#define TRAIN_SHARED         .shared = train_file_options, .shared_values = &train_given_files
-#define TRAIN_SHARED_NO_SIZE .shared = train_file_options + 1, .shared_values = &train_given_files
+extern const lg_field train_file_options[];
+#define TRAIN_SHARED         APP_GIVEN(train_file_options, train_given_files)
+#define TRAIN_SHARED_NO_SIZE APP_GIVEN(train_file_options + 1, train_given_files)
 #define TRAIN_SIZE_ROW                                                                                       \
-    APP_ROW_TEXT(train_files, size, "size", "auto|W,...",                                                    \
-                 "auto: choose --hidden by a race of a few widths on a validation part, each for half of "   \
-                 "the epochs and all for a third of --seconds, which counts them; else as --hidden")
+    LG_OPTION(train_files, size, STRING, "auto|W,...",                                                       \
+              "auto: choose --hidden by a race of a few widths on a validation part, each for half of "      \
+              "the epochs and all for a third of --seconds, which counts them; else as --hidden")
 /* The same for a command whose --plot draws something else than the loss. */
 #define TRAIN_FILE_ROWS(drawn)                                                                               \
-    APP_ROW_TEXT(train_files, out, "out", "FILE", "The model file to write"),                                \
-        APP_ROW_TEXT(                                                                                        \
-            train_files, checkpoint, "checkpoint", "FILE",                                                   \
+    LG_OPTION(train_files, out, STRING, "FILE", "The model file to write"),                                  \
+        LG_OPTION(                                                                                           \
+            train_files, checkpoint, STRING, "FILE",                                                         \
             "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),    \
-        APP_ROW_SIZE(train_files, checkpoint_every, "checkpoint-every", "n", 1, 1e9,                         \
-                     "Number of epochs between checkpoints (default 10 with --checkpoint)"),                 \
-        APP_ROW_SIZE(train_files, stop_after, "stop-after", "n", 1, 1e9,                                     \
-                     "Save the state and stop after n epochs of this run"),                                  \
-        APP_ROW_SIZE(train_files, evaluations, "evaluations", "n", 1, 1e9, "Another name of --epochs"),      \
-        APP_ROW_REAL(                                                                                        \
-            train_files, seconds, "seconds", "S", 0, 1e9,                                                    \
+        LG_OPTION(train_files, checkpoint_every, U64, "n",                                                   \
+                  "Number of epochs between checkpoints (default 10 with --checkpoint)", .low = 1,           \
+                  .high = 1e9),                                                                              \
+        LG_OPTION(train_files, stop_after, U64, "n", "Save the state and stop after n epochs of this run",   \
+                  .low = 1, .high = 1e9),                                                                    \
+        LG_OPTION(train_files, evaluations, U64, "n", "Another name of --epochs", .low = 1, .high = 1e9),    \
+        LG_OPTION(                                                                                           \
+            train_files, seconds, REAL, "S",                                                                 \
             "Stop after so many seconds of training; with a method other than adam and no --epochs this is " \
-            "the only limit"),                                                                               \
-        APP_ROW_TEXT(                                                                                        \
-            train_files, resume, "resume", "FILE",                                                           \
-            "Continue from a checkpoint; the result has the same bits as one run. Options not given "        \
-            "are the checkpoint's"),                                                                         \
-        APP_ROW_TEXT(train_files, history, "history", "FILE.csv",                                            \
-                     "Write one row for each epoch: epoch, loss, validation, rate, seconds"),                \
-        APP_ROW_TEXT(train_files, plot, "plot", "FILE.svg|.png",                                             \
-                     drawn "; its data and script stay beside it, as FILE.dat and FILE.gp")
+            "the only limit",                                                                                \
+            .high = 1e9),                                                                                    \
+        LG_OPTION(train_files, resume, STRING, "FILE",                                                       \
+                  "Continue from a checkpoint; the result has the same bits as one run. Options not given "  \
+                  "are the checkpoint's"),                                                                   \
+        LG_OPTION(train_files, history, STRING, "FILE.csv",                                                  \
+                  "Write one row for each epoch: epoch, loss, validation, rate, seconds"),                   \
+        LG_OPTION(train_files, plot, STRING, "FILE.svg|.png",                                                \
+                  drawn "; its data and script stay beside it, as FILE.dat and FILE.gp")
 
 /* A training while it goes on and after it. */
 typedef struct train_session train_session;

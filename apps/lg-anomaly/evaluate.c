@@ -11,24 +11,26 @@ enum { MAX_FILES = 7, MAX_VOTES = 64, SHOWN_GROUPS = 40 };
 typedef struct evaluate_values {
     const char *plot, *scores;
     int part, picture;
-    app_sizes votes;
+    lg_wholes votes;
 } evaluate_values;
 
 enum { PART_AUTO, PART_ALL, PART_TRAIN, PART_VALIDATION, PART_TEST };
 static const char *const part_names[] = {"auto", "all", "train", "validation", "test", NULL};
 
-static const app_option evaluate_options[] = {
-    APP_ROW_CHOICE(evaluate_values, part, "part", part_names,
-                   "Windows to judge: all, or the train, validation or test part of the data that the model "
-                   "was trained on; auto (default): the test part of those data, all windows of other data"),
-    APP_ROW_SIZES(evaluate_values, votes, "votes", "K,N", 1, MAX_VOTES,
-                  "Raise an alarm when K of the last N windows of a recording are not of the first class; "
-                  "report time to detection and false alarms a day"),
-    APP_ROW_TEXT(evaluate_values, scores, "scores", "FILE.csv",
-                 "Write one row for each window: run, group, truth, class, scores"),
-    APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png", "Draw a picture"),
-    APP_ROW_CHOICE(evaluate_values, picture, "picture", evaluate_view_names, EVALUATE_VIEW_HELP),
-    APP_ROW_END};
+static const lg_field evaluate_options[] = {
+    LG_OPTION(evaluate_values, part, NAME, NULL,
+              "Windows to judge: all, or the train, validation or test part of the data that the model "
+              "was trained on; auto (default): the test part of those data, all windows of other data",
+              .names = part_names),
+    LG_OPTION(evaluate_values, votes, WHOLES, "K,N",
+              "Raise an alarm when K of the last N windows of a recording are not of the first class; "
+              "report time to detection and false alarms a day",
+              .low = 1, .high = MAX_VOTES),
+    LG_OPTION(evaluate_values, scores, STRING, "FILE.csv",
+              "Write one row for each window: run, group, truth, class, scores"),
+    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png", "Draw a picture"),
+    LG_OPTION(evaluate_values, picture, NAME, NULL, EVALUATE_VIEW_HELP, .names = evaluate_view_names),
+    LG_FIELD_END};
 
 static evaluate_values values;
 
@@ -487,7 +489,7 @@ static int evaluate_all(const app *self, const well_model *model) {
 
 static int check_options(const app *self) {
     const app_path paths[] = {{"scores", values.scores, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
-    const app_sizes *votes = &values.votes;
+    const lg_wholes *votes = &values.votes;
     if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
         return app_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
     if (app_given(self, "picture") && values.plot == NULL)
@@ -518,8 +520,7 @@ const app_command evaluate_command = {
         "detection runs from the first damaged sample to the end of the window that raises the alarm. "
         "Alarms before any damage are false alarms. Each of several data files gives one row, for the "
         "probability of detection against severity.",
-    .options = evaluate_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
     .arguments_min = 2,
     .arguments_max = MAX_FILES + 1,
     .run = run};

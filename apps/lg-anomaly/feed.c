@@ -22,25 +22,28 @@ typedef struct feed_values {
 
 static const char *const housings[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
 
-static const app_option feed_options[] = {
-    APP_ROW_REAL(feed_values, hours, "hours", "H", 1e-4, 1e6, "Length of the feed (default 24)"),
-    APP_ROW_REAL(feed_values, crack_at, "crack-at", "HOURS", 0, 1e6,
-                 "Time at which the casing breaks, in hours (`watch --crack-at` takes seconds; default: "
-                 "never)"),
-    APP_ROW_REAL(feed_values, severity, "severity", "R", 1e-3, 1,
-                 "Remaining fraction of its rotational stiffness after that: 1 is intact (default 0.58)"),
-    APP_ROW_REAL(feed_values, gaps, "gaps", "N", 0, 86400,
-                 "Average number of gaps a day; a gap is a series of missing lines (default 0)"),
-    APP_ROW_REAL(feed_values, gap_seconds, "gap-seconds", "S", 0.2, 86400,
-                 "Mean length of a gap (default "
-                 "30)"),
-    APP_ROW_REAL(feed_values, nan, "nan", "N", 0, 432000,
-                 "Average number of samples a day with one value nan (default 0)"),
-    APP_ROW_REAL(feed_values, noise, "noise", "F", 0, 1e6,
-                 "Noise of the sensors as a multiple of the data sheet's (default 1)"),
-    APP_ROW_CHOICE(feed_values, housing, "housing", housings, "slack (default) or tight"),
-    APP_ROW_TEXT(feed_values, out, "out", "FILE.csv", "File for the feed (default: standard output)"),
-    APP_ROW_END};
+static const lg_field feed_options[] = {
+    LG_OPTION(feed_values, hours, REAL, "H", "Length of the feed (default 24)", .low = 1e-4, .high = 1e6),
+    LG_OPTION(feed_values, crack_at, REAL, "HOURS",
+              "Time at which the casing breaks, in hours (`watch --crack-at` takes seconds; default: "
+              "never)",
+              .high = 1e6),
+    LG_OPTION(feed_values, severity, REAL, "R",
+              "Remaining fraction of its rotational stiffness after that: 1 is intact (default 0.58)",
+              .low = 1e-3, .high = 1),
+    LG_OPTION(feed_values, gaps, REAL, "N",
+              "Average number of gaps a day; a gap is a series of missing lines (default 0)", .high = 86400),
+    LG_OPTION(feed_values, gap_seconds, REAL, "S",
+              "Mean length of a gap (default "
+              "30)",
+              .low = 0.2, .high = 86400),
+    LG_OPTION(feed_values, nan, REAL, "N", "Average number of samples a day with one value nan (default 0)",
+              .high = 432000),
+    LG_OPTION(feed_values, noise, REAL, "F",
+              "Noise of the sensors as a multiple of the data sheet's (default 1)", .high = 1e6),
+    LG_OPTION(feed_values, housing, NAME, NULL, "slack (default) or tight", .names = housings),
+    LG_OPTION(feed_values, out, STRING, "FILE.csv", "File for the feed (default: standard output)"),
+    LG_FIELD_END};
 
 static feed_values values = {.hours = 24, .crack_at = NAN, .severity = 0.58, .gap_seconds = 30, .noise = 1};
 
@@ -342,6 +345,5 @@ const app_command feed_command = {
         "again with its own sea state, drawn from the 18 of `generate`. Memory does not depend on the "
         "length. Example, a watch over 30 days with a late crack:\n\n  lg-anomaly feed --hours 720 "
         "--crack-at 700 --gaps 20 --nan 50 | lg-anomaly watch model.h5",
-    .options = feed_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(feed_options, values)),
     .run = run};

@@ -22,26 +22,31 @@ static const char *const housings[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING
 enum { PICTURE_STATES, PICTURE_HOUSINGS };
 static const char *const pictures[] = {"states", "housings", NULL};
 
-static const app_option generate_options[] = {
-    APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
-    APP_ROW_REAL(generate_values, noise, "noise", "F", 0, 1e6,
-                 "Noise of the sensors as a multiple of the data sheet's: 1, 10, 50, ... (default 1)"),
-    APP_ROW_SIZE(
-        generate_values, runs, "runs", "n", 1, MAX_RUNS,
+static const lg_field generate_options[] = {
+    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write"),
+    LG_OPTION(generate_values, noise, REAL, "F",
+              "Noise of the sensors as a multiple of the data sheet's: 1, 10, 50, ... (default 1)",
+              .high = 1e6),
+    LG_OPTION(
+        generate_values, runs, U64, "n",
         "Recordings (default 108: 3 top tensions x 18 sea states, each intact and broken). A smaller number "
-        "is spread over the conditions, pair by pair; a larger one repeats them with other waves"),
-    APP_ROW_REAL(generate_values, hours, "hours", "H", 1e-3, 1000, "Length of a recording (default 1)"),
-    APP_ROW_CHOICE(generate_values, housing, "housing", housings, "slack (default) or tight"),
-    APP_ROW_REAL(
-        generate_values, severity, "severity", "R", 1e-3, 1,
-        "Remaining fraction of the broken casing's rotational stiffness: 1 is intact (default 0.58)"),
-    APP_ROW_REAL(generate_values, window, "window", "SECONDS", 0.2, 1e6, "Length of a window (default 60)"),
-    APP_ROW_TEXT(generate_values, plot, "plot", "FILE.svg|.png",
-                 "Draw recordings against time, and their moments against their accelerations"),
-    APP_ROW_CHOICE(generate_values, picture, "picture", pictures,
-                   "With --plot: states, intact and broken (default), or housings, slack and tight"),
+        "is spread over the conditions, pair by pair; a larger one repeats them with other waves",
+        .low = 1, .high = MAX_RUNS),
+    LG_OPTION(generate_values, hours, REAL, "H", "Length of a recording (default 1)", .low = 1e-3,
+              .high = 1000),
+    LG_OPTION(generate_values, housing, NAME, NULL, "slack (default) or tight", .names = housings),
+    LG_OPTION(generate_values, severity, REAL, "R",
+              "Remaining fraction of the broken casing's rotational stiffness: 1 is intact (default 0.58)",
+              .low = 1e-3, .high = 1),
+    LG_OPTION(generate_values, window, REAL, "SECONDS", "Length of a window (default 60)", .low = 0.2,
+              .high = 1e6),
+    LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png",
+              "Draw recordings against time, and their moments against their accelerations"),
+    LG_OPTION(generate_values, picture, NAME, NULL,
+              "With --plot: states, intact and broken (default), or housings, slack and tight",
+              .names = pictures),
     BOARD_ROWS(generate_values),
-    APP_ROW_END};
+    LG_FIELD_END};
 
 static generate_values values = {
     .runs = LG_RISER_RUNS, .noise = 1, .hours = 1, .severity = 0.58, .window = 60};
@@ -284,7 +289,6 @@ const app_command generate_command = {
         "Channels: accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, "
         "each in x and y. For the probability of detection against severity, make one file for each "
         "--severity.",
-    .options = generate_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
     .run = run,
     .together = APP_WORKERS};

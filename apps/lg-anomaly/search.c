@@ -19,7 +19,7 @@ const app_command search_command = {
         "The objective is the network's loss on the held-out part at its best epoch.\n\n" SEARCH_DETAILS
         " The search never uses the test part (fixed: test-fraction, split): train the best trial to "
         "evaluate it.",
-    SEARCH_SHARED,
+    .settings = APP_SETTINGS(SEARCH_SHARED),
     .arguments_min = 2,
     .arguments_max = 2,
     .run = run,

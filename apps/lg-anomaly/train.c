@@ -180,9 +180,6 @@ const app_command train_command = {
         "false_alarms_per_day is the number of windows a day that would be given another class if all were "
         "of class 0.\n\nCtrl-C saves a checkpoint (cnn) and ends with exit code 130; --resume continues to "
         "the same bits.",
-    .options = train_options,
-    .values = &train_given,
-    TRAIN_SHARED_NO_SIZE,
     .settings = train_settings,
     .arguments_min = 1,
     .arguments_max = 1,

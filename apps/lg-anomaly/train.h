@@ -20,7 +20,7 @@ enum { PRUNE_NONE, PRUNE_PRE, PRUNE_POST };
 typedef struct train_values {
     const char *test;
     int picture;
-    app_reals grid;
+    lg_reals grid;
     /* Hyperparameters. */
     uint32_t method;
     double window, hop;
@@ -31,13 +31,12 @@ typedef struct train_values {
     /* network: where the rest comes from, and its blocks */
     uint32_t preset, pooling;
     uint64_t kernel, stride, padding, pool_size;
-    app_sizes filters;
+    lg_wholes filters;
 } train_values;
 
 extern train_values train_given;
 /* Networks: all that determines the result; of the classical methods: the split. */
 extern lg_detector_run train_run;
-extern const app_option train_options[];
 extern const app_settings train_settings[];
 /* Names by number; NULL beyond the last. */
 const char *train_method_name(uint32_t method);

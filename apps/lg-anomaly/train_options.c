@@ -32,7 +32,7 @@ enum {
     CLASSICAL = LOGISTIC | TREE | LINEAR | RBF
 };
 
-#define ROW(name, type, member, ...) LG_FIELD(train_values, NULL, name, type, member, __VA_ARGS__)
+#define ROW(name, type, member, ...) LG_FIELD(train_values, "", name, type, member, __VA_ARGS__)
 static const lg_field rows[] = {
     ROW("method", NAME, method, .value_name = train_method_name, .value = "cnn",
         .meaning =
@@ -74,8 +74,8 @@ static const lg_field rows[] = {
         .otherwise = "1/(features x their variance)", .meaning = "svm-rbf: exp(-G |x - y|^2)"),
     ROW("preset", NAME, preset, .value_name = train_preset_name, .value = "best", .methods = CNN,
         .meaning = "cnn: source of options that are not given: the published settings or ours"),
-    ROW("filters", WHOLES, filters, .get = app_sizes_get, .put = app_sizes_put, .low = 1, .high = 1 << 20,
-        .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...", .methods = CNN,
+    ROW("filters", WHOLES, filters, .low = 1, .high = 1 << 20, .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...",
+        .methods = CNN,
         .otherwise = "2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
                      "three",
         .meaning = "cnn: channels of each block"),
@@ -94,18 +94,19 @@ static const lg_field rows[] = {
 train_values train_given;
 lg_detector_run train_run;
 
+static const lg_field train_options[] = {
+    LG_OPTION(train_values, test, STRING, "TEST.h5", "Test on this file; DATA.h5 is then all for training"),
+    LG_OPTION(train_values, grid, REALS, "C,C,...",
+              "Choose C among these by cross-validation on the training part (default for svm: "
+              "0.1,1,10,100)",
+              LG_ANY_REAL),
+    LG_OPTION(train_values, picture, NAME, NULL, VIEW_HELP, .names = view_names), LG_FIELD_END};
+
 const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
                                        {rows, &train_given, sizeof train_given},
-                                       {.rows = NULL}};
-
-const app_option train_options[] = {
-    APP_ROW_TEXT(train_values, test, "test", "TEST.h5",
-                 "Test on this file; DATA.h5 is then all for training"),
-    APP_ROW_REALS(train_values, grid, "grid", "C,C,...",
-                  "Choose C among these by cross-validation on the training part (default for svm: "
-                  "0.1,1,10,100)",
-                  NULL),
-    APP_ROW_CHOICE(train_values, picture, "picture", view_names, VIEW_HELP), APP_ROW_END};
+                                       APP_GIVEN(train_options, train_given),
+                                       TRAIN_SHARED_NO_SIZE,
+                                       APP_SETTINGS_END};
 
 /* ---- what does not go together ---- */
 

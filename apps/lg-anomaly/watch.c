@@ -25,33 +25,35 @@ typedef struct watch_values {
     double hop, bridge, missing, rate, crack_at, unlike;
 } watch_values;
 
-static const app_option watch_options[] = {
-    APP_ROW_TEXT(watch_values, input, "input", "FILE", "File of samples (default: standard input)"),
-    APP_ROW_SIZE(watch_values, votes, "votes", "K", 1, 64,
-                 "Raise an alarm when K of the last windows are not of the first class (default 3)"),
-    APP_ROW_SIZE(watch_values, votes_of, "votes-of", "N", 1, 64,
-                 "Number of last windows that vote (default "
-                 "5)"),
-    APP_ROW_POSITIVE(watch_values, hop, "hop", "S",
-                     "Seconds from one window to the next (default: a window)"),
-    APP_ROW_REAL(watch_values, bridge, "bridge", "S", 0, 1e9,
-                 "Gaps of at most S seconds are filled by straight lines (default 1)"),
-    APP_ROW_REAL(watch_values, missing, "missing", "P", 0, 1,
-                 "Windows with a larger fraction of missing samples are not judged (default 0.1)"),
-    APP_ROW_POSITIVE(watch_values, rate, "rate", "HZ",
-                     "Sampling rate of the feed, whatever its times say (default: the model's)"),
-    APP_ROW_REAL(
-        watch_values, unlike, "unlike", "F", 0, 1e12,
-        "Windows whose distance from those of training is above F are unlike anything seen and get no "
-        "class (default 1; 0: every window gets one)"),
-    APP_ROW_REAL(watch_values, crack_at, "crack-at", "T", -1e300, 1e300,
-                 "Time at which the damage began, in seconds of the feed (`feed --crack-at` takes hours), "
-                 "for trials with a known truth"),
-    APP_ROW_TEXT(
-        watch_values, log, "log", "FILE",
-        "Append the verdicts to FILE instead of printing them; SIGHUP opens it again (log rotation)"),
-    APP_ROW_FLAG(watch_values, quiet, "quiet", "Print changes of the alarm only"),
-    APP_ROW_END};
+static const lg_field watch_options[] = {
+    LG_OPTION(watch_values, input, STRING, "FILE", "File of samples (default: standard input)"),
+    LG_OPTION(watch_values, votes, U64, "K",
+              "Raise an alarm when K of the last windows are not of the first class (default 3)", .low = 1,
+              .high = 64),
+    LG_OPTION(watch_values, votes_of, U64, "N",
+              "Number of last windows that vote (default "
+              "5)",
+              .low = 1, .high = 64),
+    LG_OPTION(watch_values, hop, REAL, "S", "Seconds from one window to the next (default: a window)",
+              LG_POSITIVE),
+    LG_OPTION(watch_values, bridge, REAL, "S",
+              "Gaps of at most S seconds are filled by straight lines (default 1)", .high = 1e9),
+    LG_OPTION(watch_values, missing, REAL, "P",
+              "Windows with a larger fraction of missing samples are not judged (default 0.1)", .high = 1),
+    LG_OPTION(watch_values, rate, REAL, "HZ",
+              "Sampling rate of the feed, whatever its times say (default: the model's)", LG_POSITIVE),
+    LG_OPTION(watch_values, unlike, REAL, "F",
+              "Windows whose distance from those of training is above F are unlike anything seen and get no "
+              "class (default 1; 0: every window gets one)",
+              .high = 1e12),
+    LG_OPTION(watch_values, crack_at, REAL, "T",
+              "Time at which the damage began, in seconds of the feed (`feed --crack-at` takes hours), "
+              "for trials with a known truth",
+              LG_ANY_REAL),
+    LG_OPTION(watch_values, log, STRING, "FILE",
+              "Append the verdicts to FILE instead of printing them; SIGHUP opens it again (log rotation)"),
+    LG_OPTION(watch_values, quiet, SWITCH, NULL, "Print changes of the alarm only"),
+    LG_FIELD_END};
 
 static watch_values values = {.votes = 3,
                               .votes_of = 5,
@@ -619,8 +621,7 @@ const app_command watch_command = {
         "of the "
         "first window that is not of the first class while the alarm is on (the time of its last sample "
         "plus one interval). Alarms that begin before T are false; days before T count judged windows only.",
-    .options = watch_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(watch_options, values)),
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run};

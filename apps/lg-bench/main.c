@@ -140,26 +140,27 @@ static const bench_case cases[] = {
 
 static const char *const dtypes[] = {"default", "f64", "f32", NULL};
 
-static const app_option options[] = {
-    APP_ROW_SIZE(bench_options, batch, "batch", "B", 1, 1e6, "Rows of a batch (default: the case's list)"),
-    APP_ROW_SIZE(bench_options, width, "width", "W", 1, 1e8, "Width of the hidden layers, or length"),
-    APP_ROW_CHOICE(bench_options, dtype, "dtype", dtypes, "f64 or f32 (default: the case's)"),
-    APP_ROW_SIZE(bench_options, links, "links", "N", 1, 1e4,
-                 "ode: links of the chain (default: 2, 6, 10 and 20)"),
-    APP_ROW_SIZE(bench_options, repeats, "repeats", "r", 1, 1e6,
-                 "Timed samples (default 101, fewer when they take long)"),
-    APP_ROW_SIZE(bench_options, epochs, "epochs", "k", 2, 1e6,
-                 "Epochs of the hamiltonian, elastica and cnn cases (default 20; 6; 6)"),
-    APP_ROW_FLAG(bench_options, judge, "judge", "hamiltonian: also E1 of the trained model on a test set"),
-    APP_ROW_TEXT(bench_options, weights, "weights", "FILE",
-                 "hamiltonian: no training; judges these parameters (doubles, as --out writes them); "
-                 "elastica-curve: the model file"),
-    APP_ROW_TEXT(bench_options, out, "out", "PREFIX",
-                 "hamiltonian, elastica: writes the training set and the initial parameters as doubles, for "
-                 "other programs: PREFIX.data, PREFIX.weights; elastica: PREFIX.data, PREFIX.order, and a "
-                 "file named by each row"),
-    APP_ROW_TEXT(bench_options, only, "only", "TEXT", "Only rows whose name contains TEXT"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(bench_options, batch, U64, "B", "Rows of a batch (default: the case's list)", .low = 1,
+              .high = 1e6),
+    LG_OPTION(bench_options, width, U64, "W", "Width of the hidden layers, or length", .low = 1, .high = 1e8),
+    LG_OPTION(bench_options, dtype, NAME, NULL, "f64 or f32 (default: the case's)", .names = dtypes),
+    LG_OPTION(bench_options, links, U64, "N", "ode: links of the chain (default: 2, 6, 10 and 20)", .low = 1,
+              .high = 1e4),
+    LG_OPTION(bench_options, repeats, U64, "r", "Timed samples (default 101, fewer when they take long)",
+              .low = 1, .high = 1e6),
+    LG_OPTION(bench_options, epochs, U64, "k",
+              "Epochs of the hamiltonian, elastica and cnn cases (default 20; 6; 6)", .low = 2, .high = 1e6),
+    LG_OPTION(bench_options, judge, SWITCH, NULL, "hamiltonian: also E1 of the trained model on a test set"),
+    LG_OPTION(bench_options, weights, STRING, "FILE",
+              "hamiltonian: no training; judges these parameters (doubles, as --out writes them); "
+              "elastica-curve: the model file"),
+    LG_OPTION(bench_options, out, STRING, "PREFIX",
+              "hamiltonian, elastica: writes the training set and the initial parameters as doubles, for "
+              "other programs: PREFIX.data, PREFIX.weights; elastica: PREFIX.data, PREFIX.order, and a "
+              "file named by each row"),
+    LG_OPTION(bench_options, only, STRING, "TEXT", "Only rows whose name contains TEXT"),
+    LG_FIELD_END};
 
 /* ---- list ---- */
 
@@ -338,9 +339,8 @@ static int run(app *self) {
 
 int main(int argc, char **argv) {
     static app_command commands[LG_COUNT(cases) + 2];
-    static const app_option none[] = {APP_ROW_END};
-    commands[0] =
-        (app_command){.name = "list", .summary = "What can be measured", .options = none, .run = list};
+    static const app_settings settings[] = {APP_GIVEN(options, given), APP_SETTINGS_END};
+    commands[0] = (app_command){.name = "list", .summary = "What can be measured", .run = list};
     for (size_t i = 0; i < LG_COUNT(cases); i++)
         commands[i + 1] = (app_command){
             .name = cases[i].name,
@@ -349,8 +349,7 @@ int main(int argc, char **argv) {
                 "One thread unless --threads says otherwise; a single thread is pinned to a core. Inputs "
                 "come from a fixed seed. Times are medians over samples after a warm-up; short calls are "
                 "timed many at a time. The error of what was computed stands beside its time.",
-            .options = options,
-            .values = &given,
+            .settings = settings,
             .run = run};
     for (int i = 1; i < argc; i++) /* argp takes abbreviations; no other option begins with t */
         if (strncmp(argv[i], "--t", 3) == 0) threads_given = true;

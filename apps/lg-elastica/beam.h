@@ -19,23 +19,28 @@ extern const char *const case_names[]; /* in the order of lg_elastica_case */
 typedef struct boundary_values {
     int kind; /* position in case_names */
     double x, theta0, thetaN, rotation;
-    app_reals q0, qN;
+    lg_reals q0, qN;
 } boundary_values;
 
 #define BOUNDARY_ROWS(type, field, case_default, end_default)                                                \
-    APP_ROW_CHOICE(type, field.kind, "case", case_names,                                                     \
-                   "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "      \
-                   "wrapped to (-pi, pi] (default " case_default ")"),                                       \
-        APP_ROW_REAL(type, field.x, "x", "X", -1e6, 1e6, "The case's parameter, radians"),                   \
-        APP_ROW_REAL(type, field.theta0, "theta0", "A", -1e6, 1e6,                                           \
-                     "Instead: tangent angle at s = 0, radians"),                                            \
-        APP_ROW_REAL(type, field.thetaN, "thetaN", "B", -1e6, 1e6, "and at s = L"),                          \
-        APP_ROW_REAL(                                                                                        \
-            type, field.rotation, "rotation", "R", -1e6, 1e6,                                                \
-            "Turning of the tangent along the beam: B - A and whole turns (default: that of lowest "         \
-            "energy among B - A and one turn more or less)"),                                                \
-        APP_ROW_REALS(type, field.q0, "q0", "X,Y", "Where the beam begins (default " end_default ")", NULL), \
-        APP_ROW_REALS(type, field.qN, "qN", "X,Y", "Where it ends (default likewise)", NULL)
+    LG_OPTION(type, field.kind, NAME, NULL,                                                                  \
+              "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "           \
+              "wrapped to (-pi, pi] (default " case_default ")",                                             \
+              .option = "case", .names = case_names),                                                        \
+        LG_OPTION(type, field.x, REAL, "X", "The case's parameter, radians", .option = "x", .low = -1e6,     \
+                  .high = 1e6),                                                                              \
+        LG_OPTION(type, field.theta0, REAL, "A", "Instead: tangent angle at s = 0, radians",                 \
+                  .option = "theta0", .low = -1e6, .high = 1e6),                                             \
+        LG_OPTION(type, field.thetaN, REAL, "B", "and at s = L", .option = "thetaN", .low = -1e6,            \
+                  .high = 1e6),                                                                              \
+        LG_OPTION(type, field.rotation, REAL, "R",                                                           \
+                  "Turning of the tangent along the beam: B - A and whole turns (default: that of lowest "   \
+                  "energy among B - A and one turn more or less)",                                           \
+                  .option = "rotation", .low = -1e6, .high = 1e6),                                           \
+        LG_OPTION(type, field.q0, REALS, "X,Y", "Where the beam begins (default " end_default ")",           \
+                  .option = "q0", LG_ANY_REAL),                                                              \
+        LG_OPTION(type, field.qN, REALS, "X,Y", "Where it ends (default likewise)", .option = "qN",          \
+                  LG_ANY_REAL)
 
 #define BOUNDARY_ROTATIONS 3
 

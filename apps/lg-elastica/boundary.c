@@ -36,7 +36,7 @@ void boundary_rotations(double theta0, double thetaN, boundary *out) {
     out->problem.rotation = out->rotation[0];
 }
 
-static int point_from(const app *self, const char *option, const app_reals *given, double point[2]) {
+static int point_from(const app *self, const char *option, const lg_reals *given, double point[2]) {
     if (given->count == 0) return APP_EXIT_OK;
     if (given->count != 2) return app_usage(self, "--%s: two numbers, x,y; not %zu", option, given->count);
     point[0] = given->values[0];

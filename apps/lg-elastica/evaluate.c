@@ -15,13 +15,14 @@ typedef struct evaluate_values {
 enum { PART_ALL, PART_TRAIN, PART_TEST };
 static const char *const part_names[] = {"all", "train", "test", NULL};
 
-static const app_option evaluate_options[] = {
-    APP_ROW_CHOICE(evaluate_values, part, "part", part_names,
-                   "Curves to use: all (default), or the train or test part of the data that the model was "
-                   "trained on"),
-    APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
-                 "Draw ten curves, true and learned, with their tangents and the mean error along the beam"),
-    APP_ROW_END};
+static const lg_field evaluate_options[] = {
+    LG_OPTION(evaluate_values, part, NAME, NULL,
+              "Curves to use: all (default), or the train or test part of the data that the model was "
+              "trained on",
+              .names = part_names),
+    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
+              "Draw ten curves, true and learned, with their tangents and the mean error along the beam"),
+    LG_FIELD_END};
 
 static evaluate_values values;
 
@@ -200,8 +201,7 @@ const app_command evaluate_command = {
         "network, all 4(N + 1) for the others. Boundary conditions lie outside the training range if they "
         "are farther from those of the training part than twice the largest gap among these. The command "
         "counts them.",
-    .options = evaluate_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
     .arguments_min = 2,
     .arguments_max = 2,
     .run = run};

@@ -10,29 +10,31 @@ typedef struct generate_values {
     int kind;
     uint64_t count, intervals;
     double gap, length, stiffness;
-    app_reals q0, qN;
+    lg_reals q0, qN;
     bool continuous;
 } generate_values;
 
 static const char *const families_names[] = {"both-ends", "right-end", "both", NULL};
 
-static const app_option generate_options[] = {
-    APP_ROW_CHOICE(generate_values, kind, "case", families_names,
-                   "both-ends (default), right-end, or both in succession"),
-    APP_ROW_SIZE(generate_values, count, "count", "n", 1, 100000000, "Curves of each case (default 1000)"),
-    APP_ROW_SIZE(generate_values, intervals, "intervals", "N", LG_ELASTICA_MIN_INTERVALS,
-                 LG_ELASTICA_MAX_INTERVALS, "Number of equal intervals between the nodes (default 50)"),
-    APP_ROW_REAL(generate_values, gap, "gap", "G", 0, 0.499,
-                 "Distance kept from x = 0, pi and 2 pi, in units of pi (default 0.01)"),
-    APP_ROW_FLAG(generate_values, continuous, "continuous",
-                 "Store solutions of the differential equation at the nodes instead of discrete solutions"),
-    APP_ROW_POSITIVE(generate_values, length, "length", "L", "Length of the beam (default 3.3)"),
-    APP_ROW_POSITIVE(generate_values, stiffness, "stiffness", "EI", "Bending stiffness (default 10)"),
-    APP_ROW_REALS(generate_values, q0, "q0", "X,Y", "Start of the beam (default 0,0)", NULL),
-    APP_ROW_REALS(generate_values, qN, "qN", "X,Y", "End of the beam (default 3,0)", NULL),
-    APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
-    APP_ROW_TEXT(generate_values, plot, "plot", "FILE.svg|.png", "Draw some of the curves"),
-    APP_ROW_END};
+static const lg_field generate_options[] = {
+    LG_OPTION(generate_values, kind, NAME, NULL, "both-ends (default), right-end, or both in succession",
+              .option = "case", .names = families_names),
+    LG_OPTION(generate_values, count, U64, "n", "Curves of each case (default 1000)", .low = 1,
+              .high = 100000000),
+    LG_OPTION(generate_values, intervals, U64, "N",
+              "Number of equal intervals between the nodes (default 50)", .low = LG_ELASTICA_MIN_INTERVALS,
+              .high = LG_ELASTICA_MAX_INTERVALS),
+    LG_OPTION(generate_values, gap, REAL, "G",
+              "Distance kept from x = 0, pi and 2 pi, in units of pi (default 0.01)", .high = 0.499),
+    LG_OPTION(generate_values, continuous, SWITCH, NULL,
+              "Store solutions of the differential equation at the nodes instead of discrete solutions"),
+    LG_OPTION(generate_values, length, REAL, "L", "Length of the beam (default 3.3)", LG_POSITIVE),
+    LG_OPTION(generate_values, stiffness, REAL, "EI", "Bending stiffness (default 10)", LG_POSITIVE),
+    LG_OPTION(generate_values, q0, REALS, "X,Y", "Start of the beam (default 0,0)", LG_ANY_REAL),
+    LG_OPTION(generate_values, qN, REALS, "X,Y", "End of the beam (default 3,0)", LG_ANY_REAL),
+    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write"),
+    LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw some of the curves"),
+    LG_FIELD_END};
 
 static generate_values values = {.count = 1000, .intervals = 50, .gap = 0.01, .length = 3.3, .stiffness = 10};
 
@@ -117,6 +119,5 @@ const app_command generate_command = {
         "The file holds /boundary (n, 8) as q0, v0, qN, vN, /q and /v (n, N + 1, 2), /energy, /x and /case "
         "(n). x takes equidistant values in [G pi, (1 - G) pi] and in its mirror image, ends included; each "
         "interval has half of the curves.",
-    .options = generate_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
     .run = run};

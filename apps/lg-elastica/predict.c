@@ -9,25 +9,27 @@ enum { SHOWN_POINTS = 10, TIMED = 9 };
 
 typedef struct predict_values {
     boundary_values where;
-    app_reals s;
+    lg_reals s;
     uint64_t points;
     const char *out, *plot;
     bool solve;
 } predict_values;
 
-static const app_option predict_options[] = {
+static const lg_field predict_options[] = {
     BOUNDARY_ROWS(predict_values, where, "the family trained on", "that of the training data"),
-    APP_ROW_REALS(predict_values, s, "s", "S,S,...", "Ascending arc lengths in [0, L]", "use --points"),
-    APP_ROW_SIZE(predict_values, points, "points", "n", 2, 10000000,
-                 "Number of equidistant arc lengths, ends included, instead of --s (default: the nodes of "
-                 "the training data)"),
-    APP_ROW_FLAG(predict_values, solve, "solve",
-                 "Also solve the beam, and report the largest difference at the nodes"),
-    APP_ROW_TEXT(predict_values, out, "out", "FILE.csv", "Columns s, x, y, vx, vy, theta"),
-    APP_ROW_TEXT(predict_values, plot, "plot", "FILE.svg|.png",
-                 "Draw the curve; with --solve, the solution "
-                 "too"),
-    APP_ROW_END};
+    LG_OPTION(predict_values, s, REALS, "S,S,...", "Ascending arc lengths in [0, L]", LG_ANY_REAL,
+              .longer = "use --points"),
+    LG_OPTION(predict_values, points, U64, "n",
+              "Number of equidistant arc lengths, ends included, instead of --s (default: the nodes of "
+              "the training data)",
+              .low = 2, .high = 10000000),
+    LG_OPTION(predict_values, solve, SWITCH, NULL,
+              "Also solve the beam, and report the largest difference at the nodes"),
+    LG_OPTION(predict_values, out, STRING, "FILE.csv", "Columns s, x, y, vx, vy, theta"),
+    LG_OPTION(predict_values, plot, STRING, "FILE.svg|.png",
+              "Draw the curve; with --solve, the solution "
+              "too"),
+    LG_FIELD_END};
 
 static predict_values values;
 
@@ -289,8 +291,7 @@ const app_command predict_command = {
         "`reach` is the largest such distance among the training part itself. A query farther than twice "
         "the reach is not `inside`, and there is a warning. `seconds`: the median of a few evaluations in "
         "double precision.",
-    .options = predict_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run};

@@ -14,26 +14,25 @@ typedef struct solve_values {
     const char *out, *plot;
 } solve_values;
 
-static const app_option solve_options[] = {
+static const lg_field solve_options[] = {
     BOUNDARY_ROWS(solve_values, where, "both-ends", "0,0 and 3,0"),
-    APP_ROW_POSITIVE(solve_values, length, "length", "L", "Length of the beam (default 3.3)"),
-    APP_ROW_POSITIVE(solve_values, stiffness, "stiffness", "EI", "Bending stiffness (default 10)"),
-    APP_ROW_SIZE(solve_values, intervals, "intervals", "N", LG_ELASTICA_MIN_INTERVALS,
-                 LG_ELASTICA_MAX_INTERVALS, "Number of equal intervals between the nodes (default 50)"),
-    APP_ROW_POSITIVE(solve_values, gradient_tol, "gradient-tol", "TOL",
-                     "Largest gradient, relative to the largest term in its sum (default 1e-12)"),
-    APP_ROW_FLAG(solve_values, continuous, "continuous",
-                 "Solve the differential equation instead of the discrete problem"),
-    APP_ROW_FLAG(solve_values, branches, "branches",
-                 "Search from many starts, and list all minima found by rising energy"),
-    APP_ROW_FLAG(solve_values, saddles, "saddles", "With --branches or --sweep: list saddles too"),
-    APP_ROW_SIZE(solve_values, sweep, "sweep", "n", 2, 10000,
-                 "Follow the branches of a case over n equidistant x in [0, 2 pi]"),
-    APP_ROW_TEXT(solve_values, out, "out", "FILE.csv",
-                 "Write the curves (columns s, x, y, vx, vy, theta), or the sweep"),
-    APP_ROW_TEXT(solve_values, plot, "plot", "FILE.svg|.png",
-                 "Draw the curves; with --sweep energy against x"),
-    APP_ROW_END};
+    LG_OPTION(solve_values, length, REAL, "L", "Length of the beam (default 3.3)", LG_POSITIVE),
+    LG_OPTION(solve_values, stiffness, REAL, "EI", "Bending stiffness (default 10)", LG_POSITIVE),
+    LG_OPTION(solve_values, intervals, U64, "N", "Number of equal intervals between the nodes (default 50)",
+              .low = LG_ELASTICA_MIN_INTERVALS, .high = LG_ELASTICA_MAX_INTERVALS),
+    LG_OPTION(solve_values, gradient_tol, REAL, "TOL",
+              "Largest gradient, relative to the largest term in its sum (default 1e-12)", LG_POSITIVE),
+    LG_OPTION(solve_values, continuous, SWITCH, NULL,
+              "Solve the differential equation instead of the discrete problem"),
+    LG_OPTION(solve_values, branches, SWITCH, NULL,
+              "Search from many starts, and list all minima found by rising energy"),
+    LG_OPTION(solve_values, saddles, SWITCH, NULL, "With --branches or --sweep: list saddles too"),
+    LG_OPTION(solve_values, sweep, U64, "n",
+              "Follow the branches of a case over n equidistant x in [0, 2 pi]", .low = 2, .high = 10000),
+    LG_OPTION(solve_values, out, STRING, "FILE.csv",
+              "Write the curves (columns s, x, y, vx, vy, theta), or the sweep"),
+    LG_OPTION(solve_values, plot, STRING, "FILE.svg|.png", "Draw the curves; with --sweep energy against x"),
+    LG_FIELD_END};
 
 static solve_values values = {.length = 3.3, .stiffness = 10, .gradient_tol = 0, .intervals = 50};
 
@@ -275,6 +274,5 @@ const app_command solve_command = {
                "rotation; for a case it is the global minimum. The exit code is 4 when no acceptable "
                "minimum is found. --branches lists all minima found for the three rotations nearest to "
                "zero, or for the one of --rotation.",
-    .options = solve_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(solve_options, values)),
     .run = run};

@@ -14,7 +14,7 @@ enum { STREAM_WEIGHTS = 1 };
 static lg_surrogate_run run; /* all that determines the result */
 
 static const app_settings settings[] = {
-    {lg_surrogate_fields, &run, sizeof run}, TRAIN_PRESET, {.rows = NULL}};
+    {lg_surrogate_fields, &run, sizeof run}, TRAIN_PRESET, TRAIN_SHARED, APP_SETTINGS_END};
 
 typedef struct training {
     lg_elastica_data data;
@@ -402,11 +402,11 @@ const app_command train_command = {
         "mean squared error of the trained curves' best approximation by so many modes.\n\nCtrl-C saves a "
         "checkpoint and ends with "
         "exit code 130; --resume continues to the same bits.",
-    TRAIN_SHARED,
     .settings = settings,
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run_train,
     .together = APP_RANKS};
 
-const app_command search_command = {SEARCH_COMMAND("DATA.h5"), .run = run_search};
+const app_command search_command = {SEARCH_COMMAND("DATA.h5"), .settings = APP_SETTINGS(SEARCH_SHARED),
+                                    .run = run_search};

@@ -18,44 +18,46 @@ static export_values given = {.dtype = 0, .golden = 8};
 
 static const char *const dtypes[] = {"f64", "f32", NULL};
 
-static const app_option options[] = {
-    APP_ROW_TEXT(
-        export_values, out, "out", "DIR",
+static const lg_field options[] = {
+    LG_OPTION(
+        export_values, out, STRING, "DIR",
         "Folder for the files (required); it is made if it does not exist, the folder that it is in is not. "
         "A folder "
         "that holds a file "
         "of these names is refused unless lg-export wrote it for the same NAME: each model needs its own "
         "folder"),
-    APP_ROW_TEXT(export_values, name, "name", "NAME",
-                 "Name of the functions and files (default: the model file's name as a C identifier)"),
-    APP_ROW_CHOICE(export_values, dtype, "dtype", dtypes,
-                   "Type of the numbers in the code: f64 (default) "
-                   "or f32"),
-    APP_ROW_CHOICE(
-        export_values, target, "target", export_target_names,
+    LG_OPTION(export_values, name, STRING, "NAME",
+              "Name of the functions and files (default: the model file's name as a C identifier)"),
+    LG_OPTION(export_values, dtype, NAME, NULL,
+              "Type of the numbers in the code: f64 (default) "
+              "or f32",
+              .names = dtypes),
+    LG_OPTION(
+        export_values, target, NAME, NULL,
         "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with "
         "first and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. "
         "make builds them in the folder. simulink, C Function blocks and an S-function; onnx, NAME.onnx of "
         "one "
         "function (default value); safetensors, the weights; package, C with CMakeLists.txt and package.xml "
         "for CMake and "
-        "ROS 2"),
-    APP_ROW_TEXT(
-        export_values, scheme, "scheme", "NAME",
+        "ROS 2",
+        .names = export_target_names),
+    LG_OPTION(
+        export_values, scheme, STRING, "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
         "(default: the family's; of a machine that of its training)"),
-    APP_ROW_TEXT(export_values, functions, "functions", "NAMES",
-                 "Programs, and all models for another target than c: functions to export, separated by "
-                 "commas (default: "
-                 "all; of models value, field, velocity, step). Machines in C: linearise adds "
-                 "NAME_linearise, which takes "
-                 "several times the code and work memory"),
-    APP_ROW_FLAG(export_values, compact, "compact",
-                 "Programs: write loops for small tensors too, not straight code; this gives less, slower "
-                 "code"),
-    APP_ROW_SIZE(export_values, golden, "golden", "N", 1, 1000,
-                 "Number of golden vectors of the self-test (default 8)"),
-    APP_ROW_END};
+    LG_OPTION(export_values, functions, STRING, "NAMES",
+              "Programs, and all models for another target than c: functions to export, separated by "
+              "commas (default: "
+              "all; of models value, field, velocity, step). Machines in C: linearise adds "
+              "NAME_linearise, which takes "
+              "several times the code and work memory"),
+    LG_OPTION(export_values, compact, SWITCH, NULL,
+              "Programs: write loops for small tensors too, not straight code; this gives less, slower "
+              "code"),
+    LG_OPTION(export_values, golden, U64, "N", "Number of golden vectors of the self-test (default 8)",
+              .low = 1, .high = 1000),
+    LG_FIELD_END};
 
 /* What is being exported, and what has to be freed. */
 typedef struct job {
@@ -367,8 +369,7 @@ int main(int argc, char **argv) {
              "also NAME_features. Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
              "make test compares the code with golden vectors of the library, make stack checks the stated "
              "bound on the stack, and make size shows the size of the objects.",
-         .options = options,
-         .values = &given,
+         .settings = APP_SETTINGS(APP_GIVEN(options, given)),
          .arguments_min = 1,
          .arguments_max = 1,
          .run = export_run},

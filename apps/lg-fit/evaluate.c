@@ -7,11 +7,11 @@ typedef struct evaluate_values {
     const char *plot;
 } evaluate_values;
 
-static const app_option evaluate_options[] = {
-    APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
-                 "Draw predicted against true values, or the table of confusion; its data and script stay "
-                 "beside it, as FILE.dat and FILE.gp"),
-    APP_ROW_END};
+static const lg_field evaluate_options[] = {
+    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
+              "Draw predicted against true values, or the table of confusion; its data and script stay "
+              "beside it, as FILE.dat and FILE.gp"),
+    LG_FIELD_END};
 
 static evaluate_values values;
 
@@ -71,8 +71,7 @@ const app_command evaluate_command = {
     .details =
         "Columns are found by their names, in any order. Rows with missing cells are left out. A row is "
         "outside of the training range where an input is beyond it by more than a tenth of it.",
-    .options = evaluate_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
     .arguments_min = 2,
     .arguments_max = 2,
     .run = run};

@@ -25,19 +25,20 @@ enum { LAYOUT_AUTO, LAYOUT_OUT_IN, LAYOUT_IN_OUT };
 
 static import_values values = {.activation = LG_TANH, .last = LG_IDENTITY};
 
-static const app_option options[] = {
-    APP_ROW_TEXT(import_values, out, "out", "MODEL.h5", "Write the network here (required)"),
-    APP_ROW_TEXT(
-        import_values, layers, "layers", "A,B,...",
-        "The layers in their order from input to output, by their stems (numpy files: by their names "
-        "without ending); default: by the numbers and letters of the stems, files as given"),
-    APP_ROW_CHOICE(import_values, activation, "activation", activations, "Between the layers (default tanh)"),
-    APP_ROW_CHOICE(import_values, last, "last", activations, "After the last layer (default identity)"),
-    APP_ROW_CHOICE(
-        import_values, layout, "layout", layouts,
-        "Weights are (out, in), as PyTorch has them, or (in, out); auto (default): as the file says, "
-        "else out-in"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(import_values, out, STRING, "MODEL.h5", "Write the network here (required)"),
+    LG_OPTION(import_values, layers, STRING, "A,B,...",
+              "The layers in their order from input to output, by their stems (numpy files: by their names "
+              "without ending); default: by the numbers and letters of the stems, files as given"),
+    LG_OPTION(import_values, activation, NAME, NULL, "Between the layers (default tanh)",
+              .names = activations),
+    LG_OPTION(import_values, last, NAME, NULL, "After the last layer (default identity)",
+              .names = activations),
+    LG_OPTION(import_values, layout, NAME, NULL,
+              "Weights are (out, in), as PyTorch has them, or (in, out); auto (default): as the file says, "
+              "else out-in",
+              .names = layouts),
+    LG_FIELD_END};
 
 /* A layer y = x W + b; weight (in, out). */
 typedef struct layer {
@@ -427,8 +428,7 @@ const app_command import_command = {
         "weight, "
         "its bias if it has one, the next weight. The program has the function value (x) -> y; lg-export and "
         "liegrad/program.h differentiate, run and export it.",
-    .options = options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .arguments_min = 1,
     .arguments_max = APP_ARGUMENTS,
     .run = run};

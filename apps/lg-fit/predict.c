@@ -10,9 +10,9 @@ typedef struct predict_values {
     const char *out;
 } predict_values;
 
-static const app_option predict_options[] = {
-    APP_ROW_TEXT(predict_values, out, "out", "FILE.csv", "The file to write (default: standard output)"),
-    APP_ROW_END};
+static const lg_field predict_options[] = {
+    LG_OPTION(predict_values, out, STRING, "FILE.csv", "The file to write (default: standard output)"),
+    LG_FIELD_END};
 
 static predict_values values;
 
@@ -158,8 +158,7 @@ const app_command predict_command = {
         "One row for each row of TABLE, in order: the outputs, or the class and the probability of each. "
         "Columns are found by their names; the outputs need not be there. The cells of a row that lacks an "
         "input, or whose predictions are not finite, are empty.",
-    .options = predict_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
     .arguments_min = 2,
     .arguments_max = 2,
     .run = run};

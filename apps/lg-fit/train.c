@@ -10,29 +10,32 @@
 /* ---- settings ---- */
 
 #define COLUMNS                                                                                              \
-    APP_ROW_TEXT(train_values, inputs, "inputs", "A,B,...",                                                  \
-                 "Columns to learn from (default: all that are not outputs). A name with a comma stands "    \
-                 "in quotes: '\"time, s\",b'"),                                                              \
-        APP_ROW_TEXT(train_values, outputs, "outputs", "Y,...", "Columns to learn (default: the last one)"), \
-        APP_ROW_TEXT(train_values, without, "without", "A,B,...", "Columns to leave out, such as texts"),    \
-        APP_ROW_TEXT(train_values, class_column, "class", "COLUMN",                                          \
-                     "Classification: the column with the classes, texts or numbers")
+    LG_OPTION(train_values, inputs, STRING, "A,B,...",                                                       \
+              "Columns to learn from (default: all that are not outputs). A name with a comma stands "       \
+              "in quotes: '\"time, s\",b'"),                                                                 \
+        LG_OPTION(train_values, outputs, STRING, "Y,...", "Columns to learn (default: the last one)"),       \
+        LG_OPTION(train_values, without, STRING, "A,B,...", "Columns to leave out, such as texts"),          \
+        LG_OPTION(train_values, class_column, STRING, "COLUMN",                                              \
+                  "Classification: the column with the classes, texts or numbers", .option = "class")
 
-static const app_option train_options[] = {
+static const lg_field train_options[] = {
     COLUMNS,
-    APP_ROW_TEXT(train_values, test, "test", "TABLE",
-                 "Judge the model on this table (default: on the validation part)"),
-    APP_ROW_END};
-static const app_option columns_options[] = {COLUMNS, APP_ROW_END};
+    LG_OPTION(train_values, test, STRING, "TABLE",
+              "Judge the model on this table (default: on the validation part)"),
+    LG_FIELD_END};
+static const lg_field columns_options[] = {COLUMNS, LG_FIELD_END};
 
-static const app_option file_options[] = {
+static const lg_field file_options[] = {
     TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw predicted against true values, or the table of confusion"),
-    APP_ROW_END};
+    LG_FIELD_END};
 
 static train_values values;
 static lg_table_run run;
 static training state = {.given = &values, .run = &run};
-static const app_settings settings[] = {{lg_table_fields, &run, sizeof run}, {.rows = NULL}};
+static const app_settings settings[] = {{lg_table_fields, &run, sizeof run},
+                                        APP_GIVEN(train_options, values),
+                                        APP_GIVEN(file_options, train_given_files),
+                                        APP_SETTINGS_END};
 
 /* ---- the run ---- */
 
@@ -251,15 +254,12 @@ const app_command train_command = {
         "predicted against true values, or the table of confusion.\n\nCtrl-C saves a checkpoint and ends "
         "with "
         "exit code 130; --resume continues to the same bits.",
-    .options = train_options,
-    .values = &values,
-    .shared = file_options,
-    .shared_values = &train_given_files,
     .settings = settings,
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run_train,
     .together = APP_RANKS};
 
-const app_command search_command = {SEARCH_COMMAND("TABLE"), .options = columns_options, .values = &values,
-                                    .run = run_search};
+const app_command search_command = {
+    SEARCH_COMMAND("TABLE"), .settings = APP_SETTINGS(APP_GIVEN(columns_options, values), SEARCH_SHARED),
+    .run = run_search};

@@ -18,11 +18,12 @@ typedef struct values {
 } values;
 static values given = {NULL, false, 2};
 
-static const app_option options[] = {
-    APP_ROW_TEXT(values, only, "only", "NAME", "only rows of this operation, or whose name contains NAME"),
-    APP_ROW_FLAG(values, plant, "plant", "plant wrong derivatives; succeed only if every one is caught"),
-    APP_ROW_SIZE(values, order, "order", "N", 1, LG_GRADCHECK_ORDERS, "highest order of derivatives (2)"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(values, only, STRING, "NAME", "only rows of this operation, or whose name contains NAME"),
+    LG_OPTION(values, plant, SWITCH, NULL, "plant wrong derivatives; succeed only if every one is caught"),
+    LG_OPTION(values, order, U64, "N", "highest order of derivatives (2)", .low = 1,
+              .high = LG_GRADCHECK_ORDERS),
+    LG_FIELD_END};
 
 /* Whatever the case of the letters. */
 static bool contains(const char *text, const char *part) {
@@ -289,8 +290,7 @@ int main(int argc, char **argv) {
                     "quotients, at first and second order, and when its plans as a program (value, forward, "
                     "adjoint) "
                     "equal the tape.",
-         .options = options,
-         .values = &given,
+         .settings = APP_SETTINGS(APP_GIVEN(options, given)),
          .run = gradcheck},
         {.run = NULL}};
     return app_main(argc, argv, "lg-gradcheck", "Checks derivatives", commands);

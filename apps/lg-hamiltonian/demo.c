@@ -10,12 +10,11 @@ typedef struct demo_values {
     double t_end;
 } demo_values;
 
-static const app_option demo_options[] = {
-    APP_ROW_TEXT(demo_values, out, "out", "DIR",
-                 "Folder for data, model and pictures (default liegrad-demo)"),
-    APP_ROW_SIZE(demo_values, epochs, "epochs", "E", 1, 1e6, "Evaluations of the loss (default 2000)"),
-    APP_ROW_POSITIVE(demo_values, t_end, "t-end", "T", "Length of the long prediction (default 100)"),
-    APP_ROW_END};
+static const lg_field demo_options[] = {
+    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for data, model and pictures (default liegrad-demo)"),
+    LG_OPTION(demo_values, epochs, U64, "E", "Evaluations of the loss (default 2000)", .low = 1, .high = 1e6),
+    LG_OPTION(demo_values, t_end, REAL, "T", "Length of the long prediction (default 100)", LG_POSITIVE),
+    LG_FIELD_END};
 
 static demo_values values = {.out = "liegrad-demo", .t_end = 100};
 
@@ -260,8 +259,7 @@ const app_command demo_command = {.name = "demo",
                                   .arguments = NULL,
                                   .summary = "Learn, test and draw the spherical pendulum",
                                   .details = NULL,
-                                  .options = demo_options,
-                                  .values = &values,
+                                  .settings = APP_SETTINGS(APP_GIVEN(demo_options, values)),
                                   .arguments_min = 0,
                                   .arguments_max = 0,
                                   .run = run};

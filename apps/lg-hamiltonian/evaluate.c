@@ -19,21 +19,23 @@ enum { METRIC_SQUARES, METRIC_RELATIVE };
 static const char *const metric_names[] = {
     [METRIC_SQUARES] = "squares", [METRIC_RELATIVE] = "relative", NULL};
 
-static const app_option evaluate_options[] = {
-    APP_ROW_REAL(evaluate_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
-                 "Tolerance of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear "
-                 "potentials)"),
-    APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
-                 "Draw the test trajectories, true and predicted"),
-    APP_ROW_SIZE(evaluate_values, drawn, "drawn", "n", 1, 10000, "plot: so many of them (default 10)"),
-    APP_ROW_CHOICE(
-        evaluate_values, metric, "metric", metric_names,
-        "relative: also the geometric mean of |z - z'|/|z + z'| + 1e-8 over trajectories and points, "
-        "where z are the positions and velocities of a chain's masses, else the state; needs "
-        "/parameters in TEST.h5"),
-    APP_ROW_FLAG(evaluate_values, record, "record",
-                 "Write E1, E2 and the test set's description into MODEL.h5, where lg-export finds them"),
-    APP_ROW_END};
+static const lg_field evaluate_options[] = {
+    LG_OPTION(evaluate_values, tolerance, REAL, "TOL",
+              "Tolerance of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear "
+              "potentials)",
+              .low = 1e-14, .high = 1e-2),
+    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
+              "Draw the test trajectories, true and predicted"),
+    LG_OPTION(evaluate_values, drawn, U64, "n", "plot: so many of them (default 10)", .low = 1,
+              .high = 10000),
+    LG_OPTION(evaluate_values, metric, NAME, NULL,
+              "relative: also the geometric mean of |z - z'|/|z + z'| + 1e-8 over trajectories and points, "
+              "where z are the positions and velocities of a chain's masses, else the state; needs "
+              "/parameters in TEST.h5",
+              .names = metric_names),
+    LG_OPTION(evaluate_values, record, SWITCH, NULL,
+              "Write E1, E2 and the test set's description into MODEL.h5, where lg-export finds them"),
+    LG_FIELD_END};
 
 static evaluate_values values;
 
@@ -200,8 +202,7 @@ const app_command evaluate_command = {
                "flow is integrated by an adaptive method of order 5 from the file's first points. E2: mean "
                "|d - mean d|, d "
                "= H - H_learned at the starts; unknown (null) without /hamiltonian in the file.",
-    .options = evaluate_options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
     .arguments_min = 2,
     .arguments_max = 2,
     .run = run};

@@ -16,24 +16,24 @@ typedef struct generate_values {
 static const char *const noise_names[] = {"normal", "uniform", NULL};
 static const char *const noise_on_names[] = {"later", "all", NULL};
 
-static const app_option generate_options[] = {
-    APP_ROW_SIZE(generate_values, trajectories, "trajectories", "N", 1, 1e9,
-                 "Number of trajectories (default 500)"),
-    APP_ROW_SIZE(generate_values, points, "points", "M", 2, 1e9,
-                 "Points of each, the start included (default 5); dt = T/(M-1)"),
-    APP_ROW_SIZE(generate_values, segments, "segments", "s", 1, 1e6,
-                 "Consecutive trajectories from one start (default: the scene's, or 1)"),
-    APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T",
-                     "Time of the last point (default: the scene's t_end, or 0.1)"),
-    APP_ROW_REAL(generate_values, noise, "noise", "EPS", 0, 1e300, "Size of the noise (default 0)"),
-    APP_ROW_CHOICE(generate_values, noise_kind, "noise-kind", noise_names,
-                   "normal: EPS N(0,1); uniform: EPS U(-1,1)"),
-    APP_ROW_CHOICE(
-        generate_values, noise_on, "noise-on", noise_on_names,
-        "later: all points but the first; all: the first, too, which then goes back to its manifold"),
-    APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
+static const lg_field generate_options[] = {
+    LG_OPTION(generate_values, trajectories, U64, "N", "Number of trajectories (default 500)", .low = 1,
+              .high = 1e9),
+    LG_OPTION(generate_values, points, U64, "M",
+              "Points of each, the start included (default 5); dt = T/(M-1)", .low = 2, .high = 1e9),
+    LG_OPTION(generate_values, segments, U64, "s",
+              "Consecutive trajectories from one start (default: the scene's, or 1)", .low = 1, .high = 1e6),
+    LG_OPTION(generate_values, t_end, REAL, "T",
+              "Time of the last point (default: the scene's t_end, or 0.1)", LG_POSITIVE),
+    LG_OPTION(generate_values, noise, REAL, "EPS", "Size of the noise (default 0)", .high = 1e300),
+    LG_OPTION(generate_values, noise_kind, NAME, NULL, "normal: EPS N(0,1); uniform: EPS U(-1,1)",
+              .names = noise_names),
+    LG_OPTION(generate_values, noise_on, NAME, NULL,
+              "later: all points but the first; all: the first, too, which then goes back to its manifold",
+              .names = noise_on_names),
+    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write"),
     BOARD_ROWS(generate_values),
-    APP_ROW_END};
+    LG_FIELD_END};
 
 static generate_values values = {.trajectories = 500, .points = 5};
 
@@ -169,8 +169,7 @@ const app_command generate_command = {.name = "generate",
                                                  "gives the system, its parameters and the distribution of "
                                                  "starts. Each start depends on the seed and its number "
                                                  "only, not on N, M, T or the noise.",
-                                      .options = generate_options,
-                                      .values = &values,
+                                      .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
                                       .arguments_min = 1,
                                       .arguments_max = 1,
                                       .run = run,

@@ -7,24 +7,25 @@
 
 typedef struct predict_values {
     const char *out, *plot;
-    app_reals initial;
+    lg_reals initial;
     double t_end, tolerance;
     uint64_t points;
 } predict_values;
 
-static const app_option predict_options[] = {
-    APP_ROW_REALS(predict_values, initial, "initial", "X,X,...",
-                  "The start, in the layout of the model's state", NULL),
-    APP_ROW_POSITIVE(predict_values, t_end, "t-end", "T",
-                     "Time of the last point (default: the scene's t_end, or 1)"),
-    APP_ROW_SIZE(predict_values, points, "points", "M", 2, 1e8,
-                 "Equidistant points, the start included (default 101)"),
-    APP_ROW_REAL(predict_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
-                 "Tolerance of the adaptive integration (default 1e-10; 1e-13 for linear potentials)"),
-    APP_ROW_TEXT(predict_values, out, "out", "FILE", "Write the trajectory as a data file (HDF5)"),
-    APP_ROW_TEXT(predict_values, plot, "plot", "FILE.svg|.png",
-                 "Draw the trajectory; with a scene, the true one too"),
-    APP_ROW_END};
+static const lg_field predict_options[] = {
+    LG_OPTION(predict_values, initial, REALS, "X,X,...", "The start, in the layout of the model's state",
+              LG_ANY_REAL),
+    LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point (default: the scene's t_end, or 1)",
+              LG_POSITIVE),
+    LG_OPTION(predict_values, points, U64, "M", "Equidistant points, the start included (default 101)",
+              .low = 2, .high = 1e8),
+    LG_OPTION(predict_values, tolerance, REAL, "TOL",
+              "Tolerance of the adaptive integration (default 1e-10; 1e-13 for linear potentials)",
+              .low = 1e-14, .high = 1e-2),
+    LG_OPTION(predict_values, out, STRING, "FILE", "Write the trajectory as a data file (HDF5)"),
+    LG_OPTION(predict_values, plot, STRING, "FILE.svg|.png",
+              "Draw the trajectory; with a scene, the true one too"),
+    LG_FIELD_END};
 
 static predict_values values = {.points = 101};
 
@@ -204,8 +205,7 @@ const app_command predict_command = {.name = "predict",
                                      .details = "The start is --initial, or the scene's `initial`. With a "
                                                 "scene the true flow is integrated too, and the largest "
                                                 "difference is reported.",
-                                     .options = predict_options,
-                                     .values = &values,
+                                     .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
                                      .arguments_min = 1,
                                      .arguments_max = 2,
                                      .run = run};

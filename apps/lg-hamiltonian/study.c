@@ -8,13 +8,12 @@ typedef struct picture_values {
     const char *plot, *plot_noise, *plot_parallel;
 } picture_values;
 
-static const app_option picture_options[] = {
-    APP_ROW_TEXT(picture_values, plot, "plot", "FILE.svg|.png", "Draw median E1 against training time"),
-    APP_ROW_TEXT(picture_values, plot_noise, "plot-noise", "FILE.svg|.png",
-                 "Draw E1 of every run against the noise"),
-    APP_ROW_TEXT(picture_values, plot_parallel, "plot-parallel", "FILE.svg|.png",
-                 "Draw parallel coordinates of all cells"),
-    APP_ROW_END};
+static const lg_field picture_options[] = {
+    LG_OPTION(picture_values, plot, STRING, "FILE.svg|.png", "Draw median E1 against training time"),
+    LG_OPTION(picture_values, plot_noise, STRING, "FILE.svg|.png", "Draw E1 of every run against the noise"),
+    LG_OPTION(picture_values, plot_parallel, STRING, "FILE.svg|.png",
+              "Draw parallel coordinates of all cells"),
+    LG_FIELD_END};
 
 static picture_values values;
 
@@ -229,9 +228,7 @@ const app_command study_command = {.name = "study",
                                               "medians over the repeats of each cell and geometric means "
                                               "over all runs of an integrator. The default seed is the "
                                               "grid's.",
-                                   .options = picture_options,
-                                   .values = &values,
-                                   STUDY_SHARED,
+                                   .settings = APP_SETTINGS(APP_GIVEN(picture_options, values), STUDY_SHARED),
                                    .arguments_min = 1,
                                    .arguments_max = 1,
                                    .run = run,

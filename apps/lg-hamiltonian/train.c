@@ -9,17 +9,19 @@
 
 static struct { bool newton; } given;
 
-static const app_option options[] = {
-    APP_ROW_FLAG(
-        __typeof__(given), newton, "newton",
-        "After the last epoch, minimise the loss to rounding by Newton's method on all data (for few "
-        "parameters)"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(__typeof__(given), newton, SWITCH, NULL,
+              "After the last epoch, minimise the loss to rounding by Newton's method on all data (for few "
+              "parameters)"),
+    LG_FIELD_END};
 
 static lg_hamiltonian_run run; /* all that determines the result */
 
-static const app_settings settings[] = {
-    {lg_hamiltonian_fields, &run, sizeof run}, TRAIN_PRESET, {.rows = NULL}};
+static const app_settings settings[] = {{lg_hamiltonian_fields, &run, sizeof run},
+                                        TRAIN_PRESET,
+                                        APP_GIVEN(options, given),
+                                        TRAIN_SHARED,
+                                        APP_SETTINGS_END};
 
 typedef struct training {
     lg_trajectories data;
@@ -247,9 +249,6 @@ const app_command train_command = {
         "of a run.\n\nCtrl-C "
         "saves a "
         "checkpoint and ends with exit code 130; --resume continues to the same bits.",
-    .options = options,
-    .values = &given,
-    TRAIN_SHARED,
     .settings = settings,
     .arguments_min = 1,
     .arguments_max = 1,

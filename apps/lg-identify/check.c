@@ -11,9 +11,9 @@ typedef struct check_values {
     const char *plot;
 } check_values;
 
-static const app_option options[] = {
-    APP_ROW_TEXT(check_values, plot, "plot", "FILE.svg|.png", "Draw all columns of the first run"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(check_values, plot, STRING, "FILE.svg|.png", "Draw all columns of the first run"),
+    LG_FIELD_END};
 
 static check_values values;
 
@@ -248,8 +248,7 @@ const app_command check_command = {
         "Logs that cannot be what MACHINE.yaml says (swapped columns, wrong units, two clocks) end with "
         "exit code 3 and a sentence that names file, column and remedy. What is merely not determined "
         "by them is a warning.",
-    .options = options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .arguments_min = 2,
     .arguments_max = APP_ARGUMENTS,
     .run = run_check};

@@ -17,12 +17,12 @@ typedef struct demo_values {
     uint64_t epochs;
 } demo_values;
 
-static const app_option options[] = {
-    APP_ROW_TEXT(demo_values, out, "out", "DIR", "Folder for files and pictures (default liegrad-machine)"),
-    APP_ROW_POSITIVE(demo_values, seconds, "seconds", "S", "Time for the fit (default 8)"),
-    APP_ROW_SIZE(demo_values, epochs, "epochs", "E", 1, 1e6,
-                 "Evaluations of the loss (default: as the time allows)"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for files and pictures (default liegrad-machine)"),
+    LG_OPTION(demo_values, seconds, REAL, "S", "Time for the fit (default 8)", LG_POSITIVE),
+    LG_OPTION(demo_values, epochs, U64, "E", "Evaluations of the loss (default: as the time allows)",
+              .low = 1, .high = 1e6),
+    LG_FIELD_END};
 
 static demo_values values = {.out = "liegrad-machine", .seconds = 8};
 
@@ -393,6 +393,5 @@ const app_command demo_command = {
     .details =
         "Makes a log of a body whose masses, damping and potential are known, learns them from it, and "
         "controls the true body with the learned one. Every command is shown before it runs.",
-    .options = options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run_demo};

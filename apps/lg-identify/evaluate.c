@@ -7,7 +7,7 @@
 #include "lg-identify/runs.h"
 
 typedef struct evaluate_values {
-    app_reals horizons;
+    lg_reals horizons;
     uint64_t every, window, substeps;
     int metric;
     const char *plot;
@@ -16,21 +16,21 @@ typedef struct evaluate_values {
 enum { METRIC_HORIZONS, METRIC_RELATIVE };
 static const char *const metrics[] = {"horizons", "relative", NULL};
 
-static const app_option options[] = {
-    APP_ROW_REALS(evaluate_values, horizons, "horizons", "S,S,...",
-                  "Lengths of free runs in seconds (default 1,2,5)", NULL),
-    APP_ROW_SIZE(evaluate_values, every, "every", "n", 1, 1e9,
-                 "Rows from one start to the next (default 25)"),
-    APP_ROW_SIZE(evaluate_values, window, "window", "M", 2, LG_MACHINE_WINDOW,
-                 "Points of the windows of window_loss (default the model's)"),
-    APP_ROW_SIZE(evaluate_values, substeps, "substeps", "n", 1, 1e6,
-                 "Steps between two rows (default the model's)"),
-    APP_ROW_CHOICE(
-        evaluate_values, metric, "metric", metrics,
-        "relative: also the geometric mean over time, then over parts, of |z - z'|/|z + z'| + 1e-8"),
-    APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
-                 "Draw the first run, errors against horizons, learned potential and friction"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(evaluate_values, horizons, REALS, "S,S,...", "Lengths of free runs in seconds (default 1,2,5)",
+              LG_ANY_REAL),
+    LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next (default 25)", .low = 1,
+              .high = 1e9),
+    LG_OPTION(evaluate_values, window, U64, "M", "Points of the windows of window_loss (default the model's)",
+              .low = 2, .high = LG_MACHINE_WINDOW),
+    LG_OPTION(evaluate_values, substeps, U64, "n", "Steps between two rows (default the model's)", .low = 1,
+              .high = 1e6),
+    LG_OPTION(evaluate_values, metric, NAME, NULL,
+              "relative: also the geometric mean over time, then over parts, of |z - z'|/|z + z'| + 1e-8",
+              .names = metrics),
+    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
+              "Draw the first run, errors against horizons, learned potential and friction"),
+    LG_FIELD_END};
 
 static evaluate_values values = {.every = 25};
 
@@ -486,8 +486,7 @@ const app_command evaluate_command = {
         "mean squares over all rows up to the horizon, beside those of a machine that stands still and "
         "of v' = A (q, v, u, 1), fitted to the same logs. With positions alone 50 rows estimate the "
         "state at each start and are not scored.",
-    .options = options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .arguments_min = 2,
     .arguments_max = APP_ARGUMENTS,
     .run = run_evaluate};

@@ -11,13 +11,16 @@
 
 static struct { const char *validation; } given;
 
-static const app_option options[] = {
-    APP_ROW_TEXT(__typeof__(given), validation, "validation", "LOG,LOG,...",
-                 "Logs that are not trained on: the parameters of the best epoch on them are the result"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(__typeof__(given), validation, STRING, "LOG,LOG,...",
+              "Logs that are not trained on: the parameters of the best epoch on them are the result"),
+    LG_FIELD_END};
 
 static lg_machine_model_run run; /* all that determines the result */
-static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof run}, {.rows = NULL}};
+static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof run},
+                                        APP_GIVEN(options, given),
+                                        TRAIN_SHARED_NO_SIZE,
+                                        APP_SETTINGS_END};
 
 static training state = {.run = &run};
 
@@ -597,9 +600,6 @@ const app_command fit_command = {
         "and of half the way in a window. Short windows are fitted first.\n\nMethod, epochs, prior, window, "
         "stride, starts and substeps that are not given are chosen by the logs and the machine, whatever the "
         "defaults above: docs/machines.md has the table, --json the values of a run.",
-    .options = options,
-    .values = &given,
-    TRAIN_SHARED_NO_SIZE,
     .settings = settings,
     .arguments_min = 2,
     .arguments_max = APP_ARGUMENTS,

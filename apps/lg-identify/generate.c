@@ -9,37 +9,36 @@
 
 typedef struct generate_values {
     const char *out, *inputs, *plot;
-    app_reals amplitude, noise, spread;
+    lg_reals amplitude, noise, spread;
     double t_end, dt, hold_time, highest;
     uint64_t runs;
 } generate_values;
 
-static const app_option options[] = {
-    APP_ROW_TEXT(generate_values, out, "out", "LOG.csv", "Write the log"),
-    APP_ROW_TEXT(generate_values, inputs, "inputs", "multisine|steps|none|FILE.csv",
-                 "What the inputs do (default multisine); a file has the columns of time and inputs"),
-    APP_ROW_REALS(
-        generate_values, amplitude, "amplitude", "A,A,...",
+static const lg_field options[] = {
+    LG_OPTION(generate_values, out, STRING, "LOG.csv", "Write the log"),
+    LG_OPTION(generate_values, inputs, STRING, "multisine|steps|none|FILE.csv",
+              "What the inputs do (default multisine); a file has the columns of time and inputs"),
+    LG_OPTION(
+        generate_values, amplitude, REALS, "A,A,...",
         "Of each input, or one for all (default 1): largest step; twice the root mean square of a multisine",
-        NULL),
-    APP_ROW_POSITIVE(generate_values, hold_time, "hold-time", "S",
-                     "Length of a step in seconds (default 25 rows)"),
-    APP_ROW_POSITIVE(generate_values, highest, "highest", "F",
-                     "Highest frequency of a multisine in Hz (default one period in 25 rows)"),
-    APP_ROW_REALS(
-        generate_values, noise, "noise", "SIGMA[,SIGMA]",
-        "Standard deviation of the noise of positions (radians), and of velocities (default the same); "
-        "not given: the machine's `noise`",
-        NULL),
-    APP_ROW_REALS(generate_values, spread, "start-spread", "S[,S]",
-                  "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
-                  NULL),
-    APP_ROW_SIZE(generate_values, runs, "runs", "n", 1, 1e6, "Runs (default 10)"),
-    APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T",
-                     "Length of a run in seconds (default 10, or the file's)"),
-    APP_ROW_POSITIVE(generate_values, dt, "dt", "H", "Seconds from a row to the next (default 0.02)"),
-    APP_ROW_TEXT(generate_values, plot, "plot", "FILE.svg|.png", "Draw the first run"),
-    APP_ROW_END};
+        LG_ANY_REAL),
+    LG_OPTION(generate_values, hold_time, REAL, "S", "Length of a step in seconds (default 25 rows)",
+              LG_POSITIVE),
+    LG_OPTION(generate_values, highest, REAL, "F",
+              "Highest frequency of a multisine in Hz (default one period in 25 rows)", LG_POSITIVE),
+    LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
+              "Standard deviation of the noise of positions (radians), and of velocities (default the same); "
+              "not given: the machine's `noise`",
+              LG_ANY_REAL),
+    LG_OPTION(generate_values, spread, REALS, "S[,S]",
+              "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
+              .option = "start-spread", LG_ANY_REAL),
+    LG_OPTION(generate_values, runs, U64, "n", "Runs (default 10)", .low = 1, .high = 1e6),
+    LG_OPTION(generate_values, t_end, REAL, "T", "Length of a run in seconds (default 10, or the file's)",
+              LG_POSITIVE),
+    LG_OPTION(generate_values, dt, REAL, "H", "Seconds from a row to the next (default 0.02)", LG_POSITIVE),
+    LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw the first run"),
+    LG_FIELD_END};
 
 static generate_values values = {.inputs = "multisine", .runs = 10, .dt = 0.02};
 
@@ -226,7 +225,7 @@ static void fill_log(making *m) {
 /* ---- starts and noise ---- */
 
 /* `by` of one or two numbers: that of positions or velocities; NaN: not given. */
-static double one_of(const app_reals *by, bool velocity) {
+static double one_of(const lg_reals *by, bool velocity) {
     if (by->count == 0) return (double)NAN;
     return by->values[velocity && by->count > 1 ? 1 : 0];
 }
@@ -525,8 +524,7 @@ const app_command generate_command = {
         "SCENE.yaml is a machine file: masses, damping and input map of kind known with their values, "
         "potentials {kind: known, form: ..., of: ..., values: ...}. Starts are drawn around 0 (attitudes: "
         "around 1, directions: around e3) with --start-spread and --seed.",
-    .options = options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run_generate};

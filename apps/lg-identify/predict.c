@@ -12,17 +12,17 @@ typedef struct predict_values {
     bool bands;
 } predict_values;
 
-static const app_option options[] = {
-    APP_ROW_TEXT(predict_values, out, "out", "FILE.csv",
-                 "Write the predicted rows in the columns of the log"),
-    APP_ROW_SIZE(predict_values, start, "start", "n", 0, 1e12,
-                 "Begin at row n of each part without a gap, from 0; the next complete one is taken"),
-    APP_ROW_SIZE(predict_values, substeps, "substeps", "n", 1, 1e6,
-                 "Steps between two rows (default the model's)"),
-    APP_ROW_FLAG(predict_values, bands, "bands",
-                 "Add columns NAME.sd: the standard deviation that the uncertainty of the parameters makes"),
-    APP_ROW_TEXT(predict_values, plot, "plot", "FILE.svg|.png", "Draw the first run, logged and predicted"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(predict_values, out, STRING, "FILE.csv", "Write the predicted rows in the columns of the log"),
+    LG_OPTION(predict_values, start, U64, "n",
+              "Begin at row n of each part without a gap, from 0; the next complete one is taken",
+              .high = 1e12),
+    LG_OPTION(predict_values, substeps, U64, "n", "Steps between two rows (default the model's)", .low = 1,
+              .high = 1e6),
+    LG_OPTION(predict_values, bands, SWITCH, NULL,
+              "Add columns NAME.sd: the standard deviation that the uncertainty of the parameters makes"),
+    LG_OPTION(predict_values, plot, STRING, "FILE.svg|.png", "Draw the first run, logged and predicted"),
+    LG_FIELD_END};
 
 static predict_values values;
 
@@ -236,8 +236,7 @@ const app_command predict_command = {
         "A run goes from the first complete row of each part without a gap (or from --start) to its end; "
         "with positions alone 50 rows estimate its start. Columns that leave the range of the training "
         "data are named in warnings.",
-    .options = options,
-    .values = &values,
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .arguments_min = 2,
     .arguments_max = 2,
     .run = run_predict};

@@ -9,66 +9,73 @@ static simulate_values values = {.tol = 1e-9, .atol = -1, .theta = 0.5, .levels 
 static const char *const picture_kinds[] = {"overview", "components", "invariants", "manifold",
                                             "steps",    "3d",         NULL};
 
-static const app_option options[] = {
-    APP_ROW_TEXT(simulate_values, method, "method", "NAME",
-                 "A method of the list below (default rkmk54, and dp54 on R^n)"),
-    APP_ROW_TEXT(simulate_values, scheme, "scheme", "FILE.yaml", "A method of your own: a tableau in a file"),
-    APP_ROW_SIZE(simulate_values, steps, "steps", "N", 1, 1e12, "N equal steps"),
-    APP_ROW_REAL(simulate_values, tol, "tol", "T", 1e-15, 1,
-                 "Adaptive steps; the tolerance of component i is T |y_i| + A (default 1e-9)"),
-    APP_ROW_REAL(simulate_values, atol, "atol", "A", 0, 1e300,
-                 "Absolute part of the tolerance (default 1e-4 T, at least 1e-16, of the largest size that "
-                 "q, omega, p, R, ... of that body has had)"),
-    APP_ROW_SIZE(simulate_values, max_steps, "max-steps", "N", 1, 1e12,
-                 "Stop after this many adaptive steps, rejected ones included (default 1000000)"),
-    APP_ROW_POSITIVE(simulate_values, t_end, "t-end", "T", "Final time (default: the scene's t_end)"),
-    APP_ROW_REAL(simulate_values, theta, "theta", "TH", 0, 1,
-                 "Parameter of slgi, midpoint and implicit-euler: order 2 at 1/2, else 1"),
-    APP_ROW_TEXT(simulate_values, dexpinv, "dexpinv", "exact|K",
-                 "RKMK methods: closed form, or the series up to ad^K, K = 0..10"),
-    APP_ROW_TEXT(simulate_values, out, "out", "FILE.h5", "Write the trajectory (HDF5)"),
-    APP_ROW_SIZE(simulate_values, points, "points", "M", 2, 1e8,
-                 "Equidistant points of the trajectory, the start included (default 501, or steps)"),
-    APP_ROW_REALS(simulate_values, times, "times", "T,T,...",
-                  "Ascending times of the trajectory, instead "
-                  "of --points",
-                  "use --points"),
-    APP_ROW_TEXT(simulate_values, plot, "plot", "FILE.svg|.png", "Draw the run, or the diagram"),
-    APP_ROW_CHOICE(simulate_values, plot_kind, "plot-kind", picture_kinds,
-                   "overview, components, invariants, manifold, steps or 3d (default overview)"),
-    APP_ROW_FLAG(simulate_values, work_precision, "work-precision",
-                 "Compare methods: error at the final time against CPU time and evaluations"),
-    APP_ROW_TEXT(simulate_values, methods, "methods", "NAME,NAME,...",
-                 "Methods of --work-precision (default: a selection of those that apply)"),
-    APP_ROW_SIZE(simulate_values, levels, "levels", "L", 1, 40,
-                 "Runs of each method in --work-precision; from run to run steps are doubled, tolerances "
-                 "divided by 10 (default 9)"),
-    APP_ROW_TEXT(simulate_values, gradient, "gradient", "W,W,...|@FILE",
-                 "Compute J = sum W_k y_k at the end and its gradient by the start and the parameters"),
-    APP_ROW_SIZE(simulate_values, checkpoints, "checkpoints", "C", 1, 1e12,
-                 "Number of states stored for --gradient (default: the square root of the number of steps)"),
-    APP_ROW_SIZE(
-        simulate_values, ensemble, "ensemble", "N", 1, MEMBERS_MAX,
+static const lg_field options[] = {
+    LG_OPTION(simulate_values, method, STRING, "NAME",
+              "A method of the list below (default rkmk54, and dp54 on R^n)"),
+    LG_OPTION(simulate_values, scheme, STRING, "FILE.yaml", "A method of your own: a tableau in a file"),
+    LG_OPTION(simulate_values, steps, U64, "N", "N equal steps", .low = 1, .high = 1e12),
+    LG_OPTION(simulate_values, tol, REAL, "T",
+              "Adaptive steps; the tolerance of component i is T |y_i| + A (default 1e-9)", .low = 1e-15,
+              .high = 1),
+    LG_OPTION(simulate_values, atol, REAL, "A",
+              "Absolute part of the tolerance (default 1e-4 T, at least 1e-16, of the largest size that "
+              "q, omega, p, R, ... of that body has had)",
+              .high = 1e300),
+    LG_OPTION(simulate_values, max_steps, U64, "N",
+              "Stop after this many adaptive steps, rejected ones included (default 1000000)", .low = 1,
+              .high = 1e12),
+    LG_OPTION(simulate_values, t_end, REAL, "T", "Final time (default: the scene's t_end)", LG_POSITIVE),
+    LG_OPTION(simulate_values, theta, REAL, "TH",
+              "Parameter of slgi, midpoint and implicit-euler: order 2 at 1/2, else 1", .high = 1),
+    LG_OPTION(simulate_values, dexpinv, STRING, "exact|K",
+              "RKMK methods: closed form, or the series up to ad^K, K = 0..10"),
+    LG_OPTION(simulate_values, out, STRING, "FILE.h5", "Write the trajectory (HDF5)"),
+    LG_OPTION(simulate_values, points, U64, "M",
+              "Equidistant points of the trajectory, the start included (default 501, or steps)", .low = 2,
+              .high = 1e8),
+    LG_OPTION(simulate_values, times, REALS, "T,T,...",
+              "Ascending times of the trajectory, instead "
+              "of --points",
+              LG_ANY_REAL, .longer = "use --points"),
+    LG_OPTION(simulate_values, plot, STRING, "FILE.svg|.png", "Draw the run, or the diagram"),
+    LG_OPTION(simulate_values, plot_kind, NAME, NULL,
+              "overview, components, invariants, manifold, steps or 3d (default overview)",
+              .names = picture_kinds),
+    LG_OPTION(simulate_values, work_precision, SWITCH, NULL,
+              "Compare methods: error at the final time against CPU time and evaluations"),
+    LG_OPTION(simulate_values, methods, STRING, "NAME,NAME,...",
+              "Methods of --work-precision (default: a selection of those that apply)"),
+    LG_OPTION(simulate_values, levels, U64, "L",
+              "Runs of each method in --work-precision; from run to run steps are doubled, tolerances "
+              "divided by 10 (default 9)",
+              .low = 1, .high = 40),
+    LG_OPTION(simulate_values, gradient, STRING, "W,W,...|@FILE",
+              "Compute J = sum W_k y_k at the end and its gradient by the start and the parameters"),
+    LG_OPTION(simulate_values, checkpoints, U64, "C",
+              "Number of states stored for --gradient (default: the square root of the number of steps)",
+              .low = 1, .high = 1e12),
+    LG_OPTION(
+        simulate_values, ensemble, U64, "N",
         "N runs side by side from other starts or with other parameters: statistics at the points (default "
-        "51)"),
-    APP_ROW_TEXT(
-        simulate_values, vary, "vary", "NAME=DISTRIBUTION,...",
+        "51)",
+        .low = 1, .high = MEMBERS_MAX),
+    LG_OPTION(
+        simulate_values, vary, STRING, "NAME=DISTRIBUTION,...",
         "What differs between members (default: the scene's key `ensemble`): uniform:LOW:HIGH, "
         "normal:MEAN:DEVIATION, within:S, within:S% or around:S of the scene's value, sphere, cone:ANGLE, "
         "rotation; e.g. q=sphere,omega=normal:0:1,masses=within:5%"),
-    APP_ROW_TEXT(simulate_values, starts, "starts", "FILE.csv|.h5|.npy",
-                 "A member a row: columns named as numbers of the state or parameters (q1.x, m2)"),
-    APP_ROW_TEXT(
-        simulate_values, event, "event", "NAME=VALUE,...",
+    LG_OPTION(simulate_values, starts, STRING, "FILE.csv|.h5|.npy",
+              "A member a row: columns named as numbers of the state or parameters (q1.x, m2)"),
+    LG_OPTION(
+        simulate_values, event, STRING, "NAME=VALUE,...",
         "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards"),
-    APP_ROW_TEXT(simulate_values, save, "save", "all|K",
-                 "Keep the trajectories of all or of the first K members"),
-    APP_ROW_TEXT(
-        simulate_values, task, "task", "i/n",
-        "Part i of n (i from 0) of the ensemble, into a file for `lg-simulate merge OUT.h5 PARTS...`"),
-    APP_ROW_FLAG(simulate_values, one_by_one, "one-by-one",
-                 "Without lanes: one member at a time, for comparison"),
-    APP_ROW_END};
+    LG_OPTION(simulate_values, save, STRING, "all|K",
+              "Keep the trajectories of all or of the first K members"),
+    LG_OPTION(simulate_values, task, STRING, "i/n",
+              "Part i of n (i from 0) of the ensemble, into a file for `lg-simulate merge OUT.h5 PARTS...`"),
+    LG_OPTION(simulate_values, one_by_one, SWITCH, NULL,
+              "Without lanes: one member at a time, for comparison"),
+    LG_FIELD_END};
 
 /* ---- options against each other ---- */
 
@@ -337,8 +344,7 @@ int main(int argc, char **argv) {
                     "state, invariants, the distance from the manifold, pictures, work-precision diagrams "
                     "and gradients.",
          .details = details,
-         .options = options,
-         .values = &values,
+         .settings = APP_SETTINGS(APP_GIVEN(options, values)),
          .arguments_min = 1,
          .arguments_max = 1,
          .run = run,

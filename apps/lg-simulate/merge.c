@@ -7,10 +7,10 @@
 
 static merge_values values;
 
-static const app_option options[] = {
-    APP_ROW_TEXT(merge_values, plot, "plot", "FILE.svg|.png", "Draw the bands of quantiles over time"),
-    APP_ROW_FLAG(merge_values, statistics_only, "statistics-only", "Leave the trajectories of --save out"),
-    APP_ROW_END};
+static const lg_field options[] = {
+    LG_OPTION(merge_values, plot, STRING, "FILE.svg|.png", "Draw the bands of quantiles over time"),
+    LG_OPTION(merge_values, statistics_only, SWITCH, NULL, "Leave the trajectories of --save out"),
+    LG_FIELD_END};
 
 typedef struct part {
     result is;
@@ -207,13 +207,13 @@ static int run(app *self) {
 }
 
 int merge_main(int argc, char **argv) {
+    static const app_settings settings[] = {APP_GIVEN(options, values), APP_SETTINGS_END};
     static const app_command command[] = {
         {.name = "merge",
          .arguments = "OUT.h5 PART.h5...",
          .summary =
              "Merges the parts of an ensemble that --task wrote: the statistics are those of one process.",
-         .options = options,
-         .values = &values,
+         .settings = settings,
          .arguments_min = 2,
          .arguments_max = APP_ARGUMENTS,
          .run = run},

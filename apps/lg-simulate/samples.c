@@ -36,7 +36,7 @@ static void equidistant(const simulation *sim, size_t points, samples *out) {
 }
 
 /* The given times without 0 and t_end, which are rows anyway. */
-static void given(const simulation *sim, const app_reals *times, samples *out) {
+static void given(const simulation *sim, const lg_reals *times, samples *out) {
     const bool from_zero = times->values[0] == 0, to_end = times->values[times->count - 1] == sim->t_end;
     const size_t inner = times->count - from_zero - to_end;
     allocate(sim, inner, out);

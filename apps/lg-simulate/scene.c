@@ -63,7 +63,7 @@ const double *parameter_values(const simulation *sim, const char *key, size_t *c
 
 static int choose_t_end(simulation *sim, const char *path) {
     const simulate_values *values = sim->values;
-    const app_reals *times = &values->times;
+    const lg_reals *times = &values->times;
     sim->t_end = values->t_end > 0      ? values->t_end
                  : sim->scene.has_t_end ? sim->scene.t_end
                  : times->count > 0     ? times->values[times->count - 1]

@@ -25,7 +25,7 @@ typedef struct simulate_values {
     const char *vary, *starts, *event, *save, *task; /* of --ensemble */
     uint64_t steps, points, checkpoints, levels, max_steps, ensemble;
     double tol, atol, t_end, theta;
-    app_reals times;
+    lg_reals times;
     int plot_kind;
     bool work_precision, one_by_one;
 } simulate_values;

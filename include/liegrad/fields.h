@@ -1,7 +1,6 @@
-/* The hyperparameters of learned models: one table for each kind of run in liegrad/io.h. An entry has the
- * name, type, range, default and meaning of one member of the run. Command lines, ranges of searches, grids
- * of studies, attributes of files, the comparison of a resumed run with the stored one and JSON all use these
- * tables.
+/* Fields: what a user can set, as rows of tables. A row says where a value lies in a structure, its type,
+ * range, default and meaning. Command lines, ranges of searches, grids of studies, attributes of files, the
+ * comparison of a resumed run with the stored one, JSON and docs/hyperparameters.md all read the same rows.
  *
  *   lg_surrogate_run run;
  *   lg_fields_default(lg_surrogate_fields, &run);
@@ -20,15 +19,18 @@
 
 LG_BEGIN_DECLS
 
+/* What the member is, and how its value is written. */
 typedef enum lg_field_type {
-    LG_FIELD_REAL,
-    LG_FIELD_U64,
-    LG_FIELD_U32,
-    LG_FIELD_FLAG,   /* bool; 0 or 1 in files, a name elsewhere */
+    LG_FIELD_REAL,   /* double */
+    LG_FIELD_U64,    /* uint64_t */
+    LG_FIELD_U32,    /* uint32_t */
+    LG_FIELD_FLAG,   /* bool; 0 or 1 in files, one of two names elsewhere */
     LG_FIELD_NAME,   /* an enumeration, or a bool with two names; a name everywhere */
-    LG_FIELD_WHOLES, /* a list of whole numbers through `get` and `put`; commas separate them in a text */
+    LG_FIELD_WHOLES, /* a list of whole numbers; commas separate them in a text */
     LG_FIELD_REALS,  /* a list of numbers, likewise */
-    LG_FIELD_PHRASE, /* a value with a text form of its own, through `parse` and `phrase` */
+    LG_FIELD_PHRASE, /* a value that `parse` reads from a text and `phrase` writes */
+    LG_FIELD_SWITCH, /* bool; an option without a value: true when it is given */
+    LG_FIELD_STRING, /* const char *, borrowed; an empty text is refused */
     LG_FIELD_TEXT,   /* char array; a fact about the data, which cannot be set */
     LG_FIELD_SHOWN   /* a text that `show` makes from several members; also a fact */
 } lg_field_type;
@@ -37,25 +39,43 @@ typedef enum lg_field_type {
 #define LG_FIELD_LIST_MAX  256
 #define LG_FIELD_TEXT_SIZE 4096
 
-/* A table ends with an entry whose name is NULL. */
+/* Members for lists, which need neither `get` nor `put`. */
+typedef struct lg_wholes {
+    size_t count;
+    uint32_t values[LG_FIELD_LIST_MAX];
+} lg_wholes;
+typedef struct lg_reals {
+    size_t count;
+    double values[LG_FIELD_LIST_MAX];
+} lg_reals;
+
+/* A table ends with a row whose name is NULL. */
 typedef struct lg_field {
     const char *name; /* in files and grids, such as lr_step */
     /* On command lines, and with _ for - in JSON; NULL: the name with - for _; "": none. */
     const char *option;
-    const char *group; /* of the HDF5 file: "model" or "run". What is stored must be the same in a resumed
-                         * run. NULL: it is not stored */
+    /* Does the value decide the result? "model" or "run": yes, and the HDF5 group of that name stores it; a
+     * resumed run must have the same value. "": yes, and it is not stored. NULL: no (a file, a picture, how
+     * often something is told); a search cannot draw it. */
+    const char *group;
     lg_field_type type;
-    size_t offset, size; /* of the member in the run */
+    size_t offset, size; /* of the member in the structure */
     double low, high;    /* of each number */
     bool above;          /* low itself is refused */
-    bool adam;           /* it is for Adam alone */
+    bool adam;           /* it applies only where Adam takes part in the training */
     bool optional;       /* files of earlier versions lack it; the run then has the default for files */
-    const char *(*value_name)(uint32_t value); /* FLAG, NAME: NULL beyond the last; PHRASE: single words */
-    const void *(*value_at)(uint32_t value);   /* NAME of a pointer into a table: the entry */
-    /* Lists: the numbers of the member, at most `most` <= LG_FIELD_LIST_MAX; `get` returns how many. */
+    uint32_t methods;    /* bit v: it applies when the run's method is number v; 0: always */
+    /* FLAG, NAME: the names by value, from a function that returns NULL beyond the last, or as a list that
+     * ends with NULL. PHRASE: value_name gives the single words. */
+    const char *(*value_name)(uint32_t value);
+    const char *const *names;
+    const void *(*value_at)(uint32_t value); /* NAME, and the member is a pointer into a table: the entry */
+    /* Lists in other members than lg_wholes and lg_reals: `get` copies the numbers out and returns how many,
+     * `put` stores them. */
     uint32_t (*get)(const void *member, double *values);
     void (*put)(void *member, const double *values, uint32_t count);
-    uint32_t most;
+    uint32_t most;      /* numbers of a list, at most LG_FIELD_LIST_MAX; 0: so many */
+    const char *longer; /* what to do with more; may be NULL */
     void (*show)(const void *run, char *text, size_t size); /* SHOWN */
     /* PHRASE: from text into the member, untouched on failure; and back; `form`: what is possible beside
      * single words. */
@@ -66,15 +86,20 @@ typedef struct lg_field {
     const char *otherwise; /* "the preset's" */
     const char *unit;      /* what --help calls a value; NULL: NAME */
     const char *meaning;   /* one sentence without its full stop */
-    uint32_t methods;      /* bit v: it applies when the run's method is number v; 0: always */
 } lg_field;
 
-/* An entry for `member` of `struct_`; the last arguments are designated initialisers. */
+/* A row for `member` of `struct_`; the last arguments are designated initialisers. */
 #define LG_FIELD(struct_, group_, name_, type_, member, ...)                                                 \
     {                                                                                                        \
         .group = group_, .name = name_, .type = LG_FIELD_##type_, .offset = offsetof(struct_, member),       \
         .size = sizeof(((struct_ *)0)->member), __VA_ARGS__                                                  \
     }
+/* A row for an option that does not decide the result, called like its member; designated initialisers may
+ * follow the meaning. */
+#define LG_OPTION(struct_, member, type_, unit_, ...)                                                        \
+    LG_FIELD(struct_, NULL, #member, type_, member, .unit = unit_, .meaning = __VA_ARGS__)
+#define LG_ANY_REAL .low = -1e300, .high = 1e300
+#define LG_POSITIVE .high = 1e300, .above = true
 #define LG_FIELD_END                                                                                         \
     { .name = NULL }
 
@@ -88,11 +113,12 @@ LG_API extern const lg_field lg_hamiltonian_fields[], lg_surrogate_fields[], lg_
 LG_API const lg_field *lg_field_find(const lg_field *table, const char *name);
 /* Its name on command lines, cut to `size` bytes; "" for one that has none. */
 LG_API void lg_field_option(const lg_field *entry, char *text, size_t size);
-/* "Width of the hidden layers (1 to 1048576; default the preset's)". Returns the length as snprintf does. */
+/* "Width of the hidden layers (1 to 1048576; default the preset's)"; the range only of a row with a group.
+ * Returns the length as snprintf does. */
 LG_API int lg_field_describe(const lg_field *entry, char *text, size_t size);
 
 /* Sets the run's value from text. LG_INVALID_ARGUMENT with a sentence that says which values are possible;
- * the run is untouched then. */
+ * the run is untouched then. A SWITCH becomes true, whatever the text. */
 LG_API lg_status lg_field_set(const lg_field *entry, const char *text, void *run, lg_error *error);
 /* The run's value as lg_field_set takes it, cut to `size` bytes; "?" for an unknown name. */
 LG_API void lg_field_show(const lg_field *entry, const void *run, char *text, size_t size);
@@ -100,6 +126,8 @@ LG_API void lg_field_show(const lg_field *entry, const void *run, char *text, si
 LG_API double lg_field_number(const lg_field *entry, const void *run);
 /* The exact value of whole numbers, flags and names; 0 for other types. */
 LG_API uint64_t lg_field_whole(const lg_field *entry, const void *run);
+/* Copies the numbers of a list, at most LG_FIELD_LIST_MAX, and returns how many; 0 for other types. */
+LG_API uint32_t lg_field_list(const lg_field *entry, const void *run, double *values);
 /* Whether the number or name is within its range; true for other types. */
 LG_API bool lg_field_fits(const lg_field *entry, const void *run);
 /* Copies the value from one run to another. */

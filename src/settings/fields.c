@@ -1,4 +1,4 @@
-/* The tables of hyperparameters, and their conversion from and to text and numbers. */
+/* The tables of hyperparameters; fields from and to text and numbers. */
 #include "liegrad/fields.h"
 
 #include <math.h>
@@ -415,8 +415,51 @@ static bool is_list(const lg_field *row) {
     return row->type == LG_FIELD_WHOLES || row->type == LG_FIELD_REALS;
 }
 
+/* The name of a value; NULL beyond the last. */
+static const char *name_at(const lg_field *row, uint32_t value) {
+    if (row->names == NULL) return row->value_name(value);
+    const char *const *name = row->names;
+    while (*name != NULL && value > 0) name++, value--;
+    return *name;
+}
+
+static uint32_t get_wholes(const void *member, double *values) {
+    const lg_wholes *list = member;
+    for (size_t i = 0; i < list->count; i++) values[i] = list->values[i];
+    return (uint32_t)list->count;
+}
+
+static uint32_t get_reals(const void *member, double *values) {
+    const lg_reals *list = member;
+    memcpy(values, list->values, list->count * sizeof *values);
+    return (uint32_t)list->count;
+}
+
+static void put_wholes(void *member, const double *values, uint32_t count) {
+    lg_wholes *list = member;
+    list->count = count;
+    for (size_t i = 0; i < count; i++) list->values[i] = (uint32_t)values[i];
+}
+
+static void put_reals(void *member, const double *values, uint32_t count) {
+    lg_reals *list = member;
+    list->count = count;
+    for (size_t i = 0; i < count; i++) list->values[i] = values[i];
+}
+
+uint32_t lg_field_list(const lg_field *row, const void *run, double *values) {
+    const bool whole = row->type == LG_FIELD_WHOLES;
+    if (!is_list(row)) return 0;
+    return (row->get != NULL ? row->get : whole ? get_wholes : get_reals)(member_of(row, run), values);
+}
+
+static void put_list(const lg_field *row, const double *values, uint32_t count, void *run) {
+    const bool whole = row->type == LG_FIELD_WHOLES;
+    (row->put != NULL ? row->put : whole ? put_wholes : put_reals)((char *)run + row->offset, values, count);
+}
+
 uint64_t lg_field_whole(const lg_field *row, const void *run) {
-    return is_named(row) || is_whole(row) ? whole_at(row, run) : 0;
+    return is_named(row) || is_whole(row) || row->type == LG_FIELD_SWITCH ? whole_at(row, run) : 0;
 }
 
 double lg_field_number(const lg_field *row, const void *run) {
@@ -432,14 +475,14 @@ static bool in_range(const lg_field *row, double value) {
 }
 
 bool lg_field_fits(const lg_field *row, const void *run) {
-    if (is_named(row)) return row->value_name((uint32_t)whole_at(row, run)) != NULL;
+    if (is_named(row)) return name_at(row, (uint32_t)whole_at(row, run)) != NULL;
     if (row->type != LG_FIELD_REAL && !is_whole(row)) return true;
     return in_range(row, lg_field_number(row, run));
 }
 
 static void show_list(const lg_field *row, const void *run, char *text, size_t size) {
     double values[LG_FIELD_LIST_MAX];
-    const uint32_t count = row->get(member_of(row, run), values);
+    const uint32_t count = lg_field_list(row, run, values);
     size_t used = 0;
     text[0] = '\0';
     for (uint32_t i = 0; i < count && used < size; i++)
@@ -458,12 +501,19 @@ void lg_field_show(const lg_field *row, const void *run, char *text, size_t size
         break;
     case LG_FIELD_FLAG:
     case LG_FIELD_NAME:
-        name = row->value_name((uint32_t)whole_at(row, run));
+        name = name_at(row, (uint32_t)whole_at(row, run));
         (void)snprintf(text, size, "%s", name != NULL ? name : "?");
         break;
     case LG_FIELD_WHOLES:
     case LG_FIELD_REALS:
         show_list(row, run, text, size);
+        break;
+    case LG_FIELD_SWITCH:
+        (void)snprintf(text, size, "%s", whole_at(row, run) != 0 ? "true" : "false");
+        break;
+    case LG_FIELD_STRING:
+        memcpy(&name, member_of(row, run), sizeof name);
+        (void)snprintf(text, size, "%s", name != NULL ? name : "");
         break;
     case LG_FIELD_TEXT:
         (void)snprintf(text, size, "%s", (const char *)member_of(row, run));
@@ -479,7 +529,7 @@ void lg_field_show(const lg_field *row, const void *run, char *text, size_t size
 
 void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run) {
     if (is_list(row))
-        row->put((char *)run + row->offset, values, count);
+        put_list(row, values, count, run);
     else if (row->type == LG_FIELD_REAL)
         memcpy((char *)run + row->offset, values, sizeof *values);
     else
@@ -489,7 +539,7 @@ void lg_field_fill(const lg_field *row, const double *values, uint32_t count, vo
 void lg_field_copy(const lg_field *row, const void *from, void *to) {
     double values[LG_FIELD_LIST_MAX];
     if (is_list(row))
-        row->put((char *)to + row->offset, values, row->get(member_of(row, from), values));
+        put_list(row, values, lg_field_list(row, from, values), to);
     else
         memcpy((char *)to + row->offset, member_of(row, from), row->size);
 }
@@ -539,11 +589,11 @@ static size_t number_text(const lg_field *row, const char *text, char *out, size
 static size_t names_text(const lg_field *row, const char *last, char *out, size_t size) {
     size_t used = 0;
     const char *name;
-    for (uint32_t i = 0; used < size && (name = row->value_name(i)) != NULL; i++)
+    for (uint32_t i = 0; used < size && (name = name_at(row, i)) != NULL; i++)
         used += (size_t)snprintf(out + used, size - used, "%s%s",
-                                 i == 0                           ? ""
-                                 : row->value_name(i + 1) == NULL ? last
-                                                                  : ", ",
+                                 i == 0                        ? ""
+                                 : name_at(row, i + 1) == NULL ? last
+                                                               : ", ",
                                  name);
     return used;
 }
@@ -571,6 +621,8 @@ int lg_field_describe(const lg_field *row, char *text, size_t size) {
     const char *value = row->value != NULL ? row->value : row->otherwise,
                *is = value != NULL ? "default " : "";
     if (value == NULL) value = "";
+    if (row->group == NULL)
+        return snprintf(text, size, value[0] != '\0' ? "%s (%s%s)" : "%s", row->meaning, is, value);
     if (!is_named(row)) {
         if (row->form != NULL)
             form_text(row, range, sizeof range);
@@ -598,7 +650,7 @@ static lg_status refuse_number(const lg_field *row, const char *text, lg_error *
 static lg_status set_name(const lg_field *row, const char *text, void *run, lg_error *error) {
     char names[512] = "";
     const char *name;
-    for (uint32_t i = 0; (name = row->value_name(i)) != NULL; i++)
+    for (uint32_t i = 0; (name = name_at(row, i)) != NULL; i++)
         if (strcmp(name, text) == 0) {
             set_whole(row, run, i);
             return LG_OK;
@@ -632,23 +684,35 @@ static lg_status set_list(const lg_field *row, const char *text, void *run, lg_e
     double values[LG_FIELD_LIST_MAX];
     uint32_t items = 1;
     for (const char *c = text; *c != '\0'; c++) items += *c == ',';
-    if (items > row->most)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a list of %u numbers is too long: at most %u", items,
-                       row->most);
+    const uint32_t most = row->most > 0 ? row->most : LG_FIELD_LIST_MAX;
+    if (items > most)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a list of %u numbers is too long: at most %u%s%s", items,
+                       most, row->longer != NULL ? "; " : "", row->longer != NULL ? row->longer : "");
     const char *at = text;
     for (uint32_t i = 0; i < items; i++) {
         const size_t length = strcspn(at, ",");
         if (!take_item(row, at, length, &values[i])) return refuse_number(row, text, error);
         at += length + 1;
     }
-    row->put((char *)run + row->offset, values, items);
+    put_list(row, values, items, run);
+    return LG_OK;
+}
+
+static lg_status set_string(const lg_field *row, const char *text, void *run, lg_error *error) {
+    if (text[0] == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "the value is empty");
+    memcpy((char *)run + row->offset, &text, sizeof text);
     return LG_OK;
 }
 
 lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_error *error) {
-    LG_NEEDS(error, row, text, run);
+    LG_NEEDS(error, row, run);
     double real;
     uint64_t whole;
+    if (row->type == LG_FIELD_SWITCH) {
+        set_whole(row, run, true);
+        return LG_OK;
+    }
+    LG_NEEDS(error, text);
     if (is_named(row)) return set_name(row, text, run, error);
     if (is_list(row)) return set_list(row, text, run, error);
     if (row->type == LG_FIELD_REAL) {
@@ -656,6 +720,7 @@ lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_erro
         memcpy((char *)run + row->offset, &real, sizeof real);
         return LG_OK;
     }
+    if (row->type == LG_FIELD_STRING) return set_string(row, text, run, error);
     if (row->type == LG_FIELD_PHRASE) return row->parse(text, (char *)run + row->offset, error);
     if (!is_whole(row)) return lg_fail(error, LG_INVALID_ARGUMENT, "%s cannot be set", row->name);
     if (!take_whole(row, text, &whole)) return refuse_number(row, text, error);

@@ -264,19 +264,19 @@ static void option(size_t at, const char *text) {
         double real;
         const char *text;
         int choice;
-        app_sizes sizes;
-        app_reals reals;
+        lg_wholes sizes;
+        lg_reals reals;
     } values;
     static const char *const choices[] = {"one", "two", NULL};
-    static const app_option options[] = {APP_ROW_SIZE(values, size, "size", "N", 0, 1e15, ""),
-                                         APP_ROW_REAL(values, real, "real", "X", -1, 1e9, ""),
-                                         APP_ROW_TEXT(values, text, "text", "TEXT", ""),
-                                         APP_ROW_CHOICE(values, choice, "choice", choices, ""),
-                                         APP_ROW_SIZES(values, sizes, "sizes", "N,..", 1, 1e6, ""),
-                                         APP_ROW_REALS(values, reals, "reals", "X,..", "", NULL)};
+    static const lg_field options[] = {LG_OPTION(values, size, U64, "N", "", .high = 1e15),
+                                       LG_OPTION(values, real, REAL, "X", "", .low = -1, .high = 1e9),
+                                       LG_OPTION(values, text, STRING, "TEXT", ""),
+                                       LG_OPTION(values, choice, NAME, NULL, "", .names = choices),
+                                       LG_OPTION(values, sizes, WHOLES, "N,..", "", .low = 1, .high = 1e6),
+                                       LG_OPTION(values, reals, REALS, "X,..", "", LG_ANY_REAL)};
     values to = {.size = 0};
     lg_error error = {LG_OK, ""};
-    app_slot slot = {.option = &options[at % LG_COUNT(options)], .values = &to};
+    app_slot slot = {.row = &options[at % LG_COUNT(options)], .values = &to};
     refused(app_store(&slot, text, &error), &error);
 }
 

@@ -104,8 +104,8 @@ static lg_status get_list(lg_h5 *h5, const lg_field *r, void *run, lg_error *err
     const lg_status status = lg_h5_text(h5, r->group, r->name, text, sizeof text, error);
     if (status != LG_OK && status != LG_SHAPE) return status;
     if (status == LG_SHAPE) return attribute_format(h5, r, "is too long", error);
-    if (text[0] == '\0' && r->put != NULL) {
-        r->put((char *)run + r->offset, NULL, 0);
+    if (text[0] == '\0' && r->type != LG_FIELD_PHRASE) {
+        lg_field_fill(r, NULL, 0, run);
         return LG_OK;
     }
     if (lg_field_set(r, text, run, &reason) == LG_OK) return LG_OK;
@@ -136,7 +136,7 @@ static lg_status get_row(lg_h5 *h5, const lg_field *r, void *run, lg_error *erro
         return get_list(h5, r, run, error);
     case LG_FIELD_TEXT:
         return get_text(h5, r, at, error);
-    case LG_FIELD_SHOWN:
+    default:
         break;
     }
     return LG_OK;
