@@ -59,7 +59,7 @@ extern const lg_field train_file_options[];
 typedef struct train_session train_session;
 
 typedef struct train_task {
-    const lg_run_kind *kind;
+    const lg_recipe *kind;
     const app_settings *settings; /* the command's; the first one is the run */
     lg_training *training;        /* of the run */
     const char *method;           /* the row whose value the other rows' `methods` are about; NULL: none */

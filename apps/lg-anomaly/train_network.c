@@ -235,7 +235,7 @@ static size_t parameters(void *user) {
 }
 
 train_task network_task(trained *state) {
-    return (train_task){.kind = &lg_run_detector,
+    return (train_task){.kind = &lg_recipe_detector,
                         .settings = train_settings,
                         .training = &train_run.training,
                         .method = "method",

@@ -362,7 +362,7 @@ static const char *const sizes[] = {"8", "12", "16", "24", "32", "64", NULL};
 
 static training state;
 
-static const train_task task = {.kind = &lg_run_surrogate,
+static const train_task task = {.kind = &lg_recipe_surrogate,
                                 .settings = settings,
                                 .training = &run.training,
                                 .method = "network",

@@ -14,15 +14,15 @@ enum { GOLDEN_STREAM = 0x64657463, STACK = 1024, CALLS = 2 };
 /* ---- code ---- */
 
 static int add_code(const app *self, export_source *source, const lg_model_file *file) {
-    const lg_detector *model = &file->detector.run.model;
+    const lg_detector_file *trained = lg_model_file_of(file, &lg_recipe_detector);
+    const lg_detector *model = &trained->run.model;
     export_function functions[] = {{.function = "value", .name = "eval"},
                                    {.function = "grad", .name = "grad"},
                                    {.function = "probability", .name = "probability"}};
     const size_t scores = (model->classes + 7) / 8 * 8;
     lg_program *program = NULL;
     lg_error error = {LG_OK, ""};
-    const lg_status status = lg_detector_program(self->context, model, &file->detector.scaler,
-                                                 file->detector.theta, &program, &error);
+    const lg_status status = lg_model_file_program(file, NULL, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
     const int code = export_bundle(self, source, program, true, functions, LG_COUNT(functions));
     lg_program_destroy(program);
@@ -175,16 +175,17 @@ static int add_golden(const app *self, export_source *source, const exported_det
 }
 
 int export_detector(const app *self, const lg_model_file *file, export_source *source) {
-    const lg_detector *model = &file->detector.run.model;
+    const lg_detector_file *trained = lg_model_file_of(file, &lg_recipe_detector);
+    const lg_detector *model = &trained->run.model;
     const export_window window = {
         .channels = model->net.channels,
         .length = model->net.length,
         .classes = model->classes,
-        .rate = file->detector.rate,
-        .class_name = file->detector.class_name,
-        .channel_name = file->detector.channel_name,
-        .accuracy = file->detector.accuracy,
-        .f1 = file->detector.f1,
+        .rate = trained->rate,
+        .class_name = trained->class_name,
+        .channel_name = trained->channel_name,
+        .accuracy = trained->accuracy,
+        .f1 = trained->f1,
         .scores = "probabilities",
         .score_words = "It is the one of the largest probability: of two equal ones class 1,\n"
                        " * of more the first.",
@@ -196,12 +197,11 @@ int export_detector(const app *self, const lg_model_file *file, export_source *s
     if (code == APP_EXIT_OK) code = add_code(self, source, file);
     if (code != APP_EXIT_OK) return code;
     export_window_code(source, &window);
-    const exported_detector exported = {file->detector.run.model, file->detector.scaler, file->detector.theta,
-                                        file->model};
+    const exported_detector exported = {trained->run.model, trained->scaler, trained->theta, file->model};
     const int drawn = add_golden(self, source, &exported);
     if (drawn != APP_EXIT_OK) return drawn;
     const lg_status status = detector_condition(source, &exported, &source->condition);
     if (status != LG_OK) return app_fail(self, status, "rounding of the network");
-    add_words(source, &file->detector, &window);
+    add_words(source, trained, &window);
     return APP_EXIT_OK;
 }

@@ -358,7 +358,7 @@ static size_t evaluations_of(const lg_program *program) {
 
 static int export_known(const app *self, const lg_model_file *file, lg_program *program,
                         export_source *source) {
-    const lg_hamiltonian_file *trained = &file->hamiltonian;
+    const lg_hamiltonian_file *trained = lg_model_file_of(file, &lg_recipe_hamiltonian);
     const lg_hamiltonian *model = &trained->run.model;
     const char *path = self->arguments[0];
     source->inputs = lg_hamiltonian_state_dim(model);
@@ -382,7 +382,7 @@ static bool is_known(const lg_hamiltonian *model) {
 }
 
 int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source) {
-    const lg_hamiltonian_file *trained = &file->hamiltonian;
+    const lg_hamiltonian_file *trained = lg_model_file_of(file, &lg_recipe_hamiltonian);
     const lg_hamiltonian *model = &trained->run.model;
     const char *path = self->arguments[0];
     lg_error error = {LG_OK, ""};
@@ -396,8 +396,7 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
                         "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
                         "exported type",
                         path);
-    const lg_status status = lg_hamiltonian_program(self->context, model, trained->theta,
-                                                    source->options->scheme, &program, &error);
+    const lg_status status = lg_model_file_program(file, source->options->scheme, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     code = is_known(model) ? export_known(self, file, program, source)
                            : export_whole(self, path, program, NULL, source);

@@ -6,40 +6,6 @@
 
 #include "liegrad/machine_model.h"
 
-/* ---- programs ---- */
-
-static lg_status of_hamiltonian(const app *self, const lg_model_file *file, const lg_scheme *scheme,
-                                lg_program **out, lg_error *error) {
-    return lg_hamiltonian_program(self->context, &file->hamiltonian.run.model, file->hamiltonian.theta,
-                                  scheme, out, error);
-}
-
-static lg_status of_surrogate(const app *self, const lg_model_file *file, const lg_scheme *scheme,
-                              lg_program **out, lg_error *error) {
-    (void)scheme;
-    return lg_surrogate_program(self->context, &file->surrogate.run.model, file->surrogate.theta, out, error);
-}
-
-static lg_status of_detector(const app *self, const lg_model_file *file, const lg_scheme *scheme,
-                             lg_program **out, lg_error *error) {
-    (void)scheme;
-    return lg_detector_program(self->context, &file->detector.run.model, &file->detector.scaler,
-                               file->detector.theta, out, error);
-}
-
-static lg_status of_table(const app *self, const lg_model_file *file, const lg_scheme *scheme,
-                          lg_program **out, lg_error *error) {
-    (void)scheme;
-    return lg_table_program(self->context, &file->table.run.model, &file->table.inputs, &file->table.outputs,
-                            file->table.theta, out, error);
-}
-
-static lg_status of_machine(const app *self, const lg_model_file *file, const lg_scheme *scheme,
-                            lg_program **out, lg_error *error) {
-    return lg_machine_program(self->context, &file->machine->run.machine, file->machine->theta,
-                              scheme != NULL ? scheme : file->machine->run.scheme, out, error);
-}
-
 /* ---- a start ---- */
 
 /* At rest: places, momenta 0; directions down, -e3; rotations 1. */
@@ -60,56 +26,41 @@ static void make_start(const lg_space *space, export_source *source) {
     }
 }
 
-static lg_status space_of_hamiltonian(const lg_model_file *file, lg_space *space, double *step) {
-    const lg_hamiltonian *model = &file->hamiltonian.run.model;
-    *step = file->hamiltonian.run.dt;
-    return lg_hamiltonian_space(model->family, model->n, space);
-}
+/* ---- words: what the numbers of a state are ---- */
 
-static lg_status space_of_machine(const lg_model_file *file, lg_space *space, double *step) {
-    *step = file->machine->run.dt;
-    return lg_machine_space(&file->machine->run.machine, space);
-}
-
-/* ---- words ---- */
-
-static void tell_hamiltonian(const lg_model_file *file, export_source *source) {
-    export_tell_hamiltonian(source, &file->hamiltonian.run.model);
+static void tell_hamiltonian(const void *contents, export_source *source) {
+    const lg_hamiltonian_run *run = &((const lg_hamiltonian_file *)contents)->run;
+    source->step = run->dt;
+    export_tell_hamiltonian(source, &run->model);
     export_tell_words(source, &source->about);
 }
 
-static void tell_machine(const lg_model_file *file, export_source *source) {
-    export_tell_machine(source, &file->machine->run);
+static void tell_machine(const void *contents, export_source *source) {
+    const lg_machine_model_run *run = &((const lg_machine_model_file *)contents)->run;
+    source->step = run->dt;
+    export_tell_machine(source, run);
     export_tell_words(source, &source->about);
-    export_tell_range(&source->about, &file->machine->run);
+    export_tell_range(&source->about, run);
     lg_text_add(&source->about, "\n");
 }
 
-/* ---- a model of any kind ---- */
-
 static const struct {
-    lg_status (*program)(const app *self, const lg_model_file *file, const lg_scheme *scheme,
-                         lg_program **out, lg_error *error);
-    /* Space of the state, and time between two points of the data; NULL: it has no state. */
-    lg_status (*space)(const lg_model_file *file, lg_space *space, double *step);
-    void (*tell)(const lg_model_file *file, export_source *source); /* with a state: what its numbers are */
-} kinds[LG_MODEL_KIND_COUNT] = {
-    [LG_MODEL_HAMILTONIAN] = {of_hamiltonian, space_of_hamiltonian, tell_hamiltonian},
-    [LG_MODEL_SURROGATE] = {of_surrogate, NULL, NULL},
-    [LG_MODEL_DETECTOR] = {of_detector, NULL, NULL},
-    [LG_MODEL_TABLE] = {of_table, NULL, NULL},
-    [LG_MODEL_MACHINE] = {of_machine, space_of_machine, tell_machine}};
+    const lg_recipe *recipe;
+    void (*tell)(const void *contents, export_source *source);
+} moving[] = {{&lg_recipe_hamiltonian, tell_hamiltonian}, {&lg_recipe_machine_model, tell_machine}};
+
+/* ---- a model of any recipe ---- */
 
 static lg_status load_model(const app *self, const char *path, export_source *source, lg_program **out,
                             lg_error *error) {
     lg_model_file file;
-    lg_space space;
     LG_TRY(lg_model_load(self->context, path, NULL, &file, error));
-    const lg_status status = kinds[file.kind].program(self, &file, source->options->scheme, out, error);
-    if (status == LG_OK && kinds[file.kind].space != NULL &&
-        kinds[file.kind].space(&file, &space, &source->step) == LG_OK) {
-        make_start(&space, source);
-        kinds[file.kind].tell(&file, source);
+    const lg_status status = lg_model_file_program(&file, source->options->scheme, out, error);
+    const lg_space *space = lg_model_space(file.model);
+    if (status == LG_OK && space != NULL) {
+        make_start(space, source);
+        for (size_t i = 0; i < LG_COUNT(moving); i++)
+            if (file.recipe == moving[i].recipe) moving[i].tell(file.contents, source);
         export_warn_delay(self, source);
     }
     lg_model_file_destroy(&file);

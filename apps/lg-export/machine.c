@@ -321,11 +321,8 @@ static int choose_functions(const app *self, const char *functions, bool *linear
 }
 
 int export_machine(const app *self, const lg_model_file *file, export_source *source) {
-    job j = {.self = self,
-             .run = &file->machine->run,
-             .trained = file->machine,
-             .model = file->model,
-             .source = source};
+    const lg_machine_model_file *trained = lg_model_file_of(file, &lg_recipe_machine_model);
+    job j = {.self = self, .run = &trained->run, .trained = trained, .model = file->model, .source = source};
     const lg_machine *machine = &j.run->machine;
     const lg_scheme *scheme = source->options->scheme;
     lg_error error = {LG_OK, ""};
@@ -334,8 +331,7 @@ int export_machine(const app *self, const lg_model_file *file, export_source *so
     int code = choose_functions(self, source->options->functions, &j.linearise);
     if (code == APP_EXIT_OK) code = export_check_scheme(self, &j.space, false, scheme);
     if (code != APP_EXIT_OK) return code;
-    const lg_status status =
-        lg_machine_program(self->context, machine, file->machine->theta, scheme, &j.program, &error);
+    const lg_status status = lg_model_file_program(file, scheme, &j.program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     source->inputs = j.space.dim;
     source->outputs = 1;

@@ -136,24 +136,14 @@ static void hash_model(job *j) {
 
 /* ---- kinds ---- */
 
-static const lg_scheme *scheme_of_hamiltonian(const lg_model_file *file) {
-    return lg_scheme_find(file->hamiltonian.run.model.family->scheme);
-}
-
-static const lg_scheme *scheme_of_machine(const lg_model_file *file) {
-    return file->machine->run.scheme;
-}
-
 static const struct {
-    const char *name;
+    const lg_recipe *recipe;
     int (*build)(const app *self, const lg_model_file *file, export_source *source);
-    const lg_scheme *(*scheme)(const lg_model_file *file); /* the default; NULL: no steps */
-} kinds[LG_MODEL_KIND_COUNT] = {
-    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", export_hamiltonian, scheme_of_hamiltonian},
-    [LG_MODEL_SURROGATE] = {"surrogate", export_surrogate, NULL},
-    [LG_MODEL_DETECTOR] = {"detector", export_detector, NULL},
-    [LG_MODEL_TABLE] = {"table", export_table, NULL},
-    [LG_MODEL_MACHINE] = {"machine_model", export_machine, scheme_of_machine}};
+} builders[] = {{&lg_recipe_hamiltonian, export_hamiltonian},
+                {&lg_recipe_surrogate, export_surrogate},
+                {&lg_recipe_detector, export_detector},
+                {&lg_recipe_table, export_table},
+                {&lg_recipe_machine_model, export_machine}};
 
 static int refuse_scheme(const job *j) {
     return app_usage(j->self, "--scheme is for Hamiltonians and machines; %s is a %s", j->path, j->kind);
@@ -163,32 +153,20 @@ static int build_model(job *j) {
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_model_load(j->self->context, j->path, NULL, &j->file, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
-    const lg_model_kind kind = j->file.kind;
-    j->kind = kinds[kind].name;
+    size_t i = 0;
+    while (builders[i].recipe != j->file.recipe) i++;
+    j->kind = lg_recipe_name(j->file.recipe);
     j->source.parameters = lg_model_parameters(j->file.model);
-    const bool steps = kinds[kind].scheme != NULL;
-    if (steps && j->options.scheme == NULL) j->options.scheme = kinds[kind].scheme(&j->file);
-    const int code =
-        !steps && given.scheme != NULL ? refuse_scheme(j) : kinds[kind].build(j->self, &j->file, &j->source);
+    const lg_scheme *usual = lg_model_file_scheme(&j->file);
+    if (usual != NULL && j->options.scheme == NULL) j->options.scheme = usual;
+    const int code = usual == NULL && given.scheme != NULL ? refuse_scheme(j)
+                                                           : builders[i].build(j->self, &j->file, &j->source);
     lg_model_file_destroy(&j->file);
     return code;
 }
 
-/* The row of a kind; LG_COUNT(kinds): it is no model. */
-static size_t find_kind(const char *kind) {
-    size_t i = 0;
-    while (i < LG_COUNT(kinds) && strcmp(kind, kinds[i].name) != 0) i++;
-    return i;
-}
-
 static bool is_exported(const char *kind) {
-    return find_kind(kind) < LG_COUNT(kinds) || strcmp(kind, "classifier") == 0 ||
-           strcmp(kind, "program") == 0;
-}
-
-static bool has_steps(const char *kind) {
-    const size_t i = find_kind(kind);
-    return i < LG_COUNT(kinds) && kinds[i].scheme != NULL;
+    return lg_recipe_find(kind) != NULL || strcmp(kind, "classifier") == 0 || strcmp(kind, "program") == 0;
 }
 
 static int refuse_kind(const job *j, const char *kind) {
@@ -209,12 +187,13 @@ static int build_target(job *j, const char *kind) {
         return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone",
                          target->name, j->path);
     j->kind = kind;
-    if (given.scheme != NULL && !scene && !has_steps(kind)) return refuse_scheme(j);
     j->options.compact = true;
     int code = scene ? export_load_scene(j->self, j->path, target->tunable, &j->source, &program)
                      : export_load(j->self, j->path, kind, &j->source, &program);
     if (code != APP_EXIT_OK) return code;
-    code = target->build(j->self, j->path, program, &j->source);
+    const bool steps = scene || j->source.step > 0;
+    code = given.scheme != NULL && !steps ? refuse_scheme(j)
+                                          : target->build(j->self, j->path, program, &j->source);
     lg_program_destroy(program);
     return code;
 }
@@ -235,7 +214,7 @@ static int build(job *j) {
     export_read_units(j->self, j->path, &j->options);
     if (export_targets[given.target].build != NULL) return build_target(j, kind);
     const bool program = strcmp(kind, "program") == 0;
-    const bool machine = strcmp(kind, kinds[LG_MODEL_MACHINE].name) == 0;
+    const bool machine = strcmp(kind, lg_recipe_name(&lg_recipe_machine_model)) == 0;
     if ((!program && given.compact) || (!program && !machine && given.functions != NULL))
         return app_usage(j->self, "--functions and --compact are for programs; %s is a %s", j->path, kind);
     if (!program && strcmp(kind, "classifier") != 0) return build_model(j);

@@ -273,7 +273,8 @@ static void write_places(export_source *source, const double *places, bool place
 
 /* Both ends, a node, and places within the first and a later interval. */
 static int add_golden(const app *self, export_source *source, const lg_model_file *file) {
-    const lg_surrogate *model = &file->surrogate.run.model;
+    const lg_surrogate_file *trained = lg_model_file_of(file, &lg_recipe_surrogate);
+    const lg_surrogate *model = &trained->run.model;
     const bool place = forms[model->options.kind].place;
     const double length = model->length, interval = length / model->intervals;
     const double share[PLACES] = {0, 0.3 * interval, floor(0.5 * model->intervals) * interval,
@@ -283,8 +284,8 @@ static int add_golden(const app *self, export_source *source, const lg_model_fil
     lg_rng rng;
     lg_surrogate_curves *curves = NULL;
     lg_error error = {LG_OK, ""};
-    const lg_status status = lg_surrogate_curves_create(self->context, model, file->surrogate.theta, LG_F64,
-                                                        PLACES, &curves, &error);
+    const lg_status status =
+        lg_surrogate_curves_create(self->context, model, trained->theta, LG_F64, PLACES, &curves, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
     void *work = app_alloc(lg_model_work_size(file->model), 1);
     void *curve = app_alloc(lg_surrogate_curves_work_size(curves), 1);
@@ -296,7 +297,7 @@ static int add_golden(const app *self, export_source *source, const lg_model_fil
     for (size_t i = 0; i < golden->count; i++) {
         double *x = golden->x + source->inputs * i, *extra = golden->extra + golden->extras * i;
         if (place) x[0] = rounded(source, length * lg_rng_uniform(&rng));
-        draw_boundary(source, &file->surrogate, &rng, i, x + place);
+        draw_boundary(source, trained, &rng, i, x + place);
         lg_model_jacobian(file->model, x, golden->y + source->outputs * i,
                           golden->jacobian + source->outputs * source->inputs * i, work);
         lg_surrogate_curve(curves, x + place, places, PLACES, extra, extra + 2 * PLACES, curve);
@@ -309,13 +310,14 @@ static int add_golden(const app *self, export_source *source, const lg_model_fil
 }
 
 int export_surrogate(const app *self, const lg_model_file *file, export_source *source) {
+    const lg_surrogate_file *trained = lg_model_file_of(file, &lg_recipe_surrogate);
     source->inputs = lg_model_inputs(file->model);
     source->outputs = lg_model_outputs(file->model);
     source->parameters = lg_model_parameters(file->model);
-    const int code = add_code(self, source, &file->surrogate.run.model, file->surrogate.theta);
+    const int code = add_code(self, source, &trained->run.model, trained->theta);
     if (code != APP_EXIT_OK) return code;
-    source->depth = depth_of(&file->surrogate.run.model);
+    source->depth = depth_of(&trained->run.model);
     source->condition = 1;
-    add_words(source, &file->surrogate);
+    add_words(source, trained);
     return add_golden(self, source, file);
 }

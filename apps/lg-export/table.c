@@ -95,11 +95,11 @@ static bool add_extra(const double *y, uint32_t classes, double *extra) {
     return extra[found] - second > 1e-3;
 }
 
-static void add_golden(export_source *source, const lg_model_file *file) {
-    const uint32_t classes = file->table.run.model.net.outputs;
-    const bool regression = is_regression(&file->table);
+static void add_golden(export_source *source, const lg_table_file *file, const lg_model *model) {
+    const uint32_t classes = file->run.model.net.outputs;
+    const bool regression = is_regression(file);
     lg_rng rng;
-    void *work = app_alloc(lg_model_work_size(file->model), 1);
+    void *work = app_alloc(lg_model_work_size(model), 1);
     lg_rng_seed(&rng, source->options->seed, GOLDEN_STREAM);
     export_golden_make(source, true, regression ? 0 : classes + 1,
                        regression ? NULL : "probabilities, class");
@@ -108,9 +108,8 @@ static void add_golden(export_source *source, const lg_model_file *file) {
         double *x = golden->x + v * source->inputs, *y = golden->y + v * source->outputs;
         bool clear = false;
         for (int attempt = 0; attempt < CLEAR_ATTEMPTS && !clear; attempt++) {
-            draw_row(source, &file->table, &rng, x);
-            lg_model_jacobian(file->model, x, y, golden->jacobian + v * source->outputs * source->inputs,
-                              work);
+            draw_row(source, file, &rng, x);
+            lg_model_jacobian(model, x, y, golden->jacobian + v * source->outputs * source->inputs, work);
             clear = regression || add_extra(y, classes, golden->extra + v * golden->extras);
         }
     }
@@ -158,29 +157,28 @@ static void add_words(export_source *source, const lg_table_file *file) {
 
 /* ---- all of it ---- */
 
-static int add_code(const app *self, const lg_model_file *file, lg_program *program, export_source *source) {
+static int add_code(const app *self, const lg_table_file *file, lg_program *program, export_source *source) {
     export_function functions[] = {{.function = "value", .name = "eval"},
                                    {.function = "grad", .name = "grad"},
                                    {.function = "probability", .name = "probability"}};
-    const bool regression = is_regression(&file->table);
+    const bool regression = is_regression(file);
     const int code = export_bundle(self, source, program, true, functions, regression ? 2 : 3);
-    if (code == APP_EXIT_OK && !regression) add_classify(source, &file->table, functions[2].work);
+    if (code == APP_EXIT_OK && !regression) add_classify(source, file, functions[2].work);
     return code;
 }
 
 int export_table(const app *self, const lg_model_file *file, export_source *source) {
-    const lg_table_file *table = &file->table;
+    const lg_table_file *table = lg_model_file_of(file, &lg_recipe_table);
     lg_program *program = NULL;
     lg_error error = {LG_OK, ""};
     source->inputs = lg_model_inputs(file->model);
     source->outputs = lg_model_outputs(file->model);
     source->depth = depth_of(&table->run.model.net);
-    lg_status status = lg_table_program(self->context, &table->run.model, &table->inputs, &table->outputs,
-                                        table->theta, &program, &error);
+    lg_status status = lg_model_file_program(file, NULL, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
-    const int code = add_code(self, file, program, source);
+    const int code = add_code(self, table, program, source);
     if (code == APP_EXIT_OK) {
-        add_golden(source, file);
+        add_golden(source, table, file->model);
         status = find_condition(source, program, &error);
         add_words(source, table);
     }

@@ -202,7 +202,7 @@ static double objective(void *user, app *self) {
 
 static const char *const sizes[] = {"4", "8", "16", "32", "16,16", "32,32", NULL};
 
-static const train_task task = {.kind = &lg_run_table,
+static const train_task task = {.kind = &lg_recipe_table,
                                 .settings = settings,
                                 .training = &run.training,
                                 .held_out = "validation",

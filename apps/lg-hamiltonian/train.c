@@ -209,7 +209,7 @@ static size_t parameters(void *user) {
 }
 
 static training state;
-static const train_task task = {.kind = &lg_run_hamiltonian,
+static const train_task task = {.kind = &lg_recipe_hamiltonian,
                                 .settings = settings,
                                 .training = &run.training,
                                 .user = &state,

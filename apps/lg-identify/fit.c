@@ -572,7 +572,7 @@ static int finish(void *user, train_session *session) {
 
 /* ---- the command ---- */
 
-static const train_task task = {.kind = &lg_run_machine_model,
+static const train_task task = {.kind = &lg_recipe_machine_model,
                                 .settings = settings,
                                 .training = &run.training,
                                 .prior = true,

@@ -94,8 +94,8 @@ static void draw_link(lg_rng *rng, double *x) {
 static void draw(void) {
     lg_rng rng;
     lg_rng_seed(&rng, 1, 0);
-    const int chain = all.file.kind == LG_MODEL_HAMILTONIAN &&
-                      all.file.hamiltonian.run.model.family == lg_hamiltonian_family_find("chain");
+    const lg_hamiltonian_file *file = lg_model_file_of(&all.file, &lg_recipe_hamiltonian);
+    const int chain = file != NULL && file->run.model.family == lg_hamiltonian_family_find("chain");
     for (size_t i = 0; i < CHECKS; i++) {
         for (size_t k = 0; k < INPUTS; k += chain ? 6 : 1) {
             if (chain)
@@ -180,7 +180,7 @@ static int open_model(const char *path, const char *scheme) {
     all.y = calloc(OUTPUTS + (size_t)OUTPUTS * INPUTS + INPUTS, sizeof *all.y);
     all.to = calloc(OUTPUTS + (size_t)OUTPUTS * INPUTS + INPUTS, sizeof *all.to);
     if (all.work == NULL || all.y == NULL || all.to == NULL) return 5;
-    if (all.file.kind != LG_MODEL_HAMILTONIAN) return 0;
+    if (lg_model_file_of(&all.file, &lg_recipe_hamiltonian) == NULL) return 0;
     const lg_scheme *found = lg_scheme_find(scheme);
     const size_t bytes = found != NULL ? lg_model_stepper_size(all.model, found) : 0;
     void *memory = aligned_alloc(64, (bytes + 64) / 64 * 64);

@@ -23,8 +23,8 @@ static bool find_map(controller *self) {
 bool controller_init(controller *self, const lg_model *model, void *work, const double *Rd, double frequency,
                      double torque_max, char *why) {
     const double rest[3] = {0.0, 0.0, 0.0};
-    if (lg_model_kind_of(model) != LG_MODEL_MACHINE || lg_model_inputs(model) != STATE ||
-        lg_model_tangent_dim(model) != TANGENT || lg_model_input_dim(model) != TORQUE)
+    if (lg_model_inputs(model) != STATE || lg_model_tangent_dim(model) != TANGENT ||
+        lg_model_input_dim(model) != TORQUE)
         return refuse(why, "the model is not a machine of one rotation with three inputs");
     *self = (controller){.model = model,
                          .work = work,

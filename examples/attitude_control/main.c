@@ -87,9 +87,10 @@ static void print_learned(const lg_model *model, void *work) {
 
 /* Rates beyond those of the log are not known to the model. */
 static void print_range(const lg_model_file *file, double rate) {
+    const lg_machine_range *range =
+        &((const lg_machine_model_file *)lg_model_file_of(file, &lg_recipe_machine_model))->run.range;
     double most = 0.0;
-    for (int i = ATTITUDE; i < ATTITUDE + 3; i++)
-        most = fmax(most, fmax(-file->machine->run.range.low[i], file->machine->run.range.high[i]));
+    for (int i = ATTITUDE; i < ATTITUDE + 3; i++) most = fmax(most, fmax(-range->low[i], range->high[i]));
     (void)printf("rates: up to %.1f rad/s in control, up to %.1f rad/s about an axis in the log\n", rate,
                  most);
 }

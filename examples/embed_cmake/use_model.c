@@ -182,10 +182,11 @@ int main(int argc, char **argv) {
         return 3;
     }
     const lg_model *model = file.model;
+    const lg_hamiltonian_file *hamiltonian = lg_model_file_of(&file, &lg_recipe_hamiltonian);
     session self = {.model = model,
-                    .chain = file.kind == LG_MODEL_HAMILTONIAN &&
-                             file.hamiltonian.run.model.family == lg_hamiltonian_family_find("chain"),
-                    .conserved = file.kind == LG_MODEL_HAMILTONIAN,
+                    .chain = hamiltonian != NULL &&
+                             hamiltonian->run.model.family == lg_hamiltonian_family_find("chain"),
+                    .conserved = hamiltonian != NULL,
                     .inputs = lg_model_inputs(model),
                     .outputs = lg_model_outputs(model),
                     .calls = (size_t)calls};

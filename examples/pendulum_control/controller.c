@@ -87,8 +87,7 @@ static bool refuse(char *why, const char *sentence) {
 bool controller_init(controller *self, const lg_model *model, void *work, double torque_max, char *why) {
     double down[STATE] = {0.0}, energy_down, A[TANGENT * TANGENT];
     lg_error error = {LG_OK, "the Riccati equation has no solution"};
-    if (lg_model_kind_of(model) != LG_MODEL_HAMILTONIAN || lg_model_inputs(model) != STATE ||
-        lg_model_tangent_dim(model) != TANGENT)
+    if (lg_model_inputs(model) != STATE || lg_model_tangent_dim(model) != TANGENT)
         return refuse(why, "the model is not the Hamiltonian of a spherical pendulum");
     *self = (controller){.model = model, .torque_max = torque_max};
     if (!find_upright(self, work)) return refuse(why, "the learned potential has no equilibrium near e3");

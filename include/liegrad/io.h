@@ -575,27 +575,32 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
 
 /* ---- checkpoints of unfinished trainings ---- */
 
-/* A kind of run, for the functions below, which take an lg_hamiltonian_run, lg_surrogate_run or
- * lg_detector_run by its address. The hyperparameters of each stand in liegrad/fields.h. */
-typedef struct lg_run_kind lg_run_kind;
-LG_API extern const lg_run_kind lg_run_hamiltonian, lg_run_surrogate, lg_run_detector, lg_run_table;
+/* A recipe: how a kind of model is trained and stored. The functions below take an lg_hamiltonian_run,
+ * lg_surrogate_run, lg_detector_run, lg_table_run or lg_machine_model_run by its address. The hyperparameters of each stand in liegrad/fields.h. */
+typedef struct lg_recipe lg_recipe;
+LG_API extern const lg_recipe lg_recipe_hamiltonian, lg_recipe_surrogate, lg_recipe_detector, lg_recipe_table;
+/* All of them, ended by NULL: a new kind of model is a row here. */
+LG_API extern const lg_recipe *const lg_recipes[];
+/* By its name, the attribute `kind` of its model files; NULL: there is none. */
+LG_API const lg_recipe *lg_recipe_find(const char *name);
+LG_API const char *lg_recipe_name(const lg_recipe *recipe);
 
 /* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
  *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->
  *   lg_file_writer_commit
  * Kinds "checkpoint" (Hamiltonians), "surrogate-checkpoint", "detector-checkpoint",
  * "table-checkpoint". */
-LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
+LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_recipe *kind,
                                       const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                       lg_error *error);
 /* Opens a checkpoint and reads its run. lg_file_reader_archive(reader, "fit", &archive) opens /fit. */
 LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
-                                    const lg_read_options *options, const lg_run_kind *kind, void *run,
+                                    const lg_read_options *options, const lg_recipe *kind, void *run,
                                     lg_file_reader **out, lg_error *error);
 /* Compares everything that is stored of two runs. Errors: LG_INVALID_ARGUMENT when `stored` is not the run
  * `wanted`; the sentence names the first difference ("...: was written with batch 80, not 100"). `path` is
  * only for the sentence. */
-LG_API lg_status lg_run_compare(const lg_run_kind *kind, const void *stored, const void *wanted,
+LG_API lg_status lg_run_compare(const lg_recipe *kind, const void *stored, const void *wanted,
                                 const char *path, lg_error *error);
 
 /* ---- programs ---- */
@@ -616,25 +621,27 @@ LG_API lg_status lg_program_load(const lg_context *context, const char *path, co
 LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
                               char *kind, size_t size, lg_error *error);
 
-/* A model file of any of these kinds, or of a machine (liegrad/machine_model.h), loaded for use in a control
- * program. */
-struct lg_machine_model_file;
+/* A model file of any recipe, loaded for use in a control program. */
 typedef struct lg_model_file {
-    lg_model_kind kind;
-    lg_model *model;
-    union {
-        lg_hamiltonian_file hamiltonian;
-        lg_surrogate_file surrogate;
-        lg_detector_file detector;
-        lg_table_file table;
-        struct lg_machine_model_file *machine; /* owned */
-    };
+    const lg_context *context;
+    const lg_recipe *recipe;
+    lg_model *model; /* owned */
+    void *contents;  /* owned: the recipe's file structure; lg_model_file_of gives it with its type */
 } lg_model_file;
-/* Loads a model file of any of these kinds. Errors: those of the kind's own loader; LG_FORMAT for a kind that
- * is not an lg_model, with a sentence that says what the file is: checkpoints, data, classical classifiers
- * (read by lg_classifier_load), programs (read by lg_program_load). */
+/* Errors: those of the recipe's own loader; LG_FORMAT for a kind that is no recipe, with a sentence that says
+ * what the file is: checkpoints, data, classical classifiers (read by lg_classifier_load), programs (read by
+ * lg_program_load). */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
+/* The contents where the file is of this recipe: an lg_hamiltonian_file of lg_recipe_hamiltonian and so on.
+ * NULL where it is of another one. Borrowed. */
+LG_API const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe);
+/* The model's functions as a program, as lg_hamiltonian_program, lg_surrogate_program, ... make it; `scheme`
+ * of its steps, NULL: the model's default. The caller destroys it. */
+LG_API lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
+                                       lg_error *error);
+/* The scheme of the model's steps unless another one is chosen; NULL: the model has no steps. */
+LG_API const lg_scheme *lg_model_file_scheme(const lg_model_file *file);
 /* Part number `index` = 0, 1, ... of the parameters, as it lies below /model in the file: name, shape, and
  * its numbers (borrowed). False beyond the last. */
 LG_API bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out,

@@ -48,7 +48,7 @@ typedef struct lg_machine_model_file {
 
 /* Hyperparameters of lg_machine_model_run, and its kind for lg_checkpoint_create and lg_checkpoint_open. */
 LG_API extern const lg_field lg_machine_model_fields[];
-LG_API extern const lg_run_kind lg_run_machine_model;
+LG_API extern const lg_recipe lg_recipe_machine_model;
 
 /* The YAML without comments and blank lines; LG_FORMAT when it is longer than LG_MACHINE_TEXT. */
 LG_API lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name, const char *text,

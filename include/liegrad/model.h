@@ -48,15 +48,6 @@
 
 LG_BEGIN_DECLS
 
-typedef enum lg_model_kind {
-    LG_MODEL_HAMILTONIAN,
-    LG_MODEL_SURROGATE,
-    LG_MODEL_DETECTOR,
-    LG_MODEL_TABLE,
-    LG_MODEL_MACHINE
-} lg_model_kind;
-#define LG_MODEL_KIND_COUNT 5
-
 /* An immutable handle with plans (liegrad/program.h) of the functions that it needs. It is made by
  * lg_model_load or from descriptions that their own init functions have filled. Errors: those of
  * lg_program_build and lg_plan_create. Nothing is borrowed. */
@@ -75,7 +66,8 @@ LG_API lg_status lg_model_create_machine(const lg_context *context, const lg_mac
                                          const double *theta, lg_model **out, lg_error *error);
 LG_API void lg_model_destroy(lg_model *model); /* NULL is fine */
 
-LG_API lg_model_kind lg_model_kind_of(const lg_model *model);
+/* Where the states of a model that moves are; NULL: it does not move. */
+LG_API const lg_space *lg_model_space(const lg_model *model);
 LG_API size_t lg_model_parameters(const lg_model *model);
 LG_API size_t lg_model_inputs(const lg_model *model);
 LG_API size_t lg_model_outputs(const lg_model *model);

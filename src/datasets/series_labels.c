@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 #include "datasets/series_files.h"
 
 void lg_labels_destroy(lg_labels *labels) {

@@ -31,7 +31,6 @@ typedef struct lg_model_motion {
 
 struct lg_model {
     const lg_context *context;
-    lg_model_kind kind;
     size_t parameters, inputs, outputs;
     size_t work, plan_work;            /* bytes: in all; of the plans, at the beginning of the work */
     lg_plan *plan[LG_MODEL_FUNCTIONS]; /* NULL: the model has no such function */

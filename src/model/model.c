@@ -31,14 +31,14 @@ static lg_status make_plans(lg_model *model, const lg_program *bundle, lg_error 
 
 /* Makes a model from a bundle with value and grad, and destroys the bundle. `motion`: NULL for what does not
  * move. */
-static lg_status create(const lg_context *context, lg_model_kind kind, const lg_model_motion *motion,
-                        lg_program *bundle, lg_model **out, lg_error *error) {
+static lg_status create(const lg_context *context, const lg_model_motion *motion, lg_program *bundle,
+                        lg_model **out, lg_error *error) {
     lg_model *made = lg_alloc(context, 1, sizeof *made);
     lg_status status = LG_OUT_OF_MEMORY;
     if (made == NULL) {
         (void)lg_fail(error, status, "no memory for a model");
     } else {
-        *made = (lg_model){.context = context, .kind = kind};
+        *made = (lg_model){.context = context};
         if (motion != NULL) made->motion = *motion;
         status = make_plans(made, bundle, error);
     }
@@ -63,7 +63,7 @@ lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamilt
     lg_model_motion motion;
     LG_TRY(lg_model_hamiltonian_motion(hamiltonian, &motion));
     LG_TRY(lg_hamiltonian_bundle(context, hamiltonian, theta, &bundle, error));
-    return create(context, LG_MODEL_HAMILTONIAN, &motion, bundle, out, error);
+    return create(context, &motion, bundle, out, error);
 }
 
 lg_status lg_model_create_machine(const lg_context *context, const lg_machine *machine, const double *theta,
@@ -73,7 +73,7 @@ lg_status lg_model_create_machine(const lg_context *context, const lg_machine *m
     lg_model_motion motion;
     LG_TRY(lg_model_machine_motion(machine, &motion));
     LG_TRY(lg_machine_bundle(context, machine, theta, &bundle, error));
-    return create(context, LG_MODEL_MACHINE, &motion, bundle, out, error);
+    return create(context, &motion, bundle, out, error);
 }
 
 lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogate *surrogate,
@@ -81,7 +81,7 @@ lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogat
     LG_NEEDS(error, surrogate, theta, out);
     lg_program *bundle;
     LG_TRY(lg_surrogate_program(context, surrogate, theta, &bundle, error));
-    return create(context, LG_MODEL_SURROGATE, NULL, bundle, out, error);
+    return create(context, NULL, bundle, out, error);
 }
 
 lg_status lg_model_create_detector(const lg_context *context, const lg_detector *detector,
@@ -90,7 +90,7 @@ lg_status lg_model_create_detector(const lg_context *context, const lg_detector 
     LG_NEEDS(error, detector, scaler, theta, out);
     lg_program *bundle;
     LG_TRY(lg_detector_program(context, detector, scaler, theta, &bundle, error));
-    return create(context, LG_MODEL_DETECTOR, NULL, bundle, out, error);
+    return create(context, NULL, bundle, out, error);
 }
 
 lg_status lg_model_create_table(const lg_context *context, const lg_table *table, const lg_scaler *inputs,
@@ -99,7 +99,7 @@ lg_status lg_model_create_table(const lg_context *context, const lg_table *table
     LG_NEEDS(error, table, inputs, theta, out);
     lg_program *bundle;
     LG_TRY(lg_table_program(context, table, inputs, outputs, theta, &bundle, error));
-    return create(context, LG_MODEL_TABLE, NULL, bundle, out, error);
+    return create(context, NULL, bundle, out, error);
 }
 
 void lg_model_destroy(lg_model *model) {
@@ -110,8 +110,8 @@ void lg_model_destroy(lg_model *model) {
 
 /* ---- sizes ---- */
 
-lg_model_kind lg_model_kind_of(const lg_model *model) {
-    return model->kind;
+const lg_space *lg_model_space(const lg_model *model) {
+    return lg_model_moves(model) ? &model->motion.space : NULL;
 }
 
 size_t lg_model_parameters(const lg_model *model) {

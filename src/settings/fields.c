@@ -8,7 +8,7 @@
 
 #include "core/core.h"
 #include "settings/names.h"
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 #include "liegrad/machine_model.h"
 
 _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == sizeof(uint32_t) &&

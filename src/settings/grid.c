@@ -5,7 +5,7 @@
 
 #include "files/h5.h"
 #include "settings/names.h"
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 #include "mechanics/files/scene.h"
 
 #define LISTS LG_GRID_VALUES

@@ -130,13 +130,17 @@ static inline void detector_release(void *of) {
     lg_model_file_destroy(&d->file);
 }
 
+static inline const lg_detector_file *detector_of(const detector *d) {
+    return lg_model_file_of(&d->file, &lg_recipe_detector);
+}
+
 static inline detector *detector_load(const char *of) {
     char name[64], path[1024];
     detector *d = TEST_ARRAY(detector, 1);
     (void)snprintf(name, sizeof name, "%s.h5", of);
     cli_path(name, path, sizeof path);
     assert_ok(lg_model_load(NULL, path, NULL, &d->file, NULL));
-    const lg_detector_file *file = &d->file.detector;
+    const lg_detector_file *file = detector_of(d);
     assert_ok(lg_detector_plan_create(NULL, &file->run.model, &file->scaler, file->theta, LG_F64, &d->scores,
                                       NULL));
     lg_test_owns(d, detector_release);
@@ -171,7 +175,7 @@ static inline bool has_kinks(const lg_cnn *net) {
 /* Where a kink lies within rounding, the gradient may be that of its other side. */
 static inline bool is_smooth(const exported *e, lg_rng *rng, const double *x) {
     const detector *d = e->model;
-    const lg_detector_file *file = &d->file.detector;
+    const lg_detector_file *file = detector_of(d);
     const size_t n = e->lib.inputs, all = n * e->lib.outputs, length = file->run.model.net.length;
     const double eps = e->lib.single ? FLT_EPSILON : DBL_EPSILON;
     double change = 0, sum = 0;
@@ -190,8 +194,9 @@ static inline bool is_smooth(const exported *e, lg_rng *rng, const double *x) {
 static inline void detector_draw(void *user, lg_rng *rng, double *x) {
     const exported *e = user;
     const detector *d = e->model;
-    const lg_detector *model = &d->file.detector.run.model;
-    const lg_scaler *scaler = &d->file.detector.scaler;
+    const lg_detector_file *file = detector_of(d);
+    const lg_detector *model = &file->run.model;
+    const lg_scaler *scaler = &file->scaler;
     do {
         for (size_t c = 0; c < model->net.channels; c++) {
             const double offset = model->centred ? 3 * scaler->scale[c] * lg_rng_normal(rng) : 0;

@@ -12,6 +12,7 @@ enum { TRAINED = 20, POINTS = 21 };
 
 typedef struct beam {
     lg_model_file file;
+    const lg_surrogate_file *trained; /* of `file` */
     const lg_surrogate *model;
     size_t place; /* 1 where s is an input */
     lg_surrogate_curves *curves;
@@ -77,10 +78,11 @@ static inline beam *beam_make(const char *name, const lg_surrogate_options *opti
     beam *b = TEST_ARRAY(beam, 1);
     assert_ok(lg_model_load(NULL, path, NULL, &b->file, NULL));
     lg_test_owns(b, beam_release);
-    b->model = &b->file.surrogate.run.model;
+    b->trained = lg_model_file_of(&b->file, &lg_recipe_surrogate);
+    b->model = &b->trained->run.model;
     b->place = options->kind != LG_SURROGATE_DISCRETE;
-    assert_ok(lg_surrogate_curves_create(NULL, b->model, b->file.surrogate.theta, LG_F64, POINTS, &b->curves,
-                                         NULL));
+    assert_ok(
+        lg_surrogate_curves_create(NULL, b->model, b->trained->theta, LG_F64, POINTS, &b->curves, NULL));
     b->work = TEST_ARRAY(unsigned char,
                          lg_model_work_size(b->file.model) + lg_surrogate_curves_work_size(b->curves));
     return b;

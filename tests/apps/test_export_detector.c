@@ -10,7 +10,7 @@ enum { ROWS = 1000, MOST_CLASSES = 8 };
 /* Probabilities in the type, with the library's class where they are not close. */
 static void check_classes(const exported *e) {
     const detector *d = e->model;
-    const uint32_t classes = d->file.detector.run.model.classes;
+    const uint32_t classes = detector_of(d)->run.model.classes;
     double *x = TEST_ARRAY(double, e->lib.inputs), got[MOST_CLASSES], want[MOST_CLASSES], worst = 0;
     size_t seen[MOST_CLASSES] = {0};
     lg_rng rng;
@@ -36,7 +36,7 @@ static void check_classes(const exported *e) {
     for (uint32_t k = 0; k < classes; k++) print_message(" %zu", seen[k]);
     print_message("\n");
     const char *const *names = export_symbol(&e->lib, "class_names");
-    for (uint32_t k = 0; k < classes; k++) assert_string_equal(names[k], d->file.detector.class_name[k]);
+    for (uint32_t k = 0; k < classes; k++) assert_string_equal(names[k], detector_of(d)->class_name[k]);
 }
 
 /* NAME_EVAL_WORK_SIZE numbers are enough for value and class. */
@@ -100,7 +100,7 @@ static double mean_logit(const sample *of) {
     enum { DRAWN = 200 };
     detector_save(of, 0, 0);
     const detector *d = detector_load(of->name);
-    const lg_scaler *scaler = &d->file.detector.scaler;
+    const lg_scaler *scaler = &detector_of(d)->scaler;
     const size_t n = lg_model_inputs(d->file.model);
     double mean = 0, y;
     lg_rng rng;

@@ -123,7 +123,7 @@ TEST("the header tells what a model is, where its numbers come from, and the ran
         export_expect_words(header, rows[r].words);
         export_expect_words(
             header, "2.5e-07|3.5e-07|lg-elastica train beams.h5|0000000042|1000 curves|batches of 32");
-        for (size_t i = 0; i < TRAINED; i++) least = fmin(least, b->file.surrogate.trained[8 * i + 4]);
+        for (size_t i = 0; i < TRAINED; i++) least = fmin(least, b->trained->trained[8 * i + 4]);
         (void)snprintf(range, sizeof range, "qNx   %.6g to ", least);
         export_expect_words(header, range);
     }

@@ -97,7 +97,7 @@ static export_way way_of(size_t i) {
 
 static void draw(void *user, lg_rng *rng, double *x) {
     const table *t = ((const exported *)user)->model;
-    const lg_scaler *in = &t->file.table.inputs;
+    const lg_scaler *in = &((const lg_table_file *)lg_model_file_of(&t->file, &lg_recipe_table))->inputs;
     for (uint32_t c = 0; c < in->channels; c++) x[c] = in->mean[c] + in->scale[c] * lg_rng_normal(rng);
 }
 

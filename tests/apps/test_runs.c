@@ -87,9 +87,8 @@ static void load(const char *name, lg_model_file *file, const double **theta, si
     cli_path(name, path, sizeof path);
     assert_ok(lg_model_load(NULL, path, NULL, file, NULL));
     *count = lg_model_parameters(file->model);
-    *theta = file->kind == LG_MODEL_HAMILTONIAN ? file->hamiltonian.theta
-             : file->kind == LG_MODEL_SURROGATE ? file->surrogate.theta
-                                                : file->detector.theta;
+    lg_slice_info slice;
+    assert_true(lg_model_file_slice(file, 0, &slice, theta)); /* the first part: theta begins there */
 }
 
 static void expect_weights(const char *a, const char *b, bool same) {

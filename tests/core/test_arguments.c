@@ -940,6 +940,7 @@ static const char *const left_out[] = {
     "lg_checkpoint_create",
     "lg_checkpoint_open",
     "lg_run_compare",
+    "lg_model_file_program",
     "lg_trials_write",
     "lg_trials_read",
     "lg_scene_draw_start",

@@ -1,4 +1,4 @@
-/* The kinds of models in files: examples of each, and its functions on lg_model_file. */
+/* The kinds of models in files: examples of each, and functions on files of any kind. */
 #ifndef LG_MODEL_KINDS_H
 #define LG_MODEL_KINDS_H
 
@@ -477,6 +477,25 @@ static inline void same_table(const lg_table_file *a, const lg_table_file *b) {
 
 /* ---- the kinds ---- */
 
+/* Machines, which have no presets and a text instead of numbers: test_machine_files.c. */
+typedef enum model_kind {
+    KIND_HAMILTONIAN,
+    KIND_SURROGATE,
+    KIND_DETECTOR,
+    KIND_TABLE,
+    KIND_COUNT
+} model_kind;
+
+typedef struct any_file {
+    model_kind kind;
+    union {
+        lg_hamiltonian_file hamiltonian;
+        lg_surrogate_file surrogate;
+        lg_detector_file detector;
+        lg_table_file table;
+    };
+} any_file;
+
 /* What files of all kinds have. */
 typedef struct common {
     void *run;
@@ -488,36 +507,35 @@ typedef struct common {
 
 typedef struct kind_row {
     const char *name, *checkpoint;
-    const lg_run_kind *run;
+    const lg_recipe *run;
+    size_t size;                  /* of the file structure */
     size_t examples, bad, single; /* examples: how many, the one that is made bad, one in single precision */
     size_t loads, saves;          /* allocations at the least */
-    void (*make)(size_t which, lg_model_file *out);
-    lg_status (*save)(const lg_context *context, const char *path, const lg_model_file *file,
-                      const lg_fit *fit, lg_error *error);
+    void (*make)(size_t which, any_file *out);
+    lg_status (*save)(const lg_context *context, const char *path, const any_file *file, const lg_fit *fit,
+                      lg_error *error);
     lg_status (*load)(const lg_context *context, const char *path, const lg_read_options *options,
-                      lg_model_file *out, lg_error *error);
-    void (*destroy)(lg_model_file *file);
-    common (*common)(lg_model_file *file);
-    void (*same)(const lg_model_file *a, const lg_model_file *b);
+                      any_file *out, lg_error *error);
+    void (*destroy)(any_file *file);
+    common (*common)(any_file *file);
+    void (*same)(const any_file *a, const any_file *b);
     read_fn read, read_checkpoint;
     fresh_fn fresh; /* the example that is made bad */
 } kind_row;
 
-/* Machines, which have no presets and a text instead of numbers: test_machine_files.c. */
-enum { KIND_COUNT = LG_MODEL_MACHINE };
 static const kind_row kinds[KIND_COUNT];
 
 /* Numbers of examples, those of every family included. */
 static inline size_t examples_of(const kind_row *k) {
-    return k->examples + (k == &kinds[LG_MODEL_HAMILTONIAN] ? lg_hamiltonian_family_count() : 0);
+    return k->examples + (k == &kinds[KIND_HAMILTONIAN] ? lg_hamiltonian_family_count() : 0);
 }
 
-static inline const char *good_model(lg_model_kind kind, size_t which) {
+static inline const char *good_model(model_kind kind, size_t which) {
     char name[48];
     (void)snprintf(name, sizeof name, "%s%zu.original", kinds[kind].name, which);
     const char *path = scratch_path("model.h5"), *original = scratch_path(name);
     if (access(original, F_OK) != 0) {
-        lg_model_file file;
+        any_file file;
         kinds[kind].make(which, &file);
         assert_ok(kinds[kind].save(NULL, original, &file, NULL, NULL));
         kinds[kind].destroy(&file);
@@ -527,33 +545,33 @@ static inline const char *good_model(lg_model_kind kind, size_t which) {
 }
 
 #define KIND_FUNCTIONS(k, K)                                                                                 \
-    static void make_any_##k(size_t which, lg_model_file *out) {                                             \
-        *out = (lg_model_file){.kind = LG_MODEL_##K};                                                        \
+    static void make_any_##k(size_t which, any_file *out) {                                                  \
+        *out = (any_file){.kind = KIND_##K};                                                                 \
         make_##k(which, &out->k);                                                                            \
         (void)snprintf(out->k.provenance.command, sizeof out->k.provenance.command, "train");                \
     }                                                                                                        \
-    static lg_status save_##k(const lg_context *context, const char *path, const lg_model_file *file,        \
+    static lg_status save_##k(const lg_context *context, const char *path, const any_file *file,             \
                               const lg_fit *fit, lg_error *error) {                                          \
         return lg_model_save_##k(context, path, &file->k, fit, error);                                       \
     }                                                                                                        \
     static lg_status load_##k(const lg_context *context, const char *path, const lg_read_options *options,   \
-                              lg_model_file *out, lg_error *error) {                                         \
+                              any_file *out, lg_error *error) {                                              \
         return lg_model_load_##k(context, path, options, &out->k, error);                                    \
     }                                                                                                        \
-    static void destroy_##k(lg_model_file *file) {                                                           \
+    static void destroy_##k(any_file *file) {                                                                \
         lg_##k##_file_destroy(&file->k);                                                                     \
     }                                                                                                        \
-    static common common_##k(lg_model_file *file) {                                                          \
+    static common common_##k(any_file *file) {                                                               \
         lg_##k##_file *f = &file->k;                                                                         \
         return (common){&f->run,  &f->run.training, f->parameters, f->epochs_done,                           \
                         f->theta, f->history,       &f->provenance};                                         \
     }                                                                                                        \
-    static void same_any_##k(const lg_model_file *a, const lg_model_file *b) {                               \
+    static void same_any_##k(const any_file *a, const any_file *b) {                                         \
         same_##k(&a->k, &b->k);                                                                              \
     }                                                                                                        \
     static lg_status read_##k(const lg_context *context, const char *path, const lg_read_options *options,   \
                               lg_error *error) {                                                             \
-        lg_model_file file;                                                                                  \
+        any_file file;                                                                                       \
         const lg_status status = load_##k(context, path, options, &file, error);                             \
         if (status == LG_OK) destroy_##k(&file);                                                             \
         return status;                                                                                       \
@@ -563,12 +581,12 @@ static inline const char *good_model(lg_model_kind kind, size_t which) {
         lg_##k##_run run;                                                                                    \
         lg_file_reader *reader;                                                                              \
         const lg_status status =                                                                             \
-            lg_checkpoint_open(context, path, options, &lg_run_##k, &run, &reader, error);                   \
+            lg_checkpoint_open(context, path, options, &lg_recipe_##k, &run, &reader, error);                \
         if (status == LG_OK) lg_file_reader_destroy(reader);                                                 \
         return status;                                                                                       \
     }                                                                                                        \
     static const char *fresh_##k(void) {                                                                     \
-        return good_model(LG_MODEL_##K, kinds[LG_MODEL_##K].bad);                                            \
+        return good_model(KIND_##K, kinds[KIND_##K].bad);                                                    \
     }
 
 KIND_FUNCTIONS(hamiltonian, HAMILTONIAN)
@@ -578,16 +596,16 @@ KIND_FUNCTIONS(table, TABLE)
 
 #define KIND_ROW(k, checkpoint, bad, single, loads, saves)                                                   \
     {                                                                                                        \
-#k, checkpoint, &lg_run_##k, LG_COUNT(k##_examples), bad, single, loads, saves, make_any_##k,        \
-            save_##k, load_##k, destroy_##k, common_##k, same_any_##k, read_##k, read_checkpoint_##k,        \
-            fresh_##k                                                                                        \
+#k, checkpoint, &lg_recipe_##k, sizeof(lg_##k##_file), LG_COUNT(k##_examples), bad, single, loads,   \
+            saves, make_any_##k, save_##k, load_##k, destroy_##k, common_##k, same_any_##k, read_##k,        \
+            read_checkpoint_##k, fresh_##k                                                                   \
     }
 
 static const kind_row kinds[KIND_COUNT] = {
-    [LG_MODEL_HAMILTONIAN] = KIND_ROW(hamiltonian, "checkpoint", 0, 2, 9, 8),
-    [LG_MODEL_SURROGATE] = KIND_ROW(surrogate, "surrogate-checkpoint", 1, 0, 8, 6),
-    [LG_MODEL_DETECTOR] = KIND_ROW(detector, "detector-checkpoint", 1, 0, 12, 8),
-    [LG_MODEL_TABLE] = KIND_ROW(table, "table-checkpoint", 2, 0, 12, 8),
+    [KIND_HAMILTONIAN] = KIND_ROW(hamiltonian, "checkpoint", 0, 2, 9, 8),
+    [KIND_SURROGATE] = KIND_ROW(surrogate, "surrogate-checkpoint", 1, 0, 8, 6),
+    [KIND_DETECTOR] = KIND_ROW(detector, "detector-checkpoint", 1, 0, 12, 8),
+    [KIND_TABLE] = KIND_ROW(table, "table-checkpoint", 2, 0, 12, 8),
 };
 
 #endif

@@ -6,7 +6,7 @@ TEST("blocks are a text that a person reads") {
     for (size_t e = 0; e < LG_COUNT(detector_examples); e++) {
         lg_h5 *h5;
         char blocks[512];
-        assert_ok(lg_h5_open(NULL, good_model(LG_MODEL_DETECTOR, e), NULL, &h5, NULL));
+        assert_ok(lg_h5_open(NULL, good_model(KIND_DETECTOR, e), NULL, &h5, NULL));
         assert_true(lg_h5_has(h5, "model/conv1/weight") == (detector_examples[e].net.blocks > 0));
         assert_true(lg_h5_has(h5, "model/plane/weight") == (detector_examples[e].net.plane > 0));
         assert_ok(lg_h5_text(h5, "model", "blocks", blocks, sizeof blocks, NULL));

@@ -38,8 +38,9 @@ TEST("a file loads as a model that computes what the machine's parameters say") 
         lg_model *expected;
         assert_ok(lg_model_load(NULL, saved(i), NULL, &file, NULL));
         assert_ok(lg_model_create_machine(NULL, &made->run.machine, made->theta, &expected, NULL));
-        assert_int_equal(file.kind, LG_MODEL_MACHINE);
-        assert_int_equal(lg_model_kind_of(file.model), LG_MODEL_MACHINE);
+        const lg_machine_model_file *loaded = lg_model_file_of(&file, &lg_recipe_machine_model);
+        assert_non_null(loaded);
+        assert_null(lg_model_file_of(&file, &lg_recipe_table));
         const size_t n = lg_model_inputs(file.model), m = lg_model_input_dim(file.model);
         assert_int_equal(n, lg_model_inputs(expected));
         assert_int_equal(m, made->run.machine.input_count);
@@ -53,11 +54,11 @@ TEST("a file loads as a model that computes what the machine's parameters say") 
         assert_ok(lg_model_field(file.model, x, u, field, work));
         assert_ok(lg_model_field(expected, x, u, same, work));
         lg_space space;
-        assert_ok(lg_machine_space(&file.machine->run.machine, &space));
+        assert_ok(lg_machine_space(&loaded->run.machine, &space));
         assert_memory_equal(field, same, space.algebra_dim * sizeof *field);
         lg_model_destroy(expected);
         lg_model_file_destroy(&file);
-        assert_null(file.machine);
+        assert_null(file.contents);
         lg_model_file_destroy(&file); /* twice */
     }
 }

@@ -2,16 +2,16 @@
  * recorded into models of Hamiltonians. */
 #include "model_kinds.h"
 
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 #include "liegrad/ops.h"
 
 #define EACH_KIND(k) (const kind_row *k = kinds; k < kinds + KIND_COUNT; k++)
 
-static lg_model_kind number_of(const kind_row *k) {
-    return (lg_model_kind)(k - kinds);
+static model_kind number_of(const kind_row *k) {
+    return (model_kind)(k - kinds);
 }
 
-static void assert_same_file(const kind_row *k, lg_model_file *a, lg_model_file *b) {
+static void assert_same_file(const kind_row *k, any_file *a, any_file *b) {
     const common have = k->common(a), want = k->common(b);
     assert_ok(lg_run_compare(k->run, have.run, want.run, "a.h5", NULL));
     assert_int_equal(have.parameters, want.parameters);
@@ -28,7 +28,7 @@ TEST("a model comes back as it was saved, and may be freed twice") {
     for
         EACH_KIND(k)
     for (size_t e = 0; e < examples_of(k); e++) {
-        lg_model_file file, again = {.kind = number_of(k)};
+        any_file file, again = {.kind = number_of(k)};
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
         k->make(e, &file);
         assert_ok(k->save(NULL, path, &file, NULL, NULL));
@@ -58,7 +58,7 @@ static void assert_stored(lg_h5 *h5, const lg_slice_info *slice, const double *t
 }
 
 /* Of a chain of two links the vector is: (in, out) row-major, bias, ..., then the kinetic part. */
-static bool slice_of(const lg_model_file *file, uint32_t i, lg_slice_info *slice) {
+static bool slice_of(const any_file *file, uint32_t i, lg_slice_info *slice) {
     static const lg_slice_info of_chain[] = {
         {.name = "potential/layer1/weight", .rank = 2, .dims = {6, 4}, .offset = 0, .count = 24},
         {.name = "potential/layer1/bias", .rank = 1, .dims = {4}, .offset = 24, .count = 4},
@@ -67,9 +67,9 @@ static bool slice_of(const lg_model_file *file, uint32_t i, lg_slice_info *slice
         {.name = "potential/layer3/weight", .rank = 2, .dims = {3, 1}, .offset = 43, .count = 3},
         {.name = "mass/gamma", .rank = 2, .dims = {2, 2}, .offset = 46, .count = 4},
         {.name = "mass/b", .rank = 1, .dims = {2}, .offset = 50, .count = 2}};
-    if (file->kind == LG_MODEL_SURROGATE) return lg_net_slice(&file->surrogate.run.model.net, i, slice);
-    if (file->kind == LG_MODEL_DETECTOR) return lg_cnn_slice(&file->detector.run.model.net, i, slice);
-    if (file->kind == LG_MODEL_TABLE) return lg_table_slice(&file->table.run.model, i, slice);
+    if (file->kind == KIND_SURROGATE) return lg_net_slice(&file->surrogate.run.model.net, i, slice);
+    if (file->kind == KIND_DETECTOR) return lg_cnn_slice(&file->detector.run.model.net, i, slice);
+    if (file->kind == KIND_TABLE) return lg_table_slice(&file->table.run.model, i, slice);
     if (i < LG_COUNT(of_chain)) *slice = of_chain[i];
     return i < LG_COUNT(of_chain);
 }
@@ -77,8 +77,8 @@ static bool slice_of(const lg_model_file *file, uint32_t i, lg_slice_info *slice
 TEST("every slice of the vector lies under its name, in the type of the training") {
     for
         EACH_KIND(k)
-    for (size_t e = 0; e < (number_of(k) == LG_MODEL_HAMILTONIAN ? 1 : k->examples); e++) {
-        lg_model_file file;
+    for (size_t e = 0; e < (number_of(k) == KIND_HAMILTONIAN ? 1 : k->examples); e++) {
+        any_file file;
         lg_slice_info slice;
         lg_h5 *h5;
         size_t total = 0;
@@ -99,7 +99,7 @@ TEST("every slice of the vector lies under its name, in the type of the training
 /* ---- what may be left out ---- */
 
 /* A good model without these, which are NULL at their end. */
-static const char *stripped(lg_model_kind kind, size_t which, const char *const *links,
+static const char *stripped(model_kind kind, size_t which, const char *const *links,
                             const char *const *attributes) {
     const char *path = good_model(kind, which);
     for (; *links != NULL; links++) delete_link(path, *links);
@@ -112,7 +112,7 @@ TEST("a Hamiltonian written by hand may leave out what is not needed, and can be
     static const char *const attributes[] = {"E1",          "seed",   "command", "cpu", "liegrad_version",
                                              "conventions", "format", NULL};
     lg_hamiltonian_file file;
-    const char *path = stripped(LG_MODEL_HAMILTONIAN, 0, links, attributes);
+    const char *path = stripped(KIND_HAMILTONIAN, 0, links, attributes);
     assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &file, NULL));
     assert_null(file.adam_m);
     assert_int_equal(file.run.substeps, 1);
@@ -127,7 +127,7 @@ TEST("a surrogate written by hand may leave out what is not needed") {
     static const char *const attributes[] = {"train_mse", "test_mse", "seed", "command",
                                              "cpu",       "format",   NULL};
     lg_surrogate_file file;
-    const char *path = stripped(LG_MODEL_SURROGATE, 2, links, attributes);
+    const char *path = stripped(KIND_SURROGATE, 2, links, attributes);
     assert_ok(lg_model_load_surrogate(NULL, path, NULL, &file, NULL));
     assert_true(file.trained == NULL && file.trained_count == 0 && !file.has_errors && file.epochs_done == 0);
     assert_int_equal(file.run.model.options.kind, LG_SURROGATE_ANGLE);
@@ -139,7 +139,7 @@ TEST("a table network written by hand may leave out what is not needed") {
     static const char *const links[] = {"train", "run", "names", "range", NULL};
     static const char *const attributes[] = {"rmse", "seed", "command", "cpu", "format", NULL};
     lg_table_file file;
-    const char *path = stripped(LG_MODEL_TABLE, 0, links, attributes);
+    const char *path = stripped(KIND_TABLE, 0, links, attributes);
     assert_ok(lg_model_load_table(NULL, path, NULL, &file, NULL));
     assert_null(file.low);
     assert_true(isnan(file.rmse) && file.run.decay.count == 0);
@@ -149,7 +149,7 @@ TEST("a table network written by hand may leave out what is not needed") {
 }
 
 static const char *fresh_first_table(void) {
-    return good_model(LG_MODEL_TABLE, 0);
+    return good_model(KIND_TABLE, 0);
 }
 
 TEST("what is wrong in a table network is refused by name") {
@@ -170,8 +170,8 @@ TEST("a detector written by hand may leave out what is not needed") {
                                              "accuracy", "f1",           "test_mse",       "seed",
                                              "command",  "format",       "format_version", NULL};
     lg_detector_file file, full;
-    assert_ok(lg_model_load_detector(NULL, good_model(LG_MODEL_DETECTOR, 1), NULL, &full, NULL));
-    const char *path = stripped(LG_MODEL_DETECTOR, 1, links, attributes);
+    assert_ok(lg_model_load_detector(NULL, good_model(KIND_DETECTOR, 1), NULL, &full, NULL));
+    const char *path = stripped(KIND_DETECTOR, 1, links, attributes);
     replace_text(path, "model", "blocks", "  3 kernel 4 stride 3  padding 3 "); /* none is what is left out */
     assert_ok(lg_model_load_detector(NULL, path, NULL, &file, NULL));
     assert_same_net(&file.run.model.net, &full.run.model.net);
@@ -190,7 +190,7 @@ TEST("a detector written by hand may leave out what is not needed") {
 TEST("damaged models and checkpoints are refused") {
     for
         EACH_KIND(k) {
-            const size_t changes = number_of(k) == LG_MODEL_HAMILTONIAN ? 300 : 100;
+            const size_t changes = number_of(k) == KIND_HAMILTONIAN ? 300 : 100;
             refuse_damaged_files(k->read, k->fresh(), "");
             survive_changed_bytes(k->read, k->fresh(), changes);
         }
@@ -272,7 +272,7 @@ TEST("what is wrong in a surrogate is refused by name") {
 }
 
 static const char *fresh_modes(void) {
-    return good_model(LG_MODEL_SURROGATE, 4);
+    return good_model(KIND_SURROGATE, 4);
 }
 
 TEST("what is wrong in the modes of a surrogate is refused by name, and files of before have none") {
@@ -290,7 +290,7 @@ TEST("what is wrong in the modes of a surrogate is refused by name, and files of
     };
     refuse_damage(read_surrogate, fresh_modes, rows, LG_COUNT(rows));
     lg_surrogate_file file;
-    const char *path = good_model(LG_MODEL_SURROGATE, 0);
+    const char *path = good_model(KIND_SURROGATE, 0);
     delete_attribute(path, "model", "modes");
     assert_ok(lg_model_load_surrogate(NULL, path, NULL, &file, NULL));
     assert_true(file.run.model.options.modes == 0 && file.run.model.modes == NULL);
@@ -356,7 +356,7 @@ TEST("what is wrong in a detector is refused by name") {
 /* The file is as before after each change. */
 #define REFUSED(k, file, expected, ...)                                                                      \
     do {                                                                                                     \
-        const lg_model_file before = file;                                                                   \
+        const any_file before = file;                                                                        \
         lg_error error = {LG_OK, ""};                                                                        \
         __VA_ARGS__;                                                                                         \
         assert_status(kinds[k].save(NULL, scratch_path("refused.h5"), &file, NULL, &error), expected);       \
@@ -365,30 +365,30 @@ TEST("what is wrong in a detector is refused by name") {
     } while (0)
 
 TEST("a model that could not be read is not saved") {
-    lg_model_file h, s, d, t;
-    kinds[LG_MODEL_TABLE].make(0, &t);
-    kinds[LG_MODEL_HAMILTONIAN].make(0, &h);
-    kinds[LG_MODEL_SURROGATE].make(1, &s);
-    kinds[LG_MODEL_DETECTOR].make(1, &d);
+    any_file h, s, d, t;
+    kinds[KIND_TABLE].make(0, &t);
+    kinds[KIND_HAMILTONIAN].make(0, &h);
+    kinds[KIND_SURROGATE].make(1, &s);
+    kinds[KIND_DETECTOR].make(1, &d);
     const struct {
         double *at, bad;
-        lg_model_kind kind;
-        lg_model_file *file;
+        model_kind kind;
+        any_file *file;
         lg_status status;
         const char *word;
     } numbers_in_arrays[] = {
-        {&h.hamiltonian.theta[47], NAN, LG_MODEL_HAMILTONIAN, &h, LG_NOT_FINITE,
+        {&h.hamiltonian.theta[47], NAN, KIND_HAMILTONIAN, &h, LG_NOT_FINITE,
          "/model/mass/gamma: NaN at index (0, 1)"},
-        {&s.surrogate.theta[3], NAN, LG_MODEL_SURROGATE, &s, LG_NOT_FINITE, "/model/embedding/weight"},
-        {&s.surrogate.trained[9], INFINITY, LG_MODEL_SURROGATE, &s, LG_NOT_FINITE, "/trained"},
-        {&d.detector.theta[3], NAN, LG_MODEL_DETECTOR, &d, LG_NOT_FINITE, "/model/conv1/weight"},
-        {&d.detector.scaler.scale[1], 0, LG_MODEL_DETECTOR, &d, LG_INVALID_ARGUMENT, ""},
-        {&d.detector.scaler.scale[1], INFINITY, LG_MODEL_DETECTOR, &d, LG_NOT_FINITE, ""},
-        {&t.table.theta[2], NAN, LG_MODEL_TABLE, &t, LG_NOT_FINITE, "/model/layer1/weight"},
-        {&t.table.inputs.scale[1], 0, LG_MODEL_TABLE, &t, LG_INVALID_ARGUMENT, "/scaler/inputs/scale"},
-        {&t.table.outputs.mean[1], NAN, LG_MODEL_TABLE, &t, LG_NOT_FINITE, "/scaler/outputs/mean"},
-        {&t.table.low[2], INFINITY, LG_MODEL_TABLE, &t, LG_NOT_FINITE, "/range/low"},
-        {&t.table.rmse, INFINITY, LG_MODEL_TABLE, &t, LG_NOT_FINITE, "rmse"}};
+        {&s.surrogate.theta[3], NAN, KIND_SURROGATE, &s, LG_NOT_FINITE, "/model/embedding/weight"},
+        {&s.surrogate.trained[9], INFINITY, KIND_SURROGATE, &s, LG_NOT_FINITE, "/trained"},
+        {&d.detector.theta[3], NAN, KIND_DETECTOR, &d, LG_NOT_FINITE, "/model/conv1/weight"},
+        {&d.detector.scaler.scale[1], 0, KIND_DETECTOR, &d, LG_INVALID_ARGUMENT, ""},
+        {&d.detector.scaler.scale[1], INFINITY, KIND_DETECTOR, &d, LG_NOT_FINITE, ""},
+        {&t.table.theta[2], NAN, KIND_TABLE, &t, LG_NOT_FINITE, "/model/layer1/weight"},
+        {&t.table.inputs.scale[1], 0, KIND_TABLE, &t, LG_INVALID_ARGUMENT, "/scaler/inputs/scale"},
+        {&t.table.outputs.mean[1], NAN, KIND_TABLE, &t, LG_NOT_FINITE, "/scaler/outputs/mean"},
+        {&t.table.low[2], INFINITY, KIND_TABLE, &t, LG_NOT_FINITE, "/range/low"},
+        {&t.table.rmse, INFINITY, KIND_TABLE, &t, LG_NOT_FINITE, "rmse"}};
     for (size_t i = 0; i < LG_COUNT(numbers_in_arrays); i++) {
         const double kept = *numbers_in_arrays[i].at;
         *numbers_in_arrays[i].at = numbers_in_arrays[i].bad;
@@ -400,64 +400,63 @@ TEST("a model that could not be read is not saved") {
         *numbers_in_arrays[i].at = kept;
     }
     lg_hamiltonian_file *hf = &h.hamiltonian;
-    REFUSED(LG_MODEL_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->parameters--);
-    REFUSED(LG_MODEL_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.n = 77);
-    REFUSED(LG_MODEL_HAMILTONIAN, h, LG_NOT_FINITE, hf->run.training.lr = NAN);
+    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->parameters--);
+    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.n = 77);
+    REFUSED(KIND_HAMILTONIAN, h, LG_NOT_FINITE, hf->run.training.lr = NAN);
     lg_surrogate_file *sf = &s.surrogate;
-    REFUSED(LG_MODEL_SURROGATE, s, LG_INVALID_ARGUMENT, sf->parameters++);
-    REFUSED(LG_MODEL_SURROGATE, s, LG_NOT_FINITE, sf->train_mse = NAN);
-    REFUSED(LG_MODEL_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.model.net.activation = LG_TANH);
-    REFUSED(LG_MODEL_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.train_fraction = 1.5);
-    REFUSED(LG_MODEL_SURROGATE, s, LG_INVALID_ARGUMENT,
+    REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->parameters++);
+    REFUSED(KIND_SURROGATE, s, LG_NOT_FINITE, sf->train_mse = NAN);
+    REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.model.net.activation = LG_TANH);
+    REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.train_fraction = 1.5);
+    REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT,
             sf->run.training.schedule = (lg_schedule_kind)LG_SCHEDULE_COUNT);
-    kinds[LG_MODEL_SURROGATE].destroy(&s);
-    kinds[LG_MODEL_SURROGATE].make(4, &s);
-    REFUSED(LG_MODEL_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.model.modes = NULL);
+    kinds[KIND_SURROGATE].destroy(&s);
+    kinds[KIND_SURROGATE].make(4, &s);
+    REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.model.modes = NULL);
     double *mode = (double *)(uintptr_t)(sf->run.model.modes + 20);
     *mode = NAN;
-    REFUSED(LG_MODEL_SURROGATE, s, LG_NOT_FINITE, (void)sf);
+    REFUSED(KIND_SURROGATE, s, LG_NOT_FINITE, (void)sf);
     lg_detector_file *df = &d.detector;
     lg_detector *model = &df->run.model;
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, df->parameters++);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, model->net.lengths[1] = 7);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, model->net.blocks = 99);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, model->net.block[0].kernel = 0);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT,
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->parameters++);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, model->net.lengths[1] = 7);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, model->net.blocks = 99);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, model->net.block[0].kernel = 0);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT,
             model->net.block[0].pooling = (lg_pooling)LG_POOLING_COUNT);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, model->net.outputs = 4);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, model->loss = LG_DETECTOR_MSE);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT,
-            model->loss = (lg_detector_loss)LG_DETECTOR_LOSS_COUNT);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, df->run.split = (lg_split)LG_SPLIT_COUNT);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, df->run.test_fraction = 0.95);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_NOT_FINITE, df->run.test_fraction = NAN);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, df->scaler.channels = 1);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, df->scaler.mean = NULL);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, df->class_name = NULL);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, df->rate = -1);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_NOT_FINITE, df->rate = INFINITY);
-    REFUSED(LG_MODEL_DETECTOR, d, LG_NOT_FINITE, df->accuracy = INFINITY);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, model->net.outputs = 4);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, model->loss = LG_DETECTOR_MSE);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, model->loss = (lg_detector_loss)LG_DETECTOR_LOSS_COUNT);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->run.split = (lg_split)LG_SPLIT_COUNT);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->run.test_fraction = 0.95);
+    REFUSED(KIND_DETECTOR, d, LG_NOT_FINITE, df->run.test_fraction = NAN);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->scaler.channels = 1);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->scaler.mean = NULL);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->class_name = NULL);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->rate = -1);
+    REFUSED(KIND_DETECTOR, d, LG_NOT_FINITE, df->rate = INFINITY);
+    REFUSED(KIND_DETECTOR, d, LG_NOT_FINITE, df->accuracy = INFINITY);
     (void)snprintf(df->class_name[1], LG_SERIES_NAME, "state 4");
-    REFUSED(LG_MODEL_DETECTOR, d, LG_INVALID_ARGUMENT, (void)0);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, (void)0);
     lg_table_file *tf = &t.table;
-    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->parameters++);
-    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->run.model.net.inputs = 7);
-    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->run.model.options.hidden[1] = 7);
-    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->run.decay.count--);
-    REFUSED(LG_MODEL_TABLE, t, LG_INVALID_ARGUMENT, tf->outputs.channels = 1);
-    lg_model_file *const files[] = {&h, &s, &d, &t};
+    REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->parameters++);
+    REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->run.model.net.inputs = 7);
+    REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->run.model.options.hidden[1] = 7);
+    REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->run.decay.count--);
+    REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->outputs.channels = 1);
+    any_file *const files[] = {&h, &s, &d, &t};
     for
         EACH_KIND(k) {
-            lg_model_file *file = files[number_of(k)];
+            any_file *file = files[number_of(k)];
             assert_status(k->save(NULL, NULL, file, NULL, NULL), LG_INVALID_ARGUMENT);
             k->destroy(file);
             assert_status(k->save(NULL, scratch_path("refused.h5"), file, NULL, NULL), LG_INVALID_ARGUMENT);
         }
     lg_error error;
-    kinds[LG_MODEL_HAMILTONIAN].make(0, &h);
+    kinds[KIND_HAMILTONIAN].make(0, &h);
     assert_status(save_hamiltonian(NULL, scratch_path("no/folder/model.h5"), &h, NULL, &error), LG_FILE);
     assert_non_null(strstr(error.message, "no/folder/model.h5"));
-    kinds[LG_MODEL_HAMILTONIAN].destroy(&h);
+    kinds[KIND_HAMILTONIAN].destroy(&h);
     assert_int_not_equal(access(scratch_path("refused.h5"), F_OK), 0);
 }
 
@@ -477,7 +476,7 @@ static void release_fit(void *fit) {
 /* Three epochs at a time, five in all, trained as the bad example is. */
 static lg_fit *make_fit(const kind_row *k, const double *theta, size_t parameters) {
     const lg_fit_problem problem = {.parameters = parameters, .samples = 12, .loss = square_loss};
-    lg_model_file file;
+    any_file file;
     lg_fit_options options;
     lg_fit *fit;
     k->make(k->bad, &file);
@@ -494,8 +493,8 @@ static lg_fit *make_fit(const kind_row *k, const double *theta, size_t parameter
 }
 
 /* Saved with its fit of three epochs, and loaded. */
-static lg_model_file load_fitted(const kind_row *k) {
-    lg_model_file file, again;
+static any_file load_fitted(const kind_row *k) {
+    any_file file, again;
     const char *path = scratch_path("fitted.h5");
     k->make(k->bad, &file);
     const common c = k->common(&file);
@@ -515,8 +514,8 @@ static lg_model_file load_fitted(const kind_row *k) {
 TEST("a model comes back with the state of its fit") {
     for
         EACH_KIND(k) {
-            lg_model_file again = load_fitted(k);
-            if (number_of(k) == LG_MODEL_HAMILTONIAN) assert_int_equal(again.hamiltonian.adam_step, 9);
+            any_file again = load_fitted(k);
+            if (number_of(k) == KIND_HAMILTONIAN) assert_int_equal(again.hamiltonian.adam_step, 9);
             k->destroy(&again);
         }
 }
@@ -544,8 +543,8 @@ static void assert_verdict(const char *path, const lg_hamiltonian_file *want) {
 
 /* What the errors do not touch: a model with the state of its fit, and an attribute of somebody else. */
 TEST("recorded errors leave all else in the file as it was") {
-    const kind_row *k = &kinds[LG_MODEL_HAMILTONIAN];
-    lg_model_file file = load_fitted(k), again = {.kind = LG_MODEL_HAMILTONIAN};
+    const kind_row *k = &kinds[KIND_HAMILTONIAN];
+    any_file file = load_fitted(k), again = {.kind = KIND_HAMILTONIAN};
     lg_h5 *h5;
     char note[16];
     double best[52], moment[52];
@@ -576,7 +575,7 @@ TEST("recorded errors leave all else in the file as it was") {
 TEST("recorded errors replace those of another test set") {
     for (size_t e = 0; e < LG_COUNT(hamiltonian_examples); e++) {
         lg_hamiltonian_file file;
-        const char *path = good_model(LG_MODEL_HAMILTONIAN, e);
+        const char *path = good_model(KIND_HAMILTONIAN, e);
         make_hamiltonian(e, &file);
         if (hamiltonian_examples[e].dtype == LG_F32) file.theta[0] = nextafter(file.theta[0], 2);
         set_verdict(&file);
@@ -667,7 +666,7 @@ TEST("what is wrong with a test set does not make the model unreadable") {
 /* Of example 0, with the state of a fit of three numbers. */
 static lg_status write_checkpoint(const kind_row *k, const lg_context *context, const char *path,
                                   const lg_fit *fit, lg_error *error) {
-    lg_model_file file;
+    any_file file;
     lg_file_writer *writer;
     lg_archive_writer archive;
     k->make(0, &file);
@@ -713,10 +712,10 @@ typedef union any_run {
 
 static any_run run_of_example(const kind_row *k, size_t which) {
     any_run run = {.hamiltonian = {.substeps = 0}};
-    if (number_of(k) == LG_MODEL_HAMILTONIAN) run.hamiltonian = make_hamiltonian_run(which);
-    if (number_of(k) == LG_MODEL_SURROGATE) run.surrogate = make_surrogate_run(which);
-    if (number_of(k) == LG_MODEL_DETECTOR) run.detector = make_detector_run(which);
-    if (number_of(k) == LG_MODEL_TABLE) run.table = make_table_run(which);
+    if (number_of(k) == KIND_HAMILTONIAN) run.hamiltonian = make_hamiltonian_run(which);
+    if (number_of(k) == KIND_SURROGATE) run.surrogate = make_surrogate_run(which);
+    if (number_of(k) == KIND_DETECTOR) run.detector = make_detector_run(which);
+    if (number_of(k) == KIND_TABLE) run.table = make_table_run(which);
     return run;
 }
 
@@ -750,7 +749,7 @@ TEST("a fit resumed from its checkpoint ends in the same bits") {
             lg_fit_parameters(whole, straight);
             assert_ok(lg_checkpoint_open(NULL, good_checkpoint(k), NULL, k->run, &run, &reader, NULL));
             assert_ok(lg_run_compare(k->run, &run, &wanted, "check.h5", NULL));
-            if (number_of(k) == LG_MODEL_DETECTOR)
+            if (number_of(k) == KIND_DETECTOR)
                 assert_same_net(&run.detector.model.net, &wanted.detector.model.net);
             assert_ok(lg_file_reader_archive(reader, "fit", &archive));
             assert_ok(lg_fit_load(fit, &archive, NULL));
@@ -764,7 +763,7 @@ TEST("a fit resumed from its checkpoint ends in the same bits") {
 
 /* Files of before there were schedules have no key for it: then it is steps. Every other row is there. */
 TEST("a file without a schedule has steps") {
-    const kind_row *k = &kinds[LG_MODEL_HAMILTONIAN];
+    const kind_row *k = &kinds[KIND_HAMILTONIAN];
     lg_hamiltonian_run run, wanted = make_hamiltonian_run(0);
     lg_file_reader *reader;
     lg_hamiltonian_file file;
@@ -788,7 +787,7 @@ TEST("a file without a schedule has steps") {
 }
 
 TEST("a NaN in the saved state of the optimiser is found when the fit takes it") {
-    const kind_row *k = &kinds[LG_MODEL_HAMILTONIAN];
+    const kind_row *k = &kinds[KIND_HAMILTONIAN];
     const char *path = good_checkpoint(k);
     const double bad[3] = {0, NAN, 0};
     const hsize_t count = 3;
@@ -810,12 +809,12 @@ TEST("a damaged checkpoint is refused, and no checkpoint is taken for a model or
             fresh_kind = k;
             refuse_damaged_files(k->read_checkpoint, good_checkpoint(k), "");
             survive_changed_bytes(k->read_checkpoint, good_checkpoint(k),
-                                  number_of(k) == LG_MODEL_HAMILTONIAN ? 300 : 60);
+                                  number_of(k) == KIND_HAMILTONIAN ? 300 : 60);
             refuse_damage(k->read_checkpoint, fresh_checkpoint, rows, LG_COUNT(rows));
             assert_refused(k->read_checkpoint, k->fresh(), LG_FORMAT, "kind", k->checkpoint);
             assert_refused(k->read, good_checkpoint(k), LG_FORMAT, "kind", k->name);
         }
-    assert_refused(record_into, good_checkpoint(&kinds[LG_MODEL_HAMILTONIAN]), LG_FORMAT, "checkpoint", "");
+    assert_refused(record_into, good_checkpoint(&kinds[KIND_HAMILTONIAN]), LG_FORMAT, "checkpoint", "");
 }
 
 /* ---- every row of the tables that describe a run ---- */
@@ -908,11 +907,11 @@ TEST("a checkpoint of another run is refused, and the sentence names the differe
                     refuse_other_run(k, &run, &wanted, says);
                 }
         }
-    const kind_row *k = &kinds[LG_MODEL_HAMILTONIAN];
+    const kind_row *k = &kinds[KIND_HAMILTONIAN];
     any_run wanted = run_of_example(k, 0), run = wanted;
     run.hamiltonian.scheme = lg_scheme_find("rk4");
     refuse_other_run(k, &run, &wanted, "integrator rk4, not cf4");
-    k = &kinds[LG_MODEL_DETECTOR];
+    k = &kinds[KIND_DETECTOR];
     run = wanted = run_of_example(k, 3);
     run.detector.model.net.block[7].pool_stride = 4; /* far along the text */
     refuse_other_run(k, &run, &wanted, "max 2/4, not");
@@ -946,7 +945,7 @@ typedef struct step {
 
 static lg_status save_step(const lg_context *context, void *user, lg_error *error) {
     const step *s = user;
-    lg_model_file file;
+    any_file file;
     s->kind->make(s->kind->single, &file);
     const lg_status status = s->kind->save(context, s->path, &file, NULL, error);
     s->kind->destroy(&file);

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "common/classifier_file.h"
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 #include "fuzz.h"
 #include "liegrad/io.h"
 #include "liegrad/logs.h"
@@ -201,8 +201,8 @@ void fuzz_program(const uint8_t *data, size_t size) {
 
 /* ---- checkpoints ---- */
 
-static const lg_run_kind *const kinds[] = {&lg_run_hamiltonian, &lg_run_surrogate, &lg_run_detector,
-                                           &lg_run_table, &lg_run_machine_model};
+static const lg_recipe *const kinds[] = {&lg_recipe_hamiltonian, &lg_recipe_surrogate, &lg_recipe_detector,
+                                         &lg_recipe_table, &lg_recipe_machine_model};
 
 static lg_status no_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                          size_t batch, lg_var *loss) {
@@ -210,7 +210,7 @@ static lg_status no_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t
     return LG_UNSUPPORTED;
 }
 
-static void load_fit(const lg_run_kind *kind, const void *run, lg_file_reader *reader, size_t samples) {
+static void load_fit(const lg_recipe *kind, const void *run, lg_file_reader *reader, size_t samples) {
     const lg_training *training = (const lg_training *)((const char *)run + kind->training);
     const size_t parameters = kind->parameters(run);
     lg_error error = {LG_OK, ""};
@@ -237,7 +237,7 @@ void fuzz_checkpoint(const uint8_t *data, size_t size) {
     lg_error error = {LG_OK, ""};
     const size_t count = tree_read(data, size, records);
     const tree_record *name = find(count, "@kind"), *order = find(count, "fit/train/permutation");
-    const lg_run_kind *kind = kinds[0];
+    const lg_recipe *kind = kinds[0];
     for (size_t i = 0; name != NULL && i < LG_COUNT(kinds); i++) {
         const char *checkpoint = kinds[i]->checkpoint;
         if (name->length >= strlen(checkpoint) && memcmp(name->data, checkpoint, strlen(checkpoint)) == 0)

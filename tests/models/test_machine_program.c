@@ -255,7 +255,6 @@ TEST("a machine has the sizes of its space, and no inputs are zero inputs") {
     const driven *s = drive(&machine, 2);
     double free_run[STATE], zero[STATE], driven_by[STATE];
     const double none[2] = {0, 0};
-    assert_int_equal(lg_model_kind_of(s->model), LG_MODEL_MACHINE);
     assert_int_equal(s->d, s->space.dim);
     assert_int_equal(lg_model_outputs(s->model), 1);
     assert_int_equal(lg_model_parameters(s->model), machine.parameters);

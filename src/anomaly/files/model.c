@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "settings/names.h"
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 #include "datasets/series_files.h"
 
 /* ---- blocks as a text: "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel ..." ---- */
@@ -316,4 +316,16 @@ void lg_detector_file_destroy(lg_detector_file *file) {
 
 /* ---- outside ---- */
 
-LG_RUN_KIND(detector, "detector-checkpoint")
+static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
+                         lg_program **out, lg_error *error) {
+    const lg_detector_file *file = user;
+    (void)scheme;
+    return lg_detector_program(context, &file->run.model, &file->scaler, file->theta, out, error);
+}
+
+static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
+    const lg_detector_file *file = user;
+    return lg_model_create_detector(context, &file->run.model, &file->scaler, file->theta, out, error);
+}
+
+LG_RECIPE(detector, "detector-checkpoint", .scheme = NULL)

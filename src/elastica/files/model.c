@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "settings/names.h"
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 
 enum { BOUNDARY = 8 };
 
@@ -157,4 +157,16 @@ void lg_surrogate_file_destroy(lg_surrogate_file *file) {
 
 /* ---- outside ---- */
 
-LG_RUN_KIND(surrogate, "surrogate-checkpoint")
+static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
+                         lg_program **out, lg_error *error) {
+    const lg_surrogate_file *file = user;
+    (void)scheme;
+    return lg_surrogate_program(context, &file->run.model, file->theta, out, error);
+}
+
+static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
+    const lg_surrogate_file *file = user;
+    return lg_model_create_surrogate(context, &file->run.model, file->theta, out, error);
+}
+
+LG_RECIPE(surrogate, "surrogate-checkpoint", .scheme = NULL)

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "settings/names.h"
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 
 /* ---- the run ---- */
 
@@ -232,7 +232,22 @@ void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file) {
 
 /* ---- outside ---- */
 
-LG_RUN_KIND(hamiltonian, "checkpoint")
+static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
+                         lg_program **out, lg_error *error) {
+    const lg_hamiltonian_file *file = user;
+    return lg_hamiltonian_program(context, &file->run.model, file->theta, scheme, out, error);
+}
+
+static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
+    const lg_hamiltonian_file *file = user;
+    return lg_model_create_hamiltonian(context, &file->run.model, file->theta, out, error);
+}
+
+static const lg_scheme *usual_scheme(const void *file) {
+    return lg_scheme_find(((const lg_hamiltonian_file *)file)->run.model.family->scheme);
+}
+
+LG_RECIPE(hamiltonian, "checkpoint", .scheme = usual_scheme)
 
 /* ---- recording ---- */
 
@@ -243,7 +258,7 @@ static double stored_as(lg_dtype dtype, double x) {
 
 static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
                               const lg_hamiltonian_file *stored, lg_error *error) {
-    LG_TRY(lg_run_compare(&lg_run_hamiltonian, &stored->run, &judged->run, h5->path, error));
+    LG_TRY(lg_run_compare(&lg_recipe_hamiltonian, &stored->run, &judged->run, h5->path, error));
     bool same = judged->parameters == stored->parameters;
     for (size_t i = 0; same && i < stored->parameters; i++)
         same = stored->theta[i] == stored_as(judged->run.training.dtype, judged->theta[i]);
@@ -255,7 +270,7 @@ static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged
 static lg_status record(void *user, lg_h5 *h5, lg_error *error) {
     const lg_hamiltonian_file *judged = user;
     lg_hamiltonian_file stored = {.context = h5->context};
-    lg_status status = lg_run_get_file(h5, &lg_run_hamiltonian, &stored, error);
+    lg_status status = lg_run_get_file(h5, &lg_recipe_hamiltonian, &stored, error);
     if (status == LG_OK) status = check_judged(h5, judged, &stored, error);
     lg_hamiltonian_file_destroy(&stored);
     for (size_t i = 0; status == LG_OK && i < LG_COUNT(verdict_names); i++)

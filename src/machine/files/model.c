@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "settings/names.h"
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 
 /* ---- the YAML text ---- */
 
@@ -232,7 +232,23 @@ void lg_machine_model_file_destroy(lg_machine_model_file *file) {
     *file = (lg_machine_model_file){.context = NULL};
 }
 
-LG_RUN_KIND(machine_model, "machine-checkpoint")
+static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
+                         lg_program **out, lg_error *error) {
+    const lg_machine_model_file *file = user;
+    return lg_machine_program(context, &file->run.machine, file->theta,
+                              scheme != NULL ? scheme : file->run.scheme, out, error);
+}
+
+static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
+    const lg_machine_model_file *file = user;
+    return lg_model_create_machine(context, &file->run.machine, file->theta, out, error);
+}
+
+static const lg_scheme *usual_scheme(const void *file) {
+    return ((const lg_machine_model_file *)file)->run.scheme;
+}
+
+LG_RECIPE(machine_model, "machine-checkpoint", .scheme = usual_scheme)
 
 /* ---- about logs ---- */
 

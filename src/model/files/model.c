@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 
 /* ---- a file structure through the offsets of its kind ---- */
 
@@ -15,7 +15,7 @@ typedef struct model_view {
     lg_provenance *provenance;
 } model_view;
 
-static model_view view_of(const lg_run_kind *kind, void *file) {
+static model_view view_of(const lg_recipe *kind, void *file) {
     char *at = file;
     return (model_view){.run = at + kind->file_run,
                         .parameters = (size_t *)(void *)(at + kind->file_parameters),
@@ -25,7 +25,7 @@ static model_view view_of(const lg_run_kind *kind, void *file) {
                         .provenance = (lg_provenance *)(void *)(at + kind->file_provenance)};
 }
 
-static const lg_training *training_of(const lg_run_kind *kind, const void *run) {
+static const lg_training *training_of(const lg_recipe *kind, const void *run) {
     return (const lg_training *)(const void *)((const char *)run + kind->training);
 }
 
@@ -35,7 +35,7 @@ typedef struct slice {
     char name[64];
 } slice;
 
-static bool slice_at(const lg_run_kind *kind, const void *run, uint32_t index, slice *s) {
+static bool slice_at(const lg_recipe *kind, const void *run, uint32_t index, slice *s) {
     if (!kind->slice(run, index, &s->info)) return false;
     (void)snprintf(s->name, sizeof s->name, "model/%s", s->info.name);
     return true;
@@ -93,7 +93,7 @@ static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
     return lg_fit_save(fit, &writer, error);
 }
 
-static lg_status put_model(lg_h5 *h5, const lg_run_kind *kind, const void *file, const lg_fit *fit,
+static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, const lg_fit *fit,
                            lg_error *error) {
     slice s;
     const model_view view = view_of(kind, (void *)(uintptr_t)file); /* only read */
@@ -110,7 +110,7 @@ static lg_status put_model(lg_h5 *h5, const lg_run_kind *kind, const void *file,
     return LG_OK;
 }
 
-static lg_status check_saved(const char *path, const lg_run_kind *kind, const void *file, lg_error *error) {
+static lg_status check_saved(const char *path, const lg_recipe *kind, const void *file, lg_error *error) {
     slice s;
     const model_view view = view_of(kind, (void *)(uintptr_t)file); /* only read */
     if (*view.theta == NULL)
@@ -124,7 +124,7 @@ static lg_status check_saved(const char *path, const lg_run_kind *kind, const vo
     return LG_OK;
 }
 
-lg_status lg_run_save(const lg_context *context, const char *path, const lg_run_kind *kind, const void *file,
+lg_status lg_run_save(const lg_context *context, const char *path, const lg_recipe *kind, const void *file,
                       const lg_fit *fit, lg_error *error) {
     if (path == NULL || file == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name and parameters");
@@ -146,7 +146,7 @@ lg_status lg_as_format(lg_status status, lg_error *error) {
 }
 
 /* Compares shapes before it allocates arrays of the sizes in the attributes. */
-static lg_status check_slices(lg_h5 *h5, const lg_run_kind *kind, const void *run, lg_error *error) {
+static lg_status check_slices(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     slice s;
     for (uint32_t i = 0; slice_at(kind, run, i, &s); i++) {
         uint32_t rank;
@@ -161,7 +161,7 @@ static lg_status check_slices(lg_h5 *h5, const lg_run_kind *kind, const void *ru
     return LG_OK;
 }
 
-static lg_status get_weights(lg_h5 *h5, const lg_run_kind *kind, const model_view *view, lg_error *error) {
+static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const model_view *view, lg_error *error) {
     slice s;
     LG_TRY(check_slices(h5, kind, view->run, error));
     *view->parameters = kind->parameters(view->run);
@@ -206,7 +206,7 @@ lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *va
     return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path), name);
 }
 
-lg_status lg_run_get_file(lg_h5 *h5, const lg_run_kind *kind, void *file, lg_error *error) {
+lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error) {
     const model_view view = view_of(kind, file);
     LG_TRY(lg_h5_check_format(h5, kind->name, false, error));
     LG_TRY(lg_run_get(h5, kind, false, view.run, error));
@@ -218,7 +218,7 @@ lg_status lg_run_get_file(lg_h5 *h5, const lg_run_kind *kind, void *file, lg_err
 }
 
 typedef struct load_call {
-    const lg_run_kind *kind;
+    const lg_recipe *kind;
     void *file;
 } load_call;
 
@@ -228,7 +228,7 @@ static lg_status load_file(void *user, lg_h5 *h5, lg_error *error) {
 }
 
 lg_status lg_run_load(const lg_context *context, const char *path, const lg_read_options *options,
-                      const lg_run_kind *kind, void *file, lg_error *error) {
+                      const lg_recipe *kind, void *file, lg_error *error) {
     load_call call = {kind, file};
     const lg_status status = lg_h5_read(context, path, options, load_file, &call, error);
     if (status != LG_OK) kind->release(file);
@@ -270,7 +270,7 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
 
 /* ---- checkpoints ---- */
 
-lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
+lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_recipe *kind,
                                const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                lg_error *error) {
     if (path == NULL || kind == NULL || run == NULL || out == NULL)
@@ -287,7 +287,7 @@ lg_status lg_checkpoint_create(const lg_context *context, const char *path, cons
 }
 
 lg_status lg_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
-                             const lg_run_kind *kind, void *run, lg_file_reader **out, lg_error *error) {
+                             const lg_recipe *kind, void *run, lg_file_reader **out, lg_error *error) {
     if (kind == NULL || run == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a checkpoint is read into a run and a reader");
     lg_file_reader *reader;

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "settings/names.h"
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 
 /* ---- the run ---- */
 
@@ -249,4 +249,18 @@ void lg_table_file_destroy(lg_table_file *file) {
 
 /* ---- outside ---- */
 
-LG_RUN_KIND(table, "table-checkpoint")
+static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
+                         lg_program **out, lg_error *error) {
+    const lg_table_file *file = user;
+    (void)scheme;
+    return lg_table_program(context, &file->run.model, &file->inputs, &file->outputs, file->theta, out,
+                            error);
+}
+
+static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
+    const lg_table_file *file = user;
+    return lg_model_create_table(context, &file->run.model, &file->inputs, &file->outputs, file->theta, out,
+                                 error);
+}
+
+LG_RECIPE(table, "table-checkpoint", .scheme = NULL)

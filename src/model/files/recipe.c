@@ -1,5 +1,5 @@
 /* The description of a run: one table for saving, loading and comparing. */
-#include "model/files/run.h"
+#include "model/files/recipe.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -8,7 +8,7 @@
 #include "settings/names.h"
 
 /* Row number `index` of a run: facts, then hyperparameters; NULL beyond the last. */
-static const lg_field *row_at(const lg_run_kind *kind, size_t index) {
+static const lg_field *row_at(const lg_recipe *kind, size_t index) {
     const lg_field *row = kind->facts;
     for (; row->name != NULL && index > 0; row++) index--;
     if (row->name == NULL) row = kind->hyperparameters;
@@ -17,7 +17,7 @@ static const lg_field *row_at(const lg_run_kind *kind, size_t index) {
 }
 
 /* Whether the member has the value of a file without the attribute. Attributes of /model are required. */
-static bool is_unknown(const lg_run_kind *kind, const lg_field *r, const void *run) {
+static bool is_unknown(const lg_recipe *kind, const lg_field *r, const void *run) {
     return strcmp(r->group, "run") == 0 &&
            memcmp((const char *)run + r->offset, (const char *)kind->defaults + r->offset, r->size) == 0;
 }
@@ -27,7 +27,7 @@ static const char *place_name(const lg_field *r, char *text, size_t size) {
     return text;
 }
 
-static lg_status check_row(const char *path, const lg_run_kind *kind, const lg_field *r, const void *run,
+static lg_status check_row(const char *path, const lg_recipe *kind, const lg_field *r, const void *run,
                            lg_status status, lg_error *error) {
     char place[64];
     if (r->type == LG_FIELD_REAL && !isfinite(lg_field_number(r, run)))
@@ -39,7 +39,7 @@ static lg_status check_row(const char *path, const lg_run_kind *kind, const lg_f
     return LG_OK;
 }
 
-lg_status lg_run_check(const char *path, const lg_run_kind *kind, const void *run, lg_error *error) {
+lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run, lg_error *error) {
     const lg_field *r;
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
         LG_TRY(check_row(path, kind, r, run, LG_INVALID_ARGUMENT, error));
@@ -67,7 +67,7 @@ static lg_status put_row(lg_h5 *h5, const lg_field *r, const void *run, lg_error
     }
 }
 
-lg_status lg_run_put(lg_h5 *h5, const lg_run_kind *kind, const void *run, lg_error *error) {
+lg_status lg_run_put(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     const lg_field *r;
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++) LG_TRY(put_row(h5, r, run, error));
     return kind->describe(h5, run, error);
@@ -142,7 +142,7 @@ static lg_status get_row(lg_h5 *h5, const lg_field *r, void *run, lg_error *erro
     return LG_OK;
 }
 
-lg_status lg_run_get(lg_h5 *h5, const lg_run_kind *kind, bool complete, void *run, lg_error *error) {
+lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run, lg_error *error) {
     const lg_field *r;
     memcpy(run, kind->defaults, kind->run_size);
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++) {
@@ -163,7 +163,7 @@ static bool differs(const lg_field *r, const void *stored, const void *wanted, c
     return strcmp(have, want) != 0;
 }
 
-lg_status lg_run_compare(const lg_run_kind *kind, const void *stored, const void *wanted, const char *path,
+lg_status lg_run_compare(const lg_recipe *kind, const void *stored, const void *wanted, const char *path,
                          lg_error *error) {
     char have[LG_FIELD_TEXT_SIZE], want[LG_FIELD_TEXT_SIZE];
     const lg_field *r;

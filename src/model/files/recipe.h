@@ -14,7 +14,7 @@
 #define LG_FACT(struct_, group_, name_, type_, member, ...)                                                  \
     LG_FIELD(struct_, group_, name_, type_, member, .high = 1e300, __VA_ARGS__)
 
-struct lg_run_kind {
+struct lg_recipe {
     const char *name;       /* attribute `kind` of a model, */
     const char *checkpoint; /* and of a checkpoint */
     /* The run. Both tables end with a row without a name. */
@@ -27,8 +27,15 @@ struct lg_run_kind {
     /* Parameters: slice number `index`, named below /model; false beyond the last. */
     size_t (*parameters)(const void *run);
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
-    /* The file structure: offsets of what all kinds have. */
-    size_t file_run, file_parameters, file_theta, file_epochs, file_history, file_provenance;
+    /* The functions of the model in a file structure, with steps of `scheme` (NULL: the file's own); a handle
+     * on them. */
+    lg_status (*program)(const lg_context *context, const void *file, const lg_scheme *scheme,
+                         lg_program **out, lg_error *error);
+    lg_status (*model)(const lg_context *context, const void *file, lg_model **out, lg_error *error);
+    const lg_scheme *(*scheme)(const void *file); /* of its steps; NULL: the model has no steps */
+    /* The file structure: its size, offsets of what all kinds have. */
+    size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
+        file_provenance;
     /* The rest of the file; `fitted`: lg_fit_save writes optimizer and generator. */
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
@@ -37,25 +44,25 @@ struct lg_run_kind {
 
 /* ---- runs (run.c) ---- */
 
-lg_status lg_run_check(const char *path, const lg_run_kind *kind, const void *run, lg_error *error);
-lg_status lg_run_put(lg_h5 *h5, const lg_run_kind *kind, const void *run, lg_error *error);
+lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run, lg_error *error);
+lg_status lg_run_put(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error);
 /* `complete`: all keys of /run except optional ones must exist; otherwise missing ones keep their
  * defaults. */
-lg_status lg_run_get(lg_h5 *h5, const lg_run_kind *kind, bool complete, void *run, lg_error *error);
+lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run, lg_error *error);
 
 /* ---- models and checkpoints (model.c) ---- */
 
-lg_status lg_run_save(const lg_context *context, const char *path, const lg_run_kind *kind, const void *file,
+lg_status lg_run_save(const lg_context *context, const char *path, const lg_recipe *kind, const void *file,
                       const lg_fit *fit, lg_error *error);
 /* `file`: zero but for its context; on failure it is released. */
 lg_status lg_run_load(const lg_context *context, const char *path, const lg_read_options *options,
-                      const lg_run_kind *kind, void *file, lg_error *error);
+                      const lg_recipe *kind, void *file, lg_error *error);
 /* Replaces a model file by a copy that edit(user, h5, error) has changed. The child of lg_probe tries it
  * first. */
 lg_status lg_run_edit(const lg_context *context, const char *path,
                       lg_status (*edit)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error);
 /* lg_run_load for an open file; on failure `file` may have arrays, which the caller frees. */
-lg_status lg_run_get_file(lg_h5 *h5, const lg_run_kind *kind, void *file, lg_error *error);
+lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 
 /* Sets the value of the run, unchecked: one number, `count` numbers of a list, or positions of names. */
 void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run);
@@ -67,39 +74,44 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
 
 /* ---- a kind and its public functions ---- */
 
-/* Defines, in a file that has facts, defaults, build, check, describe, parameters, slice, put_rest and
- * get_rest of a kind: lg_run_kind of io.h, and the functions that take its structures: lg_model_save_kind,
+/* Defines, in a file that has facts, defaults, build, check, describe, parameters, slice, program, make_model,
+ * put_rest and get_rest of a kind: lg_recipe of io.h, and the functions that take its structures: lg_model_save_kind,
  * lg_model_load_kind. Every file structure names the members alike that all kinds have;
  * lg_kind_file_destroy is the kind's own. */
-#define LG_RUN_KIND(kind, checkpoint_name)                                                                   \
+#define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
     static void release(void *file) {                                                                        \
         lg_##kind##_file_destroy(file);                                                                      \
     }                                                                                                        \
-    const lg_run_kind lg_run_##kind = {.name = #kind,                                                        \
-                                       .checkpoint = checkpoint_name,                                        \
-                                       .facts = facts,                                                       \
-                                       .hyperparameters = lg_##kind##_fields,                                \
-                                       .run_size = sizeof(lg_##kind##_run),                                  \
-                                       .training = offsetof(lg_##kind##_run, training),                      \
-                                       .defaults = &defaults,                                                \
-                                       .build = build,                                                       \
-                                       .check = check,                                                       \
-                                       .describe = describe,                                                 \
-                                       .parameters = parameters,                                             \
-                                       .slice = slice,                                                       \
-                                       .file_run = offsetof(lg_##kind##_file, run),                          \
-                                       .file_parameters = offsetof(lg_##kind##_file, parameters),            \
-                                       .file_theta = offsetof(lg_##kind##_file, theta),                      \
-                                       .file_epochs = offsetof(lg_##kind##_file, epochs_done),               \
-                                       .file_history = offsetof(lg_##kind##_file, history),                  \
-                                       .file_provenance = offsetof(lg_##kind##_file, provenance),            \
-                                       .put_rest = put_rest,                                                 \
-                                       .get_rest = get_rest,                                                 \
-                                       .release = release};                                                  \
+    const lg_recipe lg_recipe_##kind = {.name = #kind,                                                       \
+                                        .checkpoint = checkpoint_name,                                       \
+                                        .facts = facts,                                                      \
+                                        .hyperparameters = lg_##kind##_fields,                               \
+                                        .run_size = sizeof(lg_##kind##_run),                                 \
+                                        .training = offsetof(lg_##kind##_run, training),                     \
+                                        .defaults = &defaults,                                               \
+                                        .build = build,                                                      \
+                                        .check = check,                                                      \
+                                        .describe = describe,                                                \
+                                        .parameters = parameters,                                            \
+                                        .slice = slice,                                                      \
+                                        .program = program,                                                  \
+                                        .model = make_model,                                                 \
+                                        .file_size = sizeof(lg_##kind##_file),                               \
+                                        .file_context = offsetof(lg_##kind##_file, context),                 \
+                                        .file_run = offsetof(lg_##kind##_file, run),                         \
+                                        .file_parameters = offsetof(lg_##kind##_file, parameters),           \
+                                        .file_theta = offsetof(lg_##kind##_file, theta),                     \
+                                        .file_epochs = offsetof(lg_##kind##_file, epochs_done),              \
+                                        .file_history = offsetof(lg_##kind##_file, history),                 \
+                                        .file_provenance = offsetof(lg_##kind##_file, provenance),           \
+                                        .put_rest = put_rest,                                                \
+                                        .get_rest = get_rest,                                                \
+                                        .release = release,                                                  \
+                                        __VA_ARGS__};                                                        \
                                                                                                              \
     lg_status lg_model_save_##kind(const lg_context *context, const char *path,                              \
                                    const lg_##kind##_file *file, const lg_fit *fit, lg_error *error) {       \
-        return lg_run_save(context, path, &lg_run_##kind, file, fit, error);                                 \
+        return lg_run_save(context, path, &lg_recipe_##kind, file, fit, error);                              \
     }                                                                                                        \
                                                                                                              \
     lg_status lg_model_load_##kind(const lg_context *context, const char *path,                              \
@@ -107,7 +119,7 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
         if (path == NULL || out == NULL)                                                                     \
             return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");                         \
         lg_##kind##_file made = {.context = context};                                                        \
-        LG_TRY(lg_run_load(context, path, options, &lg_run_##kind, &made, error));                           \
+        LG_TRY(lg_run_load(context, path, options, &lg_recipe_##kind, &made, error));                        \
         *out = made;                                                                                         \
         return LG_OK;                                                                                        \
     }
