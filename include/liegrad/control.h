@@ -163,7 +163,7 @@ typedef struct lg_ekf lg_ekf; /* in the caller's memory; one thread at a time */
 /* Bytes for this model, scheme and number of sensors; 0: lg_ekf_init would refuse them. */
 LG_API size_t lg_ekf_size(const lg_model *model, const lg_scheme *scheme, size_t sensor_count);
 /* The model must outlive the filter; arrays of the options are copied. Allocates nothing. Errors:
- * LG_UNSUPPORTED (as lg_model_stepper_init, lg_model_retract; positions or velocities of a model that is no
+ * LG_UNSUPPORTED (as lg_model_stepper_init; positions or velocities of a model that is no
  * machine), LG_INVALID_ARGUMENT (memory, an index or noise of a sensor, P or W not symmetric to 1e-8 or not
  * positive semidefinite), LG_NOT_FINITE. */
 LG_API lg_status lg_ekf_init(const lg_model *model, const lg_ekf_options *options, lg_ekf **out, void *memory,

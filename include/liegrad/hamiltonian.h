@@ -138,11 +138,6 @@ struct lg_hamiltonian_family {
     /* Separable systems, for splitting schemes: -dH/dq + input from q, dH/dp from p. Both or NULL. */
     lg_var (*force)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
     lg_var (*drift)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
-    /* Coordinates of the tangent space, `tangent` for each of the n: the columns of basis (d, r) are their
-     * directions; c (r) are the coordinates of an ambient vector (d). NULL: those of R^d. */
-    uint32_t tangent;
-    void (*basis)(uint32_t n, const double *state, double *basis);
-    void (*coordinates)(uint32_t n, const double *state, const double *vector, double *c);
     /* Whether trajectories of the system can be learned, and with which n. */
     bool (*learns)(const lg_system *system, size_t *n);
     /* Distance of one copy of the state from the manifold, relative to its momentum. NULL: every state lies

@@ -56,8 +56,19 @@ typedef struct lg_space_entry {
     void (*project)(size_t count, double *y); /* to the nearby point of the manifold, in place */
     double (*manifold_error)(size_t count, const double *y); /* largest violation of a constraint, absolute */
     double (*angle)(size_t count, const double *a);          /* largest |u| of the rotations in a; 0 on R^n */
+    /* Tangent coordinates c; the functions at lg_space_basis say which. Where tangent = state, on R^n and the
+     * duals, c is the vector itself and the rest is NULL. */
+    size_t tangent; /* numbers in c of one copy */
+    /* Of one copy, (state, tangent) with rows `stride` apart. */
+    void (*basis)(const double *y, size_t stride, double *directions);
+    void (*coordinates)(size_t count, const double *y, const double *vector, double *c);
+    void (*lift)(size_t count, const double *y, const double *vector,
+                 double *a); /* the algebra element whose generator at y is the tangent `vector` */
+    void (*carry)(size_t count, const double *a, const double *vector,
+                  double *out); /* exp(a) on tangent vectors: the derivative of `act` */
 } lg_space_entry;
 
+#define LG_SPACE_MAX_STATE   12
 #define LG_SPACE_MAX_ALGEBRA 12
 #define LG_SPACE_MAX_FACTORS 8
 
@@ -73,6 +84,7 @@ typedef struct lg_space {
     lg_space_factor factor[LG_SPACE_MAX_FACTORS];
     size_t dim;         /* numbers in a state */
     size_t algebra_dim; /* numbers in an algebra element */
+    size_t tangent_dim; /* numbers in the coordinates of a tangent vector */
 } lg_space;
 
 /* The entry of a kind; NULL outside the enumeration. Static, constant. */
@@ -112,6 +124,25 @@ LG_API void lg_space_project(const lg_space *space, double *y);
 LG_API double lg_space_manifold_error(const lg_space *space, const double *y);
 /* Largest rotation angle |u| in a; NaN when a holds NaN. */
 LG_API double lg_space_angle(const lg_space *space, const double *a);
+
+/* Tangent coordinates c (tangent_dim) of ambient vectors at y, factor after factor, copy after copy:
+ *   R^n, so(3)*, se(3)*  c is the vector
+ *   T*S^2   c = (a_1, a_2, b_1, b_2): dq = a_1 e_1 + a_2 e_2, dp = b_1 e_1 + b_2 e_2 - q (dq.p);
+ *           a_j = e_j.dq, b_j = e_j.dp. e_1 is the coordinate axis of the smallest |component| of q (the
+ *           first of equals), made orthogonal to q and of length 1; e_2 = q x e_1.
+ *   SO(3)   c is a rotation vector in the body: dR = R hat(c); c is the vector of the skew part of R^T dR.
+ *   SE(3)   c = (rotation vector as on SO(3), dr)
+ *
+ * basis (dim, tangent_dim): column j is the tangent vector with c = (0 .. 1 .. 0). The coordinates of a
+ * vector that is not tangent are those of a part of it. */
+LG_API void lg_space_basis(const lg_space *space, const double *y, double *basis);
+LG_API void lg_space_coordinates(const lg_space *space, const double *y, const double *vector, double *c);
+/* out: the point to which a step along the tangent `vector` (dim) leads: exp(a) . y with the algebra element
+ * a whose generator at y is `vector`; on R^n and the duals y + vector. It is on the manifold; out may be y.
+ * `carried` (tangent_dim, tangent_dim) or NULL: the map from coordinates at y to coordinates at `out` of
+ * tangent vectors that exp(a) moves along; on R^n and the duals the unit matrix. */
+LG_API void lg_space_retract(const lg_space *space, const double *y, const double *vector, double *out,
+                             double *carried);
 
 /* ---- Differential equations ---- */
 

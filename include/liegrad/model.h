@@ -81,9 +81,9 @@ LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y,
 
 /* ---- Hamiltonians and machines in a loop (other kinds: sizes 0, LG_UNSUPPORTED) ----
  *
- * State, input, field and tangent coordinates follow from the row of the model's family
- * (lg_hamiltonian_family). `factor` and `layout` give the state, `forces` and `field` the input u and the
- * algebra element, `tangent`, `basis` and `coordinates` the linearisation. Of the library's families:
+ * State, input and field follow from the row of the model's family (lg_hamiltonian_family). `factor` and
+ * `layout` give the state, `forces` and `field` the input u and the algebra element. Tangent coordinates are
+ * those of the space (lg_space_basis). Of the library's families:
  *   chain      u = (tau_1, ..., tau_k), 3k: spatial torques about the links' own joints, conjugate to their
  *              angular velocities; p_i' gets tau_i x q_i, the algebra element eta_i gets tau_i
  *   separable  u = forces (n): p' = -dV/dq + u
@@ -121,14 +121,10 @@ LG_API lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *s
 
 /* ---- linearisation, for LQR, a filter, an observer ----
  *
- * Coordinates c (r) of states near y: y + basis c to first order, r = tangent n. A family without `basis` has
- * c = dy; for separable systems that is (dq, dp). Chains have r = 4k: for link i, with e_1, e_2 orthonormal
- * and orthogonal to q_i, c_i = (a_1, a_2, b_1, b_2) means
- *   dq_i = a_1 e_1 + a_2 e_2,  dp_i = b_1 e_1 + b_2 e_2 - q_i (dq_i.p_i);  a_j = e_j.dq_i, b_j = e_j.dp_i.
- * e_1 is the coordinate axis of the smallest |component| of q_i, made orthogonal to q_i; e_2 = q_i x e_1.
- * Machines have, in the order of the state, places as they are, 4 numbers of each direction as a link of a
- * chain, 3 of each rotation and momenta as they are. Those of a rotation are a rotation vector a in the body:
- * dR = R hat(a), the vector of the skew part of R^T dR.
+ * Coordinates c (r) of states near y: y + basis c to first order, with the basis of lg_space_basis. On R^n,
+ * where separable systems and places and momenta of machines are, c is dy. A chain has r = 4k: for link i,
+ * c_i = (a_1, a_2, b_1, b_2) as on T*S^2. Coordinates of machines are in the order of the state: 4 of each
+ * direction, 3 of each rotation, a rotation vector in the body.
  */
 LG_API size_t lg_model_tangent_dim(const lg_model *model); /* r */
 /* c' = A c + B du to first order at (state, input), with the frames e_1, e_2 and R held fixed (at an
@@ -137,21 +133,18 @@ LG_API size_t lg_model_tangent_dim(const lg_model *model); /* r */
  * not differences. */
 LG_API lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input,
                                     double *A, double *B, double *basis, void *work);
-/* The coordinates c (r) of `other` - `state`; for chains a_j and b_j above, in the frame at `state`. Of
+/* The coordinates c (r) of `other` - `state` (lg_space_coordinates); for chains in the frame at `state`. Of
  * rotations S = other and R = state it is 1/2 vee(R^T S - S^T R): the axis times the sine of the angle. */
 LG_API lg_status lg_model_deviation(const lg_model *model, const double *state, const double *other,
                                     double *c, void *work);
 
-/* out: the state that a step along c (r) leads to from `state`: exp(a) . state with the algebra element a
- * whose generator there is basis c. It is on the manifold, and its deviation is c to first order; on R^d it
- * is state + c. LG_UNSUPPORTED, also: a family whose space has other factors than R^n, T*S^2 and SO(3). `out`
- * may be `state`. */
+/* out: the state that a step along c (r) leads to from `state`: lg_space_retract of basis c. It is on the
+ * manifold, and its deviation is c to first order; on R^d it is state + c. `out` may be `state`. */
 LG_API lg_status lg_model_retract(const lg_model *model, const double *state, const double *c, double *out,
                                   void *work);
 /* Moves `state` (in/out) to the nearest place where it stays under `input` (NULL: zero): Newton's method for
  * c' = 0, damped, where several directions are free the shortest step. *drift (may be NULL): the largest
- * |c'_i| left. LG_NO_CONVERGENCE: |c'| stays above 1e-9 |A|_F; LG_UNSUPPORTED as lg_model_retract; `state` is
- * then as before. */
+ * |c'_i| left. LG_NO_CONVERGENCE: |c'| stays above 1e-9 |A|_F; `state` is then as before. */
 LG_API lg_status lg_model_equilibrium(const lg_model *model, const double *input, double *state,
                                       double *drift, void *work);
 

@@ -13,8 +13,8 @@ struct lg_ekf {
     bool exact; /* all sensors are numbers of the state */
     lg_sensor *sensors;
     double *state, *root, *noise; /* (d), L (r, r), W^1/2 (r, r) */
-    /* Of one call: states, velocities and algebra elements (d); coordinates (r). */
-    double *next, *middle, *from, *to, *algebra, *column, *c;
+    /* Of one call: states and velocities (d); coordinates (r). */
+    double *next, *middle, *from, *to, *column, *c;
     double *J, *basis, *stage, *slope, *X; /* (d, d); (d, r) */
     double *F, *array;                     /* (r, r); (r, 2 r) or (k + r, k + r) */
     double *H, *nu, *high, *low;           /* (k, r), (k) */
@@ -31,7 +31,7 @@ static size_t plan_memory(const lg_model *model, const lg_scheme *scheme, size_t
     lg_portions from = {memory, 0};
     const size_t d = model->inputs, r = lg_model_tangent_dim(model), side = k + r;
     const size_t array = side * side > 2 * r * r ? side * side : 2 * r * r;
-    double **const states[] = {&e->state, &e->next, &e->middle, &e->from, &e->to, &e->algebra, &e->column};
+    double **const states[] = {&e->state, &e->next, &e->middle, &e->from, &e->to, &e->column};
     double **const frames[] = {&e->basis, &e->stage, &e->slope, &e->X};
     double **const squares[] = {&e->root, &e->noise, &e->F};
     double **const measured[] = {&e->nu, &e->high, &e->low};
@@ -127,9 +127,6 @@ lg_status lg_ekf_init(const lg_model *model, const lg_ekf_options *options, lg_e
         return lg_fail(error, LG_NOT_FINITE, "the state is not finite");
     memcpy(e->state, options->state, e->d * sizeof *e->state);
     memcpy(e->sensors, options->sensors, k * sizeof *e->sensors);
-    memset(e->column, 0, e->d * sizeof *e->column);
-    if (lg_space_lift(&model->motion.space, e->state, e->column, e->algebra) != LG_OK)
-        return lg_fail(error, LG_UNSUPPORTED, "the model's space is not made of R^n, T*S^2 and SO(3)");
     const size_t room = lg_model_stepper_size(model, options->scheme);
     LG_TRY(lg_model_stepper_init(model, options->scheme, &e->stepper, stepper, room));
     *out = e;
@@ -152,7 +149,7 @@ void lg_ekf_covariance(const lg_ekf *ekf, double *P) {
 static void coordinates(const lg_ekf *e, const double *state, const double *X, double *out) {
     for (size_t j = 0; j < e->r; j++) {
         for (size_t i = 0; i < e->d; i++) e->column[i] = X[i * e->r + j];
-        e->model->motion.coordinates(e->model, state, e->column, e->c);
+        lg_space_coordinates(&e->model->space, state, e->column, e->c);
         for (size_t i = 0; i < e->r; i++) out[i * e->r + j] = e->c[i];
     }
 }
@@ -170,7 +167,7 @@ static void stage(const lg_ekf *e, double ahead, double weight) {
 /* X = (d next/d state) basis(state) by the classical method; to `next` from `state` in h. */
 static void flow_derivative(const lg_ekf *e, double h, const double *input) {
     const size_t d = e->d, bytes = d * e->r * sizeof *e->X;
-    e->model->motion.basis(e->model, e->state, e->basis);
+    lg_space_basis(&e->model->space, e->state, e->basis);
     memcpy(e->X, e->basis, bytes);
     memset(e->slope, 0, bytes);
     lg_model_velocity(e->model, e->state, input, e->from, e->J, e->work);
@@ -178,7 +175,7 @@ static void flow_derivative(const lg_ekf *e, double h, const double *input) {
     lg_model_velocity(e->model, e->next, input, e->to, NULL, e->work);
     for (size_t i = 0; i < d; i++)
         e->middle[i] = 0.5 * (e->state[i] + e->next[i]) + h / 8.0 * (e->from[i] - e->to[i]);
-    lg_space_project(&e->model->motion.space, e->middle);
+    lg_space_project(&e->model->space, e->middle);
     lg_model_velocity(e->model, e->middle, input, NULL, e->J, e->work);
     stage(e, 0.5 * h, h / 3.0);
     stage(e, 0.5 * h, h / 3.0);
@@ -266,14 +263,12 @@ static double correction(const lg_ekf *e) {
 /* next = the state moved by c; root = L+, moved with it. */
 static lg_status move(lg_ekf *e) {
     const size_t d = e->d, r = e->r, side = e->k + r;
-    const lg_space *space = &e->model->motion.space;
+    const lg_space *space = &e->model->space;
     lg_matrix_multiply(d, 1, r, e->basis, e->c, e->from);
-    LG_TRY(lg_space_lift(space, e->state, e->from, e->algebra));
-    lg_space_act(space, e->algebra, e->state, e->next);
+    const bool flat = lg_space_is_abelian(space);
+    lg_space_retract(space, e->state, e->from, e->next, flat ? NULL : e->F);
     const double *lower = e->array + e->k * side + e->k;
-    if (lg_space_is_abelian(space)) return commit(e, lower, side);
-    lg_space_push(space, e->algebra, r, e->basis, e->column);
-    coordinates(e, e->next, e->basis, e->F);
+    if (flat) return commit(e, lower, side);
     /* L+ is compact in X, its product with F in the stage: both have d r >= r r numbers. */
     for (size_t i = 0; i < r; i++) memcpy(e->X + i * r, lower + i * side, r * sizeof *e->X);
     lg_matrix_multiply(r, r, r, e->F, e->X, e->stage);
@@ -285,7 +280,7 @@ lg_status lg_ekf_update(lg_ekf *ekf, const double *z, double *nis) {
     LG_NEEDS(NULL, ekf, z);
     lg_ekf *e = ekf;
     if (!lg_kernels_for(LG_F64)->all_finite(e->k, z)) return LG_NOT_FINITE;
-    e->model->motion.basis(e->model, e->state, e->basis);
+    lg_space_basis(&e->model->space, e->state, e->basis);
     measure_derivative(e);
     measure(e, e->state, e->nu);
     for (size_t i = 0; i < e->k; i++) {

@@ -1,7 +1,6 @@
 /* Family "chain": pendulum chains on (T*S^2)^n; liegrad/hamiltonian.h has the formulas. Parts q, p, v, g: (B,
  * n, 3). */
 #include <math.h>
-#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/geometry.h"
@@ -157,45 +156,6 @@ static void velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
     out[0] = to_q;
 }
 
-/* ---- coordinates of the tangent space ---- */
-
-/* e_1: the coordinate axis of least |q_i| (the first of equals), made orthogonal to q; e_2 = q x e_1. */
-static void frame_at(const double *q, double e[2][3]) {
-    size_t least = 0;
-    for (size_t c = 1; c < 3; c++)
-        if (fabs(q[c]) < fabs(q[least])) least = c;
-    for (size_t c = 0; c < 3; c++) e[0][c] = (c == least ? 1.0 : 0.0) - q[least] * q[c];
-    const double length = sqrt(lg_dot3(e[0], e[0]));
-    for (size_t c = 0; c < 3; c++) e[0][c] /= length;
-    lg_cross3(q, e[0], e[1]);
-}
-
-/* Columns a_1, a_2, b_1, b_2 of each link: dq = e_j, dp = -q (e_j.p); dp = e_j. */
-static void basis(uint32_t n, const double *state, double *out) {
-    const size_t r = 4 * (size_t)n;
-    memset(out, 0, 6 * n * r * sizeof *out);
-    for (size_t link = 0; link < n; link++) {
-        const double *q = state + 6 * link;
-        double e[2][3];
-        frame_at(q, e);
-        for (size_t j = 0; j < 2; j++)
-            for (size_t c = 0; c < 3; c++) {
-                double *dq = out + (6 * link + c) * r + 4 * link, *dp = dq + 3 * r;
-                dq[j] = e[j][c];
-                dp[j] = -q[c] * lg_dot3(e[j], q + 3);
-                dp[2 + j] = e[j][c];
-            }
-    }
-}
-
-static void coordinates(uint32_t n, const double *state, const double *vector, double *c) {
-    for (size_t link = 0; link < n; link++) {
-        double e[2][3];
-        frame_at(state + 6 * link, e);
-        for (size_t j = 0; j < 4; j++) c[4 * link + j] = lg_dot3(e[j % 2], vector + 6 * link + 3 * (j / 2));
-    }
-}
-
 /* ---- data ---- */
 
 static bool learns(const lg_system *system, size_t *n) {
@@ -238,9 +198,6 @@ const lg_hamiltonian_family lg_hamiltonian_chain = {
     .gradient_on_manifold = gradient_on_manifold,
     .field = field,
     .velocity = velocity,
-    .tangent = 4,
-    .basis = basis,
-    .coordinates = coordinates,
     .learns = learns,
     .off_manifold = off_manifold,
     .manifold = "|q| = 1 and q.p = 0",

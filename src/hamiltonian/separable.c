@@ -63,6 +63,5 @@ const lg_hamiltonian_family lg_hamiltonian_separable = {
     .field = field,
     .force = force,
     .drift = drift,
-    .tangent = 2,
     .learns = learns,
 };

@@ -133,6 +133,49 @@ static void ts2_gradient(size_t count, const double *y, double *g) {
     }
 }
 
+/* e_1, e_2 of liegrad/integrators.h. */
+static void frame_at(const double *q, double e[2][3]) {
+    size_t least = 0;
+    for (size_t c = 1; c < 3; c++)
+        if (fabs(q[c]) < fabs(q[least])) least = c;
+    for (size_t c = 0; c < 3; c++) e[0][c] = (c == least ? 1.0 : 0.0) - q[least] * q[c];
+    const double length = sqrt(lg_dot3(e[0], e[0]));
+    for (size_t c = 0; c < 3; c++) e[0][c] /= length;
+    lg_cross3(q, e[0], e[1]);
+}
+
+static void ts2_basis(const double *y, size_t stride, double *directions) {
+    double e[2][3];
+    frame_at(y, e);
+    for (size_t j = 0; j < 2; j++)
+        for (size_t c = 0; c < 3; c++) {
+            double *dq = directions + stride * c, *dp = dq + 3 * stride;
+            dq[j] = e[j][c];
+            dq[2 + j] = 0.0;
+            dp[j] = -y[c] * lg_dot3(e[j], y + 3);
+            dp[2 + j] = e[j][c];
+        }
+}
+
+static void ts2_coordinates(size_t count, const double *y, const double *vector, double *c) {
+    for (size_t i = 0; i < count; i++, y += 6, vector += 6, c += 4) {
+        double e[2][3];
+        frame_at(y, e);
+        for (size_t j = 0; j < 4; j++) c[j] = lg_dot3(e[j % 2], vector + 3 * (j / 2));
+    }
+}
+
+/* (u x q, u x p + v x q) = (dq, dp), u and v orthogonal to q: u = q x dq, v = q x (dp - u x p). */
+static void ts2_lift(size_t count, const double *y, const double *vector, double *a) {
+    for (size_t i = 0; i < count; i++, y += 6, vector += 6, a += 6) {
+        double rest[3];
+        lg_cross3(y, vector, a);
+        lg_cross3(a, y + 3, rest);
+        for (int j = 0; j < 3; j++) rest[j] = vector[3 + j] - rest[j];
+        lg_cross3(y, rest, a + 3);
+    }
+}
+
 /* ---- rotation matrices: SO(3), SE(3) ---- */
 
 enum { SO3_STATE = 9, SE3_STATE = 12 };
@@ -257,6 +300,75 @@ static void se3_gradient(size_t count, const double *y, double *g) {
     for (size_t i = 0; i < count; i++) rotation_gradient(y + SE3_STATE * i, g + SE3_STATE * i);
 }
 
+/* dR = R hat(c): column j of dR is R (c x e_j). */
+static void so3_basis(const double *R, size_t stride, double *directions) {
+    for (size_t row = 0; row < 3; row++)
+        for (size_t j = 0; j < 3; j++) {
+            const size_t k = (j + 1) % 3, l = (j + 2) % 3; /* e_k x e_j = -e_l, e_l x e_j = e_k */
+            double *out = directions + stride * (3 * row + j);
+            out[j] = 0.0;
+            out[k] = -R[3 * row + l];
+            out[l] = R[3 * row + k];
+        }
+}
+
+static void rotation_coordinates(const double *R, const double *dR, double *c) {
+    double a[9];
+    for (size_t i = 0; i < 3; i++)
+        for (size_t j = 0; j < 3; j++)
+            a[3 * i + j] = R[i] * dR[j] + R[3 + i] * dR[3 + j] + R[6 + i] * dR[6 + j];
+    c[0] = 0.5 * (a[7] - a[5]);
+    c[1] = 0.5 * (a[2] - a[6]);
+    c[2] = 0.5 * (a[3] - a[1]);
+}
+
+/* dR = hat(u) R: u = R c with dR = R hat(c). */
+static void rotation_lift(const double *R, const double *dR, double *u) {
+    double c[3];
+    rotation_coordinates(R, dR, c);
+    for (int i = 0; i < 3; i++) u[i] = R[3 * i] * c[0] + R[3 * i + 1] * c[1] + R[3 * i + 2] * c[2];
+}
+
+static void so3_coordinates(size_t count, const double *y, const double *vector, double *c) {
+    for (size_t i = 0; i < count; i++)
+        rotation_coordinates(y + SO3_STATE * i, vector + SO3_STATE * i, c + 3 * i);
+}
+
+static void so3_lift(size_t count, const double *y, const double *vector, double *a) {
+    for (size_t i = 0; i < count; i++) rotation_lift(y + SO3_STATE * i, vector + SO3_STATE * i, a + 3 * i);
+}
+
+static void se3_basis(const double *y, size_t stride, double *directions) {
+    for (size_t i = 0; i < SE3_STATE; i++) memset(directions + stride * i, 0, 6 * sizeof *directions);
+    so3_basis(y, stride, directions);
+    for (size_t i = 0; i < 3; i++) directions[stride * (9 + i) + 3 + i] = 1.0;
+}
+
+static void se3_coordinates(size_t count, const double *y, const double *vector, double *c) {
+    for (size_t i = 0; i < count; i++, y += SE3_STATE, vector += SE3_STATE, c += 6) {
+        rotation_coordinates(y, vector, c);
+        memcpy(c + 3, vector + 9, 3 * sizeof *c);
+    }
+}
+
+/* dr = u x r + v */
+static void se3_lift(size_t count, const double *y, const double *vector, double *a) {
+    for (size_t i = 0; i < count; i++, y += SE3_STATE, vector += SE3_STATE, a += 6) {
+        double turned[3];
+        rotation_lift(y, vector, a);
+        lg_cross3(a, y + 9, turned);
+        for (int j = 0; j < 3; j++) a[3 + j] = vector[9 + j] - turned[j];
+    }
+}
+
+/* A shift of r does not change dr. */
+static void se3_carry(size_t count, const double *a, const double *vector, double *out) {
+    for (size_t i = 0; i < count; i++, a += 6, vector += SE3_STATE, out += SE3_STATE) {
+        const double turn[6] = {a[0], a[1], a[2], 0.0, 0.0, 0.0};
+        se3_act(1, turn, vector, out);
+    }
+}
+
 /* ---- dual spaces ---- */
 
 /* exp(hat(u)) by a quaternion q = (scalar, v): x + k (scalar v x x + v x (v x x)) is a rotation for any q
@@ -333,17 +445,19 @@ static double se3_dual_manifold_error(size_t count, const double *y) {
 
 static const lg_space_entry rows[LG_SPACE_KINDS] = {
     [LG_SPACE_RN] = {"R^n", 1, 1, true, rn_act, rn_generator, NULL, NULL, free_project, rn_manifold_error,
-                     rn_angle},
+                     rn_angle, .tangent = 1},
     [LG_SPACE_TS2] = {"T*S^2", 6, 6, false, ts2_act, ts2_generator, se3_bracket, se3_dexpinv, ts2_project,
-                      ts2_manifold_error, se3_angle},
+                      ts2_manifold_error, se3_angle, 4, ts2_basis, ts2_coordinates, ts2_lift, ts2_act},
     [LG_SPACE_SO3] = {"SO(3)", SO3_STATE, 3, false, so3_act, so3_generator, so3_bracket, so3_dexpinv,
-                      so3_project, so3_manifold_error, so3_angle},
+                      so3_project, so3_manifold_error, so3_angle, 3, so3_basis, so3_coordinates, so3_lift,
+                      so3_act},
     [LG_SPACE_SE3] = {"SE(3)", SE3_STATE, 6, false, se3_act, se3_generator, se3_bracket, se3_dexpinv,
-                      se3_project, se3_manifold_error, se3_angle},
+                      se3_project, se3_manifold_error, se3_angle, 6, se3_basis, se3_coordinates, se3_lift,
+                      se3_carry},
     [LG_SPACE_SO3_DUAL] = {"so(3)*", 3, 3, false, so3_dual_act, so3_dual_generator, so3_bracket, so3_dexpinv,
-                           free_project, so3_dual_manifold_error, so3_angle},
+                           free_project, so3_dual_manifold_error, so3_angle, .tangent = 3},
     [LG_SPACE_SE3_DUAL] = {"se(3)*", 6, 6, false, se3_dual_act, ts2_generator, se3_bracket, se3_dexpinv,
-                           free_project, se3_dual_manifold_error, se3_angle},
+                           free_project, se3_dual_manifold_error, se3_angle, .tangent = 6},
 };
 
 /* In place: an ambient gradient g at y, orthogonally onto the tangent space. */
@@ -368,6 +482,7 @@ lg_status lg_space_init(lg_space *space, const lg_space_factor *factors, size_t 
         result.factor[i] = factors[i];
         result.dim += row->state * factors[i].count;
         result.algebra_dim += row->algebra * factors[i].count;
+        result.tangent_dim += row->tangent * factors[i].count;
     }
     *space = result;
     return LG_OK;
@@ -479,6 +594,81 @@ double lg_space_angle(const lg_space *space, const double *a) {
         if (!isnan(angle)) angle = worse(angle, row->angle(n, a + in));
     }
     return angle;
+}
+
+/* ---- tangent coordinates ---- */
+
+/* `basis` and `carried` have a block for each copy along their diagonals; a pointer walks from block to
+ * block. */
+
+/* Returns where the next block begins. */
+static double *place_unit(size_t n, size_t stride, double *out) {
+    for (size_t i = 0; i < n; i++, out += stride + 1) *out = 1.0;
+    return out;
+}
+
+void lg_space_basis(const lg_space *space, const double *y, double *basis) {
+    const size_t r = space->tangent_dim;
+    memset(basis, 0, space->dim * r * sizeof *basis);
+    FOR_FACTORS(space, row, n, at, in) {
+        if (row->basis == NULL) basis = place_unit(n * row->state, r, basis);
+        for (size_t i = 0; i < n && row->basis != NULL; i++, basis += row->state * r + row->tangent)
+            row->basis(y + at + i * row->state, r, basis);
+    }
+}
+
+void lg_space_coordinates(const lg_space *space, const double *y, const double *vector, double *c) {
+    FOR_FACTORS(space, row, n, at, in) {
+        if (row->coordinates == NULL)
+            memcpy(c, vector + at, n * row->state * sizeof *c);
+        else
+            row->coordinates(n, y + at, vector + at, c);
+        c += n * row->tangent;
+    }
+}
+
+/* The block of one copy, (tangent, tangent) with rows `stride` apart. */
+static void carry_copy(const lg_space_entry *row, const double *y, const double *vector, size_t stride,
+                       double *block) {
+    double a[LG_SPACE_MAX_ALGEBRA], next[LG_SPACE_MAX_STATE], column[LG_SPACE_MAX_STATE];
+    double basis[LG_SPACE_MAX_STATE * LG_SPACE_MAX_STATE], c[LG_SPACE_MAX_STATE];
+    row->lift(1, y, vector, a);
+    row->act(1, a, y, next);
+    row->basis(y, row->tangent, basis);
+    for (size_t j = 0; j < row->tangent; j++) {
+        for (size_t i = 0; i < row->state; i++) column[i] = basis[i * row->tangent + j];
+        row->carry(1, a, column, column);
+        row->coordinates(1, next, column, c);
+        for (size_t i = 0; i < row->tangent; i++) block[i * stride + j] = c[i];
+    }
+}
+
+enum { AT_ONCE = 8 }; /* copies */
+
+static void move_copies(const lg_space_entry *row, size_t count, const double *y, const double *vector,
+                        double *out) {
+    double a[AT_ONCE * LG_SPACE_MAX_ALGEBRA];
+    for (size_t i = 0; i < count; i += AT_ONCE) {
+        const size_t n = count - i < AT_ONCE ? count - i : AT_ONCE, at = i * row->state;
+        row->lift(n, y + at, vector + at, a);
+        row->act(n, a, y + at, out + at);
+    }
+}
+
+void lg_space_retract(const lg_space *space, const double *y, const double *vector, double *out,
+                      double *carried) {
+    const size_t r = space->tangent_dim;
+    if (carried != NULL) memset(carried, 0, r * r * sizeof *carried);
+    FOR_FACTORS(space, row, n, at, in) {
+        const bool moves = row->lift != NULL;
+        if (carried != NULL && !moves) carried = place_unit(n * row->state, r, carried);
+        for (size_t i = 0; i < n && carried != NULL && moves; i++, carried += row->tangent * (r + 1))
+            carry_copy(row, y + at + i * row->state, vector + at + i * row->state, r, carried);
+        if (moves)
+            move_copies(row, n, y + at, vector + at, out + at);
+        else
+            rn_act(n * row->state, vector + at, y + at, out + at);
+    }
 }
 
 void lg_space_project_gradient(const lg_space *space, const double *y, double *g) {

@@ -5,7 +5,7 @@
 /* ---- the field ---- */
 
 size_t lg_model_input_dim(const lg_model *model) {
-    return lg_model_moves(model) ? model->motion.forces : 0;
+    return lg_model_moves(model) ? lg_plan_input_count(model->plan[LG_MODEL_FIELD], 1) : 0;
 }
 
 lg_status lg_model_field(const lg_model *model, const double *state, const double *input, double *field,
@@ -71,7 +71,7 @@ static lg_status ode_drift(void *user, double t, const double *p, const double *
 /* `work` may be NULL: the equation is then only looked at. */
 static lg_status ode_of(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work) {
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
-    lg_ode made = {.space = model->motion.space, .field = ode_field, .user = user};
+    lg_ode made = {.space = model->space, .field = ode_field, .user = user};
     if (model->plan[LG_MODEL_FORCE] != NULL) {
         LG_TRY(lg_space_init_rn(&made.space, made.space.dim));
         made.force = ode_force;

@@ -11,7 +11,7 @@
 #include "model/internal.h"
 
 size_t lg_model_tangent_dim(const lg_model *model) {
-    return lg_model_moves(model) ? model->motion.tangent : 0;
+    return lg_model_moves(model) ? model->space.tangent_dim : 0;
 }
 
 /* Arrays that follow the plans' work, in doubles. */
@@ -57,7 +57,7 @@ static void to_coordinates(const lg_model *model, const double *state, const dou
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     for (size_t j = 0; j < columns; j++) {
         for (size_t i = 0; i < d; i++) w->velocity[i] = matrix[i * columns + j];
-        model->motion.coordinates(model, state, w->velocity, w->c);
+        lg_space_coordinates(&model->space, state, w->velocity, w->c);
         for (size_t i = 0; i < r; i++) out[i * columns + j] = w->c[i];
     }
 }
@@ -71,7 +71,7 @@ static void fill_A(const lg_model *model, const double *state, const linear_part
             for (size_t k = 0; k < d; k++) sum += w->jx[i * d + k] * w->basis[k * r + j];
             w->velocity[i] = sum;
         }
-        model->motion.coordinates(model, state, w->velocity, w->c);
+        lg_space_coordinates(&model->space, state, w->velocity, w->c);
         for (size_t i = 0; i < r; i++) A[i * r + j] = w->c[i];
     }
 }
@@ -86,7 +86,7 @@ lg_status lg_model_linearise(const lg_model *model, const double *state, const d
     const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
     double *const y[] = {A != NULL ? w.jx : NULL, m > 0 && B != NULL ? w.ju : NULL};
     lg_model_run(model, LG_MODEL_LINEAR, x, y, work);
-    model->motion.basis(model, state, w.basis);
+    lg_space_basis(&model->space, state, w.basis);
     if (A != NULL) fill_A(model, state, &w, A);
     if (B != NULL) to_coordinates(model, state, w.ju, m, &w, B);
     if (basis != NULL) memcpy(basis, w.basis, d * r * sizeof *basis);
@@ -100,7 +100,7 @@ lg_status lg_model_deviation(const lg_model *model, const double *state, const d
     size_t doubles;
     const linear_parts w = parts_of(model, work, &doubles);
     for (size_t i = 0; i < model->inputs; i++) w.velocity[i] = other[i] - state[i];
-    model->motion.coordinates(model, state, w.velocity, c);
+    lg_space_coordinates(&model->space, state, w.velocity, c);
     return LG_OK;
 }
 
@@ -115,14 +115,14 @@ void lg_model_velocity(const lg_model *model, const double *state, const double 
     if (jacobian != NULL) lg_model_run(model, LG_MODEL_LINEAR, x, y, work);
     if (velocity == NULL) return;
     lg_model_run(model, LG_MODEL_FIELD, x, &field, work);
-    lg_space_generator(&model->motion.space, field, state, velocity);
+    lg_space_generator(&model->space, field, state, velocity);
 }
 
 void lg_model_drift(const lg_model *model, const double *state, const double *input, double *c, void *work) {
     size_t doubles;
     const linear_parts w = parts_of(model, work, &doubles);
     lg_model_velocity(model, state, input, w.velocity, NULL, work);
-    model->motion.coordinates(model, state, w.velocity, c);
+    lg_space_coordinates(&model->space, state, w.velocity, c);
 }
 
 /* ---- along coordinates ---- */
@@ -134,13 +134,12 @@ lg_status lg_model_retract(const lg_model *model, const double *state, const dou
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     size_t doubles;
     const linear_parts w = parts_of(model, work, &doubles);
-    model->motion.basis(model, state, w.basis);
+    lg_space_basis(&model->space, state, w.basis);
     for (size_t i = 0; i < d; i++) {
         w.velocity[i] = 0.0;
         for (size_t j = 0; j < r; j++) w.velocity[i] += w.basis[i * r + j] * c[j];
     }
-    LG_TRY(lg_space_lift(&model->motion.space, state, w.velocity, w.jx));
-    lg_space_act(&model->motion.space, w.jx, state, out);
+    lg_space_retract(&model->space, state, w.velocity, out, NULL);
     return LG_OK;
 }
 
@@ -199,8 +198,6 @@ lg_status lg_model_equilibrium(const lg_model *model, const double *input, doubl
                       at + 2 * d + 3 * r,
                       at + 2 * d + 3 * r + r * r};
     memcpy(s.at, state, d * sizeof *state);
-    memset(s.step, 0, r * sizeof *s.step);
-    LG_TRY(lg_model_retract(model, s.at, s.step, s.trial, work));
     lg_model_drift(model, s.at, input, s.drift, work);
     for (int iteration = 0; iteration < 200; iteration++) {
         LG_TRY(lg_model_linearise(model, s.at, input, s.A, NULL, NULL, work));

@@ -29,17 +29,17 @@ static lg_status make_plans(lg_model *model, const lg_program *bundle, lg_error 
     return LG_OK;
 }
 
-/* Makes a model from a bundle with value and grad, and destroys the bundle. `motion`: NULL for what does not
+/* Makes a model from a bundle with value and grad, and destroys the bundle. `space`: NULL for what does not
  * move. */
-static lg_status create(const lg_context *context, const lg_model_motion *motion, lg_program *bundle,
-                        lg_model **out, lg_error *error) {
+static lg_status create(const lg_context *context, const lg_space *space,
+                        lg_program *bundle, lg_model **out, lg_error *error) {
     lg_model *made = lg_alloc(context, 1, sizeof *made);
     lg_status status = LG_OUT_OF_MEMORY;
     if (made == NULL) {
         (void)lg_fail(error, status, "no memory for a model");
     } else {
         *made = (lg_model){.context = context};
-        if (motion != NULL) made->motion = *motion;
+        if (space != NULL) made->space = *space;
         status = make_plans(made, bundle, error);
     }
     if (status == LG_OK) {
@@ -60,20 +60,20 @@ lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamilt
                                       const double *theta, lg_model **out, lg_error *error) {
     LG_NEEDS(error, hamiltonian, theta, out);
     lg_program *bundle;
-    lg_model_motion motion;
-    LG_TRY(lg_model_hamiltonian_motion(hamiltonian, &motion));
+    lg_space space;
+    LG_TRY(lg_hamiltonian_space(hamiltonian->family, hamiltonian->n, &space));
     LG_TRY(lg_hamiltonian_bundle(context, hamiltonian, theta, &bundle, error));
-    return create(context, &motion, bundle, out, error);
+    return create(context, &space, bundle, out, error);
 }
 
 lg_status lg_model_create_machine(const lg_context *context, const lg_machine *machine, const double *theta,
                                   lg_model **out, lg_error *error) {
     LG_NEEDS(error, machine, out);
     lg_program *bundle;
-    lg_model_motion motion;
-    LG_TRY(lg_model_machine_motion(machine, &motion));
+    lg_space space;
+    LG_TRY(lg_machine_space(machine, &space));
     LG_TRY(lg_machine_bundle(context, machine, theta, &bundle, error));
-    return create(context, &motion, bundle, out, error);
+    return create(context, &space, bundle, out, error);
 }
 
 lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogate *surrogate,
@@ -111,7 +111,7 @@ void lg_model_destroy(lg_model *model) {
 /* ---- sizes ---- */
 
 const lg_space *lg_model_space(const lg_model *model) {
-    return lg_model_moves(model) ? &model->motion.space : NULL;
+    return lg_model_moves(model) ? &model->space : NULL;
 }
 
 size_t lg_model_parameters(const lg_model *model) {

@@ -75,7 +75,8 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
         assert_ok(lg_step(plain, t, sizes[i], y, input, b));
         assert_same(n, a, b, close);
         assert_close(lg_stepper_angle(packed), lg_stepper_angle(plain), close, 0.0);
-        const lg_space space = {1, {{LG_SPACE_TS2, copies}}, n, n};
+        lg_space space;
+        assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, copies}, 1));
         assert_true(lg_space_manifold_error(&space, a) <=
                     4e-15 * largest(n, b) + 4.0 * lg_space_manifold_error(&space, b));
         assert_true(data[0].calls <= data[1].calls); /* y is the end of its own last step, to the bit */

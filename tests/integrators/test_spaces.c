@@ -464,3 +464,231 @@ TEST("a start farther than rounding from the manifold keeps its distance: the ac
     lg_space_act(&space, a, zero, out);
     assert_all_close(out, zero, 6, 0.0, 0.0);
 }
+
+/* ---- tangent coordinates ---- */
+
+enum { ROOM = LG_SPACE_MAX_FACTORS * 3 * LG_SPACE_MAX_STATE, PRODUCTS = 80 };
+
+/* A product of all kinds of factors at a state where every copy is one of the hard ones. */
+typedef struct tangents {
+    lg_space space;
+    lg_rng rng;
+    double y[ROOM], size; /* the largest number of y, at least 1 */
+    double *basis;        /* (dim, tangent_dim) */
+} tangents;
+
+static void draw(lg_rng *rng, size_t n, double scale, double *x) {
+    for (size_t i = 0; i < n; i++) x[i] = scale * lg_rng_uniform_in(rng, -1.0, 1.0);
+}
+
+/* Poles, directions near them, and directions with equal components, where frames change. */
+static void hard_direction(lg_rng *rng, double *q) {
+    const uint64_t what = lg_rng_below(rng, 4), axis = lg_rng_below(rng, 3);
+    random_vector(rng, 3, q);
+    for (int i = 0; i < 3 && what > 0; i++) q[i] = what == 1 ? 0.0 : what == 2 ? 1e-9 * q[i] : 1.0;
+    if (what < 3) q[axis] = q[axis] < 0.0 ? -1.0 : 1.0;
+}
+
+static void hard_rotation(lg_rng *rng, double *R) {
+    double u[3];
+    random_vector(rng, 3, u);
+    const double angle = angles[lg_rng_below(rng, ANGLES)], norm = sqrt(lg_dot3(u, u));
+    for (int i = 0; i < 3; i++) u[i] *= angle / norm;
+    lg_so3_exp(u, R);
+}
+
+static void hard_copy(lg_rng *rng, lg_space_kind kind, double scale, double *y) {
+    draw(rng, lg_space_kind_entry(kind)->state, scale, y);
+    if (kind == LG_SPACE_TS2) hard_direction(rng, y);
+    if (kind == LG_SPACE_SO3 || kind == LG_SPACE_SE3) hard_rotation(rng, y);
+}
+
+/* The first products are a single kind each, of each scale. */
+static tangents *make_tangents(uint64_t number) {
+    static const double scales[] = {1.0, 1e-9, 1e9, 0.0}; /* of places and momenta */
+    tangents *t = lg_test_memory(sizeof *t);
+    lg_space_factor factors[LG_SPACE_MAX_FACTORS];
+    size_t count = 1, at = 0;
+    lg_rng_seed(&t->rng, 60, number);
+    const bool single = number < 4 * LG_SPACE_KINDS;
+    if (!single) count += lg_rng_below(&t->rng, LG_SPACE_MAX_FACTORS);
+    for (size_t f = 0; f < count; f++) {
+        const uint64_t kind = single ? number / 4 : lg_rng_below(&t->rng, LG_SPACE_KINDS);
+        factors[f] = (lg_space_factor){(lg_space_kind)kind, 1 + lg_rng_below(&t->rng, 3)};
+    }
+    assert_ok(lg_space_init(&t->space, factors, count));
+    for (size_t f = 0; f < count; f++)
+        for (size_t i = 0; i < factors[f].count; i++, at += lg_space_kind_entry(factors[f].kind)->state)
+            hard_copy(&t->rng, factors[f].kind, scales[number % 4], t->y + at);
+    lg_space_project(&t->space, t->y);
+    t->size = 1.0;
+    for (size_t i = 0; i < t->space.dim; i++) t->size = fmax(t->size, fabs(t->y[i]));
+    t->basis = TEST_ARRAY(double, t->space.dim * t->space.tangent_dim);
+    lg_space_basis(&t->space, t->y, t->basis);
+    return t;
+}
+
+/* basis c */
+static void combine(const tangents *t, const double *c, double *vector) {
+    const size_t r = t->space.tangent_dim;
+    for (size_t i = 0; i < t->space.dim; i++) {
+        vector[i] = 0.0;
+        for (size_t j = 0; j < r; j++) vector[i] += t->basis[i * r + j] * c[j];
+    }
+}
+
+static void column_of(const tangents *t, size_t j, double *out) {
+    for (size_t i = 0; i < t->space.dim; i++) out[i] = t->basis[i * t->space.tangent_dim + j];
+}
+
+TEST("columns of a basis are tangent and have the unit coordinates; every generator is made of them") {
+    for (uint64_t number = 0; number < PRODUCTS; number++) {
+        tangents *t = make_tangents(number);
+        double column[ROOM], flat[ROOM], c[ROOM], a[ROOM];
+        for (size_t j = 0; j < t->space.tangent_dim; j++) {
+            column_of(t, j, column);
+            lg_space_coordinates(&t->space, t->y, column, c);
+            for (size_t i = 0; i < t->space.tangent_dim; i++)
+                assert_close(c[i], i == j ? 1.0 : 0.0, 0.0, 1e-15 * t->size);
+            memcpy(flat, column, sizeof flat);
+            lg_space_project_gradient(&t->space, t->y, flat);
+            assert_all_close(flat, column, t->space.dim, 0.0, 3e-15 * t->size);
+        }
+        draw(&t->rng, t->space.algebra_dim, 1.0, a);
+        lg_space_generator(&t->space, a, t->y, flat);
+        lg_space_coordinates(&t->space, t->y, flat, c);
+        combine(t, c, column);
+        assert_all_close(column, flat, t->space.dim, 0.0, 3e-15 * t->size);
+    }
+}
+
+/* Differences of the constraints, which are of degree 2, in states of size 1. */
+TEST("along the columns of a basis the constraints do not change to first order") {
+    for (uint64_t number = 0; number < PRODUCTS; number++) {
+        tangents *t = make_tangents(number);
+        double column[ROOM], at[ROOM];
+        for (size_t j = 0; j < t->space.tangent_dim && t->size < 2.0; j++) {
+            column_of(t, j, column);
+            for (size_t i = 0; i < t->space.dim; i++) at[i] = t->y[i] + 1e-5 * column[i];
+            assert_true(lg_space_manifold_error(&t->space, at) < 5e-10);
+        }
+    }
+}
+
+TEST("the generator of a lift is the vector") {
+    for (uint64_t number = 0; number < PRODUCTS; number++) {
+        tangents *t = make_tangents(number);
+        double c[ROOM], vector[ROOM], a[ROOM], back[ROOM], *y = t->y, *v = vector;
+        draw(&t->rng, t->space.tangent_dim, 1.0, c);
+        combine(t, c, vector);
+        for (size_t f = 0; f < t->space.factors; f++) {
+            const lg_space_entry *row = lg_space_kind_entry(t->space.factor[f].kind);
+            const size_t n = t->space.factor[f].count;
+            assert_true((row->lift == NULL) == (row->tangent == row->state));
+            if (row->lift != NULL) {
+                row->lift(n, y, v, a);
+                row->generator(n, a, y, back);
+                assert_all_close(back, v, n * row->state, 0.0, 3e-15 * t->size);
+            }
+            y += n * row->state;
+            v += n * row->state;
+        }
+    }
+}
+
+TEST("a retraction stays on the manifold, and its derivative at 0 is the vector") {
+    for (uint64_t number = 0; number < PRODUCTS; number++) {
+        tangents *t = make_tangents(number);
+        double c[ROOM], vector[ROOM], step[ROOM] = {0}, sides[2][ROOM];
+        lg_space_retract(&t->space, t->y, step, sides[0], NULL);
+        assert_all_close(sides[0], t->y, t->space.dim, 0.0, 1e-15 * t->size);
+        draw(&t->rng, t->space.tangent_dim, 1.0, c);
+        combine(t, c, vector);
+        for (int side = 0; side < 2; side++) {
+            for (size_t i = 0; i < t->space.dim; i++) step[i] = (side == 0 ? 1e-5 : -1e-5) * vector[i];
+            memcpy(sides[side], t->y, sizeof t->y);
+            lg_space_retract(&t->space, sides[side], step, sides[side], NULL); /* in place */
+            assert_true(lg_space_manifold_error(&t->space, sides[side]) <= 2e-15 * t->size);
+        }
+        for (size_t i = 0; i < t->space.dim; i++)
+            assert_close((sides[0][i] - sides[1][i]) / 2e-5, vector[i], 0.0, 3e-10 * t->size);
+    }
+}
+
+/* exp(a) is affine: differences by the whole column are exact. */
+TEST("what a retraction carries are the columns moved by the group, in coordinates there") {
+    for (uint64_t number = 0; number < PRODUCTS; number++) {
+        tangents *t = make_tangents(number);
+        const size_t r = t->space.tangent_dim, d = t->space.dim;
+        double c[ROOM], vector[ROOM], out[ROOM], a[ROOM], sides[2][ROOM], *carried = TEST_ARRAY(double, r *r);
+        draw(&t->rng, r, 2.0, c);
+        combine(t, c, vector);
+        lg_space_retract(&t->space, t->y, vector, out, carried);
+        for (size_t j = 0; j < r; j++) {
+            size_t at = 0;
+            for (int side = 0; side < 2; side++) {
+                column_of(t, j, sides[side]);
+                for (size_t i = 0; i < d; i++)
+                    sides[side][i] = t->y[i] + (side == 0 ? 1.0 : -1.0) * sides[side][i];
+            }
+            for (size_t f = 0; f < t->space.factors; f++) {
+                const lg_space_entry *row = lg_space_kind_entry(t->space.factor[f].kind);
+                const size_t n = t->space.factor[f].count;
+                if (row->lift != NULL) row->lift(n, t->y + at, vector + at, a);
+                for (int side = 0; side < 2 && row->lift != NULL; side++)
+                    row->act(n, a, sides[side] + at, sides[side] + at);
+                at += n * row->state;
+            }
+            for (size_t i = 0; i < d; i++) sides[0][i] = 0.5 * (sides[0][i] - sides[1][i]);
+            lg_space_coordinates(&t->space, out, sides[0], c);
+            for (size_t i = 0; i < r; i++) assert_close(carried[i * r + j], c[i], 0.0, 1e-14 * t->size);
+        }
+    }
+}
+
+TEST("a copy's basis, coordinates and retraction are the same bits wherever it stands") {
+    for (size_t k = 0; k < CASES; k++) {
+        fixture f = make(&cases[k], COPIES), one = make(&cases[k], 1);
+        double y[MAX_STATE], vector[MAX_STATE], c[MAX_STATE], out[MAX_STATE], alone[MAX_STATE];
+        const size_t t = one.space.tangent_dim;
+        random_point(&f, y);
+        random_vector(&f.rng, f.dim, vector);
+        lg_space_coordinates(&f.space, y, vector, c);
+        lg_space_retract(&f.space, y, vector, out, NULL);
+        for (size_t i = 0; i < COPIES; i++) {
+            lg_space_coordinates(&one.space, y + i * one.dim, vector + i * one.dim, alone);
+            assert_memory_equal(alone, c + i * t, t * sizeof *c);
+            lg_space_retract(&one.space, y + i * one.dim, vector + i * one.dim, alone, NULL);
+            assert_memory_equal(alone, out + i * one.dim, one.dim * sizeof *out);
+        }
+    }
+}
+
+TEST("steps on S^2 are great circles, those on SO(3) turns about the axis in the body") {
+    lg_rng rng;
+    lg_rng_seed(&rng, 61, 0);
+    for (int repeat = 0; repeat < 20; repeat++) {
+        lg_space sphere, body;
+        double y[6], R[9], c[4], basis[36], vector[9], out[9], e[9], turn[9];
+        assert_ok(lg_space_init(&sphere, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
+        assert_ok(lg_space_init(&body, &(lg_space_factor){LG_SPACE_SO3, 1}, 1));
+        random_ts2(&rng, y);
+        random_rotation(&rng, R);
+        random_vector(&rng, 4, c);
+        lg_space_basis(&sphere, y, basis);
+        for (int i = 0; i < 6; i++) vector[i] = basis[4 * i] * c[0] + basis[4 * i + 1] * c[1];
+        lg_space_retract(&sphere, y, vector, out, NULL);
+        const double angle = sqrt(lg_dot3(vector, vector));
+        for (int i = 0; i < 3; i++)
+            assert_close(out[i], cos(angle) * y[i] + sin(angle) / angle * vector[i], 0.0, 1e-15);
+        lg_space_basis(&body, R, basis);
+        for (int i = 0; i < 9; i++)
+            vector[i] = basis[3 * i] * c[0] + basis[3 * i + 1] * c[1] + basis[3 * i + 2] * c[2];
+        lg_space_retract(&body, R, vector, out, NULL);
+        lg_so3_exp(c, turn);
+        for (int i = 0; i < 9; i++)
+            e[i] = R[i / 3 * 3] * turn[i % 3] + R[i / 3 * 3 + 1] * turn[3 + i % 3] +
+                   R[i / 3 * 3 + 2] * turn[6 + i % 3];
+        assert_all_close(out, e, 9, 0.0, 2e-15);
+    }
+}

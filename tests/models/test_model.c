@@ -15,7 +15,7 @@ TEST("a model has the sizes of its kind") {
         assert_int_equal(lg_model_outputs(s.b.model), 1);
         assert_int_equal(lg_model_parameters(s.b.model), lg_hamiltonian_parameters(&s.b.hamiltonian));
         assert_int_equal(s.m, s.n * row->forces);
-        assert_int_equal(s.r, s.n * row->tangent);
+        assert_int_equal(s.r, space_of(&s.b).tangent_dim);
     }
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
         const built b = build_surrogate((lg_surrogate_kind)kind);
