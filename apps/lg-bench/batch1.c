@@ -113,8 +113,7 @@ void bench_batch1(bench *b) {
     c.states = app_alloc(6 * STATES, sizeof *c.states);
     lg_rng_seed(&rng, 1, 1);
     lg_hamiltonian_initialise(&c.model, &rng, c.theta);
-    bench_check(b, lg_model_create_hamiltonian(b->app->context, &c.model, c.theta, &c.learned, NULL),
-                "making the model");
+    c.learned = bench_model(b, &c.model, c.theta);
     c.work = app_alloc(lg_model_work_size(c.learned), 1);
     fill_states(c.states);
     distribution(b, "value and gradient", &c, ask, calls);

@@ -4,6 +4,7 @@
 #define LG_APPS_BENCH_H
 
 #include "common/app.h"
+#include "liegrad/model.h"
 #include "liegrad/nn.h"
 #include "liegrad/tape.h"
 
@@ -78,6 +79,8 @@ void bench_note_add(bench_row *row, const char *name, double value);
 
 /* Says what failed and exits with the status' code, unless it is LG_OK. */
 void bench_check(const bench *b, lg_status status, const char *what);
+/* The model with these parameters; the caller destroys it. */
+lg_model *bench_model(const bench *b, const lg_hamiltonian *model, const double *theta);
 /* The same for whatever error stands on the tape. */
 void bench_check_tape(const bench *b, const lg_tape *tape);
 lg_tape *bench_tape(const bench *b, lg_dtype dtype, int threads);

@@ -99,6 +99,17 @@ static void close_learning(learning *l) {
     free(l->theta);
 }
 
+lg_model *bench_model(const bench *b, const lg_hamiltonian *model, const double *theta) {
+    lg_program *program;
+    lg_space space;
+    lg_model *out = NULL;
+    bench_check(b, lg_hamiltonian_space(model->family, model->n, &space), "making the model");
+    bench_check(b, lg_hamiltonian_program(b->app->context, model, theta, NULL, &program, NULL),
+                "making the model");
+    bench_check(b, lg_model_create(b->app->context, program, &space, &out, NULL), "making the model");
+    return out;
+}
+
 /* ---- E1: both flows integrated accurately, mean squared difference over all points ---- */
 
 static double e1(const bench *b, const learning *l, const double *theta) {
@@ -106,9 +117,7 @@ static double e1(const bench *b, const learning *l, const double *theta) {
     const size_t points = l->what->test_points, size = points * l->dim;
     double *t = app_alloc(points, sizeof *t), *truth = app_alloc(TEST * size, sizeof *truth);
     double *y = app_alloc(size, sizeof *y), energies[TEST], sum = 0;
-    lg_model *learned;
-    bench_check(b, lg_model_create_hamiltonian(b->app->context, &l->model, theta, &learned, NULL),
-                "making the model");
+    lg_model *learned = bench_model(b, &l->model, theta);
     void *work = app_alloc(lg_model_work_size(learned), 1);
     lg_model_user user;
     lg_ode ode;

@@ -82,7 +82,9 @@ static double growth_of_moves(const export_source *source, const exported_detect
         for (size_t i = 0; i < parameters; i++) theta[i] = model->theta[i] * (1 + sign_of(rng));
         lg_model_jacobian(model->learned, x, here, here + outputs, work);
         lg_model *moved = NULL;
-        if (lg_model_create_detector(NULL, &model->detector, &model->scaler, theta, &moved, NULL) != LG_OK)
+        lg_program *program;
+        if (lg_detector_program(NULL, &model->detector, &model->scaler, theta, &program, NULL) != LG_OK ||
+            lg_model_create(NULL, program, NULL, &moved, NULL) != LG_OK)
             continue;
         lg_model_jacobian(moved, x + n, there, there + outputs, work);
         lg_model_destroy(moved);

@@ -118,6 +118,13 @@ static void run_rows(const lg_table_file *file, const lg_model *model, const fit
     free(work);
 }
 
+lg_status table_model(const app *self, const lg_table_file *file, lg_model **out, lg_error *error) {
+    lg_program *program;
+    const lg_status status = lg_table_program(self->context, &file->run.model, &file->inputs, &file->outputs,
+                                              file->theta, &program, error);
+    return status == LG_OK ? lg_model_create(self->context, program, NULL, out, error) : status;
+}
+
 lg_status judge_rows(const app *self, const lg_table_file *file, const fit_table *table,
                      const uint32_t *chosen, size_t count, judgement *out, lg_error *error) {
     lg_model *model = NULL;
@@ -126,8 +133,7 @@ lg_status judge_rows(const app *self, const lg_table_file *file, const fit_table
                        .f1 = (double)NAN,
                        .scaled_rmse = (double)NAN};
     if (out->rows == 0) return LG_OK;
-    const lg_status status = lg_model_create_table(self->context, &file->run.model, &file->inputs,
-                                                   &file->outputs, file->theta, &model, error);
+    const lg_status status = table_model(self, file, &model, error);
     if (status != LG_OK) return status;
     make_arrays(file, out);
     run_rows(file, model, table, chosen, out);

@@ -139,8 +139,7 @@ static int run(app *self) {
     const column_names inputs = {file.run.model.net.inputs, file.input_name}, none = {0, NULL};
     code = read_table(self, self->arguments[1], &inputs, &none, NULL, false, &table);
     if (code == APP_EXIT_OK) {
-        status = lg_model_create_table(self->context, &file.run.model, &file.inputs, &file.outputs,
-                                       file.theta, &model, &error);
+        status = table_model(self, &file, &model, &error);
         code = status == LG_OK ? write_all(self, &file, model, &table)
                                : app_fail_file(self, status, &error, self->arguments[0]);
     }

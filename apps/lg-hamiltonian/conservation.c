@@ -129,8 +129,7 @@ static void number_units(const lg_hamiltonian_problem *problem, double *unit) {
 static lg_status measuring_begin(const app *self, const lg_hamiltonian_problem *problem, const double *theta,
                                  measuring *m, lg_error *error) {
     *m = (measuring){.problem = problem};
-    const lg_status status =
-        lg_model_create_hamiltonian(self->context, problem->model, theta, &m->model, error);
+    const lg_status status = learned_model(self->context, problem->model, theta, &m->model, error);
     if (status != LG_OK) return status;
     m->work = app_alloc(1, lg_model_work_size(m->model));
     m->flow = app_alloc(1, lg_model_work_size(m->model));

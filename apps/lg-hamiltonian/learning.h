@@ -92,6 +92,9 @@ lg_status save_model(const app *app, const char *path, const learner *trained, c
 /* Tolerance, relative to each number and to its group, of the adaptive reference integrators: 1e-10, and
  * 1e-13 for linear potentials, whose E1 may be 1e-17 and less. */
 double default_tolerance(const lg_hamiltonian *model);
+/* The model with these parameters; the caller destroys it. */
+lg_status learned_model(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                        lg_model **out, lg_error *error);
 /* The learned flow from `start` at the given times: out (count, d), energy (count) of the learned Hamiltonian
  * along it, or NULL; stats may be NULL. */
 lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,

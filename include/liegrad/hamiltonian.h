@@ -361,13 +361,14 @@ LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian
  * outlive the use of `ode`. */
 LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode);
 
-/* The model as a bundle (liegrad/program.h) with parameter theta and the functions
+/* The model as a program (liegrad/program.h) with parameter theta and the functions
  *   value (x) -> y                H
  *   grad  (x) -> y, g             H and its gradient, as lg_hamiltonian_record_gradient
  *   field (x, u) -> f             as lg_hamiltonian_record_field
  *   force (q, u) -> f             -dV/dq + u, where the family has it (separable ones)
  *   drift (p) -> f                dT/dp, likewise
  *   velocity (x, u) -> f          x', the generator of the field: a vector of the ambient space
+ *   jac_velocity (x, u) -> jac_f_x, jac_f_u
  *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's), u held
  * with x (d), u (m), h (1), q and p (d/2). Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit
  * scheme, which finds its stage by iteration). */

@@ -576,7 +576,8 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
 /* ---- checkpoints of unfinished trainings ---- */
 
 /* A recipe: how a kind of model is trained and stored. The functions below take an lg_hamiltonian_run,
- * lg_surrogate_run, lg_detector_run, lg_table_run or lg_machine_model_run by its address. The hyperparameters of each stand in liegrad/fields.h. */
+ * lg_surrogate_run, lg_detector_run, lg_table_run or lg_machine_model_run by its address. Fields:
+ * liegrad/fields.h. */
 typedef struct lg_recipe lg_recipe;
 LG_API extern const lg_recipe lg_recipe_hamiltonian, lg_recipe_surrogate, lg_recipe_detector, lg_recipe_table;
 /* All of them, ended by NULL: a new kind of model is a row here. */

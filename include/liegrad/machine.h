@@ -468,7 +468,7 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
 
 /* ---- functions in the units of the log ---- */
 
-/* The machine as a bundle (liegrad/program.h) with parameter theta (absent where there is none) and the
+/* The machine as a program (liegrad/program.h) with parameter theta (absent where there is none) and the
  * functions
  *   value      (x) -> y           H
  *   grad       (x) -> y, g        H and dH/dx in the ambient space

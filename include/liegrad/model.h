@@ -41,6 +41,7 @@
 #include "liegrad/hamiltonian.h"
 #include "liegrad/integrators.h"
 #include "liegrad/machine.h"
+#include "liegrad/program.h"
 #include "liegrad/series.h"
 #include "liegrad/status.h"
 #include "liegrad/surrogate.h"
@@ -48,23 +49,31 @@
 
 LG_BEGIN_DECLS
 
-/* An immutable handle with plans (liegrad/program.h) of the functions that it needs. It is made by
- * lg_model_load or from descriptions that their own init functions have filled. Errors: those of
- * lg_program_build and lg_plan_create. Nothing is borrowed. */
+/* An immutable handle: a program with plans of its functions. lg_model_load makes it, or
+ *
+ *   lg_hamiltonian_space(hamiltonian.family, hamiltonian.n, &space);
+ *   lg_hamiltonian_program(NULL, &hamiltonian, theta, NULL, &program, &error);
+ *   lg_model_create(NULL, program, &space, &model, &error);
+ */
 typedef struct lg_model lg_model;
-LG_API lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamiltonian *hamiltonian,
-                                             const double *theta, lg_model **out, lg_error *error);
-LG_API lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogate *surrogate,
-                                           const double *theta, lg_model **out, lg_error *error);
-LG_API lg_status lg_model_create_detector(const lg_context *context, const lg_detector *detector,
-                                          const lg_scaler *scaler, const double *theta, lg_model **out,
-                                          lg_error *error);
-LG_API lg_status lg_model_create_table(const lg_context *context, const lg_table *table,
-                                       const lg_scaler *inputs, const lg_scaler *outputs, const double *theta,
-                                       lg_model **out, lg_error *error);
-LG_API lg_status lg_model_create_machine(const lg_context *context, const lg_machine *machine,
-                                         const double *theta, lg_model **out, lg_error *error);
-LG_API void lg_model_destroy(lg_model *model); /* NULL is fine */
+/* Takes the program, also where it fails; the context must outlive the model. `space`: of the states; NULL
+ * where nothing moves. Functions of these names are used, those that are there (D numbers of x, which is the
+ * state where there is a space; Y of y; M of u, which may be absent):
+ *   value (x) -> y (Y)                          grad (x) -> y, dy/dx (Y, D)
+ *   field (x, u) -> algebra element of the space
+ *   jac_velocity (x, u) -> dx'/dx (D, D), dx'/du (D, M); made from field where it is missing
+ *   force (q, u) -> p', drift (p) -> q', q and p of D/2: for splitting schemes
+ *   momenta (q, v) -> x, positions (x) -> q, velocities (x) -> v: of machines
+ * Errors: LG_NOT_FOUND (neither value nor field; a space and no field), LG_SHAPE (functions that do not fit
+ * together or the space), those of lg_plan_create. */
+LG_API lg_status lg_model_create(const lg_context *context, lg_program *program, const lg_space *space,
+                                 lg_model **out, lg_error *error);
+/* A plan of any function of the program, to be looked up before a loop; the caller destroys it. `options`
+ * NULL: the defaults. Errors: LG_NOT_FOUND; those of lg_plan_create. */
+LG_API lg_status lg_model_find(const lg_model *model, const char *function, const lg_plan_options *options,
+                               lg_plan **out, lg_error *error);
+LG_API const lg_program *lg_model_program(const lg_model *model); /* borrowed */
+LG_API void lg_model_destroy(lg_model *model);                    /* NULL is fine */
 
 /* Where the states of a model that moves are; NULL: it does not move. */
 LG_API const lg_space *lg_model_space(const lg_model *model);

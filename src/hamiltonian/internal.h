@@ -26,10 +26,6 @@ lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *var
  * schemes, else on R^d with the parts of `start`. `vars` must outlive the use of `ode`. */
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
                                       const lg_var *start, lg_taped_ode *ode);
-/* The functions of a model in a loop: value, grad and field as in lg_hamiltonian_program; velocity (x, u) ->
- * y' and its Jacobian jac_velocity; force (q, u) and drift (p) if the family has them. */
-lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                                lg_program **out, lg_error *error);
 
 /* Whether every factor of the space has a row of geodesics. */
 bool lg_hamiltonian_has_geodesics(const lg_space *space);

@@ -107,10 +107,10 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_tape_status(tape);
 }
 
-enum { MOST_FUNCTIONS = 7 }; /* of which a bundle for a loop has no step */
+enum { MOST_FUNCTIONS = 7 };
 
-static lg_status build(const lg_context *context, recording *r, const double *theta, bool in_a_loop,
-                       lg_program **out, lg_error *error) {
+static lg_status build(const lg_context *context, recording *r, const double *theta, lg_program **out,
+                       lg_error *error) {
     const lg_hamiltonian *model = r->model;
     const uint32_t d = lg_hamiltonian_state_dim(model), m = lg_hamiltonian_input_dim(model);
     const size_t inputs = m > 0 ? 2 : 1;
@@ -128,7 +128,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         functions[count++] = (lg_function_spec){"drift", half, 1, &rate, 1, drift, r};
     }
     functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
-    if (!in_a_loop) functions[count++] = (lg_function_spec){"step", in, inputs + 1, &next, 1, step, r};
+    functions[count++] = (lg_function_spec){"step", in, inputs + 1, &next, 1, step, r};
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta};
     lg_program_spec spec;
     lg_program_spec_init(&spec);
@@ -140,36 +140,30 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     return lg_program_build(context, &spec, out, error);
 }
 
-lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                                 const lg_scheme *scheme, lg_program **out, lg_error *error) {
-    LG_NEEDS(error, model, theta, out);
-    recording r = {model, scheme != NULL ? scheme : lg_scheme_find(model->family->scheme)};
-    return build(context, &r, theta, false, out, error);
-}
-
 /* Adds the Jacobian of the velocity, then gives the program its parameters. */
-static lg_status finish(lg_program *bundle, const double *theta, lg_error *error) {
+static lg_status finish(lg_program *program, const double *theta, lg_error *error) {
     lg_derivative jacobian;
     lg_derivative_init(&jacobian);
     jacobian.kind = LG_DERIVATIVE_JACOBIAN;
     jacobian.function = "velocity";
-    LG_TRY(lg_program_derive(bundle, &jacobian, error));
-    const lg_status status = lg_program_set_parameter(bundle, 0, theta);
+    LG_TRY(lg_program_derive(program, &jacobian, error));
+    const lg_status status = lg_program_set_parameter(program, 0, theta);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "a parameter is not finite");
 }
 
-/* Checks the Jacobian at initial parameters, because a singular mass in the given ones makes all values
+/* Recorded and checked at initial parameters, because a singular mass in the given ones makes all values
  * NaN. */
-lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                                lg_program **out, lg_error *error) {
-    recording r = {.model = model};
+lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                                 const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, model, theta, out);
+    recording r = {model, scheme != NULL ? scheme : lg_scheme_find(model->family->scheme)};
     lg_program *made;
     lg_rng rng;
     double *initial = lg_alloc(context, lg_hamiltonian_parameters(model), sizeof *initial);
     if (initial == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
     lg_rng_seed(&rng, 1, 0);
     lg_hamiltonian_initialise(model, &rng, initial);
-    lg_status status = build(context, &r, initial, true, &made, error);
+    lg_status status = build(context, &r, initial, &made, error);
     lg_free(context, initial);
     if (status != LG_OK) return status;
     status = finish(made, theta, error);

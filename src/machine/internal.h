@@ -167,12 +167,6 @@ lg_var lg_machine_record_pull(lg_tape *tape, const lg_machine_vars *vars, const 
 /* The momenta change by an impulse (B, velocities). */
 void lg_machine_push(lg_tape *tape, const lg_machine *machine, lg_var impulse, lg_var *parts);
 
-/* ---- functions (machine/program.c) ---- */
-
-/* lg_machine_program without step. */
-lg_status lg_machine_bundle(const lg_context *context, const lg_machine *machine, const double *theta,
-                            lg_program **out, lg_error *error);
-
 /* ---- relations of numbers (machine/relations.c) ---- */
 
 /* Eigenvalues (n, rising) and eigenvectors, the columns of the symmetric matrix (n, n) one after the other in

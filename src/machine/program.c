@@ -185,8 +185,6 @@ static lg_port port_of(const char *name, const double *factors, uint32_t n) {
     return (lg_port){.name = name, .shape = lg_shape1(n), .low = -least, .high = least};
 }
 
-enum { MOST_FUNCTIONS = 8 };
-
 static lg_status build(const lg_context *context, recording *r, const double *theta, lg_program **out,
                        lg_error *error) {
     const lg_machine *machine = r->machine;
@@ -201,7 +199,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
                                port_of("v", r->velocities, machine->velocities)};
     const lg_port energy[2] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, next = {.name = "next"};
     const lg_port state = {.name = "x"};
-    lg_function_spec functions[MOST_FUNCTIONS] = {
+    lg_function_spec functions[] = {
         {"value", in, 1, energy, 1, value, r},
         {"grad", in, 1, energy, 2, gradient, r},
         {"field", in, inputs, &rate, 1, field, r},
@@ -217,14 +215,15 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     spec.parameters = &weights;
     spec.parameter_count = machine->parameters > 0 ? 1 : 0;
     spec.functions = functions;
-    spec.function_count = r->scheme != NULL ? MOST_FUNCTIONS : MOST_FUNCTIONS - 1;
+    spec.function_count = LG_COUNT(functions);
     spec.description = "a learned machine with inputs and damping, in the units of its log";
     return lg_program_build(context, &spec, out, error);
 }
 
-static lg_status make(const lg_context *context, const lg_machine *machine, const double *theta,
-                      const lg_scheme *scheme, lg_program **out, lg_error *error) {
-    recording r = {.machine = machine, .scheme = scheme};
+lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
+                             const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, machine, out);
+    recording r = {.machine = machine, .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4")};
     lg_derivative jacobian;
     lg_program *made;
     if (scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL)
@@ -245,15 +244,4 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     else
         lg_program_destroy(made);
     return status;
-}
-
-lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
-                             const lg_scheme *scheme, lg_program **out, lg_error *error) {
-    LG_NEEDS(error, machine, out);
-    return make(context, machine, theta, scheme != NULL ? scheme : lg_scheme_find("cf4"), out, error);
-}
-
-lg_status lg_machine_bundle(const lg_context *context, const lg_machine *machine, const double *theta,
-                            lg_program **out, lg_error *error) {
-    return make(context, machine, theta, NULL, out, error);
 }

@@ -19,6 +19,7 @@ typedef enum lg_model_function {
 
 struct lg_model {
     const lg_context *context;
+    lg_program *program;
     size_t parameters, inputs, outputs;
     size_t work, plan_work;            /* bytes: in all; of the plans, at the beginning of the work */
     lg_plan *plan[LG_MODEL_FUNCTIONS]; /* NULL: the model has no such function */

@@ -1,9 +1,9 @@
-/* Models in a loop: one handle for the plans of the functions of a bundle. */
+/* Models in a loop: a program with plans of its functions. */
 #include "liegrad/model.h"
 
+#include "autodiff/program/program.h"
 #include "core/core.h"
-#include "hamiltonian/internal.h"
-#include "machine/internal.h"
+#include "integrators/taped_internal.h"
 #include "model/internal.h"
 
 /* ---- functions ---- */
@@ -14,97 +14,155 @@ static const char *const function_names[LG_MODEL_FUNCTIONS] = {
     [LG_MODEL_STATE] = "momenta", [LG_MODEL_VELOCITIES] = "velocities", [LG_MODEL_POSITIONS] = "positions",
 };
 
-/* Makes plans of the functions that the bundle has, and finds the largest work. */
-static lg_status make_plans(lg_model *model, const lg_program *bundle, lg_error *error) {
+/* Makes plans of the functions that the program has, and finds the largest work. */
+static lg_status make_plans(lg_model *model, lg_error *error) {
     lg_plan_options options;
     lg_plan_options_init(&options);
     options.mark_unfit = true;
     for (size_t i = 0; i < LG_MODEL_FUNCTIONS; i++) {
-        size_t function;
-        if (lg_program_find(bundle, function_names[i], &function) != LG_OK) continue;
-        LG_TRY(lg_plan_create(bundle, function, &options, &model->plan[i], error));
+        if (lg_program_find(model->program, function_names[i], &(size_t){0}) != LG_OK) continue;
+        LG_TRY(lg_model_find(model, function_names[i], &options, &model->plan[i], error));
         const size_t bytes = lg_plan_work_size(model->plan[i]);
         if (bytes > model->plan_work) model->plan_work = bytes;
     }
     return LG_OK;
 }
 
-/* Makes a model from a bundle with value and grad, and destroys the bundle. `space`: NULL for what does not
- * move. */
-static lg_status create(const lg_context *context, const lg_space *space,
-                        lg_program *bundle, lg_model **out, lg_error *error) {
+/* ---- whether the functions fit together ---- */
+
+/* Numbers of a port: D of x, U of an input, Y of y, A of an algebra element, Q and V of positions and
+ * velocities in a log. */
+enum { NONE, D, U, HALF, Y, YD, A, DD, DU, Q, V, SIZES };
+
+static const struct {
+    unsigned char in[3], out[3];
+} ports[LG_MODEL_FUNCTIONS] = {
+    [LG_MODEL_VALUE] = {{D}, {Y}},       [LG_MODEL_GRADIENT] = {{D}, {Y, YD}},
+    [LG_MODEL_FIELD] = {{D, U}, {A}},    [LG_MODEL_FORCE] = {{HALF, U}, {HALF}},
+    [LG_MODEL_DRIFT] = {{HALF}, {HALF}}, [LG_MODEL_LINEAR] = {{D, U}, {DD, DU}},
+    [LG_MODEL_STATE] = {{Q, V}, {D}},    [LG_MODEL_VELOCITIES] = {{D}, {V}},
+    [LG_MODEL_POSITIONS] = {{D}, {Q}},
+};
+
+static size_t outputs_of(const lg_plan *plan) {
+    return plan != NULL ? lg_plan_output_count(plan, 0) : 0;
+}
+
+static lg_status check_function(const lg_model *model, lg_model_function function, const size_t *sizes,
+                                lg_error *error) {
+    const lg_plan *plan = model->plan[function];
+    for (size_t i = 0; i < 3; i++) {
+        const size_t in = lg_plan_input_count(plan, i), out = lg_plan_output_count(plan, i);
+        if (in != sizes[ports[function].in[i]] || out != sizes[ports[function].out[i]])
+            return lg_fail(error, LG_SHAPE,
+                           "function %s: input %zu has %zu numbers and output %zu has %zu; "
+                           "%zu and %zu fit the other functions and the space",
+                           function_names[function], i + 1, in, i + 1, out, sizes[ports[function].in[i]],
+                           sizes[ports[function].out[i]]);
+    }
+    return LG_OK;
+}
+
+static lg_status check_functions(const lg_model *model, lg_error *error) {
+    const size_t d = model->inputs, y = model->outputs, m = lg_model_input_dim(model),
+                 q = outputs_of(model->plan[LG_MODEL_POSITIONS]),
+                 v = outputs_of(model->plan[LG_MODEL_VELOCITIES]);
+    const size_t sizes[SIZES] = {
+        [D] = d,      [U] = m,      [HALF] = d / 2, [Y] = y, [YD] = y * d, [A] = model->space.algebra_dim,
+        [DD] = d * d, [DU] = d * m, [Q] = q,        [V] = v};
+    if (lg_model_moves(model) && d != model->space.dim)
+        return lg_fail(error, LG_SHAPE, "the state has %zu numbers and the space %zu", d, model->space.dim);
+    for (size_t i = 0; i < LG_MODEL_FUNCTIONS; i++)
+        if (model->plan[i] != NULL) LG_TRY(check_function(model, (lg_model_function)i, sizes, error));
+    return LG_OK;
+}
+
+/* ---- the velocity and its Jacobian, from the field ---- */
+
+static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_space *space = user;
+    lg_var state[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS], rate[LG_TAPED_MAX_PARTS];
+    (void)theta;
+    LG_TRY(lg_taped_split(tape, space, x[0], state));
+    LG_TRY(lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", 0, x), algebra));
+    LG_TRY(lg_taped_generator(tape, space, algebra, state, rate));
+    y[0] = lg_taped_join(tape, space, rate);
+    return lg_tape_status(tape);
+}
+
+static lg_status add_velocity(lg_model *model, lg_error *error) {
+    size_t field, inputs;
+    const lg_port out = {.name = "f"};
+    if (lg_program_find(model->program, "field", &field) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "the model has a space and no function field");
+    const lg_port *in = lg_program_inputs(model->program, field, &inputs);
+    const lg_function_spec spec = {"velocity", in, inputs, &out, 1, velocity, &model->space};
+    return lg_program_record_function(model->program, &spec, false, error);
+}
+
+static lg_status add_jacobian(lg_model *model, lg_error *error) {
+    size_t at;
+    lg_derivative jacobian;
+    lg_derivative_init(&jacobian);
+    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
+    jacobian.function = "velocity";
+    if (lg_program_find(model->program, function_names[LG_MODEL_LINEAR], &at) == LG_OK) return LG_OK;
+    if (lg_program_find(model->program, "velocity", &at) != LG_OK) LG_TRY(add_velocity(model, error));
+    return lg_program_derive(model->program, &jacobian, error);
+}
+
+/* ---- outside ---- */
+
+static lg_status complete(lg_model *made, lg_error *error) {
+    if (lg_model_moves(made)) LG_TRY(add_jacobian(made, error));
+    LG_TRY(make_plans(made, error));
+    const lg_plan *value = made->plan[LG_MODEL_VALUE], *field = made->plan[LG_MODEL_FIELD];
+    if (value == NULL && field == NULL)
+        return lg_fail(error, LG_NOT_FOUND, "the program has neither value nor field");
+    if (lg_program_parameters(made->program) > 0)
+        made->parameters = lg_shape_count(lg_program_parameter(made->program, 0).shape);
+    made->inputs = lg_plan_input_count(value != NULL ? value : field, 0);
+    made->outputs = outputs_of(value);
+    LG_TRY(check_functions(made, error));
+    made->work = made->plan_work + lg_model_linear_work_size(made);
+    return LG_OK;
+}
+
+lg_status lg_model_create(const lg_context *context, lg_program *program, const lg_space *space,
+                          lg_model **out, lg_error *error) {
+    LG_NEEDS(error, program, out);
     lg_model *made = lg_alloc(context, 1, sizeof *made);
-    lg_status status = LG_OUT_OF_MEMORY;
     if (made == NULL) {
-        (void)lg_fail(error, status, "no memory for a model");
-    } else {
-        *made = (lg_model){.context = context};
-        if (space != NULL) made->space = *space;
-        status = make_plans(made, bundle, error);
+        lg_program_destroy(program);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
     }
-    if (status == LG_OK) {
-        if (lg_program_parameters(bundle) > 0)
-            made->parameters = lg_shape_count(lg_program_parameter(bundle, 0).shape);
-        made->inputs = lg_plan_input_count(made->plan[LG_MODEL_VALUE], 0);
-        made->outputs = lg_plan_output_count(made->plan[LG_MODEL_VALUE], 0);
-        made->work = made->plan_work + lg_model_linear_work_size(made);
+    *made = (lg_model){.context = context, .program = program};
+    if (space != NULL) made->space = *space;
+    const lg_status status = complete(made, error);
+    if (status == LG_OK)
         *out = made;
-    } else {
+    else
         lg_model_destroy(made);
-    }
-    lg_program_destroy(bundle);
     return status;
 }
 
-lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamiltonian *hamiltonian,
-                                      const double *theta, lg_model **out, lg_error *error) {
-    LG_NEEDS(error, hamiltonian, theta, out);
-    lg_program *bundle;
-    lg_space space;
-    LG_TRY(lg_hamiltonian_space(hamiltonian->family, hamiltonian->n, &space));
-    LG_TRY(lg_hamiltonian_bundle(context, hamiltonian, theta, &bundle, error));
-    return create(context, &space, bundle, out, error);
+lg_status lg_model_find(const lg_model *model, const char *function, const lg_plan_options *options,
+                        lg_plan **out, lg_error *error) {
+    LG_NEEDS(error, model, function, out);
+    size_t at;
+    if (lg_program_find(model->program, function, &at) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "the model has no function '%s'", function);
+    return lg_plan_create(model->program, at, options, out, error);
 }
 
-lg_status lg_model_create_machine(const lg_context *context, const lg_machine *machine, const double *theta,
-                                  lg_model **out, lg_error *error) {
-    LG_NEEDS(error, machine, out);
-    lg_program *bundle;
-    lg_space space;
-    LG_TRY(lg_machine_space(machine, &space));
-    LG_TRY(lg_machine_bundle(context, machine, theta, &bundle, error));
-    return create(context, &space, bundle, out, error);
-}
-
-lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogate *surrogate,
-                                    const double *theta, lg_model **out, lg_error *error) {
-    LG_NEEDS(error, surrogate, theta, out);
-    lg_program *bundle;
-    LG_TRY(lg_surrogate_program(context, surrogate, theta, &bundle, error));
-    return create(context, NULL, bundle, out, error);
-}
-
-lg_status lg_model_create_detector(const lg_context *context, const lg_detector *detector,
-                                   const lg_scaler *scaler, const double *theta, lg_model **out,
-                                   lg_error *error) {
-    LG_NEEDS(error, detector, scaler, theta, out);
-    lg_program *bundle;
-    LG_TRY(lg_detector_program(context, detector, scaler, theta, &bundle, error));
-    return create(context, NULL, bundle, out, error);
-}
-
-lg_status lg_model_create_table(const lg_context *context, const lg_table *table, const lg_scaler *inputs,
-                                const lg_scaler *outputs, const double *theta, lg_model **out,
-                                lg_error *error) {
-    LG_NEEDS(error, table, inputs, theta, out);
-    lg_program *bundle;
-    LG_TRY(lg_table_program(context, table, inputs, outputs, theta, &bundle, error));
-    return create(context, NULL, bundle, out, error);
+const lg_program *lg_model_program(const lg_model *model) {
+    return model->program;
 }
 
 void lg_model_destroy(lg_model *model) {
     if (model == NULL) return;
     for (size_t i = 0; i < LG_MODEL_FUNCTIONS; i++) lg_plan_destroy(model->plan[i]);
+    lg_program_destroy(model->program);
     lg_free(model->context, model);
 }
 
@@ -138,10 +196,10 @@ void lg_model_run(const lg_model *model, lg_model_function function, const doubl
 }
 
 void lg_model_eval(const lg_model *model, const double *x, double *y, void *work) {
-    lg_model_run(model, LG_MODEL_VALUE, &x, &y, work);
+    if (model->plan[LG_MODEL_VALUE] != NULL) lg_model_run(model, LG_MODEL_VALUE, &x, &y, work);
 }
 
 void lg_model_jacobian(const lg_model *model, const double *x, double *y, double *jacobian, void *work) {
     double *const out[] = {y, jacobian};
-    lg_model_run(model, LG_MODEL_GRADIENT, &x, out, work);
+    if (model->plan[LG_MODEL_GRADIENT] != NULL) lg_model_run(model, LG_MODEL_GRADIENT, &x, out, work);
 }

@@ -2,6 +2,7 @@
 #ifndef LG_TEST_EXPORT_HAMILTONIAN_H
 #define LG_TEST_EXPORT_HAMILTONIAN_H
 
+#include "support/models.h"
 #include "export_support.h"
 
 #include "liegrad/integrators.h"
@@ -126,7 +127,7 @@ static inline learned learned_make(const sample *of) {
         }
     }
     learned_save(&made, of->folder);
-    assert_ok(lg_model_create_hamiltonian(NULL, &run->model, made.file.theta, &made.model, NULL));
+    assert_ok(test_hamiltonian_model(NULL, &run->model, made.file.theta, &made.model, NULL));
     made.n = lg_model_inputs(made.model);
     made.m = lg_model_input_dim(made.model);
     return made;

@@ -1,6 +1,7 @@
 /* Learned machines exported as C against the library: energy, gradient, field, steps, states and what a log
  * has, on random states in both types; long runs; self-tests by all compilers; what is refused.
  * ctest-labels: slow */
+#include "support/models.h"
 #include "export_models.h"
 
 #include <float.h>
@@ -43,7 +44,7 @@ static learned *learned_of(size_t i) {
     cli_path(name, path, sizeof path);
     save_machine_model(l->file, path);
     assert_ok(lg_machine_space(l->machine, &l->space));
-    assert_ok(lg_model_create_machine(NULL, l->machine, l->file->theta, &l->model, NULL));
+    assert_ok(test_machine_model(NULL, l->machine, l->file->theta, &l->model, NULL));
     lg_test_owns(l->model, release_model);
     l->work = test_work(lg_model_work_size(l->model));
     const size_t bytes = lg_model_stepper_size(l->model, lg_scheme_find("cf4"));

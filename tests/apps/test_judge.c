@@ -1,5 +1,6 @@
 /* The headline numbers of lg-hamiltonian (in LG_BIN_DIR), computed a second time: E1 and E2 of `evaluate`,
  * starts, noise and energies of `generate`, medians and geometric means of `study`. */
+#include "support/models.h"
 #include "cli_files.h"
 
 #include "liegrad/integrators.h"
@@ -58,7 +59,7 @@ static lg_status field(void *user, double t, const double *y, const double *inpu
 }
 
 static void learned_begin(const lg_hamiltonian_file *file, learned *self) {
-    assert_ok(lg_model_create_hamiltonian(NULL, &file->run.model, file->theta, &self->model, NULL));
+    assert_ok(test_hamiltonian_model(NULL, &file->run.model, file->theta, &self->model, NULL));
     assert_int_equal(posix_memalign(&self->work, 64, lg_model_work_size(self->model)), 0);
 }
 

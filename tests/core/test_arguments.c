@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "support/models.h"
 #include "autodiff/program_support.h"
 #include "support/machine_models.h"
 #include "support/memory_archive.h"
@@ -457,7 +458,10 @@ TEST("Hamiltonians, models and control") {
     REFUSES(lg_hamiltonian_program(NULL, NEEDED(&h), NEEDED(theta), NULL, NEEDED(&program), none));
 
     lg_model *model = NULL, *made;
-    assert_ok(lg_model_create_hamiltonian(NULL, &h, theta, &model, none));
+    lg_plan *plan;
+    assert_ok(lg_hamiltonian_program(NULL, &h, theta, NULL, &program, none));
+    lg_test_owns(program, release_program);
+    assert_ok(test_hamiltonian_model(NULL, &h, theta, &model, none));
     lg_test_owns(model, release_model);
     lg_ode ode;
     lg_model_user user;
@@ -471,7 +475,8 @@ TEST("Hamiltonians, models and control") {
     REFUSES(lg_trajectories_set_truth(NEEDED(&set), NEEDED(test_system("oscillator", NULL))));
     REFUSES(lg_trajectories_write(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(&set), NULL));
     lg_trajectories_destroy(&set);
-    REFUSES(lg_model_create_hamiltonian(NULL, NEEDED(&h), NEEDED(theta), NEEDED(&made), none));
+    REFUSES(lg_model_create(NULL, NEEDED(program), NULL, NEEDED(&made), none));
+    REFUSES(lg_model_find(NEEDED(model), NEEDED("field"), NULL, NEEDED(&plan), none));
     REFUSES(lg_model_field(NEEDED(model), NEEDED(state), NULL, NEEDED(others), NEEDED(work)));
     REFUSES(lg_model_ode(NEEDED(model), NEEDED(&ode), NEEDED(&user), NEEDED(work)));
     REFUSES(lg_model_stepper_init(NEEDED(model), NEEDED(scheme), NEEDED(&stepper), NEEDED(room), 1 << 20));
@@ -570,8 +575,6 @@ TEST("elastica and surrogates") {
     REFUSES(lg_surrogate_problem_check(NEEDED(&learned), NULL));
     REFUSES(lg_surrogate_program(NULL, NEEDED(&model), NEEDED(theta), NEEDED(&program), NULL));
     REFUSES(lg_surrogate_curves_create(NULL, NEEDED(&model), NEEDED(theta), LG_F64, 3, NEEDED(&plan), NULL));
-    lg_model *created;
-    REFUSES(lg_model_create_surrogate(NULL, NEEDED(&model), NEEDED(theta), NEEDED(&created), NULL));
     REFUSES(lg_surrogate_evaluate(NULL, NEEDED(&model), NEEDED(theta), NEEDED(&curves), NULL, 0, NULL,
                                   NEEDED(&errors), NULL));
     lg_elastica_curves_destroy(&curves);
@@ -588,14 +591,11 @@ TEST("tables and files") {
     assert_ok(lg_table_init(&model, &shape, 2, 2, &error));
     assert_ok(lg_table_scaler_fit(NULL, values, 2, NULL, 8, &scaler));
     double *theta = TEST_ARRAY(double, lg_table_parameters(&model));
-    lg_model *made;
     REFUSES(lg_table_init(NEEDED(&model), NEEDED(&shape), 2, 2, NULL));
     REFUSES(lg_table_scaler_fit(NULL, NEEDED(values), 2, NULL, 8, NEEDED(&scaler)));
     REFUSES(lg_table_find_far(NULL, NEEDED(values), 2, 8, NEEDED(&far)));
     REFUSES(lg_table_program(NULL, NEEDED(&model), NEEDED(&scaler), NEEDED(&scaler), NEEDED(theta),
                              NEEDED(&program), NULL));
-    REFUSES(lg_model_create_table(NULL, NEEDED(&model), NEEDED(&scaler), NEEDED(&scaler), NEEDED(theta),
-                                  NEEDED(&made), NULL));
     lg_scaler_destroy(&scaler);
 
     static const char path[] = "/nonexistent/file.h5", text[] = "coordinates:";
@@ -768,7 +768,6 @@ TEST("series and classes") {
     lg_detector_units units;
     lg_program *program;
     lg_detector_plan *plan;
-    lg_model *model;
     assert_ok(lg_cnn_init(&detector.net, &error));
     assert_ok(lg_scaler_fit(NULL, &series, &windows, NULL, 12, true, &scaler));
     assert_ok(lg_detector_data_create(NULL, &detector, &scaler, &series, &windows, NULL, 12, LG_F64, &data,
@@ -784,8 +783,6 @@ TEST("series and classes") {
         lg_detector_program(NULL, NEEDED(&detector), NEEDED(&scaler), NEEDED(theta), NEEDED(&program), NULL));
     REFUSES(lg_detector_plan_create(NULL, NEEDED(&detector), NEEDED(&scaler), NEEDED(theta), LG_F64,
                                     NEEDED(&plan), NULL));
-    REFUSES(lg_model_create_detector(NULL, NEEDED(&detector), NEEDED(&scaler), NEEDED(theta), NEEDED(&model),
-                                     NULL));
     lg_detector_data_destroy(&data);
     lg_scaler_destroy(&scaler);
     REFUSES(lg_auc(NULL, NEEDED(label), NEEDED(x), 12, 2, NEEDED(others)));
@@ -887,7 +884,6 @@ TEST("machines") {
     lg_identified *identified = TEST_ARRAY(lg_identified, 64);
     lg_identification about = {.numbers = identified};
     lg_program *program;
-    lg_model *model;
     for (int i = 0; i < 2; i++)
         grey.coordinates[i] = (lg_machine_coordinate){.name = {(char)('p' + i)}, .kind = LG_COORDINATE_ANGLE};
     REFUSES(lg_machine_init(NEEDED(&changed), NULL));
@@ -913,7 +909,6 @@ TEST("machines") {
     REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
     REFUSES(lg_model_save_machine_model(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
     REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
-    REFUSES(lg_model_create_machine(NULL, NEEDED(machine), NEEDED(theta), NEEDED(&model), NULL));
 }
 
 /* What the tests above leave out: it has no pointer, needs MPI, or needs more than a few lines of files. */

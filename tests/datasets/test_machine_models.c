@@ -1,4 +1,5 @@
 /* Model files of machines: they come back as they were saved, as a file and as a model in a loop. */
+#include "support/models.h"
 #include "io_test.h"
 #include "support/machine_models.h"
 
@@ -37,7 +38,7 @@ TEST("a file loads as a model that computes what the machine's parameters say") 
         lg_model_file file;
         lg_model *expected;
         assert_ok(lg_model_load(NULL, saved(i), NULL, &file, NULL));
-        assert_ok(lg_model_create_machine(NULL, &made->run.machine, made->theta, &expected, NULL));
+        assert_ok(test_machine_model(NULL, &made->run.machine, made->theta, &expected, NULL));
         const lg_machine_model_file *loaded = lg_model_file_of(&file, &lg_recipe_machine_model);
         assert_non_null(loaded);
         assert_null(lg_model_file_of(&file, &lg_recipe_table));

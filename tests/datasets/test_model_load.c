@@ -1,4 +1,5 @@
 /* Model files of any kind as one handle: each kind, what is no model, damage, failing memory. */
+#include "support/models.h"
 #include "model_kinds.h"
 
 static const char *fresh(model_kind kind) {
@@ -37,17 +38,17 @@ static void assert_same_model(const lg_model *model, const lg_model *expected) {
 static lg_model *model_of(const any_file *file) {
     lg_model *model = NULL;
     if (file->kind == KIND_HAMILTONIAN)
-        assert_ok(lg_model_create_hamiltonian(NULL, &file->hamiltonian.run.model, file->hamiltonian.theta,
-                                              &model, NULL));
+        assert_ok(test_hamiltonian_model(NULL, &file->hamiltonian.run.model, file->hamiltonian.theta, &model,
+                                         NULL));
     if (file->kind == KIND_SURROGATE)
         assert_ok(
-            lg_model_create_surrogate(NULL, &file->surrogate.run.model, file->surrogate.theta, &model, NULL));
+            test_surrogate_model(NULL, &file->surrogate.run.model, file->surrogate.theta, &model, NULL));
     if (file->kind == KIND_DETECTOR)
-        assert_ok(lg_model_create_detector(NULL, &file->detector.run.model, &file->detector.scaler,
-                                           file->detector.theta, &model, NULL));
+        assert_ok(test_detector_model(NULL, &file->detector.run.model, &file->detector.scaler,
+                                      file->detector.theta, &model, NULL));
     if (file->kind == KIND_TABLE)
-        assert_ok(lg_model_create_table(NULL, &file->table.run.model, &file->table.inputs,
-                                        &file->table.outputs, file->table.theta, &model, NULL));
+        assert_ok(test_table_model(NULL, &file->table.run.model, &file->table.inputs, &file->table.outputs,
+                                   file->table.theta, &model, NULL));
     return model;
 }
 

@@ -1,5 +1,6 @@
 /* examples/attitude_control: the controller on a machine that is exactly the true body, the log, a whole run
  * without allocation. */
+#include "support/models.h"
 #include "models/machine_support.h"
 
 #include "../../examples/attitude_control/controller.c"
@@ -47,7 +48,7 @@ static lg_machine true_machine(void) {
 
 static lg_model *model_with(const lg_machine *machine, const double *theta) {
     lg_model *model = NULL;
-    assert_ok(lg_model_create_machine(NULL, machine, theta, &model, NULL));
+    assert_ok(test_machine_model(NULL, machine, theta, &model, NULL));
     return model;
 }
 

@@ -1,5 +1,6 @@
 /* examples/pendulum_control: the controller's laws, a whole run without allocation. The
  * learned model is one with a linear potential V = w.q, whose parameters are known. */
+#include "support/models.h"
 #include "test_support.h"
 
 #include "../../examples/pendulum_control/controller.c"
@@ -30,7 +31,7 @@ static fixture *make(const double *w, double mass, double torque_max, bool fits)
     assert_ok(lg_hamiltonian_init(&learned, lg_hamiltonian_family_find("chain"), 1, LG_POTENTIAL_LINEAR, NULL,
                                   0, LG_TANH));
     assert_int_equal(lg_hamiltonian_parameters(&learned), 5);
-    assert_ok(lg_model_create_hamiltonian(NULL, &learned, theta, &self->model, NULL));
+    assert_ok(test_hamiltonian_model(NULL, &learned, theta, &self->model, NULL));
     lg_test_owns(self, release);
     self->work = lg_test_memory(controller_work_size(self->model));
     assert_int_equal(controller_init(&self->control, self->model, self->work, torque_max, self->why), fits);

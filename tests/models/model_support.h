@@ -2,6 +2,7 @@
 #ifndef LG_MODEL_SUPPORT_H
 #define LG_MODEL_SUPPORT_H
 
+#include "support/models.h"
 #include "support/fixtures.h"
 
 #include "liegrad/model.h"
@@ -38,7 +39,7 @@ static inline built build_from(const lg_hamiltonian *model, const double *theta)
     const size_t n = lg_hamiltonian_parameters(model);
     built b = {.hamiltonian = *model, .theta = room(n)};
     memcpy(b.theta, theta, n * sizeof *theta);
-    assert_ok(lg_model_create_hamiltonian(NULL, model, theta, &b.model, NULL));
+    assert_ok(test_hamiltonian_model(NULL, model, theta, &b.model, NULL));
     return ready_to_run(b);
 }
 
@@ -84,7 +85,7 @@ static inline built build_surrogate(lg_surrogate_kind kind) {
     b.theta = room(n);
     lg_rng_seed(&rng, 22, (uint64_t)kind);
     for (size_t i = 0; i < n; i++) b.theta[i] = 0.3 * lg_rng_normal(&rng);
-    assert_ok(lg_model_create_surrogate(NULL, &b.surrogate, b.theta, &b.model, NULL));
+    assert_ok(test_surrogate_model(NULL, &b.surrogate, b.theta, &b.model, NULL));
     return ready_to_run(b);
 }
 
@@ -99,7 +100,7 @@ static inline built build_detector(lg_activation activation) {
     b.theta = room(lg_cnn_parameters(&b.detector.net));
     lg_rng_seed(&rng, 23, 0);
     lg_cnn_initialise(&b.detector.net, LG_INIT_FAN_IN, &rng, b.theta);
-    assert_ok(lg_model_create_detector(NULL, &b.detector, &scaler, b.theta, &b.model, NULL));
+    assert_ok(test_detector_model(NULL, &b.detector, &scaler, b.theta, &b.model, NULL));
     return ready_to_run(b);
 }
 

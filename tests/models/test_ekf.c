@@ -1,5 +1,6 @@
 /* The extended Kalman filter: exact where the system is linear, its derivative of the flow, consistency of a
  * pendulum and of a spinning body, long runs, its memory. */
+#include "support/models.h"
 #include "models/machine_support.h"
 #include "models/model_support.h"
 #include "support/malloc_count.h"
@@ -207,7 +208,7 @@ TEST("the covariance goes through the derivative of the step, with turning frame
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES], u[2] = {0.3, -0.2};
     built b = {.model = NULL};
-    assert_ok(lg_model_create_machine(NULL, &machine, machine_theta(&machine, 4), &b.model, NULL));
+    assert_ok(test_machine_model(NULL, &machine, machine_theta(&machine, 4), &b.model, NULL));
     b = ready_to_run(b);
     double *y = room(lg_model_inputs(b.model));
     random_rows(&machine, 2, 1, q, v);
@@ -291,7 +292,7 @@ static built build_body(lg_machine *machine) {
     add_coordinate(machine, "body", LG_COORDINATE_ROTATION);
     add_values(add_term(machine, LG_MACHINE_MASS, "known"), 3, inertia);
     assert_machine(machine);
-    assert_ok(lg_model_create_machine(NULL, machine, machine_theta(machine, 1), &b.model, NULL));
+    assert_ok(test_machine_model(NULL, machine, machine_theta(machine, 1), &b.model, NULL));
     return ready_to_run(b);
 }
 
@@ -392,7 +393,7 @@ TEST("angles are taken the short way round") {
     add_coordinate(&machine, "arm", LG_COORDINATE_ANGLE);
     add_values(add_term(&machine, LG_MACHINE_MASS, "known"), 1, inertia);
     assert_machine(&machine);
-    assert_ok(lg_model_create_machine(NULL, &machine, machine_theta(&machine, 1), &b.model, NULL));
+    assert_ok(test_machine_model(NULL, &machine, machine_theta(&machine, 1), &b.model, NULL));
     b = ready_to_run(b);
     lg_ekf *ekf = filter_of(b.model, "rk4", start, uniform(2, 0.1), uniform(2, 0.0), &sensor, 1);
     assert_ok(lg_ekf_update(ekf, z, NULL));

@@ -1,6 +1,7 @@
 /* Steps along coordinates, equilibria, the zero-order hold, and regulators whose cost is that of the run. */
 #include <float.h>
 
+#include "support/models.h"
 #include "models/machine_support.h"
 #include "models/model_support.h"
 #include "golden/hold_table.h"
@@ -42,7 +43,7 @@ TEST("a step along coordinates stays on the manifold, and its deviation is the c
     built b = {.model = NULL};
     double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];
     lg_space space;
-    assert_ok(lg_model_create_machine(NULL, &machine, machine_theta(&machine, 4), &b.model, NULL));
+    assert_ok(test_machine_model(NULL, &machine, machine_theta(&machine, 4), &b.model, NULL));
     b = ready_to_run(b);
     double *y = room(lg_model_inputs(b.model));
     assert_ok(lg_machine_space(&machine, &space));

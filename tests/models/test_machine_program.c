@@ -1,5 +1,6 @@
 /* Machines as programs and as models in a loop, in the units of the log: against the recording in scaled
  * units, closed forms, and differences. */
+#include "support/models.h"
 #include "models/machine_support.h"
 #include "models/plan_support.h"
 
@@ -37,7 +38,7 @@ static driven *drive(const lg_machine *machine, uint64_t seed) {
     s->machine = *machine;
     s->theta = machine_theta(machine, seed);
     assert_ok(lg_machine_space(machine, &s->space));
-    if (lg_model_create_machine(NULL, machine, s->theta, &s->model, &error) != LG_OK)
+    if (test_machine_model(NULL, machine, s->theta, &s->model, &error) != LG_OK)
         fail_msg("%s", error.message);
     lg_test_owns(s->model, release_model);
     s->work = test_work(lg_model_work_size(s->model));
@@ -321,7 +322,7 @@ TEST("other kinds of model have no states of machines") {
     double x[24] = {0};
     assert_ok(lg_hamiltonian_init(&pendulum, lg_hamiltonian_family_find("chain"), 1, LG_POTENTIAL_LINEAR,
                                   NULL, 0, LG_TANH));
-    assert_ok(lg_model_create_hamiltonian(NULL, &pendulum, theta, &model, NULL));
+    assert_ok(test_hamiltonian_model(NULL, &pendulum, theta, &model, NULL));
     lg_test_owns(model, release_model);
     void *work = test_work(lg_model_work_size(model));
     assert_status(lg_model_machine_state(model, x, x, x + 12, work), LG_UNSUPPORTED);

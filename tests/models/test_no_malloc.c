@@ -1,5 +1,6 @@
 /* A steady training step calls no malloc; what control code calls of a model, and curves, allocate nothing
  * and take no lock. Plans: test_plan.c. */
+#include "support/models.h"
 #include "models/machine_support.h"
 #include "models/model_support.h"
 #include "models/series_support.h"
@@ -185,7 +186,7 @@ TEST("a machine with every kind of coordinate in a loop allocates nothing and ta
     if (!lg_count_available()) skip();
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     built b = {.model = NULL};
-    assert_ok(lg_model_create_machine(NULL, &machine, machine_theta(&machine, 4), &b.model, NULL));
+    assert_ok(test_machine_model(NULL, &machine, machine_theta(&machine, 4), &b.model, NULL));
     b = ready_to_run(b);
     const lg_model *model = b.model;
     const size_t d = lg_model_inputs(model), r = lg_model_tangent_dim(model);

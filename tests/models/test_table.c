@@ -1,4 +1,5 @@
 /* Table networks: Jacobians, scaling, the evidence, the recording beside the plan. */
+#include "support/models.h"
 #include "test_support.h"
 
 #include "liegrad/gradcheck.h"
@@ -116,7 +117,7 @@ TEST("a model scales its inputs and outputs, and its Jacobian is that of differe
         const double *theta = parameters(&model, &rng);
         const lg_scaler in = some_scaler(n, &rng, 1e-6), out = some_scaler(m, &rng, 1e4);
         lg_model *handle = NULL;
-        assert_ok(lg_model_create_table(NULL, &model, &in, &out, theta, &handle, NULL));
+        assert_ok(test_table_model(NULL, &model, &in, &out, theta, &handle, NULL));
         void *work = test_work(lg_model_work_size(handle));
         double x[8], z[8], y[4], f[4], J[32], up[4], down[4];
         for (uint32_t c = 0; c < n; c++) x[c] = in.mean[c] + in.scale[c] * (z[c] = lg_rng_normal(&rng));
@@ -239,7 +240,7 @@ TEST("the work of a model grows with its inputs, not with their square") {
     const lg_table model = make(&wide);
     const lg_scaler in = some_scaler(INPUTS, &rng, 1.0), out = some_scaler(1, &rng, 1.0);
     lg_model *handle = NULL;
-    assert_ok(lg_model_create_table(NULL, &model, &in, &out, parameters(&model, &rng), &handle, NULL));
+    assert_ok(test_table_model(NULL, &model, &in, &out, parameters(&model, &rng), &handle, NULL));
     assert_true(lg_model_work_size(handle) < (size_t)100 * INPUTS * sizeof(double));
     lg_model_destroy(handle);
 }

@@ -323,9 +323,4 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
     return lg_detector_program(context, &file->run.model, &file->scaler, file->theta, out, error);
 }
 
-static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
-    const lg_detector_file *file = user;
-    return lg_model_create_detector(context, &file->run.model, &file->scaler, file->theta, out, error);
-}
-
-LG_RECIPE(detector, "detector-checkpoint", .scheme = NULL)
+LG_RECIPE(detector, "detector-checkpoint", .space = NULL);

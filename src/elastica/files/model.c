@@ -164,9 +164,4 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
     return lg_surrogate_program(context, &file->run.model, file->theta, out, error);
 }
 
-static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
-    const lg_surrogate_file *file = user;
-    return lg_model_create_surrogate(context, &file->run.model, file->theta, out, error);
-}
-
-LG_RECIPE(surrogate, "surrogate-checkpoint", .scheme = NULL)
+LG_RECIPE(surrogate, "surrogate-checkpoint", .space = NULL);

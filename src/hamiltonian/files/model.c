@@ -238,16 +238,16 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
     return lg_hamiltonian_program(context, &file->run.model, file->theta, scheme, out, error);
 }
 
-static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
-    const lg_hamiltonian_file *file = user;
-    return lg_model_create_hamiltonian(context, &file->run.model, file->theta, out, error);
+static lg_status space(const void *user, lg_space *out) {
+    const lg_hamiltonian *model = &((const lg_hamiltonian_file *)user)->run.model;
+    return lg_hamiltonian_space(model->family, model->n, out);
 }
 
 static const lg_scheme *usual_scheme(const void *file) {
     return lg_scheme_find(((const lg_hamiltonian_file *)file)->run.model.family->scheme);
 }
 
-LG_RECIPE(hamiltonian, "checkpoint", .scheme = usual_scheme)
+LG_RECIPE(hamiltonian, "checkpoint", .scheme = usual_scheme, .space = space);
 
 /* ---- recording ---- */
 

@@ -239,16 +239,15 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
                               scheme != NULL ? scheme : file->run.scheme, out, error);
 }
 
-static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
-    const lg_machine_model_file *file = user;
-    return lg_model_create_machine(context, &file->run.machine, file->theta, out, error);
+static lg_status space(const void *file, lg_space *out) {
+    return lg_machine_space(&((const lg_machine_model_file *)file)->run.machine, out);
 }
 
 static const lg_scheme *usual_scheme(const void *file) {
     return ((const lg_machine_model_file *)file)->run.scheme;
 }
 
-LG_RECIPE(machine_model, "machine-checkpoint", .scheme = usual_scheme)
+LG_RECIPE(machine_model, "machine-checkpoint", .scheme = usual_scheme, .space = space);
 
 /* ---- about logs ---- */
 

@@ -69,7 +69,11 @@ static lg_status load(const lg_context *context, const char *path, const lg_read
     if (made->contents == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
     *(const lg_context **)(void *)((char *)made->contents + recipe->file_context) = context;
     LG_TRY(lg_run_load(context, path, options, recipe, made->contents, error));
-    return recipe->model(context, made->contents, &made->model, error);
+    lg_program *program;
+    lg_space space;
+    if (recipe->space != NULL) LG_TRY(recipe->space(made->contents, &space));
+    LG_TRY(recipe->program(context, made->contents, NULL, &program, error));
+    return lg_model_create(context, program, recipe->space != NULL ? &space : NULL, &made->model, error);
 }
 
 lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,

@@ -27,11 +27,11 @@ struct lg_recipe {
     /* Parameters: slice number `index`, named below /model; false beyond the last. */
     size_t (*parameters)(const void *run);
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
-    /* The functions of the model in a file structure, with steps of `scheme` (NULL: the file's own); a handle
-     * on them. */
+    /* The functions of the model in a file structure, with steps of `scheme` (NULL: the model's usual one),
+     * and the space of its states (NULL: it does not move). */
     lg_status (*program)(const lg_context *context, const void *file, const lg_scheme *scheme,
                          lg_program **out, lg_error *error);
-    lg_status (*model)(const lg_context *context, const void *file, lg_model **out, lg_error *error);
+    lg_status (*space)(const void *file, lg_space *out);
     const lg_scheme *(*scheme)(const void *file); /* of its steps; NULL: the model has no steps */
     /* The file structure: its size, offsets of what all kinds have. */
     size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
@@ -74,13 +74,27 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
 
 /* ---- a kind and its public functions ---- */
 
-/* Defines, in a file that has facts, defaults, build, check, describe, parameters, slice, program, make_model,
- * put_rest and get_rest of a kind: lg_recipe of io.h, and the functions that take its structures: lg_model_save_kind,
+/* Defines, in a file that has facts, defaults, build, check, describe, parameters, slice, program, put_rest
+ * and get_rest of a kind: lg_recipe_kind, and the functions that take its structures: lg_model_save_kind,
  * lg_model_load_kind. Every file structure names the members alike that all kinds have;
- * lg_kind_file_destroy is the kind's own. */
+ * lg_kind_file_destroy is the kind's own. More members of the row may follow. */
 #define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
     static void release(void *file) {                                                                        \
         lg_##kind##_file_destroy(file);                                                                      \
+    }                                                                                                        \
+    lg_status lg_model_save_##kind(const lg_context *context, const char *path,                              \
+                                   const lg_##kind##_file *file, const lg_fit *fit, lg_error *error) {       \
+        return lg_run_save(context, path, &lg_recipe_##kind, file, fit, error);                              \
+    }                                                                                                        \
+                                                                                                             \
+    lg_status lg_model_load_##kind(const lg_context *context, const char *path,                              \
+                                   const lg_read_options *options, lg_##kind##_file *out, lg_error *error) { \
+        if (path == NULL || out == NULL)                                                                     \
+            return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");                         \
+        lg_##kind##_file made = {.context = context};                                                        \
+        LG_TRY(lg_run_load(context, path, options, &lg_recipe_##kind, &made, error));                        \
+        *out = made;                                                                                         \
+        return LG_OK;                                                                                        \
     }                                                                                                        \
     const lg_recipe lg_recipe_##kind = {.name = #kind,                                                       \
                                         .checkpoint = checkpoint_name,                                       \
@@ -95,7 +109,6 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
                                         .parameters = parameters,                                            \
                                         .slice = slice,                                                      \
                                         .program = program,                                                  \
-                                        .model = make_model,                                                 \
                                         .file_size = sizeof(lg_##kind##_file),                               \
                                         .file_context = offsetof(lg_##kind##_file, context),                 \
                                         .file_run = offsetof(lg_##kind##_file, run),                         \
@@ -107,21 +120,6 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
                                         .put_rest = put_rest,                                                \
                                         .get_rest = get_rest,                                                \
                                         .release = release,                                                  \
-                                        __VA_ARGS__};                                                        \
-                                                                                                             \
-    lg_status lg_model_save_##kind(const lg_context *context, const char *path,                              \
-                                   const lg_##kind##_file *file, const lg_fit *fit, lg_error *error) {       \
-        return lg_run_save(context, path, &lg_recipe_##kind, file, fit, error);                              \
-    }                                                                                                        \
-                                                                                                             \
-    lg_status lg_model_load_##kind(const lg_context *context, const char *path,                              \
-                                   const lg_read_options *options, lg_##kind##_file *out, lg_error *error) { \
-        if (path == NULL || out == NULL)                                                                     \
-            return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");                         \
-        lg_##kind##_file made = {.context = context};                                                        \
-        LG_TRY(lg_run_load(context, path, options, &lg_recipe_##kind, &made, error));                        \
-        *out = made;                                                                                         \
-        return LG_OK;                                                                                        \
-    }
+                                        __VA_ARGS__}
 
 #endif

@@ -257,10 +257,4 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
                             error);
 }
 
-static lg_status make_model(const lg_context *context, const void *user, lg_model **out, lg_error *error) {
-    const lg_table_file *file = user;
-    return lg_model_create_table(context, &file->run.model, &file->inputs, &file->outputs, file->theta, out,
-                                 error);
-}
-
-LG_RECIPE(table, "table-checkpoint", .scheme = NULL)
+LG_RECIPE(table, "table-checkpoint", .space = NULL);
