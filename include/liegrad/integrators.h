@@ -98,6 +98,13 @@ LG_API lg_status lg_space_init_rn(lg_space *space, size_t n);
 /* True when every factor is R^n, where Lie group schemes are the classical ones. */
 LG_API bool lg_space_is_abelian(const lg_space *space);
 
+/* A space in words, "T*S^2 x 3, R^2": the names of the factors in order, with the number of copies where
+ * there are several; R^n has n in its name. lg_space_read takes what lg_space_text writes and nothing else.
+ * Errors: LG_FORMAT, with the place in the text. */
+#define LG_SPACE_TEXT 256
+LG_API void lg_space_text(const lg_space *space, char text[LG_SPACE_TEXT]);
+LG_API lg_status lg_space_read(const char *text, lg_space *out, lg_error *error);
+
 /* out = exp(a) . y. a has algebra_dim numbers; y and out have dim numbers; out may equal y. Points within
  * 1e-13 of T*S^2, SO(3) and SE(3) are projected to first order, so that rounding does not accumulate. Points
  * farther away keep their distance. */

@@ -214,6 +214,7 @@ TEST("steps") {
     assert_ok(lg_step(stepper, 0.0, 0.1, numbers, NULL, others));
     REFUSES(lg_space_init(NEEDED(&space), NEEDED(&factor), 1));
     REFUSES(lg_space_init_rn(NEEDED(&space), 1));
+    REFUSES(lg_space_read(NEEDED("R^2"), NEEDED(&space), NULL));
     REFUSES(lg_scheme_check(NEEDED(scheme), NULL));
     REFUSES(lg_stepper_init(NEEDED(scheme), NEEDED(&ode), NEEDED(&made), NEEDED(test_work(sizeof work)),
                             sizeof work));

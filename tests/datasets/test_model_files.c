@@ -238,6 +238,9 @@ TEST("what is wrong in a Hamiltonian is refused by name") {
         {"model@hidden", TEXT("4,99999999999"), LG_FORMAT, "at most 1048576"},
         {"model@hidden", TEXT("1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1"), LG_FORMAT, "at most 15"},
         {"model@hidden", TEXT("4,4"), LG_FORMAT, "~layer2"},
+        {"model@space", TEXT("T*S^2"), LG_FORMAT, "T*S^2 x 2"},
+        {"model@space", TEXT("T*S^2 x two"), LG_FORMAT, "found 'T*S^2 x two'"},
+        {"model@space", WHOLE(2), LG_FORMAT, ""},
         {"run@substeps", WHOLE(0), LG_FORMAT, ""},
         {"@E1", REAL(NAN), LG_NOT_FINITE, "finite"},
     };

@@ -692,3 +692,85 @@ TEST("steps on S^2 are great circles, those on SO(3) turns about the axis in the
         assert_all_close(out, e, 9, 0.0, 2e-15);
     }
 }
+
+/* ---- spaces in words ---- */
+
+/* What is read is what was written: no two texts are one space. */
+static void check_text(const char *text) {
+    lg_space space;
+    lg_error error = {LG_OK, ""};
+    char again[LG_SPACE_TEXT];
+    if (lg_space_read(text, &space, &error) == LG_OK) {
+        lg_space_text(&space, again);
+        assert_string_equal(again, text);
+    } else {
+        assert_int_equal(error.status, LG_FORMAT);
+        assert_true(strlen(error.message) > 20);
+    }
+}
+
+/* Changes, removes or doubles a character. */
+static void damage(lg_rng *rng, const char *text, char *out) {
+    static const char marks[] = "R^nTSOE(3)*, x0129";
+    const size_t length = strlen(text), at = lg_rng_below(rng, length);
+    const uint64_t what = lg_rng_below(rng, 3);
+    memcpy(out, text, length + 1);
+    if (what == 0) out[at] = marks[lg_rng_below(rng, sizeof marks - 1)];
+    if (what > 0) memcpy(out + at + (what == 2), text + at + (what == 1), length - at + (what == 2));
+}
+
+TEST("every product is read back from its text, and a damaged text is refused or another space's text") {
+    lg_rng rng;
+    lg_rng_seed(&rng, 62, 0);
+    for (int repeat = 0; repeat < 2000; repeat++) {
+        lg_space_factor factors[LG_SPACE_MAX_FACTORS];
+        lg_space space, again;
+        char text[LG_SPACE_TEXT], broken[LG_SPACE_TEXT + 1];
+        const size_t count = 1 + lg_rng_below(&rng, LG_SPACE_MAX_FACTORS);
+        for (size_t f = 0; f < count; f++)
+            factors[f] = (lg_space_factor){(lg_space_kind)lg_rng_below(&rng, LG_SPACE_KINDS),
+                                           1 + lg_rng_below(&rng, lg_rng_below(&rng, 2) ? 3 : 1u << 31)};
+        assert_ok(lg_space_init(&space, factors, count));
+        lg_space_text(&space, text);
+        assert_ok(lg_space_read(text, &again, NULL));
+        assert_int_equal(again.factors, space.factors);
+        for (size_t f = 0; f < count; f++)
+            assert_true(again.factor[f].kind == factors[f].kind && again.factor[f].count == factors[f].count);
+        assert_true(again.dim == space.dim && again.algebra_dim == space.algebra_dim &&
+                    again.tangent_dim == space.tangent_dim);
+        damage(&rng, text, broken);
+        check_text(broken);
+    }
+}
+
+TEST("a text that is no space is refused where it is wrong") {
+    static const char *const rows[][2] = {
+        {"", "found ''"},
+        {"R^", "found 'R^'"},
+        {"R^n", "found 'R^n'"},
+        {"R^0", "found 'R^0'"},
+        {"R^-1", "found 'R^-1'"},
+        {"R^02", "found 'R^02'"},
+        {"R^2 x 2", "found 'R^2 x 2'"},
+        {"SO(3), T*S^2 x 1", "found 'T*S^2 x 1'"},
+        {"SO(3), T*S^2 x", "found 'T*S^2 x'"},
+        {"SO(3),R^2", "found 'SO(3),R^2'"},
+        {"SO(3), ", "found ''"},
+        {"so(3)", "found 'so(3)'"},
+        {"R^2, R^99999999999999999999999", "found 'R^9999"},
+        {"R^9999999999999999", "more copies"},
+        {"R^1, R^1, R^1, R^1, R^1, R^1, R^1, R^1, R^1", "at most 8 factors"},
+    };
+    const lg_space_factor factors[] = {{LG_SPACE_TS2, 3}, {LG_SPACE_RN, 2}};
+    lg_space space;
+    char text[LG_SPACE_TEXT];
+    assert_ok(lg_space_init(&space, factors, 2));
+    lg_space_text(&space, text);
+    assert_string_equal(text, "T*S^2 x 3, R^2");
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        lg_error error = {LG_OK, ""};
+        assert_status(lg_space_read(rows[i][0], &space, &error), LG_FORMAT);
+        if (strstr(error.message, rows[i][1]) == NULL) fail_msg("'%s': %s", rows[i][0], error.message);
+    }
+    assert_int_equal(space.dim, 20); /* as before */
+}

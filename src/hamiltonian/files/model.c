@@ -238,8 +238,8 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
     return lg_hamiltonian_program(context, &file->run.model, file->theta, scheme, out, error);
 }
 
-static lg_status space(const void *user, lg_space *out) {
-    const lg_hamiltonian *model = &((const lg_hamiltonian_file *)user)->run.model;
+static lg_status space(const void *run, lg_space *out) {
+    const lg_hamiltonian *model = &((const lg_hamiltonian_run *)run)->model;
     return lg_hamiltonian_space(model->family, model->n, out);
 }
 

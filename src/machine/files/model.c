@@ -239,8 +239,8 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
                               scheme != NULL ? scheme : file->run.scheme, out, error);
 }
 
-static lg_status space(const void *file, lg_space *out) {
-    return lg_machine_space(&((const lg_machine_model_file *)file)->run.machine, out);
+static lg_status space(const void *run, lg_space *out) {
+    return lg_machine_space(&((const lg_machine_model_run *)run)->machine, out);
 }
 
 static const lg_scheme *usual_scheme(const void *file) {

@@ -71,7 +71,8 @@ static lg_status load(const lg_context *context, const char *path, const lg_read
     LG_TRY(lg_run_load(context, path, options, recipe, made->contents, error));
     lg_program *program;
     lg_space space;
-    if (recipe->space != NULL) LG_TRY(recipe->space(made->contents, &space));
+    const void *run = (const char *)made->contents + recipe->file_run;
+    if (recipe->space != NULL) LG_TRY(recipe->space(run, &space));
     LG_TRY(recipe->program(context, made->contents, NULL, &program, error));
     return lg_model_create(context, program, recipe->space != NULL ? &space : NULL, &made->model, error);
 }

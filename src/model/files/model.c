@@ -66,6 +66,15 @@ static lg_status put_slice(lg_h5 *h5, const slice *s, lg_dtype dtype, const doub
     return status;
 }
 
+static lg_status put_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
+    lg_space space;
+    char text[LG_SPACE_TEXT];
+    if (kind->space == NULL) return LG_OK;
+    LG_TRY(kind->space(run, &space));
+    lg_space_text(&space, text);
+    return lg_h5_put_text(h5, "model", "space", text, error);
+}
+
 /* The archive for lg_fit_save: the root of the file. */
 typedef struct fit_target {
     lg_h5 *h5;
@@ -100,6 +109,7 @@ static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, c
     const uint64_t epochs = *view.epochs_done;
     LG_TRY(lg_h5_put_header(h5, kind->name, view.provenance, error));
     LG_TRY(lg_run_put(h5, kind, view.run, error));
+    LG_TRY(put_space(h5, kind, view.run, error));
     for (uint32_t i = 0; slice_at(kind, view.run, i, &s); i++)
         LG_TRY(put_slice(h5, &s, training_of(kind, view.run)->dtype, *view.theta, error));
     LG_TRY(kind->put_rest(h5, file, fit != NULL, error));
@@ -198,6 +208,25 @@ static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error)
     return LG_OK;
 }
 
+/* The attribute is for readers who know no kind; files of before have none. */
+static lg_status check_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
+    lg_space space, found;
+    lg_error reason = {LG_OK, ""};
+    char text[LG_SPACE_TEXT], expected[LG_SPACE_TEXT];
+    if (kind->space == NULL || !lg_h5_has_attribute(h5, "model", "space")) return LG_OK;
+    LG_TRY(kind->space(run, &space));
+    lg_space_text(&space, expected);
+    LG_TRY(lg_as_format(lg_h5_text(h5, "model", "space", text, sizeof text, error), error));
+    if (lg_space_read(lg_tamed(text), &found, &reason) == LG_OK) {
+        if (strcmp(text, expected) == 0) return LG_OK;
+        (void)lg_fail(&reason, LG_FORMAT, "is '%s'", text);
+    }
+    return lg_fail(error, LG_FORMAT,
+                   "%s: /model: attribute space: %s; the other attributes make a model on %s: write this, "
+                   "correct them, or remove space",
+                   lg_shown_path(h5->path), reason.message, expected);
+}
+
 lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error) {
     *has = lg_h5_has_attribute(h5, "", name);
     if (!*has) return LG_OK;
@@ -211,6 +240,7 @@ lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error
     LG_TRY(lg_h5_check_format(h5, kind->name, false, error));
     LG_TRY(lg_run_get(h5, kind, false, view.run, error));
     LG_TRY(get_weights(h5, kind, &view, error));
+    LG_TRY(check_space(h5, kind, view.run, error));
     LG_TRY(get_history(h5, &view, error));
     LG_TRY(kind->get_rest(h5, file, error));
     lg_h5_provenance(h5, view.provenance);

@@ -27,11 +27,10 @@ struct lg_recipe {
     /* Parameters: slice number `index`, named below /model; false beyond the last. */
     size_t (*parameters)(const void *run);
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
-    /* The functions of the model in a file structure, with steps of `scheme` (NULL: the model's usual one),
-     * and the space of its states (NULL: it does not move). */
+    /* The functions of the model in a file structure, with steps of `scheme` (NULL: the model's usual one). */
     lg_status (*program)(const lg_context *context, const void *file, const lg_scheme *scheme,
                          lg_program **out, lg_error *error);
-    lg_status (*space)(const void *file, lg_space *out);
+    lg_status (*space)(const void *run, lg_space *out); /* of the states; NULL: the model does not move */
     const lg_scheme *(*scheme)(const void *file); /* of its steps; NULL: the model has no steps */
     /* The file structure: its size, offsets of what all kinds have. */
     size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
