@@ -13,6 +13,15 @@
 
 #define LG_ALIGNMENT 64
 
+/* A sanitizer watches memory: it reserves terabytes of addresses and stands before malloc. */
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define LG_SANITIZED
+#elif defined(__has_feature) /* clang */
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define LG_SANITIZED
+#endif
+#endif
+
 /* Returns the status of the call when it is not LG_OK. */
 #define LG_TRY(call)                                                                                         \
     do {                                                                                                     \
@@ -58,6 +67,16 @@ void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *u
 typedef enum lg_isa { LG_ISA_BASELINE, LG_ISA_AVX2, LG_ISA_AVX512, LG_ISA_NEON, LG_ISA_COUNT } lg_isa;
 /* The library was compiled for the set, and the machine has it. */
 bool lg_isa_is_here(lg_isa isa);
+/* X(NAME, name) for each set that kernels are compiled for besides the baseline. */
+#if defined(LG_BASELINE_ALONE) /* builds with sanitizers */
+#define LG_FASTER_SETS(X)
+#elif defined(__x86_64__)
+#define LG_FASTER_SETS(X) X(AVX2, avx2) X(AVX512, avx512)
+#elif defined(__aarch64__)
+#define LG_FASTER_SETS(X) X(NEON, neon)
+#else
+#define LG_FASTER_SETS(X)
+#endif
 /* The set in use: the machine's best, or what LIEGRAD_ISA asks for when the machine has it. Constant. */
 lg_isa lg_isa_in_use(void);
 const char *lg_isa_name(lg_isa isa);

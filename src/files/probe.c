@@ -21,8 +21,8 @@
 #include "files/h5.h"
 #include "files/sandbox.h"
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define LG_LIMIT_MEMORY 0 /* sanitizers reserve terabytes of addresses */
+#if defined(LG_SANITIZED)
+#define LG_LIMIT_MEMORY 0
 #else
 #define LG_LIMIT_MEMORY 1
 #endif

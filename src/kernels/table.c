@@ -1,22 +1,12 @@
 #include "kernels/kernels.h"
 
-extern const lg_kernels lg_kernels_f64_baseline, lg_kernels_f32_baseline;
-#if defined(__x86_64__)
-extern const lg_kernels lg_kernels_f64_avx2, lg_kernels_f32_avx2, lg_kernels_f64_avx512,
-    lg_kernels_f32_avx512;
-#elif defined(__aarch64__)
-extern const lg_kernels lg_kernels_f64_neon, lg_kernels_f32_neon;
-#endif
+#define DECLARE(NAME, name) extern const lg_kernels lg_kernels_f64_##name, lg_kernels_f32_##name;
+DECLARE(BASELINE, baseline)
+LG_FASTER_SETS(DECLARE)
 
-static const lg_kernels *const tables[LG_ISA_COUNT][2] = {
-    [LG_ISA_BASELINE] = {[LG_F64] = &lg_kernels_f64_baseline, [LG_F32] = &lg_kernels_f32_baseline},
-#if defined(__x86_64__)
-    [LG_ISA_AVX2] = {[LG_F64] = &lg_kernels_f64_avx2, [LG_F32] = &lg_kernels_f32_avx2},
-    [LG_ISA_AVX512] = {[LG_F64] = &lg_kernels_f64_avx512, [LG_F32] = &lg_kernels_f32_avx512},
-#elif defined(__aarch64__)
-    [LG_ISA_NEON] = {[LG_F64] = &lg_kernels_f64_neon, [LG_F32] = &lg_kernels_f32_neon},
-#endif
-};
+#define ROW(NAME, name)                                                                                      \
+    [LG_ISA_##NAME] = {[LG_F64] = &lg_kernels_f64_##name, [LG_F32] = &lg_kernels_f32_##name},
+static const lg_kernels *const tables[LG_ISA_COUNT][2] = {ROW(BASELINE, baseline) LG_FASTER_SETS(ROW)};
 
 const lg_kernels *lg_kernels_for(lg_dtype dtype) {
     return tables[lg_isa_in_use()][dtype];

@@ -1,23 +1,13 @@
 /* Which lanes there are, and what runs on them. */
 #include "integrators/lanes.h"
 
-extern const lg_lane_table lg_lanes_baseline;
-#if defined(__x86_64__)
-extern const lg_lane_table lg_lanes_avx2, lg_lanes_avx512;
-#elif defined(__aarch64__)
-extern const lg_lane_table lg_lanes_neon;
-#endif
+#define DECLARE(NAME, name) extern const lg_lane_table lg_lanes_##name;
+DECLARE(BASELINE, baseline)
+LG_FASTER_SETS(DECLARE)
 
 const lg_lane_table *lg_lanes(void) {
-    static const lg_lane_table *const tables[LG_ISA_COUNT] = {
-        [LG_ISA_BASELINE] = &lg_lanes_baseline,
-#if defined(__x86_64__)
-        [LG_ISA_AVX2] = &lg_lanes_avx2,
-        [LG_ISA_AVX512] = &lg_lanes_avx512,
-#elif defined(__aarch64__)
-        [LG_ISA_NEON] = &lg_lanes_neon,
-#endif
-    };
+#define ROW(NAME, name) [LG_ISA_##NAME] = &lg_lanes_##name,
+    static const lg_lane_table *const tables[LG_ISA_COUNT] = {ROW(BASELINE, baseline) LG_FASTER_SETS(ROW)};
     return tables[lg_isa_in_use()];
 }
 

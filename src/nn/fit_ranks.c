@@ -88,52 +88,57 @@ void lg_fit_ranks_destroy(lg_fit *fit) {
 /* ---- messages ---- */
 
 /* A message as a list of arrays: each of them is passed to `take`. */
-typedef void (*take)(char **at, void *data, size_t bytes);
+typedef struct message {
+    char *begin; /* NULL while only the length is wanted */
+    size_t length;
+} message;
+typedef void (*take)(message *m, void *data, size_t bytes);
 
-static void count_bytes(char **at, void *data, size_t bytes) {
+static void count_bytes(message *m, void *data, size_t bytes) {
     (void)data;
-    *at += bytes;
+    m->length += bytes;
 }
 
-static void pack(char **at, void *data, size_t bytes) {
-    memcpy(*at, data, bytes);
-    *at += bytes;
+static void pack(message *m, void *data, size_t bytes) {
+    memcpy(m->begin + m->length, data, bytes);
+    m->length += bytes;
 }
 
-static void unpack(char **at, void *data, size_t bytes) {
-    memcpy(data, *at, bytes);
-    *at += bytes;
+static void unpack(message *m, void *data, size_t bytes) {
+    memcpy(data, m->begin + m->length, bytes);
+    m->length += bytes;
 }
 
-static void list_shard(lg_fit *fit, size_t index, take each, char **at) {
+static void list_shard(lg_fit *fit, size_t index, take each, message *m) {
     lg_shard *shard = &fit->shards[index];
-    each(at, &shard->loss, sizeof shard->loss);
-    each(at, &shard->bound, sizeof shard->bound);
-    each(at, &shard->status, sizeof shard->status);
+    each(m, &shard->loss, sizeof shard->loss);
+    each(m, &shard->bound, sizeof shard->bound);
+    each(m, &shard->status, sizeof shard->status);
     if (is_sent(fit, index) && fit->with_gradient)
-        each(at, shard->gradient, fit->problem.parameters * fit->k->size);
+        each(m, shard->gradient, fit->problem.parameters * fit->k->size);
     if (is_sent(fit, index) && fit->with_squares)
-        each(at, shard->matrix, lg_fit_squares_length(fit) * sizeof(double));
+        each(m, shard->matrix, lg_fit_squares_length(fit) * sizeof(double));
     for (size_t i = 0; fit->with_squares && fit->problem.own > 0 && i < shard->count; i++) {
         const lg_fit_own own = lg_fit_own_of(fit, shard->samples[i]);
-        each(at, own.rows, own.rows_length * sizeof(double));
-        each(at, own.block, own.block_length * sizeof(double));
+        each(m, own.rows, own.rows_length * sizeof(double));
+        each(m, own.block, own.block_length * sizeof(double));
     }
 }
 
-/* The message of rank `from`, which begins at `at`. Returns its end. */
-static char *list_message(lg_fit *fit, uint32_t from, take each, char *at) {
-    each(&at, &fit->stops[from], sizeof *fit->stops);
+/* The message of rank `from`, which begins at `begin`. Returns its length. */
+static size_t list_message(lg_fit *fit, uint32_t from, take each, char *begin) {
+    message m = {begin, 0};
+    each(&m, &fit->stops[from], sizeof *fit->stops);
     for (size_t i = 0; i < fit->active; i++)
-        if (fit->shards[i].rank == from) list_shard(fit, i, each, &at);
-    return at;
+        if (fit->shards[i].rank == from) list_shard(fit, i, each, &m);
+    return m.length;
 }
 
 /* Lengths of all messages, and room for them. */
 static lg_status make_room(lg_fit *fit) {
     size_t total = 0;
     for (uint32_t r = 0; r < fit->options.ranks->count; r++) {
-        fit->message_bytes[r] = (size_t)(list_message(fit, r, count_bytes, fit->message) - fit->message);
+        fit->message_bytes[r] = list_message(fit, r, count_bytes, NULL);
         total += fit->message_bytes[r];
     }
     if (total <= fit->message_room) return LG_OK;

@@ -717,7 +717,7 @@ TEST("a pipe is watched until Ctrl-C") {
 }
 
 /* Sanitizers keep freed memory and shadows of what is touched first. */
-#ifdef __SANITIZE_ADDRESS__
+#ifdef LG_SANITIZED
 enum { MORE_KB = 4096 };
 #else
 enum { MORE_KB = 1024 };

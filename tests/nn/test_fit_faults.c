@@ -326,9 +326,9 @@ TEST("a state of other hyperparameters is refused by their names") {
     load_state(regression_fit(NULL, &s.r, &o), &s.archive);
 }
 
-/* Of whole numbers those below 0 stand for the largest. */
+/* Of whole numbers those below 0, and those that no whole number holds, stand for the largest. */
 static void set_element(memory_item *item, size_t at, double value) {
-    const uint64_t whole = value >= 0 ? (uint64_t)value : UINT64_MAX;
+    const uint64_t whole = value >= 0 && value < 0x1p64 ? (uint64_t)value : UINT64_MAX;
     if (item->type == LG_ELEMENT_F64) ((double *)item->data)[at] = value;
     if (item->type == LG_ELEMENT_U64) ((uint64_t *)item->data)[at] = whole;
     if (item->type == LG_ELEMENT_U32) ((uint32_t *)item->data)[at] = (uint32_t)whole;

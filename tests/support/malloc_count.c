@@ -10,7 +10,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(__GLIBC__)
+#include "core/core.h"
+
+#if defined(LG_SANITIZED) || !defined(__GLIBC__)
 
 bool lg_count_available(void) {
     return false;

@@ -209,11 +209,12 @@ void *lg_payload_allocate(lg_tape *tape, size_t bytes) {
     return lg_arena_allocate(tape, &tape->arena, bytes);
 }
 
-/* Room for one more node with its parents, so that pointers to nodes stay valid while it is made. */
+/* Room for one more node with its parents, so that pointers to nodes stay valid while it is made. There is
+ * an array of parents from the first leaf on: a place in it is then no offset to NULL. */
 static bool reserve(lg_tape *tape, uint32_t inputs) {
     return lg_grow(tape, (void **)&tape->nodes, &tape->capacity, tape->count + 1, sizeof *tape->nodes) &&
-           lg_grow(tape, (void **)&tape->parents, &tape->parents_capacity, tape->parents_count + inputs,
-                   sizeof *tape->parents);
+           lg_grow(tape, (void **)&tape->parents, &tape->parents_capacity,
+                   tape->parents_count + inputs + (tape->parents == NULL), sizeof *tape->parents);
 }
 
 static lg_node *append_node(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
