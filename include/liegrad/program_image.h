@@ -73,6 +73,38 @@ LG_API lg_status lg_program_begin(const lg_context *context, const lg_program_sp
  * LG_OUT_OF_MEMORY. On failure the program is as before. */
 LG_API lg_status lg_program_add_image(lg_program *program, const lg_function_image *image, lg_error *error);
 
+/* ---- functions as bytes ----
+ *
+ * What the data sets /functions/NAME of files hold. The name of the function is not among the bytes.
+ *
+ *   whole     a number from 0 on: seven bits a byte, the lowest first; every byte but the last has bit 8 set
+ *   folded    whole of a number that may be negative: 0, -1, 1, -2, ... are 0, 1, 2, 3, ...
+ *   affine    whole of 2 z + s, z the folded base; s = 1: folded rows follow, else they are 0
+ *   real      whole n, then the highest n of the number's 8 bytes (IEEE 754, the lowest first); the rest are 0
+ *   text      whole n, then n bytes; an empty unit is not known. Names are letters, digits and underscores
+ *   port      text name, text unit, whole 2 rank + shared, rank wholes: the shape, real low, real high
+ *   operation whole k. If k is the number of different operations before it, text name and whole revision
+ *             follow; else it is the one that came as number k, from 0 on. Then whole m: bit j of m says that
+ *             field j follows; the other fields are 0 or empty:
+ *             0 inputs: whole n, n wholes: how many steps back each input lies (1: the operation before)
+ *             1 shape: whole rank, rank affines     2 to 5 whole[0] to whole[3]: affine     6 `real`: real
+ *             7 reals: whole n, n reals     8 indices: whole n, n wholes     9 `reciprocal`: affine
+ *   function  whole 1 (the version of these bytes); whole n, n ports: inputs; the same for outputs; whole times.
+ *             times 0: whole n, n operations; for each output whole: its operation.
+ *             Else a loop: whole callee; for each input whole carry, 2^32 - 1: it stays
+ */
+
+/* Writes the function to `bytes`, which has room for *size bytes; *size becomes how many they are. NULL: only
+ * *size. Errors: LG_INVALID_ARGUMENT, with a sentence (no room; an image that lg_program_add_image refuses). */
+LG_API lg_status lg_function_pack(const lg_function_image *image, void *bytes, size_t *size, lg_error *error);
+
+/* The image of `size` bytes, which may come from anybody, with memory of its own: at most *memory bytes, which
+ * are made less by what is taken. lg_program_add_image then checks what the image means. Errors, with a sentence
+ * that says where: LG_FORMAT (bytes that end early or late, counts that the bytes cannot hold or *memory does not
+ * allow, texts), LG_VERSION, LG_OUT_OF_MEMORY. On failure *out and *memory are untouched. */
+LG_API lg_status lg_function_unpack(const lg_context *context, const char *name, const void *bytes,
+                                    size_t size, size_t *memory, lg_function_image **out, lg_error *error);
+
 LG_END_DECLS
 
 #endif

@@ -125,7 +125,7 @@ TEST("programs") {
     how.name = "p";
     lg_tape *tape = test_tape(LG_F64);
     lg_var x = lg_input(tape, lg_shape2(1, 1), &number), y;
-    size_t index;
+    size_t index, size = 0;
     unsigned char pattern[1];
     lg_carry carry = {"y", "x"};
     lg_plan *plan;
@@ -145,6 +145,8 @@ TEST("programs") {
     REFUSES(lg_program_write_c(NEEDED(program), NEEDED(&how), NEEDED(&source), NULL));
     REFUSES(lg_function_image_create(NEEDED(program), 0, NEEDED(&copy)));
     REFUSES(lg_program_add_image(NEEDED(bare), NEEDED(image), NULL));
+    REFUSES(lg_function_pack(NEEDED(image), NULL, NEEDED(&size), NULL));
+    REFUSES(lg_function_unpack(NULL, NEEDED("f"), NEEDED("?"), 1, NEEDED(&size), NEEDED(&copy), NULL));
     REFUSES(lg_program_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(program), NULL, NULL));
     REFUSES(lg_program_train(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NULL, NULL, NULL));
     lg_function_image_destroy(image);

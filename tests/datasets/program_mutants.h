@@ -438,6 +438,84 @@ static inline void mutate_images(size_t count, uint64_t seed) {
     tell("decoded lists", count, &t);
 }
 
+/* ---- bytes of functions ---- */
+
+static inline unsigned char *packed(const lg_function_image *image, size_t *size) {
+    lg_error error = {LG_OK, ""};
+    if (lg_function_pack(image, NULL, size, &error) != LG_OK) fail_msg("%s", error.message);
+    unsigned char *bytes = malloc(*size);
+    assert_ok(lg_function_pack(image, bytes, size, &error));
+    return bytes;
+}
+
+/* The bytes end where their memory ends. What loads runs. */
+static inline void take_packed(const lg_program *program, size_t function, const unsigned char *bytes,
+                               size_t size, tally *t, size_t number) {
+    lg_error error = {LG_OK, ""};
+    lg_function_image *image = NULL;
+    size_t memory = (size_t)8 << 20;
+    unsigned char *exact = malloc(size > 0 ? size : 1);
+    if (size > 0) memcpy(exact, bytes, size);
+    lg_program *made = copy_until(program, function);
+    const double begun = seconds_now();
+    lg_status status = lg_function_unpack(NULL, "mutant", exact, size, &memory, &image, &error);
+    assert_true((status == LG_OK) == (image != NULL) && memory <= (size_t)8 << 20);
+    if (status == LG_OK) status = lg_program_add_image(made, image, &error);
+    lg_function_image_destroy(image);
+    if (status == LG_OK) {
+        run_mutant(made, t, number);
+    } else {
+        t->refused++;
+        assert_sentence(&error, status, number);
+        assert_non_null(strstr(error.message, image == NULL ? "function 'mutant'" : ""));
+    }
+    note_time(t, begun, number);
+    lg_program_destroy(made);
+    free(exact);
+}
+
+/* Functions cut off everywhere, and with bytes changed. */
+static inline void mutate_packed(const lg_program *program, size_t changed, uint64_t seed, tally *t,
+                                 size_t *count) {
+    for (size_t f = 0; f < lg_program_functions(program); f++) {
+        lg_function_image *image;
+        size_t size;
+        lg_rng rng;
+        lg_rng_seed(&rng, seed, f);
+        assert_ok(lg_function_image_create(program, f, &image));
+        unsigned char *bytes = packed(image, &size);
+        const size_t sound = t->sound;
+        for (size_t end = 0; end < size; end++) take_packed(program, f, bytes, end, t, (*count)++);
+        assert_int_equal(t->sound, sound);
+        for (size_t i = 0; i < changed; i++) {
+            const size_t at = below_n(&rng, size);
+            const unsigned char byte = bytes[at];
+            bytes[at] = below_n(&rng, 2) == 0 ? (unsigned char)lg_rng_next(&rng)
+                                              : (unsigned char)(byte ^ 1u << below_n(&rng, 8));
+            take_packed(program, f, bytes, size, t, (*count)++);
+            bytes[at] = byte;
+        }
+        free(bytes);
+        lg_function_image_destroy(image);
+    }
+}
+
+/* The network, and every operation of the registry or each `step`th of them. */
+static inline void mutate_all_packed(size_t step, size_t changed, uint64_t seed) {
+    tally t = {0};
+    size_t count = 0;
+    const lg_gradcheck_case *row;
+    lg_program *program = zoo_network();
+    mutate_packed(program, changed, seed, &t, &count);
+    lg_program_destroy(program);
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i += step)
+        if ((program = zoo_operation(row)) != NULL) {
+            mutate_packed(program, changed, seed + i, &t, &count);
+            lg_program_destroy(program);
+        }
+    tell("packed functions", count, &t);
+}
+
 /* ---- files ---- */
 
 static inline void read_mutant(const char *path, bool probe, tally *t, size_t number) {

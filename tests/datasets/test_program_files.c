@@ -397,6 +397,7 @@ TEST("attributes and shapes that lie are refused, or the program runs at once") 
 
 TEST("a sample of mutated files is refused or runs") {
     mutate_images(400, 1);
+    mutate_all_packed(20, 20, 4);
     mutate_arrays(100, 2);
     mutate_bytes(50, 3);
 }

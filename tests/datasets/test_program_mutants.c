@@ -7,6 +7,10 @@ TEST("mutated lists are refused or run") {
     mutate_images(14000, 101);
 }
 
+TEST("packed functions that are cut off or mutated are refused or run") {
+    mutate_all_packed(1, 60, 104);
+}
+
 TEST("mutated arrays of files are refused or run") {
     mutate_arrays(4500, 102);
 }

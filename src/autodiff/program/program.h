@@ -9,6 +9,7 @@
 
 #include "autodiff/ops/op.h"
 #include "autodiff/ops/op_rows.h"
+#include "autodiff/tape/heap.h"
 #include "autodiff/tape/tape_internal.h"
 #include "liegrad/program.h"
 #include "liegrad/program_image.h"
@@ -111,6 +112,14 @@ void lg_function_destroy(const lg_context *context, lg_function *function);
  * large then. attr->pointer points into the function. */
 bool lg_node_shape_at(const lg_program_node *node, size_t rows, lg_shape *shape);
 bool lg_node_attr_at(const lg_function *function, const lg_program_node *node, size_t rows, lg_attr *attr);
+
+/* An image with memory of its own. lg_function_image_destroy is given the address of `image`, the first member;
+ * it frees all. NULL: out of memory. */
+typedef struct lg_owned_image {
+    lg_function_image image;
+    lg_heap heap;
+} lg_owned_image;
+lg_owned_image *lg_owned_image_create(const lg_context *context, size_t most);
 
 /* Copies of ports, in memory of the function; on failure nothing is kept. */
 lg_status lg_ports_copy(const lg_context *context, const lg_port *ports, size_t count, lg_port **out);

@@ -39,25 +39,23 @@ static lg_operation operation_of(const lg_function *f, const lg_program_node *no
     return o;
 }
 
-/* The image is the first member: lg_function_image_destroy is given its address. */
-typedef struct owned_image {
-    lg_function_image image;
-    const lg_context *context;
-} owned_image;
+lg_owned_image *lg_owned_image_create(const lg_context *context, size_t most) {
+    lg_owned_image *made = lg_alloc(context, 1, sizeof *made);
+    if (made != NULL) made->heap = (lg_heap){.context = context, .most = most};
+    return made;
+}
 
 lg_status lg_function_image_create(const lg_program *p, size_t function, lg_function_image **out) {
     if (p == NULL || out == NULL) return LG_INVALID_ARGUMENT;
     if (function >= p->functions) return LG_NOT_FOUND;
     const lg_function *f = &p->function[function];
-    owned_image *made = lg_alloc(p->context, 1, sizeof *made);
-    lg_operation *operations = lg_alloc(p->context, f->nodes, sizeof *operations);
-    if (made == NULL || operations == NULL) {
+    lg_owned_image *made = lg_owned_image_create(p->context, SIZE_MAX);
+    lg_operation *operations = made != NULL ? lg_heap_take(&made->heap, f->nodes, sizeof *operations) : NULL;
+    if (operations == NULL) {
         lg_free(p->context, made);
-        lg_free(p->context, operations);
         return LG_OUT_OF_MEMORY;
     }
     for (uint32_t i = 0; i < f->nodes; i++) operations[i] = operation_of(f, &f->node[i]);
-    made->context = p->context;
     made->image = (lg_function_image){.name = f->name,
                                       .inputs = f->input,
                                       .input_count = f->inputs,
@@ -74,10 +72,11 @@ lg_status lg_function_image_create(const lg_program *p, size_t function, lg_func
 }
 
 void lg_function_image_destroy(lg_function_image *image) {
-    owned_image *owned = (owned_image *)image;
+    lg_owned_image *owned = (lg_owned_image *)image;
     if (owned == NULL) return;
-    lg_free(owned->context, image->operations);
-    lg_free(owned->context, owned);
+    const lg_context *context = owned->heap.context;
+    lg_heap_destroy(&owned->heap);
+    lg_free(context, owned);
 }
 
 /* ---- from plain data ---- */

@@ -153,6 +153,7 @@ int main(int argc, char **argv) {
         "large\n",
         counted.recordings, seed, counted.functions, counted.derivatives, counted.loops, counted.plans,
         counted.sources, counted.unfit);
+    printf("%zu operations are packed in %zu bytes\n", counted.operations, counted.bytes);
     const bool all = all_rows_recorded();
     printf("%zu differ\n", different);
     return different == 0 && all ? 0 : 1;

@@ -132,7 +132,8 @@ bool found(finding *out, bool refused, const char *format, ...)
 
 typedef struct tally {
     size_t recordings, functions, derivatives, loops, plans, unfit, sources;
-    size_t steps[8]; /* of plans, by kind */
+    size_t bytes, operations; /* of packed functions */
+    size_t steps[8];          /* of plans, by kind */
 } tally;
 extern tally counted;
 
