@@ -58,7 +58,7 @@ const char *train_refuses(const train_task *task, const app_slot *slot) {
     if (method == NULL || slot->row->methods == 0) return NULL;
     const uint32_t number = (uint32_t)lg_field_whole(method, values);
     if ((slot->row->methods & 1u << number) != 0) return NULL;
-    (void)snprintf(text, sizeof text, "--%s %s", task->method, method->value_name(number));
+    (void)snprintf(text, sizeof text, "--%s %s", task->method, lg_field_name(method, number));
     return text;
 }
 

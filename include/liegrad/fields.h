@@ -100,6 +100,11 @@ typedef struct lg_field {
     LG_FIELD(struct_, NULL, #member, type_, member, .unit = unit_, .meaning = __VA_ARGS__)
 #define LG_ANY_REAL .low = -1e300, .high = 1e300
 #define LG_POSITIVE .high = 1e300, .above = true
+/* The names of a row, by value. */
+#define LG_NAMES(...)                                                                                        \
+    .names = (const char *const[]) {                                                                         \
+        __VA_ARGS__, NULL                                                                                    \
+    }
 #define LG_FIELD_END                                                                                         \
     { .name = NULL }
 
@@ -122,6 +127,8 @@ LG_API int lg_field_describe(const lg_field *entry, char *text, size_t size);
 LG_API lg_status lg_field_set(const lg_field *entry, const char *text, void *run, lg_error *error);
 /* The run's value as lg_field_set takes it, cut to `size` bytes; "?" for an unknown name. */
 LG_API void lg_field_show(const lg_field *entry, const void *run, char *text, size_t size);
+/* The name of a value; NULL beyond the last, and for a row without names. */
+LG_API const char *lg_field_name(const lg_field *entry, uint32_t value);
 /* The value of a number, or the position of a name; NaN for other types. */
 LG_API double lg_field_number(const lg_field *entry, const void *run);
 /* The exact value of whole numbers, flags and names; 0 for other types. */
@@ -134,6 +141,12 @@ LG_API bool lg_field_fits(const lg_field *entry, const void *run);
 LG_API void lg_field_copy(const lg_field *entry, const void *from, void *to);
 /* Sets every hyperparameter that has a default; the others are unchanged. */
 LG_API void lg_fields_default(const lg_field *table, void *run);
+
+/* A decimal number, consumed whole, whatever the locale: [+-] digits with optional point and exponent.
+ * LG_FORMAT for anything else (empty, "9,81", "9.81m", "0x1p3", "nan"), LG_NOT_FINITE when it overflows. */
+LG_API lg_status lg_number_parse(const char *text, double *out);
+/* The same for a whole number 0..UINT64_MAX, digits only. */
+LG_API lg_status lg_integer_parse(const char *text, uint64_t *out);
 
 LG_END_DECLS
 

@@ -33,6 +33,7 @@
 #include "liegrad/context.h"
 #include "liegrad/detector.h"
 #include "liegrad/elastica.h"
+#include "liegrad/fields.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/model.h"
@@ -107,12 +108,6 @@ LG_API lg_status lg_lock_take(const lg_context *context, const char *target, con
                               lg_error *error);
 /* Removes the file, unless this is a child of the process that took it. */
 LG_API void lg_lock_release(lg_lock *lock);
-
-/* A decimal number, consumed whole, whatever the locale: [+-] digits with optional point and exponent.
- * LG_FORMAT for anything else (empty, "9,81", "9.81m", "0x1p3", "nan"), LG_NOT_FINITE when it overflows. */
-LG_API lg_status lg_number_parse(const char *text, double *out);
-/* The same for a whole number 0..UINT64_MAX, digits only. */
-LG_API lg_status lg_integer_parse(const char *text, uint64_t *out);
 
 /* ---- SHA-256 (FIPS 180-4) ---- */
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "files/h5.h"
-#include "settings/names.h"
+#include "hamiltonian/files/family.h"
 #include "liegrad/geometry.h"
 
 #define TIME_TOLERANCE     1e-6 /* of dt */

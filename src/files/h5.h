@@ -136,6 +136,14 @@ lg_archive_reader lg_h5_view_reader(lg_h5_view *view);
 lg_h5 *lg_file_writer_h5(lg_file_writer *writer);
 lg_h5 *lg_file_reader_h5(lg_file_reader *reader);
 
+/* LG_NOT_FOUND of a key becomes LG_FORMAT, in the result and in `error` (may be NULL). */
+lg_status lg_missing_is_format(lg_status status, lg_error *error);
+
+/* Adds them as little-endian doubles, or numbers of four bytes. */
+void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count);
+void lg_sha256_add_floats(lg_sha256 *state, const float *values, size_t count);
+void lg_sha256_add_u32(lg_sha256 *state, const uint32_t *values, size_t count);
+
 /* ---- probe ---- */
 
 /* Runs read(user, error) in a forked child with limits on memory and CPU time. Returns the status and

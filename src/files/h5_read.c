@@ -540,3 +540,9 @@ lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error) {
         return lg_fail(error, LG_FORMAT, "%s: is cut short or damaged", lg_shown_path(h5->path));
     return s.status;
 }
+
+lg_status lg_missing_is_format(lg_status status, lg_error *error) {
+    if (status != LG_NOT_FOUND) return status;
+    if (error != NULL) error->status = LG_FORMAT;
+    return LG_FORMAT;
+}

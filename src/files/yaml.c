@@ -210,6 +210,10 @@ static lg_status read_number(const lg_yaml *yaml, const lg_key *key, const yaml_
     return LG_OK;
 }
 
+static const char *name_at(const lg_key *key, uint32_t value) {
+    return key->row != NULL ? lg_field_name(key->row, value) : key->name_of(value);
+}
+
 static lg_status read_name(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, double *out,
                            lg_error *error) {
     char show[NAME_SIZE], known[160] = "";
@@ -217,14 +221,14 @@ static lg_status read_name(const lg_yaml *yaml, const lg_key *key, const yaml_no
     if (node->type != YAML_SCALAR_NODE)
         return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a name is expected", key->name);
     size_t used = 0;
-    for (uint32_t value = 0; key->name_of(value) != NULL; value++) {
-        if (text != NULL && strcmp(text, key->name_of(value)) == 0) {
+    const char *name;
+    for (uint32_t value = 0; (name = name_at(key, value)) != NULL; value++) {
+        if (text != NULL && strcmp(text, name) == 0) {
             *out = value;
             return LG_OK;
         }
         if (used < sizeof known)
-            used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", value > 0 ? ", " : "",
-                                     key->name_of(value));
+            used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", value > 0 ? ", " : "", name);
     }
     return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: '%s' is none of %s", key->name,
                         shown(node, show), known);

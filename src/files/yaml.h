@@ -28,6 +28,7 @@ typedef struct lg_key {
     uint32_t capacity; /* most values of a list */
     /* Names of an enumeration by value; NULL beyond the last. */
     const char *(*name_of)(uint32_t value);
+    const lg_field *row; /* NULL, or the field that has the names instead of name_of */
 } lg_key;
 
 #define LG_VALUES 32 /* the longest list, but for blocks */

@@ -58,8 +58,9 @@ TEST("the limits of a row are taken, and nothing beyond them") {
         const bool whole = row->type != LG_FIELD_REAL && row->type != LG_FIELD_REALS;
         static const char *const never[] = {"", " 1", "1 ", "one", "nan", "inf", "1e999", "0x1", ",1", "1,"};
         for (size_t i = 0; i < LG_COUNT(never); i++) assert_sets(row, never[i], false);
-        if (row->value_name != NULL) {
-            for (uint32_t i = 0; row->value_name(i) != NULL; i++) assert_sets(row, row->value_name(i), true);
+        if (lg_field_name(row, 0) != NULL) {
+            for (uint32_t i = 0; lg_field_name(row, i) != NULL; i++)
+                assert_sets(row, lg_field_name(row, i), true);
             continue;
         }
         if (row->type == LG_FIELD_PHRASE) continue; /* tested where its text is read */
@@ -81,11 +82,11 @@ TEST("the limits of a row are taken, and nothing beyond them") {
 TEST("what is shown is set to the same bits, and one value changes no other") {
     EACH_ROW(row) {
         char text[LG_FIELD_TEXT_SIZE], again[LG_FIELD_TEXT_SIZE];
-        const char *value = row->type == LG_FIELD_PHRASE   ? "adam:3,lbfgs"
-                            : row->value_name != NULL      ? row->value_name(1)
-                            : row->type == LG_FIELD_WHOLES ? "3,1,2"
-                            : row->type == LG_FIELD_REAL   ? "0.10000000000000002"
-                                                           : "3";
+        const char *value = row->type == LG_FIELD_PHRASE    ? "adam:3,lbfgs"
+                            : lg_field_name(row, 0) != NULL ? lg_field_name(row, 1)
+                            : row->type == LG_FIELD_WHOLES  ? "3,1,2"
+                            : row->type == LG_FIELD_REAL    ? "0.10000000000000002"
+                                                            : "3";
         memset(&run, 0, sizeof run);
         other = run;
         assert_ok(lg_field_set(row, value, &run, NULL));
@@ -127,7 +128,7 @@ TEST("rows describe themselves") {
         const int length = lg_field_describe(row, text, sizeof text);
         assert_true(length > 0 && (size_t)length < sizeof text && length == (int)strlen(text));
         assert_true(row->value == NULL || row->otherwise == NULL);
-        assert_true(row->value_name != NULL || row->unit != NULL);
+        assert_true(lg_field_name(row, 0) != NULL || row->unit != NULL);
         assert_non_null(strstr(text, row->value != NULL ? row->value : row->otherwise));
         assert_int_equal(strncmp(text, row->meaning, strlen(row->meaning)), 0);
         assert_true(row->meaning[strlen(row->meaning) - 1] != '.');

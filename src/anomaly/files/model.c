@@ -15,7 +15,7 @@ static void show_blocks(const void *user, char *text, size_t size) {
     text[0] = '\0';
     for (uint32_t i = 0; i < net->blocks && i < LG_CNN_MAX_BLOCKS && used < size; i++) {
         const lg_cnn_block *b = &net->block[i];
-        const char *pooling = lg_name_pooling(b->pooling);
+        const char *pooling = b->pooling < LG_POOLING_COUNT ? lg_pooling_name(b->pooling) : NULL;
         used += (size_t)snprintf(text + used, size - used, "%s%u kernel %u stride %u padding %u %s",
                                  i > 0 ? ", " : "", b->channels, b->kernel, b->stride, b->padding,
                                  pooling != NULL ? pooling : "?");

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "settings/names.h"
+#include "hamiltonian/files/family.h"
 #include "model/files/recipe.h"
 
 /* ---- the run ---- */

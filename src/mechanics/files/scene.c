@@ -109,20 +109,20 @@ enum {
 
 /* name, type, required, open, low, high, capacity, names */
 static const lg_key common_keys[COMMON_KEYS] = {
-    [KEY_SYSTEM] = {"system", LG_KEY_NAME, true, false, 0, 0, 1, system_name},
-    [KEY_FORM] = {"form", LG_KEY_TEXT, false, false, 0, 0, 1, NULL},
-    [KEY_T_END] = {"t_end", LG_KEY_REAL, false, true, 0, LARGEST, 1, NULL},
-    [KEY_INITIAL] = {"initial", LG_KEY_MAP, false, false, 0, 0, 0, NULL},
-    [KEY_STARTS] = {"starts", LG_KEY_MAP, false, false, 0, 0, 0, NULL},
-    [KEY_KIND] = {"starts.kind", LG_KEY_NAME, true, false, 0, 0, 1, starts_name},
-    [KEY_LOW] = {"starts.low", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL},
-    [KEY_HIGH] = {"starts.high", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL},
-    [KEY_SEGMENTS] = {"starts.segments", LG_KEY_COUNT, false, false, 1, 1000, 1, NULL},
-    [KEY_AHEAD] = {"starts.ahead", LG_KEY_REAL, false, false, 0, LARGEST, 1, NULL},
-    [KEY_ENSEMBLE] = {"ensemble", LG_KEY_TEXT, false, false, 0, 0, 1, NULL},
+    [KEY_SYSTEM] = {"system", LG_KEY_NAME, true, false, 0, 0, 1, system_name, NULL},
+    [KEY_FORM] = {"form", LG_KEY_TEXT, false, false, 0, 0, 1, NULL, NULL},
+    [KEY_T_END] = {"t_end", LG_KEY_REAL, false, true, 0, LARGEST, 1, NULL, NULL},
+    [KEY_INITIAL] = {"initial", LG_KEY_MAP, false, false, 0, 0, 0, NULL, NULL},
+    [KEY_STARTS] = {"starts", LG_KEY_MAP, false, false, 0, 0, 0, NULL, NULL},
+    [KEY_KIND] = {"starts.kind", LG_KEY_NAME, true, false, 0, 0, 1, starts_name, NULL},
+    [KEY_LOW] = {"starts.low", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL, NULL},
+    [KEY_HIGH] = {"starts.high", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL, NULL},
+    [KEY_SEGMENTS] = {"starts.segments", LG_KEY_COUNT, false, false, 1, 1000, 1, NULL, NULL},
+    [KEY_AHEAD] = {"starts.ahead", LG_KEY_REAL, false, false, 0, LARGEST, 1, NULL, NULL},
+    [KEY_ENSEMBLE] = {"ensemble", LG_KEY_TEXT, false, false, 0, 0, 1, NULL, NULL},
 };
-static const lg_key links_key = {"links", LG_KEY_COUNT, false, false, 1, MAX_LINKS, 1, NULL};
-static const lg_key reference_key = {"reference", LG_KEY_NAME, false, false, 0, 0, 1, reference_name};
+static const lg_key links_key = {"links", LG_KEY_COUNT, false, false, 1, MAX_LINKS, 1, NULL, NULL};
+static const lg_key reference_key = {"reference", LG_KEY_NAME, false, false, 0, 0, 1, reference_name, NULL};
 
 static size_t add_key(scene_table *table, const char *prefix, const lg_key *key) {
     const size_t at = table->count++;

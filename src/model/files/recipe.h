@@ -8,6 +8,7 @@
 #include "files/h5.h"
 #include "liegrad/fields.h"
 #include "liegrad/networks.h"
+#include "settings/settings.h"
 
 /* A fact about the model or its data, which is part of a run beside the hyperparameters. The last arguments
  * are designated initialisers; `.low = 0` adds nothing. */
@@ -63,8 +64,6 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
 /* lg_run_load for an open file; on failure `file` may have arrays, which the caller frees. */
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 
-/* Sets the value of the run, unchecked: one number, `count` numbers of a list, or positions of names. */
-void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run);
 /* LG_NOT_FOUND and LG_SHAPE of a key become LG_FORMAT, in the result and in `error` (may be NULL). */
 lg_status lg_as_format(lg_status status, lg_error *error);
 /* An optional, finite number of the root. */

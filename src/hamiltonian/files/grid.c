@@ -5,7 +5,7 @@
 
 #include "files/h5.h"
 #include "settings/names.h"
-#include "model/files/recipe.h"
+#include "settings/settings.h"
 #include "mechanics/files/scene.h"
 
 #define LISTS LG_GRID_VALUES
@@ -29,19 +29,23 @@ enum {
     OWN_KEYS
 };
 
+static const char *name_noise(uint32_t value) {
+    return value > 1 ? NULL : value == LG_NOISE_UNIFORM ? "uniform" : "normal";
+}
+
 static const lg_key own_keys[OWN_KEYS] = {
-    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, true, false, 0, 0, LISTS, lg_name_scheme},
-    [KEY_PENALTY] = {"penalty", LG_KEY_REALS, false, false, 0, 0, LISTS, NULL},
-    [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, false, false, 0, 0, LISTS, NULL},
-    [KEY_N] = {"N", LG_KEY_COUNTS, true, false, 1, 1e9, LISTS, NULL},
-    [KEY_M] = {"M", LG_KEY_COUNTS, true, false, 2, 1e9, LISTS, NULL},
-    [KEY_EPS] = {"eps", LG_KEY_REALS, false, false, 0, 1e6, LISTS, NULL},
-    [KEY_REPEATS] = {"repeats", LG_KEY_COUNT, false, false, 1, 1e6, 1, NULL},
-    [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_noise},
-    [KEY_SEED] = {"seed", LG_KEY_WHOLE, false, false, 0, 0, 1, NULL},
-    [KEY_TEST] = {"test", LG_KEY_MAP, false, false, 0, 0, 0, NULL},
-    [KEY_TEST_TRAJECTORIES] = {"test.trajectories", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
-    [KEY_TEST_POINTS] = {"test.points", LG_KEY_COUNT, false, false, 2, 1e9, 1, NULL},
+    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, true, false, 0, 0, LISTS, lg_name_scheme, NULL},
+    [KEY_PENALTY] = {"penalty", LG_KEY_REALS, false, false, 0, 0, LISTS, NULL, NULL},
+    [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, false, false, 0, 0, LISTS, NULL, NULL},
+    [KEY_N] = {"N", LG_KEY_COUNTS, true, false, 1, 1e9, LISTS, NULL, NULL},
+    [KEY_M] = {"M", LG_KEY_COUNTS, true, false, 2, 1e9, LISTS, NULL, NULL},
+    [KEY_EPS] = {"eps", LG_KEY_REALS, false, false, 0, 1e6, LISTS, NULL, NULL},
+    [KEY_REPEATS] = {"repeats", LG_KEY_COUNT, false, false, 1, 1e6, 1, NULL, NULL},
+    [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, false, false, 0, 0, 1, name_noise, NULL},
+    [KEY_SEED] = {"seed", LG_KEY_WHOLE, false, false, 0, 0, 1, NULL, NULL},
+    [KEY_TEST] = {"test", LG_KEY_MAP, false, false, 0, 0, 0, NULL, NULL},
+    [KEY_TEST_TRAJECTORIES] = {"test.trajectories", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL, NULL},
+    [KEY_TEST_POINTS] = {"test.points", LG_KEY_COUNT, false, false, 2, 1e9, 1, NULL, NULL},
 };
 
 /* The key of a hyperparameter that all runs share. */
@@ -57,7 +61,8 @@ static lg_key key_of(const lg_field *row) {
                     row->low,
                     row->high,
                     row->most > 0 ? row->most : 1,
-                    row->type == LG_FIELD_PHRASE ? NULL : row->value_name};
+                    NULL,
+                    row};
 }
 
 /* The hyperparameters that a grid varies, and the seed, which it derives. */
@@ -98,8 +103,8 @@ static void list_keys(grid_keys *out) {
 /* Beside a scene in a file of its own. */
 enum { KEY_SCENE, KEY_T_END, FILE_KEYS };
 static const lg_key file_keys[FILE_KEYS] = {
-    [KEY_SCENE] = {"scene", LG_KEY_TEXT, true, false, 0, 0, 1, NULL},
-    [KEY_T_END] = {"t_end", LG_KEY_REAL, false, true, 0, 1e12, 1, NULL},
+    [KEY_SCENE] = {"scene", LG_KEY_TEXT, true, false, 0, 0, 1, NULL, NULL},
+    [KEY_T_END] = {"t_end", LG_KEY_REAL, false, true, 0, 1e12, 1, NULL, NULL},
 };
 
 static void set_u32(const lg_key_value *value, uint32_t *out) {

@@ -1,0 +1,46 @@
+/* The hyperparameters of a fault detector. */
+#include "settings/training.h"
+
+/* The network. The validation part is drawn here and not by lg_fit, so that recordings and groups stay
+ * whole. */
+enum { NETWORK = 1 };
+
+static const char *name_split(uint32_t value) {
+    return value < LG_SPLIT_COUNT ? lg_split_name((lg_split)value) : NULL;
+}
+
+static const char *name_loss(uint32_t value) {
+    return value < LG_DETECTOR_LOSS_COUNT ? lg_detector_loss_name((lg_detector_loss)value) : NULL;
+}
+
+#define DETECTOR(group, name, type, member, ...)                                                             \
+    LG_FIELD(lg_detector_run, group, name, type, member, __VA_ARGS__)
+const lg_field lg_detector_fields[] = {
+    DETECTOR("model", "plane", U32, model.net.plane, .high = 1 << 20, .value = "2", .unit = "n",
+             .methods = NETWORK,
+             .meaning = "cnn: width of the layer before the output, 0 for none; 2 can be drawn"),
+    DETECTOR("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation, PRESET(),
+             .methods = NETWORK, .meaning = "cnn: activation of all layers"),
+    DETECTOR("model", "loss", NAME, model.loss, .value_name = name_loss,
+             .otherwise = "the preset's; cross-entropy for more than two classes", .methods = NETWORK,
+             .meaning = "cnn: loss function; mse is for two classes"),
+    DETECTOR(
+        "model", "centred", FLAG, model.centred, .value_name = lg_name_yes, .value = "no", .methods = NETWORK,
+        .meaning = "cnn: subtract each window's mean from its channels, so that the network learns from the "
+                   "motion alone"),
+    DETECTOR("run", "split", NAME, split, .value_name = name_split, .value = "random",
+             .meaning = "Units of the split: random (single windows), run (recordings) or group (such as sea "
+                        "states); windows of one recording resemble each other, so random gives too good "
+                        "figures"),
+    DETECTOR("run", "test_fraction", REAL, test_fraction, .high = 0.95, .value = "0.2", .unit = "F",
+             .meaning = "Part of the windows for testing"),
+    DETECTOR("run", "validation_fraction", REAL, validation_fraction, .option = "validation", .value = "0.1",
+             .methods = NETWORK, VALIDATION),
+    DETECTOR("run", "max_restarts", U32, restarts, .high = 1000, .optional = true, .value = "10", .unit = "n",
+             .methods = NETWORK,
+             .meaning =
+                 "cnn: at most so many times a network that died (a layer is constant over all training "
+                 "windows) starts again with other weights of the same seed"),
+    TRAINING_ROWS(lg_detector_run, "optimizer", any_loss, "cnn: windows", NETWORK, PRESET),
+    TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
+    LG_FIELD_END};

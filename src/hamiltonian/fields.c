@@ -1,0 +1,94 @@
+/* The hyperparameters of a learned Hamiltonian. */
+#include "settings/training.h"
+
+static const char *name_integral(uint32_t value) {
+    return value < lg_first_integral_count() ? lg_first_integral_at(value)->name : NULL;
+}
+
+static uint32_t get_hidden(const void *member, double *values) {
+    const lg_mlp *net = member;
+    const uint32_t count = net->layers > 0 && net->layers <= LG_MLP_MAX_LAYERS ? net->layers - 1 : 0;
+    for (uint32_t i = 0; i < count; i++) values[i] = net->width[i + 1];
+    return count;
+}
+
+static void put_hidden(void *member, const double *values, uint32_t count) {
+    lg_mlp *net = member;
+    net->layers = count + 1;
+    for (uint32_t i = 0; i < count; i++) net->width[i + 1] = (uint32_t)values[i];
+}
+
+/* No points stand for all of them: 0 as text. */
+static uint32_t get_points(const void *member, double *values) {
+    const lg_penalty_points *points = member;
+    values[0] = 0;
+    for (uint32_t i = 0; i < points->count && i < LG_PENALTY_POINTS; i++) values[i] = points->at[i];
+    return points->count > 0 ? points->count : 1;
+}
+
+static void put_points(void *member, const double *values, uint32_t count) {
+    lg_penalty_points *points = member;
+    *points = (lg_penalty_points){.count = count == 1 && values[0] == 0 ? 0 : count};
+    for (uint32_t i = 0; i < points->count; i++) points->at[i] = (uint32_t)values[i];
+}
+
+#define HAMILTONIAN(group, name, type, member, ...)                                                          \
+    LG_FIELD(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
+const lg_field lg_hamiltonian_fields[] = {
+    HAMILTONIAN("model", "potential", NAME, model.potential,
+                LG_NAMES([LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear",
+                         [LG_POTENTIAL_DICTIONARY] = "dictionary"),
+                .value = "mlp", .meaning = "The potential energy"),
+    HAMILTONIAN("model", "symmetry", NAME, model.symmetry,
+                LG_NAMES([LG_SYMMETRY_NONE] = "none", [LG_SYMMETRY_EVEN] = "even", [LG_SYMMETRY_ODD] = "odd"),
+                .optional = true, .value = "none", .meaning = "V(-q) = V(q) or -V(q)"),
+    HAMILTONIAN("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation,
+                .value = "tanh", .meaning = "Activation of the hidden layers"),
+    HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
+                .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, .value = "100,100,100", .unit = "W,W,...",
+                .meaning = "Widths of the hidden layers of the potential"),
+    HAMILTONIAN("run", "integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
+                .otherwise = "that of the family, see lg-hamiltonian --help",
+                .meaning = "Scheme of the steps between two points"),
+    HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
+                .meaning = "Integrator steps between two points"),
+    HAMILTONIAN("run", "penalty", REAL, penalty, .high = 1e12, .value = "0", .unit = "MU",
+                .meaning = "Penalty on the change of a first integral, 0 for none"),
+    HAMILTONIAN("run", "penalty_integral", NAME, penalty_integral, .value_name = name_integral,
+                .optional = true, .value = "oscillator",
+                .meaning =
+                    "The first integral of the penalty; not given, the first one that fits the system"),
+    HAMILTONIAN("run", "penalty_copy", U32, penalty_copy, .optional = true, .high = LG_HAMILTONIAN_MAX_COPIES,
+                .value = "0", .unit = "j",
+                .meaning = "oscillator and anharmonic: number of the degree of freedom, from 1; 0 is 1"),
+    HAMILTONIAN("run", "penalty_points", WHOLES, penalty_points, .get = get_points, .put = put_points,
+                .high = LG_HAMILTONIAN_MAX_POINTS, .most = LG_PENALTY_POINTS, .optional = true, .value = "0",
+                .unit = "j,j,...",
+                .meaning =
+                    "Points that have the penalty, from 2 on because a trajectory starts at 1; 0 for all"),
+    HAMILTONIAN("run", "penalty_form", NAME, penalty_form,
+                LG_NAMES([LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published"),
+                .value = "text",
+                .meaning = "text: mean over the batch of squares; published: sum over the batch of absolute "
+                           "values"),
+    HAMILTONIAN("run", "distance", NAME, distance,
+                LG_NAMES([LG_DISTANCE_AMBIENT] = "ambient", [LG_DISTANCE_GEODESIC] = "geodesic"),
+                .optional = true, .value = "ambient",
+                .meaning = "Distance of points in the loss: that of R^d, or along geodesics of the manifold"),
+    HAMILTONIAN("run", "scaled", FLAG, scaled, .value_name = lg_name_yes, .optional = true, .value = "no",
+                .meaning =
+                    "Scale the potential's last layer before training, towards the forces of the data"),
+    HAMILTONIAN(
+        "run", "units", NAME, units,
+        LG_NAMES([LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data"), .optional = true, .value = "given",
+        .meaning =
+            "Units in which training computes and weighs its loss (given: the units of the data; data: "
+            "scales of the data, so that the result does not depend on the units)"),
+    HAMILTONIAN("run", "starts", NAME, starts,
+                LG_NAMES([LG_START_MEASURED] = "measured", [LG_START_ESTIMATED] = "estimated"),
+                .optional = true, .value = "measured",
+                .meaning = "Where predictions start: at the first points, or at estimated points near them, "
+                           "for first points with noise"),
+    TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, CONSTANT),
+    TRAINING(lg_hamiltonian_run, validation, REAL, .value = "0", VALIDATION),
+    LG_FIELD_END};

@@ -1,0 +1,26 @@
+/* The hyperparameters of a learned machine. */
+#include "liegrad/machine_model.h"
+
+#include "settings/training.h"
+
+#define MACHINE(name, type, member, ...)                                                                     \
+    LG_FIELD(lg_machine_model_run, "run", name, type, member, __VA_ARGS__)
+const lg_field lg_machine_model_fields[] = {
+    MACHINE("integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
+            .value = "cf4", .meaning = "Scheme of the steps between two rows"),
+    MACHINE("substeps", U32, substeps, .low = 1, .high = 1e6,
+            .otherwise = "1 to 4, so that the steps' error is small against the loss", .unit = "n",
+            .meaning = "Integrator steps between two rows"),
+    MACHINE("window", U32, window, .low = 2, .high = LG_MACHINE_WINDOW,
+            .otherwise = "5; 20 with noise, 60 where positions alone are measured", .unit = "M",
+            .meaning = "Rows of a window: predictions start at its first row"),
+    MACHINE("stride", U32, stride, .high = 1e9,
+            .otherwise = "M - 1: windows touch; where this gives fewer than 2000 windows, less", .unit = "n",
+            .meaning = "Rows from one window to the next"),
+    MACHINE("starts", NAME, starts,
+            LG_NAMES([LG_MACHINE_STARTS_MEASURED] = "measured", [LG_MACHINE_STARTS_ESTIMATED] = "estimated"),
+            .otherwise = "estimated where the machine's `noise` is given or positions alone are measured",
+            .meaning = "Where predictions start: at the logged rows, or at estimated states near them"),
+    TRAINING_ROWS(lg_machine_model_run, "method", squares, "Windows", 0, CONSTANT),
+    TRAINING(lg_machine_model_run, validation, REAL, .value = "0", .option = "validation-part", VALIDATION),
+    LG_FIELD_END};

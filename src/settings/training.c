@@ -1,0 +1,29 @@
+/* Plans of methods from and to text. */
+#include "settings/training.h"
+
+#include <stdio.h>
+
+lg_status lg_plan_parse_squares(const char *text, void *member, lg_error *error) {
+    return lg_fit_plan_parse(text, member, error);
+}
+
+lg_status lg_plan_parse_any_loss(const char *text, void *member, lg_error *error) {
+    return lg_fit_plan_parse_any_loss(text, member, error);
+}
+
+const char *lg_plan_name_squares(uint32_t value) {
+    return lg_fit_method_name((lg_fit_method)value);
+}
+
+const char *lg_plan_name_any_loss(uint32_t value) {
+    for (uint32_t method = 0; method < LG_FIT_METHOD_COUNT; method++)
+        if (!lg_fit_method_squares((lg_fit_method)method) && value-- == 0)
+            return lg_plan_name_squares(method);
+    return NULL;
+}
+
+void lg_plan_show(const void *member, char *text, size_t size) {
+    char plan[LG_FIT_PLAN_TEXT];
+    lg_fit_plan_show(member, plan);
+    (void)snprintf(text, size, "%s", plan);
+}

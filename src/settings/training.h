@@ -1,0 +1,65 @@
+/* Rows of a table that is about a training: what the tables of all kinds have in common. */
+#ifndef LG_SETTINGS_TRAINING_H
+#define LG_SETTINGS_TRAINING_H
+
+#include "liegrad/io.h"
+#include "settings/names.h"
+
+/* What every kind has: how it is trained. VALUE(text) says the default. */
+#define TRAINING(run_, member, type, ...) LG_FIELD(run_, "run", #member, type, training.member, __VA_ARGS__)
+#define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE)                                      \
+    LG_FIELD(run_, "run", method_, PHRASE, training.plan, .parse = lg_plan_parse_##losses_,                  \
+             .phrase = lg_plan_show, .value_name = lg_plan_name_##losses_,                                   \
+             .form = "phases as in adam:100,ssbroyden", .optional = true, .methods = methods_,               \
+             VALUE("adam"), .unit = "M",                                                                     \
+             .meaning = "Method of training; an epoch of the others is one "                                 \
+                        "evaluation of the loss of all data"),                                               \
+        TRAINING(run_, dtype, NAME, LG_NAMES([LG_F64] = "f64", [LG_F32] = "f32"), .methods = methods_,       \
+                 VALUE("f64"), .meaning = "Type of the weights in training"),                                \
+        TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("100"), .unit = "E",   \
+                 .meaning = "Planned total number of epochs, those before a resume included"),               \
+        TRAINING(run_, batch, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("80"),    \
+                 .unit = "B", .meaning = samples " in a batch"),                                             \
+        TRAINING(run_, lr, REAL, .adam = true, .high = 1e3, .above = true, .methods = methods_,              \
+                 VALUE("1e-2"), .unit = "R", .meaning = "Learning rate of Adam"),                            \
+        TRAINING(run_, schedule, NAME, .adam = true, .value_name = lg_name_schedule, .optional = true,       \
+                 .methods = methods_, VALUE("step"), .meaning = "Schedule of the learning rate"),            \
+        TRAINING(run_, lr_step, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("50"),  \
+                 .unit = "E",                                                                                \
+                 .meaning = "step: number of epochs after which the rate is multiplied by --lr-gamma"),      \
+        TRAINING(run_, lr_gamma, REAL, .adam = true, .high = 1, .methods = methods_, VALUE("0.1"),           \
+                 .unit = "G", .meaning = "step: that factor, above 0; cosine: the last factor"),             \
+        TRAINING(run_, weight_decay, REAL, .high = 1e3, .methods = methods_, VALUE("0"), .unit = "W",        \
+                 .meaning = "L2 penalty in the gradient"),                                                   \
+        TRAINING(run_, prior, REAL, .high = 1e6, .optional = true, .methods = methods_, VALUE("0"),          \
+                 .unit = "S",                                                                                \
+                 .meaning = "Standard deviation of the weights before any data: with it "                    \
+                            "ssbroyden and lbfgs do not learn the noise of the data; 0 for none"),           \
+        TRAINING(run_, adam_eps, REAL, .adam = true, .high = 1, .above = true, .methods = methods_,          \
+                 VALUE("1e-12"), .unit = "EPS", .meaning = "Adam's eps"),                                    \
+        TRAINING(run_, clip, REAL, .adam = true, .high = 1e300, .methods = methods_, VALUE("1e-3"),          \
+                 .unit = "NORM", .meaning = "Bound on the gradient's norm, 0 for none"),                     \
+        TRAINING(run_, shards, U32, .high = 1024, .methods = methods_, VALUE("0"), .unit = "n",              \
+                 .meaning = "Pieces of a batch that threads work on, 0: by the work, 1 to 4; the bits "      \
+                            "of the result depend on it"),                                                   \
+        TRAINING(run_, patience, U64, .high = 1e9, .optional = true, .methods = methods_, VALUE("0"),        \
+                 .unit = "E",                                                                                \
+                 .meaning = "Stop after so many epochs, or accepted steps of the other methods than Adam, "  \
+                            "without a lower loss, of the validation part if there is one; 0 for never"),    \
+        TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
+                 .meaning = "Seed of all random numbers")
+#define VALIDATION                                                                                           \
+    .high = 0.9, .unit = "F",                                                                                \
+    .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
+
+#define CONSTANT(text) .value = text
+#define PRESET(text)   .otherwise = "the preset's"
+
+/* Plans of methods as fields: of those for a sum of squares, and of those for any loss. */
+lg_status lg_plan_parse_squares(const char *text, void *member, lg_error *error);
+lg_status lg_plan_parse_any_loss(const char *text, void *member, lg_error *error);
+const char *lg_plan_name_squares(uint32_t value);
+const char *lg_plan_name_any_loss(uint32_t value);
+void lg_plan_show(const void *member, char *text, size_t size);
+
+#endif
