@@ -16,7 +16,8 @@ typedef enum lg_element {
     LG_ELEMENT_F32,
     LG_ELEMENT_I64,
     LG_ELEMENT_U64,
-    LG_ELEMENT_U32
+    LG_ELEMENT_U32,
+    LG_ELEMENT_U8
 } lg_element;
 
 typedef struct lg_archive_writer {

@@ -49,8 +49,10 @@
 
 LG_BEGIN_DECLS
 
-/* Major version of every format written here (attribute `format_version`, an integer). */
-#define LG_FORMAT_VERSION 1
+/* Major version of what is written here (attribute `format_version`, an integer): of programs, and of every
+ * other kind. Older versions are read, too. */
+#define LG_FORMAT_VERSION_PROGRAM 2
+#define LG_FORMAT_VERSION         1
 
 /* For executables, before any file: HDF5 does nothing when the process ends. Files are composed in memory
  * and closed when they are written, so nothing is open then; but HDF5 crashes there after it ran out of

@@ -75,33 +75,32 @@ LG_API lg_status lg_program_add_image(lg_program *program, const lg_function_ima
 
 /* ---- functions as bytes ----
  *
- * What the data sets /functions/NAME of files hold. The name of the function is not among the bytes.
+ * A function as the data set /functions/NAME of a file holds it; its name is not among the bytes.
  *
- *   whole     a number from 0 on: seven bits a byte, the lowest first; every byte but the last has bit 8 set
- *   folded    whole of a number that may be negative: 0, -1, 1, -2, ... are 0, 1, 2, 3, ...
- *   affine    whole of 2 z + s, z the folded base; s = 1: folded rows follow, else they are 0
- *   real      whole n, then the highest n of the number's 8 bytes (IEEE 754, the lowest first); the rest are 0
- *   text      whole n, then n bytes; an empty unit is not known. Names are letters, digits and underscores
- *   port      text name, text unit, whole 2 rank + shared, rank wholes: the shape, real low, real high
- *   operation whole k. If k is the number of different operations before it, text name and whole revision
- *             follow; else it is the one that came as number k, from 0 on. Then whole m: bit j of m says that
- *             field j follows; the other fields are 0 or empty:
- *             0 inputs: whole n, n wholes: how many steps back each input lies (1: the operation before)
- *             1 shape: whole rank, rank affines     2 to 5 whole[0] to whole[3]: affine     6 `real`: real
- *             7 reals: whole n, n reals     8 indices: whole n, n wholes     9 `reciprocal`: affine
- *   function  whole 1 (the version of these bytes); whole n, n ports: inputs; the same for outputs; whole times.
- *             times 0: whole n, n operations; for each output whole: its operation.
- *             Else a loop: whole callee; for each input whole carry, 2^32 - 1: it stays
- */
+ *   whole     a number from 0 on: seven bits a byte, the lowest first; all bytes but the last have bit 8 set
+ *   folded    a whole for a number that may be negative: 0, -1, 1, -2, ... are 0, 1, 2, 3, ...
+ *   affine    whole 2 z + s, z the folded base; the folded rows follow if s is 1, else they are 0
+ *   real      whole n, then n of the number's 8 bytes (IEEE 754, the lowest first): the lowest 8 - n are 0
+ *   text      whole n <= 64, then n bytes. An empty unit is not known; names have letters, digits and _
+ *   port      text name, text unit, whole 2 rank + shared, rank wholes (the shape), real low, real high
+ *   operation whole k, whole m, fields. k counts the different operations, names with revisions, from 0 on;
+ *             text name and whole revision follow a k that is new. Bit j of m: field j follows; fields that
+ *             do not are 0 or empty:
+ *               0 inputs: whole n, n wholes: how many operations back it lies, 1 for the one before
+ *               1 shape: whole rank, rank affines      2 to 5 whole[0] to whole[3]: affines      6 real: real
+ *               7 reals: whole n, n reals     8 indices: whole n, n wholes     9 reciprocal: affine
+ *   function  whole 1 (the version), whole n, n ports (inputs), whole n, n ports (outputs), whole times.
+ *             times 0: whole n, n operations, for each output a whole: its operation.
+ *             Else a loop: whole callee, for each input a whole: its carry */
 
-/* Writes the function to `bytes`, which has room for *size bytes; *size becomes how many they are. NULL: only
- * *size. Errors: LG_INVALID_ARGUMENT, with a sentence (no room; an image that lg_program_add_image refuses). */
+/* Writes the function to `bytes`, which has room for *size; *size becomes how many they are. NULL: only that.
+ * Errors: LG_INVALID_ARGUMENT, with a sentence (no room; names, counts or numbers that cannot be). */
 LG_API lg_status lg_function_pack(const lg_function_image *image, void *bytes, size_t *size, lg_error *error);
 
-/* The image of `size` bytes, which may come from anybody, with memory of its own: at most *memory bytes, which
- * are made less by what is taken. lg_program_add_image then checks what the image means. Errors, with a sentence
- * that says where: LG_FORMAT (bytes that end early or late, counts that the bytes cannot hold or *memory does not
- * allow, texts), LG_VERSION, LG_OUT_OF_MEMORY. On failure *out and *memory are untouched. */
+/* The image of `size` bytes, which may come from strangers; lg_program_add_image checks what it means. It
+ * owns memory, at most *memory bytes; *memory becomes what is left of them. Errors, with a sentence that has
+ * function, operation and field: LG_FORMAT (the bytes end too early or too late, more numbers than they hold
+ * or *memory allows, bad texts), LG_VERSION, LG_OUT_OF_MEMORY. On failure *out and *memory are untouched. */
 LG_API lg_status lg_function_unpack(const lg_context *context, const char *name, const void *bytes,
                                     size_t size, size_t *memory, lg_function_image **out, lg_error *error);
 

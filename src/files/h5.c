@@ -6,7 +6,7 @@
 /* ---- types ---- */
 
 size_t lg_element_size(lg_element type) {
-    return type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
+    return type == LG_ELEMENT_U8 ? 1 : type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
 }
 
 hid_t lg_h5_memory_type(lg_element type) {
@@ -21,6 +21,8 @@ hid_t lg_h5_memory_type(lg_element type) {
         return H5T_NATIVE_UINT64;
     case LG_ELEMENT_U32:
         return H5T_NATIVE_UINT32;
+    case LG_ELEMENT_U8:
+        return H5T_NATIVE_UINT8;
     }
     return H5I_INVALID_HID;
 }

@@ -41,6 +41,9 @@ lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t
 /* Attributes of a data set, or of a group, which is made if it is missing. Texts are fixed-length UTF-8, cut
  * at LG_H5_TEXT - 1 bytes. */
 lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const char *value, lg_error *error);
+/* A list of texts of `size` bytes each, terminators included, (count, size). */
+lg_status lg_h5_put_text_list(lg_h5 *h5, const char *object, const char *name, const char *texts, size_t size,
+                              uint64_t count, lg_error *error);
 lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
                            const void *value, lg_error *error);
 /* LG_OK when there was none. */
@@ -104,6 +107,8 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
                        lg_error *error);
 /* Reads every numeric data set and every attribute once: what the probe of an archive does. */
 lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error);
+/* The newest major version of the format of this kind. */
+int lg_h5_version(const char *kind);
 /* Checks version and kind; kind NULL: any. `foreign` allows files of another format or without one. */
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error);
 

@@ -19,6 +19,8 @@ static hid_t file_type(lg_element type) {
         return H5T_STD_U64LE;
     case LG_ELEMENT_U32:
         return H5T_STD_U32LE;
+    case LG_ELEMENT_U8:
+        return H5T_STD_U8LE;
     }
     return H5I_INVALID_HID;
 }
@@ -133,10 +135,11 @@ static hid_t open_or_make(lg_h5 *h5, const char *object) {
     return group;
 }
 
+/* `space` is closed. */
 static lg_status put_attribute(lg_h5 *h5, const char *object, const char *name, hid_t stored, hid_t memory,
-                               const void *value, lg_error *error) {
+                               hid_t space, const void *value, lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t at = open_or_make(h5, object), space = H5Screate(H5S_SCALAR), attribute = H5I_INVALID_HID;
+    hid_t at = open_or_make(h5, object), attribute = H5I_INVALID_HID;
     if (at >= 0 && space >= 0) attribute = H5Acreate2(at, name, stored, space, H5P_DEFAULT, H5P_DEFAULT);
     bool written = attribute >= 0 && H5Awrite(attribute, memory, value) >= 0;
     if (attribute >= 0) (void)H5Aclose(attribute);
@@ -154,16 +157,34 @@ lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const 
     memcpy(padded, value, length);
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t type = text_type(length == 0 ? 1 : length, H5T_STR_NULLPAD);
-    lg_status status = type >= 0 ? put_attribute(h5, object, name, type, type, padded, error)
-                                 : not_stored(h5, object, name, error);
+    lg_status status = type >= 0
+                           ? put_attribute(h5, object, name, type, type, H5Screate(H5S_SCALAR), padded, error)
+                           : not_stored(h5, object, name, error);
     if (type >= 0) (void)H5Tclose(type);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+lg_status lg_h5_put_text_list(lg_h5 *h5, const char *object, const char *name, const char *texts, size_t size,
+                              uint64_t count, lg_error *error) {
+    const hsize_t extent = count;
+    size_t longest = 1;
+    for (uint64_t i = 0; i < count; i++)
+        if (strlen(texts + i * size) > longest) longest = strlen(texts + i * size);
+    lg_h5_quiet quiet = lg_quiet_begin();
+    hid_t stored = text_type(longest, H5T_STR_NULLPAD), memory = text_type(size, H5T_STR_NULLTERM);
+    lg_status status =
+        put_attribute(h5, object, name, stored, memory, H5Screate_simple(1, &extent, NULL), texts, error);
+    if (stored >= 0) (void)H5Tclose(stored);
+    if (memory >= 0) (void)H5Tclose(memory);
     lg_quiet_end(quiet);
     return status;
 }
 
 lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
                            const void *value, lg_error *error) {
-    return put_attribute(h5, object, name, file_type(type), lg_h5_memory_type(type), value, error);
+    return put_attribute(h5, object, name, file_type(type), lg_h5_memory_type(type), H5Screate(H5S_SCALAR),
+                         value, error);
 }
 
 lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name, lg_error *error) {
@@ -177,7 +198,7 @@ lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name
 lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *provenance, lg_error *error) {
     static const lg_provenance none;
     const lg_provenance *from = provenance != NULL ? provenance : &none;
-    int64_t version = LG_FORMAT_VERSION;
+    const int64_t version = lg_h5_version(kind);
     const char *writer = from->liegrad_version[0] != '\0' ? from->liegrad_version : lg_version();
     LG_TRY(lg_h5_put_text(h5, "", "format", "liegrad", error));
     LG_TRY(lg_h5_put_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));

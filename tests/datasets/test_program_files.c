@@ -140,6 +140,179 @@ TEST("a damaged file is refused") {
 
 TEST("what is wrong in a file, or missing, is refused by name") {
     static const damage rows[] = {
+        {"functions@order", GONE, LG_FORMAT, ""},
+        {"functions@order", TEXT("value ../loss"), LG_FORMAT, "~plain"},
+        {"functions@order", WHOLE(3), LG_FORMAT, ""},
+        {"parameters@order", GONE, LG_FORMAT, ""},
+        {"parameters/theta", GONE, LG_FORMAT, ""},
+        {"functions/value", GONE, LG_FORMAT, ""},
+        {"parameters/theta", ARRAY(1, 5), LG_FORMAT, "~functions/value"},
+        {"parameters/scale", SCALAR(NAN), LG_NOT_FINITE, "~NaN"},
+        {"functions/value", ARRAY(1, 100), LG_FORMAT, "integers"},
+        {"functions/value", SCALAR(1), LG_FORMAT, "bytes"},
+        {"@kind", TEXT("hamiltonian"), LG_FORMAT, "program"},
+        /* what a file says of itself does not reach the terminal raw */
+        {"@kind", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
+        {"@format", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
+        {"@format_version", WHOLE(3), LG_VERSION, "up to 2"},
+    };
+    refuse_damage(read_program, fresh, rows, LG_COUNT(rows));
+}
+
+/* ---- what functions say ---- */
+
+typedef struct changed_function {
+    enum { OPERATION, REVISION, INPUT_NAME, INPUT_UNIT } what;
+    const char *text;
+    uint32_t revision;
+    lg_status status;
+    const char *word;
+} changed_function;
+
+/* Function `value` of the file with something changed in it. */
+static void change_function_value(const char *path, const lg_program *program, const changed_function *c) {
+    lg_function_image *image;
+    mutant m;
+    size_t size;
+    assert_ok(lg_function_image_create(program, 0, &image));
+    assert_true(make_mutant(image, &m));
+    if (c->what == OPERATION) m.operations[2].name = c->text;
+    if (c->what == REVISION) m.operations[2].revision = c->revision;
+    if (c->what == INPUT_NAME) m.in[0].name = c->text;
+    if (c->what == INPUT_UNIT) m.in[0].unit = c->text;
+    unsigned char *bytes = packed(&m.image, &size);
+    replace_dataset(path, "functions/value", H5T_STD_U8LE, H5T_NATIVE_UINT8, 1, (const hsize_t[]){size},
+                    bytes);
+    free(bytes);
+    free_mutant(&m);
+    lg_function_image_destroy(image);
+}
+
+TEST("names of operations and of what would enter C are checked") {
+    static const changed_function cases[] = {
+        {OPERATION, "no_such_operation", 0, LG_FORMAT, "no_such_operation"},
+        {OPERATION, "custom", 0, LG_FORMAT, "caller"},
+        {REVISION, NULL, 2, LG_VERSION, "revision"},
+        {REVISION, NULL, 0, LG_FORMAT, "revision"},
+        {INPUT_NAME, "int", 0, LG_FORMAT, "word of C"},
+        {INPUT_NAME, "__x", 0, LG_FORMAT, "begin"},
+        {INPUT_UNIT, "*/ int evil; /*", 0, LG_FORMAT, "comment"},
+        {INPUT_UNIT, "m\\", 0, LG_FORMAT, "comment"},
+    };
+    lg_program *program = zoo_network();
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        const char *path = fresh();
+        change_function_value(path, program, &cases[i]);
+        assert_refused(read_program, path, cases[i].status, cases[i].word, "functions/value");
+    }
+    lg_program_destroy(program);
+}
+
+TEST("texts that are no names are neither packed nor unpacked") {
+    static const char *const texts[] = {"x y", "", "a;b", "x\x01y", "../x"};
+    const lg_port x = {.name = "xyz", .shape = {1, {1}}};
+    lg_operation input = {.name = "input", .revision = 1, .rank = 2, .shape = {{0, 1}, {1, 0}}};
+    const uint32_t result = 0;
+    lg_function_image image = {.name = "f",
+                               .inputs = &x,
+                               .input_count = 1,
+                               .outputs = &x,
+                               .output_count = 1,
+                               .operations = &input,
+                               .operation_count = 1,
+                               .results = &result};
+    size_t size, whole, memory = 1 << 16;
+    unsigned char *bytes = packed(&image, &whole);
+    for (size_t i = 0; i < LG_COUNT(texts); i++) {
+        lg_function_image *out;
+        lg_error error;
+        lg_port bad = x;
+        bad.name = texts[i];
+        image.inputs = &bad;
+        assert_status(lg_function_pack(&image, NULL, &size, &error), LG_INVALID_ARGUMENT);
+        assert_non_null(strstr(error.message, "inputs"));
+        bytes[3] =
+            (unsigned char)" ;\x01.\x7f"[i]; /* the version, a count and a length stand before the name */
+        assert_status(lg_function_unpack(NULL, "f", bytes, whole, &memory, &out, &error), LG_FORMAT);
+        assert_non_null(strstr(error.message, "function 'f': inputs"));
+    }
+    free(bytes);
+}
+
+TEST("bytes of a function that are wrong are refused with their place") {
+    static const struct {
+        const char *bytes;
+        size_t size;
+        lg_status status;
+        const char *words;
+    } cases[] = {
+        {"\x02", 1, LG_VERSION, "function 'f': version"},
+        {"\x01", 1, LG_FORMAT, "inputs: the bytes end too early"},
+        {"\x01\x41", 2, LG_FORMAT, "inputs: there are too many"},
+        {"\x01\x05\x00", 3, LG_FORMAT, "inputs: there are more than the bytes can hold"},
+        {"\x01\x00\x00\xff\xff\xff\xff\x7f", 8, LG_FORMAT, "times: a number is too large"},
+        {"\x01\x00\x00\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, LG_FORMAT,
+         "times: a number is too large"},
+        {"\x01\x00\x00\x00\x01\x00", 6, LG_FORMAT, "operation 0 (): name: the bytes end too early"},
+        {"\x01\x00\x00\x00\x01\x01", 6, LG_FORMAT, "operation 0 (): name: a number is too large"},
+        {"\x01\x00\x00\x00\x01\x00\x01s\x01\x80\x80\x01", 12, LG_FORMAT, "operation 0 (s): name"},
+        {"\x01\x00\x00\x00\x01\x00\x01s\x01\x40\x09", 11, LG_FORMAT,
+         "operation 0 (s): c: a number is too large"},
+        {"\x01\x00\x00\x00\x01\x00\x01s\x01\x01\x7f", 11, LG_FORMAT,
+         "operation 0 (s): inputs: there are more"},
+        {"\x01\x00\x00\x00\x01\x00\x01s\x01\x02\x05", 11, LG_FORMAT,
+         "operation 0 (s): shape: there are too many"},
+        {"\x01\x00\x00\x00\x00\x00", 6, LG_FORMAT, "end: there are more bytes"},
+    };
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        lg_function_image *out = NULL;
+        lg_error error;
+        size_t memory = 1 << 16;
+        const lg_status status =
+            lg_function_unpack(NULL, "f", cases[i].bytes, cases[i].size, &memory, &out, &error);
+        if (status != cases[i].status || strstr(error.message, cases[i].words) == NULL)
+            fail_msg("case %zu: %s: %s", i, lg_status_name(status), error.message);
+        assert_true(out == NULL && memory == 1 << 16);
+    }
+}
+
+TEST("an image takes no more memory than it may") {
+    lg_program *program = zoo_network();
+    lg_function_image *image, *out;
+    lg_error error;
+    size_t size, most = 1 << 20;
+    assert_ok(lg_function_image_create(program, 0, &image));
+    unsigned char *bytes = packed(image, &size);
+    assert_ok(lg_function_unpack(NULL, "f", bytes, size, &most, &out, &error));
+    lg_function_image_destroy(out);
+    const size_t taken = (1 << 20) - most;
+    assert_true(taken > size && taken < 100 * size);
+    for (size_t limit = 0; limit <= taken; limit += limit < taken - 64 ? 64 : 1) {
+        size_t memory = limit;
+        const lg_status status = lg_function_unpack(NULL, "f", bytes, size, &memory, &out, &error);
+        assert_int_equal(status, limit < taken ? LG_FORMAT : LG_OK);
+        if (status == LG_OK) lg_function_image_destroy(out);
+        if (status != LG_OK) assert_non_null(strstr(error.message, "limit"));
+        assert_int_equal(memory, status == LG_OK ? 0 : limit);
+    }
+    size_t room = size - 1;
+    assert_status(lg_function_pack(image, bytes, &room, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "room"));
+    free(bytes);
+    lg_function_image_destroy(image);
+    lg_program_destroy(program);
+}
+
+/* ---- format 1 ---- */
+
+static const char *fresh_1(void) {
+    const char *path = scratch_path("program_1.h5");
+    copy_file(LG_TEST_DIR "/format_1/program.h5", path);
+    return path;
+}
+
+TEST("what is wrong in a file of format 1, or missing, is refused by name") {
+    static const damage rows[] = {
         {"operations", GONE, LG_FORMAT, ""},
         {"function_names", GONE, LG_FORMAT, ""},
         {"parameters/theta", GONE, LG_FORMAT, ""},
@@ -158,11 +331,6 @@ TEST("what is wrong in a file, or missing, is refused by name") {
         {"functions/value/inputs/range", ARRAY(NAN, 1, 2), LG_FORMAT, "~range"},
         {"functions/value/inputs/range", ARRAY(0, 2, 2), LG_FORMAT, "~expected"},
         {"functions/value/reals", ARRAY(0, 100), LG_FORMAT, "~length"},
-        {"@kind", TEXT("hamiltonian"), LG_FORMAT, "program"},
-        /* what a file says of itself does not reach the terminal raw */
-        {"@kind", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
-        {"@format", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
-        {"@format_version", WHOLE(2), LG_VERSION, ""},
         {"functions/ten_steps@calls", TEXT("ten_steps"), LG_FORMAT, "before"},
         {"functions/ten_steps@calls", TEXT("no such"), LG_FORMAT, "before"},
         {"functions/ten_steps@times", TEXT("ten"), LG_FORMAT, "integer"},
@@ -170,13 +338,13 @@ TEST("what is wrong in a file, or missing, is refused by name") {
         {"functions/ten_steps@times", WHOLE(-1), LG_FORMAT, ""},
         {"functions/ten_steps@times", WHOLE((int64_t)1 << 31), LG_FORMAT, ""},
     };
-    refuse_damage(read_program, fresh, rows, LG_COUNT(rows));
-    const char *path = fresh();
+    refuse_damage(read_program, fresh_1, rows, LG_COUNT(rows));
+    const char *path = fresh_1();
     delete_link(path, "revisions"); /* of the first revision then */
     assert_ok(read_program(NULL, path, NULL, NULL));
 }
 
-TEST("names of operations and of what would enter C are checked") {
+TEST("names in files of format 1 are checked") {
     static const struct {
         const char *path, *name, *word;
     } cases[] = {
@@ -194,17 +362,17 @@ TEST("names of operations and of what would enter C are checked") {
         {"parameter_names", "a b", "parameter_names"},
     };
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        const char *path = fresh();
+        const char *path = fresh_1();
         change_text(path, cases[i].path, 0, cases[i].name);
         assert_refused(read_program, path, LG_FORMAT, cases[i].word, "");
     }
 }
 
-TEST("a file of a newer revision is refused") {
-    const char *path = fresh();
+TEST("a file of format 1 of a newer revision is refused") {
+    const char *path = fresh_1();
     change_number(path, "revisions", 0, 2.0);
     assert_refused(read_program, path, LG_VERSION, "revision", "");
-    path = fresh();
+    path = fresh_1();
     change_number(path, "revisions", 0, 0.0);
     assert_refused(read_program, path, LG_FORMAT, "revision", "");
 }

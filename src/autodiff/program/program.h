@@ -113,8 +113,8 @@ void lg_function_destroy(const lg_context *context, lg_function *function);
 bool lg_node_shape_at(const lg_program_node *node, size_t rows, lg_shape *shape);
 bool lg_node_attr_at(const lg_function *function, const lg_program_node *node, size_t rows, lg_attr *attr);
 
-/* An image with memory of its own. lg_function_image_destroy is given the address of `image`, the first member;
- * it frees all. NULL: out of memory. */
+/* An image and its memory. lg_function_image_destroy is given the address of `image`, the first member. NULL:
+ * out of memory. */
 typedef struct lg_owned_image {
     lg_function_image image;
     lg_heap heap;

@@ -1,5 +1,4 @@
-/* Functions as bytes: liegrad/program_image.h says what they are. The same lines write and read, so that there
- * is one description of the bytes. */
+/* Functions as bytes, which liegrad/program_image.h describes. The same lines write and read them. */
 #include <stdio.h>
 #include <string.h>
 
@@ -148,7 +147,7 @@ static void code_text(coder *c, const char **text) {
 static void code_name(coder *c, const char **name) {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
     code_text(c, name);
-    if (c->status == LG_OK && (*name == NULL || (*name)[strspn(*name, letters)] != '\0'))
+    if (c->status == LG_OK && (*name == NULL || **name == '\0' || (*name)[strspn(*name, letters)] != '\0'))
         refuse(c, LG_FORMAT, "it is not made of letters, digits and underscores");
 }
 

@@ -1,0 +1,208 @@
+/* Files of every kind as liegrad 1 wrote them (format_1/README.md) load, evaluate and export as
+ * format_1/expected.txt says. */
+#include "cli_support.h"
+#include "liegrad/io.h"
+#include "liegrad/program.h"
+
+enum { NUMBERS = 1 << 14, SOURCE = 1 << 20 };
+
+typedef struct old_file {
+    const char *name;
+    enum { MODEL, PROGRAM, CLASSIFIER } what;
+    bool series; /* is judged by windows */
+} old_file;
+
+static const old_file files[] = {
+    {"chain", MODEL, false},      {"separable", MODEL, false},       {"discrete", MODEL, false},
+    {"continuous", MODEL, false}, {"angle", MODEL, false},           {"detector", MODEL, true},
+    {"table", MODEL, false},      {"table-classes", MODEL, false},   {"machine", MODEL, false},
+    {"program", PROGRAM, false},  {"program-calls", PROGRAM, false}, {"classifier", CLASSIFIER, true},
+};
+
+static const char *path_of(const old_file *file) {
+    static char path[512];
+    (void)snprintf(path, sizeof path, "%s/format_1/%s.h5", LG_TEST_DIR, file->name);
+    return path;
+}
+
+/* What is found, line by line. LG_FORMAT_1_OUT=FILE keeps it instead of comparing it. */
+static char found[1 << 20];
+static size_t used;
+
+static void note(const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    used += (size_t)vsnprintf(found + used, sizeof found - used, format, list);
+    va_end(list);
+    assert_true(used < sizeof found);
+}
+
+static void note_numbers(const double *x, size_t count) {
+    for (size_t i = 0; i < count; i++) note(" %a", x[i]);
+}
+
+/* ---- evaluation ---- */
+
+static void fill(double *x, size_t count) {
+    for (size_t i = 0; i < count; i++) x[i] = 0.25 + 0.5 * (double)(i % 3) + 0.01 * (double)(i % 7);
+}
+
+static void evaluate_model(const old_file *file) {
+    lg_model_file model;
+    lg_error error = {LG_OK, ""};
+    if (lg_model_load(NULL, path_of(file), NULL, &model, &error) != LG_OK) fail_msg("%s", error.message);
+    const size_t inputs = lg_model_inputs(model.model), outputs = lg_model_outputs(model.model);
+    double *x = TEST_ARRAY(double, inputs), *y = TEST_ARRAY(double, outputs);
+    fill(x, inputs);
+    lg_model_eval(model.model, x, y, lg_test_memory(lg_model_work_size(model.model)));
+    note("%s value", file->name);
+    note_numbers(y, outputs);
+    note("\n");
+    lg_model_file_destroy(&model);
+}
+
+static void evaluate_program(const char *title, const char *path) {
+    enum { ROWS = 2, PORTS = 8 };
+    lg_program *program;
+    lg_error error = {LG_OK, ""};
+    if (lg_program_load(NULL, path, NULL, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    for (size_t f = 0; f < lg_program_functions(program); f++) {
+        const char *name = lg_program_function_name(program, f);
+        double *x[PORTS], *y[PORTS];
+        size_t inputs, outputs, count[PORTS];
+        const lg_port *in = lg_program_inputs(program, f, &inputs);
+        const lg_port *out = lg_program_outputs(program, f, &outputs);
+        for (size_t i = 0; i < inputs; i++) {
+            const size_t n = lg_shape_count(lg_port_shape(&in[i], ROWS));
+            fill(x[i] = TEST_ARRAY(double, n), n);
+        }
+        for (size_t j = 0; j < outputs; j++)
+            y[j] = TEST_ARRAY(double, count[j] = lg_shape_count(lg_port_shape(&out[j], ROWS)));
+        assert_ok(lg_program_eval(NULL, program, name, ROWS, (const double *const *)x, y, &error));
+        note("%s %s", title, name);
+        for (size_t j = 0; j < outputs; j++) note_numbers(y[j], count[j]);
+        note("\n");
+    }
+    lg_program_destroy(program);
+}
+
+static void judge_windows(const old_file *file) {
+    static cli result;
+    char arguments[2048];
+    (void)snprintf(arguments, sizeof arguments, "evaluate %s %s/format_1/series.h5 --part=all", path_of(file),
+                   LG_TEST_DIR);
+    cli_json("lg-anomaly", arguments, "", &result);
+    note("%s windows %a %a\n", file->name, json_number(result.out, "accuracy"),
+         json_number(result.out, "mse"));
+}
+
+/* ---- export ---- */
+
+/* Without the lines that say which liegrad wrote it. */
+static void add_source(lg_sha256 *hash, const char *name) {
+    static char text[SOURCE];
+    (void)cli_read(name, text, sizeof text);
+    for (char *line = text, *end; *line != '\0'; line = end) {
+        end = line + strcspn(line, "\n");
+        if (*end == '\n') end++;
+        const char kept = *end;
+        *end = '\0';
+        if (strstr(line, "written by lg-export of") == NULL) lg_sha256_add(hash, line, strlen(line));
+        *end = kept;
+    }
+}
+
+static void export_sources(const old_file *file) {
+    static const char *const endings[] = {".h", ".c", "_weights.c"};
+    static cli result;
+    char arguments[1024], text[LG_SHA256_TEXT];
+    lg_sha256 hash;
+    lg_sha256_init(&hash);
+    (void)snprintf(arguments, sizeof arguments, "%s --name=old --out=.", path_of(file));
+    cli_expect("lg-export", arguments, 0, "", &result);
+    for (size_t i = 0; i < 3; i++) {
+        char name[64];
+        (void)snprintf(name, sizeof name, "old%s", endings[i]);
+        add_source(&hash, name);
+    }
+    lg_sha256_finish(&hash, text);
+    note("%s code %s\n", file->name, text);
+}
+
+/* ---- what is expected ---- */
+
+/* Words are equal, or numbers but for rounding of other mathematics libraries. */
+static void compare_line(const char *got, const char *expected) {
+    char a[64], b[64], *end;
+    int skip_a, skip_b;
+    for (size_t word = 0; sscanf(expected, "%63s%n", b, &skip_b) == 1; word++) {
+        if (sscanf(got, "%63s%n", a, &skip_a) != 1) fail_msg("nothing for %s", expected);
+        const double wanted = strtod(b, &end);
+        if (word > 1 && *end == '\0' && strlen(b) < LG_SHA256_TEXT - 1)
+            assert_close(strtod(a, NULL), wanted, 1e-14, 1e-15);
+        else if (strncmp(a, b, 63) != 0)
+            fail_msg("%.100s: expected %.100s", got, expected);
+        got += skip_a;
+        expected += skip_b;
+    }
+}
+
+/* Both texts have a line for each thing, in the same order. */
+static void compare(char *expected) {
+    char *rest = NULL, *others = NULL;
+    char *got = strtok_r(found, "\n", &rest), *line = strtok_r(expected, "\n", &others);
+    for (; got != NULL && line != NULL; got = strtok_r(NULL, "\n", &rest)) {
+        compare_line(got, line);
+        line = strtok_r(NULL, "\n", &others);
+    }
+    assert_true(got == NULL && line == NULL);
+}
+
+static int begin(void **state) {
+    (void)state;
+    return setenv("LIEGRAD_ISA", "baseline", 1); /* numbers are those of the simplest kernels */
+}
+
+TEST_GROUP(begin, NULL)
+
+TEST("files of liegrad 1 load, evaluate and export as they did") {
+    static char expected[sizeof found];
+    for (const old_file *file = files; file < files + LG_COUNT(files); file++) {
+        const size_t mark = lg_test_owned();
+        cli_test_folder();
+        if (file->what == MODEL) evaluate_model(file);
+        if (file->what == PROGRAM) evaluate_program(file->name, path_of(file));
+        if (file->series) judge_windows(file);
+        export_sources(file);
+        lg_test_give_back(mark);
+    }
+    const char *path = getenv("LG_FORMAT_1_OUT");
+    FILE *file = path != NULL ? fopen(path, "w") : fopen(LG_TEST_DIR "/format_1/expected.txt", "r");
+    assert_non_null(file);
+    if (path != NULL)
+        assert_true(fputs(found, file) >= 0);
+    else
+        expected[fread(expected, 1, sizeof expected - 1, file)] = '\0';
+    assert_int_equal(fclose(file), 0);
+    if (path == NULL) compare(expected);
+}
+
+TEST("programs of format 1 that are saved again have the same bits") {
+    static char before[sizeof found];
+    char path[512];
+    cli_test_folder();
+    cli_path("again.h5", path, sizeof path);
+    for (const old_file *file = files; file < files + LG_COUNT(files); file++) {
+        lg_program *loaded;
+        if (file->what != PROGRAM) continue;
+        used = 0;
+        evaluate_program(file->name, path_of(file));
+        memcpy(before, found, used + 1);
+        assert_ok(lg_program_load(NULL, path_of(file), NULL, &loaded, NULL));
+        assert_ok(lg_program_save(NULL, path, loaded, NULL, NULL));
+        lg_program_destroy(loaded);
+        used = 0;
+        evaluate_program(file->name, path);
+        assert_string_equal(found, before);
+    }
+}
