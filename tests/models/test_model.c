@@ -554,3 +554,100 @@ TEST("a singular mass gives NaN") {
         check_nan(&s, NULL);
     }
 }
+
+/* ---- a program on a product of all spaces ---- */
+
+enum { WIDE = 49, WIDE_INPUT = 2 };
+
+/* f(x, u) = tanh((x - rest) W) + u V: states at `rest` stay there without input. */
+typedef struct wide {
+    lg_space space;
+    double W[WIDE * WIDE], V[WIDE_INPUT * WIDE], rest[WIDE];
+    lg_model *model;
+    void *work;
+} wide;
+
+static lg_status wide_field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const wide *w = user;
+    const uint32_t d = (uint32_t)w->space.dim, a = (uint32_t)w->space.algebra_dim;
+    (void)theta;
+    const lg_var away = lg_sub(tape, x[0], lg_input_f64(tape, lg_shape2(1, d), w->rest));
+    const lg_var slow =
+        lg_act(tape, lg_matmul(tape, away, lg_input_f64(tape, lg_shape2(d, a), w->W)), LG_TANH);
+    const lg_var V = lg_input_f64(tape, lg_shape2(WIDE_INPUT, a), w->V);
+    y[0] = lg_add(tape, slow, lg_matmul(tape, x[1], V));
+    return lg_tape_status(tape);
+}
+
+static wide *make_wide(uint64_t seed) {
+    lg_space_factor factors[LG_SPACE_KINDS];
+    wide *w = TEST_ARRAY(wide, 1);
+    lg_program_spec spec;
+    lg_program *program;
+    for (size_t kind = 0; kind < LG_SPACE_KINDS; kind++)
+        factors[kind] = (lg_space_factor){(lg_space_kind)((kind + seed) % LG_SPACE_KINDS), 1 + (kind == 1)};
+    assert_ok(lg_space_init(&w->space, factors, LG_SPACE_KINDS));
+    assert_true(w->space.dim <= WIDE);
+    lg_rng rng;
+    lg_rng_seed(&rng, 41, seed);
+    for (size_t i = 0; i < WIDE * WIDE; i++) w->W[i] = 0.2 * lg_rng_normal(&rng);
+    for (size_t i = 0; i < WIDE_INPUT * WIDE; i++) w->V[i] = lg_rng_normal(&rng);
+    do { /* a reflection has no rotation nearby */
+        for (size_t i = 0; i < w->space.dim; i++) w->rest[i] = lg_rng_normal(&rng);
+        lg_space_project(&w->space, w->rest);
+    } while (isnan(lg_space_manifold_error(&w->space, w->rest)));
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1((uint32_t)w->space.dim)},
+                          {.name = "u", .shape = lg_shape1(WIDE_INPUT)}};
+    const lg_port out = {.name = "f"};
+    const lg_function_spec field = {"field", in, 2, &out, 1, wide_field, w};
+    lg_program_spec_init(&spec);
+    spec.functions = &field;
+    spec.function_count = 1;
+    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    assert_ok(lg_model_create(NULL, program, &w->space, &w->model, NULL));
+    lg_test_owns(w->model, release_model);
+    w->work = test_work(lg_model_work_size(w->model));
+    return w;
+}
+
+static void wide_velocity(const wide *w, const double *y, const double *u, double *out) {
+    double field[WIDE];
+    assert_ok(lg_model_field(w->model, y, u, field, w->work));
+    lg_space_generator(&w->space, field, y, out);
+}
+
+TEST("a program on any space is linearised, moved and brought to rest in its coordinates") {
+    for (uint64_t seed = 0; seed < LG_SPACE_KINDS; seed++) {
+        const wide *w = make_wide(seed);
+        const size_t d = w->space.dim, r = w->space.tangent_dim;
+        double *A = room(r * r), *B = room(r * WIDE_INPUT), *basis = room(d * r), *own = room(d * r);
+        double y[WIDE], c[WIDE] = {0}, at[WIDE], sides[2][WIDE], u[WIDE_INPUT] = {0.4, -0.3}, found[WIDE];
+        for (size_t i = 0; i < r; i++) c[i] = 0.05 * sin((double)(3 * i + 1));
+        assert_ok(lg_model_retract(w->model, w->rest, c, y, w->work));
+        assert_ok(lg_model_linearise(w->model, y, u, A, B, basis, w->work));
+        lg_space_basis(&w->space, y, own);
+        assert_memory_equal(basis, own, d * r * sizeof *basis);
+        for (size_t j = 0; j < r + WIDE_INPUT; j++) { /* along coordinate j, then in the inputs */
+            for (int side = 0; side < 2; side++) {
+                const double step = side == 0 ? 1e-5 : -1e-5;
+                double moved[WIDE_INPUT] = {u[0], u[1]};
+                for (size_t i = 0; i < r; i++) c[i] = i == j ? step : 0.0;
+                if (j >= r) moved[j - r] += step;
+                assert_ok(lg_model_retract(w->model, y, c, at, w->work));
+                wide_velocity(w, at, moved, sides[side]);
+            }
+            for (size_t i = 0; i < d; i++) at[i] = (sides[0][i] - sides[1][i]) / 2e-5;
+            lg_space_coordinates(&w->space, y, at, found);
+            for (size_t i = 0; i < r; i++)
+                assert_close(j < r ? A[i * r + j] : B[i * WIDE_INPUT + j - r], found[i], 1e-8, 1e-8);
+        }
+        for (size_t i = 0; i < r; i++) c[i] = 1e-3 * cos((double)i);
+        assert_ok(lg_model_retract(w->model, w->rest, c, y, w->work));
+        assert_ok(lg_model_deviation(w->model, w->rest, y, found, w->work));
+        assert_all_close(found, c, r, 0.0, 1e-5);
+        assert_ok(lg_model_equilibrium(w->model, NULL, y, NULL, w->work));
+        wide_velocity(w, y, NULL, at);
+        for (size_t i = 0; i < d; i++) assert_close(at[i], 0.0, 0.0, 1e-8);
+        assert_true(lg_space_manifold_error(&w->space, y) < 1e-14);
+    }
+}
