@@ -32,7 +32,11 @@ typedef enum lg_field_type {
     LG_FIELD_SWITCH, /* bool; an option without a value: true when it is given */
     LG_FIELD_STRING, /* const char *, borrowed; an empty text is refused */
     LG_FIELD_TEXT,   /* char array; a fact about the data, which cannot be set */
-    LG_FIELD_SHOWN   /* a text that `show` makes from several members; also a fact */
+    LG_FIELD_SHOWN,  /* a text that `show` makes from several members; also a fact */
+    /* In files of keys alone: */
+    LG_FIELD_NAMES, /* a list of names */
+    LG_FIELD_NODE,  /* whatever stands there; its reader looks at it */
+    LG_FIELD_MAP    /* a mapping, whose keys have rows of their own: "inputs", "inputs.hold" */
 } lg_field_type;
 
 /* The most numbers in a list, and room for any value as text. */
@@ -62,6 +66,7 @@ typedef struct lg_field {
     size_t offset, size; /* of the member in the structure */
     double low, high;    /* of each number */
     bool above;          /* low itself is refused */
+    bool required;       /* a file of keys must have it, where its mapping is there */
     bool adam;           /* it applies only where Adam takes part in the training */
     bool optional;       /* files of earlier versions lack it; the run then has the default for files */
     uint32_t methods;    /* bit v: it applies when the run's method is number v; 0: always */

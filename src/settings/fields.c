@@ -197,6 +197,8 @@ void lg_field_show(const lg_field *row, const void *run, char *text, size_t size
     case LG_FIELD_PHRASE:
         row->phrase(member_of(row, run), text, size);
         break;
+    default:
+        (void)snprintf(text, size, "?");
     }
 }
 

@@ -33,37 +33,25 @@ static const char *name_noise(uint32_t value) {
     return value > 1 ? NULL : value == LG_NOISE_UNIFORM ? "uniform" : "normal";
 }
 
-static const lg_key own_keys[OWN_KEYS] = {
-    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, true, false, 0, 0, LISTS, lg_name_scheme, NULL},
-    [KEY_PENALTY] = {"penalty", LG_KEY_REALS, false, false, 0, 0, LISTS, NULL, NULL},
-    [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, false, false, 0, 0, LISTS, NULL, NULL},
-    [KEY_N] = {"N", LG_KEY_COUNTS, true, false, 1, 1e9, LISTS, NULL, NULL},
-    [KEY_M] = {"M", LG_KEY_COUNTS, true, false, 2, 1e9, LISTS, NULL, NULL},
-    [KEY_EPS] = {"eps", LG_KEY_REALS, false, false, 0, 1e6, LISTS, NULL, NULL},
-    [KEY_REPEATS] = {"repeats", LG_KEY_COUNT, false, false, 1, 1e6, 1, NULL, NULL},
-    [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, false, false, 0, 0, 1, name_noise, NULL},
-    [KEY_SEED] = {"seed", LG_KEY_WHOLE, false, false, 0, 0, 1, NULL, NULL},
-    [KEY_TEST] = {"test", LG_KEY_MAP, false, false, 0, 0, 0, NULL, NULL},
-    [KEY_TEST_TRAJECTORIES] = {"test.trajectories", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL, NULL},
-    [KEY_TEST_POINTS] = {"test.points", LG_KEY_COUNT, false, false, 2, 1e9, 1, NULL, NULL},
+static const lg_field own_keys[OWN_KEYS] = {
+    [KEY_INTEGRATORS] = {.name = "integrators",
+                         .type = LG_FIELD_NAMES,
+                         .required = true,
+                         .most = LISTS,
+                         .value_name = lg_name_scheme},
+    [KEY_PENALTY] = {.name = "penalty", .type = LG_FIELD_REALS, .most = LISTS},
+    [KEY_SUBSTEPS] = {.name = "substeps", .type = LG_FIELD_WHOLES, .most = LISTS},
+    [KEY_N] = {.name = "N", .type = LG_FIELD_WHOLES, .required = true, .low = 1, .high = 1e9, .most = LISTS},
+    [KEY_M] = {.name = "M", .type = LG_FIELD_WHOLES, .required = true, .low = 2, .high = 1e9, .most = LISTS},
+    [KEY_EPS] = {.name = "eps", .type = LG_FIELD_REALS, .high = 1e6, .most = LISTS},
+    [KEY_REPEATS] = LG_FIELD(lg_grid, NULL, "repeats", U32, repeats, .low = 1, .high = 1e6),
+    [KEY_NOISE_KIND] = LG_FIELD(lg_grid, NULL, "noise_kind", NAME, noise_kind, .value_name = name_noise),
+    [KEY_SEED] = LG_FIELD(lg_grid, NULL, "seed", U64, seed, .high = 0x1p64),
+    [KEY_TEST] = {.name = "test", .type = LG_FIELD_MAP},
+    [KEY_TEST_TRAJECTORIES] =
+        LG_FIELD(lg_grid, NULL, "test.trajectories", U32, test_trajectories, .low = 1, .high = 1e9),
+    [KEY_TEST_POINTS] = LG_FIELD(lg_grid, NULL, "test.points", U32, test_points, .low = 2, .high = 1e9),
 };
-
-/* The key of a hyperparameter that all runs share. */
-static lg_key key_of(const lg_field *row) {
-    static const lg_key_type types[] = {
-        [LG_FIELD_REAL] = LG_KEY_REAL,   [LG_FIELD_U64] = LG_KEY_COUNT,  [LG_FIELD_U32] = LG_KEY_COUNT,
-        [LG_FIELD_FLAG] = LG_KEY_NAME,   [LG_FIELD_NAME] = LG_KEY_NAME,  [LG_FIELD_WHOLES] = LG_KEY_COUNTS,
-        [LG_FIELD_REALS] = LG_KEY_REALS, [LG_FIELD_PHRASE] = LG_KEY_TEXT};
-    return (lg_key){row->name,
-                    types[row->type],
-                    false,
-                    row->above,
-                    row->low,
-                    row->high,
-                    row->most > 0 ? row->most : 1,
-                    NULL,
-                    row};
-}
 
 /* The hyperparameters that a grid varies, and the seed, which it derives. */
 static bool is_shared(const lg_field *row) {
@@ -73,11 +61,10 @@ static bool is_shared(const lg_field *row) {
     return true;
 }
 
-/* All keys: the grid's own, then those of the hyperparameters `rows`. */
+/* All keys: those of the grid, then the hyperparameters that all runs share. */
 enum { KEYS = 48 };
 typedef struct grid_keys {
-    lg_key keys[KEYS];
-    const lg_field *rows[KEYS];
+    lg_field keys[KEYS];
     size_t count;
 } grid_keys;
 
@@ -94,26 +81,16 @@ static void list_keys(grid_keys *out) {
     }
     out->count = OWN_KEYS;
     for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
-        if (!is_shared(row) || out->count == KEYS) continue;
-        out->rows[out->count] = row;
-        out->keys[out->count++] = key_of(row);
+        if (is_shared(row) && out->count < KEYS) out->keys[out->count++] = *row;
     }
 }
 
 /* Beside a scene in a file of its own. */
 enum { KEY_SCENE, KEY_T_END, FILE_KEYS };
-static const lg_key file_keys[FILE_KEYS] = {
-    [KEY_SCENE] = {"scene", LG_KEY_TEXT, true, false, 0, 0, 1, NULL, NULL},
-    [KEY_T_END] = {"t_end", LG_KEY_REAL, false, true, 0, 1e12, 1, NULL, NULL},
+static const lg_field file_keys[FILE_KEYS] = {
+    [KEY_SCENE] = {.name = "scene", .type = LG_FIELD_TEXT, .required = true},
+    [KEY_T_END] = LG_FIELD(lg_grid, NULL, "t_end", REAL, t_end, .above = true, .high = 1e12),
 };
-
-static void set_u32(const lg_key_value *value, uint32_t *out) {
-    if (value->line != 0) *out = (uint32_t)value->real[0];
-}
-
-static void set_real(const lg_key_value *value, double *out) {
-    if (value->line != 0) *out = value->real[0];
-}
 
 static void set_u32s(const lg_key_value *value, uint32_t *count, uint32_t *out) {
     if (value->line == 0) return;
@@ -125,21 +102,6 @@ static void set_reals(const lg_key_value *value, uint32_t *count, double *out) {
     if (value->line == 0) return;
     *count = value->count;
     memcpy(out, value->real, value->count * sizeof *out);
-}
-
-/* The hyperparameters that stand in the file. */
-static lg_status fill_run(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *v,
-                          lg_hamiltonian_run *run, lg_error *error) {
-    for (size_t i = OWN_KEYS; i < keys->count; i++) {
-        const lg_field *row = keys->rows[i];
-        lg_error reason = {LG_OK, ""};
-        if (v[i].line == 0) continue;
-        if (row->type != LG_FIELD_PHRASE)
-            lg_field_fill(row, v[i].real, v[i].count, run);
-        else if (lg_field_set(row, v[i].text, run, &reason) != LG_OK)
-            return lg_yaml_fail(yaml, v[i].line, LG_FORMAT, error, "%s: %.300s", row->name, reason.message);
-    }
-    return LG_OK;
 }
 
 static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *v, lg_grid *out,
@@ -162,12 +124,8 @@ static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *
     set_reals(&v[KEY_EPS], &out->eps_count, out->eps);
     set_reals(&v[KEY_PENALTY], &out->penalty_count, out->penalty);
     set_u32s(&v[KEY_SUBSTEPS], &out->substeps_count, out->substeps);
-    set_u32(&v[KEY_REPEATS], &out->repeats);
-    set_u32(&v[KEY_TEST_TRAJECTORIES], &out->test_trajectories);
-    set_u32(&v[KEY_TEST_POINTS], &out->test_points);
-    if (v[KEY_NOISE_KIND].line != 0) out->noise_kind = (lg_noise)(int)v[KEY_NOISE_KIND].real[0];
-    if (v[KEY_SEED].line != 0) out->seed = v[KEY_SEED].whole;
-    return fill_run(yaml, keys, v, &out->run, error);
+    LG_TRY(lg_yaml_store(yaml, keys->keys, v, OWN_KEYS, out, error));
+    return lg_yaml_store(yaml, keys->keys + OWN_KEYS, v + OWN_KEYS, keys->count - OWN_KEYS, &out->run, error);
 }
 
 /* `scene: FILE`, relative to the folder of the grid. */
@@ -203,7 +161,7 @@ static lg_status read_grid(const lg_context *context, lg_yaml *yaml, const grid_
     }
     LG_TRY(fill(yaml, keys, values, out, error));
     out->t_end = out->scene.t_end;
-    if (own_file) set_real(&in_file[KEY_T_END], &out->t_end);
+    if (own_file) LG_TRY(lg_yaml_store(yaml, file_keys, in_file, FILE_KEYS, out, error));
     if (out->t_end > 0) return LG_OK;
     return lg_yaml_fail(yaml, 1, LG_FORMAT, error, "key 't_end' is missing, here and in the scene");
 }

@@ -3,7 +3,7 @@
 #include <string.h>
 #include <yaml.h>
 
-#include "files/yaml.h"
+#include "settings/files/yaml.h"
 
 #define SYNTAX_SIZE 64
 
@@ -55,20 +55,21 @@ enum key_index {
     KEY_COUNT
 };
 
-static const lg_key keys[KEY_COUNT] = {
-    [KEY_NAME] = {.name = "name", .type = LG_KEY_TEXT},
-    [KEY_KIND] = {.name = "kind", .type = LG_KEY_NAME, .required = true, .name_of = kind_name},
-    [KEY_ORDER] = {.name = "order", .type = LG_KEY_COUNT, .required = true, .low = 1, .high = 10},
-    [KEY_C] = {.name = "c", .type = LG_KEY_BLOCK},
-    [KEY_A] = {.name = "a", .type = LG_KEY_BLOCK},
-    [KEY_B] = {.name = "b", .type = LG_KEY_BLOCK},
-    [KEY_EMBEDDED] = {.name = "embedded", .type = LG_KEY_BLOCK},
-    [KEY_EMBEDDED_ORDER] = {.name = "embedded_order", .type = LG_KEY_COUNT, .low = 1, .high = 10},
-    [KEY_DEXPINV] = {.name = "dexpinv", .type = LG_KEY_TEXT},
-    [KEY_COMMUTATORS] = {.name = "commutators", .type = LG_KEY_BLOCK},
-    [KEY_ROWS] = {.name = "rows", .type = LG_KEY_BLOCK},
-    [KEY_KICK] = {.name = "kick", .type = LG_KEY_BLOCK},
-    [KEY_DRIFT] = {.name = "drift", .type = LG_KEY_BLOCK},
+static const lg_field keys[KEY_COUNT] = {
+    [KEY_NAME] = {.name = "name", .type = LG_FIELD_TEXT},
+    [KEY_KIND] = {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = kind_name},
+    [KEY_ORDER] = LG_FIELD(lg_scheme, NULL, "order", U32, order, .required = true, .low = 1, .high = 10),
+    [KEY_C] = {.name = "c", .type = LG_FIELD_NODE},
+    [KEY_A] = {.name = "a", .type = LG_FIELD_NODE},
+    [KEY_B] = {.name = "b", .type = LG_FIELD_NODE},
+    [KEY_EMBEDDED] = {.name = "embedded", .type = LG_FIELD_NODE},
+    [KEY_EMBEDDED_ORDER] =
+        LG_FIELD(lg_scheme, NULL, "embedded_order", U32, embedded_order, .low = 1, .high = 10),
+    [KEY_DEXPINV] = {.name = "dexpinv", .type = LG_FIELD_TEXT},
+    [KEY_COMMUTATORS] = {.name = "commutators", .type = LG_FIELD_NODE},
+    [KEY_ROWS] = {.name = "rows", .type = LG_FIELD_NODE},
+    [KEY_KICK] = {.name = "kick", .type = LG_FIELD_NODE},
+    [KEY_DRIFT] = {.name = "drift", .type = LG_FIELD_NODE},
 };
 
 /* The kinds that must have a key (bits of `needed`), and those that may. */
@@ -361,10 +362,8 @@ static lg_status read_scheme(reader *r) {
     set_name(r);
     s->kind = kinds[kind].kind;
     s->ambient = kinds[kind].ambient;
-    s->order = (int)r->values[KEY_ORDER].real[0];
+    LG_TRY(lg_yaml_store(r->yaml, keys, r->values, KEY_COUNT, s, r->error));
     LG_TRY(read_kind[kind](r));
-    if (r->values[KEY_EMBEDDED_ORDER].line > 0)
-        s->embedded_order = (int)r->values[KEY_EMBEDDED_ORDER].real[0];
     if (r->values[KEY_C].line > 0) LG_TRY(read_stages(r, KEY_C, (size_t)s->stages, s->c));
     if (lg_scheme_check(s, &fault) == LG_OK) return LG_OK;
     return lg_yaml_fail(r->yaml, r->values[KEY_KIND].line, LG_FORMAT, r->error, "%s", fault.message);

@@ -53,7 +53,7 @@ static lg_status check_items(const reading *r, const char *key, const yaml_node_
 /* ---- values ---- */
 
 static lg_status read_number(const reading *r, const yaml_node_t *node, parameter *p, size_t i) {
-    const lg_key key = {.name = p->key, .low = -DBL_MAX, .high = DBL_MAX};
+    const lg_field key = {.name = p->key, .low = -DBL_MAX, .high = DBL_MAX};
     const lg_key_value value = {.line = line_of(node), .node = node};
     p->unknown[i] = is_word(node, unknown_word);
     p->values[i] = (double)NAN;
@@ -87,9 +87,9 @@ static lg_status read_truths(const reading *r, const yaml_node_t *node, paramete
 }
 
 enum { KEY_START, KEY_UNKNOWN, KEY_COUNT };
-static const lg_key keys[KEY_COUNT] = {
-    [KEY_START] = {.name = "start", .type = LG_KEY_BLOCK, .required = true},
-    [KEY_UNKNOWN] = {.name = "unknown", .type = LG_KEY_BLOCK},
+static const lg_field keys[KEY_COUNT] = {
+    [KEY_START] = {.name = "start", .type = LG_FIELD_NODE, .required = true},
+    [KEY_UNKNOWN] = {.name = "unknown", .type = LG_FIELD_NODE},
 };
 
 /* {start: ..., unknown: true} */

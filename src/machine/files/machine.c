@@ -14,7 +14,6 @@ typedef lg_machine_reading reading;
 
 static const char *const measured_names[] = {"velocities", "momenta", "positions"};
 static const char *const hold_names[] = {"zero", "linear", "cubic"};
-static const char *const frame_names[] = {"body", "space"};
 
 const char *lg_log_measured_name(lg_log_measured measured) {
     return (unsigned)measured < LG_LOG_MEASURED_COUNT ? measured_names[measured] : NULL;
@@ -30,10 +29,6 @@ static const char *name_measured(uint32_t value) {
 
 static const char *name_hold(uint32_t value) {
     return lg_input_hold_name((lg_input_hold)value);
-}
-
-static const char *name_frame(uint32_t value) {
-    return value < LG_COUNT(frame_names) ? frame_names[value] : NULL;
 }
 
 static const char *name_kind(uint32_t value) {
@@ -64,40 +59,41 @@ enum {
     KEY_COUNT = KEY_PARTS + LG_MACHINE_PART_COUNT
 };
 
-static const lg_key keys[KEY_COUNT] = {
-    [KEY_COLUMNS] = {.name = "columns", .type = LG_KEY_MAP},
-    [KEY_TIME] = {.name = "columns.time", .type = LG_KEY_TEXT},
-    [KEY_RUN] = {.name = "columns.run", .type = LG_KEY_TEXT},
-    [KEY_MAX_STEP] = {.name = "columns.max_step", .type = LG_KEY_REAL, .open = true, .high = DBL_MAX},
-    [KEY_COORDINATES] = {.name = "coordinates", .type = LG_KEY_BLOCK, .required = true},
-    [KEY_INPUTS] = {.name = "inputs", .type = LG_KEY_MAP},
-    [KEY_INPUT_COLUMNS] = {.name = "inputs.columns", .type = LG_KEY_BLOCK, .required = true},
-    [KEY_HOLD] = {.name = "inputs.hold", .type = LG_KEY_NAME, .name_of = name_hold},
-    [KEY_DELAY] = {.name = "inputs.delay", .type = LG_KEY_TEXT},
-    [KEY_MEASURED] = {.name = "measured", .type = LG_KEY_NAME, .name_of = name_measured},
-    [KEY_NOISE] = {.name = "noise", .type = LG_KEY_BLOCK},
-    [KEY_SCALE] = {.name = "scale", .type = LG_KEY_BLOCK},
-    [KEY_UNWRAP] = {.name = "unwrap", .type = LG_KEY_NAME, .name_of = lg_name_truth},
-    [KEY_SYSTEM] = {.name = "system", .type = LG_KEY_TEXT},
-    [KEY_FORM] = {.name = "form", .type = LG_KEY_TEXT},
-    [KEY_PARAMETERS] = {.name = "parameters", .type = LG_KEY_BLOCK},
-    [KEY_PARTS + LG_MACHINE_MASS] = {.name = "mass", .type = LG_KEY_BLOCK},
-    [KEY_PARTS + LG_MACHINE_POTENTIAL] = {.name = "potential", .type = LG_KEY_BLOCK},
-    [KEY_PARTS + LG_MACHINE_DAMPING] = {.name = "damping", .type = LG_KEY_BLOCK},
-    [KEY_PARTS + LG_MACHINE_INPUT_MAP] = {.name = "input_map", .type = LG_KEY_BLOCK},
-    [KEY_PARTS + LG_MACHINE_RESIDUAL] = {.name = "residual", .type = LG_KEY_BLOCK},
-    [KEY_PARTS + LG_MACHINE_BIAS] = {.name = "bias", .type = LG_KEY_BLOCK},
+static const lg_field keys[KEY_COUNT] = {
+    [KEY_COLUMNS] = {.name = "columns", .type = LG_FIELD_MAP},
+    [KEY_TIME] = {.name = "columns.time", .type = LG_FIELD_TEXT},
+    [KEY_RUN] = {.name = "columns.run", .type = LG_FIELD_TEXT},
+    [KEY_MAX_STEP] =
+        LG_FIELD(lg_machine_file, NULL, "columns.max_step", REAL, max_step, .above = true, .high = DBL_MAX),
+    [KEY_COORDINATES] = {.name = "coordinates", .type = LG_FIELD_NODE, .required = true},
+    [KEY_INPUTS] = {.name = "inputs", .type = LG_FIELD_MAP},
+    [KEY_INPUT_COLUMNS] = {.name = "inputs.columns", .type = LG_FIELD_NODE, .required = true},
+    [KEY_HOLD] = LG_FIELD(lg_machine_file, NULL, "inputs.hold", NAME, hold, .value_name = name_hold),
+    [KEY_DELAY] = {.name = "inputs.delay", .type = LG_FIELD_TEXT},
+    [KEY_MEASURED] = LG_FIELD(lg_machine_file, NULL, "measured", NAME, measured, .value_name = name_measured),
+    [KEY_NOISE] = {.name = "noise", .type = LG_FIELD_NODE},
+    [KEY_SCALE] = {.name = "scale", .type = LG_FIELD_NODE},
+    [KEY_UNWRAP] = LG_FIELD(lg_machine_file, NULL, "unwrap", NAME, unwrap, .value_name = lg_name_truth),
+    [KEY_SYSTEM] = {.name = "system", .type = LG_FIELD_TEXT},
+    [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
+    [KEY_PARAMETERS] = {.name = "parameters", .type = LG_FIELD_NODE},
+    [KEY_PARTS + LG_MACHINE_MASS] = {.name = "mass", .type = LG_FIELD_NODE},
+    [KEY_PARTS + LG_MACHINE_POTENTIAL] = {.name = "potential", .type = LG_FIELD_NODE},
+    [KEY_PARTS + LG_MACHINE_DAMPING] = {.name = "damping", .type = LG_FIELD_NODE},
+    [KEY_PARTS + LG_MACHINE_INPUT_MAP] = {.name = "input_map", .type = LG_FIELD_NODE},
+    [KEY_PARTS + LG_MACHINE_RESIDUAL] = {.name = "residual", .type = LG_FIELD_NODE},
+    [KEY_PARTS + LG_MACHINE_BIAS] = {.name = "bias", .type = LG_FIELD_NODE},
 };
 
 enum { OF_NAME, OF_KIND, OF_COLUMNS, OF_POSITION, OF_VELOCITY, OF_RATES, OF_FRAME, OF_COUNT };
-static const lg_key coordinate_keys[OF_COUNT] = {
-    [OF_NAME] = {.name = "name", .type = LG_KEY_TEXT, .required = true},
-    [OF_KIND] = {.name = "kind", .type = LG_KEY_NAME, .required = true, .name_of = name_kind},
-    [OF_COLUMNS] = {.name = "columns", .type = LG_KEY_BLOCK},
-    [OF_POSITION] = {.name = "position", .type = LG_KEY_BLOCK},
-    [OF_VELOCITY] = {.name = "velocity", .type = LG_KEY_BLOCK},
-    [OF_RATES] = {.name = "rates", .type = LG_KEY_BLOCK},
-    [OF_FRAME] = {.name = "frame", .type = LG_KEY_NAME, .name_of = name_frame},
+static const lg_field coordinate_keys[OF_COUNT] = {
+    [OF_NAME] = {.name = "name", .type = LG_FIELD_TEXT, .required = true},
+    [OF_KIND] = {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = name_kind},
+    [OF_COLUMNS] = {.name = "columns", .type = LG_FIELD_NODE},
+    [OF_POSITION] = {.name = "position", .type = LG_FIELD_NODE},
+    [OF_VELOCITY] = {.name = "velocity", .type = LG_FIELD_NODE},
+    [OF_RATES] = {.name = "rates", .type = LG_FIELD_NODE},
+    [OF_FRAME] = LG_FIELD(lg_log_coordinate, NULL, "frame", NAME, space_frame, LG_NAMES("body", "space")),
 };
 
 /* How many columns each key of a coordinate has; `other`: or so many; 0: the key is not taken. */
@@ -280,9 +276,8 @@ static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
     LG_TRY(read_columns(r, OF_COLUMNS, line, &values[OF_COLUMNS], LG_LOG_POSITION,
                         attitude ? &c->attitude : &c->place, attitude ? &c->attitudes : &c->places));
     LG_TRY(read_velocities(r, line, values, c));
-    c->space_frame = values[OF_FRAME].line != 0 && values[OF_FRAME].real[0] == 1;
     m->coordinate_count++;
-    return LG_OK;
+    return lg_yaml_store(r->yaml, coordinate_keys, values, OF_COUNT, c, r->error);
 }
 
 static lg_status read_coordinates(reading *r, const lg_key_value *value) {
@@ -320,7 +315,6 @@ static lg_status read_inputs(reading *r, const lg_key_value *values) {
     uint64_t rows = 0;
     if (values[KEY_INPUTS].line == 0) return LG_OK;
     LG_TRY(lg_machine_texts(r, values[KEY_INPUT_COLUMNS].node, "inputs.columns", add_input, NULL));
-    if (values[KEY_HOLD].line != 0) r->out->hold = (lg_input_hold)values[KEY_HOLD].real[0];
     r->out->estimate_delay = delay->line != 0 && strcmp(delay->text, "estimate") == 0;
     if (delay->line == 0 || r->out->estimate_delay) return LG_OK;
     if (lg_integer_parse(delay->text, &rows) != LG_OK || rows > 1000000)
@@ -333,7 +327,7 @@ static lg_status read_inputs(reading *r, const lg_key_value *values) {
 /* ---- numbers by column ---- */
 
 /* noise: {x: 0.1}, scale: {theta: 0.0174533} */
-static lg_status read_numbers(reading *r, const lg_key *key, const lg_key_value *value, size_t offset,
+static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_value *value, size_t offset,
                               double low) {
     const yaml_node_t *map = value->node;
     const yaml_node_pair_t *pair = NULL;
@@ -356,7 +350,7 @@ static lg_status read_numbers(reading *r, const lg_key *key, const lg_key_value 
                                 key->name, column->name);
         seen[column - r->out->columns] = true;
         double *out = (double *)((char *)column + offset);
-        const lg_key one = {.name = column->name, .open = true, .low = low, .high = DBL_MAX};
+        const lg_field one = {.name = column->name, .above = true, .low = low, .high = DBL_MAX};
         const lg_key_value at = {.line = line_of(number), .node = number};
         LG_TRY(lg_yaml_block(r->yaml, &one, &at, (const size_t[3]){1, 1, 1}, out, NULL, r->error));
         if (*out == 0)
@@ -397,9 +391,8 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     const lg_key_set set = {keys, KEY_COUNT, values};
     lg_machine_file *out = r->out;
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "", r->error));
-    if (values[KEY_MEASURED].line != 0) out->measured = (lg_log_measured)values[KEY_MEASURED].real[0];
-    out->unwrap = values[KEY_UNWRAP].line == 0 || values[KEY_UNWRAP].real[0] == 1;
-    out->max_step = values[KEY_MAX_STEP].line != 0 ? values[KEY_MAX_STEP].real[0] : 0;
+    out->unwrap = true;
+    LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, out, r->error));
     LG_TRY(add_named(r, &values[KEY_TIME], "t", LG_LOG_TIME));
     if (values[KEY_RUN].line != 0) LG_TRY(add_named(r, &values[KEY_RUN], "", LG_LOG_RUN));
     LG_TRY(read_coordinates(r, &values[KEY_COORDINATES]));

@@ -3,7 +3,7 @@
 #ifndef LG_MACHINE_READING_H
 #define LG_MACHINE_READING_H
 
-#include "files/yaml.h"
+#include "settings/files/yaml.h"
 #include "liegrad/logs.h"
 
 struct yaml_node_s;

@@ -26,18 +26,19 @@ enum {
     KEY_COUNT
 };
 
-static const lg_key keys[KEY_COUNT] = {
-    [KEY_KIND] = {.name = "kind", .type = LG_KEY_TEXT, .required = true},
-    [KEY_FORM] = {.name = "form", .type = LG_KEY_TEXT},
-    [KEY_OF] = {.name = "of", .type = LG_KEY_BLOCK},
+static const lg_field keys[KEY_COUNT] = {
+    [KEY_KIND] = {.name = "kind", .type = LG_FIELD_TEXT, .required = true},
+    [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
+    [KEY_OF] = {.name = "of", .type = LG_FIELD_NODE},
     [KEY_HIDDEN] =
-        {.name = "hidden", .type = LG_KEY_COUNTS, .low = 1, .high = 4096, .capacity = LG_MACHINE_HIDDEN},
-    [KEY_ACTIVATION] = {.name = "activation", .type = LG_KEY_NAME, .name_of = lg_name_activation},
-    [KEY_DEGREE] = {.name = "degree", .type = LG_KEY_COUNT, .low = 1, .high = 8},
-    [KEY_VALUES] = {.name = "values", .type = LG_KEY_BLOCK, .low = -DBL_MAX, .high = DBL_MAX},
-    [KEY_COULOMB] = {.name = "coulomb", .type = LG_KEY_NAME, .name_of = lg_name_truth},
-    [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_KEY_NAME, .name_of = lg_name_truth},
-    [KEY_WIDTH] = {.name = "coulomb_width", .type = LG_KEY_REAL, .open = true, .high = DBL_MAX},
+        {.name = "hidden", .type = LG_FIELD_WHOLES, .low = 1, .high = 4096, .most = LG_MACHINE_HIDDEN},
+    [KEY_ACTIVATION] =
+        LG_FIELD(lg_machine_term, NULL, "activation", NAME, activation, .value_name = lg_name_activation),
+    [KEY_DEGREE] = LG_FIELD(lg_machine_term, NULL, "degree", U32, degree, .low = 1, .high = 8),
+    [KEY_VALUES] = {.name = "values", .type = LG_FIELD_NODE, .low = -DBL_MAX, .high = DBL_MAX},
+    [KEY_COULOMB] = {.name = "coulomb", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
+    [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
+    [KEY_WIDTH] = {.name = "coulomb_width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
 };
 
 /* The option of a kind that takes the key; 0: looked at elsewhere. */
@@ -145,7 +146,7 @@ static lg_status add_feature(reading *r, uint32_t line, const char *text, void *
 
 /* A number, a list of numbers or a list of rows. */
 static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_term *term) {
-    const lg_key *key = &keys[KEY_VALUES];
+    const lg_field *key = &keys[KEY_VALUES];
     size_t shape[3] = {1, 1, 1};
     if (value->line == 0) return LG_OK;
     LG_TRY(lg_yaml_entries(r->yaml, key, value, 1, &shape[0], r->error));
@@ -228,8 +229,7 @@ static lg_status fill_term(reading *r, lg_machine_part part, lg_machine_term *te
         for (uint32_t i = 0; i < term->hidden_layers; i++)
             term->hidden[i] = (uint32_t)values[KEY_HIDDEN].real[i];
     }
-    if (values[KEY_ACTIVATION].line != 0) term->activation = (lg_activation)values[KEY_ACTIVATION].real[0];
-    if (values[KEY_DEGREE].line != 0) term->degree = (uint32_t)values[KEY_DEGREE].real[0];
+    LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, term, r->error));
     if (values[KEY_WIDTH].line != 0 && term->width > 0) term->width = values[KEY_WIDTH].real[0];
     return read_values(r, &values[KEY_VALUES], term);
 }

@@ -107,24 +107,25 @@ enum {
     COMMON_KEYS
 };
 
-/* name, type, required, open, low, high, capacity, names */
-static const lg_key common_keys[COMMON_KEYS] = {
-    [KEY_SYSTEM] = {"system", LG_KEY_NAME, true, false, 0, 0, 1, system_name, NULL},
-    [KEY_FORM] = {"form", LG_KEY_TEXT, false, false, 0, 0, 1, NULL, NULL},
-    [KEY_T_END] = {"t_end", LG_KEY_REAL, false, true, 0, LARGEST, 1, NULL, NULL},
-    [KEY_INITIAL] = {"initial", LG_KEY_MAP, false, false, 0, 0, 0, NULL, NULL},
-    [KEY_STARTS] = {"starts", LG_KEY_MAP, false, false, 0, 0, 0, NULL, NULL},
-    [KEY_KIND] = {"starts.kind", LG_KEY_NAME, true, false, 0, 0, 1, starts_name, NULL},
-    [KEY_LOW] = {"starts.low", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL, NULL},
-    [KEY_HIGH] = {"starts.high", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL, NULL},
-    [KEY_SEGMENTS] = {"starts.segments", LG_KEY_COUNT, false, false, 1, 1000, 1, NULL, NULL},
-    [KEY_AHEAD] = {"starts.ahead", LG_KEY_REAL, false, false, 0, LARGEST, 1, NULL, NULL},
-    [KEY_ENSEMBLE] = {"ensemble", LG_KEY_TEXT, false, false, 0, 0, 1, NULL, NULL},
+static const lg_field common_keys[COMMON_KEYS] = {
+    [KEY_SYSTEM] = {.name = "system", .type = LG_FIELD_NAME, .required = true, .value_name = system_name},
+    [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
+    [KEY_T_END] = LG_FIELD(lg_scene, NULL, "t_end", REAL, t_end, .above = true, .high = LARGEST),
+    [KEY_INITIAL] = {.name = "initial", .type = LG_FIELD_MAP},
+    [KEY_STARTS] = {.name = "starts", .type = LG_FIELD_MAP},
+    [KEY_KIND] =
+        LG_FIELD(lg_scene, NULL, "starts.kind", NAME, starts, .required = true, .value_name = starts_name),
+    [KEY_LOW] = LG_FIELD(lg_scene, NULL, "starts.low", REAL, low, .low = -LARGEST, .high = LARGEST),
+    [KEY_HIGH] = LG_FIELD(lg_scene, NULL, "starts.high", REAL, high, .low = -LARGEST, .high = LARGEST),
+    [KEY_SEGMENTS] = LG_FIELD(lg_scene, NULL, "starts.segments", U32, segments, .low = 1, .high = 1000),
+    [KEY_AHEAD] = LG_FIELD(lg_scene, NULL, "starts.ahead", REAL, ahead, .high = LARGEST),
+    [KEY_ENSEMBLE] = LG_FIELD(lg_scene, NULL, "ensemble", TEXT, ensemble, .low = 0),
 };
-static const lg_key links_key = {"links", LG_KEY_COUNT, false, false, 1, MAX_LINKS, 1, NULL, NULL};
-static const lg_key reference_key = {"reference", LG_KEY_NAME, false, false, 0, 0, 1, reference_name, NULL};
+static const lg_field links_key = {.name = "links", .type = LG_FIELD_U32, .low = 1, .high = MAX_LINKS};
+static const lg_field reference_key = {
+    .name = "reference", .type = LG_FIELD_NAME, .value_name = reference_name};
 
-static size_t add_key(scene_table *table, const char *prefix, const lg_key *key) {
+static size_t add_key(scene_table *table, const char *prefix, const lg_field *key) {
     const size_t at = table->count++;
     if (at >= LG_SCENE_MAX_KEYS) return 0;
     table->keys[at] = *key;
@@ -137,19 +138,19 @@ static void add_parameters(scene_table *table) {
     table->parameters_at = table->count;
     for (const lg_parameter_entry *row = table->parameters; row->key != NULL; row++) {
         const bool positive = row->rule == LG_PARAMETER_POSITIVE;
-        const lg_key key = {.name = row->key,
-                            .type = row->count == 1 ? LG_KEY_REAL : LG_KEY_BLOCK,
-                            .required = row->fallback == NULL,
-                            .open = positive,
-                            .low = positive ? 0 : -LARGEST,
-                            .high = LARGEST,
-                            .capacity = 1};
+        const lg_field key = {.name = row->key,
+                              .type = row->count == 1 ? LG_FIELD_REAL : LG_FIELD_NODE,
+                              .required = row->fallback == NULL,
+                              .above = positive,
+                              .low = positive ? 0 : -LARGEST,
+                              .high = LARGEST,
+                              .most = 1};
         (void)add_key(table, "", &key);
     }
 }
 
 static void add_parts(scene_table *table) {
-    lg_key key = {.type = LG_KEY_BLOCK, .low = -LARGEST, .high = LARGEST, .capacity = 1};
+    lg_field key = {.type = LG_FIELD_NODE, .low = -LARGEST, .high = LARGEST, .most = 1};
     table->parts_at = table->count;
     for (const lg_state_entry *row = table->parts; row->key != NULL; row++) {
         key.name = row->key;
@@ -338,13 +339,8 @@ static lg_status read_system(reading *r) {
 
 static lg_status read_starts(reading *r) {
     const lg_key_value *v = r->table->values;
-    lg_scene *out = r->out;
+    const lg_scene *out = r->out;
     if (!out->has_starts) return LG_OK;
-    out->starts = (lg_starts)(int)v[KEY_KIND].real[0];
-    if (v[KEY_LOW].line != 0) out->low = v[KEY_LOW].real[0];
-    if (v[KEY_HIGH].line != 0) out->high = v[KEY_HIGH].real[0];
-    if (v[KEY_SEGMENTS].line != 0) out->segments = (uint32_t)v[KEY_SEGMENTS].real[0];
-    if (v[KEY_AHEAD].line != 0) out->ahead = v[KEY_AHEAD].real[0];
     uint32_t bounds = v[KEY_HIGH].line != 0 ? v[KEY_HIGH].line : v[KEY_LOW].line;
     if (bounds != 0 && out->starts != LG_STARTS_BOX)
         return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error, "starts: low and high belong to kind: box");
@@ -363,14 +359,12 @@ static lg_status fill(reading *r) {
                          .context = r->context,
                          .has_initial = v[KEY_INITIAL].line != 0,
                          .has_t_end = v[KEY_T_END].line != 0,
-                         .t_end = v[KEY_T_END].line != 0 ? v[KEY_T_END].real[0] : 0,
                          .has_starts = v[KEY_STARTS].line != 0,
                          .line_system = v[KEY_SYSTEM].line,
                          .line_form = v[KEY_FORM].line,
                          .line_initial = v[KEY_INITIAL].line,
                          .line_starts = v[KEY_STARTS].line};
-    if (v[KEY_ENSEMBLE].line != 0)
-        (void)snprintf(r->out->ensemble, sizeof r->out->ensemble, "%s", v[KEY_ENSEMBLE].text);
+    LG_TRY(lg_yaml_store(r->yaml, r->table->keys, v, r->table->count, r->out, r->error));
     LG_TRY(find_links(r));
     LG_TRY(read_starts(r));
     LG_TRY(read_system(r));

@@ -2,7 +2,7 @@
 #ifndef LG_SCENE_H
 #define LG_SCENE_H
 
-#include "files/yaml.h"
+#include "settings/files/yaml.h"
 
 /* Reads the top mapping as a scene plus the keys of `more` (may be NULL); form_wanted as in lg_scene_read. */
 lg_status lg_scene_from(const lg_context *context, lg_yaml *yaml, const char *form_wanted,

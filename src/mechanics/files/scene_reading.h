@@ -15,7 +15,7 @@ typedef struct scene_table {
     size_t links_at, parameters_at, parts_at, other_at; /* in `keys`; 0: none */
     char title[64];                                     /* "heavy-top (direct)" */
     size_t count;
-    lg_key keys[LG_SCENE_MAX_KEYS];
+    lg_field keys[LG_SCENE_MAX_KEYS];
     lg_key_value values[LG_SCENE_MAX_KEYS];
     char names[LG_SCENE_MAX_KEYS][32];
 } scene_table;

@@ -9,15 +9,15 @@
 
 #include "files/h5.h"
 #include "files/read_file.h"
-#include "files/yaml.h"
+#include "settings/files/yaml.h"
 
 /* ---- ranges ---- */
 
 enum { KEY_FIXED, KEY_RANGES, KEY_COUNT };
 /* Blocks: their keys are the names of options, which no table knows. */
-static const lg_key keys[KEY_COUNT] = {
-    [KEY_FIXED] = {.name = "fixed", .type = LG_KEY_BLOCK},
-    [KEY_RANGES] = {.name = "ranges", .type = LG_KEY_BLOCK, .required = true},
+static const lg_field keys[KEY_COUNT] = {
+    [KEY_FIXED] = {.name = "fixed", .type = LG_FIELD_NODE},
+    [KEY_RANGES] = {.name = "ranges", .type = LG_FIELD_NODE, .required = true},
 };
 
 static const char *const kind_names[] = {[LG_RANGE_UNIFORM] = "uniform",
@@ -127,7 +127,7 @@ static lg_status read_choices(const reading *r, const yaml_node_t *list, lg_rang
 }
 
 static lg_status read_bounds(const reading *r, const yaml_node_t *list, lg_range *range) {
-    const lg_key key = {.name = range->name, .type = LG_KEY_BLOCK, .low = -DBL_MAX, .high = DBL_MAX};
+    const lg_field key = {.name = range->name, .type = LG_FIELD_NODE, .low = -DBL_MAX, .high = DBL_MAX};
     const lg_key_value value = {.line = line_of(list), .node = list};
     double bounds[2] = {0, 0};
     LG_TRY(lg_yaml_block(r->yaml, &key, &value, (const size_t[3]){2, 1, 1}, bounds, NULL, r->error));

@@ -1,49 +1,26 @@
-/* Reads YAML and JSON files by tables of keys. A table is flat: "initial.q" is key q of the mapping
- * `initial`. Each value keeps its line. A new key or system is a new row. */
+/* Reads YAML and JSON files by tables of fields. A table is flat: "initial.q" is key q of the mapping
+ * `initial`. Each value keeps its line. A row without a member (size 0) is looked at by the caller: a text, a
+ * name that is more than its number, a NODE once its shape is known. */
 #ifndef LG_YAML_H
 #define LG_YAML_H
 
 #include "core/core.h"
 #include "liegrad/io.h"
+#include "settings/settings.h"
 
-typedef enum lg_key_type {
-    LG_KEY_REAL,   /* one number */
-    LG_KEY_COUNT,  /* one whole number below 2^53 */
-    LG_KEY_WHOLE,  /* one whole number up to 2^64 - 1 */
-    LG_KEY_NAME,   /* one of `names` */
-    LG_KEY_TEXT,   /* a text */
-    LG_KEY_REALS,  /* a list of numbers; a single one may stand for itself */
-    LG_KEY_COUNTS, /* a list of whole numbers; likewise */
-    LG_KEY_NAMES,  /* a list of names; likewise */
-    LG_KEY_BLOCK,  /* nested lists of numbers, read by lg_yaml_block once their shape is known */
-    LG_KEY_MAP     /* a mapping, whose keys have rows of their own */
-} lg_key_type;
-
-typedef struct lg_key {
-    const char *name;
-    lg_key_type type;
-    bool required;     /* when its mapping is there */
-    bool open;         /* low < value rather than low <= value */
-    double low, high;  /* of every number */
-    uint32_t capacity; /* most values of a list */
-    /* Names of an enumeration by value; NULL beyond the last. */
-    const char *(*name_of)(uint32_t value);
-    const lg_field *row; /* NULL, or the field that has the names instead of name_of */
-} lg_key;
-
-#define LG_VALUES 32 /* the longest list, but for blocks */
+#define LG_VALUES 32 /* the longest list, but for nodes */
 typedef struct lg_key_value {
     uint32_t line;  /* of the value, from 1; 0: absent */
     uint32_t count; /* numbers or names read */
     double real[LG_VALUES];
-    uint64_t whole;   /* WHOLE */
-    char text[256];   /* TEXT */
-    const void *node; /* BLOCK */
+    uint64_t whole;   /* U64 up to 2^64 - 1 */
+    char text[256];   /* TEXT, PHRASE */
+    const void *node; /* NODE */
 } lg_key_value;
 
-/* A table and where its values go, one for each row. */
+/* A table and what was read, a value for each row. */
 typedef struct lg_key_set {
-    const lg_key *keys;
+    const lg_field *keys;
     size_t count;
     lg_key_value *values;
 } lg_key_set;
@@ -59,28 +36,31 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
                         lg_error *error);
 void lg_yaml_close(lg_yaml *yaml); /* NULL is fine */
 const char *lg_yaml_path(const lg_yaml *yaml);
-/* libyaml's document, for the nodes of a BLOCK. */
+/* libyaml's document, for what is below a NODE. */
 struct yaml_document_s *lg_yaml_document(lg_yaml *yaml);
 
 /* True when the top mapping has the key; "initial.q" is key q of its mapping `initial`. */
 bool lg_yaml_has(const lg_yaml *yaml, const char *key);
 /* The value of a required NAME or TEXT key of the top mapping, before the rest is read. */
-lg_status lg_yaml_name(lg_yaml *yaml, const lg_key *key, lg_key_value *value, lg_error *error);
+lg_status lg_yaml_name(lg_yaml *yaml, const lg_field *key, lg_key_value *value, lg_error *error);
 /* Reads the top mapping. Refuses, with the line: unknown keys, duplicate keys, missing keys, wrong shapes,
  * texts that are no numbers, numbers out of range. `elsewhere` (may be NULL) knows the keys of other systems;
  * `system` is the name of this one. */
 lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
                        bool (*elsewhere)(const char *name), const char *system, lg_error *error);
-/* The same for the mapping of a BLOCK, or of an item of one; `what` names it in sentences. */
+/* The same for the mapping of a NODE, or of an item of one; `what` names it in sentences. */
 lg_status lg_yaml_read_below(lg_yaml *yaml, const void *node, const lg_key_set *set, const char *what,
                              lg_error *error);
-/* The number of entries of `inner` numbers in a BLOCK. A list of `inner` > 1 numbers is one entry, and so is
+/* Stores the values that stand in the file, by the rows that have members. */
+lg_status lg_yaml_store(const lg_yaml *yaml, const lg_field *keys, const lg_key_value *values, size_t count,
+                        void *into, lg_error *error);
+/* The number of entries of `inner` numbers in a NODE. A list of `inner` > 1 numbers is one entry, and so is
  * a single number. */
-lg_status lg_yaml_entries(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, size_t inner,
+lg_status lg_yaml_entries(lg_yaml *yaml, const lg_field *key, const lg_key_value *value, size_t inner,
                           size_t *out, lg_error *error);
-/* The numbers of a BLOCK: lists of lists of lists of these lengths; levels of length one may be left out.
+/* The numbers of a NODE: lists of lists of lists of these lengths; levels of length one may be left out.
  * `lines` (may be NULL) becomes the line of each number. */
-lg_status lg_yaml_block(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, const size_t shape[3],
+lg_status lg_yaml_block(lg_yaml *yaml, const lg_field *key, const lg_key_value *value, const size_t shape[3],
                         double *out, uint32_t *lines, lg_error *error);
 /* "FILE: line 7: ..." */
 lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_error *error,

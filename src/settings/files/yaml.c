@@ -1,6 +1,6 @@
 #include "files/h5.h"
 #include "files/read_file.h"
-#include "files/yaml.h"
+#include "settings/files/yaml.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -185,12 +185,12 @@ static const char *plain_text(const yaml_node_t *node, size_t size) {
     return strlen(text) == node->data.scalar.length ? text : NULL;
 }
 
-static lg_status read_number(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, double *out,
+static lg_status read_number(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, double *out,
                              lg_error *error) {
     char show[NAME_SIZE];
     uint32_t line = line_of(node);
     const char *text = plain_text(node, 512);
-    bool whole = key->type == LG_KEY_COUNT || key->type == LG_KEY_COUNTS;
+    bool whole = key->type == LG_FIELD_U32 || key->type == LG_FIELD_U64 || key->type == LG_FIELD_WHOLES;
     if (node->type != YAML_SCALAR_NODE)
         return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: a number is expected", key->name);
     lg_status status = LG_FORMAT;
@@ -204,17 +204,13 @@ static lg_status read_number(const lg_yaml *yaml, const lg_key *key, const yaml_
     if (whole && !(*out >= 0 && *out <= 0x1p53 && *out == (double)(uint64_t)*out))
         return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: '%s' is not a whole number", key->name,
                             shown(node, show));
-    if (*out < key->low || *out > key->high || (key->open && *out == key->low))
+    if (*out < key->low || *out > key->high || (key->above && *out == key->low))
         return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: %s is outside %s%g, %g]", key->name,
-                            shown(node, show), key->open ? "(" : "[", key->low, key->high);
+                            shown(node, show), key->above ? "(" : "[", key->low, key->high);
     return LG_OK;
 }
 
-static const char *name_at(const lg_key *key, uint32_t value) {
-    return key->row != NULL ? lg_field_name(key->row, value) : key->name_of(value);
-}
-
-static lg_status read_name(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, double *out,
+static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, double *out,
                            lg_error *error) {
     char show[NAME_SIZE], known[160] = "";
     const char *text = plain_text(node, NAME_SIZE);
@@ -222,7 +218,7 @@ static lg_status read_name(const lg_yaml *yaml, const lg_key *key, const yaml_no
         return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a name is expected", key->name);
     size_t used = 0;
     const char *name;
-    for (uint32_t value = 0; (name = name_at(key, value)) != NULL; value++) {
+    for (uint32_t value = 0; (name = lg_field_name(key, value)) != NULL; value++) {
         if (text != NULL && strcmp(text, name) == 0) {
             *out = value;
             return LG_OK;
@@ -236,11 +232,11 @@ static lg_status read_name(const lg_yaml *yaml, const lg_key *key, const yaml_no
 
 /* ---- values ---- */
 
-static bool is_names(const lg_key *key) {
-    return key->type == LG_KEY_NAME || key->type == LG_KEY_NAMES;
+static bool is_names(const lg_field *key) {
+    return key->type == LG_FIELD_NAME || key->type == LG_FIELD_NAMES || key->type == LG_FIELD_FLAG;
 }
 
-static lg_status add_scalar(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node,
+static lg_status add_scalar(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                             lg_key_value *value, lg_error *error) {
     if (value->count >= LG_VALUES)
         return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: too many values", key->name);
@@ -251,7 +247,7 @@ static lg_status add_scalar(const lg_yaml *yaml, const lg_key *key, const yaml_n
     return LG_OK;
 }
 
-static lg_status add_items(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
+static lg_status add_items(lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, lg_key_value *value,
                            lg_error *error) {
     const yaml_node_item_t *item = node->data.sequence.items.start;
     for (; item < node->data.sequence.items.top; item++)
@@ -259,19 +255,24 @@ static lg_status add_items(lg_yaml *yaml, const lg_key *key, const yaml_node_t *
     return LG_OK;
 }
 
-static lg_status read_list(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
+static lg_status read_list(lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, lg_key_value *value,
                            lg_error *error) {
     if (node->type == YAML_SCALAR_NODE) return add_scalar(yaml, key, node, value, error);
     if (node->type != YAML_SEQUENCE_NODE)
         return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a list is expected", key->name);
     size_t count = (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
-    if (count == 0 || count > key->capacity)
+    if (count == 0 || count > key->most)
         return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: has %zu values, 1 to %u are expected",
-                            key->name, count, key->capacity);
+                            key->name, count, key->most);
     return add_items(yaml, key, node, value, error);
 }
 
-static lg_status read_whole(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node,
+/* A whole number that a double may not hold. */
+static bool is_exact(const lg_field *key) {
+    return key->type == LG_FIELD_U64 && key->high == 0x1p64;
+}
+
+static lg_status read_whole(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                             lg_key_value *value, lg_error *error) {
     char show[NAME_SIZE];
     const char *text = plain_text(node, 64);
@@ -285,7 +286,7 @@ static lg_status read_whole(const lg_yaml *yaml, const lg_key *key, const yaml_n
     return LG_OK;
 }
 
-static lg_status read_text(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node,
+static lg_status read_text(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                            lg_key_value *value, lg_error *error) {
     const char *text = plain_text(node, sizeof value->text);
     if (text == NULL || *text == '\0')
@@ -295,27 +296,25 @@ static lg_status read_text(const lg_yaml *yaml, const lg_key *key, const yaml_no
     return LG_OK;
 }
 
-static lg_status read_value(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
+static lg_status read_value(lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, lg_key_value *value,
                             lg_error *error) {
     *value = (lg_key_value){.line = line_of(node)};
+    if (is_exact(key)) return read_whole(yaml, key, node, value, error);
     switch (key->type) {
-    case LG_KEY_REAL:
-    case LG_KEY_COUNT:
-    case LG_KEY_NAME:
-        return add_scalar(yaml, key, node, value, error);
-    case LG_KEY_WHOLE:
-        return read_whole(yaml, key, node, value, error);
-    case LG_KEY_TEXT:
+    case LG_FIELD_TEXT:
+    case LG_FIELD_PHRASE:
         return read_text(yaml, key, node, value, error);
-    case LG_KEY_REALS:
-    case LG_KEY_COUNTS:
-    case LG_KEY_NAMES:
+    case LG_FIELD_REALS:
+    case LG_FIELD_WHOLES:
+    case LG_FIELD_NAMES:
         return read_list(yaml, key, node, value, error);
-    case LG_KEY_BLOCK:
+    case LG_FIELD_NODE:
         value->node = node;
         return LG_OK;
-    case LG_KEY_MAP:
+    case LG_FIELD_MAP:
         break;
+    default:
+        return add_scalar(yaml, key, node, value, error);
     }
     if (node->type == YAML_MAPPING_NODE) return LG_OK;
     return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: keys and values are expected", key->name);
@@ -332,7 +331,7 @@ static const yaml_node_t *item_at(lg_yaml *yaml, const yaml_node_t *node, size_t
     return yaml_document_get_node(&yaml->document, node->data.sequence.items.start[index]);
 }
 
-lg_status lg_yaml_entries(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, size_t inner,
+lg_status lg_yaml_entries(lg_yaml *yaml, const lg_field *key, const lg_key_value *value, size_t inner,
                           size_t *out, lg_error *error) {
     const yaml_node_t *node = value->node;
     const size_t length = length_of(node);
@@ -348,7 +347,7 @@ lg_status lg_yaml_entries(lg_yaml *yaml, const lg_key *key, const lg_key_value *
 
 typedef struct block {
     lg_yaml *yaml;
-    const lg_key *key;
+    const lg_field *key;
     const size_t *shape; /* 3 levels */
     double *out;         /* of the next number */
     uint32_t *line;      /* likewise, or NULL */
@@ -377,7 +376,7 @@ static lg_status read_level(block *b, const yaml_node_t *node, size_t level) {
     return LG_OK;
 }
 
-lg_status lg_yaml_block(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, const size_t shape[3],
+lg_status lg_yaml_block(lg_yaml *yaml, const lg_field *key, const lg_key_value *value, const size_t shape[3],
                         double *out, uint32_t *lines, lg_error *error) {
     block b = {yaml, key, shape, out, lines, error};
     return read_level(&b, value->node, 0);
@@ -405,7 +404,7 @@ bool lg_yaml_has(const lg_yaml *yaml, const char *key) {
     return node->type == YAML_MAPPING_NODE && find_below(yaml, node, dot + 1, strlen(dot + 1)) != NULL;
 }
 
-lg_status lg_yaml_name(lg_yaml *yaml, const lg_key *key, lg_key_value *value, lg_error *error) {
+lg_status lg_yaml_name(lg_yaml *yaml, const lg_field *key, lg_key_value *value, lg_error *error) {
     const yaml_node_t *node = find_below(yaml, yaml->root, key->name, strlen(key->name));
     if (node == NULL)
         return lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "key '%s' is missing", key->name);
@@ -421,7 +420,7 @@ typedef struct reading {
     lg_error *error;
 } reading;
 
-static const lg_key *find_key(const reading *r, const char *name, lg_key_value **value) {
+static const lg_field *find_key(const reading *r, const char *name, lg_key_value **value) {
     for (size_t s = 0; s < r->set_count; s++) {
         for (size_t i = 0; i < r->sets[s].count; i++) {
             if (strcmp(r->sets[s].keys[i].name, name) != 0) continue;
@@ -433,7 +432,7 @@ static const lg_key *find_key(const reading *r, const char *name, lg_key_value *
 }
 
 /* The key's own name when it stands directly below `prefix`, else NULL. */
-static const char *name_below(const lg_key *key, const char *prefix) {
+static const char *name_below(const lg_field *key, const char *prefix) {
     const size_t length = strlen(prefix);
     const bool here = strncmp(key->name, prefix, length) == 0 && strchr(key->name + length, '.') == NULL;
     return here ? key->name + length : NULL;
@@ -473,13 +472,13 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
     /* With a dot it would be a key of an inner mapping. */
     if (text == NULL || strchr(text, '.') != NULL) return unknown_key(r, key_node, prefix, false);
     (void)snprintf(name, sizeof name, "%s%s", prefix, text);
-    const lg_key *key = find_key(r, name, &value);
+    const lg_field *key = find_key(r, name, &value);
     if (key == NULL) return unknown_key(r, key_node, prefix, r->elsewhere != NULL && r->elsewhere(name));
     if (value->line != 0)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "key '%s' stands twice, first on line %u",
                             name, value->line);
     LG_TRY(read_value(r->yaml, key, node, value, r->error));
-    if (key->type != LG_KEY_MAP) return LG_OK;
+    if (key->type != LG_FIELD_MAP) return LG_OK;
     char inner[2 * NAME_SIZE];
     (void)snprintf(inner, sizeof inner, "%s.", key->name);
     return read_map(r, node, inner);
@@ -489,7 +488,7 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
 static lg_status check_required(const reading *r, const yaml_node_t *map, const char *prefix) {
     for (size_t s = 0; s < r->set_count; s++) {
         for (size_t i = 0; i < r->sets[s].count; i++) {
-            const lg_key *key = &r->sets[s].keys[i];
+            const lg_field *key = &r->sets[s].keys[i];
             if (key->required && r->sets[s].values[i].line == 0 && name_below(key, prefix) != NULL)
                 return lg_yaml_fail(r->yaml, line_of(map), LG_FORMAT, r->error, "key '%s' is missing",
                                     key->name);
@@ -516,6 +515,27 @@ lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
                        bool (*elsewhere)(const char *name), const char *system, lg_error *error) {
     const reading r = {yaml, sets, set_count, elsewhere, system, error};
     return read_keys(&r, yaml->root);
+}
+
+static lg_status store(const lg_yaml *yaml, const lg_field *key, const lg_key_value *value, void *into,
+                       lg_error *error) {
+    lg_error reason = {LG_OK, ""};
+    if (key->type == LG_FIELD_TEXT)
+        (void)snprintf((char *)into + key->offset, key->size, "%s", value->text);
+    else if (is_exact(key))
+        memcpy((char *)into + key->offset, &value->whole, sizeof value->whole);
+    else if (key->type != LG_FIELD_PHRASE)
+        lg_field_fill(key, value->real, value->count, into);
+    else if (lg_field_set(key, value->text, into, &reason) != LG_OK)
+        return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: %.300s", key->name, reason.message);
+    return LG_OK;
+}
+
+lg_status lg_yaml_store(const lg_yaml *yaml, const lg_field *keys, const lg_key_value *values, size_t count,
+                        void *into, lg_error *error) {
+    for (size_t i = 0; i < count; i++)
+        if (values[i].line != 0 && keys[i].size > 0) LG_TRY(store(yaml, &keys[i], &values[i], into, error));
+    return LG_OK;
 }
 
 lg_status lg_yaml_read_below(lg_yaml *yaml, const void *node, const lg_key_set *set, const char *what,
