@@ -111,6 +111,7 @@ app_slot *app_find_slot(const app *app, const char *option);
 /* `text` becomes the option's value, as from the command line (a text is borrowed), and the option is given.
  * LG_INVALID_ARGUMENT: nothing is stored, and the sentence says why. */
 lg_status app_store(app_slot *slot, const char *text, lg_error *error);
+lg_status app_store_number(app_slot *slot, double value, lg_error *error); /* of a number or a list of one */
 /* What was not given becomes that of `from`, a structure like settings->values. `preset`: only where the rows
  * have no default of their own. */
 void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);

@@ -64,17 +64,26 @@ static bool is_hyperparameter(const train_task *task, const app_slot *slot) {
            (task->held_out == NULL || strcmp(slot->name, task->held_out) != 0);
 }
 
+/* The option becomes the text; NULL: the number. */
 static lg_status virtual_set(app *v, const train_task *task, const char *name, const char *text,
-                             lg_error *error) {
+                             double number, lg_error *error) {
     lg_error reason = {LG_OK, ""};
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
         return app_error(error, LG_FORMAT, "'%s' is not an option of train that determines its result", name);
-    if (task->only != NULL && strcmp(name, task->method) == 0 && strcmp(text, task->only) != 0)
+    if (task->only != NULL && strcmp(name, task->method) == 0 &&
+        (text == NULL || strcmp(text, task->only) != 0))
         return app_error(error, LG_FORMAT, "'%s' can only be %s in a search", name, task->only);
-    if (app_store(slot, text, &reason) != LG_OK)
+    if ((text != NULL ? app_store(slot, text, &reason) : app_store_number(slot, number, &reason)) != LG_OK)
         return app_error(error, LG_FORMAT, "%s: %.400s", name, reason.message);
     return LG_OK;
+}
+
+/* The option becomes a value of its range, which for a choice is the position. */
+static lg_status virtual_draw(app *v, const train_task *task, const lg_range *range, double value,
+                              lg_error *error) {
+    const char *text = range->kind == LG_RANGE_CHOICE ? range->choice[(size_t)value] : NULL;
+    return virtual_set(v, task, range->name, text, value, error);
 }
 
 static void value_text(const lg_range *range, double value, char *out, size_t size) {
@@ -89,7 +98,7 @@ static lg_status set_fixed(app *v, const train_task *task, const lg_search_file 
     lg_status status = LG_OK;
     for (size_t i = 0; i < file->fixed_count && status == LG_OK; i++) {
         *bad = i;
-        status = virtual_set(v, task, file->fixed_name[i], file->fixed_value[i], error);
+        status = virtual_set(v, task, file->fixed_name[i], file->fixed_value[i], 0, error);
     }
     return status;
 }
@@ -97,11 +106,8 @@ static lg_status set_fixed(app *v, const train_task *task, const lg_search_file 
 static lg_status set_drawn(app *v, const train_task *task, const lg_search_space *space, const double *drawn,
                            lg_error *error) {
     lg_status status = LG_OK;
-    char text[64];
-    for (size_t i = 0; i < space->count && status == LG_OK; i++) {
-        value_text(&space->ranges[i], drawn[i], text, sizeof text);
-        status = virtual_set(v, task, space->ranges[i].name, text, error);
-    }
+    for (size_t i = 0; i < space->count && status == LG_OK; i++)
+        status = virtual_draw(v, task, &space->ranges[i], drawn[i], error);
     return status;
 }
 
@@ -112,11 +118,8 @@ static lg_status check_range(app *v, const train_task *task, const lg_range *ran
     const double probes[] = {range->low, range->high, range->kind == LG_RANGE_INTEGER ? range->low : between};
     const size_t count = choice ? range->choices : LG_COUNT(probes);
     lg_status status = LG_OK;
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
-        char text[64];
-        value_text(range, choice ? (double)i : probes[i], text, sizeof text);
-        status = virtual_set(v, task, range->name, text, error);
-    }
+    for (size_t i = 0; i < count && status == LG_OK; i++)
+        status = virtual_draw(v, task, range, choice ? (double)i : probes[i], error);
     return status;
 }
 

@@ -130,6 +130,8 @@ LG_API int lg_field_describe(const lg_field *entry, char *text, size_t size);
 /* Sets the run's value from text. LG_INVALID_ARGUMENT with a sentence that says which values are possible;
  * the run is untouched then. A SWITCH becomes true, whatever the text. */
 LG_API lg_status lg_field_set(const lg_field *entry, const char *text, void *run, lg_error *error);
+/* Sets a number, or a list of one number, to these bits; otherwise as lg_field_set with the number's text. */
+LG_API lg_status lg_field_store(const lg_field *entry, double value, void *run, lg_error *error);
 /* The run's value as lg_field_set takes it, cut to `size` bytes; "?" for an unknown name. */
 LG_API void lg_field_show(const lg_field *entry, const void *run, char *text, size_t size);
 /* The name of a value; NULL beyond the last, and for a row without names. */

@@ -103,6 +103,23 @@ TEST("what is shown is set to the same bits, and one value changes no other") {
     }
 }
 
+TEST("a number is stored to the bits that its text sets, or refused by the same sentence") {
+    EACH_ROW(row) {
+        const double values[] = {row->low, 3, 0.1, 1 / 3.0, row->high, -1, 2 * row->high, NAN, INFINITY};
+        for (size_t i = 0; i < LG_COUNT(values); i++) {
+            char text[32];
+            lg_error error = {LG_OK, ""}, stored = {LG_OK, ""};
+            (void)snprintf(text, sizeof text, "%.17g", values[i]);
+            memset(&run, 0, sizeof run);
+            other = run;
+            const lg_status status = lg_field_set(row, text, &run, &error);
+            assert_int_equal(lg_field_store(row, values[i], &other, &stored), status);
+            assert_memory_equal(&run, &other, sizeof run);
+            assert_string_equal(stored.message, error.message);
+        }
+    }
+}
+
 TEST("lm is a method where the loss is a sum of squares, and there alone") {
     char text[1024];
     lg_error error;
@@ -163,7 +180,7 @@ TEST("defaults are those of the rows") {
 
 static const char page_begin[] =
     "# Hyperparameters\n\n"
-    "One table for each kind of run (`liegrad/fields.h`, `src/settings/fields.c`) says "
+    "One table for each kind of run (`liegrad/fields.h`, `fields.c` of each subject in `src`) says "
     "name, "
     "range, default\nand meaning; command lines, ranges of searches, grids of studies, attributes of files, "
     "the "
