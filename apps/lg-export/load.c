@@ -55,7 +55,9 @@ static lg_status load_model(const app *self, const char *path, export_source *so
                             lg_error *error) {
     lg_model_file file;
     LG_TRY(lg_model_load(self->context, path, NULL, &file, error));
-    const lg_status status = lg_model_file_program(&file, source->options->scheme, out, error);
+    const lg_scheme *chosen = source->options->scheme;
+    const lg_status status =
+        lg_model_file_program(&file, chosen != NULL ? chosen : lg_model_file_scheme(&file), out, error);
     const lg_space *space = lg_model_space(file.model);
     if (status == LG_OK && space != NULL) {
         make_start(space, source);

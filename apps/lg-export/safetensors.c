@@ -76,9 +76,8 @@ int export_safetensors(const app *self, const char *path, lg_program *program, e
     if (app_had_memory(lg_model_load(self->context, path, NULL, &file, NULL)) == LG_OK) {
         add_model(&j, &file);
         lg_model_file_destroy(&file);
-    } else {
-        add_program(&j, program);
     }
+    if (j.tensors == 0) add_program(&j, program);
     if (j.tensors > 0) write_file(&j, source);
     lg_text_destroy(&j.header);
     lg_text_destroy(&j.data);

@@ -49,10 +49,9 @@
 
 LG_BEGIN_DECLS
 
-/* Major version of what is written here (attribute `format_version`, an integer): of programs, and of every
- * other kind. Older versions are read, too. */
-#define LG_FORMAT_VERSION_PROGRAM 2
-#define LG_FORMAT_VERSION         1
+/* The newest major version of files (attribute `format_version`, an integer): files with functions, which are
+ * programs and models, have it, data have version 1. Older versions are read, too. */
+#define LG_FORMAT_VERSION 2
 
 /* For executables, before any file: HDF5 does nothing when the process ends. Files are composed in memory
  * and closed when they are written, so nothing is open then; but HDF5 crashes there after it ran out of

@@ -378,37 +378,3 @@ lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error 
                        .context = h5->context};
     return LG_OK;
 }
-
-/* ---- which kind of file ---- */
-
-typedef struct kind_call {
-    char text[64];
-} kind_call;
-
-static lg_status read_kind(void *user, lg_h5 *h5, lg_error *error) {
-    kind_call *call = user;
-    char format[16] = "liegrad";
-    call->text[0] = '\0';
-    LG_TRY(lg_h5_check_format(h5, NULL, true, error));
-    if (lg_h5_has_attribute(h5, "", "format") &&
-        lg_h5_text(h5, "", "format", format, sizeof format, NULL) != LG_OK)
-        return LG_OK;
-    if (strcmp(format, "liegrad") != 0 || !lg_h5_has_attribute(h5, "", "kind")) return LG_OK;
-    if (lg_h5_text(h5, "", "kind", call->text, sizeof call->text, NULL) != LG_OK) call->text[0] = '\0';
-    (void)lg_tamed(call->text);
-    return LG_OK;
-}
-
-lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
-                       char *kind, size_t size, lg_error *error) {
-    kind_call call = {""};
-    if (path == NULL || kind == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, its kind a place");
-    LG_TRY(lg_h5_read(context, path, options, read_kind, &call, error));
-    const size_t length = strlen(call.text);
-    if (length >= size)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: no room for kind '%s'", lg_shown_path(path),
-                       call.text);
-    memcpy(kind, call.text, length + 1);
-    return LG_OK;
-}

@@ -21,12 +21,13 @@
 #include "elastica/surrogate_internal.h"
 
 enum { BOUNDARY = 8, MOST_DIRECTIONS = 7 };
+enum { THETA, MEAN, MODES, PARAMETERS };
 
 /* A model that is recorded on a tape. */
 typedef struct drawing {
     lg_tape *tape;
     const lg_surrogate *model;
-    lg_var theta;
+    const lg_var *theta; /* parameters of the program: theta, then mean and modes where there are modes */
 } drawing;
 
 static uint32_t rows_of(const drawing *d, lg_var x) {
@@ -48,7 +49,11 @@ static lg_var row(const drawing *d, const double *values, uint32_t count) {
 }
 
 static lg_var net(const drawing *d, lg_var input) {
-    return lg_surrogate_net(d->tape, d->model, d->theta, input);
+    if (d->model->options.modes == 0) return lg_surrogate_net(d->tape, d->model, d->theta[THETA], input);
+    const lg_var c = lg_net_record(d->tape, &d->model->net, d->theta[THETA], 0, input);
+    const lg_shape shape = lg_shape2(d->model->options.modes, lg_surrogate_outputs(d->model));
+    const lg_var modes = lg_reshape(d->tape, d->theta[MODES], shape);
+    return lg_dense(d->tape, c, modes, d->theta[MEAN], LG_IDENTITY);
 }
 
 /* How many inputs stand before the boundary conditions: 1, arc length, or 0 for the discrete network. */
@@ -157,7 +162,7 @@ static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var s
 
 /* x -> R and the network's input from x (B, 9) */
 static lg_status curve_side(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const lg_var sign = sign_of(&d, in[0]);
     y[0] = beside(&d, sign, boundary_input(&d, in[0], sign));
     return lg_tape_status(t);
@@ -172,7 +177,7 @@ static lg_var called_input(const drawing *d, lg_var s, lg_var x, lg_var *sign) {
 }
 
 static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const lg_var x = columns(&d, in[0], places(d.model), BOUNDARY), s = columns(&d, in[0], 0, 1);
     lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
     y[0] = hand_over(&d, net(&d, input), s, x, sign);
@@ -256,7 +261,7 @@ static lg_var reflected_rows(const drawing *d, lg_var by, lg_var sign) {
 
 /* The derivatives of both components of q, in reverse mode. */
 static lg_status held_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const lg_shape row = lg_shape3(rows_of(&d, in[0]), 1, 1 + BOUNDARY);
     lg_var by[2] = {LG_NONE, LG_NONE};
     LG_TRY(curve_value(user, t, theta, in, y));
@@ -269,7 +274,7 @@ static lg_status held_gradient(void *user, lg_tape *t, const lg_var *theta, cons
 }
 
 static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const uint32_t first = places(d.model), rows = rows_of(&d, in[0]);
     const lg_var x = columns(&d, in[0], first, BOUNDARY), s = columns(&d, in[0], 0, 1);
     if (is_held(d.model)) return held_gradient(user, t, theta, in, y);
@@ -346,7 +351,7 @@ static lg_var hold_ends(const drawing *d, lg_var angle, lg_var s, lg_var curve, 
 
 /* Evaluates the network at s and at both ends in one batch. */
 static lg_status angle_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const lg_var s = columns(&d, in[0], 0, 1), curve = side_and_angles(&d, columns(&d, in[0], 1, BOUNDARY));
     lg_var angle, missing = LG_NONE;
     if (d.model->options.boundary) {
@@ -378,11 +383,12 @@ static lg_var for_all(const drawing *d, lg_var numbers, uint32_t count, lg_var s
 
 /* s, x of the curve -> q, v */
 static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const lg_var x = for_all(&d, in[1], BOUNDARY, in[0]);
     const double along[1 + BOUNDARY] = {1.0 / d.model->length};
     lg_var f = LG_NONE, slope = LG_NONE, sign = LG_NONE, input = called_input(&d, in[0], x, &sign);
-    LG_TRY(lg_net_record_jvp(t, &d.model->net, d.theta, 0, input, row(&d, along, 1 + BOUNDARY), &f, &slope));
+    LG_TRY(lg_net_record_jvp(t, &d.model->net, d.theta[THETA], 0, input, row(&d, along, 1 + BOUNDARY), &f,
+                             &slope));
     y[0] = hand_over(&d, f, in[0], x, sign);
     y[1] = reflected(&d, slope, sign);
     if (!is_held(d.model)) return lg_tape_status(t);
@@ -394,7 +400,7 @@ static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const 
 
 /* s, x of the curve -> q */
 static lg_status curve_place(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const lg_var both = beside(&d, in[0], for_all(&d, in[1], BOUNDARY, in[0]));
     y[0] = lg_program_call(t, "value", 0, &both);
     return lg_tape_status(t);
@@ -402,7 +408,7 @@ static lg_status curve_place(void *user, lg_tape *t, const lg_var *theta, const 
 
 /* x -> the curve's numbers */
 static lg_status angle_ends(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const uint32_t rows = rows_of(&d, in[0]);
     const lg_var curve = side_and_angles(&d, in[0]);
     lg_var missing = lg_full(t, lg_shape2(rows, 2), 0.0);
@@ -414,7 +420,7 @@ static lg_status angle_ends(void *user, lg_tape *t, const lg_var *theta, const l
 
 /* s, the curve's numbers -> theta */
 static lg_status angle_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta[0]};
+    const drawing d = {t, user, theta};
     const lg_var curve = lg_reshape(t, in[1], lg_shape2(1, CURVE_NUMBERS));
     const lg_var angle = net_angle(&d, in[0], columns(&d, curve, CURVE_ANGLES, 2));
     y[0] = hold_ends(&d, angle, in[0], curve, columns(&d, curve, CURVE_MISSING, 2));
@@ -466,7 +472,11 @@ lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *mo
     } pointer = {.borrowed = model};
     const struct bundle *bundle = &bundles[model->options.kind];
     lg_function_spec functions[MOST_FUNCTIONS];
-    const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_surrogate_parameters(model)), theta};
+    const uint32_t modes = model->options.modes, outputs = lg_surrogate_outputs(model);
+    const lg_parameter_spec parameters[PARAMETERS] = {
+        [THETA] = {"theta", lg_shape1((uint32_t)lg_surrogate_parameters(model)), theta},
+        [MEAN] = {"mean", lg_shape1(outputs), model->modes},
+        [MODES] = {"modes", lg_shape1(modes * outputs), modes > 0 ? model->modes + outputs : NULL}};
     lg_program_spec spec;
     LG_TRY(lg_surrogate_check_modes(model, error));
     lg_program_spec_init(&spec);
@@ -475,8 +485,8 @@ lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *mo
         functions[spec.function_count] = bundle->function[spec.function_count];
         functions[spec.function_count].user = pointer.user;
     }
-    spec.parameters = &weights;
-    spec.parameter_count = 1;
+    spec.parameters = parameters;
+    spec.parameter_count = modes > 0 ? PARAMETERS : MEAN;
     spec.functions = functions;
     spec.description = bundle->description;
     return lg_program_build(context, &spec, out, error);

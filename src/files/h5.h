@@ -107,8 +107,9 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
                        lg_error *error);
 /* Reads every numeric data set and every attribute once: what the probe of an archive does. */
 lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error);
-/* The newest major version of the format of this kind. */
-int lg_h5_version(const char *kind);
+/* Attribute `kind`; "" for a file without it or of another format. */
+enum { LG_H5_KIND = 64 };
+lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error);
 /* Checks version and kind; kind NULL: any. `foreign` allows files of another format or without one. */
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error);
 

@@ -119,23 +119,14 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
 
 /* ---- what a file says of itself ---- */
 
-int lg_h5_version(const char *kind) {
-    return strcmp(kind, "program") == 0 ? LG_FORMAT_VERSION_PROGRAM : LG_FORMAT_VERSION;
-}
-
-/* Any version up to the newest of the kind that the file has, or should have. */
-static lg_status check_version(lg_h5 *h5, const char *wanted, lg_error *error) {
-    char kind[64] = "";
+static lg_status check_version(lg_h5 *h5, lg_error *error) {
     int64_t version;
     const char *shown = lg_shown_path(h5->path);
     if (!lg_h5_has_attribute(h5, "", "format_version")) return LG_OK;
     LG_TRY(lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
-    if (lg_h5_text(h5, "", "kind", kind, sizeof kind, NULL) != LG_OK) kind[0] = '\0';
-    const int own = lg_h5_version(kind), others = lg_h5_version(wanted != NULL ? wanted : "");
-    const int newest = own > others ? own : others;
-    if (version > newest)
+    if (version > LG_FORMAT_VERSION)
         return lg_fail(error, LG_VERSION, "%s: attribute format_version is %lld, this program reads up to %d",
-                       shown, (long long)version, newest);
+                       shown, (long long)version, LG_FORMAT_VERSION);
     if (version < 1)
         return lg_fail(error, LG_FORMAT, "%s: attribute format_version is %lld", shown, (long long)version);
     return LG_OK;
@@ -151,7 +142,7 @@ lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error
     if (has_format && !ours)
         return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown,
                        lg_tamed(text));
-    LG_TRY(check_version(h5, kind, error));
+    LG_TRY(check_version(h5, error));
     if (kind == NULL || (foreign && !lg_h5_has_attribute(h5, "", "kind"))) return LG_OK;
     if (!lg_h5_has_attribute(h5, "", "kind"))
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is missing, expected '%s'", shown, kind);

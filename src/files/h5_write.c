@@ -198,7 +198,7 @@ lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name
 lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *provenance, lg_error *error) {
     static const lg_provenance none;
     const lg_provenance *from = provenance != NULL ? provenance : &none;
-    const int64_t version = lg_h5_version(kind);
+    const int64_t version = 1; /* lg_program_put_functions makes it 2 */
     const char *writer = from->liegrad_version[0] != '\0' ? from->liegrad_version : lg_version();
     LG_TRY(lg_h5_put_text(h5, "", "format", "liegrad", error));
     LG_TRY(lg_h5_put_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));

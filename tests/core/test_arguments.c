@@ -849,6 +849,7 @@ TEST("risers, searches and ranks") {
     REFUSES(lg_context_create(NULL, NEEDED(&context)));
     REFUSES(lg_detector_loss_parse(NEEDED(lg_detector_loss_name((lg_detector_loss)0)), NEEDED(&loss)));
     lg_fields_default(lg_hamiltonian_fields, &hyper);
+    REFUSES(lg_field_store(NEEDED(lg_field_find(lg_hamiltonian_fields, "epochs")), 3, NEEDED(&hyper), NULL));
     REFUSES(lg_field_set(NEEDED(lg_field_find(lg_hamiltonian_fields, "epochs")), NEEDED("3"), NEEDED(&hyper),
                          NULL));
 }

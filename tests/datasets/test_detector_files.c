@@ -229,7 +229,7 @@ TEST("a file tells its kind") {
     assert_string_equal(kind, "detector");
     assert_ok(lg_file_kind(NULL, good_classifier(), NULL, kind, sizeof kind, NULL));
     assert_string_equal(kind, "classifier");
-    static const damage newer[] = {{"@format_version", WHOLE(2), LG_VERSION, ""}};
+    static const damage newer[] = {{"@format_version", WHOLE(3), LG_VERSION, ""}};
     refuse_damage(read_kind, fresh_detector, newer, LG_COUNT(newer));
     refuse_damaged_files(read_kind, fresh_detector(), "");
     assert_status(lg_file_kind(NULL, NULL, NULL, kind, sizeof kind, NULL), LG_INVALID_ARGUMENT);

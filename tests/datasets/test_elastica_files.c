@@ -268,7 +268,7 @@ TEST("what is wrong in a file is refused by name, and the format of other progra
         {"@stiffness", REAL(NAN), LG_NOT_FINITE, "positive"},
         {"@values", TEXT("exact"), LG_FORMAT, "discrete"},
         {"@kind", TEXT("trajectories"), LG_FORMAT, "elastica"},
-        {"@format_version", WHOLE(2), LG_VERSION, "2"},
+        {"@format_version", WHOLE(3), LG_VERSION, "3"},
     };
     refuse_damage(read_data, good_file, rows, LG_COUNT(rows));
     const char *path = good_file();

@@ -225,7 +225,7 @@ TEST("what is wrong in a Hamiltonian is refused by name") {
         {"@kind", TEXT("trajectories"), LG_FORMAT, "trajectories"},
         {"@format", TEXT("other"), LG_FORMAT, "other"},
         {"@format_version", TEXT("two"), LG_FORMAT, "integer"},
-        {"@format_version", WHOLE(2), LG_VERSION, ""},
+        {"@format_version", WHOLE(3), LG_VERSION, ""},
         {"@format_version", WHOLE(0), LG_FORMAT, ""},
         {"model@links", WHOLE(3), LG_FORMAT, "~layer1"}, /* fits lg_hamiltonian_init, but not the arrays */
         {"model@links", WHOLE(0), LG_FORMAT, ""},

@@ -645,7 +645,7 @@ TEST("what is wrong in a file is refused by name") {
         {"@channels", TEXT("a"), LG_FORMAT, "1 names, expected 2"},
         {"@channels", TEXT("a|b|c"), LG_FORMAT, "3 names, expected 2"},
         {"@housing", TEXT("a housing that has a long name"), LG_FORMAT, ""},
-        {"@format_version", WHOLE(2), LG_VERSION, "2"},
+        {"@format_version", WHOLE(3), LG_VERSION, "3"},
     };
     refuse_damage(read_data, good_file, rows, LG_COUNT(rows));
 }

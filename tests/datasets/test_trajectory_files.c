@@ -346,8 +346,8 @@ TEST("an attribute of the wrong value is refused by name, and a size without a b
         {"trajectories", DECLARED((hsize_t)1 << 40, 5, 6), LG_FORMAT, ""},
         {"trajectories", DECLARED((hsize_t)1 << 62, (hsize_t)1 << 62, 6), LG_FORMAT, ""},
         {"trajectories", DECLARED(1u << 20, 64, 6), LG_FORMAT, ""}};
-    static const damage of_two[] = {{"@format_version", WHOLE(2), LG_VERSION, "2"},
-                                    {"@format_version", REAL(2), LG_VERSION, "2"},
+    static const damage of_two[] = {{"@format_version", WHOLE(3), LG_VERSION, "3"},
+                                    {"@format_version", REAL(3), LG_VERSION, "3"},
                                     {"@format_version", TEXT("1"), LG_FORMAT, ""},
                                     {"@kind", TEXT("hamiltonian"), LG_FORMAT, "trajectories"},
                                     {"@layout", TEXT("q p"), LG_FORMAT, ""},

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "settings/names.h"
+#include "model/files/program_file.h"
 #include "model/files/recipe.h"
 #include "datasets/series_files.h"
 
@@ -323,4 +324,9 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
     return lg_detector_program(context, &file->run.model, &file->scaler, file->theta, out, error);
 }
 
-LG_RECIPE(detector, "detector-checkpoint", .space = NULL);
+static const lg_program_source places[] = {{"mean", "single scaler/mean"},
+                                           {"mean_rest", "rest scaler/mean"},
+                                           {"inverse_scale", "inverse scaler/scale"},
+                                           {NULL, NULL}};
+
+LG_RECIPE(detector, "detector-checkpoint", .places = places);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "settings/names.h"
+#include "model/files/program_file.h"
 #include "model/files/recipe.h"
 
 enum { BOUNDARY = 8 };
@@ -164,4 +165,6 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
     return lg_surrogate_program(context, &file->run.model, file->theta, out, error);
 }
 
-LG_RECIPE(surrogate, "surrogate-checkpoint", .space = NULL);
+static const lg_program_source places[] = {{"mean", "model/mean"}, {"modes", "model/modes"}, {NULL, NULL}};
+
+LG_RECIPE(surrogate, "surrogate-checkpoint", .places = places);

@@ -6,6 +6,7 @@
 #include "core/text.h"
 #include "files/h5.h"
 #include "liegrad/machine_model.h"
+#include "model/files/program_file.h"
 #include "model/files/recipe.h"
 
 /* ---- the recipes ---- */
@@ -61,36 +62,74 @@ static lg_status refuse(const char *path, const char *kind, lg_error *error) {
 
 /* ---- outside ---- */
 
-enum { KIND_TEXT = 64 };
-
-static lg_status load(const lg_context *context, const char *path, const lg_read_options *options,
-                      lg_model_file *made, lg_error *error) {
-    const lg_recipe *recipe = made->recipe;
-    if (made->contents == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
-    *(const lg_context **)(void *)((char *)made->contents + recipe->file_context) = context;
-    LG_TRY(lg_run_load(context, path, options, recipe, made->contents, error));
+/* What is read of a file: the contents as its recipe has them, functions where there are some. */
+typedef struct reading {
+    lg_model_file made;
     lg_program *program;
     lg_space space;
-    const void *run = (const char *)made->contents + recipe->file_run;
-    if (recipe->space != NULL) LG_TRY(recipe->space(run, &space));
-    LG_TRY(recipe->program(context, made->contents, NULL, &program, error));
-    return lg_model_create(context, program, recipe->space != NULL ? &space : NULL, &made->model, error);
+    bool moves;
+} reading;
+
+static lg_status read_contents(reading *r, lg_h5 *h5, lg_error *error) {
+    const lg_recipe *recipe = r->made.recipe;
+    char *contents = r->made.contents = lg_alloc(h5->context, 1, recipe->file_size);
+    if (contents == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
+    *(const lg_context **)(void *)(contents + recipe->file_context) = h5->context;
+    LG_TRY(lg_run_get_file(h5, recipe, contents, error));
+    r->moves = recipe->space != NULL;
+    return r->moves ? recipe->space(contents + recipe->file_run, &r->space) : LG_OK;
+}
+
+/* Of a kind that no recipe has. */
+static lg_status read_space(reading *r, lg_h5 *h5, lg_error *error) {
+    char text[LG_SPACE_TEXT];
+    lg_error why = {LG_OK, ""};
+    r->moves = lg_h5_has(h5, "model") && lg_h5_has_attribute(h5, "model", "space");
+    if (!r->moves) return LG_OK;
+    LG_TRY(lg_as_format(lg_h5_text(h5, "model", "space", text, sizeof text, error), error));
+    if (lg_space_read(lg_tamed(text), &r->space, &why) == LG_OK) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: /model: attribute space: %s", lg_shown_path(h5->path), why.message);
+}
+
+static lg_status read_model(void *user, lg_h5 *h5, lg_error *error) {
+    reading *r = user;
+    char kind[LG_H5_KIND];
+    LG_TRY(lg_h5_kind(h5, kind, error));
+    r->made.recipe = lg_recipe_find(kind);
+    const bool functions = lg_h5_has(h5, "functions");
+    if (r->made.recipe == NULL && (!functions || kind[0] == '\0')) return refuse(h5->path, kind, error);
+    LG_TRY(r->made.recipe != NULL ? read_contents(r, h5, error) : read_space(r, h5, error));
+    return functions ? lg_program_get(h5, &r->program, error) : LG_OK;
+}
+
+/* Files of version 1 have no functions: the recipe records them. */
+static lg_status make_model(reading *r, const char *path, lg_error *error) {
+    lg_model_file *made = &r->made;
+    lg_error why = {LG_OK, ""};
+    if (r->program == NULL)
+        LG_TRY(made->recipe->program(made->context, made->contents, NULL, &r->program, error));
+    lg_program *program = r->program;
+    r->program = NULL; /* lg_model_create takes it */
+    const lg_status status =
+        lg_model_create(made->context, program, r->moves ? &r->space : NULL, &made->model, &why);
+    if (status == LG_OK) return LG_OK;
+    (void)lg_fail(error, status, "%s: %s", lg_shown_path(path), why.message);
+    return lg_as_format(status, error);
 }
 
 lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                         lg_model_file *out, lg_error *error) {
-    char kind[KIND_TEXT];
     if (path == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name, the model a place");
-    LG_TRY(lg_file_kind(context, path, options, kind, sizeof kind, error));
-    lg_model_file made = {.context = context, .recipe = lg_recipe_find(kind)};
-    if (made.recipe == NULL) return refuse(path, kind, error);
-    made.contents = lg_alloc(context, 1, made.recipe->file_size);
-    const lg_status status = load(context, path, options, &made, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_model_file_destroy(&made);
+    reading r = {.made.context = context};
+    lg_status status = lg_h5_read(context, path, options, read_model, &r, error);
+    if (status == LG_OK) status = make_model(&r, path, error);
+    if (status == LG_OK) {
+        *out = r.made;
+    } else {
+        lg_program_destroy(r.program);
+        lg_model_file_destroy(&r.made);
+    }
     return status;
 }
 
@@ -109,18 +148,21 @@ const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe)
 lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
                                 lg_error *error) {
     LG_NEEDS(error, file, out);
+    if (file->recipe == NULL)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "the file's kind has no recipe: take the functions that it holds");
     return file->recipe->program(file->context, file->contents, scheme, out, error);
 }
 
 const lg_scheme *lg_model_file_scheme(const lg_model_file *file) {
-    return file->recipe->scheme != NULL ? file->recipe->scheme(file->contents) : NULL;
+    return file->recipe != NULL && file->recipe->scheme != NULL ? file->recipe->scheme(file->contents) : NULL;
 }
 
 bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out,
                          const double **values) {
     const lg_recipe *recipe = file->recipe;
     const char *at = file->contents;
-    if (!recipe->slice(at + recipe->file_run, index, out)) return false;
+    if (recipe == NULL || !recipe->slice(at + recipe->file_run, index, out)) return false;
     *values = *(double *const *)(const void *)(at + recipe->file_theta) + out->offset;
     return true;
 }

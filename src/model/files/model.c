@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "model/files/program_file.h"
 #include "model/files/recipe.h"
 
 /* ---- a file structure through the offsets of its kind ---- */
@@ -75,6 +76,61 @@ static lg_status put_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg
     return lg_h5_put_text(h5, "model", "space", text, error);
 }
 
+/* ---- functions ---- */
+
+/* The explicit scheme of models whose own scheme no program has. */
+static const char explicit_scheme[] = "cf4";
+
+static lg_status make_program(const lg_h5 *h5, const lg_recipe *recipe, const void *file,
+                              const lg_scheme **scheme, lg_program **out, lg_error *error) {
+    *scheme = recipe->scheme != NULL ? recipe->scheme(file) : NULL;
+    const lg_status status = recipe->program(h5->context, file, *scheme, out, error);
+    if (status != LG_UNSUPPORTED || *scheme == NULL) return status;
+    *scheme = lg_scheme_find(explicit_scheme);
+    return recipe->program(h5->context, file, *scheme, out, error);
+}
+
+/* The slice that begins at `offset`. */
+static bool slice_from(const lg_recipe *recipe, const void *run, size_t offset, slice *s) {
+    for (uint32_t i = 0; slice_at(recipe, run, i, s); i++)
+        if (s->info.offset == offset && s->info.count > 0) return true;
+    return false;
+}
+
+/* theta is its slices in the order of their offsets, without gaps. */
+static lg_status put_parameters(lg_h5 *h5, const lg_recipe *recipe, const void *run,
+                                const lg_program *program, lg_error *error) {
+    enum { MOST = 256 };
+    lg_program_source places[MOST];
+    char(*names)[LG_PROGRAM_PLACE] = lg_alloc(h5->context, MOST, sizeof *names);
+    if (names == NULL) return no_memory(h5, error);
+    slice s;
+    size_t count = 0;
+    for (size_t at = 0; count < MOST && slice_from(recipe, run, at, &s); at += s.info.count) {
+        (void)snprintf(names[count], sizeof names[count], "%s", s.name);
+        places[count] = (lg_program_source){"theta", names[count]};
+        count++;
+    }
+    for (const lg_program_source *p = recipe->places; p != NULL && p->parameter != NULL && count < MOST; p++)
+        places[count++] = *p;
+    const lg_status status = lg_program_put_parameters(h5, program, places, count, error);
+    lg_free(h5->context, names);
+    return status;
+}
+
+static lg_status put_functions(lg_h5 *h5, const lg_recipe *recipe, const void *file, const void *run,
+                               lg_error *error) {
+    const lg_scheme *scheme;
+    lg_program *program;
+    LG_TRY(make_program(h5, recipe, file, &scheme, &program, error));
+    lg_status status = put_parameters(h5, recipe, run, program, error);
+    if (status == LG_OK) status = lg_program_put_functions(h5, program, error);
+    if (status == LG_OK && scheme != NULL)
+        status = lg_h5_put_text(h5, "functions", "scheme", scheme->name, error);
+    lg_program_destroy(program);
+    return status;
+}
+
 /* The archive for lg_fit_save: the root of the file. */
 typedef struct fit_target {
     lg_h5 *h5;
@@ -113,6 +169,7 @@ static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, c
     for (uint32_t i = 0; slice_at(kind, view.run, i, &s); i++)
         LG_TRY(put_slice(h5, &s, training_of(kind, view.run)->dtype, *view.theta, error));
     LG_TRY(kind->put_rest(h5, file, fit != NULL, error));
+    LG_TRY(put_functions(h5, kind, file, view.run, error));
     if (fit != NULL) return put_fit(h5, fit, error);
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
         if (view.history[i] != NULL)

@@ -1,6 +1,7 @@
 /* Loads programs from files. Sizes in the file are checked before memory is allocated. */
 #include "model/files/program_file.h"
 
+#include <ctype.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -117,24 +118,76 @@ static lg_status get_function(lg_program_reading *r, const char *name) {
 
 /* ---- parameters ---- */
 
-static lg_status get_parameter(lg_program_reading *r, const char *name, lg_parameter_spec *p,
-                               double **values) {
-    const lg_program_key at = lg_program_below("parameters", name);
+static lg_status get_array(lg_program_reading *r, const char *path, lg_shape *shape, double **values) {
     uint32_t rank;
     uint64_t dims[4], count = 1;
     void *memory = NULL;
-    LG_TRY(lg_program_as_format(r, lg_h5_shape(r->h5, at.text, &rank, dims, NULL, r->error)));
-    p->name = name;
-    p->shape.rank = rank;
+    LG_TRY(lg_program_as_format(r, lg_h5_shape(r->h5, path, &rank, dims, NULL, r->error)));
+    shape->rank = rank;
     for (uint32_t d = 0; d < rank; d++) {
-        if (dims[d] > UINT32_MAX) return lg_program_bad(r, at.text, "is too large");
-        p->shape.dims[d] = (uint32_t)dims[d];
+        if (dims[d] > UINT32_MAX) return lg_program_bad(r, path, "is too large");
+        shape->dims[d] = (uint32_t)dims[d];
         count *= dims[d];
     }
-    LG_TRY(lg_program_take(r, at.text, count, sizeof **values, &memory));
-    p->values = *values = memory;
-    LG_TRY(lg_program_as_format(r, lg_h5_get(r->h5, at.text, LG_ELEMENT_F64, rank, dims, memory, r->error)));
-    return lg_check_finite(r->h5->path, at.text, rank, dims, *values, r->error);
+    LG_TRY(lg_program_take(r, path, count, sizeof **values, &memory));
+    *values = memory;
+    LG_TRY(lg_program_as_format(r, lg_h5_get(r->h5, path, LG_ELEMENT_F64, rank, dims, memory, r->error)));
+    return lg_check_finite(r->h5->path, path, rank, dims, *values, r->error);
+}
+
+/* A path of plain names. */
+static bool is_path(const char *path) {
+    for (const char *c = path; *c != '\0'; c++)
+        if (!isalnum((unsigned char)*c) && *c != '_' &&
+            (*c != '/' || c == path || c[1] == '/' || c[1] == '\0'))
+            return false;
+    return *path != '\0';
+}
+
+/* Appends what stands at a place to `values` of *count numbers. */
+static lg_status get_place(lg_program_reading *r, const char *place, double **values, size_t *count) {
+    const char *path;
+    lg_shape shape;
+    double *part = NULL;
+    void *longer = NULL;
+    const lg_program_word word = lg_program_word_of(place, &path);
+    if (!is_path(path)) return lg_program_bad(r, "parameters", "an entry is no path of plain names");
+    lg_status status = get_array(r, path, &shape, &part);
+    const size_t more = status == LG_OK ? lg_shape_count(shape) : 0;
+    if (status == LG_OK) status = lg_program_take(r, path, *count + more, sizeof **values, &longer);
+    if (status == LG_OK) {
+        double *all = longer;
+        if (*count > 0) memcpy(all, *values, *count * sizeof *all);
+        for (size_t i = 0; i < more; i++) all[*count + i] = word(part[i]);
+        lg_free(r->h5->context, *values);
+        *values = all;
+        *count += more;
+    }
+    lg_free(r->h5->context, part);
+    return status;
+}
+
+static lg_status get_places(lg_program_reading *r, const char *name, lg_shape *shape, double **values) {
+    lg_program_texts places = {NULL, 0};
+    size_t count = 0;
+    lg_status status = lg_program_get_texts(r, "parameters", name, LG_PROGRAM_MOST_NAMES, &places);
+    for (size_t i = 0; i < places.count && status == LG_OK; i++)
+        status = get_place(r, places.text[i], values, &count);
+    lg_free(r->h5->context, places.text);
+    if (status == LG_OK && count > UINT32_MAX) return lg_program_bad(r, "parameters", "is too large");
+    *shape = lg_shape1((uint32_t)count);
+    return status;
+}
+
+static lg_status get_parameter(lg_program_reading *r, const char *name, lg_parameter_spec *p,
+                               double **values) {
+    const lg_program_key at = lg_program_below("parameters", name);
+    const bool elsewhere = lg_h5_has(r->h5, "parameters") && lg_h5_has_attribute(r->h5, "parameters", name);
+    p->name = name;
+    const lg_status status =
+        elsewhere ? get_places(r, name, &p->shape, values) : get_array(r, at.text, &p->shape, values);
+    p->values = *values;
+    return status;
 }
 
 static lg_status get_description(lg_program_reading *r, char text[TEXT]) {
@@ -182,7 +235,6 @@ static bool is_format_1(lg_h5 *h5) {
 }
 
 static lg_status get_program(lg_program_reading *r) {
-    LG_TRY(lg_h5_check_format(r->h5, "program", false, r->error));
     const bool format_1 = is_format_1(r->h5);
     if (!format_1 || lg_h5_has(r->h5, "parameter_names"))
         LG_TRY(get_names(r, format_1, "parameters", "parameter_names", &r->parameters));
@@ -193,8 +245,7 @@ static lg_status get_program(lg_program_reading *r) {
     return LG_OK;
 }
 
-static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
-    lg_program **out = user;
+lg_status lg_program_get(lg_h5 *h5, lg_program **out, lg_error *error) {
     lg_program_reading r = {
         .h5 = h5, .left = h5->max_size < SIZE_MAX ? (size_t)h5->max_size : SIZE_MAX, .error = error};
     const lg_status status = get_program(&r);
@@ -205,6 +256,11 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
     else
         lg_program_destroy(r.program);
     return status;
+}
+
+static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
+    LG_TRY(lg_h5_check_format(h5, "program", false, error));
+    return lg_program_get(h5, user, error);
 }
 
 lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,

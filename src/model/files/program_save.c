@@ -57,19 +57,87 @@ static lg_status put_order(lg_h5 *h5, const lg_program *program, bool functions,
     return status;
 }
 
+/* ---- parameters whose numbers lie elsewhere ---- */
+
+static double as_it_is(double x) {
+    return x;
+}
+
+static double single(double x) {
+    const float near = (float)x;
+    return near - near == 0.0F ? (double)near : 0.0;
+}
+
+static double rest(double x) {
+    return x - single(x);
+}
+
+static double inverse(double x) {
+    return 1.0 / x;
+}
+
+lg_program_word lg_program_word_of(const char *place, const char **path) {
+    static const struct {
+        const char *word;
+        lg_program_word make;
+    } words[] = {{"single ", single}, {"rest ", rest}, {"inverse ", inverse}};
+    *path = place;
+    for (size_t i = 0; i < LG_COUNT(words); i++) {
+        const size_t length = strlen(words[i].word);
+        if (strncmp(place, words[i].word, length) != 0) continue;
+        *path = place + length;
+        return words[i].make;
+    }
+    return as_it_is;
+}
+
+/* False: the parameter lies below /parameters. */
+static bool put_places(lg_h5 *h5, const char *parameter, const lg_program_source *places, size_t count,
+                       lg_status *status, lg_error *error) {
+    size_t n = 0;
+    for (size_t i = 0; i < count; i++) n += strcmp(places[i].parameter, parameter) == 0;
+    if (n == 0) return false;
+    char(*texts)[LG_PROGRAM_PLACE] = lg_alloc(h5->context, n, sizeof *texts);
+    if (texts == NULL) {
+        *status = lg_program_no_memory(h5, error);
+        return true;
+    }
+    for (size_t i = 0, at = 0; i < count; i++)
+        if (strcmp(places[i].parameter, parameter) == 0)
+            (void)snprintf(texts[at++], sizeof *texts, "%s", places[i].place);
+    *status = lg_h5_put_text_list(h5, "parameters", parameter, texts[0], sizeof *texts, n, error);
+    lg_free(h5->context, texts);
+    return true;
+}
+
+lg_status lg_program_put_parameters(lg_h5 *h5, const lg_program *program, const lg_program_source *places,
+                                    size_t count, lg_error *error) {
+    LG_TRY(put_order(h5, program, false, error));
+    for (size_t i = 0; i < lg_program_parameters(program); i++) {
+        const lg_parameter_spec p = lg_program_parameter(program, i);
+        lg_status status;
+        if (!put_places(h5, p.name, places, count, &status, error)) status = put_parameter(h5, &p, error);
+        if (status != LG_OK) return status;
+    }
+    return LG_OK;
+}
+
+lg_status lg_program_put_functions(lg_h5 *h5, const lg_program *program, lg_error *error) {
+    const int64_t version = LG_FORMAT_VERSION;
+    LG_TRY(lg_h5_remove_attribute(h5, "", "format_version", error));
+    LG_TRY(lg_h5_put_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
+    LG_TRY(put_order(h5, program, true, error));
+    for (size_t i = 0; i < lg_program_functions(program); i++) LG_TRY(put_function(h5, program, i, error));
+    return LG_OK;
+}
+
 static lg_status put_program(lg_h5 *h5, const lg_program *program, const lg_provenance *provenance,
                              lg_error *error) {
     LG_TRY(lg_h5_put_header(h5, "program", provenance, error));
     if (lg_program_description(program)[0] != '\0')
         LG_TRY(lg_h5_put_text(h5, "", "description", lg_program_description(program), error));
-    LG_TRY(put_order(h5, program, false, error));
-    LG_TRY(put_order(h5, program, true, error));
-    for (size_t i = 0; i < lg_program_parameters(program); i++) {
-        const lg_parameter_spec p = lg_program_parameter(program, i);
-        LG_TRY(put_parameter(h5, &p, error));
-    }
-    for (size_t i = 0; i < lg_program_functions(program); i++) LG_TRY(put_function(h5, program, i, error));
-    return LG_OK;
+    LG_TRY(lg_program_put_parameters(h5, program, NULL, 0, error));
+    return lg_program_put_functions(h5, program, error);
 }
 
 lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,

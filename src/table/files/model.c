@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "settings/names.h"
+#include "model/files/program_file.h"
 #include "model/files/recipe.h"
 
 /* ---- the run ---- */
@@ -257,4 +258,11 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
                             error);
 }
 
-LG_RECIPE(table, "table-checkpoint", .space = NULL);
+static const lg_program_source places[] = {{"mean", "single scaler/inputs/mean"},
+                                           {"mean_rest", "rest scaler/inputs/mean"},
+                                           {"inverse_scale", "inverse scaler/inputs/scale"},
+                                           {"output_mean", "scaler/outputs/mean"},
+                                           {"output_scale", "scaler/outputs/scale"},
+                                           {NULL, NULL}};
+
+LG_RECIPE(table, "table-checkpoint", .places = places);

@@ -1,0 +1,35 @@
+/* Which kind of file it is. */
+#include <string.h>
+
+#include "core/core.h"
+#include "files/h5.h"
+
+lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error) {
+    char format[16] = "liegrad";
+    text[0] = '\0';
+    LG_TRY(lg_h5_check_format(h5, NULL, true, error));
+    if (lg_h5_has_attribute(h5, "", "format") &&
+        lg_h5_text(h5, "", "format", format, sizeof format, NULL) != LG_OK)
+        return LG_OK;
+    if (strcmp(format, "liegrad") != 0 || !lg_h5_has_attribute(h5, "", "kind")) return LG_OK;
+    if (lg_h5_text(h5, "", "kind", text, LG_H5_KIND, NULL) != LG_OK) text[0] = '\0';
+    (void)lg_tamed(text);
+    return LG_OK;
+}
+
+static lg_status read_kind(void *user, lg_h5 *h5, lg_error *error) {
+    return lg_h5_kind(h5, user, error);
+}
+
+lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
+                       char *kind, size_t size, lg_error *error) {
+    char text[LG_H5_KIND] = "";
+    if (path == NULL || kind == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, its kind a place");
+    LG_TRY(lg_h5_read(context, path, options, read_kind, text, error));
+    const size_t length = strlen(text);
+    if (length >= size)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: no room for kind '%s'", lg_shown_path(path), text);
+    memcpy(kind, text, length + 1);
+    return LG_OK;
+}
