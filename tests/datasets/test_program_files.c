@@ -176,8 +176,9 @@ static void change_function_value(const char *path, const lg_program *program, c
     size_t size;
     assert_ok(lg_function_image_create(program, 0, &image));
     assert_true(make_mutant(image, &m));
-    if (c->what == OPERATION) m.operations[2].name = c->text;
-    if (c->what == REVISION) m.operations[2].revision = c->revision;
+    lg_operation *last = &m.operations[image->operation_count - 1];
+    if (c->what == OPERATION) last->name = c->text;
+    if (c->what == REVISION) last->revision = c->revision;
     if (c->what == INPUT_NAME) m.in[0].name = c->text;
     if (c->what == INPUT_UNIT) m.in[0].unit = c->text;
     unsigned char *bytes = packed(&m.image, &size);
@@ -249,7 +250,7 @@ TEST("bytes of a function that are wrong are refused with their place") {
         {"\x02", 1, LG_VERSION, "function 'f': version"},
         {"\x01", 1, LG_FORMAT, "inputs: the bytes end too early"},
         {"\x01\x41", 2, LG_FORMAT, "inputs: there are too many"},
-        {"\x01\x05\x00", 3, LG_FORMAT, "inputs: there are more than the bytes can hold"},
+        {"\x01\x02\x00", 3, LG_FORMAT, "inputs: there are more than the bytes can hold"},
         {"\x01\x00\x00\xff\xff\xff\xff\x7f", 8, LG_FORMAT, "times: a number is too large"},
         {"\x01\x00\x00\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, LG_FORMAT,
          "times: a number is too large"},
@@ -262,6 +263,11 @@ TEST("bytes of a function that are wrong are refused with their place") {
          "operation 0 (s): inputs: there are more"},
         {"\x01\x00\x00\x00\x01\x00\x01s\x01\x02\x05", 11, LG_FORMAT,
          "operation 0 (s): shape: there are too many"},
+        {"\x01\x00\x00\x00\x01\x00\x01s\x01\x04\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 20, LG_FORMAT,
+         "operation 0 (s): i0: a number is too large"},
+        {"\x01\x01\x01"
+         "a\x01\x00\x00\x00\x00",
+         9, LG_FORMAT, "inputs: it has control characters"},
         {"\x01\x00\x00\x00\x00\x00", 6, LG_FORMAT, "end: there are more bytes"},
     };
     for (size_t i = 0; i < LG_COUNT(cases); i++) {

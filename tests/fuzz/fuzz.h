@@ -41,6 +41,7 @@ void fuzz_options(const uint8_t *data, size_t size);
 void fuzz_model(const uint8_t *data, size_t size);
 void fuzz_data(const uint8_t *data, size_t size);
 void fuzz_program(const uint8_t *data, size_t size);
+void fuzz_packed(const uint8_t *data, size_t size);
 void fuzz_checkpoint(const uint8_t *data, size_t size);
 
 #endif

@@ -24,6 +24,7 @@ const fuzz_harness fuzz_harnesses[] = {
     {"model", fuzz_model, true, 16384, "models and classifiers (HDF5)"},
     {"data", fuzz_data, true, 8192, "trajectories, curves, series, tables, logs (HDF5)"},
     {"program", fuzz_program, true, 16384, "programs (HDF5)"},
+    {"packed", fuzz_packed, false, 4096, "packed functions"},
     {"checkpoint", fuzz_checkpoint, true, 16384, "checkpoints (HDF5)"},
     {NULL, NULL, false, 0, NULL}};
 

@@ -1,4 +1,5 @@
 /* Harnesses of HDF5 files, from trees. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,6 +9,7 @@
 #include "liegrad/io.h"
 #include "liegrad/logs.h"
 #include "liegrad/machine_model.h"
+#include "liegrad/program_image.h"
 #include "liegrad/tables.h"
 #include "tree.h"
 
@@ -196,6 +198,63 @@ void fuzz_program(const uint8_t *data, size_t size) {
     if (status != LG_OK) return;
     const size_t functions = lg_program_functions(program);
     for (size_t i = 0; i < functions && i < 4; i++) run_program(program, i);
+    lg_program_destroy(program);
+}
+
+/* Packed and unpacked again it has the same bytes. */
+static void pack_again(const lg_function_image *image) {
+    lg_error error = {LG_OK, ""};
+    size_t size = 0, memory = MOST_WORK, again;
+    lg_function_image *copy;
+    if (lg_function_pack(image, NULL, &size, &error) != LG_OK) return; /* numbers beyond 2^62 */
+    again = size;
+    uint8_t *bytes = lg_alloc(NULL, size, 1), *others = lg_alloc(NULL, size, 1);
+    if (bytes == NULL || others == NULL || lg_function_pack(image, bytes, &size, &error) != LG_OK ||
+        lg_function_unpack(NULL, image->name, bytes, size, &memory, &copy, &error) != LG_OK ||
+        lg_function_pack(copy, others, &again, &error) != LG_OK || again != size ||
+        memcmp(bytes, others, size) != 0)
+        abort();
+    lg_function_image_destroy(copy);
+    lg_free(NULL, bytes);
+    lg_free(NULL, others);
+}
+
+static bool add_packed(lg_program *program, const uint8_t *data, size_t size) {
+    char name[16];
+    lg_error error = {LG_OK, ""};
+    lg_function_image *image;
+    size_t memory = MOST_WORK / 8;
+    (void)snprintf(name, sizeof name, "f%zu", lg_program_functions(program));
+    lg_status status = lg_function_unpack(NULL, name, data, size, &memory, &image, &error);
+    refused(status, &error);
+    if (status != LG_OK) return false;
+    pack_again(image);
+    status = lg_program_add_image(program, image, &error);
+    refused(status, &error);
+    lg_function_image_destroy(image);
+    return status == LG_OK;
+}
+
+/* Functions of a program one after the other, each after its length (u16, little-endian). */
+void fuzz_packed(const uint8_t *data, size_t size) {
+    static const double numbers[86] = {0.5};
+    const lg_parameter_spec parameters[] = {{"scale", {0, {0}}, numbers}, {"theta", {1, {86}}, numbers}};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters;
+    spec.parameter_count = LG_COUNT(parameters);
+    if (lg_program_begin(NULL, &spec, &program, NULL) != LG_OK) abort();
+    while (size >= 2 && lg_program_functions(program) < 4) {
+        size_t length = data[0] + 256u * data[1];
+        data += 2;
+        size -= 2;
+        if (length > size) length = size;
+        if (!add_packed(program, data, length)) break;
+        run_program(program, lg_program_functions(program) - 1);
+        data += length;
+        size -= length;
+    }
     lg_program_destroy(program);
 }
 
