@@ -553,6 +553,11 @@ static number number_of(const tree_record *r, const uint8_t *at) {
     return n;
 }
 
+static size_t bytes_in_memory(hid_t type) {
+    if (type == H5T_NATIVE_UINT8) return 1;
+    return type == H5T_NATIVE_FLOAT || type == H5T_NATIVE_UINT32 ? 4 : 8;
+}
+
 /* Clips, or with `checked` refuses, what does not fit. */
 static bool store(number n, hid_t memory, bool checked, void *out) {
     if (memory == H5T_NATIVE_DOUBLE) {
@@ -565,26 +570,23 @@ static bool store(number n, hid_t memory, bool checked, void *out) {
         memcpy(out, &value, sizeof value);
         return !(beyond && checked);
     }
-    const bool to_signed = memory == H5T_NATIVE_INT64, small = memory == H5T_NATIVE_UINT32;
-    const double low = to_signed ? -0x1p63 : 0, high = to_signed ? 0x1p63 : small ? 0x1p32 : 0x1p64;
+    const bool to_signed = memory == H5T_NATIVE_INT64;
+    const size_t bytes = bytes_in_memory(memory);
+    const uint64_t most = to_signed ? (uint64_t)INT64_MAX : UINT64_MAX >> (64 - 8 * bytes);
+    const double low = to_signed ? -0x1p63 : 0, high = ldexp(1.0, to_signed ? 63 : 8 * (int)bytes);
     uint64_t bits;
     bool fits;
     if (n.real) {
         fits = n.value >= low && n.value < high;
-        bits = !fits ? (n.value >= high ? (to_signed ? (uint64_t)INT64_MAX : UINT64_MAX) : 0)
+        bits = !fits                      ? (n.value >= high ? most : 0)
                : to_signed && n.value < 0 ? (uint64_t)(int64_t)n.value
                                           : (uint64_t)n.value;
         fits = fits || isnan(n.value);
     } else {
-        fits =
-            to_signed ? n.negative || n.whole <= INT64_MAX : !n.negative && (!small || n.whole <= UINT32_MAX);
-        bits = fits         ? n.whole
-               : n.negative ? 0
-               : to_signed  ? (uint64_t)INT64_MAX
-               : small      ? UINT32_MAX
-                            : UINT64_MAX;
+        fits = n.negative ? to_signed : n.whole <= most;
+        bits = fits ? n.whole : n.negative ? 0 : most;
     }
-    memcpy(out, &bits, small ? 4 : 8);
+    memcpy(out, &bits, bytes);
     return fits || !checked;
 }
 
@@ -611,7 +613,7 @@ static herr_t read_elements(const tree_record *r, hid_t memory, const handle *pa
     static uint8_t bytes[TREE_BYTES];
     const size_t size = bytes_of(r), stored = tree_count(r, size);
     const bool words = get(memory, A_TYPE) != NULL, there = stored <= TREE_BYTES;
-    const size_t wanted = memory == H5T_NATIVE_FLOAT || memory == H5T_NATIVE_UINT32 ? 4 : 8;
+    const size_t wanted = bytes_in_memory(memory);
     if (words ? tree_types[r->type % TREE_TYPES].nature != NATURE_TEXT &&
                     tree_types[r->type % TREE_TYPES].nature != NATURE_OTHER
               : !is_number(r))
