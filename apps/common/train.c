@@ -68,8 +68,6 @@ static int check_options(const app *self, const train_task *task) {
         if (refuses != NULL)
             return app_usage(self, "--%s: %s has no such option", self->slots[i].name, refuses);
     }
-    if (files->evaluations > 0 && app_given(self, "epochs"))
-        return app_usage(self, "--evaluations: is another name of --epochs; give one of them");
     return APP_EXIT_OK;
 }
 
@@ -425,7 +423,6 @@ static int check_method(const app *self, const train_task *task) {
 /* Room for 10^6 epochs takes 40 MB. */
 uint64_t train_epochs(const app *self, const lg_training *training) {
     enum { NO_LIMIT = 1000000 };
-    if (files->evaluations > 0) return files->evaluations;
     const bool limited = files->resume != NULL || app_given(self, "epochs") || !(files->seconds > 0);
     return ends_with_adam(training) || limited ? training->epochs : NO_LIMIT;
 }

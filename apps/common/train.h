@@ -16,7 +16,7 @@
 
 typedef struct train_files {
     const char *out, *checkpoint, *resume, *history, *plot, *size;
-    uint64_t checkpoint_every, stop_after, evaluations;
+    uint64_t checkpoint_every, stop_after;
     double seconds;
 } train_files;
 
@@ -41,7 +41,6 @@ extern const lg_field train_file_options[];
                   .high = 1e9),                                                                              \
         LG_OPTION(train_files, stop_after, U64, "n", "Save the state and stop after n epochs of this run",   \
                   .low = 1, .high = 1e9),                                                                    \
-        LG_OPTION(train_files, evaluations, U64, "n", "Another name of --epochs", .low = 1, .high = 1e9),    \
         LG_OPTION(                                                                                           \
             train_files, seconds, REAL, "S",                                                                 \
             "Stop after so many seconds of training; with a method other than adam and no --epochs this is " \
@@ -115,7 +114,7 @@ typedef struct train_race {
 int train_size(app *app, const train_task *task, const char *size, train_race *race);
 double train_race_seconds(const train_race *race);            /* of --seconds, for the race */
 void train_size_json(const train_race *race, app_json *json); /* "sizes", unless there was no race */
-/* The planned epochs: --evaluations, or 10^6 where --seconds alone limits a method other than Adam. */
+/* The planned epochs: 10^6 where --seconds alone limits a method other than Adam. */
 uint64_t train_epochs(const app *app, const lg_training *training);
 
 struct train_session {

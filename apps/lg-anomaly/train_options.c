@@ -120,8 +120,7 @@ static const struct {
               {"stop-after", CNN},
               {"resume", CNN},
               {"history", CNN},
-              {"seconds", CNN},
-              {"evaluations", CNN}};
+              {"seconds", CNN}};
 
 int train_check_options(const app *self) {
     const train_values *values = &train_given;

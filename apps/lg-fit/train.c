@@ -138,7 +138,7 @@ static void choose_method(const app *self, lg_fit_options *options) {
     const bool large = lg_table_parameters(&run.model) > MOST_LM;
     if (state.resumed || !is_regression(&state) || app_given(self, "method")) return;
     if (large) run.training.plan.phase[0].method = LG_FIT_LBFGS;
-    if (!app_given(self, "epochs") && !app_given(self, "evaluations") && !app_given(self, "seconds")) {
+    if (!app_given(self, "epochs") && !app_given(self, "seconds")) {
         const double evaluations = WORK / work_of(&state, (double)state.trained);
         run.training.epochs = large ? OTHERS : (uint64_t)fmin(fmax(evaluations, LEAST), MOST);
         options->epochs = run.training.epochs;

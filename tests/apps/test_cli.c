@@ -100,7 +100,7 @@ TEST("Newton reaches the floor of a linear potential's loss, below what Adam alo
 }
 
 TEST("the default is the preset best, an option of Adam asks for the published settings") {
-    cli_json(lg, "train train.h5 --evaluations 150 --out b.h5",
+    cli_json(lg, "train train.h5 --epochs 150 --out b.h5",
              "method \"ssbroyden\", hidden [20, evaluations 150, epochs 150, prior 0.15, loss <1e-8",
              &result);
     cli_json(lg, "train train.h5 --epochs 1 --batch 20 --out b.h5", "method \"adam\", hidden [100", &result);
@@ -109,14 +109,13 @@ TEST("the default is the preset best, an option of Adam asks for the published s
     cli_expect(lg, "train train.h5 --method lbfgs --lr 1e-2 --out b.h5", 2, "--lr: is for adam", &result);
     cli_expect(lg, "train train.h5 --method adam:5,lbfgs --lr 1e-2 --epochs 9 --out b.h5", 0, "9 epochs",
                &result);
-    cli_expect(lg, "train train.h5 --evaluations 5 --epochs 5 --out b.h5", 2, "another name", &result);
 }
 
 TEST("a training that ends before its epochs says why, and one of some seconds records its evaluations") {
     cli_json(lg, "train train.h5 --seconds 0.05 --out b.h5", "stopped \"the time is used up\"", &result);
     assert_true(json_number(result.out, "evaluations") < 1000000);
     assert_non_null(strstr(result.err, "the time is used up"));
-    cli_json(lg, "train train.h5 --method lbfgs --hidden 4 --evaluations 10 --validation 0.2 --out b.h5",
+    cli_json(lg, "train train.h5 --method lbfgs --hidden 4 --epochs 10 --validation 0.2 --out b.h5",
              "stopped \"the planned epochs are done\"", &result);
 }
 
@@ -292,14 +291,14 @@ TEST("weights that give no finite prediction are drawn again") {
                              "lengths: [0.90675322, 1.37093021, 1.3134184, 0.95006977, 1.11671529]\n"
                              "starts: { kind: plane, ahead: 2.85 }\n");
     cli_expect(lg, "generate planar.yaml --trajectories 200 --seed 4 --out planar.h5", 0, "", &result);
-    cli_json(lg, "train planar.h5 --seed 31 --integrator cf4 --hidden 8 --evaluations 1 --out p.h5",
-             "loss >0", &result);
+    cli_json(lg, "train planar.h5 --seed 31 --integrator cf4 --hidden 8 --epochs 1 --out p.h5", "loss >0",
+             &result);
 }
 
 TEST("the penalty takes the first integral that fits the system") {
-    cli_json(lg, "train train.h5 --penalty 1e-3 --evaluations 2 --out p.h5",
+    cli_json(lg, "train train.h5 --penalty 1e-3 --epochs 2 --out p.h5",
              "penalty_integral \"vertical-angular-momentum\"", &result);
-    cli_json(lg, "train train.h5 --evaluations 2 --out p.h5", "penalty_integral \"oscillator\"", &result);
+    cli_json(lg, "train train.h5 --epochs 2 --out p.h5", "penalty_integral \"oscillator\"", &result);
 }
 
 TEST("a penalty on what the data do not conserve is told, noise alone is not") {
@@ -312,10 +311,9 @@ TEST("a penalty on what the data do not conserve is told, noise alone is not") {
             "generate coupled.yaml --trajectories 400 --points 6 --t-end 1 --noise %s --out coupled.h5",
             noise[i]);
         cli_expect(lg, generate, 0, "", &result);
-        cli_expect(lg, "train coupled.h5 --penalty 1 --penalty-copy 2 --evaluations 2 --out p.h5", 0, "",
-                   &result);
+        cli_expect(lg, "train coupled.h5 --penalty 1 --penalty-copy 2 --epochs 2 --out p.h5", 0, "", &result);
         assert_says(result.err, "do not conserve oscillator");
-        cli_expect(lg, "train coupled.h5 --penalty 1 --evaluations 2 --out p.h5", 0, "", &result);
+        cli_expect(lg, "train coupled.h5 --penalty 1 --epochs 2 --out p.h5", 0, "", &result);
         assert_null(strstr(result.err, "conserve"));
     }
 }

@@ -245,7 +245,7 @@ TEST("two outputs at once, all networks, and methods") {
                                         "--hidden 20 --activation sine --linear false",
                                         "--hidden 20 --method ssbroyden --epochs 200",
                                         "--hidden 20 --method adam:20,lbfgs --epochs 200",
-                                        "--size 16,16 --method lbfgs --evaluations 200"};
+                                        "--size 16,16 --method lbfgs --epochs 200"};
     need_tables();
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         char line[512];

@@ -232,7 +232,7 @@ TEST("bands of a prediction are as wide as its errors, and models without a cova
         width += band[i] * band[i];
     }
     assert_true(error > 0.02 * width && width > 0.0);
-    run("fit wide.yaml train.csv --out wide.h5 --evaluations 2");
+    run("fit wide.yaml train.csv --out wide.h5 --epochs 2");
     cli_expect(identify, "predict wide.h5 exact.csv --bands --out p.csv", 2, "more than 256", &result);
 }
 

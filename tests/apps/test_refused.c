@@ -438,7 +438,7 @@ static const refusal anomaly[] = {
     {TRAIN "--method svm-rbf --c 1 --grid 1,2", 2, "--grid and --c cannot be given together"},
     {TRAIN "--method svm-rbf --grid 1,0", 2, "--grid: C must be above 0"},
     {TRAIN "--prior 0.1", 2, "--prior: this training has no use for it"},
-    {TRAIN "--method tree {--seconds=1 --evaluations=9}", 2, "--method tree has no such option"},
+    {TRAIN "--method tree --seconds=1", 2, "--method tree has no such option"},
     {TRAIN "--size auto", 2, "unrecognized option '--size'"},
     {TRAIN "--method tree --ccp-alpha 0.1", 2, "--ccp-alpha: needs --prune post"},
     {TRAIN "--method tree --prune pre --max-depth 3", 2, "--prune pre: chooses"},
