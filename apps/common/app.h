@@ -202,6 +202,8 @@ void app_json_size(app_json *json, const char *key, uint64_t value);
 void app_json_bool(app_json *json, const char *key, bool value);
 void app_json_text(app_json *json, const char *key, const char *value); /* NULL: null */
 void app_json_reals(app_json *json, const char *key, const double *values, size_t count);
+/* The field of `values` under its name, or under the name of its option where the row says one. */
+void app_json_field(app_json *json, const lg_field *row, const void *values);
 /* "warnings": the sentences so far, none: an empty array. Before a parallel part or after it. */
 void app_json_warnings(app_json *json, const app *app);
 void app_json_open(app_json *json, const char *key, char bracket); /* '{' or '[' ; key NULL inside an array */

@@ -100,6 +100,32 @@ void app_json_reals(app_json *json, const char *key, const double *values, size_
     app_json_close(json, ']');
 }
 
+void app_json_field(app_json *json, const lg_field *row, const void *run) {
+    char key[64], text[LG_FIELD_TEXT_SIZE];
+    double list[LG_FIELD_LIST_MAX];
+    (void)snprintf(key, sizeof key, "%s",
+                   row->option != NULL && row->option[0] != '\0' ? row->option : row->name);
+    switch (row->type) {
+    case LG_FIELD_REAL:
+        app_json_real(json, key, lg_field_number(row, run));
+        break;
+    case LG_FIELD_U64:
+    case LG_FIELD_U32:
+        app_json_size(json, key, lg_field_whole(row, run));
+        break;
+    case LG_FIELD_FLAG:
+        app_json_bool(json, key, lg_field_whole(row, run) != 0);
+        break;
+    case LG_FIELD_WHOLES:
+    case LG_FIELD_REALS:
+        app_json_reals(json, key, list, lg_field_list(row, run, list));
+        break;
+    default:
+        lg_field_show(row, run, text, sizeof text);
+        app_json_text(json, key, text);
+    }
+}
+
 void app_json_open(app_json *json, const char *key, char bracket) {
     put_key(json, key);
     (void)fputc(bracket, json->stream);

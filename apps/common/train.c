@@ -472,39 +472,12 @@ int train_main(app *self, const train_task *task) {
 
 /* ---- results ---- */
 
-/* Under the name of its option where that is not the usual one, else under its own. */
-static void json_row(app_json *json, const lg_field *row, const void *run) {
-    char key[64], text[LG_FIELD_TEXT_SIZE];
-    double list[LG_FIELD_LIST_MAX];
-    (void)snprintf(key, sizeof key, "%s",
-                   row->option != NULL && row->option[0] != '\0' ? row->option : row->name);
-    switch (row->type) {
-    case LG_FIELD_REAL:
-        app_json_real(json, key, lg_field_number(row, run));
-        break;
-    case LG_FIELD_U64:
-    case LG_FIELD_U32:
-        app_json_size(json, key, lg_field_whole(row, run));
-        break;
-    case LG_FIELD_FLAG:
-        app_json_bool(json, key, lg_field_whole(row, run) != 0);
-        break;
-    case LG_FIELD_WHOLES:
-    case LG_FIELD_REALS:
-        app_json_reals(json, key, list, lg_field_list(row, run, list));
-        break;
-    default:
-        lg_field_show(row, run, text, sizeof text);
-        app_json_text(json, key, text);
-    }
-}
-
 /* `epochs` are those that are done, and a row that is no option is another's (the seed apart). */
 static void json_run(app_json *json, const app_settings *settings) {
     for (const lg_field *row = settings->rows; row->name != NULL; row++) {
         const bool option = row->option == NULL || row->option[0] != '\0';
         if (strcmp(row->name, "epochs") != 0 && (option || strcmp(row->name, "seed") == 0))
-            json_row(json, row, settings->values);
+            app_json_field(json, row, settings->values);
     }
 }
 
