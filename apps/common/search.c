@@ -7,11 +7,11 @@
 
 enum { SHOWN_TRIALS = 10 };
 
-search_values search_given = {.trials = 50, .rungs = 5, .warm_up = 5, .quantile = 0.5, .validation = 0.1};
+search_values search_given = {.rungs = 5};
 
 const lg_field search_options[] = {
-    LG_OPTION(search_values, trials, U64, "n", "Planned number of trials, earlier ones included (default 50)",
-              .low = 1, .high = 1000000),
+    LG_OPTION(search_values, trials, U64, "n", "Planned number of trials, earlier ones included", .low = 1,
+              .high = 1000000, .value = "50"),
     LG_OPTION(search_values, out, STRING, "FILE.csv", "Table of trials, written after each trial"),
     LG_OPTION(search_values, resume, SWITCH, NULL,
               "Continue the search of this table; without --resume an existing table is replaced"),
@@ -19,15 +19,14 @@ const lg_field search_options[] = {
               "Number of points at which a trial is compared with earlier ones (default 5; 0: never)",
               .high = LG_TRIAL_REPORTS),
     LG_OPTION(search_values, warm_up, U64, "n",
-              "Number of trials that must have passed a rung before others are stopped there (default 5)",
-              .high = 1000000),
+              "Number of trials that must have passed a rung before others are stopped there",
+              .high = 1000000, .value = "5"),
     LG_OPTION(search_values, quantile, REAL, "Q",
-              "A trial is stopped at a rung where at least this part of the earlier trials was better "
-              "(default 0.5)",
-              .low = 1e-9, .high = 1),
+              "A trial is stopped at a rung where at least this part of the earlier trials was better",
+              .low = 1e-9, .high = 1, .value = "0.5"),
     LG_OPTION(search_values, validation, REAL, "F",
-              "Part of the training data that is held out; the objective is the error on it (default 0.1)",
-              .low = 1e-9, .high = 0.9),
+              "Part of the training data that is held out; the objective is the error on it", .low = 1e-9,
+              .high = 0.9, .value = "0.1"),
     LG_OPTION(search_values, plot, STRING, "FILE.svg|.png",
               "Draw the objective of each trial and the "
               "best so far"),

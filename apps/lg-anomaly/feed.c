@@ -23,14 +23,14 @@ typedef struct feed_values {
 static const char *const housings[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
 
 static const lg_field feed_options[] = {
-    LG_OPTION(feed_values, hours, REAL, "H", "Length of the feed (default 24)", .low = 1e-4, .high = 1e6),
+    LG_OPTION(feed_values, hours, REAL, "H", "Length of the feed", .low = 1e-4, .high = 1e6, .value = "24"),
     LG_OPTION(feed_values, crack_at, REAL, "HOURS",
               "Time at which the casing breaks, in hours (`watch --crack-at` takes seconds; default: "
               "never)",
               .high = 1e6),
     LG_OPTION(feed_values, severity, REAL, "R",
-              "Remaining fraction of its rotational stiffness after that: 1 is intact (default 0.58)",
-              .low = 1e-3, .high = 1),
+              "Remaining fraction of its rotational stiffness after that: 1 is intact", .low = 1e-3,
+              .high = 1, .value = "0.58"),
     LG_OPTION(feed_values, gaps, REAL, "N",
               "Average number of gaps a day; a gap is a series of missing lines (default 0)", .high = 86400),
     LG_OPTION(feed_values, gap_seconds, REAL, "S",
@@ -39,13 +39,13 @@ static const lg_field feed_options[] = {
               .low = 0.2, .high = 86400),
     LG_OPTION(feed_values, nan, REAL, "N", "Average number of samples a day with one value nan (default 0)",
               .high = 432000),
-    LG_OPTION(feed_values, noise, REAL, "F",
-              "Noise of the sensors as a multiple of the data sheet's (default 1)", .high = 1e6),
+    LG_OPTION(feed_values, noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",
+              .high = 1e6, .value = "1"),
     LG_OPTION(feed_values, housing, NAME, NULL, "slack (default) or tight", .names = housings),
     LG_OPTION(feed_values, out, STRING, "FILE.csv", "File for the feed (default: standard output)"),
     LG_FIELD_END};
 
-static feed_values values = {.hours = 24, .crack_at = NAN, .severity = 0.58, .gap_seconds = 30, .noise = 1};
+static feed_values values = {.crack_at = NAN, .gap_seconds = 30};
 
 /* ---- numbers: nine significant digits, which give every float back ---- */
 

@@ -19,24 +19,23 @@ static const char *const families_names[] = {"both-ends", "right-end", "both", N
 static const lg_field generate_options[] = {
     LG_OPTION(generate_values, kind, NAME, NULL, "both-ends (default), right-end, or both in succession",
               .option = "case", .names = families_names),
-    LG_OPTION(generate_values, count, U64, "n", "Curves of each case (default 1000)", .low = 1,
-              .high = 100000000),
-    LG_OPTION(generate_values, intervals, U64, "N",
-              "Number of equal intervals between the nodes (default 50)", .low = LG_ELASTICA_MIN_INTERVALS,
-              .high = LG_ELASTICA_MAX_INTERVALS),
-    LG_OPTION(generate_values, gap, REAL, "G",
-              "Distance kept from x = 0, pi and 2 pi, in units of pi (default 0.01)", .high = 0.499),
+    LG_OPTION(generate_values, count, U64, "n", "Curves of each case", .low = 1, .high = 100000000,
+              .value = "1000"),
+    LG_OPTION(generate_values, intervals, U64, "N", "Number of equal intervals between the nodes",
+              .low = LG_ELASTICA_MIN_INTERVALS, .high = LG_ELASTICA_MAX_INTERVALS, .value = "50"),
+    LG_OPTION(generate_values, gap, REAL, "G", "Distance kept from x = 0, pi and 2 pi, in units of pi",
+              .high = 0.499, .value = "0.01"),
     LG_OPTION(generate_values, continuous, SWITCH, NULL,
               "Store solutions of the differential equation at the nodes instead of discrete solutions"),
-    LG_OPTION(generate_values, length, REAL, "L", "Length of the beam (default 3.3)", LG_POSITIVE),
-    LG_OPTION(generate_values, stiffness, REAL, "EI", "Bending stiffness (default 10)", LG_POSITIVE),
+    LG_OPTION(generate_values, length, REAL, "L", "Length of the beam", LG_POSITIVE, .value = "3.3"),
+    LG_OPTION(generate_values, stiffness, REAL, "EI", "Bending stiffness", LG_POSITIVE, .value = "10"),
     LG_OPTION(generate_values, q0, REALS, "X,Y", "Start of the beam (default 0,0)", LG_ANY_REAL),
     LG_OPTION(generate_values, qN, REALS, "X,Y", "End of the beam (default 3,0)", LG_ANY_REAL),
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write"),
     LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw some of the curves"),
     LG_FIELD_END};
 
-static generate_values values = {.count = 1000, .intervals = 50, .gap = 0.01, .length = 3.3, .stiffness = 10};
+static generate_values values;
 
 static void report(const app *self, const lg_elastica_data *data, double seconds) {
     const lg_elastica_curves *curves = &data->curves;

@@ -16,10 +16,10 @@ typedef struct solve_values {
 
 static const lg_field solve_options[] = {
     BOUNDARY_ROWS(solve_values, where, "both-ends", "0,0 and 3,0"),
-    LG_OPTION(solve_values, length, REAL, "L", "Length of the beam (default 3.3)", LG_POSITIVE),
-    LG_OPTION(solve_values, stiffness, REAL, "EI", "Bending stiffness (default 10)", LG_POSITIVE),
-    LG_OPTION(solve_values, intervals, U64, "N", "Number of equal intervals between the nodes (default 50)",
-              .low = LG_ELASTICA_MIN_INTERVALS, .high = LG_ELASTICA_MAX_INTERVALS),
+    LG_OPTION(solve_values, length, REAL, "L", "Length of the beam", LG_POSITIVE, .value = "3.3"),
+    LG_OPTION(solve_values, stiffness, REAL, "EI", "Bending stiffness", LG_POSITIVE, .value = "10"),
+    LG_OPTION(solve_values, intervals, U64, "N", "Number of equal intervals between the nodes",
+              .low = LG_ELASTICA_MIN_INTERVALS, .high = LG_ELASTICA_MAX_INTERVALS, .value = "50"),
     LG_OPTION(solve_values, gradient_tol, REAL, "TOL",
               "Largest gradient, relative to the largest term in its sum (default 1e-12)", LG_POSITIVE),
     LG_OPTION(solve_values, continuous, SWITCH, NULL,
@@ -34,7 +34,7 @@ static const lg_field solve_options[] = {
     LG_OPTION(solve_values, plot, STRING, "FILE.svg|.png", "Draw the curves; with --sweep energy against x"),
     LG_FIELD_END};
 
-static solve_values values = {.length = 3.3, .stiffness = 10, .gradient_tol = 0, .intervals = 50};
+static solve_values values;
 
 static void json_problem(app_json *json, const lg_elastica *problem) {
     app_json_size(json, "intervals", problem->intervals);

@@ -14,7 +14,7 @@ typedef struct export_values {
     uint64_t golden;
 } export_values;
 
-static export_values given = {.dtype = 0, .golden = 8};
+static export_values given;
 
 static const char *const dtypes[] = {"f64", "f32", NULL};
 
@@ -55,8 +55,8 @@ static const lg_field options[] = {
     LG_OPTION(export_values, compact, SWITCH, NULL,
               "Programs: write loops for small tensors too, not straight code; this gives less, slower "
               "code"),
-    LG_OPTION(export_values, golden, U64, "N", "Number of golden vectors of the self-test (default 8)",
-              .low = 1, .high = 1000),
+    LG_OPTION(export_values, golden, U64, "N", "Number of golden vectors of the self-test", .low = 1,
+              .high = 1000, .value = "8"),
     LG_FIELD_END};
 
 /* What is being exported, and what has to be freed. */

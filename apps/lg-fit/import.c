@@ -23,17 +23,17 @@ _Static_assert(LG_COUNT(activations) == LG_ACTIVATION_COUNT + 1, "a name for eac
 static const char *const layouts[] = {"auto", "out-in", "in-out", NULL};
 enum { LAYOUT_AUTO, LAYOUT_OUT_IN, LAYOUT_IN_OUT };
 
-static import_values values = {.activation = LG_TANH, .last = LG_IDENTITY};
+static import_values values;
 
 static const lg_field options[] = {
     LG_OPTION(import_values, out, STRING, "MODEL.h5", "Write the network here (required)"),
     LG_OPTION(import_values, layers, STRING, "A,B,...",
               "The layers in their order from input to output, by their stems (numpy files: by their names "
               "without ending); default: by the numbers and letters of the stems, files as given"),
-    LG_OPTION(import_values, activation, NAME, NULL, "Between the layers (default tanh)",
-              .names = activations),
-    LG_OPTION(import_values, last, NAME, NULL, "After the last layer (default identity)",
-              .names = activations),
+    LG_OPTION(import_values, activation, NAME, NULL, "Between the layers", .names = activations,
+              .value = "tanh"),
+    LG_OPTION(import_values, last, NAME, NULL, "After the last layer", .names = activations,
+              .value = "identity"),
     LG_OPTION(import_values, layout, NAME, NULL,
               "Weights are (out, in), as PyTorch has them, or (in, out); auto (default): as the file says, "
               "else out-in",

@@ -11,12 +11,13 @@ typedef struct demo_values {
 } demo_values;
 
 static const lg_field demo_options[] = {
-    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for data, model and pictures (default liegrad-demo)"),
+    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for data, model and pictures",
+              .value = "liegrad-demo"),
     LG_OPTION(demo_values, epochs, U64, "E", "Evaluations of the loss (default 2000)", .low = 1, .high = 1e6),
-    LG_OPTION(demo_values, t_end, REAL, "T", "Length of the long prediction (default 100)", LG_POSITIVE),
+    LG_OPTION(demo_values, t_end, REAL, "T", "Length of the long prediction", LG_POSITIVE, .value = "100"),
     LG_FIELD_END};
 
-static demo_values values = {.out = "liegrad-demo", .t_end = 100};
+static demo_values values;
 
 /* Published for CF4, N = 500, M = 5 without noise (thesis, study of section 4.4.3). */
 static const double published_e1 = 1.7e-7, published_e2 = 3.4e-4;

@@ -17,8 +17,8 @@ static const char *const noise_names[] = {"normal", "uniform", NULL};
 static const char *const noise_on_names[] = {"later", "all", NULL};
 
 static const lg_field generate_options[] = {
-    LG_OPTION(generate_values, trajectories, U64, "N", "Number of trajectories (default 500)", .low = 1,
-              .high = 1e9),
+    LG_OPTION(generate_values, trajectories, U64, "N", "Number of trajectories", .low = 1, .high = 1e9,
+              .value = "500"),
     LG_OPTION(generate_values, points, U64, "M",
               "Points of each, the start included (default 5); dt = T/(M-1)", .low = 2, .high = 1e9),
     LG_OPTION(generate_values, segments, U64, "s",
@@ -35,7 +35,7 @@ static const lg_field generate_options[] = {
     BOARD_ROWS(generate_values),
     LG_FIELD_END};
 
-static generate_values values = {.trajectories = 500, .points = 5};
+static generate_values values = {.points = 5};
 
 static void report(const app *self, const lg_trajectories *data, double seconds) {
     if (self->json) {

@@ -17,8 +17,8 @@ static const lg_field predict_options[] = {
               LG_ANY_REAL),
     LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point (default: the scene's t_end, or 1)",
               LG_POSITIVE),
-    LG_OPTION(predict_values, points, U64, "M", "Equidistant points, the start included (default 101)",
-              .low = 2, .high = 1e8),
+    LG_OPTION(predict_values, points, U64, "M", "Equidistant points, the start included", .low = 2,
+              .high = 1e8, .value = "101"),
     LG_OPTION(predict_values, tolerance, REAL, "TOL",
               "Tolerance of the adaptive integration (default 1e-10; 1e-13 for linear potentials)",
               .low = 1e-14, .high = 1e-2),
@@ -27,7 +27,7 @@ static const lg_field predict_options[] = {
               "Draw the trajectory; with a scene, the true one too"),
     LG_FIELD_END};
 
-static predict_values values = {.points = 101};
+static predict_values values;
 
 typedef struct prediction {
     const lg_hamiltonian_file *file;

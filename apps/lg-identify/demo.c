@@ -18,13 +18,13 @@ typedef struct demo_values {
 } demo_values;
 
 static const lg_field options[] = {
-    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for files and pictures (default liegrad-machine)"),
-    LG_OPTION(demo_values, seconds, REAL, "S", "Time for the fit (default 8)", LG_POSITIVE),
+    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for files and pictures", .value = "liegrad-machine"),
+    LG_OPTION(demo_values, seconds, REAL, "S", "Time for the fit", LG_POSITIVE, .value = "8"),
     LG_OPTION(demo_values, epochs, U64, "E", "Evaluations of the loss (default: as the time allows)",
               .low = 1, .high = 1e6),
     LG_FIELD_END};
 
-static demo_values values = {.out = "liegrad-machine", .seconds = 8};
+static demo_values values;
 
 /* ---- files ---- */
 

@@ -19,8 +19,8 @@ static const char *const metrics[] = {"horizons", "relative", NULL};
 static const lg_field options[] = {
     LG_OPTION(evaluate_values, horizons, REALS, "S,S,...", "Lengths of free runs in seconds (default 1,2,5)",
               LG_ANY_REAL),
-    LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next (default 25)", .low = 1,
-              .high = 1e9),
+    LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next", .low = 1, .high = 1e9,
+              .value = "25"),
     LG_OPTION(evaluate_values, window, U64, "M", "Points of the windows of window_loss (default the model's)",
               .low = 2, .high = LG_MACHINE_WINDOW),
     LG_OPTION(evaluate_values, substeps, U64, "n", "Steps between two rows (default the model's)", .low = 1,
@@ -32,7 +32,7 @@ static const lg_field options[] = {
               "Draw the first run, errors against horizons, learned potential and friction"),
     LG_FIELD_END};
 
-static evaluate_values values = {.every = 25};
+static evaluate_values values;
 
 enum { MOST_HORIZONS = 16 };
 

@@ -33,14 +33,14 @@ static const lg_field options[] = {
     LG_OPTION(generate_values, spread, REALS, "S[,S]",
               "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
               .option = "start-spread", LG_ANY_REAL),
-    LG_OPTION(generate_values, runs, U64, "n", "Runs (default 10)", .low = 1, .high = 1e6),
+    LG_OPTION(generate_values, runs, U64, "n", "Runs", .low = 1, .high = 1e6, .value = "10"),
     LG_OPTION(generate_values, t_end, REAL, "T", "Length of a run in seconds (default 10, or the file's)",
               LG_POSITIVE),
-    LG_OPTION(generate_values, dt, REAL, "H", "Seconds from a row to the next (default 0.02)", LG_POSITIVE),
+    LG_OPTION(generate_values, dt, REAL, "H", "Seconds from a row to the next", LG_POSITIVE, .value = "0.02"),
     LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw the first run"),
     LG_FIELD_END};
 
-static generate_values values = {.inputs = "multisine", .runs = 10, .dt = 0.02};
+static generate_values values = {.inputs = "multisine"};
 
 /* A log in the making: runs of `rows` rows each, inputs for `delay` further rows. */
 typedef struct making {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static simulate_values values = {.tol = 1e-9, .atol = -1, .theta = 0.5, .levels = 9, .max_steps = 1000000};
+static simulate_values values = {.atol = -1, .theta = 0.5};
 
 static const char *const picture_kinds[] = {"overview", "components", "invariants", "manifold",
                                             "steps",    "3d",         NULL};
@@ -14,16 +14,15 @@ static const lg_field options[] = {
               "A method of the list below (default rkmk54, and dp54 on R^n)"),
     LG_OPTION(simulate_values, scheme, STRING, "FILE.yaml", "A method of your own: a tableau in a file"),
     LG_OPTION(simulate_values, steps, U64, "N", "N equal steps", .low = 1, .high = 1e12),
-    LG_OPTION(simulate_values, tol, REAL, "T",
-              "Adaptive steps; the tolerance of component i is T |y_i| + A (default 1e-9)", .low = 1e-15,
-              .high = 1),
+    LG_OPTION(simulate_values, tol, REAL, "T", "Adaptive steps; the tolerance of component i is T |y_i| + A",
+              .low = 1e-15, .high = 1, .value = "1e-9"),
     LG_OPTION(simulate_values, atol, REAL, "A",
               "Absolute part of the tolerance (default 1e-4 T, at least 1e-16, of the largest size that "
               "q, omega, p, R, ... of that body has had)",
               .high = 1e300),
     LG_OPTION(simulate_values, max_steps, U64, "N",
-              "Stop after this many adaptive steps, rejected ones included (default 1000000)", .low = 1,
-              .high = 1e12),
+              "Stop after this many adaptive steps, rejected ones included", .low = 1, .high = 1e12,
+              .value = "1000000"),
     LG_OPTION(simulate_values, t_end, REAL, "T", "Final time (default: the scene's t_end)", LG_POSITIVE),
     LG_OPTION(simulate_values, theta, REAL, "TH",
               "Parameter of slgi, midpoint and implicit-euler: order 2 at 1/2, else 1", .high = 1),
@@ -47,8 +46,8 @@ static const lg_field options[] = {
               "Methods of --work-precision (default: a selection of those that apply)"),
     LG_OPTION(simulate_values, levels, U64, "L",
               "Runs of each method in --work-precision; from run to run steps are doubled, tolerances "
-              "divided by 10 (default 9)",
-              .low = 1, .high = 40),
+              "divided by 10",
+              .low = 1, .high = 40, .value = "9"),
     LG_OPTION(simulate_values, gradient, STRING, "W,W,...|@FILE",
               "Compute J = sum W_k y_k at the end and its gradient by the start and the parameters"),
     LG_OPTION(simulate_values, checkpoints, U64, "C",
