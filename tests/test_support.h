@@ -18,10 +18,21 @@
 #include "core/count.h"
 #include "liegrad/status.h"
 
-/* TEST("claim") { ... } checks a claim. No list repeats it: support/run_tests.c runs the tests of a file in
- * their order. An argument of the executable selects the claims that match it (* and ? are wildcards). */
+/* TEST("claim") { ... } checks a claim. No list repeats it: a file is a suite, and support/run_tests.c runs the
+ * tests of the suite that the first argument names, in their order. */
 typedef void (*lg_test_body)(void);
-void lg_test_enter(const char *claim, lg_test_body body);
+enum { LG_MOST_TESTS = 128 };
+
+typedef struct lg_suite {
+    const char *file;
+    CMFixtureFunction begin, end;
+    size_t count;
+    lg_test_body bodies[LG_MOST_TESTS];
+    struct CMUnitTest tests[LG_MOST_TESTS];
+    struct lg_suite *next;
+} lg_suite;
+static lg_suite lg_suite_here __attribute__((unused)) = {.file = __BASE_FILE__};
+void lg_test_enter(lg_suite *suite, const char *claim, lg_test_body body);
 
 /* The running test owns `object`: release(object) is called when it ends or fails, the last object first. */
 void lg_test_owns(void *object, void (*release)(void *));
@@ -39,16 +50,15 @@ void *lg_test_memory(size_t bytes);
 #define LG_TEST_NAMED(claim, line)                                                                           \
     static void lg_test_##line(void);                                                                        \
     __attribute__((constructor)) static void lg_enter_##line(void) {                                         \
-        lg_test_enter(claim, lg_test_##line);                                                                \
+        lg_test_enter(&lg_suite_here, claim, lg_test_##line);                                                \
     }                                                                                                        \
     static void lg_test_##line(void)
 
 /* begin() runs before the tests of a file and end() after them; either may be NULL. */
-void lg_test_group(CMFixtureFunction begin, CMFixtureFunction end);
-
-#define TEST_GROUP(begin, end)                                                                               \
+#define TEST_GROUP(first, last)                                                                              \
     __attribute__((constructor)) static void lg_enter_group(void) {                                          \
-        lg_test_group(begin, end);                                                                           \
+        lg_suite_here.begin = first;                                                                         \
+        lg_suite_here.end = last;                                                                            \
     }
 
 /* |a - e| <= atol + rtol |e|, false when either is NaN; infinities are close only when equal. */

@@ -66,8 +66,7 @@ static const sample samples[] = {
 enum { SAMPLES = LG_COUNT(samples) };
 
 static inline int hamiltonians_begin(void **state) {
-    (void)state;
-    if (export_begin() != 0) return -1;
+    if (export_begin(state) != 0) return -1;
     cli_write("truncated.yaml", truncated_yaml);
     cli_write("reused.yaml", reused_yaml);
     cli_write("splitting.yaml", splitting_yaml);

@@ -98,8 +98,4 @@ static inline int export_classify(const export_library *lib, const double *x, do
     return class;
 }
 
-static inline int export_setup(void **state) {
-    return export_begin();
-}
-
 #endif

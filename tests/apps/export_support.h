@@ -1,7 +1,7 @@
 /* Exported models under test: run lg-export, compile what it wrote in many ways, call it, look at its
  * objects.
  *
- *   export_begin();                                     a folder (cli_folder), lg-export exists
+ *   TEST_GROUP(export_begin, export_end)                a folder (cli_folder)
  *   lg_model_save_...(cli path of "m.h5")               or by running a program
  *   export_run("m.h5 --out m --dtype f32 --seed 3");
  *   export_library lib = export_open("m", "m", "gcc", "-O1");
@@ -27,7 +27,7 @@
 
 enum { EXPORT_TEXT = 65536, EXPORT_LINE = 2048 };
 
-static inline int export_begin(void) {
+static inline int export_begin(void **state) {
     (void)setenv("ASAN_OPTIONS", "allocator_may_return_null=1", 0);
     cli_make_folder();
     return cli_folder[0] == '\0' ? -1 : 0;

@@ -219,4 +219,4 @@ TEST("classifiers are built in every way") {
     export_check_objects(e.folder, "m");
 }
 
-TEST_GROUP(export_setup, export_end)
+TEST_GROUP(export_begin, export_end)

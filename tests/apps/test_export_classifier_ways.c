@@ -8,4 +8,4 @@ TEST("every classifier is built in every way") {
     export_build_all(&classifiers);
 }
 
-TEST_GROUP(export_setup, export_end)
+TEST_GROUP(export_begin, export_end)

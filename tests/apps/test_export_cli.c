@@ -48,7 +48,7 @@ static void make_hamiltonian(const char *name, double size, const char *command)
 }
 
 static int setup(void **state) {
-    if (export_begin() != 0) return -1;
+    if (export_begin(state) != 0) return -1;
     cli_write("foreign.h5", "this is no HDF5 file, whatever its name says\n");
     cli_write("kutta.yaml", "kind: rkmk\norder: 3\na: [[], [1/2], [-1, 2]]\nb: [1/6, 2/3, 1/6]\n");
     make_hamiltonian("pendulum.h5", 1, "lg-hamiltonian train");

@@ -142,4 +142,4 @@ TEST("finite values whose norm is not are refused: the self-test could not tell 
     assert_false(cli_exists("huge"));
 }
 
-TEST_GROUP(export_setup, export_end)
+TEST_GROUP(export_begin, export_end)

@@ -28,4 +28,4 @@ TEST("networks of default sizes keep the stated stack") {
     }
 }
 
-TEST_GROUP(export_setup, export_end)
+TEST_GROUP(export_begin, export_end)

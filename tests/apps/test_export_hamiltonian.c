@@ -247,8 +247,7 @@ static void check_sample(const sample *of, const char *dtype) {
     close_pair(&p);
 }
 
-static void every_model_agrees_with_the_library(void **state) {
-    (void)state;
+TEST("every model agrees with the library") {
     for (size_t i = 0; i < SAMPLES; i++) {
         check_sample(&samples[i], "f64");
         check_sample(&samples[i], "f32");
@@ -258,8 +257,7 @@ static void every_model_agrees_with_the_library(void **state) {
 /* A mass matrix that is nearly singular multiplies rounding: the stated tolerance knows, and is not far above
  * what happens. */
 /* Rows of the table that have no sample above, too. */
-static void the_self_test_of_every_family_passes(void **state) {
-    (void)state;
+TEST("the self test of every family passes") {
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
         const sample of = {family->name, family, 2, MLP, NONE, LG_TANH, "", 0, "cc", "-O1"};
@@ -272,10 +270,9 @@ static void the_self_test_of_every_family_passes(void **state) {
     }
 }
 
-static void nearly_singular_masses_have_a_condition(void **state) {
+TEST("nearly singular masses have a condition") {
     static const sample of = {"stiff3", CHAIN, 3, MLP, NONE, LG_TANH, "", 4, "gcc", "-O2"};
     static const char *const dtypes[] = {"f64", "f32"};
-    (void)state;
     for (int d = 0; d < 2; d++) {
         pair p;
         open_pair(&p, &of, dtypes[d]);
@@ -308,8 +305,7 @@ static void check_long_run(const sample *of, const char *dtype, double bound) {
     close_pair(&p);
 }
 
-static void long_runs_stay_on_the_manifold(void **state) {
-    (void)state;
+TEST("long runs stay on the manifold") {
     for (size_t i = 0; i < 2; i++) {
         check_long_run(&samples[i], "f64", 1e-14);
         check_long_run(&samples[i], "f32", 16 * (double)FLT_EPSILON);
@@ -332,10 +328,9 @@ static double turn_first(const pair *p, double angle, lg_rng *rng) {
            (1 + lg_stepper_angle(p->stepper));
 }
 
-static void steps_of_a_turn_agree(void **state) {
+TEST("steps of a turn agree") {
     static const double angles[] = {3.1, 3.141592653589793, 3.2, 6.2, 6.283185307179586, 6.3, 20};
     static const char *const dtypes[] = {"f64", "f32"};
-    (void)state;
     for (int d = 0; d < 2; d++) {
         pair p;
         double worst = 0;
@@ -408,7 +403,7 @@ static void check_maps(const export_library *lib, double angle, lg_rng *rng, dou
     free(ra);
 }
 
-static void maps_are_accurate_at_every_angle(void **state) {
+TEST("maps are accurate at every angle") {
     static const double angles[] = {0,        1e-300,
                                     1e-20,    1e-9,
                                     1e-5,     1e-3,
@@ -424,7 +419,6 @@ static void maps_are_accurate_at_every_angle(void **state) {
                                     9.42,     12,
                                     30,       100};
     static const char *const dtypes[] = {"f64", "f32"};
-    (void)state;
     for (int d = 0; d < 2; d++) {
         export_library lib = open_geometry(dtypes[d]);
         lg_rng rng;
@@ -443,9 +437,8 @@ static void maps_are_accurate_at_every_angle(void **state) {
 /* ---- objects ---- */
 
 /* More compilers and models: test_export_hamiltonian_ways. */
-static void objects_need_libm_alone_and_little_stack(void **state) {
+TEST("objects need libm alone and little stack") {
     static const size_t some[] = {1, 12};
-    (void)state;
     for (size_t i = 0; i < 2; i++) {
         char folder[64];
         const sample *of = &samples[some[i]];
@@ -470,7 +463,7 @@ static void assert_header(const char *folder, const char *const *lines, size_t c
 }
 
 /* The errors as `evaluate --record` leaves them, with the test set they are of. */
-static void the_header_tells_the_errors(void **state) {
+TEST("the header tells the errors") {
     static const char *const errors[] = {
         "E1            1.2346e-07: mean squared error", "E2            3.4568e-04: mean |d - mean d|",
         "test set      100 trajectories of 15 points over a time of 1.5\n",
@@ -479,7 +472,6 @@ static void the_header_tells_the_errors(void **state) {
     static const char *const none[] = {"test set      none recorded"};
     static const char *const own[] = {"over a time of 1.5: THE TRAINING DATA"};
     char folder[64];
-    (void)state;
     learned made = learned_make(&samples[11]);
     lg_hamiltonian_file *file = &made.file;
     learned_export(&samples[11], "f64", folder, sizeof folder);
@@ -515,7 +507,7 @@ static void the_header_tells_the_errors(void **state) {
 
 /* ---- what is refused ---- */
 
-static void schemes_without_an_explicit_step_are_refused(void **state) {
+TEST("schemes without an explicit step are refused") {
     static const cli_bad rows[] = {
         {"chain1.h5 --out no --scheme rk4", 2, "Lie group"},
         {"chain1.h5 --out no --scheme stormer-verlet", 2, "Lie group"},
@@ -527,7 +519,6 @@ static void schemes_without_an_explicit_step_are_refused(void **state) {
         {"flat1.h5 --out no --scheme variational", 2, "explicit"},
     };
     static cli result;
-    (void)state;
     for (size_t i = 0; i < SAMPLES; i++) {
         learned made = learned_make(&samples[i]);
         learned_free(&made);
@@ -537,9 +528,8 @@ static void schemes_without_an_explicit_step_are_refused(void **state) {
 }
 
 /* A mass matrix that is singular, and one whose inverse a float cannot hold. */
-static void masses_without_an_inverse_are_refused(void **state) {
+TEST("masses without an inverse are refused") {
     static cli result;
-    (void)state;
     learned made = learned_make(&samples[1]);
     double *kinetic = made.file.theta + lg_mlp_parameters(&made.file.run.model.net);
     for (int i = 0; i < 6; i++) kinetic[i] = i == 0 ? 1 : 0;
@@ -552,18 +542,4 @@ static void masses_without_an_inverse_are_refused(void **state) {
     learned_free(&made);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_model_agrees_with_the_library),
-        cmocka_unit_test(the_self_test_of_every_family_passes),
-        cmocka_unit_test(nearly_singular_masses_have_a_condition),
-        cmocka_unit_test(long_runs_stay_on_the_manifold),
-        cmocka_unit_test(steps_of_a_turn_agree),
-        cmocka_unit_test(maps_are_accurate_at_every_angle),
-        cmocka_unit_test(objects_need_libm_alone_and_little_stack),
-        cmocka_unit_test(the_header_tells_the_errors),
-        cmocka_unit_test(schemes_without_an_explicit_step_are_refused),
-        cmocka_unit_test(masses_without_an_inverse_are_refused),
-    };
-    return cmocka_run_group_tests(tests, hamiltonians_begin, export_end);
-}
+TEST_GROUP(hamiltonians_begin, export_end)

@@ -12,21 +12,13 @@ static void check(const sample *of, const char *dtype, void (*ways)(const char *
     learned_free(&made);
 }
 
-static void one_model_meets_all_compilers_and_levels(void **state) {
-    (void)state;
+TEST("one model meets all compilers and levels") {
     check(&samples[1], "f64", export_check_all_ways);
     check(&samples[1], "f32", export_check_all_ways);
 }
 
-static void every_model_meets_some(void **state) {
-    (void)state;
+TEST("every model meets some") {
     for (size_t i = 0; i < SAMPLES; i++) check(&samples[i], i % 2 == 0 ? "f64" : "f32", export_check_ways);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(one_model_meets_all_compilers_and_levels),
-        cmocka_unit_test(every_model_meets_some),
-    };
-    return cmocka_run_group_tests(tests, hamiltonians_begin, export_end);
-}
+TEST_GROUP(hamiltonians_begin, export_end)

@@ -261,12 +261,7 @@ static const export_kind machines = {.count = LG_COUNT(samples),
                                      .reference = reference,
                                      .more = more};
 
-static int begin(void **state) {
-    (void)state;
-    return export_begin();
-}
-
-TEST_GROUP(begin, export_end)
+TEST_GROUP(export_begin, export_end)
 
 TEST("machines in double agree with the library") {
     export_compare_all(&machines, "f64");

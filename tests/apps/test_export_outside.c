@@ -63,8 +63,4 @@ TEST("self-tests of models from outside pass, their objects need libm alone and 
     }
 }
 
-static int setup(void **state) {
-    return export_begin();
-}
-
-TEST_GROUP(setup, export_end)
+TEST_GROUP(export_begin, export_end)

@@ -12,8 +12,7 @@
 static const export_way few[] = {{"gcc", "-O2"}, {"clang", "-O1"}, {"g++", "-O1"}};
 enum { FEW = LG_COUNT(few) };
 
-static void chain_as_bundle(void **state) {
-    (void)state;
+TEST("chain as bundle") {
     save_hamiltonian("links", &lg_hamiltonian_chain);
     export_run("links.h5 --out links --name links --seed 3");
     export_check_ways("links", "links");
@@ -21,8 +20,7 @@ static void chain_as_bundle(void **state) {
     export_check_stack("links");
 }
 
-static void separable_in_single_precision(void **state) {
-    (void)state;
+TEST("separable in single precision") {
     save_hamiltonian("flat", &lg_hamiltonian_separable);
     export_run("flat.h5 --out flat --name flat --dtype f32 --golden 20");
     export_check_each("flat", "flat", few, FEW);
@@ -30,8 +28,7 @@ static void separable_in_single_precision(void **state) {
     export_check_stack("flat");
 }
 
-static void convolutions_as_loops(void **state) {
-    (void)state;
+TEST("convolutions as loops") {
     save_network("waves");
     export_run("waves.h5 --out waves --name waves --compact");
     export_check_ways("waves", "waves");
@@ -42,9 +39,8 @@ static void convolutions_as_loops(void **state) {
 }
 
 /* What one function does not need stays away. */
-static void some_functions_only(void **state) {
+TEST("some functions only") {
     static char out[EXPORT_TEXT];
-    (void)state;
     save_network("some");
     export_run("some.h5 --out some --name some --functions jac_value,value");
     export_check_each("some", "some", few, FEW);
@@ -54,9 +50,8 @@ static void some_functions_only(void **state) {
 }
 
 /* Numbers of several functions are stored once. */
-static void weights_are_shared(void **state) {
+TEST("weights are shared") {
     static char out[EXPORT_TEXT];
-    (void)state;
     save_network("once");
     export_run("once.h5 --out once --name once --compact --functions value");
     export_run("once.h5 --out twice --name once --compact --functions value,many");
@@ -65,7 +60,7 @@ static void weights_are_shared(void **state) {
 }
 
 /* A digit of a weight, signs in the code. */
-static void self_tests_catch_errors(void **state) {
+TEST("self tests catch errors") {
     static char out[EXPORT_TEXT];
     static const struct {
         const char *file, *change;
@@ -74,7 +69,6 @@ static void self_tests_catch_errors(void **state) {
         {"wrong.c", "sed '0,/ + v/s// - v/'"},
         {"wrong.c", "sed 's/y\\[j\\] += (x0/y[j] -= (x0/'"},
     };
-    (void)state;
     save_hamiltonian("wrong", &lg_hamiltonian_separable);
     export_run("wrong.h5 --out wrong --name wrong");
     for (size_t i = 0; i < LG_COUNT(plants); i++) {
@@ -89,9 +83,8 @@ static void self_tests_catch_errors(void **state) {
     }
 }
 
-static void refusals(void **state) {
+TEST("what is refused says why") {
     static cli result;
-    (void)state;
     save_network("refused");
     cli_expect("lg-export", "refused.h5 --out r --functions value,nothing", 2,
                "the program has no function 'nothing'", &result);
@@ -100,16 +93,4 @@ static void refusals(void **state) {
     cli_expect("lg-export", "refused.h5 --out r --name dense", 2, "cannot be the name", &result);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(chain_as_bundle),
-        cmocka_unit_test(separable_in_single_precision),
-        cmocka_unit_test(convolutions_as_loops),
-        cmocka_unit_test(some_functions_only),
-        cmocka_unit_test(weights_are_shared),
-        cmocka_unit_test(self_tests_catch_errors),
-        cmocka_unit_test(refusals),
-    };
-    if (export_begin() != 0) return 1;
-    return cmocka_run_group_tests(tests, NULL, export_end);
-}
+TEST_GROUP(export_begin, export_end)

@@ -2,10 +2,9 @@
  * ctest-labels: study */
 #include "export_program.h"
 
-static void all_ways(void **state) {
+TEST("every program is built in every way") {
     static const char *const programs[] = {"links", "flat", "waves"};
     static const char *const options[] = {"", "--dtype f32", "--compact", "--compact --dtype f32"};
-    (void)state;
     save_hamiltonian("links", &lg_hamiltonian_chain);
     save_hamiltonian("flat", &lg_hamiltonian_separable);
     save_network("waves");
@@ -22,8 +21,4 @@ static void all_ways(void **state) {
         }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(all_ways)};
-    if (export_begin() != 0) return 1;
-    return cmocka_run_group_tests(tests, NULL, export_end);
-}
+TEST_GROUP(export_begin, export_end)

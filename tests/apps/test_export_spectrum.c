@@ -55,4 +55,4 @@ TEST("their self-tests pass in every way") {
     export_build(&spectra, 0, "f32", export_check_ways);
 }
 
-TEST_GROUP(export_setup, export_end)
+TEST_GROUP(export_begin, export_end)

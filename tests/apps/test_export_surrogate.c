@@ -138,4 +138,4 @@ TEST("a model of each kind is built in every way") {
         export_build(&beams, chosen[i], i == 1 ? "f32" : "f64", export_check_ways);
 }
 
-TEST_GROUP(export_setup, export_end)
+TEST_GROUP(export_begin, export_end)

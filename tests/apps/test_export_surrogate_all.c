@@ -57,4 +57,4 @@ TEST("a model of each kind is built by every compiler at every level") {
                      export_check_all_ways);
 }
 
-TEST_GROUP(export_setup, export_end)
+TEST_GROUP(export_begin, export_end)

@@ -156,4 +156,4 @@ TEST("a model of each task is built in every way") {
     export_build(&tables, 4, "f64", export_check_ways);
 }
 
-TEST_GROUP(export_setup, export_end)
+TEST_GROUP(export_begin, export_end)

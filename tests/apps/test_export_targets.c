@@ -708,8 +708,4 @@ TEST("single precision and missing functions are refused with a sentence") {
     }
 }
 
-static int setup(void **state) {
-    return export_begin();
-}
-
-TEST_GROUP(setup, export_end)
+TEST_GROUP(export_begin, export_end)

@@ -1,5 +1,6 @@
 /* The training loop: one step after the other against plain loops, convergence, the same bytes whatever the
- * threads and however often interrupted, validation and best epoch, and what stops it. */
+ * threads and however often interrupted, validation and best epoch, and what stops it.
+ * ctest-labels: isa */
 #include "nn_support.h"
 
 static lg_fit *run_regression(regression *r, const lg_fit_options *o) {

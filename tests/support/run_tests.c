@@ -1,11 +1,10 @@
+/* The main function of a room's executable: SUITE [CLAIM] runs the tests of a file, or of them those whose claims
+ * match (* and ? are wildcards). */
 #include "test_support.h"
 
-enum { MOST_TESTS = 128, MOST_OWNED = 1 << 16 };
+enum { MOST_OWNED = 1 << 16 };
 
-static lg_test_body bodies[MOST_TESTS];
-static struct CMUnitTest tests[MOST_TESTS];
-static size_t test_count;
-static CMFixtureFunction group_begin, group_end;
+static lg_suite *suites;
 
 static struct {
     void *object;
@@ -35,16 +34,14 @@ static int release_owned(void **state) {
     return 0;
 }
 
-void lg_test_enter(const char *claim, lg_test_body body) {
-    if (test_count == MOST_TESTS) abort();
-    bodies[test_count] = body;
-    tests[test_count] = (struct CMUnitTest){claim, run_body, NULL, release_owned, &bodies[test_count]};
-    test_count++;
-}
-
-void lg_test_group(CMFixtureFunction begin, CMFixtureFunction end) {
-    group_begin = begin;
-    group_end = end;
+void lg_test_enter(lg_suite *suite, const char *claim, lg_test_body body) {
+    const size_t i = suite->count++;
+    if (i == LG_MOST_TESTS) abort();
+    suite->bodies[i] = body;
+    suite->tests[i] = (struct CMUnitTest){claim, run_body, NULL, release_owned, &suite->bodies[i]};
+    if (i > 0) return;
+    suite->next = suites;
+    suites = suite;
 }
 
 void lg_test_owns(void *object, void (*release)(void *)) {
@@ -62,8 +59,29 @@ void *lg_test_memory(size_t bytes) {
     return memset(memory, 0, bytes);
 }
 
+/* HDF5 1.10 loses a block of its own free list when a damaged header makes H5Fopen fail. Objects that we
+ * forget to close are found by scratch_end (datasets/io_test.h) instead. */
+__attribute__((visibility("default"))) const char *__lsan_default_suppressions(void);
+const char *__lsan_default_suppressions(void) {
+    return "leak:libhdf5";
+}
+
+/* folder/NAME.c is the suite NAME. */
+static bool is_named(const lg_suite *suite, const char *name) {
+    const char *slash = strrchr(suite->file, '/'), *file = slash != NULL ? slash + 1 : suite->file;
+    const size_t length = strlen(name);
+    return strncmp(file, name, length) == 0 && strcmp(file + length, ".c") == 0;
+}
+
 int main(int argc, char **argv) {
-    if (argc > 1) cmocka_set_test_filter(argv[1]);
-    const int failed = _cmocka_run_group_tests("tests", tests, test_count, group_begin, NULL);
-    return failed != 0 || (group_end != NULL && group_end(NULL) != 0);
+    lg_suite *suite = argc > 1 ? suites : NULL;
+    while (suite != NULL && !is_named(suite, argv[1])) suite = suite->next;
+    if (suite == NULL) {
+        print_error("usage: %s SUITE [CLAIM]; suites are\n", argv[0]);
+        for (suite = suites; suite != NULL; suite = suite->next) print_error("%s\n", suite->file);
+        return 2;
+    }
+    if (argc > 2) cmocka_set_test_filter(argv[2]);
+    const int failed = _cmocka_run_group_tests(argv[1], suite->tests, suite->count, suite->begin, NULL);
+    return failed != 0 || (suite->end != NULL && suite->end(NULL) != 0);
 }
