@@ -18,8 +18,8 @@
 #include "core/count.h"
 #include "liegrad/status.h"
 
-/* TEST("claim") { ... } checks a claim. No list repeats it: a file is a suite, and support/run_tests.c runs the
- * tests of the suite that the first argument names, in their order. */
+/* TEST("claim") { ... } checks a claim. No list repeats it: a file is a suite, and support/run_tests.c runs
+ * the tests of the suite that the first argument names, in their order. */
 typedef void (*lg_test_body)(void);
 enum { LG_MOST_TESTS = 128 };
 

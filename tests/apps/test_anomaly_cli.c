@@ -1,6 +1,7 @@
 /* lg-anomaly (in LG_BIN_DIR) from outside: the scene's data, models of every method on them and on data of
  * other shapes, votes, scores, pictures. What it shares with other executables: test_runs; what it refuses:
- * test_refused; watching: test_watch_cli. */
+ * test_refused; watching: test_watch_cli.
+ * ctest-labels: apps/lg-anomaly src/anomaly */
 #include "cli_support.h"
 
 #include <hdf5.h>

@@ -1,5 +1,6 @@
 # Searches and studies by several processes give the table of one: tasks of a job array, killed ones among them, and the
-# same command in two terminals. ctest-labels: slow
+# same command in two terminals.
+# ctest-labels: slow apps/common src/settings
 set -eu
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -1,5 +1,6 @@
 /* lg-hamiltonian (in LG_BIN_DIR) from outside: judging and recording, pictures, studies. What it shares with
- * other executables: test_runs; what it refuses: test_refused. */
+ * other executables: test_runs; what it refuses: test_refused.
+ * ctest-labels: apps/lg-hamiltonian src/hamiltonian */
 #include "cli_files.h"
 
 #include <hdf5.h>

@@ -1,5 +1,6 @@
 /* lg-elastica (in LG_BIN_DIR) from outside: equilibria, curves, networks, searches whose trials fail. What it
- * shares with other executables: test_runs; what it refuses: test_refused. */
+ * shares with other executables: test_runs; what it refuses: test_refused.
+ * ctest-labels: apps/lg-elastica src/elastica */
 #include "cli_support.h"
 
 #include "liegrad/io.h"

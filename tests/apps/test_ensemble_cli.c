@@ -1,5 +1,6 @@
 /* lg-simulate --ensemble and merge from outside: distributions, statistics with known answers, parts of an
- * ensemble against the whole, trajectories, what is refused. */
+ * ensemble against the whole, trajectories, what is refused.
+ * ctest-labels: apps/lg-simulate src/mechanics */
 #include "cli_support.h"
 
 #include <hdf5.h>

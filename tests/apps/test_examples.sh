@@ -1,4 +1,5 @@
-# The examples of the manual pages run, as one script. ctest-labels: slow
+# The examples of the manual pages run, as one script.
+# ctest-labels: slow apps/examples.sh apps/common
 set -eu
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

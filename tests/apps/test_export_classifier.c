@@ -1,6 +1,6 @@
 /* Classical classifiers exported as C against the library: features, decisions and their Jacobian, scores and
  * classes of random windows in both types; windows whose covariance is singular; what is written beside them.
- * ctest-labels: slow */
+ * ctest-labels: slow apps/lg-export src/anomaly */
 #include "export_classifier.h"
 
 enum { ROWS = 1000, MOST = 512 };

@@ -1,6 +1,7 @@
 /* lg-export (in LG_BIN_DIR) from outside: names, folders that exist, damaged files, interruption, a full
  * disk, foreign words in comments; and that the self-test it writes can fail. What it refuses: test_refused;
- * what the code of each kind of model computes is tested with the kinds. */
+ * what the code of each kind of model computes is tested with the kinds.
+ * ctest-labels: apps/lg-export */
 #include "export_support.h"
 
 #include "liegrad/io.h"

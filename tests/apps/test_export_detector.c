@@ -1,6 +1,6 @@
 /* Detectors exported as C against the library: value, gradient, probabilities and classes of random windows
  * in both types; what is written beside them.
- * ctest-labels: slow */
+ * ctest-labels: slow apps/lg-export src/anomaly src/nn */
 #include "export_detector.h"
 
 enum { ROWS = 1000, MOST_CLASSES = 8 };

@@ -1,6 +1,6 @@
 /* Learned Hamiltonians exported as C against the library: value, gradient, field and steps on random states
  * in both types; that steps stay on the manifold; the maps of SE(3) by themselves; what is refused.
- * ctest-labels: slow */
+ * ctest-labels: slow apps/lg-export src/hamiltonian */
 #include "export_hamiltonian.h"
 
 #include <float.h>

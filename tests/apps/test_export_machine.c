@@ -1,6 +1,6 @@
 /* Learned machines exported as C against the library: energy, gradient, field, steps, states and what a log
  * has, on random states in both types; long runs; self-tests by all compilers; what is refused.
- * ctest-labels: slow */
+ * ctest-labels: slow apps/lg-export src/machine */
 #include "support/models.h"
 #include "export_models.h"
 

@@ -2,7 +2,8 @@
  * Self-tests by three compilers, objects that need libm alone.
  * For one model, and in test_export_outside_ways for all: both types
  * by all compilers, straight code and loops, the stated stack.
- * test_program_c compares the C of each operation with the tape. ctest-labels: slow */
+ * test_program_c compares the C of each operation with the tape.
+ * ctest-labels: slow apps/lg-export src/autodiff examples/programs */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
 #include "liegrad/io.h"

@@ -1,5 +1,6 @@
 /* Programs exported by lg-export: self-tests in both types, symbols, stacks, what is refused, what a
- * self-test catches. */
+ * self-test catches.
+ * ctest-labels: slow apps/lg-export src/autodiff */
 #include "export_support.h"
 
 #include "liegrad/hamiltonian.h"

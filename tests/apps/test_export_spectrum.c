@@ -1,5 +1,6 @@
 /* Classifiers on spectra of windows longer than one segment, whose segments overlap: exported as C, against
- * the library. ctest-labels: slow */
+ * the library.
+ * ctest-labels: slow apps/lg-export src/anomaly */
 #define LENGTH_OF_WINDOWS 300
 #include "export_classifier.h"
 

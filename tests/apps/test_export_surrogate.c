@@ -1,6 +1,6 @@
 /* Surrogates of the elastica exported as C against the library: value, Jacobian and curve of random boundary
  * conditions; what the header says.
- * ctest-labels: slow */
+ * ctest-labels: slow apps/lg-export src/elastica */
 #include "export_surrogate.h"
 
 typedef struct example {

@@ -1,5 +1,5 @@
 /* Table networks exported as C against the library: value, Jacobian, class.
- * ctest-labels: slow */
+ * ctest-labels: slow apps/lg-export src/table */
 #include "export_models.h"
 
 #include "liegrad/io.h"

@@ -1,7 +1,7 @@
 /* What lg-export writes for other tools, built as its Makefile says and called as the tool would: CasADi
  * externals, FMUs, Simulink functions; ONNX and safetensors files are looked at. The reference are plans of
- * the model's program and of its derivatives. The tools themselves are asked in bench/tools. ctest-labels:
- * slow */
+ * the model's program and of its derivatives. The tools themselves are asked in bench/tools.
+ * ctest-labels: slow apps/lg-export src/autodiff */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
 #include "liegrad/io.h"

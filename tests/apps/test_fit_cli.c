@@ -1,4 +1,5 @@
-/* lg-fit: what it learns, what it predicts, and what it says of odd tables. */
+/* lg-fit: what it learns, what it predicts, and what it says of odd tables.
+ * ctest-labels: apps/lg-fit src/table */
 #include "cli_files.h"
 #include "files/h5.h"
 #include "liegrad/io.h"

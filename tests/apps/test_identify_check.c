@@ -1,4 +1,5 @@
-/* lg-identify check: what is in logs, what is refused, what is a warning. */
+/* lg-identify check: what is in logs, what is refused, what is a warning.
+ * ctest-labels: apps/lg-identify src/machine */
 #include "identify_support.h"
 
 static cli result;

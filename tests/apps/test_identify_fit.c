@@ -1,4 +1,4 @@
-/* ctest-labels: slow
+/* ctest-labels: slow apps/lg-identify src/machine src/nn
  * lg-identify fit from the command line: numbers with errors, the same bits, resumption, Ctrl-C, what is not
  * determined, the demo. */
 #include "identify_support.h"

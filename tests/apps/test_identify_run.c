@@ -1,4 +1,5 @@
-/* lg-identify generate, predict, evaluate: against motions that are known in closed form. */
+/* lg-identify generate, predict, evaluate: against motions that are known in closed form.
+ * ctest-labels: apps/lg-identify src/machine */
 #include "identify_support.h"
 
 static cli result;

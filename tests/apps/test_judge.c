@@ -1,5 +1,6 @@
 /* The headline numbers of lg-hamiltonian (in LG_BIN_DIR), computed a second time: E1 and E2 of `evaluate`,
- * starts, noise and energies of `generate`, medians and geometric means of `study`. */
+ * starts, noise and energies of `generate`, medians and geometric means of `study`.
+ * ctest-labels: apps/lg-hamiltonian src/hamiltonian */
 #include "support/models.h"
 #include "cli_files.h"
 

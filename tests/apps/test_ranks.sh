@@ -1,5 +1,6 @@
 # Ranks of mpirun: training with the bits of one process by 1 to 4 ranks of 1 and 2 threads, resumed by another number of
-# them; sweeps whose ranks are killed; what is refused. Skipped without mpirun or liegrad_mpi. ctest-labels: slow
+# them; sweeps whose ranks are killed; what is refused. Skipped without mpirun or liegrad_mpi.
+# ctest-labels: slow src/mpi src/nn apps/common
 . "$LG_TEST_DIR/apps/ranks.sh"
 . "$LG_TEST_DIR/apps/sweeps.sh"
 make_sweeps

@@ -1,6 +1,7 @@
 /* Command lines that executables refuse: exit code, a message that begins with the program's name and holds
  * the words, nothing on standard output, no file. Then files whose text is wrong, each with the command that
- * reads it. */
+ * reads it.
+ * ctest-labels: apps/common src/settings */
 #include "cli_support.h"
 
 #include "liegrad/integrators.h"

@@ -1,5 +1,6 @@
 /* What the executables that train have in common: help, the same bits for the same seed, Ctrl-C, resumption,
- * searches, full disks. */
+ * searches, full disks.
+ * ctest-labels: apps/common src/settings */
 #include "cli_support.h"
 
 #include "liegrad/io.h"

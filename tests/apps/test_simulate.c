@@ -1,5 +1,6 @@
 /* lg-simulate (in LG_BIN_DIR) from outside: numbers with known answers, schemes from files, trajectories,
- * pictures, gradients. What it refuses: test_refused. */
+ * pictures, gradients. What it refuses: test_refused.
+ * ctest-labels: apps/lg-simulate src/mechanics */
 #include "cli_support.h"
 
 #include <glob.h>

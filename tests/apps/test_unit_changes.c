@@ -1,5 +1,6 @@
 /* Results of commands in other units of mass, length and time: a part of the table, in four changes of
- * units. */
+ * units.
+ * ctest-labels: apps/common src/mechanics */
 #include "units_support.h"
 
 static int setup(void **state) {

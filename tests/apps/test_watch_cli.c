@@ -1,4 +1,5 @@
-/* lg-anomaly watch: feeds of every shape, gaps, pipes, Ctrl-C, memory. */
+/* lg-anomaly watch: feeds of every shape, gaps, pipes, Ctrl-C, memory.
+ * ctest-labels: apps/lg-anomaly src/anomaly */
 #include "apps/cli_support.h"
 
 #include "liegrad/io.h"

@@ -1,5 +1,6 @@
 /* Programs as C against the tape: every operation that can be in a program, as straight code and as loops
- * over tensors, compiled by gcc and clang, in both types. ctest-labels: slow */
+ * over tensors, compiled by gcc and clang, in both types.
+ * ctest-labels: slow src/autodiff src/kernels */
 #include <float.h>
 
 #include "autodiff/ops/op_rows.h"

@@ -2,6 +2,7 @@
 # lg-export where memory ends: the n-th allocation fails, alone or with all behind it, for every target. Either the files
 # are those of a run with enough memory, byte for byte, or one sentence tells why not and nothing is left. Some n; all of
 # them with LG_EVERY=1. Only allocations of liegrad and the C library fail: HDF5 dies of those that it needs.
+# ctest-labels: slow apps/lg-export
 set -u
 bin=$LG_BIN_DIR
 export PATH=$bin:$PATH LC_ALL=C

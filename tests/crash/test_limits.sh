@@ -1,7 +1,7 @@
 #!/bin/bash
 # What the commands do at the limits of the system: a full disk, folders that cannot be written, limits on memory, size of
 # files and descriptors, signals, closed pipes, clocks that jump, two writers of one output. A failure names the line.
-# ctest-labels: slow
+# ctest-labels: slow src/files apps/common
 set -u
 bin=$LG_BIN_DIR
 export PATH=$bin:$PATH LC_ALL=C

@@ -1,6 +1,7 @@
 /* 20000 mutants of programs: 14000 of decoded lists, 4500 of arrays in files, 1500 of files' bytes through
  * the probe, which forks for each. Each is refused with a sentence and a status of exit code 3, or is sound
- * and runs within its limits. ctest-labels: slow */
+ * and runs within its limits.
+ * ctest-labels: slow src/autodiff src/model */
 #include "program_mutants.h"
 
 TEST("mutated lists are refused or run") {

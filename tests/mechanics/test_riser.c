@@ -1,5 +1,4 @@
-/* The riser's structure: periods, matrices, laws of the foundation, energy, order of the time stepping.
- * ctest-labels: isa */
+/* The riser's structure: periods, matrices, laws of the foundation, energy, order of the time stepping. */
 #include "test_support.h"
 
 #include "liegrad/riser.h"

@@ -1,5 +1,4 @@
-/* Sea, sensors and runs of the riser.
- * ctest-labels: isa */
+/* Sea, sensors and runs of the riser. */
 #include "test_support.h"
 
 #include "liegrad/riser.h"

@@ -1,4 +1,4 @@
-/* ctest-labels: slow
+/* ctest-labels: slow src/machine
  * The loss that is expected of a model that explains its logs: the mean over logs whose noise is drawn. */
 #include "models/machine_support.h"
 

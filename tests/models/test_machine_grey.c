@@ -1,4 +1,4 @@
-/* ctest-labels: slow
+/* ctest-labels: slow src/machine
  * Machines of named systems: their parameters learned from trajectories of the systems themselves, or of
  * equations written out here; units; what the logs leave open; what is refused. */
 #include "models/machine_support.h"

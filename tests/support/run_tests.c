@@ -1,5 +1,5 @@
-/* The main function of a room's executable: SUITE [CLAIM] runs the tests of a file, or of them those whose claims
- * match (* and ? are wildcards). */
+/* The main function of a room's executable: SUITE [CLAIM] runs the tests of a file, or those of them whose
+ * claims match (* and ? are wildcards). */
 #include "test_support.h"
 
 enum { MOST_OWNED = 1 << 16 };
