@@ -165,8 +165,15 @@ static int build_model(job *j) {
     return code;
 }
 
-static bool is_exported(const char *kind) {
-    return lg_recipe_find(kind) != NULL || strcmp(kind, "classifier") == 0 || strcmp(kind, "program") == 0;
+/* What is exported of a file of this kind: recipes and classifiers have code of their kind, all other files
+ * with functions are programs. NULL: the file has no functions. */
+static const char *kind_of(const job *j, const char *kind) {
+    lg_program *program;
+    if (lg_recipe_find(kind) != NULL || strcmp(kind, "classifier") == 0 || strcmp(kind, "program") == 0)
+        return kind;
+    if (lg_program_load(j->self->context, j->path, NULL, &program, NULL) != LG_OK) return NULL;
+    lg_program_destroy(program);
+    return "program";
 }
 
 static int refuse_kind(const job *j, const char *kind) {
@@ -204,13 +211,14 @@ static int refuse_scene(const job *j) {
 }
 
 static int build(job *j) {
-    static char kind[64];
+    static char own[64];
     lg_error error = {LG_OK, ""};
     if (is_text(j->path))
         return export_targets[given.target].build != NULL ? build_target(j, "scene") : refuse_scene(j);
-    const lg_status status = lg_file_kind(j->self->context, j->path, NULL, kind, sizeof kind, &error);
+    const lg_status status = lg_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
-    if (!is_exported(kind)) return refuse_kind(j, kind);
+    const char *kind = kind_of(j, own);
+    if (kind == NULL) return refuse_kind(j, own);
     export_read_units(j->self, j->path, &j->options);
     if (export_targets[given.target].build != NULL) return build_target(j, kind);
     const bool program = strcmp(kind, "program") == 0;

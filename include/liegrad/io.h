@@ -607,8 +607,8 @@ LG_API lg_status lg_run_compare(const lg_recipe *kind, const void *stored, const
  * same bytes when it is saved again. `provenance` may be NULL. The program keeps the context. */
 LG_API lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
                                  const lg_provenance *provenance, lg_error *error);
-/* Checks everything as lg_program_add_image (liegrad/program_image.h) does for memory: a program that loads
- * is sound. All arrays together are within options->max_size. LG_FORMAT also for unknown operations,
+/* Loads the functions of a program or of a model. Checks everything as lg_program_add_image
+ * (liegrad/program_image.h) does for memory: a program that loads is sound. All arrays together are within options->max_size. LG_FORMAT also for unknown operations,
  * LG_VERSION for operations of a later revision. */
 LG_API lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                                  lg_program **out, lg_error *error);
@@ -618,16 +618,25 @@ LG_API lg_status lg_program_load(const lg_context *context, const char *path, co
 LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
                               char *kind, size_t size, lg_error *error);
 
-/* A model file of any recipe, loaded for use in a control program. */
+/* Writes a model as functions: kind, program, and the space of the states (NULL: it does not move). What
+ * lg_model_create takes becomes a file that lg_model_load, lg_program_load and lg-export read, whatever the
+ * kind is called. `provenance` may be NULL. Errors: those of lg_program_save. */
+LG_API lg_status lg_model_save(const lg_context *context, const char *path, const char *kind,
+                               const lg_program *program, const lg_space *space,
+                               const lg_provenance *provenance, lg_error *error);
+
+/* A model file, loaded for use in a control program. */
 typedef struct lg_model_file {
     const lg_context *context;
-    const lg_recipe *recipe;
-    lg_model *model; /* owned */
-    void *contents;  /* owned: the recipe's file structure; lg_model_file_of gives it with its type */
+    const lg_recipe *recipe; /* NULL: the kind is none of lg_recipes */
+    lg_model *model;         /* owned */
+    void *contents;          /* owned: the recipe's file structure; lg_model_file_of gives it with its type */
 } lg_model_file;
-/* Errors: those of the recipe's own loader; LG_FORMAT for a kind that is no recipe, with a sentence that says
- * what the file is: checkpoints, data, classical classifiers (read by lg_classifier_load), programs (read by
- * lg_program_load). */
+/* Loads the functions of a file of any kind (liegrad/model.h says which it needs), for a recipe its contents
+ * too. Files of version 1 hold no functions: their recipe records them. Errors: those of the recipe's own
+ * loader and of lg_program_load; LG_FORMAT for functions that lg_model_create refuses, and for files without
+ * functions, with a sentence that says what the file is: checkpoints, data, classical classifiers (read by
+ * lg_classifier_load). */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
 /* The contents where the file is of this recipe: an lg_hamiltonian_file of lg_recipe_hamiltonian and so on.

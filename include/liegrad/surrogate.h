@@ -194,8 +194,7 @@ LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit
 
 /* ---- as a program ---- */
 
-/* A program with the parameter `theta`, where there are modes `mean` and `modes` too, and the functions of the
- * kind:
+/* A program with the parameter `theta` (with modes also `mean` and `modes`) and the functions of the kind:
  *   value  x -> y, and grad  x -> y, g: y and its Jacobian, as liegrad/model.h says for the kind
  *   point  continuous: s, x (8, one for all rows) -> q, v at s; angle: s, ends (5, one for all rows) -> theta
  *   place  continuous: s, x (8, one for all rows) -> q at s

@@ -50,6 +50,22 @@ TEST("some functions only") {
     assert_int_not_equal(export_shell("grep -q 'void some_many(' some/some.h", out), 0);
 }
 
+TEST("a file of an unknown kind that holds functions is a program") {
+    static char out[EXPORT_TEXT];
+    char path[1024];
+    lg_program *program;
+    save_network("network");
+    cli_path("network.h5", path, sizeof path);
+    assert_ok(lg_program_load(NULL, path, NULL, &program, NULL));
+    cli_path("unknown.h5", path, sizeof path);
+    assert_ok(lg_model_save(NULL, path, "rotor", program, NULL, NULL, NULL));
+    lg_program_destroy(program);
+    export_run("network.h5 --out network --name n");
+    export_run("unknown.h5 --out unknown --name n");
+    assert_int_equal(export_shell("cmp network/n.c unknown/n.c", out), 0);
+    assert_int_equal(export_shell("cmp network/n_weights.c unknown/n_weights.c", out), 0);
+}
+
 /* Numbers of several functions are stored once. */
 TEST("weights are shared") {
     static char out[EXPORT_TEXT];

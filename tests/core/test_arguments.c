@@ -147,6 +147,8 @@ TEST("programs") {
     REFUSES(lg_program_add_image(NEEDED(bare), NEEDED(image), NULL));
     REFUSES(lg_function_pack(NEEDED(image), NULL, NEEDED(&size), NULL));
     REFUSES(lg_function_unpack(NULL, NEEDED("f"), NEEDED("?"), 1, NEEDED(&size), NEEDED(&copy), NULL));
+    REFUSES(lg_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED("rotor"), NEEDED(program), NULL, NULL,
+                          NULL));
     REFUSES(lg_program_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(program), NULL, NULL));
     REFUSES(lg_program_train(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NULL, NULL, NULL));
     lg_function_image_destroy(image);

@@ -159,6 +159,59 @@ TEST("a freed file is zero and may be freed again") {
     }
 }
 
+/* ---- a kind that the library does not know ---- */
+
+/* x_i' = w_i sin(x_i) on R^3 */
+static lg_status rotor_field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user;
+    y[0] = lg_mul(tape, lg_sin(tape, x[0]), theta[0]);
+    return lg_tape_status(tape);
+}
+
+TEST("a file of an unknown kind loads, evaluates, is linearised and steps by its functions") {
+    const double weights[3] = {0.7, -1.3, 0.4}, state[3] = {0.3, -0.2, 1.1};
+    const lg_port in = {.name = "x", .shape = lg_shape1(3)}, out = {.name = "f"};
+    const lg_function_spec field = {"field", &in, 1, &out, 1, rotor_field, NULL};
+    const lg_parameter_spec theta = {"theta", lg_shape1(3), weights};
+    const char *path = scratch_path("rotor.h5");
+    lg_program_spec spec;
+    lg_program *program;
+    lg_space space;
+    lg_model_file file;
+    double found[3], A[9];
+    lg_program_spec_init(&spec);
+    spec.functions = &field;
+    spec.parameters = &theta;
+    spec.function_count = spec.parameter_count = 1;
+    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    assert_ok(lg_space_init_rn(&space, 3));
+    assert_ok(lg_model_save(NULL, path, "rotor", program, &space, NULL, NULL));
+    lg_program_destroy(program);
+    assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
+    assert_null(file.recipe);
+    void *work = test_work(lg_model_work_size(file.model));
+    assert_ok(lg_model_field(file.model, state, NULL, found, work));
+    assert_ok(lg_model_linearise(file.model, state, NULL, A, NULL, NULL, work));
+    for (size_t i = 0; i < 3; i++) {
+        assert_close(found[i], weights[i] * sin(state[i]), 1e-15, 0.0);
+        for (size_t j = 0; j < 3; j++)
+            assert_close(A[3 * i + j], i == j ? weights[i] * cos(state[i]) : 0.0, 1e-15, 0.0);
+    }
+    const lg_scheme *scheme = lg_scheme_find("rkmk4");
+    const size_t bytes = lg_model_stepper_size(file.model, scheme);
+    lg_stepper *stepper;
+    assert_ok(lg_model_stepper_init(file.model, scheme, &stepper, test_work(bytes), bytes));
+    assert_ok(lg_step(stepper, 0.0, 0.1, state, NULL, found));
+    for (size_t i = 0; i < 3; i++) /* tan(x/2) grows by exp(w h) */
+        assert_close(found[i], 2.0 * atan(tan(0.5 * state[i]) * exp(0.1 * weights[i])), 1e-6, 0.0);
+    lg_model_file_destroy(&file);
+    assert_ok(lg_program_load(NULL, path, NULL, &program, NULL));
+    lg_program_destroy(program);
+    replace_text(path, "model", "space", "R^2");
+    assert_refused(read_any, path, LG_FORMAT, "the state has 3 numbers and the space 2", "");
+    assert_true(fail_every_reading(read_any, fresh(KIND_TABLE)) >= 2);
+}
+
 /* ---- what is no model ---- */
 
 TEST("files that say that they are another kind are refused, whatever is in them") {

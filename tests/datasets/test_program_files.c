@@ -150,9 +150,7 @@ TEST("what is wrong in a file, or missing, is refused by name") {
         {"parameters/scale", SCALAR(NAN), LG_NOT_FINITE, "~NaN"},
         {"functions/value", ARRAY(1, 100), LG_FORMAT, "integers"},
         {"functions/value", SCALAR(1), LG_FORMAT, "bytes"},
-        {"@kind", TEXT("hamiltonian"), LG_FORMAT, "program"},
         /* what a file says of itself does not reach the terminal raw */
-        {"@kind", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
         {"@format", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
         {"@format_version", WHOLE(3), LG_VERSION, "up to 2"},
     };

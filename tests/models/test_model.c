@@ -651,3 +651,41 @@ TEST("a program on any space is linearised, moved and brought to rest in its coo
         assert_true(lg_space_manifold_error(&w->space, y) < 1e-14);
     }
 }
+
+/* The first *user numbers of sin(x), x repeated. */
+static lg_status first_numbers(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const uint32_t *count = user;
+    const lg_var both[2] = {lg_sin(tape, x[0]), x[0]};
+    (void)theta;
+    y[0] = lg_slice(tape, lg_concat(tape, both, 2, 1), 1, 0, *count);
+    return lg_tape_status(tape);
+}
+
+TEST("functions that do not fit together or the space are refused") {
+    static const struct {
+        const char *name;
+        uint32_t in, out; /* numbers of x and of the result */
+        lg_status status;
+    } rows[] = {{"field", 6, 6, LG_OK},
+                {"field", 6, 5, LG_SHAPE},
+                {"field", 5, 6, LG_SHAPE},
+                {"value", 6, 1, LG_NOT_FOUND}, /* a space and no field */
+                {"other", 6, 6, LG_NOT_FOUND}};
+    const lg_space_factor factor = {LG_SPACE_TS2, 1};
+    lg_space space;
+    assert_ok(lg_space_init(&space, &factor, 1));
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const lg_port in = {.name = "x", .shape = lg_shape1(rows[i].in)}, out = {.name = "y"};
+        const lg_function_spec function = {
+            rows[i].name, &in, 1, &out, 1, first_numbers, (void *)(uintptr_t)&rows[i].out};
+        lg_program_spec spec;
+        lg_program *program;
+        lg_model *model = NULL;
+        lg_program_spec_init(&spec);
+        spec.functions = &function;
+        spec.function_count = 1;
+        assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+        assert_status(lg_model_create(NULL, program, &space, &model, NULL), rows[i].status);
+        lg_model_destroy(model);
+    }
+}

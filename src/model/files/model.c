@@ -69,11 +69,9 @@ static lg_status put_slice(lg_h5 *h5, const slice *s, lg_dtype dtype, const doub
 
 static lg_status put_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     lg_space space;
-    char text[LG_SPACE_TEXT];
     if (kind->space == NULL) return LG_OK;
     LG_TRY(kind->space(run, &space));
-    lg_space_text(&space, text);
-    return lg_h5_put_text(h5, "model", "space", text, error);
+    return lg_program_put_space(h5, &space, error);
 }
 
 /* ---- functions ---- */

@@ -1,16 +1,17 @@
 /* Programs in files. Parameters are below /parameters, functions as bytes (liegrad/program_image.h) below
- * /functions, by name; attribute `order` of these groups has their order. The numbers of a parameter may lie in
- * other places of the file: then /parameters has an attribute of its name, texts of places one after the other,
- * each with or without a word:
+ * /functions, by name; attribute `order` of these groups has their order. The numbers of a parameter may lie
+ * in other places of the file. Then /parameters has an attribute with the parameter's name: a list of
+ * places, each one with or without a word:
  *   model/layer1/weight          the numbers as they are
  *   single scaler/mean           rounded to single precision; 0 where that is not finite
  *   rest scaler/mean             the number less what `single` gives
  *   inverse scaler/scale         1 over the number
- * The parameter is then a vector, and no number is stored twice. */
+ * The parameter is the vector of these numbers, place after place. So no number is stored twice. */
 #ifndef LG_PROGRAM_FILE_H
 #define LG_PROGRAM_FILE_H
 
 #include "files/h5.h"
+#include "liegrad/integrators.h"
 #include "liegrad/program_image.h"
 
 enum { LG_PROGRAM_NAME = 65, LG_PROGRAM_MOST_NAMES = 1024 };
@@ -61,6 +62,8 @@ lg_status lg_program_add(lg_program_reading *r, const char *path, const lg_funct
 lg_status lg_program_put_functions(lg_h5 *h5, const lg_program *program, lg_error *error);
 lg_status lg_program_put_parameters(lg_h5 *h5, const lg_program *program, const lg_program_source *places,
                                     size_t count, lg_error *error);
+/* The attribute `space` of a model. */
+lg_status lg_program_put_space(lg_h5 *h5, const lg_space *space, lg_error *error);
 /* The program of an open file of any kind. */
 lg_status lg_program_get(lg_h5 *h5, lg_program **out, lg_error *error);
 

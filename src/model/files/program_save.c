@@ -131,23 +131,36 @@ lg_status lg_program_put_functions(lg_h5 *h5, const lg_program *program, lg_erro
     return LG_OK;
 }
 
-static lg_status put_program(lg_h5 *h5, const lg_program *program, const lg_provenance *provenance,
-                             lg_error *error) {
-    LG_TRY(lg_h5_put_header(h5, "program", provenance, error));
+lg_status lg_program_put_space(lg_h5 *h5, const lg_space *space, lg_error *error) {
+    char text[LG_SPACE_TEXT];
+    lg_space_text(space, text);
+    return lg_h5_put_text(h5, "model", "space", text, error);
+}
+
+static lg_status put_model(lg_h5 *h5, const char *kind, const lg_program *program, const lg_space *space,
+                           const lg_provenance *provenance, lg_error *error) {
+    LG_TRY(lg_h5_put_header(h5, kind, provenance, error));
     if (lg_program_description(program)[0] != '\0')
         LG_TRY(lg_h5_put_text(h5, "", "description", lg_program_description(program), error));
+    if (space != NULL) LG_TRY(lg_program_put_space(h5, space, error));
     LG_TRY(lg_program_put_parameters(h5, program, NULL, 0, error));
     return lg_program_put_functions(h5, program, error);
 }
 
-lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
-                          const lg_provenance *provenance, lg_error *error) {
+lg_status lg_model_save(const lg_context *context, const char *path, const char *kind,
+                        const lg_program *program, const lg_space *space, const lg_provenance *provenance,
+                        lg_error *error) {
     lg_h5 *h5;
-    if (path == NULL || program == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and a program");
+    if (path == NULL || kind == NULL || program == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, a kind and a program");
     LG_TRY(lg_h5_create(context, path, &h5, error));
-    lg_status status = put_program(h5, program, provenance, error);
+    lg_status status = put_model(h5, kind, program, space, provenance, error);
     if (status == LG_OK) status = lg_h5_commit(h5, error);
     lg_h5_close(h5);
     return status;
+}
+
+lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
+                          const lg_provenance *provenance, lg_error *error) {
+    return lg_model_save(context, path, "program", program, NULL, provenance, error);
 }

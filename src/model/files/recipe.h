@@ -28,7 +28,7 @@ struct lg_recipe {
     /* Parameters: slice number `index`, named below /model; false beyond the last. */
     size_t (*parameters)(const void *run);
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
-    /* The functions of the model in a file structure, with steps of `scheme` (NULL: the model's usual one). */
+    /* The functions of the model in a file structure, with steps of `scheme` (NULL: the usual one). */
     lg_status (*program)(const lg_context *context, const void *file, const lg_scheme *scheme,
                          lg_program **out, lg_error *error);
     lg_status (*space)(const void *run, lg_space *out); /* of the states; NULL: the model does not move */
