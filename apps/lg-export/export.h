@@ -185,6 +185,8 @@ lg_status export_round_parameters(export_source *source, lg_program *program);
 
 /* Schemes without an explicit step on the space: a sentence and APP_EXIT_USAGE. */
 int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme);
+/* The end of a step on the space; `factors`: a table of the factors is needed for more than that. */
+void export_arrive(export_source *source, const lg_space *space, bool factors);
 /* "state (6)     words" */
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
 void export_tell_scheme(text *about, const lg_scheme *scheme, size_t evaluations, const char *what);

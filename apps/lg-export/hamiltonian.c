@@ -313,6 +313,32 @@ int export_check_scheme(const app *self, const lg_space *space, bool separable, 
         scheme_name(scheme), separable ? ", or stormer-verlet and other splittings" : "");
 }
 
+/* Numbers of a copy, and copies; SE(3) is a rotation and three numbers. */
+static void add_factor(export_source *source, const lg_space_factor *factor) {
+    const size_t numbers = lg_space_kind_entry(factor->kind)->state;
+    if (factor->kind == LG_SPACE_TS2 || factor->kind == LG_SPACE_SO3)
+        lg_text_add(&source->code, "{%zu, %zu}, ", numbers, factor->count);
+    else if (factor->kind != LG_SPACE_SE3)
+        lg_text_add(&source->code, "{1, %zu}, ", numbers * factor->count);
+    for (size_t i = 0; factor->kind == LG_SPACE_SE3 && i < factor->count; i++)
+        lg_text_add(&source->code, "{9, 1}, {1, 3}, ");
+}
+
+void export_arrive(export_source *source, const lg_space *space, bool factors) {
+    bool flat = true;
+    for (size_t f = 0; f < space->factors; f++)
+        flat = flat && lg_space_kind_entry(space->factor[f].kind)->lift == NULL;
+    if (!flat || factors) {
+        lg_text_add(&source->code, "/* Numbers of a copy, and copies, of each factor of the state. */\n"
+                                   "static const int factors[][2] = {");
+        for (size_t f = 0; f < space->factors; f++) add_factor(source, &space->factor[f]);
+        lg_text_add(&source->code, "};\nenum { FACTORS = sizeof factors / sizeof *factors, DIRECTION = 6, "
+                                   "ROTATION = 9 };\n");
+    }
+    if (!flat) export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
+    export_code(source, flat ? "arrive" : "arrive_manifold");
+}
+
 /* Bytes of the frames of code/hamiltonian, gcc and clang, -O0 to -O3, and how many there are. */
 enum { STACK = 1024, CALLS = 3 };
 
@@ -328,12 +354,11 @@ static int add_code(const app *self, export_source *source, const lg_hamiltonian
     const int code = export_bundle(self, source, program, true, functions, LG_COUNT(functions));
     if (code != APP_EXIT_OK) return code;
     lg_text_add(&source->code, "\n");
-    export_constant(source, "LINKS", model->n);
     export_constant(source, "STATE", lg_hamiltonian_state_dim(model));
     if (m > 0) export_constant(source, "INPUT", m);
-    const bool ts2 = model->family->factors == 1 && model->family->factor[0] == LG_SPACE_TS2;
-    if (ts2) export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
-    export_code(source, ts2 ? "arrive_ts2" : "arrive");
+    lg_space space;
+    (void)lg_hamiltonian_space(model->family, model->n, &space);
+    export_arrive(source, &space, false);
     export_code(source, m > 0 ? "forced" : "unforced");
     lg_text_add(&source->code, "\n");
     export_code(source, "hamiltonian");

@@ -241,7 +241,7 @@ static void add_linearise(const job *j, size_t work) {
     export_code(source, m > 0 ? "linear_forced" : "linear_unforced");
     lg_text_add(&source->code, "\n");
     export_code(source, "linearise");
-    work += d * (d + m + 2) + j->tangent;
+    work += d * (d + m + 1) + j->tangent;
     if (work > source->work) source->work = work;
     source->stack += STACK;
 }
@@ -266,17 +266,7 @@ static int add_code(const job *j) {
     lg_text_add(&source->code, "\n");
     export_constant(source, "STATE", j->space.dim);
     if (machine->input_count > 0) export_constant(source, "INPUT", machine->input_count);
-    if (machine->directions + machine->rotations > 0 || j->linearise) {
-        export_constant(source, "PLACES", machine->places);
-        export_constant(source, "DIRECTIONS", machine->directions);
-        export_constant(source, "ROTATIONS", machine->rotations);
-    }
-    if (machine->directions + machine->rotations > 0) {
-        export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
-        export_code(source, "arrive_machine");
-    } else {
-        export_code(source, "arrive");
-    }
+    export_arrive(source, &j->space, j->linearise);
     export_code(source, machine->input_count > 0 ? "forced" : "unforced");
     lg_text_add(&source->code, "\n");
     export_code(source, "hamiltonian");

@@ -15,67 +15,84 @@ static real inner(const real *a, const real *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* The direction (STATE) of tangent coordinate j. */
-static void tangent_direction(const real *state, int j, real *out) {
-    const int rotations = PLACES + 4 * DIRECTIONS, momenta = rotations + 3 * ROTATIONS;
-    for (int i = 0; i < STATE; i++) out[i] = REAL(0.0);
-    if (j < PLACES) {
-        out[j] = REAL(1.0);
-    } else if (j < rotations) {
-        const int at = PLACES + (j - PLACES) / 4 * 6, k = (j - PLACES) % 4;
-        const real *q = state + at;
+/* Coordinates of a copy of a factor. */
+static int tangent_of(int numbers) {
+    return numbers == DIRECTION ? 4 : numbers == ROTATION ? 3 : 1;
+}
+
+/* The direction of coordinate k of a copy. */
+static void copy_direction(int numbers, const real *y, int k, real *out) {
+    for (int i = 0; i < numbers; i++) out[i] = REAL(0.0);
+    if (numbers == DIRECTION) {
         real e[6];
-        frame_at(q, e);
+        frame_at(y, e);
         for (int c = 0; c < 3; c++) {
-            out[at + c] = k < 2 ? e[3 * k + c] : REAL(0.0);
-            out[at + 3 + c] = k < 2 ? -q[c] * inner(e + 3 * k, q + 3) : e[3 * (k - 2) + c];
+            out[c] = k < 2 ? e[3 * k + c] : REAL(0.0);
+            out[3 + c] = k < 2 ? -y[c] * inner(e + 3 * k, y + 3) : e[3 * (k - 2) + c];
         }
-    } else if (j < momenta) {
-        const int at = PLACES + 6 * DIRECTIONS + (j - rotations) / 3 * 9, k = (j - rotations) % 3;
-        for (int row = at; row < at + 9; row += 3) {
-            out[row + (k + 1) % 3] = state[row + (k + 2) % 3];
-            out[row + (k + 2) % 3] = -state[row + (k + 1) % 3];
+    } else if (numbers == ROTATION) {
+        for (int row = 0; row < 9; row += 3) {
+            out[row + (k + 1) % 3] = y[row + (k + 2) % 3];
+            out[row + (k + 2) % 3] = -y[row + (k + 1) % 3];
         }
     } else {
-        out[PLACES + 6 * DIRECTIONS + 9 * ROTATIONS + j - momenta] = REAL(1.0);
+        out[0] = REAL(1.0);
+    }
+}
+
+static void copy_coordinates(int numbers, const real *y, const real *vector, real *c) {
+    if (numbers == DIRECTION) {
+        real e[6];
+        frame_at(y, e);
+        for (int j = 0; j < 4; j++) c[j] = inner(e + 3 * (j % 2), vector + 3 * (j / 2));
+    } else if (numbers == ROTATION) {
+        for (int j = 0; j < 3; j++) {
+            const int k = (j + 1) % 3, l = (j + 2) % 3;
+            real sum = REAL(0.0);
+            for (int row = 0; row < 9; row += 3)
+                sum += y[row + l] * vector[row + k] - y[row + k] * vector[row + l];
+            c[j] = REAL(0.5) * sum;
+        }
+    } else {
+        c[0] = vector[0];
     }
 }
 
 /* The coordinates (TANGENT) of a vector (STATE). */
 static void tangent_coordinates(const real *state, const real *vector, real *c) {
-    int at = PLACES;
-    for (int i = 0; i < PLACES; i++) *c++ = vector[i];
-    for (int i = 0; i < DIRECTIONS; i++, at += 6) {
-        real e[6];
-        frame_at(state + at, e);
-        for (int j = 0; j < 4; j++) *c++ = inner(e + 3 * (j % 2), vector + at + 3 * (j / 2));
-    }
-    for (int i = 0; i < ROTATIONS; i++, at += 9)
-        for (int j = 0; j < 3; j++) {
-            const int k = (j + 1) % 3, l = (j + 2) % 3;
-            real sum = REAL(0.0);
-            for (int row = at; row < at + 9; row += 3)
-                sum += state[row + l] * vector[row + k] - state[row + k] * vector[row + l];
-            *c++ = REAL(0.5) * sum;
+    for (int f = 0; f < FACTORS; f++)
+        for (int copy = 0; copy < factors[f][1]; copy++) {
+            const int numbers = factors[f][0];
+            copy_coordinates(numbers, state, vector, c);
+            state += numbers, vector += numbers, c += tangent_of(numbers);
         }
-    for (; at < STATE; at++) *c++ = vector[at];
+}
+
+/* out (STATE) = jx (STATE, numbers of a copy) direction */
+static void move_along(int numbers, const real *jx, const real *direction, real *out) {
+    for (int i = 0; i < STATE; i++) {
+        real sum = REAL(0.0);
+        for (int k = 0; k < numbers; k++) sum += jx[i * STATE + k] * direction[k];
+        out[i] = sum;
+    }
 }
 
 void NAME_linearise(const NAME_real *state, const NAME_real *input, NAME_real *A, NAME_real *B,
                     NAME_real *work) {
-    real *jx = work, *ju = jx + STATE * STATE, *direction = ju + STATE * INPUT;
-    real *vector = direction + STATE, *c = vector + STATE;
+    real *jx = work, *ju = jx + STATE * STATE, *vector = ju + STATE * INPUT, *c = vector + STATE;
+    real direction[ROTATION];
+    int at = 0, column = 0;
     linear(state, input, jx, ju, c + TANGENT);
-    for (int j = 0; j < TANGENT && A != NULL; j++) {
-        tangent_direction(state, j, direction);
-        for (int i = 0; i < STATE; i++) {
-            real sum = REAL(0.0);
-            for (int k = 0; k < STATE; k++) sum += jx[i * STATE + k] * direction[k];
-            vector[i] = sum;
+    for (int f = 0; f < FACTORS && A != NULL; f++)
+        for (int j = 0; j < factors[f][1] * tangent_of(factors[f][0]); j++) {
+            const int numbers = factors[f][0], k = j % tangent_of(numbers);
+            copy_direction(numbers, state + at, k, direction);
+            move_along(numbers, jx + at, direction, vector);
+            tangent_coordinates(state, vector, c);
+            for (int i = 0; i < TANGENT; i++) A[i * TANGENT + column] = c[i];
+            column++;
+            if (k + 1 == tangent_of(numbers)) at += numbers;
         }
-        tangent_coordinates(state, vector, c);
-        for (int i = 0; i < TANGENT; i++) A[i * TANGENT + j] = c[i];
-    }
     for (int j = 0; j < INPUT && B != NULL; j++) {
         for (int i = 0; i < STATE; i++) vector[i] = ju[i * INPUT + j];
         tangent_coordinates(state, vector, c);

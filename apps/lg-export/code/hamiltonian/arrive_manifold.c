@@ -34,11 +34,17 @@ static void settle_rotation(const real *to, real *next) {
         }
 }
 
-/* The state at the end of a step: places, directions, rotations, momenta. */
+/* The state at the end of a step. */
 static void arrive(const real *from, const real *to, real *next) {
-    const int rotations = PLACES + 6 * DIRECTIONS, momenta = rotations + 9 * ROTATIONS;
-    for (int i = 0; i < PLACES; i++) next[i] = to[i];
-    for (int i = PLACES; i < rotations; i += 6) settle_direction(from + i, to + i, next + i);
-    for (int i = rotations; i < momenta; i += 9) settle_rotation(to + i, next + i);
-    for (int i = momenta; i < STATE; i++) next[i] = to[i];
+    for (int f = 0; f < FACTORS; f++)
+        for (int copy = 0; copy < factors[f][1]; copy++) {
+            const int numbers = factors[f][0];
+            if (numbers == DIRECTION)
+                settle_direction(from, to, next);
+            else if (numbers == ROTATION)
+                settle_rotation(to, next);
+            else
+                next[0] = to[0];
+            from += numbers, to += numbers, next += numbers;
+        }
 }
