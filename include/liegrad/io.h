@@ -608,8 +608,8 @@ LG_API lg_status lg_run_compare(const lg_recipe *kind, const void *stored, const
 LG_API lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
                                  const lg_provenance *provenance, lg_error *error);
 /* Loads the functions of a program or of a model. Checks everything as lg_program_add_image
- * (liegrad/program_image.h) does for memory: a program that loads is sound. All arrays together are within options->max_size. LG_FORMAT also for unknown operations,
- * LG_VERSION for operations of a later revision. */
+ * (liegrad/program_image.h) does for memory: a program that loads is sound. All arrays together are within
+ * options->max_size. LG_FORMAT also for unknown operations, LG_VERSION for operations of a later revision. */
 LG_API lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                                  lg_program **out, lg_error *error);
 

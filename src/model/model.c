@@ -63,6 +63,11 @@ static lg_status check_function(const lg_model *model, lg_model_function functio
     return LG_OK;
 }
 
+static lg_status check_state(const lg_model *model, size_t numbers, lg_error *error) {
+    if (numbers == model->space.dim) return LG_OK;
+    return lg_fail(error, LG_SHAPE, "the state has %zu numbers and the space %zu", numbers, model->space.dim);
+}
+
 static lg_status check_functions(const lg_model *model, lg_error *error) {
     const size_t d = model->inputs, y = model->outputs, m = lg_model_input_dim(model),
                  q = outputs_of(model->plan[LG_MODEL_POSITIONS]),
@@ -70,8 +75,7 @@ static lg_status check_functions(const lg_model *model, lg_error *error) {
     const size_t sizes[SIZES] = {
         [D] = d,      [U] = m,      [HALF] = d / 2, [Y] = y, [YD] = y * d, [A] = model->space.algebra_dim,
         [DD] = d * d, [DU] = d * m, [Q] = q,        [V] = v};
-    if (lg_model_moves(model) && d != model->space.dim)
-        return lg_fail(error, LG_SHAPE, "the state has %zu numbers and the space %zu", d, model->space.dim);
+    if (lg_model_moves(model)) LG_TRY(check_state(model, d, error));
     for (size_t i = 0; i < LG_MODEL_FUNCTIONS; i++)
         if (model->plan[i] != NULL) LG_TRY(check_function(model, (lg_model_function)i, sizes, error));
     return LG_OK;
@@ -96,6 +100,7 @@ static lg_status add_velocity(lg_model *model, lg_error *error) {
     if (lg_program_find(model->program, "field", &field) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "the model has a space and no function field");
     const lg_port *in = lg_program_inputs(model->program, field, &inputs);
+    LG_TRY(check_state(model, lg_shape_count(in[0].shape), error));
     const lg_function_spec spec = {"velocity", in, inputs, &out, 1, velocity, &model->space};
     return lg_program_record_function(model->program, &spec, false, error);
 }
