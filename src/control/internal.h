@@ -1,9 +1,8 @@
-/* Internals of control.h: dense matrices, row-major, on the library's own kernels (no allocation, no
- * lock). */
-#ifndef LG_MODELS_CONTROL_INTERNAL_H
-#define LG_MODELS_CONTROL_INTERNAL_H
+/* Internals of control.h: parts of the caller's memory. */
+#ifndef LG_CONTROL_INTERNAL_H
+#define LG_CONTROL_INTERNAL_H
 
-#include "kernels/kernels.h"
+#include "kernels/matrix.h"
 #include "liegrad/control.h"
 
 /* Gives out parts of the caller's memory one after the other, each on a boundary of LG_ALIGNMENT. With base
@@ -15,32 +14,5 @@ typedef struct lg_portions {
 void *lg_portion(lg_portions *from, size_t count, size_t size);
 /* Memory from the caller: not NULL, aligned, enough. */
 lg_status lg_portions_check(const void *memory, size_t bytes, size_t needed, lg_error *error);
-
-/* c (m, n) = a (m, k) b (k, n), or a^T with a (k, m). */
-void lg_matrix_multiply(size_t m, size_t n, size_t k, const double *a, const double *b, double *c);
-void lg_matrix_multiply_tn(size_t m, size_t n, size_t k, const double *a, const double *b, double *c);
-/* c (n, m) = a (m, n)^T */
-void lg_matrix_transpose(size_t m, size_t n, const double *a, double *c);
-/* y += c x */
-void lg_matrix_add(size_t count, double c, const double *x, double *y);
-/* In place: (x + x^T)/2 of x (n, n). */
-void lg_matrix_symmetrise(size_t n, double *x);
-/* A matrix in twice the digits, high + low. */
-typedef struct lg_matrix_pair {
-    double *high, *low;
-} lg_matrix_pair;
-/* c (m, n) = a^T b, a (k, m), b (k, n); b.low may be NULL (Ogita, Rump & Oishi 2005, Dot2). */
-void lg_matrix_multiply_twice(size_t m, size_t n, size_t k, const double *a, lg_matrix_pair b,
-                              lg_matrix_pair c);
-/* y += x */
-void lg_matrix_add_twice(size_t count, const double *x, lg_matrix_pair y);
-double lg_matrix_norm(size_t count, const double *x);
-/* L lower triangular, L L^T = (a + a^T)/2; false if that is not positive definite. a and L do not overlap. */
-bool lg_matrix_cholesky(size_t n, const double *a, double *L);
-/* The same of a positive semidefinite matrix; false if it is not that to 1e-8. */
-bool lg_matrix_root(size_t n, const double *a, double *L);
-/* M (rows, columns), rows <= columns, becomes (L, 0), L lower triangular, diagonal >= 0, L L^T = M M^T:
- * Householder reflections from the right. */
-void lg_matrix_lower(size_t rows, size_t columns, double *M);
 
 #endif

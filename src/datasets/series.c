@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "settings/names.h"
-#include "model/files/recipe.h"
 #include "datasets/series_files.h"
 
 void lg_series_data_destroy(lg_series_data *data) {

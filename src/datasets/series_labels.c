@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "model/files/recipe.h"
 #include "datasets/series_files.h"
 
 void lg_labels_destroy(lg_labels *labels) {

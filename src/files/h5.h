@@ -113,6 +113,9 @@ lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error);
 /* Checks version and kind; kind NULL: any. `foreign` allows files of another format or without one. */
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error);
 
+/* LG_NOT_FOUND and LG_SHAPE of a key become LG_FORMAT, in the result and in `error` (may be NULL). */
+lg_status lg_as_format(lg_status status, lg_error *error);
+
 void lg_h5_close(lg_h5 *h5); /* NULL is fine */
 
 /* LG_NOT_FINITE with key and first index when data has a NaN or infinity. */

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "control/internal.h"
+#include "kernels/matrix.h"
 #include "model/internal.h"
 
 size_t lg_model_tangent_dim(const lg_model *model) {

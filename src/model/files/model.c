@@ -204,12 +204,6 @@ lg_status lg_run_save(const lg_context *context, const char *path, const lg_reci
 
 /* ---- loading ---- */
 
-lg_status lg_as_format(lg_status status, lg_error *error) {
-    if (status != LG_NOT_FOUND && status != LG_SHAPE) return status;
-    if (error != NULL) error->status = LG_FORMAT;
-    return LG_FORMAT;
-}
-
 /* Compares shapes before it allocates arrays of the sizes in the attributes. */
 static lg_status check_slices(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     slice s;

@@ -65,8 +65,6 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
 /* lg_run_load for an open file; on failure `file` may have arrays, which the caller frees. */
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 
-/* LG_NOT_FOUND and LG_SHAPE of a key become LG_FORMAT, in the result and in `error` (may be NULL). */
-lg_status lg_as_format(lg_status status, lg_error *error);
 /* An optional, finite number of the root. */
 lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error);
 void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]);

@@ -1,24 +1,7 @@
-/* Dense matrices of control.h, row-major. */
 #include <math.h>
 #include <string.h>
 
-#include "control/internal.h"
-
-void *lg_portion(lg_portions *from, size_t count, size_t size) {
-    void *at = from->base != NULL ? from->base + from->used : NULL;
-    from->used += (count * size + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-    return at;
-}
-
-lg_status lg_portions_check(const void *memory, size_t bytes, size_t needed, lg_error *error) {
-    if (memory == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the memory is missing or not aligned to %d bytes",
-                       LG_ALIGNMENT);
-    if (bytes < needed)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu bytes of memory are given, %zu are needed", bytes,
-                       needed);
-    return LG_OK;
-}
+#include "kernels/matrix.h"
 
 void lg_matrix_multiply(size_t m, size_t n, size_t k, const double *a, const double *b, double *c) {
     lg_kernels_for(LG_F64)->gemm(m, n, k, a, k, 1, b, n, c, n, false);

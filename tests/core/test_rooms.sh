@@ -1,0 +1,51 @@
+#!/bin/bash
+# The rooms of src/ include each other along the arrows of docs/architecture.md, and nothing else.
+set -u
+cd "$(dirname "$0")/../../src" || exit 1
+
+# The rooms that a room may include. The last rows are of the subjects, which do not include each other.
+may() {
+    case $1 in
+        core) ;;
+        kernels | settings | mpi) echo core ;;
+        autodiff) echo core kernels ;;
+        nn | integrators) echo core kernels autodiff ;;
+        mechanics) echo core kernels autodiff integrators ;;
+        model) echo core kernels autodiff integrators ;;
+        control) echo core kernels integrators model ;;
+        files) echo core ;;
+        settings/files) echo core files settings ;;
+        datasets) echo core files settings settings/files ;;
+        integrators/files) echo core files settings settings/files ;;
+        mechanics/files) echo core files settings settings/files mechanics ;;
+        model/files) echo core files settings settings/files model ;;
+        */files) echo core files settings settings/files datasets mechanics/files model/files "${1%/files}" ;;
+        *) echo core kernels autodiff nn integrators mechanics model settings ;;
+    esac
+}
+
+room_of() { # hamiltonian/files/model.c -> hamiltonian/files; autodiff/tape/tape.c -> autodiff
+    case $1 in
+        files/*) echo files ;;
+        */files/*) echo "${1%%/*}/files" ;;
+        *) echo "${1%%/*}" ;;
+    esac
+}
+
+wrong=0
+while IFS=: read -r file line; do
+    header=${line#*\"} header=${header%%\"*}
+    from=$(room_of "$file") to=$(room_of "$header")
+    case $header in liegrad/* | [!/]*.h*) [ "${header#*/}" != "$header" ] || continue ;; esac
+    [ "${header#liegrad/}" = "$header" ] || continue
+    [ "$from" != "$to" ] || continue
+    if ! may "$from" | tr ' ' '\n' | grep -qx "$to"; then
+        echo "src/$file includes $header: $from does not stand on $to"
+        wrong=1
+    fi
+done < <(grep -rE '^ *# *include "' --include='*.c' --include='*.h' --include='*.inc' . | sed 's|^\./||')
+for room in */; do
+    room=${room%/}
+    [ -n "$(find "$room" -name '*.c')" ] || { echo "src/$room has no source"; wrong=1; }
+done
+exit $wrong
