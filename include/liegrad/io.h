@@ -317,7 +317,8 @@ typedef struct lg_hamiltonian_file {
  * /model/kinetic/A (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation, seconds,
  * rate}. `file` is borrowed with everything that it points to. A `fit` (may be NULL) replaces the file's
  * history by its own, and while it trains by Adam optimizer and rng too; the state of other methods is far
- * larger than the model and is kept in checkpoints alone. theta is always the file's.
+ * larger than the model and is kept in checkpoints alone. theta is always the file's. The model's functions
+ * are written too (lg_model_save), with the scheme of `step`.
  * Errors also: LG_NOT_FINITE for parameters that are not finite, LG_INVALID_ARGUMENT for a model that
  * lg_hamiltonian_init would refuse. */
 LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
