@@ -1,5 +1,5 @@
 /* The gradient check: the registry passes and is complete, planted errors are caught, and each of the check's
- * parts fails by itself when it should. ctest-labels: isa */
+ * parts fails by itself when it should. ctest-labels: isa src/autodiff src/kernels src/integrators */
 #include "test_support.h"
 
 #include "autodiff/check/internal.h"

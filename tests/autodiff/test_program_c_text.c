@@ -1,4 +1,5 @@
-/* The text of programs as C is whole or refused: where memory ends, and where a number does not fit. */
+/* The text of programs as C is whole or refused: where memory ends, and where a number does not fit.
+ * ctest-labels: src/autodiff src/kernels */
 #include "program_support.h"
 
 #include "autodiff/program/program.h"

@@ -1,6 +1,7 @@
 /* Scalar code of operations: every operation that has some, on every node that the registry of the gradient
  * check puts on a tape, is the same function as the operation's tensors, on every instruction set, in both
- * types. Elementwise operations may work over an input. */
+ * types. Elementwise operations may work over an input.
+ * ctest-labels: src/autodiff src/kernels */
 #include "compiled.h"
 #include "row_support.h"
 

@@ -1,5 +1,6 @@
 /* Orders of convergence on a nonplanar double pendulum, a rigid body, a heavy top and coupled oscillators,
- * and what planted errors do to them. */
+ * and what planted errors do to them.
+ * ctest-labels: src/integrators */
 #include "fields.h"
 #include "support/fixtures.h"
 

@@ -1,6 +1,7 @@
 /* Every kind of space by the same properties: action axioms, generator, bracket, projections, and how far
  * 10^5 steps drift from the manifold. Its maps are those of the groups, which test_geometry.c holds against
- * matrix functions. */
+ * matrix functions.
+ * ctest-labels: src/integrators */
 #include "fields.h"
 #include "support/fixtures.h"
 

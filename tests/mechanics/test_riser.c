@@ -1,4 +1,5 @@
-/* The riser's structure: periods, matrices, laws of the foundation, energy, order of the time stepping. */
+/* The riser's structure: periods, matrices, laws of the foundation, energy, order of the time stepping.
+ * ctest-labels: src/mechanics */
 #include "test_support.h"
 
 #include "liegrad/riser.h"

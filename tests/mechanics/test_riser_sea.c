@@ -1,4 +1,5 @@
-/* Sea, sensors and runs of the riser. */
+/* Sea, sensors and runs of the riser.
+ * ctest-labels: src/mechanics */
 #include "test_support.h"
 
 #include "liegrad/riser.h"

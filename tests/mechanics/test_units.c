@@ -1,6 +1,7 @@
 /* No unit is special: every system of the table, in other units of mass, length and time, has the same
  * relative error at the same tolerance. Units of parameters are those that the table gives; those of the
- * parts of a state stand below. */
+ * parts of a state stand below.
+ * ctest-labels: src/mechanics */
 #include "system_check.h"
 
 #include "liegrad/ensemble.h"

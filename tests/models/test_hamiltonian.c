@@ -1,4 +1,5 @@
-/* Learned Hamiltonians: the exact parameters reproduce the true system; losses and their gradients. */
+/* Learned Hamiltonians: the exact parameters reproduce the true system; losses and their gradients.
+ * ctest-labels: src/hamiltonian src/model */
 #include "autodiff/compiled.h"
 #include "autodiff/program_support.h"
 #include "models/model_support.h"

@@ -1,4 +1,5 @@
-/* Machines: the Jacobian of windows an interval at a time, against the tape's of their residuals. */
+/* Machines: the Jacobian of windows an interval at a time, against the tape's of their residuals.
+ * ctest-labels: src/machine */
 #include "models/machine_support.h"
 
 #include "liegrad/nn.h"

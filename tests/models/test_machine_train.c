@@ -1,4 +1,5 @@
-/* Machines learned from logs that the tests make: parameters, starts, standard errors. */
+/* Machines learned from logs that the tests make: parameters, starts, standard errors.
+ * ctest-labels: src/machine */
 #include "models/machine_support.h"
 
 #include "liegrad/geometry.h"

@@ -1,4 +1,5 @@
-/* Variational steps of machines: their order, what they keep, and what they learn. */
+/* Variational steps of machines: their order, what they keep, and what they learn.
+ * ctest-labels: src/machine */
 #include "models/machine_support.h"
 
 #include "liegrad/nn.h"

@@ -1,5 +1,6 @@
 /* Surrogates: description, presets, split, range, and their curves: symmetry, ends, derivatives, integrals,
- * precision, memory, errors. */
+ * precision, memory, errors.
+ * ctest-labels: src/elastica */
 #include "models/surrogate_support.h"
 
 enum { N = 50 };

@@ -1,6 +1,7 @@
 /* Programs of surrogates: values against the network on a tape and against the curves, Jacobians against
  * central differences, every architecture, activation and option, both sides of the mirror, ends, short
- * beams; rows of a batch, single precision, numbers that are not finite. */
+ * beams; rows of a batch, single precision, numbers that are not finite.
+ * ctest-labels: src/elastica src/autodiff */
 #include "surrogate_support.h"
 
 #include "liegrad/program.h"

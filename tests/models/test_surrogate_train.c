@@ -1,4 +1,5 @@
-/* Losses of the surrogates: on a tape and from the curves, their parts, gradients, and what is refused. */
+/* Losses of the surrogates: on a tape and from the curves, their parts, gradients, and what is refused.
+ * ctest-labels: src/elastica */
 #include "models/surrogate_support.h"
 
 #include "elastica/surrogate_internal.h"

@@ -1,4 +1,5 @@
-/* Minimisation: known minima, the ends of a run, states saved between any two evaluations. */
+/* Minimisation: known minima, the ends of a run, states saved between any two evaluations.
+ * ctest-labels: src/nn */
 #include "nn_support.h"
 
 #include "liegrad/minimise.h"
