@@ -98,17 +98,14 @@ static void judge_windows(const old_file *file) {
 
 /* ---- export ---- */
 
-/* Without the lines that say which liegrad wrote it. */
+/* Without comments, which say which liegrad wrote the source. */
 static void add_source(lg_sha256 *hash, const char *name) {
     static char text[SOURCE];
     (void)cli_read(name, text, sizeof text);
-    for (char *line = text, *end; *line != '\0'; line = end) {
-        end = line + strcspn(line, "\n");
-        if (*end == '\n') end++;
-        const char kept = *end;
-        *end = '\0';
-        if (strstr(line, "written by lg-export of") == NULL) lg_sha256_add(hash, line, strlen(line));
-        *end = kept;
+    for (const char *from = text, *end; from != NULL; from = end != NULL ? strstr(end, "*/") : NULL) {
+        if (from != text) from += 2;
+        end = strstr(from, "/*");
+        lg_sha256_add(hash, from, end != NULL ? (size_t)(end - from) : strlen(from));
     }
 }
 
