@@ -29,14 +29,12 @@ static const lg_field feed_options[] = {
               "never)",
               .high = 1e6),
     LG_OPTION(feed_values, severity, REAL, "R",
-              "Remaining fraction of its rotational stiffness after that: 1 is intact", .low = 1e-3,
+              "Remaining fraction of the broken casing's rotational stiffness: 1 is intact", .low = 1e-3,
               .high = 1, .value = "0.58"),
     LG_OPTION(feed_values, gaps, REAL, "N",
               "Average number of gaps a day; a gap is a series of missing lines (default 0)", .high = 86400),
-    LG_OPTION(feed_values, gap_seconds, REAL, "S",
-              "Mean length of a gap (default "
-              "30)",
-              .low = 0.2, .high = 86400),
+    LG_OPTION(feed_values, gap_seconds, REAL, "S", "Mean length of a gap", .low = 0.2, .high = 86400,
+              .value = "30"),
     LG_OPTION(feed_values, nan, REAL, "N", "Average number of samples a day with one value nan (default 0)",
               .high = 432000),
     LG_OPTION(feed_values, noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",
@@ -45,7 +43,7 @@ static const lg_field feed_options[] = {
     LG_OPTION(feed_values, out, STRING, "FILE.csv", "File for the feed (default: standard output)"),
     LG_FIELD_END};
 
-static feed_values values = {.crack_at = NAN, .gap_seconds = 30};
+static feed_values values = {.crack_at = NAN};
 
 /* ---- numbers: nine significant digits, which give every float back ---- */
 

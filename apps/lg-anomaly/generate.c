@@ -25,8 +25,7 @@ static const char *const pictures[] = {"states", "housings", NULL};
 static const lg_field generate_options[] = {
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write"),
     LG_OPTION(generate_values, noise, REAL, "F",
-              "Noise of the sensors as a multiple of the data sheet's: 1, 10, 50, ... (default 1)",
-              .high = 1e6),
+              "Noise of the sensors as a multiple of the data sheet's (default 1)", .high = 1e6),
     LG_OPTION(
         generate_values, runs, U64, "n",
         "Recordings (default 108: 3 top tensions x 18 sea states, each intact and broken). A smaller number "

@@ -30,12 +30,10 @@ static const lg_field watch_options[] = {
     LG_OPTION(watch_values, votes, U64, "K",
               "Raise an alarm when K of the last windows are not of the first class", .low = 1, .high = 64,
               .value = "3"),
-    LG_OPTION(watch_values, votes_of, U64, "N",
-              "Number of last windows that vote (default "
-              "5)",
-              .low = 1, .high = 64),
-    LG_OPTION(watch_values, hop, REAL, "S", "Seconds from one window to the next (default: a window)",
-              LG_POSITIVE),
+    LG_OPTION(watch_values, votes_of, U64, "N", "Number of last windows that vote", .low = 1, .high = 64,
+              .value = "5"),
+    LG_OPTION(watch_values, hop, REAL, "SECONDS", "Distance from one window to the next", LG_POSITIVE,
+              .otherwise = "the window"),
     LG_OPTION(watch_values, bridge, REAL, "S", "Gaps of at most S seconds are filled by straight lines",
               .high = 1e9, .value = "1"),
     LG_OPTION(watch_values, missing, REAL, "P",
@@ -55,7 +53,7 @@ static const lg_field watch_options[] = {
     LG_OPTION(watch_values, quiet, SWITCH, NULL, "Print changes of the alarm only"),
     LG_FIELD_END};
 
-static watch_values values = {.votes_of = 5, .hop = NAN, .rate = NAN, .crack_at = NAN, .unlike = 1};
+static watch_values values = {.hop = NAN, .rate = NAN, .crack_at = NAN, .unlike = 1};
 
 /* A sensor that stands still or is cut off tells no model anything. Beyond the distance, the class of a
  * classifier means nothing; of a novelty it is the answer. Straight lines over missing samples change the

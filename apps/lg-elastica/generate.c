@@ -29,8 +29,8 @@ static const lg_field generate_options[] = {
               "Store solutions of the differential equation at the nodes instead of discrete solutions"),
     LG_OPTION(generate_values, length, REAL, "L", "Length of the beam", LG_POSITIVE, .value = "3.3"),
     LG_OPTION(generate_values, stiffness, REAL, "EI", "Bending stiffness", LG_POSITIVE, .value = "10"),
-    LG_OPTION(generate_values, q0, REALS, "X,Y", "Start of the beam (default 0,0)", LG_ANY_REAL),
-    LG_OPTION(generate_values, qN, REALS, "X,Y", "End of the beam (default 3,0)", LG_ANY_REAL),
+    LG_OPTION(generate_values, q0, REALS, "X,Y", "Where the beam begins (default 0,0)", LG_ANY_REAL),
+    LG_OPTION(generate_values, qN, REALS, "X,Y", "Where it ends (default 3,0)", LG_ANY_REAL),
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write"),
     LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw some of the curves"),
     LG_FIELD_END};

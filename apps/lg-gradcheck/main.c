@@ -16,13 +16,13 @@ typedef struct values {
     bool plant;
     uint64_t order;
 } values;
-static values given = {NULL, false, 2};
+static values given;
 
 static const lg_field options[] = {
-    LG_OPTION(values, only, STRING, "NAME", "only rows of this operation, or whose name contains NAME"),
-    LG_OPTION(values, plant, SWITCH, NULL, "plant wrong derivatives; succeed only if every one is caught"),
-    LG_OPTION(values, order, U64, "N", "highest order of derivatives (2)", .low = 1,
-              .high = LG_GRADCHECK_ORDERS),
+    LG_OPTION(values, only, STRING, "TEXT", "Only rows of the operation TEXT, or whose name contains TEXT"),
+    LG_OPTION(values, plant, SWITCH, NULL, "Plant wrong derivatives; succeed only if every one is caught"),
+    LG_OPTION(values, order, U64, "N", "Highest order of derivatives", .low = 1, .high = LG_GRADCHECK_ORDERS,
+              .value = "2"),
     LG_FIELD_END};
 
 /* Whatever the case of the letters. */

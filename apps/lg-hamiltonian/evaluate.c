@@ -21,9 +21,8 @@ static const char *const metric_names[] = {
 
 static const lg_field evaluate_options[] = {
     LG_OPTION(evaluate_values, tolerance, REAL, "TOL",
-              "Tolerance of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear "
-              "potentials)",
-              .low = 1e-14, .high = 1e-2),
+              "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
+              .otherwise = "1e-10; 1e-13 for linear potentials"),
     LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
               "Draw the test trajectories, true and predicted"),
     LG_OPTION(evaluate_values, drawn, U64, "n", "plot: so many of them (default 10)", .low = 1,

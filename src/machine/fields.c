@@ -7,10 +7,10 @@
     LG_FIELD(lg_machine_model_run, "run", name, type, member, __VA_ARGS__)
 const lg_field lg_machine_model_fields[] = {
     MACHINE("integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
-            .value = "cf4", .meaning = "Scheme of the steps between two rows"),
+            .value = "cf4", .meaning = "Scheme of the steps between two points of the data"),
     MACHINE("substeps", U32, substeps, .low = 1, .high = 1e6,
             .otherwise = "1 to 4, so that the steps' error is small against the loss", .unit = "n",
-            .meaning = "Integrator steps between two rows"),
+            .meaning = "Integrator steps between two points of the data"),
     MACHINE("window", U32, window, .low = 2, .high = LG_MACHINE_WINDOW,
             .otherwise = "5; 20 with noise, 60 where positions alone are measured", .unit = "M",
             .meaning = "Rows of a window: predictions start at its first row"),
