@@ -149,6 +149,7 @@ TEST("an option has one unit and meaning in all commands, and one range and defa
     (void)closedir(folder);
     cli_expect("lg-simulate", "merge --help", 0, "Common options:", &result);
     read_options(result.out);
+    assert_int_equal(unsetenv("ARGP_HELP_FMT"), 0);
     expect_table("unit or meaning", meanings, LG_COUNT(meanings), true);
     expect_table("range or default", defaults, LG_COUNT(defaults), false);
 }
