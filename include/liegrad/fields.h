@@ -58,9 +58,9 @@ typedef struct lg_field {
     const char *name; /* in files and grids, such as lr_step */
     /* On command lines, and with _ for - in JSON; NULL: the name with - for _; "": none. */
     const char *option;
-    /* Does the value decide the result? "model" or "run": yes, and the HDF5 group of that name stores it; a
-     * resumed run must have the same value. "": yes, and it is not stored. NULL: no (a file, a picture, how
-     * often something is told); a search cannot draw it. */
+    /* Of a hyperparameter: the HDF5 group that stores it, "model" or "run" (a resumed run must have the same
+     * value), or "" when no file stores it. NULL: the row is no hyperparameter (a path, a picture, a key of a
+     * scene); a search cannot draw it. */
     const char *group;
     lg_field_type type;
     size_t offset, size; /* of the member in the structure */
@@ -99,8 +99,8 @@ typedef struct lg_field {
         .group = group_, .name = name_, .type = LG_FIELD_##type_, .offset = offsetof(struct_, member),       \
         .size = sizeof(((struct_ *)0)->member), __VA_ARGS__                                                  \
     }
-/* A row for an option that does not decide the result, called like its member; designated initialisers may
- * follow the meaning. */
+/* A row for an option that is no hyperparameter, called like its member; designated initialisers may follow
+ * the meaning. */
 #define LG_OPTION(struct_, member, type_, unit_, ...)                                                        \
     LG_FIELD(struct_, NULL, #member, type_, member, .unit = unit_, .meaning = __VA_ARGS__)
 #define LG_ANY_REAL .low = -1e300, .high = 1e300
@@ -123,7 +123,7 @@ LG_API extern const lg_field lg_hamiltonian_fields[], lg_surrogate_fields[], lg_
 LG_API const lg_field *lg_field_find(const lg_field *table, const char *name);
 /* Its name on command lines, cut to `size` bytes; "" for one that has none. */
 LG_API void lg_field_option(const lg_field *entry, char *text, size_t size);
-/* "Width of the hidden layers (1 to 1048576; default the preset's)"; the range only of a row with a group.
+/* "Width of the hidden layers (1 to 1048576; default the preset's)"; only hyperparameters tell the range.
  * Returns the length as snprintf does. */
 LG_API int lg_field_describe(const lg_field *entry, char *text, size_t size);
 
