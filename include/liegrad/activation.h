@@ -18,7 +18,6 @@ typedef enum lg_activation {
 } lg_activation;
 #define LG_ACTIVATION_COUNT 7
 LG_API const char *lg_activation_name(lg_activation kind);
-LG_API lg_status lg_activation_parse(const char *name, lg_activation *out);
 
 LG_END_DECLS
 

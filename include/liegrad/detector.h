@@ -21,8 +21,7 @@ LG_BEGIN_DECLS
 
 typedef enum lg_detector_loss { LG_DETECTOR_MSE, LG_DETECTOR_CROSS_ENTROPY } lg_detector_loss;
 #define LG_DETECTOR_LOSS_COUNT 2
-LG_API const char *lg_detector_loss_name(lg_detector_loss loss);                  /* "mse", "cross-entropy" */
-LG_API lg_status lg_detector_loss_parse(const char *name, lg_detector_loss *out); /* LG_NOT_FOUND */
+LG_API const char *lg_detector_loss_name(lg_detector_loss loss); /* "mse", "cross-entropy" */
 
 /* Plain data. net.outputs is 1 for LG_DETECTOR_MSE, `classes` otherwise. */
 typedef struct lg_detector {

@@ -61,7 +61,6 @@ LG_API void lg_elastica_init(lg_elastica *problem);
 typedef enum lg_elastica_case { LG_ELASTICA_BOTH_ENDS, LG_ELASTICA_RIGHT_END } lg_elastica_case;
 #define LG_ELASTICA_CASE_COUNT 2
 LG_API const char *lg_elastica_case_name(lg_elastica_case kind); /* "both-ends", "right-end" */
-LG_API lg_status lg_elastica_case_parse(const char *name, lg_elastica_case *out); /* LG_NOT_FOUND */
 /* Sets theta0 and rotation of *problem. */
 LG_API void lg_elastica_set_case(lg_elastica *problem, lg_elastica_case kind, double x);
 

@@ -739,10 +739,6 @@ LG_API lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed);
 /* With the context it was read with. Leaves it zeroed; NULL and a zeroed scene are fine. */
 LG_API void lg_scene_destroy(lg_scene *scene);
 
-/* The keys of a system in this form (NULL: its first), one a line: name, shape, meaning, whether required,
- * for docs and --help. Returns the length as snprintf does, 0 for an unknown pair. */
-LG_API int lg_scene_describe(const char *system, const char *form, char *text, size_t size);
-
 /* ---- schemes ---- */
 
 /* Reads a scheme from a YAML (or JSON) file and checks it with lg_scheme_check. Numbers are decimals or
@@ -803,7 +799,6 @@ typedef struct lg_grid {
 
 LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);
 LG_API void lg_grid_destroy(lg_grid *grid); /* as lg_scene_destroy */
-LG_API uint64_t lg_grid_runs(const lg_grid *grid);
 
 LG_END_DECLS
 

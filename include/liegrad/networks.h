@@ -32,7 +32,6 @@ LG_BEGIN_DECLS
 typedef enum lg_net_kind { LG_NET_MLP, LG_NET_RESNET, LG_NET_MULT, LG_NET_MULT_AFFINE } lg_net_kind;
 #define LG_NET_KIND_COUNT 4
 LG_API const char *lg_net_kind_name(lg_net_kind kind); /* "mlp", "resnet", "mult", "mult-affine" */
-LG_API lg_status lg_net_kind_parse(const char *name, lg_net_kind *out); /* LG_NOT_FOUND */
 
 #define LG_NET_MAX_LAYERS 14
 

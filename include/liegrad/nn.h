@@ -60,9 +60,6 @@ typedef enum lg_initialisation {
     LG_INIT_HE_NORMAL       /* weights N(0, 2/fan_in), biases 0 */
 } lg_initialisation;
 #define LG_INITIALISATION_COUNT 5
-LG_API const char *lg_initialisation_name(lg_initialisation kind); /* "fan-in", "glorot-uniform", ... */
-/* LG_NOT_FOUND for an unknown name. */
-LG_API lg_status lg_initialisation_parse(const char *name, lg_initialisation *out);
 
 /* Fills theta[0 .. lg_mlp_parameters - 1]; LG_INIT_FAN_IN. */
 LG_API void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta);
@@ -106,8 +103,6 @@ LG_API void lg_adam_options_init(lg_adam_options *options);
 LG_API void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate,
                          double clip, const void *gradient, size_t n, void *m, void *v, void *theta);
 
-/* Euclidean norm, accumulated in double in a fixed order. */
-LG_API double lg_gradient_norm(const void *gradient, size_t n, lg_dtype dtype);
 /* The factor that brings a gradient of this norm to at most `limit`: min(1, limit/norm), or 1 for limit 0. */
 LG_API double lg_clip_factor(double norm, double limit);
 
@@ -116,8 +111,6 @@ LG_API double lg_clip_factor(double norm, double limit);
 typedef enum lg_schedule_kind { LG_SCHEDULE_CONSTANT, LG_SCHEDULE_STEP, LG_SCHEDULE_COSINE } lg_schedule_kind;
 #define LG_SCHEDULE_COUNT 3
 LG_API const char *lg_schedule_name(lg_schedule_kind kind); /* "constant", "step", "cosine" */
-/* LG_NOT_FOUND for an unknown name. */
-LG_API lg_status lg_schedule_parse(const char *name, lg_schedule_kind *out);
 
 typedef struct lg_schedule {
     lg_schedule_kind kind;

@@ -31,8 +31,6 @@ LG_API const char *lg_riser_channel(uint32_t index);
 
 typedef enum lg_housing { LG_HOUSING_SLACK, LG_HOUSING_TIGHT } lg_housing;
 #define LG_HOUSING_COUNT 2
-LG_API const char *lg_housing_name(lg_housing housing);               /* "slack", "tight" */
-LG_API lg_status lg_housing_parse(const char *name, lg_housing *out); /* LG_NOT_FOUND */
 
 /* SI units. See docs/riser.md for each. */
 typedef struct lg_riser_parameters {

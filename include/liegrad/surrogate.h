@@ -82,7 +82,6 @@ typedef enum lg_surrogate_kind {
 } lg_surrogate_kind;
 #define LG_SURROGATE_KIND_COUNT 3
 LG_API const char *lg_surrogate_kind_name(lg_surrogate_kind kind); /* "discrete", "continuous", "angle" */
-LG_API lg_status lg_surrogate_kind_parse(const char *name, lg_surrogate_kind *out); /* LG_NOT_FOUND */
 
 typedef enum lg_surrogate_loss { LG_SURROGATE_MSE, LG_SURROGATE_ENERGY } lg_surrogate_loss;
 #define LG_SURROGATE_LOSS_COUNT 2

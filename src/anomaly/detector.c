@@ -13,16 +13,6 @@ const char *lg_detector_loss_name(lg_detector_loss loss) {
     return (unsigned)loss < LG_DETECTOR_LOSS_COUNT ? loss_names[loss] : "unknown";
 }
 
-lg_status lg_detector_loss_parse(const char *name, lg_detector_loss *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_DETECTOR_LOSS_COUNT; i++)
-        if (strcmp(name, loss_names[i]) == 0) {
-            *out = (lg_detector_loss)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 lg_status lg_detector_check(const lg_detector *model, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (model == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "there is no detector");

@@ -13,22 +13,6 @@ const char *lg_riser_channel(uint32_t index) {
     return index < LG_RISER_CHANNELS ? names[index] : NULL;
 }
 
-static const char *const housings[LG_HOUSING_COUNT] = {"slack", "tight"};
-
-const char *lg_housing_name(lg_housing housing) {
-    return (unsigned)housing < LG_HOUSING_COUNT ? housings[housing] : NULL;
-}
-
-lg_status lg_housing_parse(const char *name, lg_housing *out) {
-    if (!name || !out) return LG_INVALID_ARGUMENT;
-    for (int i = 0; i < LG_HOUSING_COUNT; i++) {
-        if (strcmp(name, housings[i]) != 0) continue;
-        *out = (lg_housing)i;
-        return LG_OK;
-    }
-    return LG_NOT_FOUND;
-}
-
 /* ---- parameters ---- */
 
 void lg_riser_parameters_init(lg_riser_parameters *out) {

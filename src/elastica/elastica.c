@@ -34,16 +34,6 @@ const char *lg_elastica_case_name(lg_elastica_case kind) {
     return (unsigned)kind < LG_ELASTICA_CASE_COUNT ? families[kind].name : "unknown";
 }
 
-lg_status lg_elastica_case_parse(const char *name, lg_elastica_case *out) {
-    LG_NEEDS(NULL, name, out);
-    for (size_t i = 0; i < LG_ELASTICA_CASE_COUNT; i++) {
-        if (strcmp(name, families[i].name) != 0) continue;
-        *out = (lg_elastica_case)i;
-        return LG_OK;
-    }
-    return LG_NOT_FOUND;
-}
-
 /* To (-pi, pi]. */
 static double wrap(double x) {
     const double w = remainder(x, 2.0 * LG_PI);

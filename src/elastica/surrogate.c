@@ -18,16 +18,6 @@ const char *lg_surrogate_loss_name(lg_surrogate_loss loss) {
     return (unsigned)loss < LG_SURROGATE_LOSS_COUNT ? names[loss] : "unknown";
 }
 
-lg_status lg_surrogate_kind_parse(const char *name, lg_surrogate_kind *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_SURROGATE_KIND_COUNT; i++)
-        if (strcmp(name, kind_names[i]) == 0) {
-            *out = (lg_surrogate_kind)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 /* ---- description ---- */
 
 static bool positive(double x) {

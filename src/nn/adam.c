@@ -18,10 +18,6 @@ void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step,
                                 gradient, m, v, theta);
 }
 
-double lg_gradient_norm(const void *gradient, size_t n, lg_dtype dtype) {
-    return sqrt(lg_kernels_for(dtype)->dot(n, gradient, gradient));
-}
-
 double lg_clip_factor(double norm, double limit) {
     return limit > 0.0 && norm > limit ? limit / norm : 1.0;
 }
@@ -34,16 +30,6 @@ static const char *const schedule_names[LG_SCHEDULE_COUNT] = {
 
 const char *lg_schedule_name(lg_schedule_kind kind) {
     return (int)kind >= 0 && (int)kind < LG_SCHEDULE_COUNT ? schedule_names[kind] : "unknown";
-}
-
-lg_status lg_schedule_parse(const char *name, lg_schedule_kind *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_SCHEDULE_COUNT; i++) {
-        if (strcmp(name, schedule_names[i]) != 0) continue;
-        *out = (lg_schedule_kind)i;
-        return LG_OK;
-    }
-    return LG_NOT_FOUND;
 }
 
 double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint64_t epochs) {

@@ -63,32 +63,15 @@ size_t lg_mlp_parameters(const lg_mlp *net) {
 /* The scale of weights is sqrt(gain/(fan_in + both fan_out)): half the width of a uniform distribution, or a
  * standard deviation. */
 typedef struct initialisation {
-    const char *name;
     double gain, both;
     bool normal, bias; /* bias: drawn like the weights, else 0 */
 } initialisation;
 
 static const initialisation initialisations[LG_INITIALISATION_COUNT] = {
-    [LG_INIT_FAN_IN] = {"fan-in", 1.0, 0.0, false, true},
-    [LG_INIT_GLOROT_UNIFORM] = {"glorot-uniform", 6.0, 1.0, false, false},
-    [LG_INIT_GLOROT_NORMAL] = {"glorot-normal", 2.0, 1.0, true, false},
-    [LG_INIT_HE_UNIFORM] = {"he-uniform", 6.0, 0.0, false, false},
-    [LG_INIT_HE_NORMAL] = {"he-normal", 2.0, 0.0, true, false},
+    [LG_INIT_FAN_IN] = {1.0, 0.0, false, true},        [LG_INIT_GLOROT_UNIFORM] = {6.0, 1.0, false, false},
+    [LG_INIT_GLOROT_NORMAL] = {2.0, 1.0, true, false}, [LG_INIT_HE_UNIFORM] = {6.0, 0.0, false, false},
+    [LG_INIT_HE_NORMAL] = {2.0, 0.0, true, false},
 };
-
-const char *lg_initialisation_name(lg_initialisation kind) {
-    return (int)kind >= 0 && (int)kind < LG_INITIALISATION_COUNT ? initialisations[kind].name : "unknown";
-}
-
-lg_status lg_initialisation_parse(const char *name, lg_initialisation *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_INITIALISATION_COUNT; i++) {
-        if (strcmp(name, initialisations[i].name) != 0) continue;
-        *out = (lg_initialisation)i;
-        return LG_OK;
-    }
-    return LG_NOT_FOUND;
-}
 
 static void draw(lg_rng *rng, bool normal, double scale, size_t n, double *out) {
     for (size_t i = 0; i < n; i++)

@@ -30,16 +30,6 @@ const char *lg_net_kind_name(lg_net_kind kind) {
     return (unsigned)kind < LG_NET_KIND_COUNT ? bodies[kind].name : "unknown";
 }
 
-lg_status lg_net_kind_parse(const char *name, lg_net_kind *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_NET_KIND_COUNT; i++) {
-        if (strcmp(name, bodies[i].name) != 0) continue;
-        *out = (lg_net_kind)i;
-        return LG_OK;
-    }
-    return LG_NOT_FOUND;
-}
-
 static bool width_fits(uint32_t width) {
     return width > 0 && width <= MAX_WIDTH;
 }

@@ -373,10 +373,6 @@ static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_
 }
 
 TEST("networks and fits") {
-    lg_activation activation;
-    lg_net_kind kind;
-    lg_initialisation initialisation;
-    lg_schedule_kind schedule;
     lg_pooling pooling;
     lg_fit_plan plan;
     lg_mlp mlp;
@@ -387,11 +383,7 @@ TEST("networks and fits") {
     lg_var out[2];
     assert_ok(lg_mlp_init(&mlp, 1, NULL, 0, 1, LG_TANH, true));
     assert_ok(lg_net_init(&net, LG_NET_MLP, 1, 1, 2, 1, 1, LG_TANH));
-    REFUSES(lg_activation_parse(NEEDED("tanh"), NEEDED(&activation)));
     REFUSES(lg_pooling_parse(NEEDED("mean"), NEEDED(&pooling)));
-    REFUSES(lg_net_kind_parse(NEEDED("mlp"), NEEDED(&kind)));
-    REFUSES(lg_initialisation_parse(NEEDED("fan-in"), NEEDED(&initialisation)));
-    REFUSES(lg_schedule_parse(NEEDED("step"), NEEDED(&schedule)));
     REFUSES(lg_fit_plan_parse(NEEDED("adam"), NEEDED(&plan), NULL));
     REFUSES(lg_fit_plan_parse_any_loss(NEEDED("adam"), NEEDED(&plan), NULL));
     REFUSES(lg_mlp_init(NEEDED(&mlp), 1, NEEDED(&(uint32_t){2}), 1, 1, LG_TANH, true));
@@ -522,7 +514,6 @@ TEST("Hamiltonians, models and control") {
 }
 
 TEST("elastica and surrogates") {
-    lg_elastica_case family;
     lg_elastica problem;
     lg_elastica_init(&problem);
     problem.intervals = 10;
@@ -536,7 +527,6 @@ TEST("elastica and surrogates") {
     sampling.problem.intervals = 10;
     lg_elastica_curves curves, made;
     assert_ok(lg_elastica_generate(NULL, &sampling, &curves, &error));
-    REFUSES(lg_elastica_case_parse(NEEDED(lg_elastica_case_name((lg_elastica_case)0)), NEEDED(&family)));
     REFUSES(lg_elastica_check(NEEDED(&problem), NULL));
     REFUSES(lg_elastica_solve(NULL, NEEDED(&problem), NULL, NEEDED(others), NULL, NULL));
     REFUSES(lg_elastica_solve_continuous(NULL, NEEDED(&problem), NULL, NEEDED(others), NULL, NULL, NULL));
@@ -545,7 +535,6 @@ TEST("elastica and surrogates") {
     REFUSES(lg_elastica_generate(NULL, NEEDED(&sampling), NEEDED(&made), NULL));
     REFUSES(lg_elastica_curves_create(NULL, 2, 10, false, NEEDED(&made)));
 
-    lg_surrogate_kind kind;
     lg_surrogate_options how = {.architecture = LG_NET_MLP,
                                 .embedding = 3,
                                 .hidden = 3,
@@ -568,7 +557,6 @@ TEST("elastica and surrogates") {
     lg_surrogate_curves *plan;
     lg_surrogate_errors errors;
     lg_program *program;
-    REFUSES(lg_surrogate_kind_parse(NEEDED("discrete"), NEEDED(&kind)));
     REFUSES(lg_surrogate_init(NEEDED(&model), NEEDED(&how), 10, 3.3, 1.5, NULL));
     REFUSES(lg_surrogate_count_modes(NULL, NEEDED(&model), NEEDED(&curves), NEEDED(training), 2,
                                      NEEDED(&found), NULL));
@@ -808,7 +796,6 @@ static lg_status gather(void *user, void *all, const size_t *bytes) {
 }
 
 TEST("risers, searches and ranks") {
-    lg_housing housing;
     lg_riser_parameters riser;
     lg_riser_run run;
     lg_riser_stream *stream = NULL, *made;
@@ -819,7 +806,6 @@ TEST("risers, searches and ranks") {
     float samples[LG_RISER_CHANNELS];
     lg_wave waves[LG_RISER_COMPONENTS];
     assert_ok(lg_riser_stream_create(NULL, &riser, &run, &stream, &error));
-    REFUSES(lg_housing_parse(NEEDED(lg_housing_name((lg_housing)0)), NEEDED(&housing)));
     REFUSES(lg_riser_parameters_check(NEEDED(&riser), NULL));
     REFUSES(lg_riser_periods(NEEDED(&riser), false, NEEDED(periods)));
     REFUSES(lg_sea_components(NEEDED(&run.sea), 100.0, 9.81, 1, NEEDED(waves)));
@@ -844,12 +830,10 @@ TEST("risers, searches and ranks") {
 
     const lg_ranks ranks = {sizeof ranks, 0, 1, NULL, gather, NULL};
     lg_context *context;
-    lg_detector_loss loss;
     lg_hamiltonian_run hyper;
     REFUSES(lg_ranks_share(NEEDED(&ranks), 0, NEEDED(others), 8));
     REFUSES(lg_ranks_agree(NEEDED(&ranks), LG_OK, NULL));
     REFUSES(lg_context_create(NULL, NEEDED(&context)));
-    REFUSES(lg_detector_loss_parse(NEEDED(lg_detector_loss_name((lg_detector_loss)0)), NEEDED(&loss)));
     lg_fields_default(lg_hamiltonian_fields, &hyper);
     REFUSES(lg_field_store(NEEDED(lg_field_find(lg_hamiltonian_fields, "epochs")), 3, NEEDED(&hyper), NULL));
     REFUSES(lg_field_set(NEEDED(lg_field_find(lg_hamiltonian_fields, "epochs")), NEEDED("3"), NEEDED(&hyper),

@@ -27,7 +27,6 @@ static lg_elastica_solution solved(const lg_elastica *p) {
 
 TEST("families of boundary values by hand") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.5 * PI, 50);
-    lg_elastica_case kind = LG_ELASTICA_RIGHT_END;
     assert_close(p.theta0, 0.5 * PI, 0, 1e-15);
     assert_close(p.rotation, -PI, 0, 1e-15);
     p = family(LG_ELASTICA_BOTH_ENDS, 1.5 * PI, 50);
@@ -37,10 +36,6 @@ TEST("families of boundary values by hand") {
     assert_close(p.rotation, -2.0, 0, 1e-15);
     assert_close(family(LG_ELASTICA_BOTH_ENDS, -PI, 50).theta0, PI, 0, 0); /* (-pi, pi] */
     assert_string_equal(lg_elastica_case_name(LG_ELASTICA_RIGHT_END), "right-end");
-    assert_ok(lg_elastica_case_parse("both-ends", &kind));
-    assert_int_equal(kind, LG_ELASTICA_BOTH_ENDS);
-    assert_status(lg_elastica_case_parse("left-end", &kind), LG_NOT_FOUND);
-    assert_status(lg_elastica_case_parse(NULL, &kind), LG_INVALID_ARGUMENT);
 }
 
 static void refused(const lg_elastica *p, const lg_elastica_options *o, lg_status status) {

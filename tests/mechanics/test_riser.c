@@ -359,13 +359,6 @@ TEST("parameters that cannot be are refused by name") {
     lg_riser_parameters_init(&p);
     assert_ok(lg_riser_parameters_check(&p, &error));
     assert_string_equal(error.message, "");
-    lg_housing housing = LG_HOUSING_SLACK;
-    assert_ok(lg_housing_parse("tight", &housing));
-    assert_int_equal(housing, LG_HOUSING_TIGHT);
-    assert_status(lg_housing_parse("loose", &housing), LG_NOT_FOUND);
-    assert_status(lg_housing_parse(NULL, &housing), LG_INVALID_ARGUMENT);
-    assert_string_equal(lg_housing_name(LG_HOUSING_SLACK), "slack");
-    assert_null(lg_housing_name((lg_housing)LG_HOUSING_COUNT));
     assert_string_equal(lg_riser_channel(4), "moment_x");
     assert_null(lg_riser_channel(LG_RISER_CHANNELS));
 }

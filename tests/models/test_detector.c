@@ -319,7 +319,7 @@ TEST("the presets have their published settings, and losses their names") {
     assert_close(lg_detector_preset_find("thesis", NAN)->noise, 1, 0, 0);
     assert_null(lg_detector_preset_find("worst", 1.0));
     assert_null(lg_detector_preset_find(NULL, 1.0));
-    ASSERT_NAMED(lg_detector_loss, lg_detector_loss, LG_DETECTOR_LOSS_COUNT);
+    ASSERT_NAMES(lg_detector_loss, lg_detector_loss, LG_DETECTOR_LOSS_COUNT);
 }
 
 /* ---- bad input ---- */

@@ -14,7 +14,7 @@ enum { SOME = LG_COUNT(some_x) };
 /* ---- description ---- */
 
 TEST("kinds of surrogates have their names") {
-    ASSERT_NAMED(lg_surrogate_kind, lg_surrogate_kind, LG_SURROGATE_KIND_COUNT);
+    ASSERT_NAMES(lg_surrogate_kind, lg_surrogate_kind, LG_SURROGATE_KIND_COUNT);
     assert_string_equal(lg_surrogate_kind_name(LG_SURROGATE_CONTINUOUS), "continuous");
 }
 

@@ -78,28 +78,23 @@ TEST("a description that is refused leaves the network as it was") {
 TEST("each law of initialisation has its bounds, variance and biases") {
     const uint32_t wide[1] = {100};
     const struct {
-        const char *name;
         double variance, bound; /* bound 0: none */
         bool bias;
     } expected[LG_INITIALISATION_COUNT] = {
-        {"fan-in", 1.0 / 240.0, sqrt(1.0 / 80.0), true},
-        {"glorot-uniform", 2.0 / 180.0, sqrt(6.0 / 180.0), false},
-        {"glorot-normal", 2.0 / 180.0, 0.0, false},
-        {"he-uniform", 2.0 / 80.0, sqrt(6.0 / 80.0), false},
-        {"he-normal", 2.0 / 80.0, 0.0, false},
+        {1.0 / 240.0, sqrt(1.0 / 80.0), true},
+        {2.0 / 180.0, sqrt(6.0 / 180.0), false},
+        {2.0 / 180.0, 0.0, false},
+        {2.0 / 80.0, sqrt(6.0 / 80.0), false},
+        {2.0 / 80.0, 0.0, false},
     };
     lg_mlp net;
     assert_ok(lg_mlp_init(&net, 80, wide, 1, 1, LG_TANH, true));
     double *theta = TEST_ARRAY(double, lg_mlp_parameters(&net));
     for (int kind = 0; kind < LG_INITIALISATION_COUNT; kind++) {
-        lg_initialisation parsed;
-        assert_ok(lg_initialisation_parse(expected[kind].name, &parsed));
-        assert_int_equal(parsed, kind);
-        assert_string_equal(lg_initialisation_name(parsed), expected[kind].name);
         lg_rng rng;
         lg_rng_seed(&rng, 5, 0);
         memset(theta, 0xff, lg_mlp_parameters(&net) * sizeof *theta);
-        lg_mlp_initialise_as(&net, parsed, &rng, theta);
+        lg_mlp_initialise_as(&net, (lg_initialisation)kind, &rng, theta);
         double second = 0.0, largest = 0.0, biases = 0.0;
         for (size_t i = 0; i < 8000; i++) {
             second += theta[i] * theta[i] / 8000.0;
@@ -111,7 +106,6 @@ TEST("each law of initialisation has its bounds, variance and biases") {
         assert_int_equal(biases > 0.0, expected[kind].bias);
         for (size_t i = 0; i < lg_mlp_parameters(&net); i++) assert_true(isfinite(theta[i]));
     }
-    ASSERT_NAMED(lg_initialisation, lg_initialisation, LG_INITIALISATION_COUNT);
 }
 
 /* What the network gives on a tape, and the gradient of the first output as recorded and by the tape. */

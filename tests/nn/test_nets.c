@@ -79,7 +79,7 @@ static void each(void (*check)(fixture *f)) {
 /* ---- description ---- */
 
 TEST("kinds of networks have their names") {
-    ASSERT_NAMED(lg_net_kind, lg_net_kind, LG_NET_KIND_COUNT);
+    ASSERT_NAMES(lg_net_kind, lg_net_kind, LG_NET_KIND_COUNT);
     assert_string_equal(lg_net_kind_name(LG_NET_MULT_AFFINE), "mult-affine");
 }
 

@@ -44,6 +44,15 @@
         assert_string_equal(prefix##_name((type)(count)), "unknown");                                        \
     } while (0)
 
+/* Every name is another one, and a number beyond them is "unknown". */
+#define ASSERT_NAMES(type, prefix, count)                                                                    \
+    do {                                                                                                     \
+        for (int i_ = 0; i_ <= (int)(count); i_++)                                                           \
+            for (int j_ = 0; j_ < i_; j_++)                                                                  \
+                assert_string_not_equal(prefix##_name((type)i_), prefix##_name((type)j_));                   \
+        assert_string_equal(prefix##_name((type)(count)), "unknown");                                        \
+    } while (0)
+
 /* own_TYPE(value): a copy whose contents the running test gives back with destroy(copy). */
 #define OWNED(type, destroy)                                                                                 \
     static inline void release_##type(void *value) {                                                         \

@@ -18,16 +18,6 @@ const char *lg_activation_name(lg_activation kind) {
     return (unsigned)kind < LG_ACTIVATION_COUNT ? names[kind] : "unknown";
 }
 
-lg_status lg_activation_parse(const char *name, lg_activation *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_ACTIVATION_COUNT; i++)
-        if (strcmp(name, names[i]) == 0) {
-            *out = (lg_activation)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 _Static_assert((int)LG_K_IDENTITY == (int)LG_IDENTITY && (int)LG_K_TANH == (int)LG_TANH &&
                    (int)LG_K_SIGMOID == (int)LG_SIGMOID && (int)LG_K_SWISH == (int)LG_SWISH &&
                    (int)LG_K_RELU == (int)LG_RELU && (int)LG_K_LEAKY_RELU == (int)LG_LEAKY_RELU &&

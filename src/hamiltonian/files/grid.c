@@ -191,8 +191,3 @@ void lg_grid_destroy(lg_grid *grid) {
     lg_scene_destroy(&grid->scene);
     *grid = (lg_grid){.repeats = 0};
 }
-
-uint64_t lg_grid_runs(const lg_grid *grid) {
-    return (uint64_t)grid->integrator_count * grid->n_count * grid->m_count * grid->eps_count *
-           grid->penalty_count * grid->substeps_count * grid->repeats;
-}
