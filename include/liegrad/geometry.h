@@ -50,9 +50,6 @@ LG_API void lg_so3_dexp(const double u[3], const double b[3], double out[3]);
 /* dexp_u^-1(b) = b - 1/2 u x b + g_2 u x (u x b), g_2 = (1 - (x/2) cot(x/2))/x^2. Accurate to |u| = pi and
  * beyond; the pole at |u| = 2 pi is a property of the map. */
 LG_API void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]);
-/* dexp_u^* = dexp_{-u} and its inverse (dexp_u^-1)^* = dexp_{-u}^-1; dexp_u^* mu = Ad_{exp u}^* dexp_u mu */
-LG_API void lg_so3_dexp_dual(const double u[3], const double mu[3], double out[3]);
-LG_API void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double out[3]);
 /* Replaces R by the nearest rotation in the Frobenius norm (the orthogonal polar factor). The error is some
  * 1e-15 s_1/(s_2 + s_3), s_1 >= s_2 >= s_3 the singular values of R; entries may be of any size. Method near
  * rotations: R <- (R + R^-T)/2 (Higham 1986), else the eigenvector of a matrix of order 4 (Horn 1987).
@@ -61,10 +58,7 @@ LG_API void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double ou
  * s_2 + s_3 is below some 1e-13 s_1: then rounding alone says what the rotation is. */
 LG_API void lg_so3_project(double R[9]);
 
-/* ---- SE(3) ----
- *
- * Elements of the dual are mu = (m, n), paired as mu . b = m . B + n . b with b = (B, b).
- */
+/* ---- SE(3) ---- */
 
 /* (R, r) = (exp(hat(u)), dexp_u(v)) */
 LG_API void lg_se3_exp(const double a[6], double R[9], double r[3]);
@@ -80,12 +74,6 @@ LG_API void lg_se3_exp_act(const double a[6], const double y[6], double out[6]);
 LG_API void lg_se3_generator(const double a[6], const double y[6], double out[6]);
 /* [(u1, v1), (u2, v2)] = ad_(u1, v1) (u2, v2) = (u1 x u2, u1 x v2 + v1 x u2) */
 LG_API void lg_se3_bracket(const double a[6], const double b[6], double out[6]);
-/* ad_a^* mu = (m x u + n x v, n x u), a = (u, v): (ad_a^* mu) . b = mu . [a, b] */
-LG_API void lg_se3_cobracket(const double a[6], const double mu[6], double out[6]);
-/* Ad_(R, r) (B, b) = (R B, R b + r x R B); Ad_(R, r)^* (m, n) = (R^T (m - r x n), R^T n): (Ad_g^* mu) . b =
- * mu . (Ad_g b), so that Ad_{gh}^* = Ad_h^* Ad_g^*. */
-LG_API void lg_se3_adjoint(const double R[9], const double r[3], const double b[6], double out[6]);
-LG_API void lg_se3_coadjoint(const double R[9], const double r[3], const double mu[6], double out[6]);
 /* dexp_a(b) and dexp_a^-1(b) = sum_k B_k/k! ad_a^k b, closed forms. With phi(z) = (e^z - 1)/z, or its
  * inverse:
  *
@@ -97,9 +85,6 @@ LG_API void lg_se3_coadjoint(const double R[9], const double r[3], const double 
  * SO(3). */
 LG_API void lg_se3_dexp(const double a[6], const double b[6], double out[6]);
 LG_API void lg_se3_dexpinv(const double a[6], const double b[6], double out[6]);
-/* (dexp_a^* mu) . b = mu . dexp_a(b), and the same for dexp_a^-1: the series in ad_a^* */
-LG_API void lg_se3_dexp_dual(const double a[6], const double mu[6], double out[6]);
-LG_API void lg_se3_dexpinv_dual(const double a[6], const double mu[6], double out[6]);
 
 LG_END_DECLS
 

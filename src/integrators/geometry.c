@@ -111,16 +111,6 @@ void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]) {
     so3_function(-0.5, lg_dexpinv_coef(dot(u, u), 0), u, b, out);
 }
 
-void lg_so3_dexp_dual(const double u[3], const double mu[3], double out[3]) {
-    const double minus[3] = {-u[0], -u[1], -u[2]};
-    lg_so3_dexp(minus, mu, out);
-}
-
-void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double out[3]) {
-    const double minus[3] = {-u[0], -u[1], -u[2]};
-    lg_so3_dexpinv(minus, mu, out);
-}
-
 /* Entries far from 1 are scaled by a power of two. Those of rotations are not. */
 static void scale_entries(double R[9]) {
     double largest = 0.0;
@@ -240,33 +230,6 @@ void lg_se3_bracket(const double a[6], const double b[6], double out[6]) {
     se3_cross(a, b, out);
 }
 
-void lg_se3_cobracket(const double a[6], const double mu[6], double out[6]) {
-    double first[3], second[3], third[3];
-    cross(mu, a, first);
-    cross(mu + 3, a + 3, second);
-    cross(mu + 3, a, third);
-    for (int i = 0; i < 3; i++) {
-        out[i] = first[i] + second[i];
-        out[3 + i] = third[i];
-    }
-}
-
-void lg_se3_adjoint(const double R[9], const double r[3], const double b[6], double out[6]) {
-    double turned[3], moved[3];
-    lg_so3_adjoint(R, b + 3, moved);
-    lg_so3_adjoint(R, b, out);
-    cross(r, out, turned);
-    for (int i = 0; i < 3; i++) out[3 + i] = moved[i] + turned[i];
-}
-
-void lg_se3_coadjoint(const double R[9], const double r[3], const double mu[6], double out[6]) {
-    double m[3];
-    cross(r, mu + 3, m);
-    for (int i = 0; i < 3; i++) m[i] = mu[i] - m[i];
-    lg_so3_coadjoint(R, mu + 3, out + 3);
-    lg_so3_coadjoint(R, m, out);
-}
-
 /* A function of ad_a that is 1 at 0, by its coefficients; gt = 2 dg/dw. */
 typedef struct coefficients {
     double g1, gt1, g2, gt2;
@@ -296,30 +259,10 @@ static void se3_function(coefficients k, const double a[6], const double b[6], d
     }
 }
 
-/* phi(ad_a^*) mu, the transpose. */
-static void se3_function_dual(coefficients k, const double a[6], const double mu[6], double out[6]) {
-    double x[6], xx[6];
-    lg_se3_cobracket(a, mu, x);
-    lg_se3_cobracket(a, x, xx);
-    const double rho = dot(a, a + 3);
-    for (int i = 0; i < 3; i++) {
-        out[i] = mu[i] + (k.g1 * x[i] + k.g2 * xx[i] + rho * (k.gt1 * x[3 + i] + k.gt2 * xx[3 + i]));
-        out[3 + i] = mu[3 + i] + (k.g1 * x[3 + i] + k.g2 * xx[3 + i]);
-    }
-}
-
 void lg_se3_dexp(const double a[6], const double b[6], double out[6]) {
     se3_function(dexp_coefficients(a), a, b, out);
 }
 
 void lg_se3_dexpinv(const double a[6], const double b[6], double out[6]) {
     se3_function(dexpinv_coefficients(a), a, b, out);
-}
-
-void lg_se3_dexp_dual(const double a[6], const double mu[6], double out[6]) {
-    se3_function_dual(dexp_coefficients(a), a, mu, out);
-}
-
-void lg_se3_dexpinv_dual(const double a[6], const double mu[6], double out[6]) {
-    se3_function_dual(dexpinv_coefficients(a), a, mu, out);
 }
