@@ -185,7 +185,8 @@ static void add_family(const lg_hamiltonian_family *family) {
     add_geodesic_loss(&model, scheme);
     for (size_t i = 0; i < lg_first_integral_count(); i++)
         add_loss(&model, scheme, 0.5, LG_PENALTY_MEAN_SQUARE, lg_first_integral_at(i));
-    add_loss(&model, lg_scheme_find("stormer-verlet"), 0.5, LG_PENALTY_SUM_ABSOLUTE, lg_first_integral_at(0));
+    add_loss(&model, lg_scheme_find("stormer-verlet"), 0.5, LG_PENALTY_SUM_ABSOLUTE,
+             lg_first_integral_find("oscillator"));
 }
 
 const lg_gradcheck_case *hamiltonian_rows(size_t *count) {

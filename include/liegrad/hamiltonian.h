@@ -154,13 +154,6 @@ LG_API const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *s
 /* Errors: those of lg_space_init. */
 LG_API lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space);
 
-/* For the functions of a family: V (B, 1) of x (B, ...), which has `inputs` n numbers a row, and dV/dx in the
- * shape of x. The third function gives `input` the shape of `part`; the numbers of rows and of elements must
- * be equal. */
-LG_API lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
-LG_API lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
-LG_API lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part);
-
 /* ---- description ---- */
 
 /* Errors: LG_INVALID_ARGUMENT (n outside 1..LG_HAMILTONIAN_MAX_COPIES, a hidden width of 0, too many layers,
@@ -357,9 +350,6 @@ LG_API lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_va
 /* The same -> y' (B, d). */
 LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
                                              lg_var input);
-/* The same field for lg_taped_step_over, with force and velocity where the family has them. `vars` must
- * outlive the use of `ode`. */
-LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode);
 
 /* The model as a program (liegrad/program.h) with parameter theta and the functions
  *   value (x) -> y                H

@@ -228,8 +228,6 @@ LG_API lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg
 LG_API lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t count,
                                           const double *values, const bool *unknown, lg_error *error);
 LG_API lg_status lg_machine_space(const lg_machine *machine, lg_space *space);
-/* Numbers of the features of a term: how many inputs its network has. */
-LG_API uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
 
 /* theta (parameters; NULL is allowed for a machine without parameters, here and below): networks' weights
  * U(+-1/sqrt(fan_in)), last layers scaled by .1; masses 1, small damping, an input map of 0 but 1 for input j
@@ -412,15 +410,13 @@ typedef struct lg_identified {
 /* The values of a machine's numbers alone; returns how many there are, at most `room` are written. */
 LG_API size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room,
                                  lg_identified *out);
-/* The same, M of a network at `positions` (positions of a log, in its units; NULL: the reference). */
-LG_API size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
-                                    size_t room, lg_identified *out);
 /* Where logs can tell M of a network: at the reference, if a window to be learned begins within a tenth of
  * the standard deviation of the positions that the mass sees; else where the window begins that is nearest to
  * the mean of all. Writes its positions, as logs have them. False: no mass is a network, and the positions do
  * not matter. */
 LG_API bool lg_machine_mass_at(const lg_machine_problem *problem, double *positions);
-/* What logs say of the N numbers of lg_machine_numbers_at lg_machine_mass_at; the caller's memory. */
+/* What logs say of the N numbers of lg_machine_numbers, with M of a network at lg_machine_mass_at; the
+ * caller's memory. */
 typedef struct lg_identification {
     lg_identified *numbers; /* (N) with errors */
     double *correlations;   /* (N, N) of the errors, 0 where one is 0 or infinite; NULL: not wanted */

@@ -159,8 +159,8 @@ typedef struct lg_system_user {
  * Hamiltonian form, v_i = dH/dp_i, g_i = dH/dq_i:
  *   LIE:     f_i = (xi_i, eta_i) = (q_i x v_i, g_i x q_i + v_i x p_i)
  *   AMBIENT: q_i' = v_i - q_i (q_i.v_i), p_i' = -g_i + q_i (q_i.g_i) + p_i (q_i.v_i) - q_i (p_i.v_i)
- * AMBIENT uses lg_chain_gradient_extended, because a classical scheme leaves the manifold. The field returns
- * LG_NOT_FINITE where the kinetic energy is not defined.
+ * AMBIENT takes v and g from an extension of H to the ambient space, because a classical scheme leaves the
+ * manifold (src/mechanics/chain.h). The field returns LG_NOT_FINITE where the kinetic energy is not defined.
  *
  * ode.step: oscillator, the midpoint rule (discrete Lagrangian h L((q0 + q1)/2, (q1 - q0)/h)); chains in both
  * forms, the trapezoidal discrete Lagrangian in ambient coordinates with the constraints |q_i| = 1 (SHAKE for
@@ -196,24 +196,6 @@ LG_API lg_status lg_chain_potential_weights(const lg_system *system, double *wei
  * work: lg_system_work_size bytes. Errors: LG_NOT_FINITE (back only). */
 LG_API lg_status lg_chain_momenta(const lg_system *system, const double *from, double *to, double *work);
 LG_API lg_status lg_chain_velocities(const lg_system *system, const double *from, double *to, double *work);
-
-/* The next two functions are for the Hamiltonian form only. */
-
-/* On the manifold. dH/dp_i -> v (3k), dH/dq_i -> g (3k), from y (6k). W = m^-1 is tridiagonal; with G_il =
- * q_i.q_l and u_i = q_i.(W p)_i, (W o G) lambda = u: v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i =
- * -lambda_i v_i, plus dV/dq. The k x k system is symmetric positive definite and tridiagonal: O(k). work:
- * lg_system_work_size bytes. Errors: LG_NOT_FINITE (a pivot is not positive: NaN in y, or a link of length
- * 0). */
-LG_API lg_status lg_chain_gradient(const lg_system *system, const double *y, double *v, double *g,
-                                   double *work);
-
-/* Near the manifold: the gradient of T = 1/2 p^T W p + 1/2 u^T S^-1 r, symmetric
- * S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il, r_i = q_i.p_i/m_ii - u_i. T equals the kinetic energy on
- * the manifold (k = 1: |p|^2/(2 m_11) everywhere). There its field equals that of lg_chain_gradient; v and g
- * themselves differ by parts that do not change the field. Errors: LG_NOT_FINITE (S is not positive
- * definite). */
-LG_API lg_status lg_chain_gradient_extended(const lg_system *system, const double *y, double *v, double *g,
-                                            double *work);
 
 /* ---- Starts and trajectories ---- */
 

@@ -103,9 +103,6 @@ LG_API void lg_adam_options_init(lg_adam_options *options);
 LG_API void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate,
                          double clip, const void *gradient, size_t n, void *m, void *v, void *theta);
 
-/* The factor that brings a gradient of this norm to at most `limit`: min(1, limit/norm), or 1 for limit 0. */
-LG_API double lg_clip_factor(double norm, double limit);
-
 /* ---- schedules ---- */
 
 typedef enum lg_schedule_kind { LG_SCHEDULE_CONSTANT, LG_SCHEDULE_STEP, LG_SCHEDULE_COSINE } lg_schedule_kind;
@@ -358,10 +355,6 @@ LG_API uint64_t lg_fit_epochs_done(const lg_fit *fit);
 LG_API uint64_t lg_fit_steps_done(const lg_fit *fit); /* Adam's steps and evaluations of other methods */
 LG_API uint64_t lg_fit_best_epoch(const lg_fit *fit); /* counted from 1; 0: none finished */
 LG_API uint64_t lg_fit_restarts(const lg_fit *fit);   /* done so far */
-/* Training samples already used in the unfinished epoch; 0 between two epochs. */
-LG_API size_t lg_fit_position(const lg_fit *fit);
-/* Variance of the noise in the data, as the prior estimates it; 0 where the loss falls on. */
-LG_API double lg_fit_noise(const lg_fit *fit);
 /* Loss of the last finished epoch; NaN before. */
 LG_API double lg_fit_loss(const lg_fit *fit);
 

@@ -56,12 +56,6 @@ LG_API void lg_riser_parameters_init(lg_riser_parameters *out);
  * definite or overflows. A structure that is stable only beyond the gap passes; it leans. */
 LG_API lg_status lg_riser_parameters_check(const lg_riser_parameters *parameters, lg_error *error);
 
-/* Periods of the undamped linear system, s, longest first: periods (LG_RISER_DOF). `locked`: with the
- * stiffness of a housing beyond its gap or tight, else of one within its gap. Errors: LG_NO_CONVERGENCE,
- * LG_INVALID_ARGUMENT (also a structure that cannot stand with that stiffness). */
-LG_API lg_status lg_riser_periods(const lg_riser_parameters *parameters, bool locked,
-                                  double periods[LG_RISER_DOF]);
-
 /* ---- sea ---- */
 
 /* JONSWAP (gamma 3.3), cos^12 spreading about `direction`. */
@@ -125,14 +119,6 @@ LG_API void lg_riser_stream_destroy(lg_riser_stream *stream); /* NULL is fine */
 /* The next `count` samples (count, LG_RISER_CHANNELS); allocates nothing. After LG_NOT_FINITE or
  * LG_CANCELLED some of them are written, and the stream may only be destroyed. */
 LG_API lg_status lg_riser_stream_next(lg_riser_stream *stream, size_t count, float *samples, lg_error *error);
-
-/* Free motion without waves, current and noise, for tests and pictures: integrates the state q, v
- * (2, LG_RISER_DOF), x before y, in place over `steps` steps of dt. energy (steps + 1) or NULL: kinetic plus
- * potential energy of the conservative part, J. Damping and drag are those of the parameters; `damped` false
- * leaves them out. */
-LG_API lg_status lg_riser_free_motion(const lg_context *context, const lg_riser_parameters *parameters,
-                                      double dt, size_t steps, bool damped, double *q, double *v,
-                                      double *energy, lg_error *error);
 
 /* ---- the standard set of runs ---- */
 

@@ -84,9 +84,8 @@ LG_API lg_status lg_tape_create(const lg_context *context, const lg_tape_options
 LG_API void lg_tape_destroy(lg_tape *tape); /* NULL is fine */
 LG_API lg_dtype lg_tape_dtype(const lg_tape *tape);
 
-/* Bytes held (high-water mark: memory is kept for the next step) and nodes recorded now. */
+/* Bytes held (high-water mark: memory is kept for the next step). */
 LG_API size_t lg_tape_size(const lg_tape *tape);
-LG_API size_t lg_tape_nodes(const lg_tape *tape);
 
 /* A position on the tape. Rewinding drops everything recorded after the mark in O(1), and handles made after
  * it become stale. Memory is kept, so a repeated step allocates nothing. Errors: LG_INVALID_ARGUMENT for a

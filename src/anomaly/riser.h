@@ -102,4 +102,19 @@ void lg_riser_motion_start(lg_riser_motion *motion, const double *water);
 void lg_riser_motion_step(lg_riser_motion *motion, const double *water);
 double lg_riser_motion_energy(const lg_riser_motion *motion);
 
+/* ---- for tests ---- */
+
+/* Periods of the undamped linear system, s, longest first: periods (LG_RISER_DOF). `locked`: with the
+ * stiffness of a housing beyond its gap or tight, else of one within its gap. Errors: LG_NO_CONVERGENCE,
+ * LG_INVALID_ARGUMENT (also a structure that cannot stand with that stiffness). */
+lg_status lg_riser_periods(const lg_riser_parameters *parameters, bool locked, double periods[LG_RISER_DOF]);
+
+/* Free motion without waves, current and noise, for tests and pictures: integrates the state q, v
+ * (2, LG_RISER_DOF), x before y, in place over `steps` steps of dt. energy (steps + 1) or NULL: kinetic plus
+ * potential energy of the conservative part, J. Damping and drag are those of the parameters; `damped` false
+ * leaves them out. */
+lg_status lg_riser_free_motion(const lg_context *context, const lg_riser_parameters *parameters, double dt,
+                               size_t steps, bool damped, double *q, double *v, double *energy,
+                               lg_error *error);
+
 #endif

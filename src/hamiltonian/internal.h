@@ -22,6 +22,16 @@ double lg_hamiltonian_energy_scale(const lg_hamiltonian *model);
 lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
 lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
 
+/* For the functions of a family: V (B, 1) of x (B, ...), which has `inputs` n numbers a row, and dV/dx in the
+ * shape of x. The third function gives `input` the shape of `part`; the numbers of rows and of elements must
+ * be equal. */
+lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
+lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
+lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part);
+
+/* The field for lg_taped_step_over, with force and velocity where the family has them. `vars` must
+ * outlive the use of `ode`. */
+lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode);
 /* The equation that training solves with a scheme, inside and without input: on the manifold for Lie group
  * schemes, else on R^d with the parts of `start`. `vars` must outlive the use of `ode`. */
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,

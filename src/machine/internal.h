@@ -257,4 +257,10 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
                               double factor, double *out, double *part);
 
+/* Numbers of the features of a term: how many inputs its network has. */
+uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
+/* lg_machine_numbers with M of a network at `positions` (of a log, in its units; NULL: the reference). */
+size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
+                             size_t room, lg_identified *out);
+
 #endif

@@ -76,6 +76,18 @@ void lg_chain_velocity_of_omega(size_t links, const double *y, double *v);
 void lg_chain_omega_of_velocity(size_t links, const double *v, double *y);
 /* Writes p_i = P_i sum_j m_ij v_j into y; work: 3k doubles. */
 void lg_chain_momentum_of_velocity(const lg_chain *chain, const double *v, double *y, double *work);
+/* On the manifold. dH/dp_i -> v (3k), dH/dq_i -> g (3k), from y (6k). W = m^-1 is tridiagonal; with G_il =
+ * q_i.q_l and u_i = q_i.(W p)_i, (W o G) lambda = u: v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i =
+ * -lambda_i v_i, plus dV/dq. The k x k system is symmetric positive definite and tridiagonal: O(k). work:
+ * 12k doubles. LG_NOT_FINITE: a pivot is not positive (NaN in y, or a link of length 0); v and g are then
+ * undefined. */
+lg_status lg_chain_gradient(const lg_chain *chain, const double *y, double *v, double *g, double *work);
+/* Near the manifold: the gradient of T = 1/2 p^T W p + 1/2 u^T S^-1 r, symmetric
+ * S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il, r_i = q_i.p_i/m_ii - u_i. T equals the kinetic energy on
+ * the manifold (k = 1: |p|^2/(2 m_11) everywhere). There its field equals that of lg_chain_gradient; v and g
+ * themselves differ by parts that do not change the field. LG_NOT_FINITE: S is not positive definite. */
+lg_status lg_chain_gradient_extended(const lg_chain *chain, const double *y, double *v, double *g,
+                                     double *work);
 /* v_i = dH/dp_i from y = q, p; work: CHAIN_MOMENTUM_WORK k doubles, beginning with dH/dq (k, 3). */
 lg_status lg_chain_velocity_of_momentum(const lg_chain *chain, const double *y, double *v, double *work);
 enum { CHAIN_MOMENTUM_WORK = 15 };

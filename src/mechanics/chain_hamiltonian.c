@@ -19,13 +19,13 @@ static lg_status sound(const number *lambda) {
     return isnan(lambda[0]) ? LG_NOT_FINITE : LG_OK;
 }
 
-static lg_status gradient(const lg_chain *chain, const double *y, double *v, double *g, double *memory) {
+lg_status lg_chain_gradient(const lg_chain *chain, const double *y, double *v, double *g, double *memory) {
     gradient_of(chain, y, v, g, memory);
     return sound(split_work(chain->links, memory).lambda);
 }
 
-static lg_status gradient_extended(const lg_chain *chain, const double *y, double *v, double *g,
-                                   double *memory) {
+lg_status lg_chain_gradient_extended(const lg_chain *chain, const double *y, double *v, double *g,
+                                     double *memory) {
     gradient_extended_of(chain, y, v, g, memory);
     return sound(split_work(chain->links, memory).lambda);
 }
@@ -54,7 +54,7 @@ static double invariant(const lg_system *system, size_t index, const double *y, 
 }
 
 lg_status lg_chain_velocity_of_momentum(const lg_chain *chain, const double *y, double *v, double *work) {
-    return gradient(chain, y, v, work, work + 3 * chain->links);
+    return lg_chain_gradient(chain, y, v, work, work + 3 * chain->links);
 }
 
 /* ---- vector fields ---- */
@@ -82,7 +82,7 @@ static lg_status step(void *user, double t, double h, double *y) {
     const lg_chain chain = lg_chain_of(own->system);
     double *v = own->work, *rest = v + 3 * chain.links;
     (void)t;
-    LG_TRY(gradient(&chain, y, v, rest, rest + 3 * chain.links));
+    LG_TRY(lg_chain_gradient(&chain, y, v, rest, rest + 3 * chain.links));
     LG_TRY(lg_chain_rattle(&chain, h, y, v, rest));
     lg_chain_momentum_of_velocity(&chain, v, y, rest);
     return LG_OK;
@@ -135,28 +135,3 @@ const lg_system_row lg_system_row_chain_hamiltonian = {
     .lanes = LG_LANES_CHAIN_HAMILTONIAN,
     .taped = lg_chain_taped_hamiltonian,
 };
-
-/* ---- public parts ---- */
-
-/* Results go through the workspace, so that v and g are unchanged on failure. */
-static lg_status public_gradient(const lg_system *system, const double *y, double *v, double *g, double *work,
-                                 lg_status (*evaluate)(const lg_chain *, const double *, double *, double *,
-                                                       double *)) {
-    if (!system || !y || !v || !g || !work) return LG_INVALID_ARGUMENT;
-    if (system->row != &lg_system_row_chain_hamiltonian) return LG_UNSUPPORTED;
-    const lg_chain chain = lg_chain_of(system);
-    const size_t n = 3 * chain.links;
-    LG_TRY(evaluate(&chain, y, work, work + n, work + 2 * n));
-    memcpy(v, work, n * sizeof(*v));
-    memcpy(g, work + n, n * sizeof(*g));
-    return LG_OK;
-}
-
-lg_status lg_chain_gradient(const lg_system *system, const double *y, double *v, double *g, double *work) {
-    return public_gradient(system, y, v, g, work, gradient);
-}
-
-lg_status lg_chain_gradient_extended(const lg_system *system, const double *y, double *v, double *g,
-                                     double *work) {
-    return public_gradient(system, y, v, g, work, gradient_extended);
-}

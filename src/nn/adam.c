@@ -2,8 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "kernels/kernels.h"
-#include "liegrad/nn.h"
+#include "nn/fit_internal.h"
 
 void lg_adam_options_init(lg_adam_options *options) {
     *options = (lg_adam_options){.lr = 1e-3, .beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8};

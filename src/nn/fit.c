@@ -497,14 +497,6 @@ uint64_t lg_fit_restarts(const lg_fit *fit) {
     return fit->state.restarts;
 }
 
-size_t lg_fit_position(const lg_fit *fit) {
-    return (size_t)fit->state.position;
-}
-
-double lg_fit_noise(const lg_fit *fit) {
-    return fit->state.noise;
-}
-
 double lg_fit_loss(const lg_fit *fit) {
     return fit->state.epoch > 0 ? fit->state.history[LG_FIT_LOSS][fit->state.epoch - 1] : NAN;
 }

@@ -115,6 +115,8 @@ double lg_fit_reduce(lg_fit *fit);
 typedef enum lg_pairs { LG_PAIRS_HERE, LG_PAIRS_REST } lg_pairs;
 typedef void (*lg_fit_add)(const lg_fit *fit, void *user, size_t to, size_t from);
 void lg_fit_for_pairs(const lg_fit *fit, lg_pairs pairs, lg_fit_add add, void *user);
+/* Brings a gradient of this norm to at most `limit`: min(1, limit/norm), or 1 for limit 0. */
+double lg_clip_factor(double norm, double limit);
 /* What a gradient is not finite in. */
 lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error *error);
 

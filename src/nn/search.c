@@ -1,5 +1,5 @@
 /* Random search with early stopping: drawing, stopping and running trials. */
-#include "liegrad/search.h"
+#include "nn/search.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -300,10 +300,6 @@ TEST("systems") {
     REFUSES(lg_chain_potential_weights(NEEDED(chain), NEEDED(others)));
     REFUSES(lg_chain_momenta(NEEDED(chain), NEEDED(hanging), NEEDED(others), NEEDED(work)));
     REFUSES(lg_chain_velocities(NEEDED(chain), NEEDED(hanging), NEEDED(others), NEEDED(work)));
-    REFUSES(
-        lg_chain_gradient(NEEDED(chain), NEEDED(hanging), NEEDED(others), NEEDED(others + 3), NEEDED(work)));
-    REFUSES(lg_chain_gradient_extended(NEEDED(chain), NEEDED(hanging), NEEDED(others), NEEDED(others + 3),
-                                       NEEDED(work)));
     REFUSES(lg_space_start(NEEDED(lg_system_space(chain)), NULL, NEEDED(&rng), NEEDED(others)));
     REFUSES(lg_system_start(NEEDED(chain), NULL, NEEDED(&rng), NEEDED(others)));
     REFUSES(lg_generate_trajectories(NULL, NEEDED(chain), &few, NEEDED(others), NEEDED(others + 100),
@@ -436,7 +432,6 @@ TEST("Hamiltonians, models and control") {
     lg_tape *tape = test_tape(LG_F64);
     const lg_var at = lg_input(tape, lg_shape1((uint32_t)count), theta);
     lg_hamiltonian_vars vars;
-    lg_taped_ode taped;
     lg_program *program;
     assert_ok(lg_hamiltonian_bind(tape, &h, at, &vars));
     REFUSES(lg_hamiltonian_space(NEEDED(family), 1, NEEDED(&space)));
@@ -451,7 +446,6 @@ TEST("Hamiltonians, models and control") {
     REFUSES(lg_hamiltonian_floor(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
     REFUSES(lg_hamiltonian_scale(NULL, NEEDED(&problem), NEEDED(changed), NULL));
     REFUSES(lg_hamiltonian_bind(NEEDED(tape), NEEDED(&h), at, NEEDED(&vars)));
-    REFUSES(lg_hamiltonian_taped_ode(NEEDED(&vars), NEEDED(&taped)));
     REFUSES(lg_hamiltonian_program(NULL, NEEDED(&h), NEEDED(theta), NULL, NEEDED(&program), none));
 
     lg_model *model = NULL, *made;
@@ -802,17 +796,14 @@ TEST("risers, searches and ranks") {
     lg_riser_parameters_init(&riser);
     lg_riser_run_init(&run);
     run.discard = run.ramp = 0.0;
-    double periods[LG_RISER_DOF], q[2 * LG_RISER_DOF] = {0.0}, v[2 * LG_RISER_DOF] = {0.0};
     float samples[LG_RISER_CHANNELS];
     lg_wave waves[LG_RISER_COMPONENTS];
     assert_ok(lg_riser_stream_create(NULL, &riser, &run, &stream, &error));
     REFUSES(lg_riser_parameters_check(NEEDED(&riser), NULL));
-    REFUSES(lg_riser_periods(NEEDED(&riser), false, NEEDED(periods)));
     REFUSES(lg_sea_components(NEEDED(&run.sea), 100.0, 9.81, 1, NEEDED(waves)));
     REFUSES(lg_riser_simulate(NULL, NEEDED(&riser), NEEDED(&run), 1, NEEDED(samples), NULL));
     REFUSES(lg_riser_stream_create(NULL, NEEDED(&riser), NEEDED(&run), NEEDED(&made), NULL));
     REFUSES(lg_riser_stream_next(NEEDED(stream), 1, NEEDED(samples), NULL));
-    REFUSES(lg_riser_free_motion(NULL, NEEDED(&riser), 0.01, 1, false, NEEDED(q), NEEDED(v), NULL, NULL));
     lg_riser_stream_destroy(stream);
 
     const lg_search_space space = {.count = 1, .ranges = {{.name = "lr", .low = 1.0, .high = 2.0}}};

@@ -3,6 +3,8 @@
 
 #include "io_test.h"
 
+#include "nn/search.h"
+
 /* ---- ranges ---- */
 
 static const char example[] = "fixed: {network: discrete, batch: 32, lr-gamma: 1e-1}\n"

@@ -11,6 +11,7 @@
 #include "liegrad/io.h"
 #include "liegrad/logs.h"
 #include "liegrad/tables.h"
+#include "nn/search.h"
 
 /* A reader that refuses says why. */
 static void refused(lg_status status, const lg_error *error) {

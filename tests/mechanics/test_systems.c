@@ -201,9 +201,6 @@ TEST("functions of chains refuse other systems and NULL") {
     assert_status(lg_chain_velocities(quartic, x, x, work), LG_UNSUPPORTED);
     assert_status(lg_chain_velocities(chain, x, x, work), LG_NOT_FINITE); /* links of length 0 */
     assert_status(lg_chain_momenta(chain, x, NULL, work), LG_INVALID_ARGUMENT);
-    assert_status(lg_chain_gradient(quartic, x, x, x, work), LG_UNSUPPORTED);
-    assert_status(lg_chain_gradient(chain, x, x, x, work), LG_UNSUPPORTED);
-    assert_status(lg_chain_gradient(NULL, x, x, x, work), LG_INVALID_ARGUMENT);
     assert_status(lg_system_ode(quartic, unknown, &ode, &user, work), LG_INVALID_ARGUMENT);
     assert_status(lg_system_ode(NULL, LG_COORDINATES_LIE, &ode, &user, work), LG_INVALID_ARGUMENT);
     assert_status(lg_system_ode(quartic, LG_COORDINATES_LIE, &ode, NULL, work), LG_INVALID_ARGUMENT);

@@ -2,6 +2,8 @@
  * coordinate and of term. */
 #include "models/machine_support.h"
 
+#include "machine/internal.h"
+
 enum { MOST_NUMBERS = 128, ROWS = 3, MOST = ROWS * (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES) };
 
 /* The machine on a tape with random rows. */

@@ -1,7 +1,8 @@
 /* Adam against its definition and against steps that can be worked out by hand; clipping; schedules. */
 #include "nn_support.h"
 
-#include "kernels/kernels.h"
+#include "nn/fit_internal.h"
+
 #define N 3
 /* Algorithm 1 of Kingma & Ba with L2 (the gradient gets decay theta) or decoupled decay. */
 static void reference(const lg_adam_options *o, int step, double rate, double clip, const double *gradient,

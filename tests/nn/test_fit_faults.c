@@ -2,6 +2,8 @@
  * one. */
 #include "nn_support.h"
 
+#include "nn/fit_internal.h"
+
 /* ---- values that are not finite ---- */
 
 TEST("a loss that is NaN stops before its batch, and goes on when the cause is gone") {
@@ -17,7 +19,7 @@ TEST("a loss that is NaN stops before its batch, and goes on when the cause is g
     assert_int_equal(error.status, LG_NOT_FINITE);
     assert_message(&error, "epoch 2, batch 3");
     assert_message(&error, "the loss is NaN");
-    assert_int_equal(lg_fit_position(fit), 20);
+    assert_int_equal(fit->state.position, 20);
     assert_int_equal(lg_fit_steps_done(fit), 8);
     double theta[512], again[512];
     const size_t n = lg_mlp_parameters(&r.net);

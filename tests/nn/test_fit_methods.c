@@ -1,6 +1,8 @@
 /* Methods of training: plans, full-batch minimisation through lg_fit, its bits, states and ends. */
 #include "nn_support.h"
 
+#include "nn/fit_internal.h"
+
 static lg_fit_plan plan_of(const char *text) {
     lg_fit_plan plan;
     lg_error error;
@@ -267,10 +269,10 @@ TEST("with a prior the noise of the data is found and not learned") {
     regression r = noisy_regression(deviation);
     lg_fit *with = fit_with_prior(&r, 0.5, 1500), *without = fit_with_prior(&r, 0, 1500);
     print_message("error %.1e with a prior, %.1e without; variance of the noise %.1e\n", true_error(with, &r),
-                  true_error(without, &r), lg_fit_noise(with));
-    assert_true(lg_fit_noise(with) > 0.5 * deviation * deviation);
-    assert_true(lg_fit_noise(with) < 1.5 * deviation * deviation);
-    assert_true(lg_fit_noise(without) == 0);
+                  true_error(without, &r), with->state.noise);
+    assert_true(with->state.noise > 0.5 * deviation * deviation);
+    assert_true(with->state.noise < 1.5 * deviation * deviation);
+    assert_true(without->state.noise == 0);
     assert_true(true_error(with, &r) < 0.3 * true_error(without, &r));
 }
 
@@ -283,7 +285,7 @@ TEST("numbers behind the weights have no prior") {
     for (int all = 0; all < 2; all++) {
         const lg_fit *fit = fit_with_priors(&r, all ? 0 : n - 1, s, 1500);
         lg_fit_current_parameters(fit, theta);
-        const double last = theta[n - 1], pull = 2 * lg_fit_noise(fit) / (s * s * REGRESSION_SAMPLES) * last;
+        const double last = theta[n - 1], pull = 2 * fit->state.noise / (s * s * REGRESSION_SAMPLES) * last;
         theta[n - 1] = last + e;
         const double above = loss_at(&r, theta, 1);
         theta[n - 1] = last - e;
@@ -318,7 +320,7 @@ TEST("a run with a prior, in parts, has the bits of one run") {
         load_state(fit, &archive);
     }
     assert_same_fits(whole, fit);
-    assert_true(lg_fit_noise(fit) > 0);
+    assert_true(fit->state.noise > 0);
 }
 
 TEST("a loss that is not finite at the start is an error, and later a shorter step") {

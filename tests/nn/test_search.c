@@ -1,7 +1,7 @@
 /* Random search: draws, early stopping, what an interruption leaves. */
 #include "test_support.h"
 #include "liegrad/random.h"
-#include "liegrad/search.h"
+#include "nn/search.h"
 static lg_range bounds(const char *name, lg_range_kind kind, double low, double high) {
     lg_range range = {.kind = kind, .low = low, .high = high};
     (void)snprintf(range.name, sizeof range.name, "%s", name);

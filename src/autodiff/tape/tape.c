@@ -58,10 +58,6 @@ size_t lg_tape_size(const lg_tape *tape) {
     return tape->bytes;
 }
 
-size_t lg_tape_nodes(const lg_tape *tape) {
-    return tape->count;
-}
-
 size_t lg_tape_spd_failures(const lg_tape *tape) {
     return tape->spd_failures;
 }
