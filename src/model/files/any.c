@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "core/text.h"
 #include "files/h5.h"
 #include "liegrad/machine_model.h"
 #include "model/files/program_file.h"

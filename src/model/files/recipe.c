@@ -11,7 +11,7 @@
 static const lg_field *row_at(const lg_recipe *kind, size_t index) {
     const lg_field *row = kind->facts;
     for (; row->name != NULL && index > 0; row++) index--;
-    if (row->name == NULL) row = kind->hyperparameters;
+    if (row->name == NULL) row = kind->fields;
     for (; row->name != NULL && index > 0; row++) index--;
     return row->name != NULL ? row : NULL;
 }

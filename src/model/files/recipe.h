@@ -1,17 +1,17 @@
-/* Models in files. A kind of model is data: a table that describes its run, the slices of its parameter
- * vector, and the offsets of the members that all file structures have. Attributes of /model say what is
- * learned, those of /run how and from which data. Weights are below /model by name. Optimizer, generator and
- * history are the same for all kinds. */
-#ifndef LG_RUN_H
-#define LG_RUN_H
+/* A recipe: what files know of a kind of model, as one row: the fields of the run, the slices of the
+ * parameter vector, the model's functions, and the offsets of the members that all file structures have.
+ * Attributes of /model say what is learned, attributes of /run how and from which data. Weights are below
+ * /model by name. Optimizer, generator and history are the same for all recipes. */
+#ifndef LG_RECIPE_H
+#define LG_RECIPE_H
 
 #include "files/h5.h"
 #include "liegrad/fields.h"
 #include "liegrad/networks.h"
 #include "settings/settings.h"
 
-/* A fact about the model or its data, which is part of a run beside the hyperparameters. The last arguments
- * are designated initialisers; `.low = 0` adds nothing. */
+/* A row for a fact about the model or its data, which nobody sets. The last arguments are designated
+ * initialisers; `.low = 0` adds nothing. */
 #define LG_FACT(struct_, group_, name_, type_, member, ...)                                                  \
     LG_FIELD(struct_, group_, name_, type_, member, .high = 1e300, __VA_ARGS__)
 
@@ -19,7 +19,7 @@ struct lg_recipe {
     const char *name;       /* attribute `kind` of a model, */
     const char *checkpoint; /* and of a checkpoint */
     /* The run. Both tables end with a row without a name. */
-    const lg_field *facts, *hyperparameters;
+    const lg_field *facts, *fields;
     size_t run_size, training; /* offset of its lg_training */
     const void *defaults;      /* a run with the values for attributes that a file lacks */
     lg_status (*build)(lg_h5 *h5, void *run, lg_error *error); /* rows read: the model is made from them */
@@ -43,7 +43,7 @@ struct lg_recipe {
     void (*release)(void *file);
 };
 
-/* ---- runs (run.c) ---- */
+/* ---- runs (recipe.c) ---- */
 
 lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run, lg_error *error);
 lg_status lg_run_put(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error);
@@ -96,7 +96,7 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
     const lg_recipe lg_recipe_##kind = {.name = #kind,                                                       \
                                         .checkpoint = checkpoint_name,                                       \
                                         .facts = facts,                                                      \
-                                        .hyperparameters = lg_##kind##_fields,                               \
+                                        .fields = lg_##kind##_fields,                                        \
                                         .run_size = sizeof(lg_##kind##_run),                                 \
                                         .training = offsetof(lg_##kind##_run, training),                     \
                                         .defaults = &defaults,                                               \
