@@ -855,7 +855,7 @@ static void refuse_row(const lg_field *r, bool whole, read_fn reader, fresh_fn f
 TEST("every hyperparameter of a model and of a checkpoint is refused by name when it is missing or wrong") {
     for
         EACH_KIND(k) {
-            const lg_field *const tables[] = {k->run->facts, k->run->hyperparameters};
+            const lg_field *const tables[] = {k->run->facts, k->run->fields};
             fresh_kind = k;
             for (size_t t = 0; t < LG_COUNT(tables); t++)
                 for (const lg_field *r = tables[t]; r->name != NULL; r++) {
@@ -897,7 +897,7 @@ static void refuse_other_run(const kind_row *k, const any_run *run, const any_ru
 TEST("a checkpoint of another run is refused, and the sentence names the difference") {
     for
         EACH_KIND(k) {
-            const lg_field *const tables[] = {k->run->facts, k->run->hyperparameters};
+            const lg_field *const tables[] = {k->run->facts, k->run->fields};
             const any_run wanted = run_of_example(k, k->bad);
             for (size_t t = 0; t < LG_COUNT(tables); t++)
                 for (const lg_field *r = tables[t]; r->name != NULL; r++) {
