@@ -82,8 +82,8 @@ typedef struct lg_field {
     uint32_t most;      /* numbers of a list, at most LG_FIELD_LIST_MAX; 0: so many */
     const char *longer; /* what to do with more; may be NULL */
     void (*show)(const void *run, char *text, size_t size); /* SHOWN */
-    /* PHRASE: from text into the member, untouched on failure; and back; `form`: what is possible beside
-     * single words. */
+    /* PHRASE: `parse` reads a text into the member, which a failure leaves as it was; `phrase` writes the
+     * text back. `form` says which texts there are besides the single words. */
     lg_status (*parse)(const char *text, void *member, lg_error *error);
     void (*phrase)(const void *member, char *text, size_t size);
     const char *form;
@@ -105,7 +105,7 @@ typedef struct lg_field {
     LG_FIELD(struct_, NULL, #member, type_, member, .unit = unit_, .meaning = __VA_ARGS__)
 #define LG_ANY_REAL .low = -1e300, .high = 1e300
 #define LG_POSITIVE .high = 1e300, .above = true
-/* The names of a row, by value. */
+/* The function that gives a row's names: value 0 has the first name. */
 #define LG_NAMES(...)                                                                                        \
     .names = (const char *const[]) {                                                                         \
         __VA_ARGS__, NULL                                                                                    \
@@ -119,7 +119,7 @@ typedef struct lg_field {
 LG_API extern const lg_field lg_hamiltonian_fields[], lg_surrogate_fields[], lg_detector_fields[],
     lg_table_fields[];
 
-/* Finds an entry by its name or its name on command lines; NULL when there is none. */
+/* Finds the row with this name, in files or on command lines. NULL: the table has no such row. */
 LG_API const lg_field *lg_field_find(const lg_field *table, const char *name);
 /* Its name on command lines, cut to `size` bytes; "" for one that has none. */
 LG_API void lg_field_option(const lg_field *entry, char *text, size_t size);

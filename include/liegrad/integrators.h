@@ -59,7 +59,7 @@ typedef struct lg_space_entry {
     /* Tangent coordinates c; the functions at lg_space_basis say which. Where tangent = state, on R^n and the
      * duals, c is the vector itself and the rest is NULL. */
     size_t tangent; /* numbers in c of one copy */
-    /* Of one copy, (state, tangent) with rows `stride` apart. */
+    /* Writes the basis of one copy: a matrix (state, tangent), whose rows begin `stride` numbers apart. */
     void (*basis)(const double *y, size_t stride, double *directions);
     void (*coordinates)(size_t count, const double *y, const double *vector, double *c);
     void (*lift)(size_t count, const double *y, const double *vector,
@@ -146,8 +146,9 @@ LG_API void lg_space_basis(const lg_space *space, const double *y, double *basis
 LG_API void lg_space_coordinates(const lg_space *space, const double *y, const double *vector, double *c);
 /* out: the point to which a step along the tangent `vector` (dim) leads: exp(a) . y with the algebra element
  * a whose generator at y is `vector`; on R^n and the duals y + vector. It is on the manifold; out may be y.
- * `carried` (tangent_dim, tangent_dim) or NULL: the map from coordinates at y to coordinates at `out` of
- * tangent vectors that exp(a) moves along; on R^n and the duals the unit matrix. */
+ * `carried` (NULL: not wanted) becomes a matrix (tangent_dim, tangent_dim). exp(a) moves a tangent vector
+ * at y to a tangent vector at `out`; the matrix maps the vector's coordinates at y to its coordinates at
+ * `out`. On R^n and the duals it is the unit matrix. */
 LG_API void lg_space_retract(const lg_space *space, const double *y, const double *vector, double *out,
                              double *carried);
 

@@ -577,9 +577,9 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
  * liegrad/fields.h. */
 typedef struct lg_recipe lg_recipe;
 LG_API extern const lg_recipe lg_recipe_hamiltonian, lg_recipe_surrogate, lg_recipe_detector, lg_recipe_table;
-/* All of them, ended by NULL: a new kind of model is a row here. */
+/* The list of all recipes, ended by NULL. A new kind of model is a row of this list. */
 LG_API extern const lg_recipe *const lg_recipes[];
-/* By its name, the attribute `kind` of its model files; NULL: there is none. */
+/* Finds the recipe with this name, the attribute `kind` of its model files. NULL: no recipe has the name. */
 LG_API const lg_recipe *lg_recipe_find(const char *name);
 LG_API const char *lg_recipe_name(const lg_recipe *recipe);
 
@@ -629,7 +629,7 @@ LG_API lg_status lg_model_save(const lg_context *context, const char *path, cons
 /* A model file, loaded for use in a control program. */
 typedef struct lg_model_file {
     const lg_context *context;
-    const lg_recipe *recipe; /* NULL: the kind is none of lg_recipes */
+    const lg_recipe *recipe; /* NULL: no recipe has the file's kind */
     lg_model *model;         /* owned */
     void *contents;          /* owned: the recipe's file structure; lg_model_file_of gives it with its type */
 } lg_model_file;

@@ -464,8 +464,8 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
 
 /* ---- functions in the units of the log ---- */
 
-/* The machine as a program (liegrad/program.h) with parameter theta (absent where there is none) and the
- * functions
+/* The machine as a program (liegrad/program.h). Its parameter is theta; a machine without unknown numbers has
+ * no parameter. Its functions:
  *   value      (x) -> y           H
  *   grad       (x) -> y, g        H and dH/dx in the ambient space
  *   field      (x, u) -> f        the algebra element of lg_machine_space

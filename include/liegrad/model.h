@@ -68,8 +68,9 @@ typedef struct lg_model lg_model;
  * together or the space), those of lg_plan_create. */
 LG_API lg_status lg_model_create(const lg_context *context, lg_program *program, const lg_space *space,
                                  lg_model **out, lg_error *error);
-/* A plan of any function of the program, to be looked up before a loop; the caller destroys it. `options`
- * NULL: the defaults. Errors: LG_NOT_FOUND; those of lg_plan_create. */
+/* Makes a plan of any function of the program; the caller destroys the plan. Call this before a loop.
+ * `options` NULL takes the default options. Errors: LG_NOT_FOUND (no such function), and the errors of
+ * lg_plan_create. */
 LG_API lg_status lg_model_find(const lg_model *model, const char *function, const lg_plan_options *options,
                                lg_plan **out, lg_error *error);
 LG_API const lg_program *lg_model_program(const lg_model *model); /* borrowed */

@@ -97,10 +97,11 @@ LG_API lg_status lg_program_add_image(lg_program *program, const lg_function_ima
  * Errors: LG_INVALID_ARGUMENT, with a sentence (no room; names, counts or numbers that cannot be). */
 LG_API lg_status lg_function_pack(const lg_function_image *image, void *bytes, size_t *size, lg_error *error);
 
-/* The image of `size` bytes, which may come from strangers; lg_program_add_image checks what it means. It
- * owns memory, at most *memory bytes; *memory becomes what is left of them. Errors, with a sentence that has
- * function, operation and field: LG_FORMAT (the bytes end too early or too late, more numbers than they hold
- * or *memory allows, bad texts), LG_VERSION, LG_OUT_OF_MEMORY. On failure *out and *memory are untouched. */
+/* The image of `size` bytes, which may come from strangers; lg_program_add_image checks what it means. The
+ * image owns its memory, at most *memory bytes; *memory is reduced by the bytes taken. The sentence of an
+ * error has function, operation and field. Errors: LG_FORMAT (the bytes end too early or too late, more
+ * numbers than they hold or *memory allows, bad texts), LG_VERSION, LG_OUT_OF_MEMORY. On failure *out and
+ * *memory are untouched. */
 LG_API lg_status lg_function_unpack(const lg_context *context, const char *name, const void *bytes,
                                     size_t size, size_t *memory, lg_function_image **out, lg_error *error);
 

@@ -98,20 +98,24 @@ static bool slice_from(const lg_recipe *recipe, const void *run, size_t offset, 
 /* theta is its slices in the order of their offsets, without gaps. */
 static lg_status put_parameters(lg_h5 *h5, const lg_recipe *recipe, const void *run,
                                 const lg_program *program, lg_error *error) {
-    enum { MOST = 256 };
+    enum { MOST = LG_PROGRAM_MOST_NAMES };
     lg_program_source places[MOST];
     char(*names)[LG_PROGRAM_PLACE] = lg_alloc(h5->context, MOST, sizeof *names);
     if (names == NULL) return no_memory(h5, error);
     slice s;
-    size_t count = 0;
-    for (size_t at = 0; count < MOST && slice_from(recipe, run, at, &s); at += s.info.count) {
+    const size_t parameters = recipe->parameters(run);
+    size_t count = 0, at = 0;
+    for (; count < MOST && slice_from(recipe, run, at, &s); at += s.info.count) {
         (void)snprintf(names[count], sizeof names[count], "%s", s.name);
         places[count] = (lg_program_source){"theta", names[count]};
         count++;
     }
     for (const lg_program_source *p = recipe->places; p != NULL && p->parameter != NULL && count < MOST; p++)
         places[count++] = *p;
-    const lg_status status = lg_program_put_parameters(h5, program, places, count, error);
+    const lg_status status =
+        at == parameters ? lg_program_put_parameters(h5, program, places, count, error)
+                         : lg_fail(error, LG_UNSUPPORTED, "%s: the model has more than %d arrays of weights",
+                                   lg_shown_path(h5->path), MOST);
     lg_free(h5->context, names);
     return status;
 }

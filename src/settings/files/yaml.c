@@ -267,7 +267,7 @@ static lg_status read_list(lg_yaml *yaml, const lg_field *key, const yaml_node_t
     return add_items(yaml, key, node, value, error);
 }
 
-/* A whole number that a double may not hold. */
+/* Reads a whole number up to 2^64 - 1, which may be too large for a double to hold exactly. */
 static bool is_exact(const lg_field *key) {
     return key->type == LG_FIELD_U64 && key->high == 0x1p64;
 }
