@@ -16,8 +16,8 @@ enum { KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000 };
 
 static volatile int stopped_by; /* the first signal that asked for the end; 0: none */
 static volatile sig_atomic_t hung_up;
-static const app *running; /* for --version and the last words */
-static bool parsing;       /* the command line; --help and --version end the program meanwhile */
+static app *running; /* for --version and the last words */
+static bool parsing; /* the command line; --help and --version end the program meanwhile */
 
 static const lg_field common_options[] = {
     LG_OPTION(app, json, SWITCH, NULL, "Print the result as one JSON object"),
@@ -137,18 +137,38 @@ static error_t parse_option(int key, char *text, struct argp_state *state, app *
     return ARGP_ERR_UNKNOWN;
 }
 
+/* How many arguments a command takes, by its usage text: alternatives stand between |. */
+static void count_arguments(const char *usage, int *least, int *most) {
+    int needed = 0, possible = 0;
+    *least = usage != NULL ? APP_ARGUMENTS : 0;
+    *most = 0;
+    for (const char *word = usage; word != NULL; word += strspn(word, " ")) {
+        const size_t n = strcspn(word, " ");
+        const bool end = n == 0 || word[0] == '|', many = n >= 3 && strncmp(word + n - 3, "...", 3) == 0;
+        if (!end && word[0] != '[' && n > (many ? 3 : 0)) needed++;
+        if (!end) possible = many ? APP_ARGUMENTS : possible + 1;
+        if (end && needed < *least) *least = needed;
+        if (end && possible > *most) *most = possible;
+        if (end) needed = possible = 0;
+        if (n == 0) return;
+        word += n;
+    }
+}
+
 static error_t parse_command(int key, char *text, struct argp_state *state) {
     app *self = state->input;
     const app_command *command = self->command;
+    int least, most;
+    count_arguments(command->arguments, &least, &most);
     switch (key) {
     case ARGP_KEY_ARG:
-        if (self->argument_count >= command->arguments_max)
+        if (self->argument_count >= most)
             argp_error(state, "too many arguments: '%s'; expected: %s", text,
                        command->arguments != NULL ? command->arguments : "none");
         self->arguments[self->argument_count++] = text;
         return 0;
     case ARGP_KEY_END:
-        if (self->argument_count < command->arguments_min)
+        if (self->argument_count < least)
             argp_error(state, "missing argument; expected: %s", command->arguments);
         return 0;
     default:
@@ -348,6 +368,33 @@ static int reserve(const app *self) {
         self->threads == 1 ? "" : "s");
 }
 
+/* What options say of files: they are given where they must be, and can be written. */
+static int check_files(const app *self) {
+    app_path paths[APP_SLOTS];
+    size_t count = 0;
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const app_slot *slot = &self->slots[i];
+        const lg_field *row = slot->row;
+        if (row->type != LG_FIELD_STRING) continue;
+        const char *text = *(const char *const *)((const char *)slot->values + row->offset);
+        if (row->required && text == NULL)
+            return app_usage(self, "--%s %s is missing", slot->name, row->unit);
+        if (row->file != LG_FILE_NOT) paths[count++] = (app_path){slot->name, text, row->file};
+    }
+    return app_check_outputs(self, paths, count);
+}
+
+/* After the command, however it ended. */
+static int conclude(app *self, int code) {
+    code = app_leave_ranks(self, code);
+    if (code == APP_EXIT_OK) code = flush_output(self);
+    return code == APP_EXIT_INTERRUPTED && stopped_by != 0 ? 128 + stopped_by : code;
+}
+
+void app_end(int code) {
+    exit(running != NULL ? conclude(running, code) : code);
+}
+
 static int run_command(app *self) {
     lg_context_options options;
     lg_context_options_init(&options);
@@ -357,11 +404,11 @@ static int run_command(app *self) {
     const lg_status status = lg_context_create(&options, &self->context);
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
     int code = app_join_ranks(self);
+    if (code == APP_EXIT_OK) code = check_files(self);
     if (code == APP_EXIT_OK) code = self->command->run(self);
-    code = app_leave_ranks(self, code);
+    code = conclude(self, code);
     lg_context_destroy(self->context);
-    if (code == APP_EXIT_OK) code = flush_output(self);
-    return code == APP_EXIT_INTERRUPTED && stopped_by != 0 ? 128 + stopped_by : code;
+    return code;
 }
 
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands) {

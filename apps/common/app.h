@@ -59,13 +59,15 @@ typedef enum app_together {
 } app_together;
 
 typedef struct app_command {
-    const char *name;             /* NULL in a program without commands; the table ends with run == NULL */
-    const char *arguments;        /* "DATA.h5", for the usage line */
+    const char *name; /* NULL in a program without commands; the table ends with run == NULL */
+    /* "DATA.h5", for the usage line, which also says how many there may be: "A [B]" one or two, "A B..." two
+     * or more, "A | B C ..." one or more. NULL: none. */
+    const char *arguments;
     const char *summary;          /* one line */
     const char *details;          /* after the options in --help; may be NULL */
     const app_settings *settings; /* the options; ends with rows == NULL; may be NULL */
-    int arguments_min, arguments_max;
-    int (*run)(app *app); /* returns the exit code */
+    /* Returns the exit code. Files that options name (lg_field.file) are checked before. */
+    int (*run)(app *app);
     app_together together;
 } app_command;
 
@@ -141,6 +143,37 @@ int app_leave_ranks(app *app, int code);
 /* ---- failing ---- */
 
 int app_exit_code(lg_status status);
+/* The command has ended, with this exit code. From any depth, in the main thread. Locks and ranks are left;
+ * objects of the stack are not destroyed. */
+void app_end(int code) __attribute__((noreturn));
+/* A sentence on stderr, and the end with the status' exit code. */
+void app_stop(const app *app, lg_status status, const char *format, ...)
+    __attribute__((noreturn, format(printf, 3, 4)));
+/* A sentence about the command line with a hint at --help, and the end with APP_EXIT_USAGE. */
+void app_stop_usage(const app *app, const char *format, ...) __attribute__((noreturn, format(printf, 2, 3)));
+const char *app_sentence(lg_status status, const lg_error *error); /* of `error`, or the status' own */
+/* Nothing after LG_OK; otherwise the sentence of `error`, or the status' own, and the end. */
+void app_must(const app *app, lg_status status, const lg_error *error);
+/* The same for what went wrong with the file `path`: exit code 3 whatever the status, except for memory and
+ * Ctrl-C. */
+void app_must_file(const app *app, lg_status status, const lg_error *error, const char *path);
+/* A call of the library that has `&error` as an argument, and must succeed. */
+#define APP_MUST(app, call)                                                                                  \
+    do {                                                                                                     \
+        lg_error error = {LG_OK, ""};                                                                        \
+        app_must(app, call, &error);                                                                         \
+    } while (0)
+#define APP_MUST_FILE(app, path, call)                                                                       \
+    do {                                                                                                     \
+        lg_error error = {LG_OK, ""};                                                                        \
+        app_must_file(app, call, &error, path);                                                              \
+    } while (0)
+/* A local variable that is freed, or destroyed, where its scope ends:
+ *   APP_FREE double *theta = app_alloc(n, sizeof *theta);
+ *   APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0}; */
+#define APP_FREE           __attribute__((cleanup(app_free)))
+#define APP_CLEAN(destroy) __attribute__((cleanup(destroy)))
+void app_free(void *pointer); /* the pointer at this address is freed */
 /* A sentence on stderr; returns the status' exit code. */
 int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 const char *app_last_failure(void); /* the last such sentence */
@@ -154,8 +187,8 @@ lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
  * any thread; the library's come here too. */
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 struct lg_scene;
-/* The start of a scene without `initial` is drawn with --seed, and a warning says so. An exit code. */
-int app_scene_start(const app *app, struct lg_scene *scene, const char *path);
+/* The start of a scene without `initial` is drawn with --seed, and a warning says so. */
+void app_scene_start(const app *app, struct lg_scene *scene, const char *path);
 /* A sentence about the command line with a hint at --help; returns APP_EXIT_USAGE. */
 int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* A sentence with the program's name; exits with code 5. */
@@ -194,6 +227,8 @@ typedef struct app_json {
     char *text;
     size_t length;
     bool comma;
+    bool people;           /* text for people is made, no JSON */
+    struct app_rows *rows; /* of people, between app_result_rows and its end */
 } app_json;
 void app_json_begin(app_json *json);
 void app_print_real(FILE *stream, double value); /* the shortest text that reads back the same, or null */
@@ -210,6 +245,23 @@ void app_json_open(app_json *json, const char *key, char bracket); /* '{' or '['
 void app_json_close(app_json *json, char bracket);                 /* '}' or ']' */
 /* Closes the object and prints it on stdout. */
 void app_json_end(app_json *json);
+/* ---- the result of a command: one list, printed as JSON or for people ---- */
+
+/* With --json what follows makes one JSON object. Otherwise each app_result_... prints a line "key  value
+ * label" (label NULL: none), each app_result_rows a table, and app_json_... nothing. app_json_end ends
+ * both. */
+void app_result_begin(app_json *json, const app *app);
+void app_result_real(app_json *json, const char *key, double value, const char *label);
+void app_result_size(app_json *json, const char *key, uint64_t value, const char *label);
+void app_result_text(app_json *json, const char *key, const char *value, const char *label);
+void app_result_reals(app_json *json, const char *key, const double *values, size_t count, const char *label);
+/* For people alone. */
+void app_result_line(app_json *json, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* Opens an array of objects, which app_json_open(json, NULL, '{') begins; every object has the same members,
+ * and their names are the heads of the table. */
+void app_result_rows(app_json *json, const char *key);
+void app_result_rows_end(app_json *json);
+
 /* Text as a JSON string with its quotes: escapes, and \ufffd for what is not UTF-8. */
 void app_json_quote(FILE *stream, const char *text);
 
@@ -264,20 +316,14 @@ lg_status app_check_writable(const char *path, lg_error *error);
 /* Whether both paths lead to one file, through links or other spellings too. */
 bool app_same_file(const char *a, const char *b);
 
-typedef enum app_use {
-    APP_WRITTEN,  /* the file is replaced */
-    APP_STREAMED, /* likewise, or it is a pipe or a device, which is written to */
-    APP_DRAWN,    /* a picture: its data and script, next to it, are replaced too */
-    APP_READ      /* an input that an option names */
-} app_use;
 typedef struct app_path {
     const char *option; /* without the dashes; NULL: an argument, which app->arguments does not hold */
     const char *path;   /* NULL: not given */
-    app_use use;
+    lg_file_use use;
 } app_path;
 /* Before anything long: each output can be written, none of them is an input (the command's arguments and
- * what is APP_READ) or another output, pictures have a picture's ending. Otherwise tells why; an exit code.
- */
+ * what is LG_FILE_READ) or another output, pictures have a picture's ending. Otherwise tells why; an exit
+ * code. The options of a command whose rows say `file` are checked without being asked for. */
 int app_check_outputs(const app *app, const app_path *paths, size_t count);
 /* This process alone writes the file or folder until it ends (lg_lock_take); app_check_outputs claims the
  * outputs. Once more is nothing new; pipes and devices are nobody's, and of ranks the first one claims.

@@ -39,6 +39,10 @@ int app_exit_code(lg_status status) {
     return APP_EXIT_CHECK;
 }
 
+const char *app_sentence(lg_status status, const lg_error *error) {
+    return error != NULL && error->message[0] != '\0' ? error->message : lg_status_sentence(status);
+}
+
 static char last_failure[512];
 
 const char *app_last_failure(void) {
@@ -58,9 +62,32 @@ int app_fail(const app *self, lg_status status, const char *format, ...) {
     return app_exit_code(status);
 }
 
+void app_stop(const app *self, lg_status status, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    APP_FREE char *sentence = app_format_list(format, arguments);
+    va_end(arguments);
+    app_end(app_fail(self, status, "%s", sentence));
+}
+
+void app_stop_usage(const app *self, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    APP_FREE char *sentence = app_format_list(format, arguments);
+    va_end(arguments);
+    app_end(app_usage(self, "%s", sentence));
+}
+
+void app_must(const app *self, lg_status status, const lg_error *error) {
+    if (status != LG_OK) app_stop(self, status, "%s", app_sentence(status, error));
+}
+
+void app_must_file(const app *self, lg_status status, const lg_error *error, const char *path) {
+    if (status != LG_OK) app_end(app_fail_file(self, status, error, path));
+}
+
 int app_fail_file(const app *self, lg_status status, const lg_error *error, const char *path) {
-    const char *sentence =
-        error != NULL && error->message[0] != '\0' ? error->message : lg_status_sentence(status);
+    const char *sentence = app_sentence(status, error);
     const bool named = strstr(sentence, path) != NULL;
     const int code = app_fail(self, status, "%s%s%s", named ? "" : path, named ? "" : ": ", sentence);
     return code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED ? code : APP_EXIT_FILE;
@@ -92,6 +119,12 @@ void *app_try_alloc(size_t count, size_t size) {
     if (count > SIZE_MAX / size || posix_memalign(&memory, 64, count * size) != 0) return NULL;
     memset(memory, 0, count * size);
     return memory;
+}
+
+void app_free(void *pointer) {
+    void *memory;
+    memcpy(&memory, pointer, sizeof memory);
+    free(memory);
 }
 
 void *app_alloc(size_t count, size_t size) {

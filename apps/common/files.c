@@ -94,14 +94,14 @@ static size_t list_files(const app *self, const app_path *paths, size_t count, u
     for (int i = 0; i < self->argument_count; i++)
         out[n++] = (used_file){NULL, app_format("%s", self->arguments[i]), false, false};
     for (size_t i = 0; i < count; i++)
-        if (paths[i].path != NULL && paths[i].use == APP_READ)
+        if (paths[i].path != NULL && paths[i].use == LG_FILE_READ)
             out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), false, false};
     for (size_t i = 0; i < count; i++) {
-        if (paths[i].path == NULL || paths[i].use == APP_READ) continue;
+        if (paths[i].path == NULL || paths[i].use == LG_FILE_READ) continue;
         const int stem = (int)strlen(paths[i].path) - 4;
-        out[n++] =
-            (used_file){paths[i].option, app_format("%s", paths[i].path), true, paths[i].use == APP_STREAMED};
-        if (paths[i].use != APP_DRAWN) continue;
+        out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), true,
+                               paths[i].use == LG_FILE_STREAMED};
+        if (paths[i].use != LG_FILE_DRAWN) continue;
         out[n++] = (used_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), true, false};
         out[n++] = (used_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), true, false};
     }
@@ -215,7 +215,7 @@ static int claim_outputs(const app *self, const used_file *files, size_t count) 
 
 int app_check_outputs(const app *self, const app_path *paths, size_t count) {
     for (size_t i = 0; i < count; i++)
-        if (paths[i].use == APP_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
+        if (paths[i].use == LG_FILE_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
             return app_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
     used_file *files = app_alloc(LG_COUNT(self->arguments) + 3 * count, sizeof *files);
     const size_t n = list_files(self, paths, count, files);

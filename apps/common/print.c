@@ -56,38 +56,49 @@ void app_print_real(FILE *stream, double value) {
     (void)fputs(text, stream);
 }
 
-static void put_key(app_json *json, const char *key) {
+/* Whether a value follows: people see none, but cells of a table. */
+static bool put_key(app_json *json, const char *key) {
+    if (json->people) return false;
     if (json->comma) (void)fputs(", ", json->stream);
     json->comma = true;
-    if (key == NULL) return;
+    if (key == NULL) return true;
     app_json_quote(json->stream, key);
     (void)fputs(": ", json->stream);
+    return true;
+}
+
+static void put_cell(app_json *json, const char *key, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+static void begin(app_json *json, bool people) {
+    *json = (app_json){.people = people};
+    json->stream = open_memstream(&json->text, &json->length);
+    if (json->stream == NULL) app_out_of_memory();
+    if (!people) (void)fputc('{', json->stream);
 }
 
 void app_json_begin(app_json *json) {
-    *json = (app_json){.stream = NULL};
-    json->stream = open_memstream(&json->text, &json->length);
-    if (json->stream == NULL) app_out_of_memory();
-    (void)fputc('{', json->stream);
+    begin(json, false);
 }
 
 void app_json_real(app_json *json, const char *key, double value) {
-    put_key(json, key);
-    app_print_real(json->stream, value);
+    put_cell(json, key, "%.6g", value);
+    if (put_key(json, key)) app_print_real(json->stream, value);
 }
 
 void app_json_size(app_json *json, const char *key, uint64_t value) {
-    put_key(json, key);
-    (void)fprintf(json->stream, "%llu", (unsigned long long)value);
+    put_cell(json, key, "%llu", (unsigned long long)value);
+    if (put_key(json, key)) (void)fprintf(json->stream, "%llu", (unsigned long long)value);
 }
 
 void app_json_bool(app_json *json, const char *key, bool value) {
-    put_key(json, key);
-    (void)fputs(value ? "true" : "false", json->stream);
+    put_cell(json, key, "%s", value ? "yes" : "no");
+    if (put_key(json, key)) (void)fputs(value ? "true" : "false", json->stream);
 }
 
 void app_json_text(app_json *json, const char *key, const char *value) {
-    put_key(json, key);
+    put_cell(json, key, "%s", value != NULL ? value : "");
+    if (!put_key(json, key)) return;
     if (value != NULL)
         app_json_quote(json->stream, value);
     else
@@ -127,18 +138,19 @@ void app_json_field(app_json *json, const lg_field *row, const void *run) {
 }
 
 void app_json_open(app_json *json, const char *key, char bracket) {
-    put_key(json, key);
+    if (!put_key(json, key)) return;
     (void)fputc(bracket, json->stream);
     json->comma = false;
 }
 
 void app_json_close(app_json *json, char bracket) {
+    if (json->people) return;
     (void)fputc(bracket, json->stream);
     json->comma = true;
 }
 
 void app_json_end(app_json *json) {
-    (void)fputs("}\n", json->stream);
+    if (!json->people) (void)fputs("}\n", json->stream);
     if (fclose(json->stream) != 0) app_out_of_memory();
     (void)fwrite(json->text, 1, json->length, stdout);
     free(json->text);
@@ -191,6 +203,97 @@ void app_table_end(app_table *table, FILE *stream) {
     }
     for (size_t i = 0; i < table->cells; i++) free(table->text[i]);
     free(table->text);
+}
+
+/* ---- results for people ---- */
+
+void app_result_begin(app_json *json, const app *self) {
+    begin(json, !self->json);
+}
+
+static void put_line(app_json *json, const char *key, const char *value, const char *label) {
+    if (!json->people) return;
+    (void)fprintf(json->stream, "%-20s  %14s%s%s\n", key, value, label != NULL ? "  " : "",
+                  label != NULL ? label : "");
+}
+
+void app_result_real(app_json *json, const char *key, double value, const char *label) {
+    char text[32];
+    (void)snprintf(text, sizeof text, isfinite(value) ? "%.6g" : "unknown", value);
+    app_json_real(json, key, value);
+    put_line(json, key, text, label);
+}
+
+void app_result_size(app_json *json, const char *key, uint64_t value, const char *label) {
+    char text[32];
+    (void)snprintf(text, sizeof text, "%llu", (unsigned long long)value);
+    app_json_size(json, key, value);
+    put_line(json, key, text, label);
+}
+
+void app_result_text(app_json *json, const char *key, const char *value, const char *label) {
+    app_json_text(json, key, value);
+    if (value != NULL) put_line(json, key, value, label);
+}
+
+void app_result_reals(app_json *json, const char *key, const double *values, size_t count,
+                      const char *label) {
+    app_json_reals(json, key, values, count);
+    if (!json->people) return;
+    (void)fprintf(json->stream, "%-20s  ", key);
+    for (size_t i = 0; i < count; i++) (void)fprintf(json->stream, "%s%.10g", i > 0 ? ", " : "", values[i]);
+    (void)fprintf(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");
+}
+
+void app_result_line(app_json *json, const char *format, ...) {
+    if (!json->people) return;
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vfprintf(json->stream, format, arguments);
+    va_end(arguments);
+    (void)fputc('\n', json->stream);
+}
+
+/* Names of the members of the first object, and the members of all. */
+typedef struct app_rows {
+    size_t heads;
+    char *head[32];
+    app_table cells;
+} app_rows;
+
+void app_result_rows(app_json *json, const char *key) {
+    app_json_open(json, key, '[');
+    if (json->people) json->rows = app_alloc(1, sizeof *json->rows);
+}
+
+/* The first object ends where the first name comes again. */
+static void put_cell(app_json *json, const char *key, const char *format, ...) {
+    app_rows *rows = json->rows;
+    char text[256];
+    if (rows == NULL || key == NULL) return;
+    const bool again = rows->heads > 0 && strcmp(key, rows->head[0]) == 0;
+    if (rows->cells.cells == rows->heads && rows->heads < LG_COUNT(rows->head) && !again)
+        rows->head[rows->heads++] = app_format("%s", key);
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    app_table_cell(&rows->cells, "%s", text);
+}
+
+void app_result_rows_end(app_json *json) {
+    APP_FREE app_rows *rows = json->rows;
+    json->rows = NULL;
+    app_json_close(json, ']');
+    if (rows == NULL || rows->heads == 0) return;
+    app_table table;
+    app_table_begin(&table, rows->heads);
+    for (size_t i = 0; i < rows->heads; i++) app_table_cell(&table, "%s", rows->head[i]);
+    for (size_t i = 0; i < rows->cells.cells; i++) app_table_cell(&table, "%s", rows->cells.text[i]);
+    app_table_end(&table, json->stream);
+    for (size_t i = 0; i < rows->heads; i++) free(rows->head[i]);
+    for (size_t i = 0; i < rows->cells.cells; i++) free(rows->cells.text[i]);
+    free(rows->cells.text);
 }
 
 /* ---- progress ---- */

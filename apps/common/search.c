@@ -573,7 +573,7 @@ static int run_search(searching *search, bool together) {
 
 int search_main(app *self, const app_command *train, const train_task *task) {
     const search_values *values = &search_given;
-    const app_path paths[] = {{"out", values->out, APP_WRITTEN}, {"plot", values->plot, APP_DRAWN}};
+    const app_path paths[] = {{"out", values->out, LG_FILE_WRITTEN}, {"plot", values->plot, LG_FILE_DRAWN}};
     lg_error error = {LG_OK, ""};
     char sha256[LG_SHA256_TEXT];
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");

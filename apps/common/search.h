@@ -29,8 +29,7 @@ extern const lg_field search_options[];
 /* A command `search` without its settings and `run`; `data` is what its train takes: "DATA.h5". */
 #define SEARCH_COMMAND(data)                                                                                 \
     .name = "search", .arguments = "RANGES.yaml " data,                                                      \
-    .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .arguments_min = 2,     \
-    .arguments_max = 2, .together = APP_WORKERS
+    .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .together = APP_WORKERS
 
 /* Arguments RANGES.yaml DATA.h5; `train` is the command whose task is searched. Returns the exit code. */
 int search_main(app *app, const app_command *train, const train_task *task);

@@ -313,10 +313,10 @@ static int run_together(study *self, bool *over) {
 /* ---- the command ---- */
 
 static int check_outputs(const app *self, const study_task *task) {
-    app_path paths[8] = {{"out", study_given.out, APP_WRITTEN}};
+    app_path paths[8] = {{"out", study_given.out, LG_FILE_WRITTEN}};
     size_t count = 1;
     for (size_t i = 0; i < task->picture_count && count < LG_COUNT(paths); i++)
-        paths[count++] = (app_path){task->pictures[i].option, task->pictures[i].path, APP_DRAWN};
+        paths[count++] = (app_path){task->pictures[i].option, task->pictures[i].path, LG_FILE_DRAWN};
     return app_check_outputs(self, paths, count);
 }
 

@@ -14,10 +14,6 @@ const lg_field train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the
 
 static const train_files *const files = &train_given_files;
 
-const char *app_sentence(lg_status status, const lg_error *error) {
-    return error->message[0] != '\0' ? error->message : lg_status_sentence(status);
-}
-
 static int fail(const app *self, lg_status status, const lg_error *error) {
     return app_fail(self, status, "%s", app_sentence(status, error));
 }
@@ -88,14 +84,14 @@ static int check_files(app *self, const train_task *task) {
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
     const app_path paths[] = {
-        {"resume", same ? NULL : files->resume, APP_READ},
+        {"resume", same ? NULL : files->resume, LG_FILE_READ},
         {task->kept,
          kept != NULL ? *(const char *const *)((const char *)kept->values + kept->row->offset) : NULL,
-         APP_READ},
-        {"out", files->out, APP_WRITTEN},
-        {"checkpoint", checkpoint, APP_WRITTEN},
-        {"history", files->history, APP_WRITTEN},
-        {"plot", files->plot, APP_DRAWN}};
+         LG_FILE_READ},
+        {"out", files->out, LG_FILE_WRITTEN},
+        {"checkpoint", checkpoint, LG_FILE_WRITTEN},
+        {"history", files->history, LG_FILE_WRITTEN},
+        {"plot", files->plot, LG_FILE_DRAWN}};
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     free(checkpoint);
     return code;

@@ -167,8 +167,6 @@ void train_json(const train_session *session, app_json *json);
 
 /* ---- parts, for other commands ---- */
 
-/* error's sentence, or the status'. */
-const char *app_sentence(lg_status status, const lg_error *error);
 lg_provenance app_provenance(const app *app, uint64_t seed);
 /* Columns epoch, loss, validation, rate, seconds. */
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error);

@@ -488,7 +488,8 @@ static int evaluate_all(const app *self, const well_model *model) {
 }
 
 static int check_options(const app *self) {
-    const app_path paths[] = {{"scores", values.scores, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"scores", values.scores, LG_FILE_WRITTEN},
+                              {"plot", values.plot, LG_FILE_DRAWN}};
     const lg_wholes *votes = &values.votes;
     if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
         return app_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
@@ -501,6 +502,9 @@ static int check_options(const app *self) {
 
 static int run(app *self) {
     well_model model;
+    if (self->argument_count > MAX_FILES + 1)
+        app_stop_usage(self, "too many arguments: '%s'; expected: %s", self->arguments[MAX_FILES + 1],
+                       self->command->arguments);
     int code = check_options(self);
     if (code == APP_EXIT_OK) code = well_model_load(self, self->arguments[0], &model);
     if (code != APP_EXIT_OK) return code;
@@ -521,6 +525,4 @@ const app_command evaluate_command = {
         "Alarms before any damage are false alarms. Each of several data files gives one row, for the "
         "probability of detection against severity.",
     .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
-    .arguments_min = 2,
-    .arguments_max = MAX_FILES + 1,
     .run = run};

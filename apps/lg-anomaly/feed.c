@@ -301,7 +301,7 @@ static bool write_header(const sink *to) {
 }
 
 static int run(app *self) {
-    const app_path path = {"out", values.out, APP_STREAMED};
+    const app_path path = {"out", values.out, LG_FILE_STREAMED};
     lg_riser_run defaults;
     totals sum = {0, 0, 0, 0};
     lg_error error = {LG_OK, ""};

@@ -238,7 +238,7 @@ static int cut(const app *self, double rate, uint32_t *length, size_t *windows) 
 }
 
 static int run(app *self) {
-    const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
     lg_error error = {LG_OK, ""};
     lg_series_data data = {.noise = values.noise, .severity = values.severity};
     lg_riser_run defaults;

@@ -20,7 +20,5 @@ const app_command search_command = {
         " The search never uses the test part (fixed: test-fraction, split): train the best trial to "
         "evaluate it.",
     .settings = APP_SETTINGS(SEARCH_SHARED),
-    .arguments_min = 2,
-    .arguments_max = 2,
     .run = run,
     .together = APP_WORKERS};

@@ -181,7 +181,5 @@ const app_command train_command = {
         "of class 0.\n\nCtrl-C saves a checkpoint (cnn) and ends with exit code 130; --resume continues to "
         "the same bits.",
     .settings = train_settings,
-    .arguments_min = 1,
-    .arguments_max = 1,
     .run = run_train,
     .together = APP_RANKS};

@@ -569,7 +569,7 @@ static int watch_with(const app *self, const well_model *model, int file) {
 static int run(app *self) {
     well_model model;
     int file = STDIN_FILENO;
-    const app_path paths[] = {{"input", values.input, APP_READ}, {"log", values.log, APP_STREAMED}};
+    const app_path paths[] = {{"input", values.input, LG_FILE_READ}, {"log", values.log, LG_FILE_STREAMED}};
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code == APP_EXIT_OK) code = well_model_load(self, self->arguments[0], &model);
     if (code != APP_EXIT_OK) return code;
@@ -613,6 +613,4 @@ const app_command watch_command = {
         "first window that is not of the first class while the alarm is on (the time of its last sample "
         "plus one interval). Alarms that begin before T are false; days before T count judged windows only.",
     .settings = APP_SETTINGS(APP_GIVEN(watch_options, values)),
-    .arguments_min = 1,
-    .arguments_max = 1,
     .run = run};

@@ -303,12 +303,12 @@ static bool threads_given; /* one thread is the default here */
 
 static int check_outputs(const app *self) {
     static const char *const endings[] = {"data", "weights", "order", "mlp", "resnet", "mult", "mult-affine"};
-    app_path paths[LG_COUNT(endings) + 1] = {{"weights", given.weights, APP_READ}};
+    app_path paths[LG_COUNT(endings) + 1] = {{"weights", given.weights, LG_FILE_READ}};
     char *names[LG_COUNT(endings)];
     if (given.out == NULL) return APP_EXIT_OK;
     for (size_t i = 0; i < LG_COUNT(endings); i++) {
         names[i] = app_format("%s.%s", given.out, endings[i]);
-        paths[i + 1] = (app_path){"out", names[i], APP_WRITTEN};
+        paths[i + 1] = (app_path){"out", names[i], LG_FILE_WRITTEN};
     }
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     for (size_t i = 0; i < LG_COUNT(endings); i++) free(names[i]);

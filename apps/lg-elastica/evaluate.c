@@ -172,7 +172,7 @@ static int run(app *self) {
     lg_error error = {LG_OK, ""};
     lg_surrogate_file file;
     lg_elastica_data data;
-    const app_path plot = {"plot", values.plot, APP_DRAWN};
+    const app_path plot = {"plot", values.plot, LG_FILE_DRAWN};
     int code = app_check_outputs(self, &plot, 1);
     if (code != APP_EXIT_OK) return code;
     const lg_status status = lg_model_load_surrogate(self->context, self->arguments[0], NULL, &file, &error);
@@ -202,6 +202,4 @@ const app_command evaluate_command = {
         "are farther from those of the training part than twice the largest gap among these. The command "
         "counts them.",
     .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
-    .arguments_min = 2,
-    .arguments_max = 2,
     .run = run};

@@ -84,7 +84,7 @@ static int fill_sampling(const app *self, lg_elastica_sampling *sampling) {
 }
 
 static int run(app *self) {
-    const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
     lg_error error = {LG_OK, ""};
     lg_elastica_sampling sampling;
     lg_elastica_data data = {.sha256 = ""};

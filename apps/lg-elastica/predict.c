@@ -261,7 +261,7 @@ static int predict(const app *self, prediction *p) {
 }
 
 static int run(app *self) {
-    const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
     lg_error error = {LG_OK, ""};
     lg_surrogate_file file;
     if (values.s.count > 0 && values.points > 0)
@@ -292,6 +292,4 @@ const app_command predict_command = {
         "the reach is not `inside`, and there is a warning. `seconds`: the median of a few evaluations in "
         "double precision.",
     .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
-    .arguments_min = 1,
-    .arguments_max = 1,
     .run = run};

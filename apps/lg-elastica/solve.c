@@ -239,7 +239,7 @@ static int check_options(const app *self) {
 }
 
 static int run(app *self) {
-    const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
     lg_error error = {LG_OK, ""};
     lg_elastica problem;
     lg_elastica_init(&problem);

@@ -357,8 +357,6 @@ int main(int argc, char **argv) {
              "make test compares the code with golden vectors of the library, make stack checks the stated "
              "bound on the stack, and make size shows the size of the objects.",
          .settings = APP_SETTINGS(APP_GIVEN(options, given)),
-         .arguments_min = 1,
-         .arguments_max = 1,
          .run = export_run},
         {.run = NULL}};
     return app_main(argc, argv, "lg-export", "Writes a trained model as C sources", commands);

@@ -105,9 +105,9 @@ int export_load_scene(const app *self, const char *path, bool tunable, export_so
     const size_t count = lg_system_parameter_count(scene.system);
     if (r.scheme == NULL) r.scheme = lg_scheme_find("cf4");
     if (tunable && count <= MOST_TUNABLE) r.tunable = count;
-    int code = strcmp(lg_system_name(scene.system), "quadrotors") == 0 ? refuse(self, path, scene.system)
-                                                                       : app_scene_start(self, &scene, path);
-    if (code == APP_EXIT_OK) code = export_check_scheme(self, lg_system_space(scene.system), false, r.scheme);
+    if (strcmp(lg_system_name(scene.system), "quadrotors") == 0) app_end(refuse(self, path, scene.system));
+    app_scene_start(self, &scene, path);
+    int code = export_check_scheme(self, lg_system_space(scene.system), false, r.scheme);
     if (code == APP_EXIT_OK) {
         status = build(self, &r, out, &error);
         if (status != LG_OK) code = app_fail_file(self, status, &error, path);

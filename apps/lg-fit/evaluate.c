@@ -46,7 +46,7 @@ static int run(app *self) {
     lg_error error = {LG_OK, ""};
     lg_table_file file;
     fit_table table = {.path = NULL};
-    const app_path plot = {"plot", values.plot, APP_DRAWN};
+    const app_path plot = {"plot", values.plot, LG_FILE_DRAWN};
     int code = app_check_outputs(self, &plot, 1);
     if (code != APP_EXIT_OK) return code;
     const lg_status status = lg_model_load_table(self->context, self->arguments[0], NULL, &file, &error);
@@ -72,6 +72,4 @@ const app_command evaluate_command = {
         "Columns are found by their names, in any order. Rows with missing cells are left out. A row is "
         "outside of the training range where an input is beyond it by more than a tenth of it.",
     .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
-    .arguments_min = 2,
-    .arguments_max = 2,
     .run = run};

@@ -398,7 +398,7 @@ static bool is_safetensors(const char *path) {
 
 static int run(app *self) {
     network *n = app_alloc(1, sizeof *n);
-    const app_path out = {"out", values.out, APP_WRITTEN};
+    const app_path out = {"out", values.out, LG_FILE_WRITTEN};
     int code = values.out == NULL ? app_usage(self, "--out is missing: give a file for the network")
                                   : app_check_outputs(self, &out, 1);
     for (int i = 0; i < self->argument_count && code == APP_EXIT_OK; i++)
@@ -429,6 +429,4 @@ const app_command import_command = {
         "its bias if it has one, the next weight. The program has the function value (x) -> y; lg-export and "
         "liegrad/program.h differentiate, run and export it.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .arguments_min = 1,
-    .arguments_max = APP_ARGUMENTS,
     .run = run};

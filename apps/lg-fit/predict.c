@@ -129,7 +129,7 @@ static int run(app *self) {
     lg_table_file file;
     fit_table table = {.path = NULL};
     lg_model *model = NULL;
-    const app_path out = {"out", values.out, APP_WRITTEN};
+    const app_path out = {"out", values.out, LG_FILE_WRITTEN};
     if (self->json && values.out == NULL)
         return app_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
     int code = app_check_outputs(self, &out, 1);
@@ -158,6 +158,4 @@ const app_command predict_command = {
         "Columns are found by their names; the outputs need not be there. The cells of a row that lacks an "
         "input, or whose predictions are not finite, are empty.",
     .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
-    .arguments_min = 2,
-    .arguments_max = 2,
     .run = run};

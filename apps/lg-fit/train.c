@@ -255,8 +255,6 @@ const app_command train_command = {
         "with "
         "exit code 130; --resume continues to the same bits.",
     .settings = settings,
-    .arguments_min = 1,
-    .arguments_max = 1,
     .run = run_train,
     .together = APP_RANKS};
 

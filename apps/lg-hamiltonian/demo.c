@@ -261,6 +261,4 @@ const app_command demo_command = {.name = "demo",
                                   .summary = "Learn, test and draw the spherical pendulum",
                                   .details = NULL,
                                   .settings = APP_SETTINGS(APP_GIVEN(demo_options, values)),
-                                  .arguments_min = 0,
-                                  .arguments_max = 0,
                                   .run = run};

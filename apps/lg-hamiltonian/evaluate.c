@@ -24,7 +24,7 @@ static const lg_field evaluate_options[] = {
               "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
               .otherwise = "1e-10; 1e-13 for linear potentials"),
     LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
-              "Draw the test trajectories, true and predicted"),
+              "Draw the test trajectories, true and predicted", .file = LG_FILE_DRAWN),
     LG_OPTION(evaluate_values, drawn, U64, "n", "plot: so many of them (default 10)", .low = 1,
               .high = 10000),
     LG_OPTION(evaluate_values, metric, NAME, NULL,
@@ -40,39 +40,26 @@ static evaluate_values values;
 
 static void report(const app *self, const lg_trajectories *test, const verdict *result, bool recorded,
                    double seconds) {
-    if (self->json) {
-        app_json json;
-        app_json_begin(&json);
-        app_json_real(&json, "E1", result->e1);
-        app_json_real(&json, "E2", result->e2);
-        if (values.metric == METRIC_RELATIVE) {
-            app_json_real(&json, "relative", result->relative);
-            app_json_real(&json, "relative_worst", result->relative_worst);
-        }
-        app_json_size(&json, "trajectories", test->count);
-        app_json_size(&json, "points", test->points);
-        app_json_real(&json, "t_end", test->t[test->points - 1] - test->t[0]);
-        app_json_bool(&json, "recorded", recorded);
-        app_json_size(&json, "threads", self->threads);
-        app_json_real(&json, "seconds", seconds);
-        app_json_end(&json);
-        return;
+    const bool relative = values.metric == METRIC_RELATIVE;
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_real(&out, "E1", result->e1, "mean squared error of the learned flow");
+    app_result_real(&out, "E2", result->e2,
+                    test->hamiltonian == NULL
+                        ? "the file of the test trajectories has no /hamiltonian"
+                        : "mean deviation of the Hamiltonian from the true one, up to a constant");
+    if (relative) {
+        app_result_real(&out, "relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8");
+        app_result_real(&out, "relative_worst", result->relative_worst, "the same of the worst trajectory");
     }
-    (void)printf("%zu trajectories of %zu points on [%g, %g] (%.2f s)\n", test->count, test->points,
-                 test->t[0], test->t[test->points - 1], seconds);
-    (void)printf("E1 = %.4e  mean squared error of the learned flow\n", result->e1);
-    if (isfinite(result->e2))
-        (void)printf("E2 = %.4e  mean deviation of the Hamiltonian from the true one, up to a constant\n",
-                     result->e2);
-    else if (test->hamiltonian == NULL)
-        (void)printf("E2 unknown: %s has no /hamiltonian\n", self->arguments[1]);
-    else
-        (void)printf("E2 is not finite\n");
-    if (values.metric == METRIC_RELATIVE)
-        (void)printf(
-            "relative = %.4e  geometric mean of |z - z'|/|z + z'| + 1e-8; %.4e for the worst trajectory\n",
-            result->relative, result->relative_worst);
-    if (recorded) (void)printf("Recorded in %s\n", self->arguments[0]);
+    app_result_size(&out, "trajectories", test->count, NULL);
+    app_result_size(&out, "points", test->points, "of each trajectory");
+    app_result_real(&out, "t_end", test->t[test->points - 1] - test->t[0], NULL);
+    app_json_bool(&out, "recorded", recorded);
+    app_json_size(&out, "threads", self->threads);
+    app_result_real(&out, "seconds", seconds, NULL);
+    if (recorded) app_result_line(&out, "Recorded in %s", self->arguments[0]);
+    app_json_end(&out);
 }
 
 /* A result that is no number was still reported; only an E2 that nobody can know is no failure. */
@@ -88,15 +75,6 @@ static int check_finite(const app *self, const lg_trajectories *test, const verd
     return APP_EXIT_OK;
 }
 
-static int record(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test,
-                  const verdict *result) {
-    lg_error error = {LG_OK, ""};
-    const char *path = self->arguments[0];
-    const lg_status status =
-        record_verdict(self->context, path, &file->run, file->theta, test, result, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
-}
-
 static void warn_of_systems(const app *self, const char *trained, const char *given) {
     if (trained[0] != '\0' && given[0] != '\0' && strcmp(trained, given) != 0)
         app_warn(self, "%s was trained on %s, but %s holds %s", self->arguments[0], trained,
@@ -109,87 +87,73 @@ static void warn_of_training_data(const app *self, const char *trained, const ch
                  self->arguments[0]);
 }
 
-static int evaluate(app *self, lg_hamiltonian_file *file, const lg_trajectories *test) {
-    lg_error error = {LG_OK, ""};
+static void check_shape(const app *self, const lg_hamiltonian *model, const lg_trajectories *test) {
+    const bool other = model->family != test->family;
+    if (other || model->n != test->n)
+        app_stop(self, LG_SHAPE, "%s: states of %u numbers, but the model %s has %u%s", self->arguments[1],
+                 test->state_dim, self->arguments[0], lg_hamiltonian_state_dim(model),
+                 other ? " of another layout" : "");
+    if (values.metric == METRIC_RELATIVE && test->truth == NULL)
+        app_stop(self, LG_FORMAT, "%s: --metric relative needs the parameters of the system, /parameters",
+                 self->arguments[1]);
+}
+
+static void draw(const app *self, const lg_hamiltonian *model, const lg_trajectories *test,
+                 const double *predicted) {
+    const size_t drawn = values.drawn > 0 ? values.drawn : SHOWN_TRAJECTORIES;
+    APP_MUST_FILE(self, values.plot,
+                  draw_trajectories(self, values.plot, "Trajectories of the test set, true and predicted",
+                                    model, test->t, test->data, predicted,
+                                    test->count < drawn ? test->count : drawn, test->points, &error));
+}
+
+static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test) {
     verdict result;
     const lg_hamiltonian *model = &file->run.model;
-    if (model->family != test->family || model->n != test->n)
-        return app_fail(self, LG_SHAPE, "%s: states of %u numbers, but the model %s has %u%s",
-                        self->arguments[1], test->state_dim, self->arguments[0],
-                        lg_hamiltonian_state_dim(model),
-                        model->family != test->family ? " of another layout" : "");
+    check_shape(self, model, test);
     const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
-    double *predicted = NULL;
-    if (values.metric == METRIC_RELATIVE && test->truth == NULL)
-        return app_fail(self, LG_FORMAT,
-                        "%s: --metric relative needs the parameters of the system, /parameters",
-                        self->arguments[1]);
-    const size_t drawn = values.drawn > 0 ? values.drawn : SHOWN_TRAJECTORIES;
-    if (values.plot != NULL || values.metric == METRIC_RELATIVE)
-        predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
     const double begin = app_seconds();
-    lg_status status =
-        judge(self->context, self->threads, model, file->theta, test, tolerance, predicted, &result, &error);
-    int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
-    if (code == APP_EXIT_OK && values.metric == METRIC_RELATIVE) {
-        status = judge_relative(test, predicted, &result, &error);
-        if (status != LG_OK) code = app_fail(self, status, "%s", error.message);
-    }
-    if (code == APP_EXIT_OK && values.plot != NULL) {
-        status = draw_trajectories(self, values.plot, "Trajectories of the test set, true and predicted",
-                                   model, test->t, test->data, predicted,
-                                   test->count < drawn ? test->count : drawn, test->points, &error);
-        if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
-    }
-    if (code == APP_EXIT_OK) {
-        const double seconds = app_seconds() - begin;
-        code = check_finite(self, test, &result);
-        if (code == APP_EXIT_OK && values.record) code = record(self, file, test, &result);
-        report(self, test, &result, code == APP_EXIT_OK && values.record, seconds);
-    }
-    free(predicted);
+    APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
+    APP_MUST(self, judge(self->context, self->threads, model, file->theta, test, tolerance, predicted,
+                         &result, &error));
+    if (values.metric == METRIC_RELATIVE) APP_MUST(self, judge_relative(test, predicted, &result, &error));
+    if (values.plot != NULL) draw(self, model, test, predicted);
+    const double seconds = app_seconds() - begin;
+    const int code = check_finite(self, test, &result);
+    lg_error why = {LG_OK, ""};
+    lg_status recorded = LG_OK;
+    if (code == APP_EXIT_OK && values.record)
+        recorded =
+            record_verdict(self->context, self->arguments[0], &file->run, file->theta, test, &result, &why);
+    report(self, test, &result, values.record && code == APP_EXIT_OK && recorded == LG_OK, seconds);
+    app_must_file(self, recorded, &why, self->arguments[0]);
     return code;
 }
 
 /* The model is replaced: a new file in the folder of what a link leads to. */
-static int check_record(const app *self) {
-    lg_error error = {LG_OK, ""};
+static void check_record(const app *self) {
     const char *path = self->arguments[0];
-    if (!values.record) return APP_EXIT_OK;
+    if (!values.record) return;
     if (app_same_file(path, self->arguments[1]))
-        return app_usage(self, "--record: %s is the model and the test data too", path);
+        app_stop_usage(self, "--record: %s is the model and the test data too", path);
     char *real = realpath(path, NULL);
-    lg_status status = app_check_writable(real != NULL ? real : path, &error);
+    APP_MUST_FILE(self, path, app_check_writable(real != NULL ? real : path, &error));
     free(real);
-    if (status == LG_OK && access(path, W_OK) != 0)
-        status = app_error(&error, LG_FILE, "%s: %s", path, strerror(errno));
-    if (status == LG_OK) status = app_claim(self, path, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    return APP_EXIT_OK;
+    if (access(path, W_OK) != 0) app_stop(self, LG_FILE, "%s: %s", path, strerror(errno));
+    APP_MUST_FILE(self, path, app_claim(self, path, &error));
 }
 
 static int run(app *self) {
-    lg_error error = {LG_OK, ""};
-    lg_hamiltonian_file file;
-    lg_trajectories test;
-    const app_path plot = {"plot", values.plot, APP_DRAWN};
-    int code = app_check_outputs(self, &plot, 1);
-    if (code == APP_EXIT_OK) code = check_record(self);
-    if (code != APP_EXIT_OK) return code;
-    lg_status status = lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    status = lg_trajectories_read(self->context, self->arguments[1], NULL, &test, &error);
-    if (status == LG_OK) {
-        warn_of_inputs(self, self->arguments[1], &test);
-        warn_of_systems(self, file.run.system, test.system);
-        warn_of_training_data(self, file.run.data_sha256, test.sha256);
-        code = evaluate(self, &file, &test);
-        lg_trajectories_destroy(&test);
-    } else {
-        code = app_fail_file(self, status, &error, self->arguments[1]);
-    }
-    lg_hamiltonian_file_destroy(&file);
-    return code;
+    const char *model = self->arguments[0], *data = self->arguments[1];
+    APP_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file file = {0};
+    APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0};
+    check_record(self);
+    APP_MUST_FILE(self, model, lg_model_load_hamiltonian(self->context, model, NULL, &file, &error));
+    APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, NULL, &test, &error));
+    warn_of_inputs(self, data, &test);
+    warn_of_systems(self, file.run.system, test.system);
+    warn_of_training_data(self, file.run.data_sha256, test.sha256);
+    return evaluate(self, &file, &test);
 }
 
 const app_command evaluate_command = {
@@ -202,6 +166,4 @@ const app_command evaluate_command = {
                "|d - mean d|, d "
                "= H - H_learned at the starts; unknown (null) without /hamiltonian in the file.",
     .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
-    .arguments_min = 2,
-    .arguments_max = 2,
     .run = run};

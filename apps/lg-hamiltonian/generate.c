@@ -143,7 +143,7 @@ static int run(app *self) {
     lg_error error = {LG_OK, ""};
     lg_scene scene;
     if (values.out == NULL) return app_usage(self, "--out FILE is missing");
-    const app_path out = {"out", values.out, APP_WRITTEN};
+    const app_path out = {"out", values.out, LG_FILE_WRITTEN};
     bool together;
     int code = board_wanted(self, &values.board, values.out, &together);
     if (code == APP_EXIT_OK) code = app_check_outputs(self, &out, 1);
@@ -170,7 +170,5 @@ const app_command generate_command = {.name = "generate",
                                                  "starts. Each start depends on the seed and its number "
                                                  "only, not on N, M, T or the noise.",
                                       .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
-                                      .arguments_min = 1,
-                                      .arguments_max = 1,
                                       .run = run,
                                       .together = APP_WORKERS};

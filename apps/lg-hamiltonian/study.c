@@ -229,7 +229,5 @@ const app_command study_command = {.name = "study",
                                               "over all runs of an integrator. The default seed is the "
                                               "grid's.",
                                    .settings = APP_SETTINGS(APP_GIVEN(picture_options, values), STUDY_SHARED),
-                                   .arguments_min = 1,
-                                   .arguments_max = 1,
                                    .run = run,
                                    .together = APP_WORKERS};

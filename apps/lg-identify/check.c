@@ -220,7 +220,7 @@ static int draw(const app *self, const identify_data *data) {
 static int run_check(app *self) {
     identify_data data = {.training_parts = 0};
     double motions[LG_MACHINE_COORDINATES];
-    const app_path paths[] = {{"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"plot", values.plot, LG_FILE_DRAWN}};
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     code = identify_read(self, self->arguments[0], self->arguments + 1, (size_t)self->argument_count - 1,
@@ -249,6 +249,4 @@ const app_command check_command = {
         "exit code 3 and a sentence that names file, column and remedy. What is merely not determined "
         "by them is a warning.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .arguments_min = 2,
-    .arguments_max = APP_ARGUMENTS,
     .run = run_check};

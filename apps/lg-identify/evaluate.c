@@ -460,7 +460,7 @@ static int evaluate(app *self, lg_machine_model_file *file) {
 
 static int run_evaluate(app *self) {
     lg_error error = {LG_OK, ""};
-    const app_path paths[] = {{"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"plot", values.plot, LG_FILE_DRAWN}};
     if (values.horizons.count > MOST_HORIZONS)
         return app_usage(self, "--horizons: at most %d", MOST_HORIZONS);
     for (size_t i = 0; i < values.horizons.count; i++)
@@ -487,6 +487,4 @@ const app_command evaluate_command = {
         "of v' = A (q, v, u, 1), fitted to the same logs. With positions alone 50 rows estimate the "
         "state at each start and are not scored.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .arguments_min = 2,
-    .arguments_max = APP_ARGUMENTS,
     .run = run_evaluate};

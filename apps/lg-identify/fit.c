@@ -601,7 +601,5 @@ const app_command fit_command = {
         "stride, starts and substeps that are not given are chosen by the logs and the machine, whatever the "
         "defaults above: docs/machines.md has the table, --json the values of a run.",
     .settings = settings,
-    .arguments_min = 2,
-    .arguments_max = APP_ARGUMENTS,
     .run = run_fit,
     .together = APP_RANKS};

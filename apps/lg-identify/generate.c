@@ -501,9 +501,9 @@ static int run_generate(app *self) {
     making m = {.runs = 0};
     bool form = false;
     for (size_t i = 0; i < LG_COUNT(forms); i++) form = form || strcmp(forms[i].name, values.inputs) == 0;
-    const app_path paths[] = {{"out", values.out, APP_WRITTEN},
-                              {"plot", values.plot, APP_DRAWN},
-                              {"inputs", form ? NULL : values.inputs, APP_READ}};
+    const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN},
+                              {"plot", values.plot, LG_FILE_DRAWN},
+                              {"inputs", form ? NULL : values.inputs, LG_FILE_READ}};
     if (values.out == NULL) return app_usage(self, "--out LOG.csv is missing");
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
@@ -525,6 +525,4 @@ const app_command generate_command = {
         "potentials {kind: known, form: ..., of: ..., values: ...}. Starts are drawn around 0 (attitudes: "
         "around 1, directions: around e3) with --start-spread and --seed.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .arguments_min = 1,
-    .arguments_max = 1,
     .run = run_generate};

@@ -208,7 +208,7 @@ static int predict_and_write(app *self, prediction *p) {
 
 static int run_predict(app *self) {
     lg_error error = {LG_OK, ""};
-    const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
     if (values.out == NULL) return app_usage(self, "--out FILE.csv is missing");
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
@@ -237,6 +237,4 @@ const app_command predict_command = {
         "with positions alone 50 rows estimate its start. Columns that leave the range of the training "
         "data are named in warnings.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .arguments_min = 2,
-    .arguments_max = 2,
     .run = run_predict};

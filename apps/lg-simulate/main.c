@@ -123,14 +123,14 @@ static int check_outputs(const app *self) {
     ensemble_output out[OUTPUTS] = {{"out", NULL}};
     const bool parts = values.ensemble > 0;
     int code = parts ? ensemble_outputs(self, &values, out) : APP_EXIT_OK;
-    const app_path paths[] = {{"scheme", values.scheme, APP_READ},
-                              {"gradient", weights ? values.gradient + 1 : NULL, APP_READ},
-                              {"starts", values.starts, APP_READ},
-                              {"out", parts ? NULL : values.out, APP_WRITTEN},
-                              {out[0].option, out[0].path, APP_WRITTEN},
-                              {out[1].option, out[1].path, APP_WRITTEN},
-                              {out[2].option, out[2].path, APP_WRITTEN},
-                              {"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ},
+                              {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ},
+                              {"starts", values.starts, LG_FILE_READ},
+                              {"out", parts ? NULL : values.out, LG_FILE_WRITTEN},
+                              {out[0].option, out[0].path, LG_FILE_WRITTEN},
+                              {out[1].option, out[1].path, LG_FILE_WRITTEN},
+                              {out[2].option, out[2].path, LG_FILE_WRITTEN},
+                              {"plot", values.plot, LG_FILE_DRAWN}};
     if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
     for (size_t i = 0; i < OUTPUTS; i++) free(out[i].path);
     return code;
@@ -345,8 +345,6 @@ int main(int argc, char **argv) {
                     "and gradients.",
          .details = details,
          .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-         .arguments_min = 1,
-         .arguments_max = 1,
          .run = run,
          .together = APP_RANKS}};
     const int code = app_main(argc, argv, "lg-simulate", command[0].summary, command);

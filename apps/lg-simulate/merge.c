@@ -200,7 +200,7 @@ static int run(app *self) {
     self->argument_count--;
     memmove((void *)self->arguments, self->arguments + 1,
             (size_t)self->argument_count * sizeof *self->arguments);
-    const app_path paths[] = {{NULL, out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     return merge_parts(self, out, self->arguments, (size_t)self->argument_count, &values);
@@ -214,8 +214,6 @@ int merge_main(int argc, char **argv) {
          .summary =
              "Merges the parts of an ensemble that --task wrote: the statistics are those of one process.",
          .settings = settings,
-         .arguments_min = 2,
-         .arguments_max = APP_ARGUMENTS,
          .run = run},
         {.name = NULL}};
     return app_main(argc, argv, "lg-simulate", command[0].summary, command);

@@ -91,8 +91,7 @@ int simulation_open(app *self, const simulate_values *values, const char *path, 
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     out->system = out->scene.system;
     /* The members of an ensemble have starts of their own. */
-    const int code = values->ensemble > 0 ? APP_EXIT_OK : app_scene_start(self, &out->scene, path);
-    if (code != APP_EXIT_OK) return code;
+    if (values->ensemble == 0) app_scene_start(self, &out->scene, path);
     out->dim = lg_system_dim(out->system);
     out->reported = lg_system_reported(out->system);
     out->work = app_alloc(lg_system_work_size(out->system), 1);

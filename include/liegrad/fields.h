@@ -39,6 +39,15 @@ typedef enum lg_field_type {
     LG_FIELD_MAP    /* a mapping, whose keys have rows of their own: "inputs", "inputs.hold" */
 } lg_field_type;
 
+/* What a command does with the file that a STRING names. */
+typedef enum lg_file_use {
+    LG_FILE_NOT,      /* the text names no file, or the command looks after it alone */
+    LG_FILE_READ,     /* an input */
+    LG_FILE_WRITTEN,  /* the file is replaced */
+    LG_FILE_STREAMED, /* likewise, or it is a pipe or a device, which is written to */
+    LG_FILE_DRAWN     /* a picture, .svg or .png: its data and script, next to it, are replaced too */
+} lg_file_use;
+
 /* The most numbers in a list, and room for any value as text. */
 #define LG_FIELD_LIST_MAX  256
 #define LG_FIELD_TEXT_SIZE 4096
@@ -66,7 +75,8 @@ typedef struct lg_field {
     size_t offset, size; /* of the member in the structure */
     double low, high;    /* of each number */
     bool above;          /* low itself is refused */
-    bool required;       /* a file of keys must have it, where its mapping is there */
+    bool required;       /* the option must be given; a file that has the mapping must have the key */
+    lg_file_use file;    /* STRING */
     bool adam;           /* it applies only where Adam takes part in the training */
     bool optional;       /* files of earlier versions lack it; the run then has the default for files */
     uint32_t methods;    /* bit v: it applies when the run's method is number v; 0: always */
