@@ -45,7 +45,7 @@ LG_API void lg_context_options_init(lg_context_options *options);
 LG_API lg_status lg_context_create(const lg_context_options *options, lg_context **out);
 LG_API void lg_context_destroy(lg_context *context); /* NULL is fine */
 
-/* "1.0.0" */
+/* "2.0.0" */
 LG_API const char *lg_version(void);
 
 /* Writes one line that names the CPU, the chosen instruction set and the BLAS to `text` (at most `size` bytes
