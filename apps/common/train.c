@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "model/files/learning.h"
+
 enum { CHECKPOINT_EVERY = 10 };
 
 train_files train_given_files;
@@ -264,11 +266,6 @@ static int train(train_session *self, lg_file_reader *stored) {
 static const double learned = 0.99, enormous = 1000.0;
 enum { LOOK = 10, FULL_LOOK = 100 };
 
-static bool ends_with_adam(const lg_training *training) {
-    const lg_fit_plan *plan = &training->plan;
-    return plan->phases == 0 || plan->phase[plan->phases - 1].method == LG_FIT_ADAM;
-}
-
 /* The epoch whose parameters are the model: the best one on a validation part, or else the last one. */
 static uint64_t model_epoch(const train_session *self) {
     const uint64_t done = lg_fit_epochs_done(self->fit);
@@ -281,7 +278,7 @@ int train_judge(const train_session *self, const char *what, double error, const
                 double guessed) {
     const uint64_t done = lg_fit_epochs_done(self->fit), epoch = model_epoch(self);
     const double *loss = lg_fit_history(self->fit, LG_FIT_LOSS);
-    const bool adam = ends_with_adam(self->task->training), looked = done >= (adam ? LOOK : FULL_LOOK);
+    const bool adam = lg_ends_with_adam(self->task->training), looked = done >= (adam ? LOOK : FULL_LOOK);
     const bool useless = guessed > 0 && !(error < learned * guessed);
     const bool risen = epoch > 1 && !(loss[epoch - 1] < loss[0]);
     if (useless)
@@ -360,7 +357,7 @@ static bool asks_adam(const app *self, const lg_training *training) {
     bool adam = training->dtype == LG_F32;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        if (slot->given && is_plan(slot)) return ends_with_adam(training);
+        if (slot->given && is_plan(slot)) return lg_ends_with_adam(training);
         adam = adam || (slot->given && slot->row->adam);
     }
     return adam;
@@ -368,23 +365,18 @@ static bool asks_adam(const app *self, const lg_training *training) {
 
 uint32_t train_preset_given;
 
-const char *train_preset_name(uint32_t value) {
-    static const char *const names[] = {"thesis", "best"};
-    return value < LG_COUNT(names) ? names[value] : NULL;
-}
-
 const lg_field train_preset_rows[] = {
     {.name = "preset",
      .group = "",
      .type = LG_FIELD_NAME,
      .size = sizeof train_preset_given,
-     .value_name = train_preset_name,
+     .value_name = lg_preset_name,
      .otherwise = "best; thesis where Adam is asked for",
      .meaning = "Source of options that are not given: the published settings or ours"},
     LG_FIELD_END};
 
 const char *train_preset(const app *self, const lg_training *training) {
-    if (app_given(self, "preset")) return train_preset_name(train_preset_given);
+    if (app_given(self, "preset")) return lg_preset_name(train_preset_given);
     return asks_adam(self, training) ? "thesis" : "best";
 }
 
@@ -420,7 +412,7 @@ static int check_method(const app *self, const train_task *task) {
 uint64_t train_epochs(const app *self, const lg_training *training) {
     enum { NO_LIMIT = 1000000 };
     const bool limited = files->resume != NULL || app_given(self, "epochs") || !(files->seconds > 0);
-    return ends_with_adam(training) || limited ? training->epochs : NO_LIMIT;
+    return lg_ends_with_adam(training) || limited ? training->epochs : NO_LIMIT;
 }
 
 /* The data are compared before they are split, too: others need not be split in the same way. */

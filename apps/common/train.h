@@ -136,7 +136,6 @@ int train_check(app *app, const train_task *task);
 /* The option --preset, a row of a task's settings, and the preset to take: "thesis" or "best". Not given, it
  * is "thesis" where the command line asks for Adam, by a --method that ends with it or, without one, by an
  * option of Adam's alone (a rate, a batch) or by single precision. */
-const char *train_preset_name(uint32_t value); /* NULL beyond the last */
 extern const lg_field train_preset_rows[];
 extern uint32_t train_preset_given;
 #define TRAIN_PRESET                                                                                         \

@@ -99,7 +99,7 @@ static lg_status complete_model(const app *self, const lg_series *series, const 
 
 static lg_status adopt_preset(app *self, const lg_series_data *data, const lg_detector_preset **preset,
                               lg_error *error) {
-    const char *name = train_preset_name(train_given.preset);
+    const char *name = lg_preset_name(train_given.preset);
     *preset = lg_detector_preset_find(name, data->noise);
     if (*preset == NULL) return app_error(error, LG_UNSUPPORTED, "--preset: %s has no settings", name);
     const lg_detector_run from = {

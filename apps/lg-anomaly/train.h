@@ -2,7 +2,7 @@
 #ifndef LG_APPS_ANOMALY_TRAIN_H
 #define LG_APPS_ANOMALY_TRAIN_H
 
-#include "common/train.h"
+#include "common/learn.h"
 #include "lg-anomaly/anomaly.h"
 
 enum {

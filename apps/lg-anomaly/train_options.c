@@ -72,7 +72,7 @@ static const lg_field rows[] = {
         .methods = CLASSICAL | BASELINE, .meaning = "Folds of cross-validation"),
     ROW("gamma", REAL, gamma, .above = true, .high = 1e300, .unit = "G", .methods = RBF,
         .otherwise = "1/(features x their variance)", .meaning = "svm-rbf: exp(-G |x - y|^2)"),
-    ROW("preset", NAME, preset, .value_name = train_preset_name, .value = "best", .methods = CNN,
+    ROW("preset", NAME, preset, .value_name = lg_preset_name, .value = "best", .methods = CNN,
         .meaning = "cnn: source of options that are not given: the published settings or ours"),
     ROW("filters", WHOLES, filters, .low = 1, .high = 1 << 20, .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...",
         .methods = CNN,

@@ -110,14 +110,6 @@ int sweep_run(const app *app, const sweep_values *values, const lg_elastica_opti
 
 /* ---- data (families.c) ---- */
 
-int read_curves(const app *app, const char *path, lg_elastica_data *out);
-/* Whether boundary conditions (n, 8) are of the right-end family: v0 along the chord; at least one such, and
- * at least one other. */
-typedef struct families {
-    bool both_ends, right_end;
-} families;
-families families_of(const double *boundary, size_t n);
-
 /* Curves whose boundary conditions lie farther from the trained ones than twice their reach. */
 typedef struct outside {
     double reach, largest; /* largest distance */

@@ -3,7 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lg-elastica/train.h"
+#include "elastica/files/recipe.h"
+#include "lg-elastica/beam.h"
 
 enum { SHOWN = 10 };
 
@@ -25,6 +26,12 @@ static const lg_field evaluate_options[] = {
     LG_FIELD_END};
 
 static evaluate_values values;
+
+/* Indices of the curves of one part, rising. */
+typedef struct part_indices {
+    uint32_t *list;
+    size_t count;
+} part_indices;
 
 typedef struct evaluation {
     const lg_surrogate_file *file;
@@ -114,21 +121,19 @@ static lg_status draw(const app *self, const evaluation *e, lg_error *error) {
 static int choose(const app *self, const lg_surrogate_run *run, const lg_elastica_data *data,
                   part_indices *chosen) {
     lg_error error = {LG_OK, ""};
-    part_indices other;
+    *chosen = (part_indices){app_alloc(data->curves.count, sizeof *chosen->list), data->curves.count};
     if (values.part == PART_ALL) {
-        *chosen = (part_indices){app_alloc(data->curves.count, sizeof *chosen->list), data->curves.count};
         for (size_t i = 0; i < chosen->count; i++) chosen->list[i] = (uint32_t)i;
         return APP_EXIT_OK;
     }
     if (strcmp(run->data_sha256, data->sha256) != 0 || run->curves != data->curves.count)
         return app_usage(self, "--part %s: %s was trained on other data than %s", part_names[values.part],
                          self->arguments[0], self->arguments[1]);
-    const bool train = values.part == PART_TRAIN;
-    const lg_status status = split_curves(run, train ? chosen : &other, train ? &other : chosen, &error);
+    const lg_status status =
+        lg_surrogate_part(self->context, run, values.part == PART_TRAIN ? LG_PART_TRAIN : LG_PART_TEST,
+                          chosen->list, &chosen->count, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    free(other.list);
     if (chosen->count > 0) return APP_EXIT_OK;
-    free(chosen->list);
     return app_usage(self, "--part %s: the model has no curves in it", part_names[values.part]);
 }
 
@@ -175,17 +180,16 @@ static int run(app *self) {
     const app_path plot = {"plot", values.plot, LG_FILE_DRAWN};
     int code = app_check_outputs(self, &plot, 1);
     if (code != APP_EXIT_OK) return code;
-    const lg_status status = lg_model_load_surrogate(self->context, self->arguments[0], NULL, &file, &error);
+    lg_status status = lg_model_load_surrogate(self->context, self->arguments[0], NULL, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    code = read_curves(self, self->arguments[1], &data);
+    status = lg_elastica_data_judge(self->context, self->arguments[1], &data, &error);
+    if (status != LG_OK) code = app_fail_file(self, status, &error, self->arguments[1]);
     if (code == APP_EXIT_OK) {
         evaluation e = {.file = &file, .curves = &data.curves};
         code = choose(self, &file.run, &data, &e.chosen);
-        if (code == APP_EXIT_OK) {
-            code = evaluate(self, &e);
-            free(e.chosen.list);
-            free(e.node_error);
-        }
+        if (code == APP_EXIT_OK) code = evaluate(self, &e);
+        free(e.chosen.list);
+        free(e.node_error);
         lg_elastica_data_destroy(&data);
     }
     lg_surrogate_file_destroy(&file);

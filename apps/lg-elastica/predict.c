@@ -3,7 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lg-elastica/train.h"
+#include "elastica/files/recipe.h"
+#include "lg-elastica/beam.h"
 
 enum { SHOWN_POINTS = 10, TIMED = 9 };
 
@@ -48,7 +49,7 @@ typedef struct prediction {
 
 static int read_where(const app *self, prediction *p) {
     const lg_surrogate_file *file = p->file;
-    const families known = families_of(file->trained, file->trained_count);
+    const lg_elastica_families known = lg_elastica_families_of(file->trained, file->trained_count);
     lg_elastica problem;
     lg_elastica_init(&problem);
     problem.length = file->run.model.length;

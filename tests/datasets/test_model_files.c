@@ -2,6 +2,7 @@
  * recorded into models of Hamiltonians. */
 #include "model_kinds.h"
 
+#include "files/h5.h"
 #include "model/files/recipe.h"
 #include "liegrad/ops.h"
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/classifier_file.h"
+#include "files/h5.h"
 #include "model/files/recipe.h"
 #include "fuzz.h"
 #include "liegrad/io.h"

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "hamiltonian/files/family.h"
+#include "files/h5.h"
 #include "model/files/recipe.h"
 
 /* ---- the run ---- */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "settings/names.h"
+#include "files/h5.h"
 #include "model/files/recipe.h"
 
 /* ---- the YAML text ---- */

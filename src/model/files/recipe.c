@@ -1,4 +1,5 @@
 /* The description of a run: one table for saving, loading and comparing. */
+#include "files/h5.h"
 #include "model/files/recipe.h"
 
 #include <math.h>

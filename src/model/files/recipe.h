@@ -5,8 +5,8 @@
 #ifndef LG_RECIPE_H
 #define LG_RECIPE_H
 
-#include "files/h5.h"
 #include "liegrad/fields.h"
+#include "liegrad/io.h"
 #include "liegrad/networks.h"
 #include "settings/settings.h"
 
@@ -14,6 +14,8 @@
  * initialisers; `.low = 0` adds nothing. */
 #define LG_FACT(struct_, group_, name_, type_, member, ...)                                                  \
     LG_FIELD(struct_, group_, name_, type_, member, .high = 1e300, __VA_ARGS__)
+
+typedef struct lg_h5 lg_h5; /* files/h5.h */
 
 struct lg_recipe {
     const char *name;       /* attribute `kind` of a model, */
@@ -41,6 +43,7 @@ struct lg_recipe {
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
     void (*release)(void *file);
+    const struct lg_learner *learner; /* the training half (model/files/learning.h) */
 };
 
 /* ---- runs (recipe.c) ---- */

@@ -1,0 +1,220 @@
+/* Trains what a recipe says: the hooks of a task from a learner's. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/learn.h"
+
+static train_recipe *of(void *user) {
+    return user;
+}
+
+static bool given(const lg_learning *learning, const char *option) {
+    return app_given(learning->user, option);
+}
+
+/* A sentence that begins with an option is about the command line. */
+static bool is_usage(lg_status status, const lg_error *error) {
+    return status == LG_INVALID_ARGUMENT && strncmp(error->message, "--", 2) == 0;
+}
+
+static int fail(const app *self, lg_status status, const lg_error *error) {
+    return is_usage(status, error) ? app_usage(self, "%s", error->message)
+                                   : app_fail(self, status, "%s", app_sentence(status, error));
+}
+
+static void learn_begin(train_recipe *task, const app *self, int argument) {
+    const lg_recipe *recipe = task->recipe;
+    if (task->state == NULL && recipe->learner->state_size > 0)
+        task->state = app_alloc(1, recipe->learner->state_size);
+    task->learning = (lg_learning){.context = self->context,
+                                   .recipe = recipe,
+                                   .run = task->settings[0].values,
+                                   .state = task->state,
+                                   .paths = self->arguments + argument,
+                                   .path_count = (size_t)(self->argument_count - argument),
+                                   .threads = self->threads,
+                                   .given = given,
+                                   .user = self,
+                                   .floor = (double)NAN};
+}
+
+/* ---- the hooks of a task ---- */
+
+static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
+    lg_learning *learning = &of(user)->learning;
+    lg_error error = {LG_OK, ""};
+    learning->resumed = train_given_files.resume != NULL;
+    const lg_status status = learning->recipe->learner->read(learning, &error);
+    if (is_usage(status, &error)) return fail(self, status, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    memcpy(sha256, learning->sha256, LG_SHA256_TEXT);
+    return APP_EXIT_OK;
+}
+
+static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
+    lg_learning *learning = &of(user)->learning;
+    learning->user = self;
+    learning->stored = stored;
+    learning->preset = app_given(self, "preset") ? lg_preset_name(train_preset_given) : NULL;
+    return learning->recipe->learner->describe(learning, error);
+}
+
+static int prepare(void *user, app *self) {
+    lg_learning *learning = &of(user)->learning;
+    lg_error error = {LG_OK, ""};
+    if (learning->recipe->learner->prepare == NULL) return APP_EXIT_OK;
+    const lg_status status = learning->recipe->learner->prepare(learning, &error);
+    return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
+}
+
+static lg_status hold_out(void *user, app *self, double validation, lg_error *error) {
+    lg_learning *learning = &of(user)->learning;
+    (void)self;
+    return learning->recipe->learner->hold_out(learning, validation, error);
+}
+
+static lg_status create(void *user, app *self, const lg_fit_options *options, lg_fit **fit, lg_error *error) {
+    lg_learning *learning = &of(user)->learning;
+    (void)self;
+    learning->options = *options;
+    const lg_status status = lg_learning_create_fit(learning, error);
+    *fit = learning->fit;
+    return status;
+}
+
+static void release(void *user) {
+    lg_learning_release(&of(user)->learning);
+}
+
+static double objective(void *user, app *self) {
+    (void)self;
+    return lg_learning_objective(&of(user)->learning);
+}
+
+static size_t parameters(void *user) {
+    const lg_learning *learning = &of(user)->learning;
+    return learning->recipe->parameters(learning->run);
+}
+
+static bool has_width(void *user) {
+    const lg_learning *learning = &of(user)->learning;
+    const lg_learner *learner = learning->recipe->learner;
+    return learner->has_width == NULL || learner->has_width(learning);
+}
+
+/* ---- the result ---- */
+
+static void put_results(app_json *json, const lg_learning *learning, size_t first, size_t end) {
+    for (size_t i = first; i < end; i++) {
+        const lg_result *result = &learning->results[i];
+        if (result->type == LG_FIELD_REAL) app_json_real(json, result->name, result->real);
+        if (result->type == LG_FIELD_U64) app_json_size(json, result->name, result->whole);
+        if (result->type == LG_FIELD_STRING) app_json_text(json, result->name, result->text);
+    }
+}
+
+static void print_results(const lg_learning *learning) {
+    for (size_t i = 0; i < learning->result_count; i++) {
+        const lg_result *result = &learning->results[i];
+        const char *label = result->label != NULL ? result->label : "";
+        if (result->type == LG_FIELD_REAL)
+            (void)printf("%-18s  %.4e  %s\n", result->name, result->real, label);
+        if (result->type == LG_FIELD_U64)
+            (void)printf("%-18s  %llu  %s\n", result->name, (unsigned long long)result->whole, label);
+        if (result->type == LG_FIELD_STRING && result->text != NULL)
+            (void)printf("%-18s  %s  %s\n", result->name, result->text, label);
+    }
+}
+
+static void report(const train_recipe *task, const train_session *session) {
+    const lg_learning *learning = &task->learning;
+    if (!session->app->json) {
+        if (task->print != NULL)
+            task->print(session, learning);
+        else
+            print_results(learning);
+        return;
+    }
+    app_json json;
+    app_json_begin(&json);
+    put_results(&json, learning, 0, learning->first_count);
+    train_json(session, &json);
+    put_results(&json, learning, learning->first_count, learning->result_count);
+    app_json_end(&json);
+}
+
+/* The parameters of the fit are judged and written. */
+static int conclude(train_recipe *task, train_session *session, double *theta) {
+    lg_learning *learning = &task->learning;
+    const app *self = session->app;
+    const char *out = train_given_files.out;
+    lg_error error = {LG_OK, ""};
+    lg_fit_parameters(learning->fit, theta);
+    lg_status status = learning->recipe->learner->judge(learning, theta, &error);
+    if (status != LG_OK)
+        return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
+    session->floor = learning->floor;
+    const lg_verdict *verdict = &learning->verdict;
+    const int judged = verdict->what != NULL ? train_judge(session, verdict->what, verdict->error,
+                                                           verdict->guess, verdict->guessed)
+                                             : APP_EXIT_OK;
+    const lg_provenance provenance = app_provenance(self, lg_learning_training(learning)->seed);
+    status = lg_learning_save(learning, out, theta, &provenance, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, out);
+    const int code = task->draw != NULL ? task->draw(session, learning) : train_draw(session);
+    if (code != APP_EXIT_OK) return code;
+    report(task, session);
+    return judged == APP_EXIT_OK && verdict->failed ? APP_EXIT_NUMERIC : judged;
+}
+
+static int finish(void *user, train_session *session) {
+    lg_learning *learning = &of(user)->learning;
+    lg_error error = {LG_OK, ""};
+    double *theta = lg_learning_alloc(learning, learning->problem.parameters, sizeof *theta, &error);
+    if (theta == NULL)
+        return app_fail(session->app, LG_OUT_OF_MEMORY, "after the last epoch: %s", error.message);
+    return conclude(user, session, theta);
+}
+
+/* ---- commands ---- */
+
+static train_task task_of(train_recipe *task) {
+    const lg_learner *learner = task->recipe->learner;
+    return (train_task){.kind = task->recipe,
+                        .settings = task->settings,
+                        .training = lg_learning_training(&task->learning),
+                        .method = learner->method,
+                        .only = task->only,
+                        .held_out = learner->held_out,
+                        .kept = task->kept,
+                        .user = task,
+                        .read = read_data,
+                        .describe = describe,
+                        .prepare = prepare,
+                        .hold_out = hold_out,
+                        .create = create,
+                        .release = release,
+                        .finish = finish,
+                        .objective = objective,
+                        .parameters = parameters,
+                        .sizes = learner->sizes,
+                        .has_width = has_width,
+                        .prior = learner->prior};
+}
+
+int train_recipe_main(app *self, train_recipe *task) {
+    learn_begin(task, self, 0);
+    const train_task hooks = task_of(task);
+    const int code = train_main(self, &hooks);
+    lg_learning_close(&task->learning);
+    return code;
+}
+
+int search_recipe_main(app *self, const app_command *train, train_recipe *task) {
+    learn_begin(task, self, 1);
+    const train_task hooks = task_of(task);
+    const int code = search_main(self, train, &hooks);
+    lg_learning_close(&task->learning);
+    return code;
+}

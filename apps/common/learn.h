@@ -1,0 +1,25 @@
+/* Training by a recipe: the learner's hooks do what a kind of model needs, this the rest. */
+#ifndef LG_APPS_LEARN_H
+#define LG_APPS_LEARN_H
+
+#include "common/search.h"
+#include "common/train.h"
+#include "model/files/learning.h"
+
+typedef struct train_recipe {
+    const lg_recipe *recipe;
+    const app_settings *settings; /* of the command; the first one is the run */
+    const char *only;             /* a search takes this method alone; NULL: any */
+    const char *kept;             /* the option that names one more file to be read; may be NULL */
+    void *state;                  /* of the learner; NULL: it is made */
+    /* For people; NULL: the results, a line each. */
+    void (*print)(const train_session *session, const lg_learning *learning);
+    int (*draw)(const train_session *session, const lg_learning *learning); /* NULL: the loss */
+    lg_learning learning;                                                   /* the driver's */
+} train_recipe;
+
+int train_recipe_main(app *app, train_recipe *self);
+/* Arguments RANGES.yaml DATA; `train` is the command whose options are searched. */
+int search_recipe_main(app *app, const app_command *train, train_recipe *self);
+
+#endif

@@ -1,0 +1,379 @@
+/* How a surrogate learns curves. */
+#include "elastica/files/recipe.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "model/files/learning.h"
+
+enum { STREAM_WEIGHTS = 1 };
+
+/* Indices of the curves of one part, rising. */
+typedef struct part {
+    uint32_t *list;
+    size_t count;
+} part;
+
+typedef struct state {
+    lg_elastica_data data;
+    const lg_surrogate_preset *preset;        /* NULL when resumed */
+    part train, test;                         /* in a search `test` is held out of the training part */
+    part learned;                             /* of the training part, at most run->most_curves */
+    double *modes, *coefficients, truncation; /* of a network with modes; NULL, NULL, NaN */
+    lg_surrogate_problem problem;
+} state;
+
+/* ---- the data ---- */
+
+/* Twice as far as any number of a curve can be from its first node, or of a tangent from 0. */
+static bool is_impossible(const lg_elastica_curves *curves, size_t curve, size_t node) {
+    const size_t nodes = (size_t)curves->intervals + 1;
+    const double *first = curves->q + 2 * nodes * curve, *q = first + 2 * node,
+                 *v = curves->v + 2 * (nodes * curve + node);
+    return !(hypot(q[0] - first[0], q[1] - first[1]) <= 2 * curves->length && hypot(v[0], v[1]) <= 2);
+}
+
+lg_status lg_elastica_data_judge(const lg_context *context, const char *path, lg_elastica_data *out,
+                                 lg_error *error) {
+    LG_TRY(lg_elastica_data_read(context, path, NULL, out, error));
+    const lg_elastica_curves *curves = &out->curves;
+    size_t count = 0, curve = 0, node = 0;
+    for (size_t i = curves->count; i-- > 0;)
+        for (size_t k = (size_t)curves->intervals + 1; k-- > 0;)
+            if (is_impossible(curves, i, k)) curve = i, node = k, count++;
+    if (count > 0)
+        lg_log_message(
+            context, LG_LOG_WARNING,
+            "%s: %zu nodes are no points of a beam, the first is node %zu of curve %zu (from 0): more than "
+            "twice the length from its start, or a tangent longer than 2; most of the error comes from them",
+            path, count, node, curve);
+    return LG_OK;
+}
+
+static lg_status read_data(lg_learning *self, lg_error *error) {
+    state *s = self->state;
+    LG_TRY(lg_elastica_data_judge(self->context, self->paths[0], &s->data, error));
+    memcpy(self->sha256, s->data.sha256, sizeof self->sha256);
+    return LG_OK;
+}
+
+static void close_data(lg_learning *self) {
+    lg_elastica_data_destroy(&((state *)self->state)->data);
+}
+
+/* ---- parts ---- */
+
+static part indices_of(const uint8_t *parts, size_t n, lg_part wanted, uint32_t *list) {
+    part out = {list, 0};
+    for (size_t i = 0; i < n; i++)
+        if (parts[i] == (uint8_t)wanted) list[out.count++] = (uint32_t)i;
+    return out;
+}
+
+static lg_status split(const lg_surrogate_run *run, uint8_t *parts, lg_error *error) {
+    const lg_status status = lg_surrogate_split((size_t)run->curves, run->train_fraction, run->test_fraction,
+                                                run->training.seed, parts);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status,
+                   "fractions %g for training and %g for testing: they add up to more than 1, or leave "
+                   "none of %zu curves for training",
+                   run->train_fraction, run->test_fraction, (size_t)run->curves);
+}
+
+lg_status lg_surrogate_part(const lg_context *context, const lg_surrogate_run *run, lg_part wanted,
+                            uint32_t *list, size_t *count, lg_error *error) {
+    uint8_t *parts = lg_alloc(context, (size_t)run->curves, 1);
+    if (parts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
+    const lg_status status = split(run, parts, error);
+    if (status == LG_OK) *count = indices_of(parts, (size_t)run->curves, wanted, list).count;
+    lg_free(context, parts);
+    return status;
+}
+
+static lg_status take_part(lg_learning *self, lg_part wanted, part *out, lg_error *error) {
+    const lg_surrogate_run *run = self->run;
+    LG_LEARNING_ARRAY(self, out->list, (size_t)run->curves, error);
+    return lg_surrogate_part(self->context, run, wanted, out->list, &out->count, error);
+}
+
+static lg_status prepare(lg_learning *self, lg_error *error) {
+    state *s = self->state;
+    LG_TRY(take_part(self, LG_PART_TRAIN, &s->train, error));
+    return take_part(self, LG_PART_TEST, &s->test, error);
+}
+
+/* The training part without the held-out curves. */
+static lg_status hold_out(lg_learning *self, double validation, lg_error *error) {
+    state *s = self->state;
+    const lg_surrogate_run *run = self->run;
+    part whole = {NULL, 0};
+    uint8_t *parts;
+    LG_TRY(take_part(self, LG_PART_TRAIN, &whole, error));
+    LG_LEARNING_ARRAY(self, parts, whole.count, error);
+    LG_LEARNING_ARRAY(self, s->train.list, whole.count, error);
+    LG_LEARNING_ARRAY(self, s->test.list, whole.count, error);
+    const lg_status status =
+        lg_surrogate_split(whole.count, 1 - validation, validation, run->training.seed, parts);
+    s->train = indices_of(parts, whole.count, LG_PART_TRAIN, s->train.list);
+    s->test = indices_of(parts, whole.count, LG_PART_TEST, s->test.list);
+    for (size_t i = 0; i < s->train.count; i++) s->train.list[i] = whole.list[s->train.list[i]];
+    for (size_t i = 0; i < s->test.count; i++) s->test.list[i] = whole.list[s->test.list[i]];
+    if (status == LG_OK && s->train.count > 0 && s->test.count > 0) return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "--validation %g: of %zu curves, the training or validation part has none", validation,
+                   whole.count);
+}
+
+/* `most` curves of a part at even distances in it, or all for 0. */
+static lg_status thin(lg_learning *self, const part *from, uint64_t most, part *out, lg_error *error) {
+    out->count = most > 0 && most < from->count ? (size_t)most : from->count;
+    LG_LEARNING_ARRAY(self, out->list, out->count, error);
+    for (size_t i = 0; i < out->count; i++)
+        out->list[i] = from->list[out->count > 1 ? i * (from->count - 1) / (out->count - 1) : 0];
+    return LG_OK;
+}
+
+/* ---- the run ---- */
+
+lg_elastica_families lg_elastica_families_of(const double *boundary, size_t n) {
+    lg_elastica_families found = {false, false};
+    for (size_t i = 0; i < n; i++) {
+        const double *x = boundary + 8 * i, dx = x[4] - x[0], dy = x[5] - x[1];
+        const double along = x[2] * dx + x[3] * dy, across = x[2] * dy - x[3] * dx;
+        const bool right_end = along > 0 && fabs(across) <= 1e-9 * along;
+        found.right_end = found.right_end || right_end;
+        found.both_ends = found.both_ends || !right_end;
+    }
+    return found;
+}
+
+/* Half of the largest distance of the ends: the same bits wherever all curves have one distance. */
+static double centre_of(const lg_elastica_curves *curves) {
+    double largest = 0;
+    for (size_t i = 0; i < curves->count; i++) {
+        const double *x = curves->boundary + 8 * i;
+        largest = fmax(largest, hypot(x[4] - x[0], x[5] - x[1]));
+    }
+    return 0.5 * largest;
+}
+
+/* A preset's modes are a limit; the curves that are learned say how many it takes. */
+static lg_status modes_of_curves(lg_learning *self, lg_error *error) {
+    const lg_elastica_curves *curves = &((state *)self->state)->data.curves;
+    lg_surrogate_run *run = self->run;
+    lg_surrogate_options options = run->model.options;
+    lg_surrogate model;
+    part train = {NULL, 0}, learned;
+    options.modes = (uint32_t)fmin(options.modes, 4.0 * (curves->intervals - 1));
+    LG_TRY(lg_surrogate_init(&model, &options, curves->intervals, curves->length, centre_of(curves), error));
+    LG_TRY(take_part(self, LG_PART_TRAIN, &train, error));
+    LG_TRY(thin(self, &train, run->most_curves, &learned, error));
+    return lg_surrogate_count_modes(self->context, &model, curves, learned.list, learned.count,
+                                    &run->model.options.modes, error);
+}
+
+static lg_status adopt_preset(lg_learning *self, lg_error *error) {
+    state *s = self->state;
+    lg_surrogate_run *run = self->run;
+    const lg_surrogate_options *options = &run->model.options;
+    const lg_elastica_families found = lg_elastica_families_of(s->data.curves.boundary, s->data.curves.count);
+    const bool merged = found.both_ends && found.right_end;
+    const char *name = lg_learning_preset(self);
+    s->preset = lg_surrogate_preset_find(name, options->kind, options->boundary, options->loss, merged,
+                                         run->train_fraction);
+    if (s->preset == NULL)
+        return lg_fail(error, LG_UNSUPPORTED, "--preset: %s has no settings for the %s network%s%s%s", name,
+                       lg_surrogate_kind_name(options->kind),
+                       options->loss == LG_SURROGATE_ENERGY ? " with --loss energy" : "",
+                       options->boundary ? " with --boundary true" : "",
+                       merged ? " on data of both families" : "");
+    const lg_surrogate_run from = {.model.options = s->preset->model,
+                                   .training = s->preset->training,
+                                   .most_curves = s->preset->most_curves};
+    lg_learning_adopt(self, &from, true);
+    if (options->angles && !self->given(self, "modes")) run->model.options.modes = 0;
+    if (options->modes == 0 || self->given(self, "modes")) return LG_OK;
+    return modes_of_curves(self, error);
+}
+
+static lg_status describe(lg_learning *self, lg_error *error) {
+    state *s = self->state;
+    lg_surrogate_run *run = self->run;
+    const lg_elastica_curves *curves = &s->data.curves;
+    s->preset = NULL;
+    run->curves = curves->count;
+    if (self->stored == NULL) LG_TRY(adopt_preset(self, error));
+    run->continuous = curves->continuous;
+    memcpy(run->data_sha256, s->data.sha256, sizeof run->data_sha256);
+    const lg_surrogate_options options = run->model.options;
+    return lg_surrogate_init(&run->model, &options, curves->intervals, curves->length, centre_of(curves),
+                             error);
+}
+
+/* ---- the problem ---- */
+
+/* The fixed last layer, from the curves that are learned. */
+static lg_status find_modes(lg_learning *self, lg_error *error) {
+    state *s = self->state;
+    lg_surrogate_run *run = self->run;
+    s->truncation = (double)NAN;
+    if (run->model.options.modes == 0) return LG_OK;
+    LG_LEARNING_ARRAY(self, s->modes, lg_surrogate_modes_size(&run->model), error);
+    LG_LEARNING_ARRAY(self, s->coefficients, s->learned.count * run->model.options.modes, error);
+    run->model.modes = s->modes;
+    LG_TRY(lg_surrogate_find_modes(self->context, &run->model, &s->data.curves, s->learned.list,
+                                   s->learned.count, s->modes, error));
+    return lg_surrogate_coefficients(self->context, &run->model, &s->data.curves, s->learned.list,
+                                     s->learned.count, s->coefficients, &s->truncation, error);
+}
+
+static lg_status make_problem(lg_learning *self, lg_error *error) {
+    state *s = self->state;
+    lg_surrogate_run *run = self->run;
+    lg_rng rng;
+    LG_TRY(thin(self, &s->train, run->most_curves, &s->learned, error));
+    LG_TRY(find_modes(self, error));
+    s->problem = (lg_surrogate_problem){&run->model, &s->data.curves, s->learned.list, s->learned.count,
+                                        s->coefficients};
+    LG_TRY(lg_surrogate_problem_check(&s->problem, error));
+    lg_surrogate_fit_problem(&s->problem, &self->problem);
+    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
+    lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
+    lg_net_initialise(&run->model.net, LG_INIT_FAN_IN, &rng, self->theta);
+    return LG_OK;
+}
+
+static void release(lg_learning *self) {
+    state *s = self->state;
+    ((lg_surrogate_run *)self->run)->model.modes = s->modes = s->coefficients = NULL;
+    s->train = s->test = s->learned = (part){NULL, 0};
+}
+
+/* ---- result ---- */
+
+/* All NaN for a part without curves. */
+static lg_status errors_of(const lg_learning *self, const part *of, const double *theta,
+                           lg_surrogate_errors *out, lg_error *error) {
+    const state *s = self->state;
+    const double none = (double)NAN;
+    *out = (lg_surrogate_errors){none, none, none, none, none, none, none};
+    if (of->count == 0) return LG_OK;
+    return lg_surrogate_evaluate(self->context, &((lg_surrogate_run *)self->run)->model, theta,
+                                 &s->data.curves, of->list, of->count, NULL, out, error);
+}
+
+static double objective(lg_learning *self) {
+    const state *s = self->state;
+    lg_surrogate_errors errors;
+    double *theta = lg_learning_alloc(self, self->problem.parameters, sizeof *theta, NULL);
+    if (theta == NULL) return (double)NAN;
+    lg_fit_parameters(self->fit, theta);
+    return errors_of(self, &s->test, theta, &errors, NULL) == LG_OK ? errors.mse : (double)NAN;
+}
+
+/* The mean squared error of the mean curve on the part that was trained on, over the nodes that the network
+ * gives. */
+static double mean_curve_error(const state *s, lg_surrogate_kind kind) {
+    const lg_elastica_curves *curves = &s->data.curves;
+    const part *of = &s->train;
+    const size_t row = 2 * ((size_t)curves->intervals + 1);
+    const size_t edge = kind == LG_SURROGATE_DISCRETE ? 2 : 0;
+    const double *const values[2] = {curves->q, curves->v}, n = (double)of->count;
+    double sum = 0;
+    for (size_t k = 0; k < 2; k++)
+        for (size_t j = edge; j < row - edge; j++) {
+            double mean = 0;
+            for (size_t i = 0; i < of->count; i++) mean += values[k][of->list[i] * row + j] / n;
+            for (size_t i = 0; i < of->count; i++) sum += pow(values[k][of->list[i] * row + j] - mean, 2);
+        }
+    return sum / (n * 2.0 * (double)(row - 2 * edge));
+}
+
+static void tell(lg_learning *self, const lg_surrogate_errors *train, const lg_surrogate_errors *test) {
+    const state *s = self->state;
+    const lg_surrogate_run *run = self->run;
+    const lg_surrogate_preset *preset = s->preset;
+    lg_result_real(self, "train_mse", train->mse, "mean squared error of the training part");
+    lg_result_real(self, "test_mse", test->mse, "of the test part");
+    lg_result_real(self, "loss", lg_fit_loss(self->fit), "the last epoch's mean over its batches");
+    lg_result_real(self, "truncation", s->truncation, "what the modes leave out");
+    lg_result_whole(self, "parameters", self->problem.parameters, NULL);
+    self->first_count = self->result_count;
+    lg_result_text(self, "preset", preset != NULL ? preset->name : NULL, NULL);
+    lg_result_text(self, "source", preset != NULL ? preset->source : NULL, NULL);
+    lg_result_whole(self, "train_curves", s->train.count, NULL);
+    lg_result_whole(self, "learned_curves", s->learned.count, NULL);
+    lg_result_whole(self, "test_curves", s->test.count, NULL);
+    lg_result_real(self, "test_max_error", test->max_error, "largest component");
+    lg_result_text(self, "values", run->continuous ? "continuous" : "discrete", NULL);
+    lg_result_text(self, "data_sha256", run->data_sha256, NULL);
+}
+
+static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+    const state *s = self->state;
+    const lg_surrogate *model = &((lg_surrogate_run *)self->run)->model;
+    lg_surrogate_errors train, test;
+    LG_TRY(errors_of(self, &s->train, theta, &train, error));
+    LG_TRY(errors_of(self, &s->test, theta, &test, error));
+    if (model->options.loss == LG_SURROGATE_ENERGY && s->data.curves.continuous)
+        LG_WARN(self,
+                "--loss energy learns the beams of the discrete energy on %u intervals; errors against "
+                "continuous values contain their difference from these",
+                model->intervals);
+    self->verdict = (lg_verdict){.what = "mean squared error",
+                                 .guess = "the mean curve",
+                                 .error = train.mse,
+                                 .guessed = mean_curve_error(s, model->options.kind)};
+    tell(self, &train, &test);
+    return LG_OK;
+}
+
+static lg_status save(lg_learning *self, void *into, lg_error *error) {
+    const state *s = self->state;
+    lg_surrogate_file *file = into;
+    file->trained_count = s->learned.count;
+    LG_LEARNING_ARRAY(self, file->trained, 8 * file->trained_count, error);
+    for (size_t i = 0; i < file->trained_count; i++)
+        memcpy(file->trained + 8 * i, s->data.curves.boundary + 8 * (size_t)s->learned.list[i],
+               8 * sizeof *file->trained);
+    file->has_errors = true;
+    file->train_mse = lg_result_find(self, "train_mse")->real;
+    file->test_mse = lg_result_find(self, "test_mse")->real;
+    return LG_OK;
+}
+
+/* Over all curves. */
+static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+    const lg_surrogate_file *file = from;
+    const lg_elastica_curves *curves = &((state *)self->state)->data.curves;
+    lg_surrogate_errors errors;
+    uint32_t *all;
+    LG_LEARNING_ARRAY(self, all, curves->count, error);
+    for (size_t i = 0; i < curves->count; i++) all[i] = (uint32_t)i;
+    LG_TRY(lg_surrogate_evaluate(self->context, &file->run.model, file->theta, curves, all, curves->count,
+                                 NULL, &errors, error));
+    lg_result_real(self, "mse", errors.mse, "mean squared error over nodes and components");
+    lg_result_real(self, "max_error", errors.max_error, "largest component");
+    lg_result_real(self, "boundary_error", errors.boundary_error,
+                   "largest difference from the boundary conditions");
+    lg_result_whole(self, "curves", curves->count, NULL);
+    return LG_OK;
+}
+
+static const char *const sizes[] = {"8", "12", "16", "24", "32", "64", NULL};
+
+const lg_learner lg_surrogate_learner = {.state_size = sizeof(state),
+                                         .method = "network",
+                                         .sizes = sizes,
+                                         .presets = true,
+                                         .read = read_data,
+                                         .describe = describe,
+                                         .prepare = prepare,
+                                         .hold_out = hold_out,
+                                         .problem = make_problem,
+                                         .judge = judge,
+                                         .objective = objective,
+                                         .save = save,
+                                         .evaluate = evaluate,
+                                         .release = release,
+                                         .close = close_data};

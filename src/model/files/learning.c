@@ -1,0 +1,166 @@
+/* What all learners share: memory, presets, results, the file. */
+#include "model/files/learning.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+/* ---- memory ---- */
+
+/* Before each array of lg_learning_alloc. */
+struct lg_learning_block {
+    struct lg_learning_block *next;
+    char gap[LG_ALIGNMENT - sizeof(void *)];
+};
+
+void *lg_learning_alloc(lg_learning *self, size_t count, size_t size, lg_error *error) {
+    struct lg_learning_block *block = NULL;
+    if (count <= (SIZE_MAX - sizeof *block) / size)
+        block = lg_alloc(self->context, 1, sizeof *block + count * size);
+    if (block == NULL) {
+        (void)lg_fail(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters",
+                      self->recipe->parameters(self->run));
+        return NULL;
+    }
+    block->next = self->blocks;
+    self->blocks = block;
+    return block + 1;
+}
+
+void lg_learning_release(lg_learning *self) {
+    const lg_learner *learner = self->recipe->learner;
+    lg_fit_destroy(self->fit);
+    if (learner->release != NULL) learner->release(self);
+    while (self->blocks != NULL) {
+        struct lg_learning_block *next = self->blocks->next;
+        lg_free(self->context, self->blocks);
+        self->blocks = next;
+    }
+    self->fit = NULL;
+    self->theta = NULL;
+    self->result_count = self->first_count = 0;
+}
+
+void lg_learning_close(lg_learning *self) {
+    const lg_learner *learner = self->recipe->learner;
+    lg_learning_release(self);
+    if (learner->close != NULL) learner->close(self);
+}
+
+/* ---- the run ---- */
+
+lg_training *lg_learning_training(const lg_learning *self) {
+    return (lg_training *)(void *)((char *)self->run + self->recipe->training);
+}
+
+static bool is_given(const lg_learning *self, const lg_field *row) {
+    char option[64];
+    lg_field_option(row, option, sizeof option);
+    return self->given(self, option);
+}
+
+void lg_learning_adopt(lg_learning *self, const void *from, bool preset) {
+    for (const lg_field *row = self->recipe->fields; row->name != NULL; row++)
+        if (!is_given(self, row) && !(preset && row->value != NULL)) lg_field_copy(row, from, self->run);
+}
+
+bool lg_ends_with_adam(const lg_training *training) {
+    const lg_fit_plan *plan = &training->plan;
+    return plan->phases == 0 || plan->phase[plan->phases - 1].method == LG_FIT_ADAM;
+}
+
+static bool asks_adam(const lg_learning *self) {
+    const lg_training *training = lg_learning_training(self);
+    bool adam = training->dtype == LG_F32;
+    for (const lg_field *row = self->recipe->fields; row->name != NULL; row++) {
+        if (!is_given(self, row)) continue;
+        if (row->type == LG_FIELD_PHRASE) return lg_ends_with_adam(training);
+        adam = adam || row->adam;
+    }
+    return adam;
+}
+
+const char *lg_preset_name(uint32_t value) {
+    static const char *const names[] = {"thesis", "best"};
+    return value < LG_COUNT(names) ? names[value] : NULL;
+}
+
+const char *lg_learning_preset(const lg_learning *self) {
+    if (self->preset != NULL) return self->preset;
+    return lg_preset_name(asks_adam(self) ? 0 : 1);
+}
+
+/* ---- results ---- */
+
+static lg_result *add_result(lg_learning *self, const char *name, lg_field_type type, const char *label) {
+    static lg_result none; /* a list of ours is too long */
+    lg_result *out = self->result_count < LG_RESULTS_MOST ? &self->results[self->result_count++] : &none;
+    *out = (lg_result){.name = name, .type = type, .label = label};
+    return out;
+}
+
+void lg_result_real(lg_learning *self, const char *name, double value, const char *label) {
+    add_result(self, name, LG_FIELD_REAL, label)->real = value;
+}
+
+void lg_result_whole(lg_learning *self, const char *name, uint64_t value, const char *label) {
+    add_result(self, name, LG_FIELD_U64, label)->whole = value;
+}
+
+void lg_result_text(lg_learning *self, const char *name, const char *value, const char *label) {
+    add_result(self, name, LG_FIELD_STRING, label)->text = value;
+}
+
+const lg_result *lg_result_find(const lg_learning *self, const char *name) {
+    for (size_t i = 0; i < self->result_count; i++)
+        if (strcmp(self->results[i].name, name) == 0) return &self->results[i];
+    return NULL;
+}
+
+double lg_learning_objective(lg_learning *self) {
+    if (self->recipe->learner->objective != NULL) return self->recipe->learner->objective(self);
+    const uint64_t best = lg_fit_best_epoch(self->fit);
+    return best > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[best - 1] : (double)NAN;
+}
+
+/* ---- the fit, the file ---- */
+
+lg_status lg_learning_create_fit(lg_learning *self, lg_error *error) {
+    LG_TRY(self->recipe->learner->problem(self, error));
+    return lg_fit_create(self->context, &self->problem, &self->options, self->theta, &self->fit, error);
+}
+
+lg_status lg_learning_save(lg_learning *self, const char *path, double *theta,
+                           const lg_provenance *provenance, lg_error *error) {
+    const lg_recipe *recipe = self->recipe;
+    char *file = lg_learning_alloc(self, 1, recipe->file_size, error);
+    if (file == NULL) return LG_OUT_OF_MEMORY;
+    memcpy(file + recipe->file_run, self->run, recipe->run_size);
+    *(size_t *)(void *)(file + recipe->file_parameters) = recipe->parameters(self->run);
+    *(double **)(void *)(file + recipe->file_theta) = theta;
+    *(lg_provenance *)(void *)(file + recipe->file_provenance) = *provenance;
+    if (recipe->learner->save != NULL) LG_TRY(recipe->learner->save(self, file, error));
+    return lg_run_save(self->context, path, recipe, file, self->fit, error);
+}
+
+static lg_status judge_again(lg_learning *self, const void *file, lg_error *error) {
+    const lg_recipe *recipe = self->recipe;
+    const lg_learner *learner = recipe->learner;
+    const double *theta = *(double *const *)(const void *)((const char *)file + recipe->file_theta);
+    LG_TRY(learner->describe(self, error));
+    if (learner->prepare != NULL) LG_TRY(learner->prepare(self, error));
+    lg_fit_options_init(&self->options);
+    lg_training_apply(lg_learning_training(self), &self->options);
+    LG_TRY(learner->problem(self, error));
+    memcpy(self->theta, theta, recipe->parameters(self->run) * sizeof *theta);
+    return learner->judge(self, self->theta, error);
+}
+
+lg_status lg_learning_evaluate(lg_learning *self, const void *file, lg_error *error) {
+    const lg_recipe *recipe = self->recipe;
+    memcpy(self->run, (const char *)file + recipe->file_run, recipe->run_size);
+    self->stored = (const char *)file + recipe->file_run;
+    LG_TRY(recipe->learner->read(self, error));
+    return recipe->learner->evaluate != NULL ? recipe->learner->evaluate(self, file, error)
+                                             : judge_again(self, file, error);
+}
