@@ -73,7 +73,8 @@ static bool load_symbol(void *library, const char *name, void *function) {
 
 static bool load(void) {
     char name[64]; /* of the same major version: what stands before the first point */
-    (void)snprintf(name, sizeof name, "libliegrad_mpi.so.%.*s", (int)strcspn(lg_version(), "."), lg_version());
+    (void)snprintf(name, sizeof name, "libliegrad_mpi.so.%.*s", (int)strcspn(lg_version(), "."),
+                   lg_version());
     void *library = dlopen(name, RTLD_NOW | RTLD_GLOBAL);
     return library != NULL && load_symbol(library, "lg_mpi_begin", &mpi.begin) &&
            load_symbol(library, "lg_mpi_end", &mpi.end) && load_symbol(library, "lg_mpi_abort", &mpi.abort);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/cases/cases.h"
 #include "common/app.h"
 #include "lg-gradcheck/tables.h"
 

@@ -158,10 +158,6 @@ LG_API lg_status lg_gradcheck_program(const lg_context *context, const lg_gradch
                                       const lg_gradcheck_options *options,
                                       lg_gradcheck_program_result *result);
 
-/* Case `index` = 0, 1, ... of a table that has every operation with every variant of shapes that matters;
- * NULL beyond the last. Static. */
-LG_API const lg_gradcheck_case *lg_gradcheck_operation(size_t index);
-
 typedef enum lg_plant_outcome { LG_PLANT_CAUGHT, LG_PLANT_MISSED, LG_PLANT_EXCLUDED } lg_plant_outcome;
 /* `reason` says why a mutation is excluded, or what caught it. */
 typedef void (*lg_plant_report_fn)(void *user, const lg_gradcheck_case *test, const lg_gradcheck_plant *plant,

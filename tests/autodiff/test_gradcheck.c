@@ -1,5 +1,6 @@
 /* The gradient check: the registry passes and is complete, planted errors are caught, and each of the check's
  * parts fails by itself when it should. ctest-labels: isa src/autodiff src/kernels src/integrators */
+#include "autodiff/cases/cases.h"
 #include "test_support.h"
 
 #include "autodiff/check/internal.h"

@@ -4,7 +4,7 @@
 
 #include "autodiff/program/program.h"
 #include "autodiff/ops/op_rows.h"
-#include "liegrad/gradcheck.h"
+#include "autodiff/cases/cases.h"
 #include "liegrad/nn.h"
 
 /* ---- a program of all kinds of code ---- */

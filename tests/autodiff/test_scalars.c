@@ -2,6 +2,7 @@
  * check puts on a tape, is the same function as the operation's tensors, on every instruction set, in both
  * types. Elementwise operations may work over an input.
  * ctest-labels: src/autodiff src/kernels */
+#include "autodiff/cases/cases.h"
 #include "compiled.h"
 #include "row_support.h"
 

@@ -1,5 +1,6 @@
 /* The tape: handles, marks, errors and their sentences, memory, derivatives against closed forms, both types.
  * ctest-labels: isa */
+#include "autodiff/cases/cases.h"
 #include "row_support.h"
 
 #include "autodiff/tape/tape_internal.h"

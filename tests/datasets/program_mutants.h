@@ -6,6 +6,7 @@
 
 #include <time.h>
 
+#include "autodiff/cases/cases.h"
 #include "program_zoo.h"
 
 #define MUTANT_BYTES ((size_t)8 << 20) /* of a tape */

@@ -1,5 +1,5 @@
 /* The registry: rows of vectors, solves, functions of the angle, Lie groups. */
-#include "autodiff/check/rows.h"
+#include "autodiff/cases/rows.h"
 #include "autodiff/ops/lie.h"
 #include "autodiff/ops/op_rows.h"
 

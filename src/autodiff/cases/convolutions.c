@@ -1,5 +1,5 @@
 /* The registry: convolution and pooling. */
-#include "autodiff/check/rows.h"
+#include "autodiff/cases/rows.h"
 #include "autodiff/ops/op_rows.h"
 
 /* ---- convolution and pooling; s->i = {stride or size, padding or stride, extent}, or {stride, padding,

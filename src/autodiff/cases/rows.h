@@ -3,7 +3,8 @@
 #ifndef LG_GRADCHECK_ROWS_H
 #define LG_GRADCHECK_ROWS_H
 
-#include "autodiff/check/internal.h"
+#include "autodiff/cases/cases.h"
+#include "autodiff/tape/tape_internal.h"
 
 #define S0                                                                                                   \
     {                                                                                                        \

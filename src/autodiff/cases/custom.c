@@ -1,5 +1,5 @@
 /* The registry: custom operations, an argument on a manifold. */
-#include "autodiff/check/rows.h"
+#include "autodiff/cases/rows.h"
 
 #include <math.h>
 

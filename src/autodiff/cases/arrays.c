@@ -1,5 +1,5 @@
 /* The registry: reductions and shapes. */
-#include "autodiff/check/rows.h"
+#include "autodiff/cases/rows.h"
 
 /* ---- reductions ---- */
 

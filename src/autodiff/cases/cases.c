@@ -1,6 +1,6 @@
 /* The registry: every operation of the table in the variants of shapes and attributes that matter, a family
  * after the other. */
-#include "autodiff/check/rows.h"
+#include "autodiff/cases/rows.h"
 
 typedef const lg_gradcheck_case *(*family_fn)(size_t *count);
 static const family_fn families[] = {

@@ -1,5 +1,5 @@
 /* The registry: elementwise operations and activations. */
-#include "autodiff/check/rows.h"
+#include "autodiff/cases/rows.h"
 #include "autodiff/ops/op_rows.h"
 
 /* ---- elementwise ---- */

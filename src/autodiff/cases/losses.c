@@ -1,5 +1,5 @@
 /* The registry: losses. */
-#include "autodiff/check/rows.h"
+#include "autodiff/cases/rows.h"
 
 /* ---- losses ---- */
 

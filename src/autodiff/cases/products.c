@@ -1,6 +1,6 @@
 /* The registry: products, dense layers, pairs of values and derivatives. */
 #include "autodiff/ops/dual.h"
-#include "autodiff/check/rows.h"
+#include "autodiff/cases/rows.h"
 
 /* ---- products ---- */
 
