@@ -1,5 +1,5 @@
 /* Tables of numbers: names, rows, classes. */
-#include "datasets/log_table.h"
+#include "files/csv.h"
 #include "settings/names.h"
 #include "files/read_file.h"
 #include "datasets/table_names.h"
@@ -72,10 +72,10 @@ lg_status lg_table_add_name(lg_table_reading *r, const char *name, lg_error *err
 }
 
 static lg_status missing_column(const lg_table_reading *r, const char *name, lg_error *error) {
-    lg_log_names have = {.used = 0};
+    lg_csv_names have = {.used = 0};
     char quoted[LG_TABLE_QUOTED];
     for (uint32_t i = 0; i < r->all.count; i++)
-        lg_log_add_name(&have, lg_table_quote(r->all.name[i], quoted));
+        lg_csv_add_name(&have, lg_table_quote(r->all.name[i], quoted));
     return lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s", r->shown, name,
                    have.text);
 }

@@ -40,5 +40,11 @@ bool lg_csv_missing(const char *cell);
 /* FILE: line N: what */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);
 lg_status lg_csv_no_memory(const lg_csv *c, lg_error *error);
+/* "a, b, ..." of names that are added one by one, with "..." when there is no room. */
+typedef struct lg_csv_names {
+    char text[200];
+    size_t used;
+} lg_csv_names;
+void lg_csv_add_name(lg_csv_names *names, const char *name);
 
 #endif

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "files/h5.h"
-#include "datasets/log_table.h"
+#include "machine/files/log_table.h"
 
 #define DEFAULT_STEP 1.4  /* medians */
 #define SAME_STEP    1e-9 /* relative */

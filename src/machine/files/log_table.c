@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "files/h5.h"
-#include "datasets/log_table.h"
+#include "machine/files/log_table.h"
 #include "files/read_file.h"
 
 enum { FIRST_ROWS = 1024, FIRST_WARNINGS = 8 };
@@ -101,16 +101,9 @@ lg_status lg_log_append(lg_log_table *table, uint32_t file, size_t line, const d
     return LG_OK;
 }
 
-void lg_log_add_name(lg_log_names *names, const char *name) {
-    const size_t room = sizeof names->text - names->used, length = strlen(name);
-    if (room < 8) return;
-    if (length + 8 > room) {
-        names->used += (size_t)snprintf(names->text + names->used, room, ", ...");
-        names->used = sizeof names->text;
-        return;
-    }
-    names->used +=
-        (size_t)snprintf(names->text + names->used, room, "%s%s", names->used > 0 ? ", " : "", name);
+void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_csv_names *names) {
+    *names = (lg_csv_names){.used = 0};
+    for (uint32_t i = 0; i < count; i++) lg_csv_add_name(names, table->machine->columns[first + i].name);
 }
 
 static lg_status read_file(lg_log_table *table, uint32_t file, lg_error *error) {

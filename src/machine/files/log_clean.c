@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "files/h5.h"
-#include "datasets/log_table.h"
+#include "machine/files/log_table.h"
 #include "liegrad/geometry.h"
 
 #define MOST_OFF    1e-2 /* beyond it a quaternion, direction or matrix is none */
@@ -23,11 +23,6 @@ typedef struct cleaning {
     double worst;         /* distance of an attitude from one */
     double along, across; /* sums of squares of omega along q and of omega */
 } cleaning;
-
-static void names_of(const cleaning *c, uint32_t first, uint32_t count, lg_log_names *names) {
-    *names = (lg_log_names){.used = 0};
-    for (uint32_t i = 0; i < count; i++) lg_log_add_name(names, c->table->machine->columns[first + i].name);
-}
 
 /* ---- attitudes ---- */
 
@@ -73,7 +68,7 @@ static double project(double *R) {
 static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
     const uint32_t count = c->where->attitudes;
     static const char *const whats[] = {[3] = "direction", [4] = "quaternion", [9] = "rotation matrix"};
-    lg_log_names names;
+    lg_csv_names names;
     const bool reflection = count == 9 && determinant(x) < 0;
     const double before = norm_of(x, count);
     double off = INFINITY;
@@ -83,7 +78,7 @@ static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
         if (off > c->worst) c->worst = off;
         return LG_OK;
     }
-    names_of(c, c->where->attitude, count, &names);
+    lg_log_names_of(c->table, c->where->attitude, count, &names);
     if (reflection)
         return lg_log_fail(
             c->table, row, c->error,
@@ -213,11 +208,11 @@ static lg_status check_angle(cleaning *c) {
 /* ---- all ---- */
 
 static lg_status tell(const cleaning *c) {
-    lg_log_names names;
+    lg_csv_names names;
     lg_log_table *table = c->table;
     const lg_log_coordinate *where = c->where;
-    names_of(c, where->attitudes > 0 ? where->attitude : where->place,
-             where->attitudes > 0 ? where->attitudes : 1, &names);
+    lg_log_names_of(c->table, where->attitudes > 0 ? where->attitude : where->place,
+                    where->attitudes > 0 ? where->attitudes : 1, &names);
     if (c->flips > 0)
         LG_TRY(lg_log_warn(table, "columns %s: %zu changes of sign were undone: q and -q are one rotation",
                            names.text, c->flips));
@@ -229,7 +224,7 @@ static lg_status tell(const cleaning *c) {
         LG_TRY(lg_log_warn(table, "column %s: %zu jumps of 2 pi were undone: the angle is unwrapped",
                            names.text, c->turns));
     const double part = c->across > 0 ? sqrt(c->along / c->across) : 0;
-    names_of(c, where->velocity, where->velocities, &names);
+    lg_log_names_of(c->table, where->velocity, where->velocities, &names);
     if (part > NOTABLE_OFF)
         LG_TRY(
             lg_log_warn(table,

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "datasets/log_table.h"
+#include "machine/files/log_table.h"
 
 /* ---- noise ---- */
 

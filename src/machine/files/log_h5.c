@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "files/h5_internal.h"
-#include "datasets/log_table.h"
+#include "machine/files/log_table.h"
 
 typedef struct read_call {
     const lg_log_table *table;
@@ -14,12 +14,12 @@ typedef struct read_call {
 
 static herr_t add_link(hid_t group, const char *name, const H5L_info_t *info, void *names) {
     (void)group, (void)info;
-    lg_log_add_name(names, name);
+    lg_csv_add_name(names, name);
     return 0;
 }
 
 static lg_status missing_column(const read_call *call, lg_h5 *h5, const char *name, lg_error *error) {
-    lg_log_names have = {.used = 0};
+    lg_csv_names have = {.used = 0};
     lg_h5_quiet quiet = lg_quiet_begin();
     (void)H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_link, &have);
     lg_quiet_end(quiet);

@@ -3,7 +3,7 @@
 
 #include "files/csv.h"
 #include "files/h5.h"
-#include "datasets/log_table.h"
+#include "machine/files/log_table.h"
 
 #define NO_COLUMN UINT32_MAX
 
@@ -24,7 +24,7 @@ static uint32_t column_of(const lg_machine_file *machine, const char *name) {
     return NO_COLUMN;
 }
 
-static lg_status missing_column(const csv *c, const char *name, const lg_log_names *have, lg_error *error) {
+static lg_status missing_column(const csv *c, const char *name, const lg_csv_names *have, lg_error *error) {
     return lg_fail(error, LG_FORMAT, "%s: line %zu: there is no column '%s'; the columns are: %s",
                    c->text.shown, c->text.number, name, have->text);
 }
@@ -32,7 +32,7 @@ static lg_status missing_column(const csv *c, const char *name, const lg_log_nam
 static lg_status read_names(csv *c, lg_error *error) {
     const lg_machine_file *machine = c->table->machine;
     bool seen[LG_LOG_COLUMNS] = {false};
-    lg_log_names have = {.used = 0};
+    lg_csv_names have = {.used = 0};
     char *at = c->text.line, *cell = NULL;
     for (size_t k = 0; at != NULL; k++) {
         LG_TRY(lg_csv_cell(&c->text, &at, &cell, error));
@@ -42,7 +42,7 @@ static lg_status read_names(csv *c, lg_error *error) {
         for (char *byte = cell; *byte != '\0'; byte++)
             if ((unsigned char)*byte < ' ')
                 return lg_csv_fail(&c->text, error, "is no header: it has control characters");
-        lg_log_add_name(&have, cell);
+        lg_csv_add_name(&have, cell);
         if (column == NO_COLUMN) continue;
         if (seen[column])
             return lg_fail(error, LG_FORMAT, "%s: line %zu: column '%s' is there twice", c->text.shown,

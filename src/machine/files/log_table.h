@@ -4,7 +4,7 @@
 #ifndef LG_LOG_TABLE_H
 #define LG_LOG_TABLE_H
 
-#include "core/core.h"
+#include "files/csv.h"
 #include "liegrad/logs.h"
 
 typedef struct lg_log_origin {
@@ -48,12 +48,8 @@ lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ..
 /* Values (columns) as in the file. A row without a time is counted and left out. */
 lg_status lg_log_append(lg_log_table *table, uint32_t file, size_t line, const double *values, bool new_run,
                         lg_error *error);
-/* "a, b, ..." of names that are added one by one, with "..." when there is no room. */
-typedef struct lg_log_names {
-    char text[200];
-    size_t used;
-} lg_log_names;
-void lg_log_add_name(lg_log_names *names, const char *name);
+/* Names of columns that follow each other. */
+void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_csv_names *names);
 
 /* Reads all files; which are HDF5 their first bytes say. */
 lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error);

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "files/h5.h"
-#include "datasets/log_table.h"
+#include "machine/files/log_table.h"
 
 enum { MOST_SORTED = 50000, FEWEST = 20, LONGEST = 2 };
 #define OUTSIDE 50  /* one part in so many, at each end, is left out of the range of most values */

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "files/h5.h"
-#include "datasets/log_table.h"
+#include "machine/files/log_table.h"
 #include "liegrad/geometry.h"
 
 enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000, MOST_SORTED = 50000 };
@@ -276,11 +276,6 @@ static bool find_span(const check *c, const way *w, size_t *span, fit *f) {
     return false;
 }
 
-static void names_of(const check *c, uint32_t first, uint32_t count, lg_log_names *names) {
-    *names = (lg_log_names){.used = 0};
-    for (uint32_t i = 0; i < count; i++) lg_log_add_name(names, c->table->machine->columns[first + i].name);
-}
-
 /* An angle that moves 180/pi times as fast as its rate: degrees. */
 static bool is_degrees(const check *c, const fit *f) {
     const lg_log_column *q = &c->table->machine->columns[c->position];
@@ -304,11 +299,11 @@ static void other_scale(const check *c, const fit *f, char *text, size_t size) {
 
 static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
     const lg_log_column *column = &c->table->machine->columns[c->velocity];
-    lg_log_names q, v;
+    lg_csv_names q, v;
     char scale[200] = "", other[2 * LG_LOG_NAME + 96];
     size_t used = 0;
-    names_of(c, c->position, c->positions, &q);
-    names_of(c, c->velocity, c->velocities, &v);
+    lg_log_names_of(c->table, c->position, c->positions, &q);
+    lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (is_degrees(c, f))
         return lg_fail(error, LG_FORMAT,
                        "%s: column %s: it moves %.4g times as fast as %s says: degrees? scale: {%s: %.6g}",
@@ -325,9 +320,9 @@ static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
 }
 
 static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_error *error) {
-    lg_log_names q, v;
-    names_of(c, c->position, c->positions, &q);
-    names_of(c, c->velocity, c->velocities, &v);
+    lg_csv_names q, v;
+    lg_log_names_of(c->table, c->position, c->positions, &q);
+    lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     return lg_fail(error, LG_FORMAT,
                    "%s: columns %s and %s do not belong together (correlation %.2f): swapped?%s", path_of(c),
                    q.text, v.text, f->correlation, hint);
@@ -461,9 +456,9 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
         LG_TRY(refuse_failures(c, &ways[0], span, &f, error));
     if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
     const way *better = better_way(c, ways, count, span, &f);
-    lg_log_names q, v;
-    names_of(c, c->position, c->positions, &q);
-    names_of(c, c->velocity, c->velocities, &v);
+    lg_csv_names q, v;
+    lg_log_names_of(c->table, c->position, c->positions, &q);
+    lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (better != NULL)
         return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", path_of(c), q.text, v.text,
                        better->words);
