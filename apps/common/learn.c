@@ -27,16 +27,12 @@ static void learn_begin(train_recipe *task, const app *self, int argument) {
     const lg_recipe *recipe = task->recipe;
     if (task->state == NULL && recipe->learner->state_size > 0)
         task->state = app_alloc(1, recipe->learner->state_size);
-    task->learning = (lg_learning){.context = self->context,
-                                   .recipe = recipe,
-                                   .run = task->settings[0].values,
-                                   .state = task->state,
-                                   .paths = self->arguments + argument,
-                                   .path_count = (size_t)(self->argument_count - argument),
-                                   .threads = self->threads,
-                                   .given = given,
-                                   .user = self,
-                                   .floor = (double)NAN};
+    task->learning = lg_learning_of(self->context, recipe, task->settings[0].values, task->state);
+    task->learning.paths = self->arguments + argument;
+    task->learning.path_count = (size_t)(self->argument_count - argument);
+    task->learning.threads = self->threads;
+    task->learning.given = given;
+    task->learning.user = self;
 }
 
 /* ---- the hooks of a task ---- */
@@ -69,9 +65,8 @@ static int prepare(void *user, app *self) {
 }
 
 static lg_status hold_out(void *user, app *self, double validation, lg_error *error) {
-    lg_learning *learning = &of(user)->learning;
     (void)self;
-    return learning->recipe->learner->hold_out(learning, validation, error);
+    return lg_learning_hold_out(&of(user)->learning, validation, error);
 }
 
 static lg_status create(void *user, app *self, const lg_fit_options *options, lg_fit **fit, lg_error *error) {

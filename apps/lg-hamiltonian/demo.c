@@ -1,4 +1,6 @@
 /* lg-hamiltonian demo: the single spherical pendulum from nothing to pictures. */
+#include "common/learn.h"
+#include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/learning.h"
 
 #include <stdlib.h>
@@ -28,7 +30,9 @@ typedef struct demo {
     app *app;
     lg_scene scene;
     lg_trajectories data, test;
-    learner learner;
+    lg_hamiltonian_run run;
+    lg_hamiltonian_state state;
+    lg_learning learning;
     double *theta, *predicted;
     double loss, sampling_seconds, training_seconds, judging_seconds;
     verdict verdict;
@@ -85,38 +89,39 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 }
 
 static lg_status train_model(demo *self) {
-    lg_hamiltonian_run run = {.scheme = lg_scheme_find("cf4")};
-    lg_fields_default(lg_hamiltonian_fields, &run);
-    (void)learner_preset(NULL, "best", self->data.family, self->data.n, &run);
-    if (values.epochs > 0) run.training.epochs = values.epochs;
-    run.training.seed = self->app->seed;
-    lg_fit_options options;
-    lg_fit_options_init(&options);
-    options.threads = (int)self->app->threads;
-    options.on_epoch = on_epoch;
-    options.user = self;
-    lg_status status = describe_run(&self->data, &run, &self->error);
-    if (status == LG_OK)
-        status =
-            learner_create(self->app->context, &run, &self->data, &options, &self->learner, &self->error);
+    lg_learning *learning = &self->learning;
+    lg_training *training = &self->run.training;
+    lg_fields_default(lg_hamiltonian_fields, &self->run);
+    self->state.data = self->data;
+    *learning = lg_learning_of(self->app->context, &lg_recipe_hamiltonian, &self->run, &self->state);
+    learning->preset = "best";
+    training->seed = self->app->seed;
+    lg_status status = learning->recipe->learner->describe(learning, &self->error);
+    if (values.epochs > 0) training->epochs = values.epochs;
+    learning->options = train_fit_options(self->app, training);
+    learning->options.on_epoch = on_epoch;
+    learning->options.user = self;
+    if (status == LG_OK) status = lg_learning_create_fit(learning, &self->error);
     if (status != LG_OK) return status;
     const double begin = app_seconds();
-    app_progress_begin(&self->progress, 0, run.training.epochs);
-    status = lg_fit_run(self->learner.fit, &self->error);
+    app_progress_begin(&self->progress, 0, training->epochs);
+    status = lg_fit_run(self->learning.fit, &self->error);
     app_progress_end(&self->progress);
     self->training_seconds = app_seconds() - begin;
     if (status != LG_OK) return status;
-    self->theta = learner_theta(&self->learner);
-    status = lg_hamiltonian_mean_squared_error(self->app->context, &self->learner.problem, self->theta,
+    self->theta = app_alloc(learning->problem.parameters, sizeof *self->theta);
+    lg_fit_parameters(learning->fit, self->theta);
+    status = lg_hamiltonian_mean_squared_error(self->app->context, &self->state.problem, self->theta,
                                                &self->loss, &self->error);
     char *path = inside("model.h5");
-    if (status == LG_OK) status = save_model(self->app, path, &self->learner, self->theta, &self->error);
+    const lg_provenance provenance = app_provenance(self->app, training->seed);
+    if (status == LG_OK) status = lg_learning_save(learning, path, self->theta, &provenance, &self->error);
     free(path);
     return status;
 }
 
 static lg_status judge_model(demo *self) {
-    const lg_hamiltonian *model = &self->learner.run.model;
+    const lg_hamiltonian *model = &self->run.model;
     const double begin = app_seconds();
     self->predicted = app_alloc(self->test.count * self->test.points * self->test.state_dim, sizeof(double));
     const lg_status status = judge(self->app->context, self->app->threads, model, self->theta, &self->test,
@@ -127,15 +132,15 @@ static lg_status judge_model(demo *self) {
 
 static lg_status record_model(demo *self) {
     char *path = inside("model.h5");
-    const lg_status status = record_verdict(self->app->context, path, &self->learner.run, self->theta,
-                                            &self->test, &self->verdict, &self->error);
+    const lg_status status = record_verdict(self->app->context, path, &self->run, self->theta, &self->test,
+                                            &self->verdict, &self->error);
     free(path);
     return status;
 }
 
 /* The true and the learned energy along the learned flow of the first test start. */
 static lg_status draw_long(demo *self, const char *picture) {
-    const lg_hamiltonian *model = &self->learner.run.model;
+    const lg_hamiltonian *model = &self->run.model;
     const size_t dim = self->test.state_dim;
     double *t = app_alloc(LONG_POINTS, sizeof *t), *y = app_alloc(LONG_POINTS * dim, sizeof *y);
     double *energies = app_alloc(2 * LONG_POINTS, sizeof *energies), *work = NULL;
@@ -160,13 +165,13 @@ static lg_status draw_long(demo *self, const char *picture) {
 static lg_status draw_all(demo *self) {
     char *sphere = inside("trajectories.svg"), *loss = inside("loss.svg"), *energy = inside("energy.svg");
     char *history = inside("loss.csv");
-    const lg_fit *fit = self->learner.fit;
+    const lg_fit *fit = self->learning.fit;
     lg_status status = train_save_history(history, fit, &self->error);
     if (status == LG_OK)
         status = draw_trajectories(
             self->app, sphere,
             "Spherical pendulum, m = L = g = 1: direction q on the unit sphere, t in [0, 1]",
-            &self->learner.run.model, self->test.t, self->test.data, self->predicted,
+            &self->run.model, self->test.t, self->test.data, self->predicted,
             self->test.count < SHOWN_TRAJECTORIES ? self->test.count : SHOWN_TRAJECTORIES, self->test.points,
             &self->error);
     if (status == LG_OK)
@@ -188,8 +193,8 @@ static void report_json(const demo *self, double seconds) {
     app_json_real(&json, "published_E1", published_e1);
     app_json_real(&json, "published_E2", published_e2);
     app_json_real(&json, "loss", self->loss);
-    app_json_size(&json, "epochs", lg_fit_epochs_done(self->learner.fit));
-    app_json_real(&json, "seconds_per_epoch", lg_fit_seconds_per_epoch(self->learner.fit));
+    app_json_size(&json, "epochs", lg_fit_epochs_done(self->learning.fit));
+    app_json_real(&json, "seconds_per_epoch", lg_fit_seconds_per_epoch(self->learning.fit));
     app_json_size(&json, "threads", self->app->threads);
     app_json_size(&json, "seed", self->app->seed);
     app_json_text(&json, "out", values.out);
@@ -202,8 +207,8 @@ static void report(const demo *self, double seconds) {
     (void)printf(
         "The spherical pendulum on T*S^2, learned from %zu trajectories of %zu points on [0, 0.1]\n"
         "with the commutator-free integrator CF4: %zu parameters, %llu epochs, mean squared error %.2e.\n\n",
-        self->data.count, self->data.points, lg_hamiltonian_parameters(&self->learner.run.model),
-        (unsigned long long)lg_fit_epochs_done(self->learner.fit), self->loss);
+        self->data.count, self->data.points, lg_hamiltonian_parameters(&self->run.model),
+        (unsigned long long)lg_fit_epochs_done(self->learning.fit), self->loss);
     app_table_begin(&table, 3);
     app_table_cell(&table, "%zu test trajectories on [0, 1]", self->test.count);
     app_table_cell(&table, "liegrad");
@@ -224,7 +229,7 @@ static void report(const demo *self, double seconds) {
                  values.out, values.t_end);
     (void)printf("%.1f s: sampling %.1f, training %.1f (%.4f an epoch, %llu threads), judging %.1f\n",
                  seconds, self->sampling_seconds, self->training_seconds,
-                 lg_fit_seconds_per_epoch(self->learner.fit), (unsigned long long)self->app->threads,
+                 lg_fit_seconds_per_epoch(self->learning.fit), (unsigned long long)self->app->threads,
                  self->judging_seconds);
 }
 
@@ -247,7 +252,7 @@ static int run(app *host) {
         report_json(&self, app_seconds() - begin);
     else
         report(&self, app_seconds() - begin);
-    learner_destroy(&self.learner);
+    if (self.learning.recipe != NULL) lg_learning_release(&self.learning);
     lg_trajectories_destroy(&self.data);
     lg_trajectories_destroy(&self.test);
     lg_scene_destroy(&self.scene);

@@ -1,4 +1,5 @@
 /* lg-hamiltonian evaluate: E1 and E2 of a model on test trajectories. */
+#include "hamiltonian/learned.h"
 #include "lg-hamiltonian/learning.h"
 
 #include <errno.h>
@@ -150,7 +151,7 @@ static int run(app *self) {
     check_record(self);
     APP_MUST_FILE(self, model, lg_model_load_hamiltonian(self->context, model, NULL, &file, &error));
     APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, NULL, &test, &error));
-    warn_of_inputs(self, data, &test);
+    lg_warn_of_inputs(self->context, data, &test);
     warn_of_systems(self, file.run.system, test.system);
     warn_of_training_data(self, file.run.data_sha256, test.sha256);
     return evaluate(self, &file, &test);

@@ -1,4 +1,5 @@
 /* How good a learned Hamiltonian is. */
+#include "hamiltonian/learned.h"
 #include "lg-hamiltonian/learning.h"
 
 #include <math.h>
@@ -77,21 +78,12 @@ static void energies_of(const lg_model *learned, const double *states, size_t co
     free(work);
 }
 
-lg_status learned_model(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                        lg_model **out, lg_error *error) {
-    lg_program *program;
-    lg_space space;
-    lg_status status = lg_hamiltonian_space(model->family, model->n, &space);
-    if (status == LG_OK) status = lg_hamiltonian_program(context, model, theta, NULL, &program, error);
-    return status == LG_OK ? lg_model_create(context, program, &space, out, error) : status;
-}
-
 lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                        double tolerance, const double *start, const double *times, size_t count, double *out,
                        double *energy, lg_run_stats *stats, lg_error *error) {
     lg_model *learned;
     const lg_scheme *scheme = lg_scheme_find(model->family->accurate);
-    lg_status status = learned_model(context, model, theta, &learned, error);
+    lg_status status = lg_hamiltonian_learned(context, model, theta, &learned, error);
     if (status != LG_OK) return status;
     status = flow_of(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
     if (status != LG_OK) (void)app_error(error, status, "the learned flow: %s", lg_status_sentence(status));
@@ -158,7 +150,7 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error) {
     lg_model *learned = NULL;
-    lg_status status = learned_model(context, model, theta, &learned, error);
+    lg_status status = lg_hamiltonian_learned(context, model, theta, &learned, error);
     if (status != LG_OK) return status;
     atomic_bool failed = false;
     const judgement work = {.context = context,

@@ -1,4 +1,4 @@
-/* What the commands of lg-hamiltonian share: sampling a scene, training, judging, drawing. Functions that
+/* What the commands of lg-hamiltonian share: sampling a scene, judging, drawing. Functions that
  * return a status explain a failure in `error`. */
 #ifndef LG_APPS_LEARNING_H
 #define LG_APPS_LEARNING_H
@@ -37,64 +37,11 @@ lg_status sample_part(const lg_context *context, const lg_scene *scene, const sa
 /* Both at once. */
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
                        lg_trajectories *out, lg_error *error);
-/* ---- training (learn.c) ---- */
-
-typedef struct learner {
-    lg_hamiltonian_run run; /* all that determines the result */
-    lg_hamiltonian_problem problem;
-    lg_fit_problem fit_problem;
-    lg_fit *fit;
-} learner;
-
-/* Settings under a name: "thesis", published, or "best", ours by measurement (docs/reports/training.md and
- * chains.md). Sets what is not given on the command line; `app` NULL: everything. LG_NOT_FOUND: no such
- * name. */
-lg_status learner_preset(const app *app, const char *preset, const lg_hamiltonian_family *family, uint32_t n,
-                         lg_hamiltonian_run *run);
-/* Completes a run whose hyperparameters are set: what the data determine, and the model. */
-lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error);
-/* `run` is copied, `data` borrowed. `options` holds what is free to differ between runs (threads, callbacks,
- * ...); its hyperparameters are taken from the run. The learner must not move while it lives. */
-lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *run,
-                         const lg_trajectories *data, const lg_fit_options *options, learner *out,
-                         lg_error *error);
-void learner_destroy(learner *self);
-/* What the fit has learned: lg_hamiltonian_parameters numbers, then the estimated starts. Freed with free. */
-double *learner_theta(const learner *self);
-/* The mean squared error of the prediction that nothing changes: each point is the first one. */
-double unchanged_error(const lg_hamiltonian_problem *problem);
-/* Within 3 times the floor. */
-bool is_near_floor(double loss, double floor);
-/* When the loss is near the floor: says which loss, which floor, and what to change. */
-void warn_of_floor(const app *self, const lg_hamiltonian_problem *problem, double loss, double floor);
-/* Says so when the first integral of the penalty drifts along the data. */
-lg_status warn_of_integral(const app *self, const learner *trained, lg_error *error);
-/* Warns where the learned energy changes along the data as the energy of no conservative system does, and
- * where the model at its least loss leaves errors that are not noise. */
-lg_status warn_of_drift(const app *self, const learner *trained, const double *theta, double loss,
-                        double floor, lg_error *error);
-/* Learned systems are autonomous: says so when the data come with inputs. */
-void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data);
-
-/* The trajectories without those that repeat another one, all numbers alike: their indices (room for all).
- * Returns how many. From one thread at a time. */
-size_t different_trajectories(const lg_hamiltonian_problem *problem, size_t *out);
-/* Says so when nothing moves, when trajectories repeat others, and when the data have fewer numbers than
- * there are parameters. */
-void warn_of_data(const app *self, const lg_hamiltonian_problem *problem, const char *path);
-
-/* The model with the state of its fit; `theta` has lg_hamiltonian_parameters numbers. */
-lg_status save_model(const app *app, const char *path, const learner *trained, const double *theta,
-                     lg_error *error);
-
 /* ---- judging (judge.c) ---- */
 
 /* Tolerance, relative to each number and to its group, of the adaptive reference integrators: 1e-10, and
  * 1e-13 for linear potentials, whose E1 may be 1e-17 and less. */
 double default_tolerance(const lg_hamiltonian *model);
-/* The model with these parameters; the caller destroys it. */
-lg_status learned_model(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                        lg_model **out, lg_error *error);
 /* The learned flow from `start` at the given times: out (count, d), energy (count) of the learned Hamiltonian
  * along it, or NULL; stats may be NULL. */
 lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,

@@ -1,4 +1,6 @@
 /* lg-hamiltonian study: a grid of trainings, resumable. */
+#include "common/learn.h"
+#include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/study.h"
 
 #include <stdlib.h>
@@ -134,29 +136,32 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
                                  const lg_trajectories *data, const lg_trajectories *test, study_row *row,
                                  lg_error *error) {
     const lg_context *context = self->context;
-    learner learned;
     verdict result = {.e1 = 0};
-    lg_status status = describe_run(data, &run, error);
+    lg_hamiltonian_state state = {.data = *data};
+    lg_learning learning = lg_learning_of(context, &lg_recipe_hamiltonian, &run, &state);
+    learning.stored = &run; /* without preset */
+    lg_status status = learning.recipe->learner->describe(&learning, error);
     if (status != LG_OK) return status;
-    lg_fit_options options = train_fit_options(self, &run.training);
-    options.threads = (int)threads;
-    status = learner_create(context, &run, data, &options, &learned, error);
-    if (status != LG_OK) return status;
+    learning.options = train_fit_options(self, &run.training);
+    learning.options.threads = (int)threads;
+    status = lg_learning_create_fit(&learning, error);
     const double begin = app_seconds();
-    status = lg_fit_run(learned.fit, error);
+    if (status == LG_OK) status = lg_fit_run(learning.fit, error);
     row->result[STUDY_SECONDS] = app_seconds() - begin;
-    row->epochs = lg_fit_epochs_done(learned.fit);
-    double *theta = learner_theta(&learned);
-    if (status == LG_OK)
-        status = lg_hamiltonian_mean_squared_error(context, &learned.problem, theta, &row->result[STUDY_LOSS],
+    double *theta = app_alloc(learning.problem.parameters, sizeof *theta);
+    if (status == LG_OK) {
+        row->epochs = lg_fit_epochs_done(learning.fit);
+        lg_fit_parameters(learning.fit, theta);
+        status = lg_hamiltonian_mean_squared_error(context, &state.problem, theta, &row->result[STUDY_LOSS],
                                                    error);
+    }
     if (status == LG_OK)
         status = judge(context, threads, &run.model, theta, test, default_tolerance(&run.model), NULL,
                        &result, error);
     row->result[STUDY_E1] = result.e1;
     row->result[STUDY_E2] = result.e2;
     free(theta);
-    learner_destroy(&learned);
+    lg_learning_release(&learning);
     return status;
 }
 

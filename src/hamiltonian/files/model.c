@@ -248,7 +248,9 @@ static const lg_scheme *usual_scheme(const void *file) {
     return lg_scheme_find(((const lg_hamiltonian_file *)file)->run.model.family->scheme);
 }
 
-LG_RECIPE(hamiltonian, "checkpoint", .scheme = usual_scheme, .space = space);
+extern const struct lg_learner lg_hamiltonian_learner; /* recipe.c */
+LG_RECIPE(hamiltonian, "checkpoint", .scheme = usual_scheme, .space = space,
+          .learner = &lg_hamiltonian_learner);
 
 /* ---- recording ---- */
 

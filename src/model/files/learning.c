@@ -5,6 +5,21 @@
 #include <stdint.h>
 #include <string.h>
 
+static bool none_given(const lg_learning *self, const char *option) {
+    (void)self, (void)option;
+    return false;
+}
+
+lg_learning lg_learning_of(const lg_context *context, const lg_recipe *recipe, void *run, void *state) {
+    return (lg_learning){.context = context,
+                         .recipe = recipe,
+                         .run = run,
+                         .state = state,
+                         .threads = 1,
+                         .given = none_given,
+                         .floor = (double)NAN};
+}
+
 /* ---- memory ---- */
 
 /* Before each array of lg_learning_alloc. */
@@ -121,6 +136,13 @@ double lg_learning_objective(lg_learning *self) {
     if (self->recipe->learner->objective != NULL) return self->recipe->learner->objective(self);
     const uint64_t best = lg_fit_best_epoch(self->fit);
     return best > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[best - 1] : (double)NAN;
+}
+
+lg_status lg_learning_hold_out(lg_learning *self, double part, lg_error *error) {
+    const lg_learner *learner = self->recipe->learner;
+    if (learner->hold_out != NULL) return learner->hold_out(self, part, error);
+    lg_learning_training(self)->validation = part;
+    return learner->prepare != NULL ? learner->prepare(self, error) : LG_OK;
 }
 
 /* ---- the fit, the file ---- */

@@ -80,7 +80,7 @@ typedef struct lg_learner {
     /* Splits the data: into training and test part, or, in a search, holding out `part` of the training part.
      * What it finds out about the data goes into the run. May be NULL. */
     lg_status (*prepare)(lg_learning *self, lg_error *error);
-    lg_status (*hold_out)(lg_learning *self, double part, lg_error *error);
+    lg_status (*hold_out)(lg_learning *self, double part, lg_error *error); /* NULL: the fit draws the part */
     lg_status (*problem)(lg_learning *self, lg_error *error);
     /* Results, verdict and floor at theta (problem.parameters), which it may improve. */
     lg_status (*judge)(lg_learning *self, double *theta, lg_error *error);
@@ -98,6 +98,8 @@ typedef struct lg_learner {
 /* A sentence for the user of the context. */
 #define LG_WARN(self, ...) lg_log_message((self)->context, LG_LOG_WARNING, __VA_ARGS__)
 
+/* A learning without paths and options: who has the data puts them in `state`. */
+lg_learning lg_learning_of(const lg_context *context, const lg_recipe *recipe, void *run, void *state);
 /* Zeroed memory that the learning frees where it is released. NULL, with a sentence about the size of the
  * network, when there is none. */
 void *lg_learning_alloc(lg_learning *self, size_t count, size_t size, lg_error *error);
@@ -122,8 +124,9 @@ void lg_result_whole(lg_learning *self, const char *name, uint64_t value, const 
 void lg_result_text(lg_learning *self, const char *name, const char *value, const char *label);
 /* NULL: there is no such result. */
 const lg_result *lg_result_find(const lg_learning *self, const char *name);
-/* The objective of the learner, or its default. */
+/* The hooks of the learner, or their defaults. */
 double lg_learning_objective(lg_learning *self);
+lg_status lg_learning_hold_out(lg_learning *self, double part, lg_error *error);
 /* Data are read, the run is described and the problem made; the fit is created. */
 lg_status lg_learning_create_fit(lg_learning *self, lg_error *error);
 /* Writes the model with these parameters and the state of the fit. */

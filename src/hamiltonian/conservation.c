@@ -1,9 +1,11 @@
 /* Whether trajectories can come from the Hamiltonian that was learned from them. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "lg-hamiltonian/learning.h"
+#include "core/core.h"
+#include "hamiltonian/learned.h"
+#include "liegrad/integrators.h"
+#include "liegrad/model.h"
 
 /* Mean and variance, one number after the other. */
 typedef struct moments {
@@ -50,6 +52,7 @@ static cost find_cost(const course *courses, size_t count) {
 }
 
 typedef struct measuring {
+    const lg_context *context;
     const lg_hamiltonian_problem *problem;
     double unit[6 * LG_HAMILTONIAN_MAX_COPIES]; /* of each number of a state, in S */
     lg_model *model;
@@ -59,6 +62,10 @@ typedef struct measuring {
     lg_stepper *steps;  /* of the scheme of training; NULL: none for this model */
     double *predicted;  /* (points, d) */
     double *way, *gain; /* (points): S; H of the data less H of the scheme's own run */
+    double *error;      /* (2, d): of two steps */
+    course *courses;    /* (trajectories) */
+    size_t *different;  /* (trajectories), `differ` of them */
+    size_t differ;
 } measuring;
 
 static double energy(const measuring *m, const double *state) {
@@ -109,13 +116,11 @@ static bool is_finite(const course *c) {
  * raises the energies of all points but, often, the first. */
 static size_t follow_all(const measuring *m, course *out) {
     const size_t d = lg_model_inputs(m->model), points = m->problem->points, skipped = points > 2 ? 1 : 0;
-    size_t *index = app_alloc(m->problem->trajectories, sizeof *index), count = 0;
-    const size_t different = different_trajectories(m->problem, index);
-    for (size_t i = 0; i < different; i++) {
-        out[count] = follow(m, m->problem->data + (index[i] * points + skipped) * d, points - skipped);
+    size_t count = 0;
+    for (size_t i = 0; i < m->differ; i++) {
+        out[count] = follow(m, m->problem->data + (m->different[i] * points + skipped) * d, points - skipped);
         count += is_finite(&out[count]);
     }
-    free(index);
     return count;
 }
 
@@ -126,42 +131,50 @@ static void number_units(const lg_hamiltonian_problem *problem, double *unit) {
     lg_hamiltonian_number_scales(&scaled, unit);
 }
 
-static lg_status measuring_begin(const app *self, const lg_hamiltonian_problem *problem, const double *theta,
-                                 measuring *m, lg_error *error) {
-    *m = (measuring){.problem = problem};
-    const lg_status status = learned_model(self->context, problem->model, theta, &m->model, error);
-    if (status != LG_OK) return status;
-    m->work = app_alloc(1, lg_model_work_size(m->model));
-    m->flow = app_alloc(1, lg_model_work_size(m->model));
-    m->predicted = app_alloc(problem->points * lg_model_inputs(m->model), sizeof(double));
-    m->way = app_alloc(problem->points, sizeof(double));
-    m->gain = app_alloc(problem->points, sizeof(double));
+static void measuring_end(measuring *m) {
+    void *const arrays[] = {m->work, m->flow,  m->predicted, m->way,
+                            m->gain, m->error, m->courses,   m->different};
+    lg_stepper_destroy(m->steps);
+    lg_model_destroy(m->model);
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(m->context, arrays[i]);
+}
+
+static lg_status make_arrays(measuring *m) {
+    const lg_context *context = m->context;
+    const size_t d = lg_model_inputs(m->model), points = m->problem->points, all = m->problem->trajectories;
+    m->work = lg_alloc(context, 1, lg_model_work_size(m->model));
+    m->flow = lg_alloc(context, 1, lg_model_work_size(m->model));
+    m->predicted = lg_alloc(context, points * d, sizeof(double));
+    m->way = lg_alloc(context, points, sizeof(double));
+    m->gain = lg_alloc(context, points, sizeof(double));
+    m->error = lg_alloc(context, 2 * d, sizeof(double));
+    m->courses = lg_alloc(context, all, sizeof(course));
+    m->different = lg_alloc(context, all, sizeof(size_t));
+    const bool room = m->work != NULL && m->flow != NULL && m->predicted != NULL && m->way != NULL &&
+                      m->gain != NULL && m->error != NULL && m->courses != NULL && m->different != NULL;
+    return room ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+/* The caller ends what has begun, in any case. */
+static lg_status measuring_begin(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                 const double *theta, measuring *m, lg_error *error) {
+    *m = (measuring){.context = context, .problem = problem};
+    LG_TRY(lg_hamiltonian_learned(context, problem->model, theta, &m->model, error));
+    LG_TRY(make_arrays(m));
+    LG_TRY(lg_hamiltonian_different(context, problem, m->different, &m->differ));
     number_units(problem, m->unit);
     lg_ode ode;
     if (lg_model_ode(m->model, &ode, &m->user, m->flow) != LG_OK ||
-        lg_stepper_create(self->context, problem->scheme, &ode, &m->steps) != LG_OK)
+        lg_stepper_create(context, problem->scheme, &ode, &m->steps) != LG_OK)
         m->steps = NULL;
     return LG_OK;
-}
-
-static void measuring_end(measuring *m) {
-    lg_stepper_destroy(m->steps);
-    lg_model_destroy(m->model);
-    free(m->work);
-    free(m->flow);
-    free(m->predicted);
-    free(m->way);
-    free(m->gain);
 }
 
 /* What motion costs, compared with the run of the scheme of training or, without `scheme`, with no change. */
 static cost measure(const measuring *m, bool scheme) {
     measuring with = *m;
     if (!scheme) with.steps = NULL;
-    course *courses = app_alloc(m->problem->trajectories, sizeof *courses);
-    const cost out = find_cost(courses, follow_all(&with, courses));
-    free(courses);
-    return out;
+    return find_cost(m->courses, follow_all(&with, m->courses));
 }
 
 /* More than chance, which few trajectories leave more of, and more than a part of the energies. */
@@ -172,11 +185,11 @@ static bool is_told(const cost *c) {
 }
 
 /* Over the second half of the epochs the loss falls by at most this factor, and it does not end in a peak. */
-static bool has_settled(const learner *trained, double fall) {
+static bool has_settled(const lg_fit *fit, double fall) {
     static const double peak = 1.5;
     enum { FEWEST = 16 }; /* epochs */
-    const double *history = lg_fit_history(trained->fit, LG_FIT_LOSS);
-    const size_t epochs = lg_fit_epochs_done(trained->fit);
+    const double *history = lg_fit_history(fit, LG_FIT_LOSS);
+    const size_t epochs = lg_fit_epochs_done(fit);
     if (epochs < FEWEST || !(history[epochs / 2] <= fall * history[epochs - 1])) return false;
     for (size_t i = epochs / 2; i < epochs; i++)
         if (history[epochs - 1] > peak * history[i]) return false;
@@ -184,21 +197,20 @@ static bool has_settled(const learner *trained, double fall) {
 }
 
 /* Training ended by itself, or the loss has fallen, so that training was at work, and falls no longer. */
-static bool has_come_to_rest(const learner *trained) {
+static bool has_come_to_rest(const lg_fit *fit) {
     static const double still = 1.05, worked = 1.3;
-    const double *history = lg_fit_history(trained->fit, LG_FIT_LOSS);
-    return lg_fit_why_finished(trained->fit) == LG_FIT_END_MINIMISER ||
-           (has_settled(trained, still) &&
-            history[0] >= worked * history[lg_fit_epochs_done(trained->fit) - 1]);
+    const double *history = lg_fit_history(fit, LG_FIT_LOSS);
+    return lg_fit_why_finished(fit) == LG_FIT_END_MINIMISER ||
+           (has_settled(fit, still) && history[0] >= worked * history[lg_fit_epochs_done(fit) - 1]);
 }
 
 /* Whether the fit is near what it can reach. The energy of a model that is not learned changes along any
  * data. Data that lose most of their energy leave most of the motion unexplained; then the loss must be at
  * rest. */
-static bool is_learned(const learner *trained, double loss) {
+static bool is_learned(const lg_fit *fit, const lg_hamiltonian_problem *problem, double loss) {
     static const double most = 0.3, slow = 1.5;
-    const double left = loss / unchanged_error(&trained->problem);
-    return (left <= most && has_settled(trained, slow)) || (left < 1.01 && has_come_to_rest(trained));
+    const double left = loss / lg_hamiltonian_unchanged(problem);
+    return (left <= most && has_settled(fit, slow)) || (left < 1.01 && has_come_to_rest(fit));
 }
 
 /* Correlation of the errors of neighbouring single steps, of all trajectories. A force that the model lacks
@@ -207,7 +219,7 @@ static bool is_learned(const learner *trained, double loss) {
 static double error_correlation(const measuring *m) {
     const lg_hamiltonian_problem *problem = m->problem;
     const size_t d = lg_model_inputs(m->model), points = problem->points;
-    double *error = app_alloc(2 * d, sizeof *error), product = 0.0, square = 0.0;
+    double *error = m->error, product = 0.0, square = 0.0;
     for (size_t i = 0; i < problem->trajectories; i++)
         for (size_t j = 0; j + 1 < points; j++) {
             const double *state = problem->data + (i * points + j) * d;
@@ -219,36 +231,36 @@ static double error_correlation(const measuring *m) {
                 product += now[k] * before[k], square += (now[k] * now[k] + before[k] * before[k]) / 2.0;
             }
         }
-    free(error);
     return square > 0.0 ? product / square : 0.0;
 }
 
 /* A conservative model loses nothing to motion, whatever the noise. A scheme with large steps does; then the
  * energy falls beside its run, or by itself, but not both. */
-static bool warn_of_cost(const app *self, const measuring *m) {
+static bool warn_of_cost(const measuring *m) {
     const cost found = measure(m, false), beside = measure(m, true);
     if (!is_told(&found) || !is_told(&beside) || !(found.change * beside.change > 0.0)) return false;
-    app_warn(self,
-             "the data are not conservative: along a trajectory the learned energy %s by %.2g on average "
-             "(standard error %.1g; energies spread by %.2g), which no Hamiltonian can do; lg-identify "
-             "learns damped and driven machines",
-             found.change < 0 ? "falls" : "rises", fabs(found.change),
-             fabs(found.change * found.error / found.slope), found.spread);
+    lg_log_message(
+        m->context, LG_LOG_WARNING,
+        "the data are not conservative: along a trajectory the learned energy %s by %.2g on average "
+        "(standard error %.1g; energies spread by %.2g), which no Hamiltonian can do; lg-identify "
+        "learns damped and driven machines",
+        found.change < 0 ? "falls" : "rises", fabs(found.change),
+        fabs(found.change * found.error / found.slope), found.spread);
     return true;
 }
 
 /* When the starts lie on a curve, or have nearly the same energy, a Hamiltonian exists whose energy stays
  * constant along damped trajectories. Its motion differs from the data by more than noise and the error of
  * the scheme. */
-static void warn_of_misfit(const app *self, const measuring *m, double loss) {
+static void warn_of_misfit(const measuring *m, double loss) {
     static const double small = 1e-3, alike = 0.5;
     enum { FEWEST = 4 }; /* points */
-    const double left = loss / unchanged_error(m->problem);
+    const double left = loss / lg_hamiltonian_unchanged(m->problem);
     if (m->steps == NULL || m->problem->points < FEWEST || !(left > small)) return;
     const double correlation = error_correlation(m);
     if (correlation > alike)
-        app_warn(
-            self,
+        lg_log_message(
+            m->context, LG_LOG_WARNING,
             "the model does not explain the data: it is wrong by %.2g %% of the motion (root mean square), "
             "and neighbouring steps err alike (correlation %.2f), as they do when a force is missing, not "
             "with noise: the data may not be conservative (lg-identify learns damped and driven machines), "
@@ -256,18 +268,17 @@ static void warn_of_misfit(const app *self, const measuring *m, double loss) {
             100.0 * sqrt(left), correlation);
 }
 
-lg_status warn_of_drift(const app *self, const learner *trained, const double *theta, double loss,
-                        double floor, lg_error *error) {
+lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                       const lg_fit *fit, const double *theta, double loss, double floor,
+                                       lg_error *error) {
     static const double slow = 2.0;
-    const bool learned = is_learned(trained, loss);
-    const bool misfit =
-        !is_near_floor(loss, floor) && (has_settled(trained, slow) || has_come_to_rest(trained));
+    const bool learned = is_learned(fit, problem, loss);
+    const bool misfit = !lg_is_near_floor(loss, floor) && (has_settled(fit, slow) || has_come_to_rest(fit));
     measuring m;
     if (!learned && !misfit) return LG_OK;
-    const lg_status status = measuring_begin(self, &trained->problem, theta, &m, error);
-    if (status != LG_OK) return status;
-    const bool told = learned && warn_of_cost(self, &m);
-    if (!told && misfit) warn_of_misfit(self, &m, loss);
+    const lg_status status = measuring_begin(context, problem, theta, &m, error);
+    const bool told = status == LG_OK && learned && warn_of_cost(&m);
+    if (status == LG_OK && !told && misfit) warn_of_misfit(&m, loss);
     measuring_end(&m);
-    return LG_OK;
+    return status;
 }

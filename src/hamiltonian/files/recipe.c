@@ -1,0 +1,292 @@
+/* How a Hamiltonian is learned from trajectories. */
+#include "hamiltonian/files/recipe.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "hamiltonian/learned.h"
+#include "model/files/learning.h"
+
+enum { STREAM_WEIGHTS = 1 };
+
+const lg_field lg_hamiltonian_options[] = {
+    LG_OPTION(lg_hamiltonian_state, newton, SWITCH, NULL,
+              "After the last epoch, minimise the loss to rounding by Newton's method on all data (for few "
+              "parameters)"),
+    LG_FIELD_END};
+
+/* ---- the data ---- */
+
+static lg_status read_data(lg_learning *self, lg_error *error) {
+    const lg_hamiltonian_run *run = self->run;
+    lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
+    const char *path = self->paths[0];
+    lg_read_options reading;
+    lg_read_options_init(&reading);
+    reading.project_starts = self->given(self, "starts") || self->resumed;
+    LG_TRY(lg_trajectories_read(self->context, path, &reading, data, error));
+    if (data->starts_off > 1e-6 && run->starts == LG_START_MEASURED)
+        LG_WARN(
+            self,
+            "%s: first points were off the manifold by up to %.2g and are brought back; --starts estimated "
+            "takes them as unknown",
+            path, data->starts_off);
+    if (data->guessed)
+        LG_WARN(self,
+                "%s: gives neither attribute system nor layout: its %u numbers a point are taken for states "
+                "of %s (%s)",
+                path, data->state_dim, data->family->name, data->family->formula);
+    if (data->system[0] != '\0' && lg_system_parameters(data->system, NULL) == NULL)
+        LG_WARN(self, "%s: no system is called '%s': by its layout its data are taken for states of %s (%s)",
+                path, data->system, data->family->name, data->family->formula);
+    lg_warn_of_inputs(self->context, path, data);
+    memcpy(self->sha256, data->sha256, sizeof self->sha256);
+    return LG_OK;
+}
+
+static void close_data(lg_learning *self) {
+    lg_trajectories_destroy(&((lg_hamiltonian_state *)self->state)->data);
+}
+
+/* ---- the run ---- */
+
+/* Preset, option, value; family (NULL: any) and its least n. Later rows replace earlier ones; what stands
+ * in no row has its own default. */
+static const struct {
+    const char *preset, *option, *value, *family;
+    uint32_t least;
+} preset_rows[] = {
+    {"thesis", "method", "adam", NULL, 0},       {"thesis", "hidden", "100,100,100", NULL, 0},
+    {"thesis", "epochs", "100", NULL, 0},        {"thesis", "prior", "0", NULL, 0},
+    {"thesis", "scaled", "no", NULL, 0},         {"thesis", "units", "given", NULL, 0},
+    {"best", "method", "ssbroyden", NULL, 0},    {"best", "hidden", "20,20", NULL, 0},
+    {"best", "epochs", "2000", NULL, 0},         {"best", "prior", "0.15", NULL, 0},
+    {"best", "units", "data", NULL, 0},          {"best", "integrator", "rk4", "separable", 0},
+    {"best", "scaled", "yes", "chain", 0},       {"best", "hidden", "20", "chain", 3},
+    {"best", "integrator", "rkmk5", "chain", 3},
+};
+
+/* What is not given. "thesis": published; "best": ours by measurement (docs/reports/training.md). */
+static void adopt_preset(lg_learning *self) {
+    lg_hamiltonian_run *run = self->run;
+    const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
+    const char *preset = lg_learning_preset(self);
+    if (!self->given(self, "integrator")) run->scheme = lg_scheme_find(data->family->scheme);
+    for (size_t i = 0; i < LG_COUNT(preset_rows); i++) {
+        const char *option = preset_rows[i].option, *of = preset_rows[i].family;
+        const bool fits = strcmp(preset_rows[i].preset, preset) == 0 && data->n >= preset_rows[i].least &&
+                          (of == NULL || strcmp(of, data->family->name) == 0);
+        if (fits && !self->given(self, option))
+            (void)lg_field_set(lg_field_find(lg_hamiltonian_fields, option), preset_rows[i].value, run, NULL);
+    }
+    /* The starts are too many for a dense matrix. */
+    const bool dense = strcmp(preset, "best") == 0 && run->starts == LG_START_ESTIMATED;
+    if (dense && !self->given(self, "method")) (void)lg_fit_plan_parse("lbfgs", &run->training.plan, NULL);
+}
+
+static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg_trajectories *data) {
+    return (lg_hamiltonian_problem){.model = &run->model,
+                                    .scheme = run->scheme,
+                                    .substeps = run->substeps,
+                                    .penalty = run->penalty,
+                                    .penalty_form = run->penalty_form,
+                                    .penalty_integral = lg_first_integral_at(run->penalty_integral),
+                                    .penalty_copy = run->penalty_copy,
+                                    .penalty_points = run->penalty_points,
+                                    .distance = run->distance,
+                                    .starts = run->starts,
+                                    .trajectories = data->count,
+                                    .points = data->points,
+                                    .dt = data->dt,
+                                    .data = data->data};
+}
+
+/* What the data determine, and the model. */
+static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *data, lg_error *error) {
+    const lg_mlp net = run->model.net;
+    const lg_symmetry symmetry = run->model.symmetry;
+    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->n, run->model.potential,
+                                                 net.width + 1, net.layers - 1, net.activation);
+    if (status != LG_OK) return lg_fail(error, status, "a network of this size cannot be made");
+    run->model.symmetry = symmetry;
+    memcpy(run->system, data->system, sizeof run->system);
+    memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
+    run->trajectories = data->count;
+    run->points = data->points;
+    run->dt = data->dt;
+    if (run->units == LG_UNITS_GIVEN) return LG_OK;
+    const lg_hamiltonian_problem problem = problem_of(run, data);
+    return lg_hamiltonian_find_scales(&problem, &run->model.scales, error);
+}
+
+/* Without --penalty-integral the first one that fits the system. */
+static void choose_integral(lg_learning *self) {
+    lg_hamiltonian_run *run = self->run;
+    const lg_first_integral *integral;
+    if (run->penalty == 0 || self->given(self, "penalty-integral")) return;
+    for (uint32_t i = 0; (integral = lg_first_integral_at(i)) != NULL; i++) {
+        if (!lg_first_integral_fits(integral, &run->model)) continue;
+        run->penalty_integral = i;
+        return;
+    }
+}
+
+static lg_status describe(lg_learning *self, lg_error *error) {
+    if (self->stored == NULL) adopt_preset(self);
+    LG_TRY(complete_run(self->run, &((lg_hamiltonian_state *)self->state)->data, error));
+    if (self->stored == NULL) choose_integral(self);
+    return LG_OK;
+}
+
+static bool has_network(const lg_learning *self) {
+    return ((const lg_hamiltonian_run *)self->run)->model.potential == LG_POTENTIAL_MLP;
+}
+
+/* Options that say nothing without another one. */
+static lg_status check_options(const lg_learning *self, lg_error *error) {
+    static const char *const of_network[] = {"hidden", "activation", "prior"};
+    static const char *const of_penalty[] = {"penalty-integral", "penalty-copy", "penalty-points",
+                                             "penalty-form"};
+    const lg_hamiltonian_run *run = self->run;
+    char potential[LG_FIELD_TEXT_SIZE];
+    lg_field_show(lg_field_find(lg_hamiltonian_fields, "potential"), run, potential, sizeof potential);
+    for (size_t i = 0; i < LG_COUNT(of_network); i++)
+        if (self->given(self, of_network[i]) && !has_network(self))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: --potential %s has no network", of_network[i],
+                           potential);
+    for (size_t i = 0; i < LG_COUNT(of_penalty); i++)
+        if (self->given(self, of_penalty[i]) && run->penalty == 0)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: needs --penalty MU", of_penalty[i]);
+    return LG_OK;
+}
+
+static lg_status prepare(lg_learning *self, lg_error *error) {
+    const lg_hamiltonian_state *s = self->state;
+    const lg_hamiltonian_run *run = self->run;
+    const size_t parameters = lg_hamiltonian_parameters(&run->model);
+    LG_TRY(check_options(self, error));
+    if (s->newton && run->starts == LG_START_ESTIMATED)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--newton: is not for --starts estimated");
+    if (s->newton && parameters > LG_NEWTON_MAX_PARAMETERS)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "--newton: the model has %zu parameters, at most %d are possible", parameters,
+                       LG_NEWTON_MAX_PARAMETERS);
+    if (s->data.points > LG_HAMILTONIAN_MAX_POINTS)
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /trajectories has %zu points a trajectory; training takes at most %d",
+                       self->paths[0], s->data.points, LG_HAMILTONIAN_MAX_POINTS);
+    return LG_OK;
+}
+
+/* ---- the problem ---- */
+
+/* Weights of the loss by the data; the penalty keeps its ratio to the squares of the momenta. */
+static lg_status weigh(lg_hamiltonian_problem *problem, lg_error *error) {
+    const lg_status status = lg_hamiltonian_weigh(problem, error);
+    if (status != LG_OK || problem->penalty == 0) return status;
+    double unit = 1;
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        unit *= pow(problem->model->scales.part[i], problem->penalty_integral->power[i]);
+    if (problem->penalty_form == LG_PENALTY_MEAN_SQUARE) unit *= unit;
+    problem->penalty *= fmax(problem->weight[0], problem->weight[1]) / unit;
+    return LG_OK;
+}
+
+/* The weights to begin with. They are drawn again where a prediction is not finite: a long chain with a
+ * nearly singular mass is too fast for its steps. */
+static lg_status draw_weights(lg_learning *self, lg_error *error) {
+    enum { DRAWS = 20 };
+    const lg_hamiltonian_run *run = self->run;
+    const lg_hamiltonian_problem *problem = &((lg_hamiltonian_state *)self->state)->problem;
+    double loss = (double)NAN;
+    lg_rng rng;
+    lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
+    for (int draw = 0; draw < DRAWS && !isfinite(loss); draw++) {
+        lg_hamiltonian_initialise(&run->model, &rng, self->theta);
+        const lg_status scaled =
+            run->scaled ? lg_hamiltonian_scale(self->context, problem, self->theta, NULL) : LG_OK;
+        if (scaled != LG_OK && scaled != LG_NOT_FINITE)
+            return lg_fail(error, scaled, "%s", lg_status_sentence(scaled));
+        (void)lg_hamiltonian_mean_squared_error(self->context, problem, self->theta, &loss, NULL);
+    }
+    return LG_OK;
+}
+
+static lg_status warn_of_data(lg_learning *self, const lg_hamiltonian_problem *problem, lg_error *error) {
+    LG_TRY(lg_hamiltonian_warn_of_data(self->context, problem, self->paths[0]));
+    return lg_hamiltonian_warn_of_integral(self->context, problem, self->theta, error);
+}
+
+static lg_status make_problem(lg_learning *self, lg_error *error) {
+    lg_hamiltonian_state *s = self->state;
+    const lg_hamiltonian_run *run = self->run;
+    lg_hamiltonian_problem *problem = &s->problem;
+    *problem = problem_of(run, &s->data);
+    LG_TRY(lg_hamiltonian_problem_check(problem, error));
+    if (run->units == LG_UNITS_DATA) LG_TRY(weigh(problem, error));
+    lg_hamiltonian_fit_problem(problem, &self->problem);
+    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
+    LG_TRY(draw_weights(self, error));
+    return self->path_count > 0 ? warn_of_data(self, problem, error) : LG_OK; /* of the user's data */
+}
+
+/* ---- the result ---- */
+
+static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+    const lg_hamiltonian_state *s = self->state;
+    const lg_hamiltonian_problem *problem = &s->problem;
+    const bool newton = s->newton && lg_fit_finished(self->fit);
+    lg_newton_result found = {0};
+    double loss = 0;
+    if (newton) LG_TRY(lg_newton_fit(self->context, &self->problem, NULL, theta, &found));
+    LG_TRY(lg_hamiltonian_mean_squared_error(self->context, problem, theta, &loss, error));
+    if (!isfinite(loss)) return LG_NOT_FINITE;
+    LG_TRY(lg_hamiltonian_floor(self->context, problem, theta, &self->floor, error));
+    lg_hamiltonian_warn_of_floor(self->context, problem, loss, self->floor);
+    LG_TRY(lg_hamiltonian_warn_of_drift(self->context, problem, self->fit, theta, loss, self->floor, error));
+    self->verdict = (lg_verdict){.what = "mean squared error",
+                                 .guess = "a state that does not change",
+                                 .error = loss,
+                                 .guessed = lg_hamiltonian_unchanged(problem)};
+    lg_result_real(self, "loss", loss, "mean squared error of the predicted points");
+    self->first_count = self->result_count;
+    lg_result_whole(self, "parameters", lg_hamiltonian_parameters(problem->model), NULL);
+    if (!s->newton) return LG_OK;
+    lg_result_whole(self, "newton_iterations", found.iterations, NULL);
+    lg_result_real(self, "newton_gradient", found.gradient_norm, NULL);
+    return LG_OK;
+}
+
+/* The predictions of the model's scheme, from measured starts. */
+static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+    const lg_hamiltonian_file *file = from;
+    lg_hamiltonian_run *run = self->run;
+    const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
+    double loss = 0;
+    if (data->family != run->model.family || data->n != run->model.n)
+        return lg_fail(error, LG_SHAPE, "%s: states of %u numbers, but the model has %u", self->paths[0],
+                       data->state_dim, lg_hamiltonian_state_dim(&run->model));
+    run->starts = LG_START_MEASURED;
+    const lg_hamiltonian_problem problem = problem_of(run, data);
+    LG_TRY(lg_hamiltonian_mean_squared_error(self->context, &problem, file->theta, &loss, error));
+    lg_result_real(self, "loss", loss, "mean squared error of the predicted points");
+    lg_result_real(self, "unchanged", lg_hamiltonian_unchanged(&problem), "of a state that does not change");
+    return LG_OK;
+}
+
+static const char *const sizes[] = {"8,8", "12,12", "16,16", "20,20", "32,32", "48,48", NULL};
+
+const lg_learner lg_hamiltonian_learner = {.state_size = sizeof(lg_hamiltonian_state),
+                                           .options = lg_hamiltonian_options,
+                                           .held_out = "validation",
+                                           .sizes = sizes,
+                                           .prior = true,
+                                           .presets = true,
+                                           .has_width = has_network,
+                                           .read = read_data,
+                                           .describe = describe,
+                                           .prepare = prepare,
+                                           .problem = make_problem,
+                                           .judge = judge,
+                                           .evaluate = evaluate,
+                                           .close = close_data};

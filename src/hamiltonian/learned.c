@@ -1,0 +1,167 @@
+/* What is told of data and of a Hamiltonian that was learned from them. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "hamiltonian/learned.h"
+
+#define WARN(...) lg_log_message(context, LG_LOG_WARNING, __VA_ARGS__)
+
+double lg_hamiltonian_unchanged(const lg_hamiltonian_problem *problem) {
+    const size_t d = lg_hamiltonian_state_dim(problem->model), m = problem->points;
+    double sum = 0;
+    for (size_t i = 0; i < problem->trajectories; i++) {
+        const double *start = problem->data + i * m * d;
+        for (size_t j = d; j < m * d; j++) sum += (start[j] - start[j % d]) * (start[j] - start[j % d]);
+    }
+    return sum / ((double)problem->trajectories * (double)(m - 1) * (double)d);
+}
+
+static size_t trajectory_size(const lg_hamiltonian_problem *problem) {
+    return problem->points * lg_hamiltonian_state_dim(problem->model);
+}
+
+/* ---- the model ---- */
+
+lg_status lg_hamiltonian_learned(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                                 lg_model **out, lg_error *error) {
+    lg_program *program;
+    lg_space space;
+    LG_TRY(lg_hamiltonian_space(model->family, model->n, &space));
+    LG_TRY(lg_hamiltonian_program(context, model, theta, NULL, &program, error));
+    return lg_model_create(context, program, &space, out, error);
+}
+
+/* ---- the truncation floor ---- */
+
+/* A floor below this part of the mean square of the data is rounding. */
+static const double rounding_floor = 1e-30, near_floor = 3.0;
+
+/* Explicit, without error estimate, on the same space; a splitting in place of a splitting. */
+static bool replaces(const lg_scheme *old, const lg_scheme *scheme) {
+    const lg_scheme_kind kind = scheme->kind;
+    const bool splits = old->kind == LG_SCHEME_SPLITTING;
+    const bool explicit_kind = kind == LG_SCHEME_RKMK || kind == LG_SCHEME_COMMUTATOR_FREE;
+    return scheme->order > old->order && scheme->embedded_order == 0 && scheme->ambient == old->ambient &&
+           (splits ? kind == LG_SCHEME_SPLITTING : explicit_kind);
+}
+
+/* The one of the highest order that replaces the problem's scheme, of several the one with most stages, which
+ * has the least error; NULL: none. */
+static const lg_scheme *better_scheme(const lg_hamiltonian_problem *problem) {
+    const lg_scheme *best = NULL;
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        lg_hamiltonian_problem other = *problem;
+        other.scheme = lg_scheme_at(i);
+        if (!replaces(problem->scheme, other.scheme) || lg_hamiltonian_problem_check(&other, NULL) != LG_OK)
+            continue;
+        if (best == NULL || other.scheme->order > best->order ||
+            (other.scheme->order == best->order && other.scheme->stages > best->stages))
+            best = other.scheme;
+    }
+    return best;
+}
+
+bool lg_is_near_floor(double loss, double floor) {
+    return loss <= near_floor * floor;
+}
+
+void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                  double loss, double floor) {
+    const lg_scheme *scheme = problem->scheme, *better = better_scheme(problem);
+    const size_t size = problem->trajectories * trajectory_size(problem);
+    double square = 0;
+    for (size_t i = 0; i < size; i++) square += problem->data[i] * problem->data[i] / (double)size;
+    if (!lg_is_near_floor(loss, floor) || floor < rounding_floor * square) return;
+    WARN("the loss %.3g is near the floor %.3g, the error of %s with %u step%s between two points: more "
+         "training fits this error; use --substeps %u (floor about %.1g)%s%s",
+         loss, floor, scheme->name, problem->substeps, problem->substeps == 1 ? "" : "s",
+         2 * problem->substeps, ldexp(floor, -2 * scheme->order),
+         better != NULL ? " or a scheme of higher order, --integrator " : "",
+         better != NULL ? better->name : "");
+}
+
+/* The root mean square of G's change at a point, or of G at point 1. */
+static lg_status integral_at(const lg_context *context, const lg_hamiltonian_problem *problem,
+                             const double *theta, size_t point, double *size, lg_error *error) {
+    LG_TRY(lg_hamiltonian_integral_change(context, problem, theta, point, size, error));
+    *size = sqrt(*size);
+    return LG_OK;
+}
+
+/* Noise changes G by as much at every point, but for the scatter of a mean over N: a drift by more later. */
+lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                          const double *theta, lg_error *error) {
+    static const double scatter = 4.0, least = 1e-3;
+    double whole = 0, second = 0, largest = 0, change = 0;
+    if (problem->penalty == 0) return LG_OK;
+    LG_TRY(integral_at(context, problem, theta, 1, &whole, error));
+    for (size_t j = 2; j <= problem->points; j++) {
+        LG_TRY(integral_at(context, problem, theta, j, &change, error));
+        if (j == 2) second = change;
+        largest = fmax(largest, change);
+    }
+    const double grown = 1 + scatter / sqrt((double)problem->trajectories);
+    if (largest > grown * second && largest > least * whole)
+        WARN("the data do not conserve %s: it changes by %.2g to the second point and by up to %.2g later, "
+             "its size is %.2g (root mean squares); the penalty trains the model to conserve it",
+             problem->penalty_integral->name, second, largest, whole);
+    return LG_OK;
+}
+
+/* ---- the data ---- */
+
+void lg_warn_of_inputs(const lg_context *context, const char *path, const lg_trajectories *data) {
+    if (data->inputs != NULL)
+        WARN("%s: /inputs (%u a step) are not used: the learned system has no inputs", path, data->input_dim);
+}
+
+typedef struct sorted {
+    const double *data;
+    size_t index, size; /* size: bytes */
+} sorted;
+
+static int compare_trajectories(const void *a, const void *b) {
+    const sorted *x = a, *y = b;
+    const int order = memcmp(x->data, y->data, x->size);
+    return order != 0 ? order : (x->index > y->index) - (x->index < y->index);
+}
+
+lg_status lg_hamiltonian_different(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                   size_t *out, size_t *count) {
+    const size_t n = problem->trajectories, size = trajectory_size(problem);
+    sorted *rows = lg_alloc(context, n, sizeof *rows);
+    if (rows == NULL) return LG_OUT_OF_MEMORY;
+    for (size_t i = 0; i < n; i++) rows[i] = (sorted){problem->data + i * size, i, size * sizeof(double)};
+    qsort(rows, n, sizeof *rows, compare_trajectories);
+    *count = 0;
+    for (size_t i = 0, last = 0; i < n; i++) {
+        const bool again = i > 0 && memcmp(rows[last].data, rows[i].data, rows[i].size) == 0;
+        if (!again) out[(*count)++] = rows[last = i].index;
+    }
+    lg_free(context, rows);
+    return LG_OK;
+}
+
+lg_status lg_hamiltonian_warn_of_data(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                      const char *path) {
+    const size_t parameters = lg_hamiltonian_parameters(problem->model), given = problem->trajectories;
+    const size_t d = lg_hamiltonian_state_dim(problem->model);
+    size_t *index = lg_alloc(context, given, sizeof *index), count = 0;
+    const lg_status status =
+        index != NULL ? lg_hamiltonian_different(context, problem, index, &count) : LG_OUT_OF_MEMORY;
+    lg_free(context, index);
+    if (status != LG_OK) return status;
+    const double numbers = (double)count * (double)(problem->points - 1) * (double)d;
+    if (!lg_hamiltonian_moves(problem))
+        WARN("%s: nothing moves: every trajectory stays at its first point, as with any constant H", path);
+    if (count < given)
+        WARN("%s: %zu of %zu trajectories repeat another one: there is as much to learn from as in %zu", path,
+             given - count, given, count);
+    if (numbers < (double)parameters)
+        WARN("%.0f numbers are given, fewer than the %zu parameters that are learned: they fit these data, "
+             "not the system; take %.0f trajectories or more, or smaller --hidden",
+             numbers, parameters, ceil((double)parameters / numbers * (double)count));
+    return LG_OK;
+}
