@@ -45,6 +45,15 @@ static inline const double *table_row(const fit_table *table, size_t row) {
  * column, for eight columns at most; `follows`: what follows from such cells. */
 void warn_far(const app *self, const fit_table *table, uint32_t first, const column_names *names,
               const char *follows);
+/* MODEL.h5 and TABLE, the arguments of a command. */
+typedef struct fitted_table {
+    lg_table_file file;
+    fit_table table;
+} fitted_table;
+/* Into zeros; ends the command where one cannot be read. `judged`: the table has the outputs or classes too,
+ * and rows with missing cells are left out. */
+void read_fitted_table(const app *self, bool judged, fitted_table *out);
+void fitted_table_destroy(fitted_table *of);
 /* Labels become numbers of the model's classes. A class that the model does not know is an error. */
 int match_classes(const app *self, fit_table *table, const lg_table_text *name, uint32_t classes);
 

@@ -26,7 +26,8 @@ enum { LAYOUT_AUTO, LAYOUT_OUT_IN, LAYOUT_IN_OUT };
 static import_values values;
 
 static const lg_field options[] = {
-    LG_OPTION(import_values, out, STRING, "MODEL.h5", "Write the network here (required)"),
+    LG_OPTION(import_values, out, STRING, "MODEL.h5", "Write the network here (required)",
+              .file = LG_FILE_WRITTEN, .required = true),
     LG_OPTION(import_values, layers, STRING, "A,B,...",
               "The layers in their order from input to output, by their stems (numpy files: by their names "
               "without ending); default: by the numbers and letters of the stems, files as given"),
@@ -119,8 +120,8 @@ static bool inputs_first_of(bool told) {
 }
 
 /* Biases of the layers from `first` on. */
-static int take_biases(const app *self, const char *path, const lg_tensors *tensors, network *n,
-                       size_t first) {
+static void take_biases(const app *self, const char *path, const lg_tensors *tensors, network *n,
+                        size_t first) {
     char stem[128];
     for (size_t i = 0; i < tensors->count; i++) {
         const lg_tensor *t = &tensors->tensor[i];
@@ -130,23 +131,25 @@ static int take_biases(const app *self, const char *path, const lg_tensors *tens
         for (size_t k = first; k < n->count; k++)
             if (strcmp(n->layers[k].name, stem) == 0) of = &n->layers[k];
         if (of == NULL || of->bias != NULL || t->count != of->out)
-            return app_fail(self, LG_FORMAT,
-                            "%s: tensor '%s' is the bias of no layer: expected is STEM.bias beside "
-                            "STEM.weight, with a number for each output",
-                            path, t->name);
+            app_stop(self, LG_FORMAT,
+                     "%s: tensor '%s' is the bias of no layer: expected is STEM.bias beside "
+                     "STEM.weight, with a number for each output",
+                     path, t->name);
         of->bias = transposed(t->values, 1, t->count);
     }
-    return APP_EXIT_OK;
 }
 
 /* A table network has a linear part beside its layers, and scales: its weights alone are no chain. */
-static int check_tensor(const app *self, const char *path, const lg_tensors *tensors, const lg_tensor *t) {
+static void check_weight(const app *self, const char *path, const lg_tensors *tensors, const lg_tensor *t,
+                         size_t layers) {
     if (tensors->inputs_first && strcmp(t->name, "linear.weight") == 0)
-        return app_fail(self, LG_FORMAT,
-                        "%s: was written by lg-export from a table network, whose linear part '%s' stands "
-                        "beside its layers: it is no chain of layers; use the model itself",
-                        path, t->name);
-    return APP_EXIT_OK;
+        app_stop(self, LG_FORMAT,
+                 "%s: was written by lg-export from a table network, whose linear part '%s' stands beside "
+                 "its layers: it is no chain of layers; use the model itself",
+                 path, t->name);
+    if (t->rank != 2 || t->count == 0 || layers == MOST_LAYERS)
+        app_stop(self, LG_FORMAT, "%s: tensor '%s' is no weight of a dense layer (rank 2, at most %d layers)",
+                 path, t->name, MOST_LAYERS);
 }
 
 static void sort_layers(network *n, size_t first) {
@@ -155,47 +158,32 @@ static void sort_layers(network *n, size_t first) {
         n->by_name = n->by_name || !are_numbered(n->layers[i - 1].name, n->layers[i].name);
 }
 
-static int take_tensors(const app *self, const char *path, network *n) {
-    lg_tensors tensors;
-    lg_error error = {LG_OK, ""};
-    int code = APP_EXIT_OK;
+static void take_tensors(const app *self, const char *path, network *n) {
+    APP_CLEAN(lg_tensors_destroy) lg_tensors tensors = {0};
     char stem[128];
     const size_t first = n->count;
-    const lg_status status = lg_tensors_read(self->context, path, &tensors, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    for (size_t i = 0; i < tensors.count && code == APP_EXIT_OK; i++) {
+    APP_MUST_FILE(self, path, lg_tensors_read(self->context, path, &tensors, &error));
+    for (size_t i = 0; i < tensors.count; i++) {
         const lg_tensor *t = &tensors.tensor[i];
         if (t->rank == 1) continue;
-        code = check_tensor(self, path, &tensors, t);
-        if (code != APP_EXIT_OK) break;
+        check_weight(self, path, &tensors, t, n->count);
         stem_of(t->name, stem);
-        if (t->rank != 2 || t->count == 0 || n->count == MOST_LAYERS)
-            code = app_fail(self, LG_FORMAT,
-                            "%s: tensor '%s' is no weight of a dense layer (rank 2, at most %d layers)", path,
-                            t->name, MOST_LAYERS);
-        else
-            add_weight(n, stem, t->values, t->dims[0], t->dims[1], inputs_first_of(tensors.inputs_first));
+        add_weight(n, stem, t->values, t->dims[0], t->dims[1], inputs_first_of(tensors.inputs_first));
     }
     sort_layers(n, first);
-    if (code == APP_EXIT_OK) code = take_biases(self, path, &tensors, n, first);
-    lg_tensors_destroy(&tensors);
-    return code;
+    take_biases(self, path, &tensors, n, first);
 }
 
 /* ---- layers from numpy files: a weight, then its bias, and so on ---- */
 
 /* All columns of a file as one array. */
-static int read_array(const app *self, const char *path, lg_table_data *out) {
-    lg_table_names names;
-    lg_error error = {LG_OK, ""};
-    lg_status status = lg_table_names_read(self->context, path, NULL, &names, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    const char **columns = app_alloc(names.count, sizeof *columns);
+static void read_array(const app *self, const char *path, lg_table_data *out) {
+    APP_CLEAN(lg_table_names_destroy) lg_table_names names = {0};
+    APP_MUST_FILE(self, path, lg_table_names_read(self->context, path, NULL, &names, &error));
+    APP_FREE const char **columns = app_alloc(names.count, sizeof *columns);
     for (uint32_t i = 0; i < names.count; i++) columns[i] = names.name[i];
-    status = lg_table_read(self->context, path, columns, names.count, NULL, NULL, out, &error);
-    free(columns);
-    lg_table_names_destroy(&names);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+    APP_MUST_FILE(self, path,
+                  lg_table_read(self->context, path, columns, names.count, NULL, NULL, out, &error));
 }
 
 static bool is_bias_of(const layer *l, const lg_table_data *data) {
@@ -210,22 +198,19 @@ static void name_of_file(const char *path, char *out, size_t size) {
                    name);
 }
 
-static int take_array(const app *self, const char *path, network *n) {
-    lg_table_data data;
+static void take_array(const app *self, const char *path, network *n) {
+    APP_CLEAN(lg_table_data_destroy) lg_table_data data = {0};
     char name[128];
     layer *last = n->count > 0 ? &n->layers[n->count - 1] : NULL;
-    int code = read_array(self, path, &data);
-    if (code != APP_EXIT_OK) return code;
+    read_array(self, path, &data);
     name_of_file(path, name, sizeof name);
     if (last != NULL && is_bias_of(last, &data))
         last->bias = transposed(data.values, 1, last->out);
     else if (n->count < MOST_LAYERS)
         add_weight(n, name, data.values, data.rows, data.columns, inputs_first_of(false));
     else
-        code = app_fail(self, LG_FORMAT, "%s: is the weight of one more layer than the %d that there may be",
-                        path, MOST_LAYERS);
-    lg_table_data_destroy(&data);
-    return code;
+        app_stop(self, LG_FORMAT, "%s: is the weight of one more layer than the %d that there may be", path,
+                 MOST_LAYERS);
 }
 
 /* ---- the order ---- */
@@ -234,36 +219,24 @@ static void add_names(const network *n, lg_text *to) {
     for (size_t i = 0; i < n->count; i++) lg_text_add(to, "%s%s", i > 0 ? "," : "", n->layers[i].name);
 }
 
-/* The layer of the name, from `first` on; n->count: none. */
-static size_t find_layer(const network *n, size_t first, const char *name) {
-    size_t at = first;
-    while (at < n->count && strcmp(n->layers[at].name, name) != 0) at++;
-    return at;
-}
-
 /* --layers: each layer once. */
-static int order_layers(const app *self, network *n) {
-    if (values.layers == NULL) return APP_EXIT_OK;
-    char *list = app_format("%s", values.layers);
-    size_t done = 0;
-    bool fits = true;
-    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL && fits;
+static void order_layers(const app *self, network *n) {
+    if (values.layers == NULL) return;
+    APP_FREE char *list = app_format("%s", values.layers);
+    size_t done = 0, at = 0;
+    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL && at < n->count;
          name = strtok_r(NULL, ",", &save)) {
-        const size_t at = find_layer(n, done, name);
-        fits = at < n->count;
-        if (!fits) break;
+        for (at = done; at < n->count && strcmp(n->layers[at].name, name) != 0;) at++;
+        if (at == n->count) break;
         const layer moved = n->layers[at];
         n->layers[at] = n->layers[done];
         n->layers[done++] = moved;
     }
-    free(list);
-    if (fits && done == n->count) return APP_EXIT_OK;
+    if (at < n->count && done == n->count) return;
     lg_text names = app_text();
     add_names(n, &names);
-    const int code = app_usage(self, "--layers: '%s' does not name each layer once; in some order: %s",
-                               values.layers, names.data != NULL ? names.data : "none");
-    lg_text_destroy(&names);
-    return code;
+    app_stop_usage(self, "--layers: '%s' does not name each layer once; in some order: %s", values.layers,
+                   names.data != NULL ? names.data : "none");
 }
 
 /* Whether the layers make another chain too. The widths w_0 ... w_n are a way through a graph with an edge a
@@ -283,31 +256,27 @@ static bool has_other_order(const network *n) {
 
 static void warn_order(const app *self, const network *n) {
     if (values.layers != NULL || !n->by_name || !has_other_order(n)) return;
-    lg_text names = app_text();
+    APP_CLEAN(lg_text_destroy) lg_text names = app_text();
     add_names(n, &names);
     app_warn(self,
              "the layers fit each other in other orders too; taken in the order of their names, %s: give "
              "another with --layers",
              names.data);
-    lg_text_destroy(&names);
 }
 
 /* ---- the program ---- */
 
-static int check_chain(const app *self, const network *n) {
-    if (n->count == 0)
-        return app_fail(self, LG_FORMAT, "%s: there is no weight of a layer", self->arguments[0]);
+static void check_chain(const app *self, const network *n) {
+    if (n->count == 0) app_stop(self, LG_FORMAT, "%s: there is no weight of a layer", self->arguments[0]);
     for (size_t i = 1; i < n->count; i++) {
         const layer *from = &n->layers[i - 1], *to = &n->layers[i];
         if (from->out != to->in)
-            return app_fail(
-                self, LG_FORMAT,
-                "layer %zu, %s, gives %zu numbers, layer %zu, %s, takes %zu: give the order of the "
-                "layers with --layers, or another order of files, or --layout %s",
-                i, from->name, from->out, i + 1, to->name, to->in,
-                values.layout == LAYOUT_IN_OUT ? "out-in" : "in-out");
+            app_stop(self, LG_FORMAT,
+                     "layer %zu, %s, gives %zu numbers, layer %zu, %s, takes %zu: give the order of the "
+                     "layers with --layers, or another order of files, or --layout %s",
+                     i, from->name, from->out, i + 1, to->name, to->in,
+                     values.layout == LAYOUT_IN_OUT ? "out-in" : "in-out");
     }
-    return APP_EXIT_OK;
 }
 
 /* Parameters: weight1, bias1, ..., those that there are. */
@@ -324,71 +293,67 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg
     return lg_tape_status(tape);
 }
 
-static lg_status build(const app *self, network *n, lg_program **out, lg_error *error) {
-    lg_parameter_spec parameters[2 * MOST_LAYERS];
+typedef struct parameter_list {
+    size_t count;
+    lg_parameter_spec of[2 * MOST_LAYERS];
     char names[2 * MOST_LAYERS][16];
-    size_t count = 0;
+} parameter_list;
+
+static void add_parameter(parameter_list *list, const char *what, size_t at, lg_shape shape,
+                          const double *numbers) {
+    char *name = list->names[list->count];
+    (void)snprintf(name, sizeof list->names[0], "%s%u", what, (unsigned)(at + 1));
+    list->of[list->count++] = (lg_parameter_spec){name, shape, numbers};
+}
+
+static lg_status build(const app *self, network *n, lg_program **out, lg_error *error) {
+    parameter_list parameters = {.count = 0};
     for (size_t i = 0; i < n->count; i++) {
         const layer *l = &n->layers[i];
-        (void)snprintf(names[count], sizeof names[count], "weight%u", (unsigned)(i + 1));
-        parameters[count] =
-            (lg_parameter_spec){names[count], lg_shape2((uint32_t)l->in, (uint32_t)l->out), l->weight};
-        count++;
-        if (l->bias == NULL) continue;
-        (void)snprintf(names[count], sizeof names[count], "bias%u", (unsigned)(i + 1));
-        parameters[count] = (lg_parameter_spec){names[count], lg_shape1((uint32_t)l->out), l->bias};
-        count++;
+        const uint32_t in = (uint32_t)l->in, to = (uint32_t)l->out;
+        add_parameter(&parameters, "weight", i, lg_shape2(in, to), l->weight);
+        if (l->bias != NULL) add_parameter(&parameters, "bias", i, lg_shape1(to), l->bias);
     }
     const lg_port x = {.name = "x", .shape = lg_shape1((uint32_t)n->layers[0].in)}, y = {.name = "y"};
     const lg_function_spec value = {"value", &x, 1, &y, 1, record, n};
     lg_program_spec spec;
     lg_program_spec_init(&spec);
-    spec.parameters = parameters;
-    spec.parameter_count = count;
+    spec.parameters = parameters.of;
+    spec.parameter_count = parameters.count;
     spec.functions = &value;
     spec.function_count = 1;
     spec.description = "a network whose weights were imported";
     return lg_program_build(self->context, &spec, out, error);
 }
 
-static int write_program(const app *self, network *n) {
+static void write_program(const app *self, network *n) {
     lg_program *program;
-    lg_error error = {LG_OK, ""};
     const lg_provenance provenance = app_provenance(self, self->seed);
-    lg_status status = build(self, n, &program, &error);
-    if (status != LG_OK) return app_fail(self, status, "%s", error.message);
-    status = lg_program_save(self->context, values.out, program, &provenance, &error);
+    APP_MUST(self, build(self, n, &program, &error));
+    APP_MUST_FILE(self, values.out, lg_program_save(self->context, values.out, program, &provenance, &error));
     lg_program_destroy(program);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
 }
 
 static void report(const app *self, const network *n) {
     size_t parameters = 0;
-    for (size_t i = 0; i < n->count; i++)
-        parameters += n->layers[i].in * n->layers[i].out + (n->layers[i].bias != NULL ? n->layers[i].out : 0);
-    if (self->json) {
-        app_json json;
-        app_json_begin(&json);
-        app_json_text(&json, "out", values.out);
-        app_json_size(&json, "layers", n->count);
-        app_json_open(&json, "order", '[');
-        for (size_t i = 0; i < n->count; i++) app_json_text(&json, NULL, n->layers[i].name);
-        app_json_close(&json, ']');
-        app_json_size(&json, "inputs", n->layers[0].in);
-        app_json_size(&json, "outputs", n->layers[n->count - 1].out);
-        app_json_size(&json, "parameters", parameters);
-        app_json_end(&json);
-        return;
+    app_json out;
+    APP_CLEAN(lg_text_destroy) lg_text layers = app_text();
+    app_result_begin(&out, self);
+    app_result_text(&out, "out", values.out, "a program with the function value");
+    app_json_size(&out, "layers", n->count);
+    app_json_open(&out, "order", '[');
+    for (size_t i = 0; i < n->count; i++) {
+        const layer *l = &n->layers[i];
+        app_json_text(&out, NULL, l->name);
+        lg_text_add(&layers, "%s %s %zu -> %zu", i > 0 ? "," : "", l->name, l->in, l->out);
+        parameters += l->in * l->out + (l->bias != NULL ? l->out : 0);
     }
-    (void)printf("%s: a program with the function value:", values.out);
-    for (size_t i = 0; i < n->count; i++) (void)printf(" %zu -", n->layers[i].in);
-    (void)printf(" %zu, %zu parameters, %s\n", n->layers[n->count - 1].out, parameters,
-                 activations[values.activation]);
-    (void)printf("layers:");
-    for (size_t i = 0; i < n->count; i++)
-        (void)printf("%s %s %zu -> %zu", i > 0 ? "," : "", n->layers[i].name, n->layers[i].in,
-                     n->layers[i].out);
-    (void)printf("\n");
+    app_json_close(&out, ']');
+    app_result_line(&out, "layers:%s, %s", layers.data, activations[values.activation]);
+    app_result_size(&out, "inputs", n->layers[0].in, NULL);
+    app_result_size(&out, "outputs", n->layers[n->count - 1].out, NULL);
+    app_result_size(&out, "parameters", parameters, NULL);
+    app_json_end(&out);
 }
 
 static bool is_safetensors(const char *path) {
@@ -396,24 +361,23 @@ static bool is_safetensors(const char *path) {
     return n > m && strcmp(path + n - m, ".safetensors") == 0;
 }
 
-static int run(app *self) {
-    network *n = app_alloc(1, sizeof *n);
-    const app_path out = {"out", values.out, LG_FILE_WRITTEN};
-    int code = values.out == NULL ? app_usage(self, "--out is missing: give a file for the network")
-                                  : app_check_outputs(self, &out, 1);
-    for (int i = 0; i < self->argument_count && code == APP_EXIT_OK; i++)
-        code = (is_safetensors(self->arguments[i]) ? take_tensors : take_array)(self, self->arguments[i], n);
-    if (code == APP_EXIT_OK) code = order_layers(self, n);
-    if (code == APP_EXIT_OK) code = check_chain(self, n);
-    if (code == APP_EXIT_OK) warn_order(self, n);
-    if (code == APP_EXIT_OK) code = write_program(self, n);
-    if (code == APP_EXIT_OK) report(self, n);
+static void network_destroy(network *n) {
     for (size_t i = 0; i < n->count; i++) {
         free(n->layers[i].weight);
         free(n->layers[i].bias);
     }
-    free(n);
-    return code;
+}
+
+static int run(app *self) {
+    APP_CLEAN(network_destroy) network n = {.count = 0};
+    for (int i = 0; i < self->argument_count; i++)
+        (is_safetensors(self->arguments[i]) ? take_tensors : take_array)(self, self->arguments[i], &n);
+    order_layers(self, &n);
+    check_chain(self, &n);
+    warn_order(self, &n);
+    write_program(self, &n);
+    report(self, &n);
+    return APP_EXIT_OK;
 }
 
 const app_command import_command = {

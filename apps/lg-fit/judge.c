@@ -99,8 +99,8 @@ static void make_arrays(const lg_table_file *file, judgement *j) {
 static void run_rows(const lg_table_file *file, const lg_model *model, const fit_table *table,
                      const uint32_t *chosen, judgement *j) {
     const uint32_t inputs = file->run.model.net.inputs, outputs = file->run.model.net.outputs;
-    void *work = app_alloc(lg_model_work_size(model), 1);
-    double *y = app_alloc(outputs, sizeof *y);
+    APP_FREE void *work = app_alloc(lg_model_work_size(model), 1);
+    APP_FREE double *y = app_alloc(outputs, sizeof *y);
     for (size_t i = 0; i < j->rows; i++) {
         const size_t row = chosen != NULL ? chosen[i] : i;
         const double *x = table_row(table, row);
@@ -114,8 +114,6 @@ static void run_rows(const lg_table_file *file, const lg_model *model, const fit
             add_class(file, table, row, y, j);
         }
     }
-    free(y);
-    free(work);
 }
 
 lg_status table_model(const app *self, const lg_table_file *file, lg_model **out, lg_error *error) {
@@ -163,7 +161,7 @@ static void put_columns(app_json *json, const lg_table_file *file, const char *k
 
 static void put_confusion(app_json *json, const lg_table_file *file, const judgement *j) {
     const uint32_t classes = file->run.model.net.outputs;
-    double *row = app_alloc(classes, sizeof *row);
+    APP_FREE double *row = app_alloc(classes, sizeof *row);
     app_json_open(json, "confusion", '[');
     for (uint32_t c = 0; c < classes && j->confusion != NULL; c++) {
         for (uint32_t k = 0; k < classes; k++) row[k] = (double)j->confusion[c * classes + k];
@@ -173,7 +171,6 @@ static void put_confusion(app_json *json, const lg_table_file *file, const judge
     app_json_open(json, "classes", '[');
     for (uint32_t c = 0; c < classes; c++) app_json_text(json, NULL, file->output_name[c]);
     app_json_close(json, ']');
-    free(row);
 }
 
 void judgement_json(app_json *json, const lg_table_file *file, const judgement *j) {

@@ -10,9 +10,10 @@ typedef struct predict_values {
     const char *out;
 } predict_values;
 
-static const lg_field predict_options[] = {
-    LG_OPTION(predict_values, out, STRING, "FILE.csv", "The file to write (default: standard output)"),
-    LG_FIELD_END};
+static const lg_field predict_options[] = {LG_OPTION(predict_values, out, STRING, "FILE.csv",
+                                                     "The file to write (default: standard output)",
+                                                     .file = LG_FILE_WRITTEN),
+                                           LG_FIELD_END};
 
 static predict_values values;
 
@@ -36,11 +37,10 @@ static void put_header(FILE *to, const lg_table_file *file) {
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
     if (!regression) put_text(to, file->class_column[0] != '\0' ? file->class_column : "class");
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
-        char *name = regression ? app_format("%s", file->output_name[o])
-                                : app_format("probability_%s", file->output_name[o]);
+        APP_FREE char *name = regression ? app_format("%s", file->output_name[o])
+                                         : app_format("probability_%s", file->output_name[o]);
         if (o > 0 || !regression) (void)fputc(',', to);
         put_text(to, name);
-        free(name);
     }
     (void)fputc('\n', to);
 }
@@ -66,8 +66,8 @@ typedef struct counts {
 
 static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model, const fit_table *table,
                      counts *found) {
-    void *work = app_alloc(lg_model_work_size(model), 1);
-    double *y = app_alloc(lg_model_outputs(model), sizeof *y);
+    APP_FREE void *work = app_alloc(lg_model_work_size(model), 1);
+    APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
     put_header(to, file);
     for (size_t i = 0; i < table->data.rows; i++) {
         const double *x = table_row(table, i);
@@ -80,72 +80,46 @@ static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model,
         found->outside += complete && is_outside(file, x);
         put_row(to, file, y, finite);
     }
-    free(y);
-    free(work);
 }
 
 /* ---- running ---- */
 
-/* The exit code. */
-static int tell(const app *self, const fit_table *table, const counts *found) {
-    if (found->incomplete > 0)
-        app_warn(self, "%s: %zu of %zu rows lack an input; their predictions are empty", table->path,
-                 found->incomplete, table->data.rows);
-    warn_outside(self, found->outside, table->data.rows, table->path, self->arguments[0]);
-    return warn_infinite(self, found->infinite, table->data.rows, table->path);
+static void write_rows(const app *self, const fitted_table *given, counts *found) {
+    app_file to = {.stream = stdout};
+    lg_model *model;
+    APP_MUST_FILE(self, self->arguments[0], table_model(self, &given->file, &model, &error));
+    if (values.out != NULL) app_file_begin(&to, values.out);
+    put_rows(to.stream, &given->file, model, &given->table, found);
+    if (values.out != NULL) APP_MUST_FILE(self, values.out, app_file_end(&to, &error));
+    lg_model_destroy(model);
 }
 
-static int write_all(const app *self, const lg_table_file *file, const lg_model *model,
-                     const fit_table *table) {
-    lg_error error = {LG_OK, ""};
-    counts found = {0};
-    app_json json;
-    if (values.out == NULL) {
-        put_rows(stdout, file, model, table, &found);
-        return tell(self, table, &found);
-    }
-    app_file to;
-    app_file_begin(&to, values.out);
-    put_rows(to.stream, file, model, table, &found);
-    const lg_status status = app_file_end(&to, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
-    const int code = tell(self, table, &found);
-    if (!self->json) {
-        (void)printf("%s: %zu rows\n", values.out, table->data.rows);
-        return code;
-    }
-    app_json_begin(&json);
-    app_json_text(&json, "out", values.out);
-    app_json_size(&json, "rows", table->data.rows);
-    app_json_size(&json, "incomplete", found.incomplete);
-    app_json_size(&json, "outside", found.outside);
-    app_json_warnings(&json, self);
-    app_json_end(&json);
-    return code;
+static void report(const app *self, size_t rows, const counts *found) {
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_text(&out, "out", values.out, NULL);
+    app_result_size(&out, "rows", rows, NULL);
+    app_result_size(&out, "incomplete", found->incomplete, "rows that lack an input");
+    app_result_size(&out, "outside", found->outside, "rows beyond the training range");
+    app_json_warnings(&out, self);
+    app_json_end(&out);
 }
 
 static int run(app *self) {
-    lg_error error = {LG_OK, ""};
-    lg_table_file file;
-    fit_table table = {.path = NULL};
-    lg_model *model = NULL;
-    const app_path out = {"out", values.out, LG_FILE_WRITTEN};
+    const char *path = self->arguments[1];
+    APP_CLEAN(fitted_table_destroy) fitted_table given = {0};
+    counts found = {0};
     if (self->json && values.out == NULL)
-        return app_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
-    int code = app_check_outputs(self, &out, 1);
-    if (code != APP_EXIT_OK) return code;
-    lg_status status = lg_model_load_table(self->context, self->arguments[0], NULL, &file, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    const column_names inputs = {file.run.model.net.inputs, file.input_name}, none = {0, NULL};
-    code = read_table(self, self->arguments[1], &inputs, &none, NULL, false, &table);
-    if (code == APP_EXIT_OK) {
-        status = table_model(self, &file, &model, &error);
-        code = status == LG_OK ? write_all(self, &file, model, &table)
-                               : app_fail_file(self, status, &error, self->arguments[0]);
-    }
-    lg_model_destroy(model);
-    lg_table_data_destroy(&table.data);
-    lg_table_file_destroy(&file);
+        app_stop_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
+    read_fitted_table(self, false, &given);
+    write_rows(self, &given, &found);
+    const size_t rows = given.table.data.rows;
+    if (found.incomplete > 0)
+        app_warn(self, "%s: %zu of %zu rows lack an input; their predictions are empty", path,
+                 found.incomplete, rows);
+    warn_outside(self, found.outside, rows, path, self->arguments[0]);
+    const int code = warn_infinite(self, found.infinite, rows, path);
+    if (values.out != NULL) report(self, rows, &found);
     return code;
 }
 

@@ -89,14 +89,11 @@ char *list_names(const column_names *names) {
 lg_status load_table(const app *self, const char *path, const column_names *inputs,
                      const column_names *outputs, const char *class_column, fit_table *out, lg_error *error) {
     const uint32_t count = inputs->count + outputs->count;
-    const char **names = app_alloc((size_t)count + 1, sizeof *names);
+    APP_FREE const char **names = app_alloc((size_t)count + 1, sizeof *names);
     *out = (fit_table){.path = path, .inputs = inputs->count, .outputs = outputs->count};
     for (uint32_t i = 0; i < count; i++)
         names[i] = i < inputs->count ? inputs->name[i] : outputs->name[i - inputs->count];
-    const lg_status status =
-        lg_table_read(self->context, path, names, count, class_column, NULL, &out->data, error);
-    free(names);
-    return status;
+    return lg_table_read(self->context, path, names, count, class_column, NULL, &out->data, error);
 }
 
 static void warn_cut(const app *self, const fit_table *table) {
@@ -150,19 +147,37 @@ void warn_far(const app *self, const fit_table *table, uint32_t first, const col
 
 int match_classes(const app *self, fit_table *table, const lg_table_text *name, uint32_t classes) {
     lg_table_data *data = &table->data;
-    uint32_t *number = app_alloc(data->classes + 1, sizeof *number);
-    int code = APP_EXIT_OK;
+    APP_FREE uint32_t *number = app_alloc(data->classes + 1, sizeof *number);
     for (uint32_t c = 0; c < data->classes; c++) {
         number[c] = 0;
         while (number[c] < classes && strcmp(name[number[c]], data->class_name[c]) != 0) number[c]++;
     }
-    for (size_t i = 0; i < data->rows && code == APP_EXIT_OK; i++) {
+    for (size_t i = 0; i < data->rows; i++) {
         if (data->label[i] == LG_TABLE_NO_CLASS) continue;
         if (number[data->label[i]] == classes)
-            code = app_fail(self, LG_FORMAT, "%s: %s %zu: class '%s' is none of the model's", table->path,
+            return app_fail(self, LG_FORMAT, "%s: %s %zu: class '%s' is none of the model's", table->path,
                             data->place, data->line[i], data->class_name[data->label[i]]);
         data->label[i] = number[data->label[i]];
     }
-    free(number);
-    return code;
+    return APP_EXIT_OK;
+}
+
+void read_fitted_table(const app *self, bool judged, fitted_table *out) {
+    const char *model = self->arguments[0];
+    lg_table_file *file = &out->file;
+    const lg_table *of = &file->run.model;
+    APP_MUST_FILE(self, model, lg_model_load_table(self->context, model, NULL, file, &error));
+    const bool classes = judged && of->options.task != LG_TABLE_REGRESSION;
+    const column_names inputs = {of->net.inputs, file->input_name},
+                       outputs = {judged && !classes ? of->net.outputs : 0, file->output_name};
+    int code = read_table(self, self->arguments[1], &inputs, &outputs, classes ? file->class_column : NULL,
+                          judged, &out->table);
+    if (code == APP_EXIT_OK && classes)
+        code = match_classes(self, &out->table, file->output_name, of->net.outputs);
+    if (code != APP_EXIT_OK) app_end(code);
+}
+
+void fitted_table_destroy(fitted_table *of) {
+    lg_table_data_destroy(&of->table.data);
+    lg_table_file_destroy(&of->file);
 }

@@ -323,8 +323,8 @@ TEST("columns are found by name: swapped ones give the same numbers, missing cel
                &result);
     cli_write("some.csv", "a,b,c\n0.1,3e6,1e-8\n-0.5,2.5e6,-5e-8\n");
     cli_write("swapped.csv", "c;y;more;a;b\n1e-8;9;text;0.1;3e6\n;9;text;0.1;3e6\n-5e-8;9;text;-0.5;2.5e6\n");
-    cli_expect(fit, "predict s.h5 some.csv --out p1.csv", 0, "2 rows", &result);
-    cli_expect(fit, "predict s.h5 swapped.csv --out p2.csv", 0, "3 rows", &result);
+    cli_json(fit, "predict s.h5 some.csv --out p1.csv", "rows 2, incomplete 0", &result);
+    cli_json(fit, "predict s.h5 swapped.csv --out p2.csv", "rows 3, incomplete 1", &result);
     assert_says(result.err, "1 of 3 rows lack an input");
     (void)cli_read("p1.csv", first, sizeof first);
     (void)cli_read("p2.csv", second, sizeof second);
@@ -718,16 +718,17 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
                {"{\"a\":[1]}", "type is not F64"},
                {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]}}",
                 "40 bytes behind the last tensor"}};
+    static const char shape[] = "layers 2, inputs 2, outputs 1, parameters 9";
     double numbers[9];
     memcpy(numbers, weight1, sizeof weight1);
     memcpy(numbers + 4, bias1, sizeof bias1);
     memcpy(numbers + 6, weight2, sizeof weight2);
     memcpy(numbers + 8, bias2, sizeof bias2);
     write_tensors("w.safetensors", header, numbers, sizeof numbers);
-    cli_expect(fit, "import w.safetensors --out w.h5", 0, "2 - 2 - 1", &result);
+    cli_json(fit, "import w.safetensors --out w.h5", shape, &result);
     check_imported("w.h5");
     cli_expect("lg-export", "w.h5 --target safetensors --out back --name w", 0, "", &result);
-    cli_expect(fit, "import back/w.safetensors --out w2.h5", 0, "2 - 2 - 1", &result);
+    cli_json(fit, "import back/w.safetensors --out w2.h5", shape, &result);
     check_imported("w2.h5");
     write_npy("w1.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }\n", weight1,
               sizeof weight1);
@@ -735,7 +736,7 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     write_npy("w2.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (1, 2), }\n", weight2,
               sizeof weight2);
     write_npy("b2.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }\n", bias2, sizeof bias2);
-    cli_expect(fit, "import w1.npy b1.npy w2.npy b2.npy --out w3.h5", 0, "2 - 2 - 1", &result);
+    cli_json(fit, "import w1.npy b1.npy w2.npy b2.npy --out w3.h5", shape, &result);
     check_imported("w3.h5");
     cli_expect(fit, "import w2.npy b2.npy w1.npy b1.npy --out w4.h5", 3, "another order of files", &result);
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
@@ -746,7 +747,7 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "no weight", &result);
     cli_write("bad.safetensors", "short");
     cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "is not a safetensors file", &result);
-    cli_expect(fit, "import w.safetensors", 2, "--out is missing", &result);
+    cli_expect(fit, "import w.safetensors", 2, "--out MODEL.h5 is missing", &result);
 }
 
 TEST("the order of imported layers is printed, can be given, and is doubted where the sizes fit others") {
@@ -805,7 +806,7 @@ TEST("an import of more layers than a network may have is refused") {
     put(header, "}");
     write_tensors("deep.safetensors", header->text, numbers, sizeof numbers);
     cli_write("one.csv", "w\n1\n");
-    cli_expect(fit, "import deep.safetensors one.csv --out deep.h5", 0, "65 parameters", &result);
+    cli_json(fit, "import deep.safetensors one.csv --out deep.h5", "layers 64, parameters 65", &result);
     cli_expect(fit, "import deep.safetensors one.csv one.csv --out d.h5", 3, "one more layer than the 64",
                &result);
 }
