@@ -36,9 +36,8 @@ static void put_quoted(FILE *stream, const char *text) {
     (void)fputc('\'', stream);
 }
 
-lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int height) {
-    const size_t format = format_of(picture);
-    if (format == LG_COUNT(formats)) return LG_INVALID_ARGUMENT;
+void app_plot_begin(app_plot *plot, const char *picture, int width, int height) {
+    const size_t format = format_of(picture) % LG_COUNT(formats);
     const int stem = (int)strlen(picture) - 4;
     const char *slash = strrchr(picture, '/');
     *plot = (app_plot){.picture = app_format("%s", picture)};
@@ -52,7 +51,6 @@ lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int hei
     (void)fputs("\ndatafile = ", script);
     put_quoted(script, plot->data_path + (slash != NULL ? slash + 1 - picture : 0));
     (void)fputs("\nset grid lc rgb '#dddddd'\nset border lc rgb '#555555'\n", script);
-    return LG_OK;
 }
 
 void app_plot_block(app_plot *plot) {
@@ -102,46 +100,33 @@ static int run_gnuplot(const char *script, FILE *picture) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-static void plot_free(app_plot *plot) {
+/* The picture, or a warning that says why there is none. */
+static lg_status draw(const app *self, const app_plot *plot, lg_error *error) {
+    app_file picture;
+    app_file_begin(&picture, plot->picture);
+    const int code = run_gnuplot(plot->script_path, picture.stream);
+    if (code == 0) return app_file_end(&picture, error);
+    app_file_discard(&picture);
+    app_warn(self, "gnuplot %s, so %s is not drawn; its data and script are in %s and %s%s",
+             code == 127 ? "is not installed" : "failed", plot->picture, plot->data_path, plot->script_path,
+             code == 127 ? " (to draw it, in their folder: gnuplot SCRIPT > PICTURE)" : "");
+    return LG_OK;
+}
+
+lg_status app_plot_end(const app *self, app_plot *plot, lg_error *error) {
+    lg_status status = app_file_end(&plot->data, error);
+    const bool data = status == LG_OK;
+    if (data)
+        status = app_file_end(&plot->script, error);
+    else
+        app_file_discard(&plot->script);
+    const bool script = data && status == LG_OK;
+    if (script) status = draw(self, plot, error);
+    /* What was written before the disk was full is of no use alone. */
+    if (status != LG_OK && data) (void)unlink(plot->data_path);
+    if (status != LG_OK && script) (void)unlink(plot->script_path);
     free(plot->picture);
     free(plot->data_path);
     free(plot->script_path);
-}
-
-/* What was written before the disk was full is of no use alone. */
-static void remove_written(const app_plot *plot, bool script) {
-    (void)unlink(plot->data_path);
-    if (script) (void)unlink(plot->script_path);
-}
-
-lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *error) {
-    *drawn = false;
-    lg_status status = app_file_end(&plot->data, error);
-    if (status == LG_OK) {
-        status = app_file_end(&plot->script, error);
-        if (status != LG_OK) remove_written(plot, false);
-    } else {
-        app_file_discard(&plot->script);
-    }
-    if (status == LG_OK) {
-        app_file picture;
-        app_file_begin(&picture, plot->picture);
-        const int code = run_gnuplot(plot->script_path, picture.stream);
-        if (code == 0)
-            status = app_file_end(&picture, error);
-        else
-            app_file_discard(&picture);
-        if (status != LG_OK) remove_written(plot, true);
-        *drawn = code == 0 && status == LG_OK;
-        if (code == 127)
-            app_warn(self,
-                     "gnuplot is not installed, so %s is not drawn; its data and script are in %s and %s "
-                     "(to draw it, in their folder: gnuplot SCRIPT > PICTURE)",
-                     plot->picture, plot->data_path, plot->script_path);
-        else if (code != 0)
-            app_warn(self, "gnuplot failed, so %s is not drawn; its data and script are in %s and %s",
-                     plot->picture, plot->data_path, plot->script_path);
-    }
-    plot_free(plot);
     return status;
 }

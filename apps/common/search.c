@@ -484,9 +484,7 @@ static void put_state(app_plot *plot, const lg_trial *trials, size_t count, lg_t
 static lg_status draw_search(const app *self, const char *picture, const lg_trial *trials, size_t count,
                              lg_error *error) {
     app_plot plot;
-    bool drawn;
-    const lg_status status = app_plot_begin(&plot, picture, 800, 500);
-    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", picture);
+    app_plot_begin(&plot, picture, 800, 500);
     size_t done = 0, pruned = 0;
     double best = INFINITY;
     for (size_t i = 0; i < count; i++) {
@@ -513,7 +511,7 @@ static lg_status draw_search(const app *self, const char *picture, const lg_tria
                     "datafile index 0 with steps lw 2 lc rgb '#d1641f' title 'best so far'",
                     plot.script.stream);
     (void)fputc('\n', plot.script.stream);
-    return app_plot_end(self, &plot, &drawn, error);
+    return app_plot_end(self, &plot, error);
 }
 
 /* ---- the command ---- */

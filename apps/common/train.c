@@ -531,9 +531,7 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
 lg_status train_draw_loss(const app *self, const char *picture, const double *loss, const double *validation,
                           size_t epochs, lg_error *error) {
     app_plot plot;
-    bool drawn;
-    const lg_status status = app_plot_begin(&plot, picture, 800, 500);
-    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", picture);
+    app_plot_begin(&plot, picture, 800, 500);
     for (size_t i = 0; i < epochs; i++)
         (void)fprintf(plot.data.stream, "%zu %.17g %.17g\n", i + 1, loss[i],
                       validation != NULL ? validation[i] : (double)NAN);
@@ -545,7 +543,7 @@ lg_status train_draw_loss(const app *self, const char *picture, const double *lo
         (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'",
                     plot.script.stream);
     (void)fputc('\n', plot.script.stream);
-    return app_plot_end(self, &plot, &drawn, error);
+    return app_plot_end(self, &plot, error);
 }
 
 int train_draw(const train_session *self) {

@@ -84,13 +84,11 @@ lg_status draw_judgement(const app *self, const char *picture, const lg_table_fi
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
     const uint32_t outputs = file->run.model.net.outputs, panels = outputs < PANELS ? outputs : PANELS;
     app_plot plot;
-    bool drawn;
     if (j->rows == 0) return app_error(error, LG_INVALID_ARGUMENT, "%s: there are no rows to draw", picture);
-    const lg_status status = app_plot_begin(&plot, picture, PANEL * (regression ? (int)panels : 1), PANEL);
-    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", picture);
+    app_plot_begin(&plot, picture, PANEL * (regression ? (int)panels : 1), PANEL);
     if (regression)
         draw_scatter(&plot, file, j, panels);
     else
         draw_confusion(&plot, file, j);
-    return app_plot_end(self, &plot, &drawn, error);
+    return app_plot_end(self, &plot, error);
 }

@@ -5,21 +5,6 @@
 
 enum { PANELS_IN_ROW = 3, TITLE_HEIGHT = 30 };
 
-static lg_status begin(app_plot *plot, const char *picture, int width, int height, lg_error *error) {
-    const lg_status status = app_plot_begin(plot, picture, width, height);
-    if (status != LG_OK && error != NULL) {
-        error->status = status;
-        (void)snprintf(error->message, sizeof error->message, "%s: the name must end in .svg or .png",
-                       picture);
-    }
-    return status;
-}
-
-static lg_status end(const app *self, app_plot *plot, lg_error *error) {
-    bool drawn;
-    return app_plot_end(self, plot, &drawn, error);
-}
-
 static bool on_spheres(const lg_hamiltonian *model) {
     return model->family->factor[0] == LG_SPACE_TS2;
 }
@@ -104,16 +89,11 @@ static void put_panels(FILE *script, const panel *panels, size_t count, const cu
 }
 
 /* Panels beside each other and below, under one title. */
-static lg_status begin_panels(app_plot *plot, const char *picture, size_t count, int side, const char *title,
-                              lg_error *error) {
+static void begin_panels(app_plot *plot, const char *picture, size_t count, int side, const char *title) {
     const size_t columns = count < PANELS_IN_ROW ? count : (size_t)PANELS_IN_ROW;
     const size_t rows = (count + PANELS_IN_ROW - 1) / PANELS_IN_ROW;
-    const lg_status status =
-        begin(plot, picture, side * (int)columns, side * (int)rows + TITLE_HEIGHT, error);
-    if (status == LG_OK)
-        (void)fprintf(plot->script.stream, "set multiplot layout %zu,%zu title \"%s\"\n", rows, columns,
-                      title);
-    return status;
+    app_plot_begin(plot, picture, side * (int)columns, side * (int)rows + TITLE_HEIGHT);
+    (void)fprintf(plot->script.stream, "set multiplot layout %zu,%zu title \"%s\"\n", rows, columns, title);
 }
 
 lg_status draw_trajectories(const app *self, const char *picture, const char *title,
@@ -123,8 +103,7 @@ lg_status draw_trajectories(const app *self, const char *picture, const char *ti
     const size_t links = model->n;
     const bool space = on_spheres(model), phase = lg_hamiltonian_state_dim(model) == 2;
     const size_t count = space ? links : phase ? LG_COUNT(phase_panels) : LG_COUNT(plane_panels);
-    const lg_status status = begin_panels(&plot, picture, count, count > 1 ? 520 : 700, title, error);
-    if (status != LG_OK) return status;
+    begin_panels(&plot, picture, count, count > 1 ? 520 : 700, title);
     curves of = {.parts = space ? links : 1};
     if (truth != NULL) of.true_blocks = put_blocks(&plot, model, t, truth, n, points);
     of.predicted_blocks = put_blocks(&plot, model, t, predicted, n, points);
@@ -133,14 +112,13 @@ lg_status draw_trajectories(const app *self, const char *picture, const char *ti
     else
         put_panels(plot.script.stream, phase ? phase_panels : plane_panels, count, &of);
     (void)fputs("unset multiplot\n", plot.script.stream);
-    return end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 lg_status draw_energy(const app *self, const char *picture, const double *t, const double *true_energy,
                       const double *learned_energy, size_t count, lg_error *error) {
     app_plot plot;
-    const lg_status status = begin(&plot, picture, 800, 500, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 800, 500);
     for (size_t i = 1; i < count; i++)
         (void)fprintf(plot.data.stream, "%.9g %.9g %.9g\n", t[i], fabs(learned_energy[i] - learned_energy[0]),
                       true_energy != NULL ? fabs(true_energy[i] - true_energy[0]) : (double)NAN);
@@ -154,5 +132,5 @@ lg_status draw_energy(const app *self, const char *picture, const double *t, con
             plot.script.stream);
     (void)fputs("datafile using 1:2 with lines lw 1.5 lc rgb '#d1641f' title 'learned energy'\n",
                 plot.script.stream);
-    return end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }

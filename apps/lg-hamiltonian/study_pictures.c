@@ -4,16 +4,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-static lg_status begin(app_plot *plot, const char *picture, lg_error *error) {
-    const lg_status status = app_plot_begin(plot, picture, 900, 600);
-    if (status != LG_OK && error != NULL) {
-        error->status = status;
-        (void)snprintf(error->message, sizeof error->message, "%s: the name must end in .svg or .png",
-                       picture);
-    }
-    return status;
-}
-
 static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2a9d5c", "#8a4fbf", "#c0392b", "#6b7280"};
 
 static const char *colour_of(size_t series) {
@@ -64,10 +54,8 @@ static void put_work_curve(FILE *script, const study_plan *plan, size_t block, u
 
 lg_status study_draw_work(const app *self, const char *picture, const study_file *file, lg_error *error) {
     app_plot plot;
-    bool drawn;
     size_t block = 0;
-    const lg_status status = begin(&plot, picture, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 900, 600);
     const study_plan *plan = file->plan;
     FILE *script = plot.script.stream;
     (void)fprintf(script,
@@ -83,7 +71,7 @@ lg_status study_draw_work(const app *self, const char *picture, const study_file
         (void)fprintf(script, ", keyentry with points pt %d ps 0.8 lc rgb '#333333' title 'M = %s'",
                       mark_of(m), plan->axes[AXIS_M].text[m]);
     (void)fputc('\n', script);
-    return app_plot_end(self, &plot, &drawn, error);
+    return app_plot_end(self, &plot, error);
 }
 
 /* ---- accuracy against noise ---- */
@@ -133,9 +121,7 @@ static void put_noise_title(FILE *script, const study_plan *plan, const study_ro
 
 lg_status study_draw_noise(const app *self, const char *picture, const study_file *file, lg_error *error) {
     app_plot plot;
-    bool drawn;
-    const lg_status status = begin(&plot, picture, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 900, 600);
     const study_plan *plan = file->plan;
     const study_axis *eps = &plan->axes[AXIS_EPS];
     FILE *script = plot.script.stream;
@@ -160,7 +146,7 @@ lg_status study_draw_noise(const app *self, const char *picture, const study_fil
                       (size_t)(2 * k + 1), colour_of((size_t)k));
     }
     (void)fputc('\n', script);
-    return app_plot_end(self, &plot, &drawn, error);
+    return app_plot_end(self, &plot, error);
 }
 
 /* ---- parallel coordinates ---- */
@@ -252,9 +238,7 @@ static void put_lines(app_plot *plot, const study_file *file, const axes *a, boo
 
 lg_status study_draw_parallel(const app *self, const char *picture, const study_file *file, lg_error *error) {
     app_plot plot;
-    bool drawn;
-    const lg_status status = begin(&plot, picture, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 900, 600);
     const axes a = find_axes(file);
     put_axes(plot.script.stream, file->plan, &a);
     put_lines(&plot, file, &a, false);
@@ -262,5 +246,5 @@ lg_status study_draw_parallel(const app *self, const char *picture, const study_
     (void)fputs("plot datafile index 0 using 1:2 with lines lw 1 lc rgb '#8096a5bd' title 'E1 >= 1e-7', "
                 "datafile index 1 using 1:2 with lines lw 1.5 lc rgb '#00b7c7' title 'E1 < 1e-7'\n",
                 plot.script.stream);
-    return app_plot_end(self, &plot, &drawn, error);
+    return app_plot_end(self, &plot, error);
 }

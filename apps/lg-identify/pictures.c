@@ -90,12 +90,10 @@ static void put_run(FILE *stream, const lg_machine_file *file, const lg_machine_
 
 /* ---- panels ---- */
 
-static lg_status begin(app_plot *plot, const char *picture, size_t panels, const char *title,
-                       lg_error *error) {
+static void begin(app_plot *plot, const char *picture, size_t panels, const char *title) {
     const size_t columns = panels < IN_ROW ? panels : (size_t)IN_ROW;
     const size_t rows = (panels + columns - 1) / columns;
-    const lg_status status = app_plot_begin(plot, picture, WIDTH * (int)columns, HEIGHT * (int)rows + 40);
-    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", picture);
+    app_plot_begin(plot, picture, WIDTH * (int)columns, HEIGHT * (int)rows + 40);
     (void)fprintf(
         plot->script.stream,
         "set multiplot layout %zu,%zu title \"%s\" noenhanced\nset key below center horizontal maxrows 2 "
@@ -104,13 +102,11 @@ static lg_status begin(app_plot *plot, const char *picture, size_t panels, const
         "0.12, graph "
         "0.05\nset lmargin 9\n",
         rows, columns, title);
-    return LG_OK;
 }
 
 static lg_status end(const app *self, app_plot *plot, lg_error *error) {
-    bool drawn;
     (void)fputs("unset multiplot\n", plot->script.stream);
-    return app_plot_end(self, plot, &drawn, error);
+    return app_plot_end(self, plot, error);
 }
 
 /* Two standard deviations to both sides. */
@@ -148,7 +144,7 @@ lg_status identify_draw_run(const app *self, const char *picture, const char *ti
     app_plot plot;
     group groups[3 * LG_MACHINE_COORDINATES + 1];
     const size_t count = find_groups(file, true, groups);
-    LG_TRY(begin(&plot, picture, count, title, error));
+    begin(&plot, picture, count, title);
     put_run(plot.data.stream, file, log, parts, q, v, bands);
     for (size_t i = 0; i < count; i++)
         put_group(plot.script.stream, file, &groups[i],
@@ -376,9 +372,8 @@ lg_status identify_draw_evaluation(const app *self, const char *picture, const i
     const size_t count = find_groups(d->file, false, groups), lines = find_axes(machine, axes);
     size_t panels = count + 1 + (has_part(machine, LG_MACHINE_DAMPING) ? lines : 0);
     for (size_t i = 0; i < lines; i++) panels += axes[i].seen;
-    LG_TRY(begin(&plot, picture, panels,
-                 "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
-                 error));
+    begin(&plot, picture, panels,
+          "First run of the log: logged (thick) and predicted from its start (thin); what was learned");
     put_run(plot.data.stream, d->file, d->log, d->parts, d->q, d->v, NULL);
     for (size_t i = 0; i < count; i++) put_group(plot.script.stream, d->file, &groups[i], true, false);
     put_horizons(d, &plot);

@@ -226,14 +226,12 @@ static void draw_times(app_plot *plot, const result *what, size_t event, size_t 
 
 lg_status ensemble_draw(const app *self, const result *what, const char *path, lg_error *error) {
     app_plot plot;
-    bool drawn;
     size_t chosen[PANELS], shown = 0;
     for (size_t c = 0; c < what->columns && shown < PANELS; c++)
         if (strncmp(what->column[c], "drift of ", 9) != 0) chosen[shown++] = c;
     const size_t panels = shown + what->events, columns = panels > 1 ? 2 : 1,
                  rows = (panels + columns - 1) / columns;
-    const lg_status status = app_plot_begin(&plot, path, 560 * (int)columns, 340 * (int)rows);
-    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", path);
+    app_plot_begin(&plot, path, 560 * (int)columns, 340 * (int)rows);
     (void)fprintf(plot.script.stream,
                   "set encoding utf8\nset tics nomirror\nset key below\nset multiplot layout %zu,%zu\n", rows,
                   columns);
@@ -243,5 +241,5 @@ lg_status ensemble_draw(const app *self, const result *what, const char *path, l
     }
     for (size_t e = 0; e < what->events; e++) draw_times(&plot, what, e, shown + e);
     (void)fputs("unset multiplot\n", plot.script.stream);
-    return app_plot_end(self, &plot, &drawn, error);
+    return app_plot_end(self, &plot, error);
 }

@@ -254,16 +254,14 @@ static size_t distinct_keys(const simulation *sim) {
     return count;
 }
 
-static lg_status begin(drawing *to, const char *picture, size_t columns, size_t rows, lg_error *error) {
+static void begin(drawing *to, const char *picture, size_t columns, size_t rows) {
     const bool space = to->what->sim->values->plot_kind == PICTURE_SPACE;
     const int width = columns > 1 ? 560 * (int)columns : WIDTH;
     const int height = rows > 1 ? 380 * (int)rows : space ? SPACE_HEIGHT : HEIGHT;
-    const lg_status status = app_plot_begin(&to->plot, picture, width, height);
-    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", picture);
+    app_plot_begin(&to->plot, picture, width, height);
     FILE *script = to->plot.script.stream;
     (void)fputs("set encoding utf8\nset tics nomirror\n", script);
     if (columns * rows > 1) (void)fprintf(script, "set multiplot layout %zu,%zu\n", rows, columns);
-    return LG_OK;
 }
 
 static void draw_overview(drawing *to) {
@@ -311,12 +309,10 @@ lg_status draw_run(const report *what, lg_error *error) {
     const size_t panels = distinct_keys(what->sim);
     const size_t columns = kinds[kind].columns > 0 ? kinds[kind].columns : panels > 1 ? 2 : 1;
     const size_t rows = kinds[kind].rows > 0 ? kinds[kind].rows : (panels + columns - 1) / columns;
-    bool drawn;
-    const lg_status status = begin(&to, what->sim->values->plot, columns, rows, error);
-    if (status != LG_OK) return status;
+    begin(&to, what->sim->values->plot, columns, rows);
     kinds[kind].draw(&to);
     if (columns * rows > 1) (void)fputs("unset multiplot\n", to.plot.script.stream);
-    return app_plot_end(what->sim->self, &to.plot, &drawn, error);
+    return app_plot_end(what->sim->self, &to.plot, error);
 }
 
 bool has_space_picture(const simulation *sim) {

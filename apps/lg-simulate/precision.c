@@ -282,9 +282,7 @@ static void put_panel(FILE *script, const diagram *d, const char *label, int col
 
 static lg_status draw(const diagram *d, lg_error *error) {
     app_plot plot;
-    bool drawn;
-    const lg_status status = app_plot_begin(&plot, d->sim->values->plot, 1100, 560);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, d->sim->values->plot, 1100, 560);
     for (size_t c = 0; c < d->count; c++) {
         if (d->curves[c].count == 0) continue;
         for (size_t i = 0; i < d->curves[c].count; i++) {
@@ -304,7 +302,7 @@ static lg_status draw(const diagram *d, lg_error *error) {
     (void)fputs("unset ylabel\n", script);
     put_panel(script, d, "evaluations of the field", 2, false);
     (void)fputs("unset multiplot\n", script);
-    return app_plot_end(d->sim->self, &plot, &drawn, error);
+    return app_plot_end(d->sim->self, &plot, error);
 }
 
 /* ---- all of it ---- */
