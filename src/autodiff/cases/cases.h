@@ -1,4 +1,5 @@
-/* Cases of the gradient check for the operations. They are in no library: lg-gradcheck and the tests link them. */
+/* Cases of the gradient check for the operations. They are in no library: lg-gradcheck and the tests link
+ * them. */
 #ifndef LG_GRADCHECK_CASES_H
 #define LG_GRADCHECK_CASES_H
 
