@@ -176,18 +176,19 @@ typedef enum lg_part { LG_PART_NONE, LG_PART_TRAIN, LG_PART_TEST, LG_PART_VALIDA
 
 typedef struct lg_fit lg_fit;
 
-/* How steps are taken. */
+/* How steps are taken. Methods that no caller names may follow; they are found by name. */
 typedef enum lg_fit_method {
     LG_FIT_ADAM,      /* batches in a new order in each epoch */
     LG_FIT_SSBROYDEN, /* liegrad/minimise.h on the loss of all training samples: an epoch is one evaluation */
     LG_FIT_LBFGS,
     LG_FIT_LM /* of the problem's residuals; a parameter takes a forward sweep, or all `linearise` */
 } lg_fit_method;
-#define LG_FIT_METHOD_COUNT 4
 LG_API const char *
 lg_fit_method_name(lg_fit_method method); /* "adam", "ssbroyden", "lbfgs", "lm"; else NULL */
 /* It takes sums of squares alone. */
 LG_API bool lg_fit_method_squares(lg_fit_method method);
+/* It takes batches, as Adam does; the others take the loss of all training samples. */
+LG_API bool lg_fit_method_batches(lg_fit_method method);
 
 /* Methods one after the other. */
 #define LG_FIT_MAX_PHASES 4
@@ -203,6 +204,9 @@ typedef struct lg_fit_plan {
 LG_API lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error);
 /* The same without methods for sums of squares alone, for a loss that is none. */
 LG_API lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_error *error);
+/* Whether a phase takes batches; whether the last one does. */
+LG_API bool lg_fit_plan_batches(const lg_fit_plan *plan);
+LG_API bool lg_fit_plan_ends_in_batches(const lg_fit_plan *plan);
 LG_API void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]);
 
 /* Why training is finished. */

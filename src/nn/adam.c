@@ -17,6 +17,21 @@ void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step,
                                 gradient, m, v, theta);
 }
 
+static void adam_step(const lg_fit_options *options, uint64_t step, double rate, double clip,
+                      const void *gradient, size_t n, void *m, void *v, void *theta) {
+    lg_adam_step(&options->adam, options->dtype, step, rate, clip, gradient, n, m, v, theta);
+}
+
+/* A step is at most lr rate C with C = (1 - beta1^2/beta2)^{-1/2} (1 - beta2)^{-1/2} (Cauchy-Schwarz on its
+ * two moments). */
+static bool adam_bounded(const lg_fit_options *options, double rate) {
+    const lg_adam_options *o = &options->adam;
+    return o->beta1 * o->beta1 < 0.999 * o->beta2 && o->beta2 <= 1.0 - 1e-12 && o->eps >= 1e-20 &&
+           o->lr * rate <= 1.0 && o->weight_decay <= 1.0;
+}
+
+const lg_fit_batches_row lg_fit_adam = {.name = "adam", .step = adam_step, .bounded = adam_bounded};
+
 double lg_clip_factor(double norm, double limit) {
     return limit > 0.0 && norm > limit ? limit / norm : 1.0;
 }

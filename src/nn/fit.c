@@ -326,7 +326,7 @@ static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
     s->history[LG_FIT_VALIDATION][s->epoch] = report->validation;
     s->history[LG_FIT_SECONDS][s->epoch] = report->seconds;
     s->history[LG_FIT_RATE][s->epoch] = report->rate;
-    s->adam_epochs += lg_fit_method_now(fit) == LG_FIT_ADAM;
+    s->adam_epochs += lg_fit_method_batches(lg_fit_method_now(fit));
     s->epoch++;
     s->position = 0;
     s->open = false;
@@ -360,8 +360,8 @@ static lg_status batch_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error)
 static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
     const double begin = lg_seconds();
     report->validation = NAN;
-    const bool adam = lg_fit_method_now(fit) == LG_FIT_ADAM;
-    lg_status status = adam ? batch_epoch(fit, report, error) : evaluate_epoch(fit, report, error);
+    const bool batches = lg_fit_method_batches(lg_fit_method_now(fit));
+    lg_status status = batches ? batch_epoch(fit, report, error) : evaluate_epoch(fit, report, error);
     fit->state.running_seconds += lg_seconds() - begin;
     if (status == LG_OK) status = lg_fit_share_seconds(fit, &fit->state.running_seconds);
     fit->cost.seconds += lg_seconds() - begin;

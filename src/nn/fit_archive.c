@@ -139,7 +139,7 @@ static size_t list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, i
 
 /* Whether the present phase has a minimiser, with evaluations. */
 static bool has_minimiser(const lg_fit *fit, const lg_fit_state *s) {
-    return lg_fit_method_of(fit, s->phase) != LG_FIT_ADAM && s->epoch > s->phase_start;
+    return !lg_fit_method_batches(lg_fit_method_of(fit, s->phase)) && s->epoch > s->phase_start;
 }
 
 /* Returns how many of `out` are used. */
@@ -210,7 +210,7 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
     const uint32_t phases = fit->options.plan.phases;
     if (!(s->phase < (phases > 0 ? phases : 1) && s->phase_start <= s->epoch && s->adam_epochs <= s->epoch))
         return lg_fail(error, LG_FORMAT, "train/phase does not fit the plan of methods");
-    const bool adam = lg_fit_method_of(fit, s->phase) == LG_FIT_ADAM;
+    const bool cut = lg_fit_method_batches(lg_fit_method_of(fit, s->phase));
     const struct {
         bool good;
         const char *rule;
@@ -223,7 +223,7 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
         {s->epoch < fit->options.epochs || open == 0, "train/open is set after the last epoch"},
         {s->best_epoch <= s->epoch && (s->best_epoch > 0) == (s->epoch > 0),
          "train/best_epoch does not fit train/epoch"},
-        {adam || (s->position == 0 && open == 0), "train/position is set in a phase without batches"},
+        {cut || (s->position == 0 && open == 0), "train/position is set in a phase without batches"},
         {isfinite(s->noise) && s->noise >= 0.0, "train/noise is negative or not finite"},
         {isfinite(s->running_loss), "train/running_loss is not finite"},
         {isfinite(s->running_seconds), "train/running_seconds is not finite"},

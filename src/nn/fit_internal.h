@@ -70,8 +70,9 @@ struct lg_fit {
      * of the step. */
     size_t active, batch_samples;
     bool with_gradient, with_squares;
+    const struct lg_fit_batches_row *row; /* the method of this step */
     double clip, rate;
-    size_t blocks;    /* of LG_FIT_BLOCK parameters: the unit of the reduction and of Adam */
+    size_t blocks;    /* of LG_FIT_BLOCK parameters: the unit of the reduction and of the step */
     double *partial;  /* (blocks): squared norm of a block's gradient */
     bool *overflowed; /* (blocks): the step gave a value that is not finite */
     double largest;   /* norm of the parameters at the start of the epoch: bounds each of them */
@@ -154,9 +155,24 @@ lg_status lg_fit_cancelled(const lg_fit *fit, lg_error *error);
 
 /* ---- methods (fit_methods.c) ---- */
 
+/* A method that takes batches. It has two numbers for each parameter, m and v >= 0, which start from zero and
+ * are saved; they stay through all phases. */
+typedef struct lg_fit_batches_row {
+    const char *name;
+    /* Step number `step` = 1, 2, ... of n parameters of the type options->dtype. The gradient counts `clip`
+     * times, the learning rate is options->adam.lr times `rate`. */
+    void (*step)(const lg_fit_options *options, uint64_t step, double rate, double clip, const void *gradient,
+                 size_t n, void *m, void *v, void *theta);
+    /* A step of moderate gradients changes no parameter by more than 1e10: it need not be looked at for
+     * overflow. NULL: it must be. */
+    bool (*bounded)(const lg_fit_options *options, double rate);
+} lg_fit_batches_row;
+
+/* The row of a method that takes batches; NULL of another one. */
+const lg_fit_batches_row *lg_fit_batches_of(lg_fit_method method);
 /* The present phase. */
 lg_fit_method lg_fit_method_of(const lg_fit *fit, uint64_t phase);
-/* Options for a minimiser of a phase that is not Adam's. */
+/* Options for a minimiser of a phase without batches. */
 lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase);
 /* One evaluation of the loss of all training samples; *moved: theta is another point than before. */
 lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error);
@@ -164,7 +180,7 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error);
 void lg_fit_next_phase(lg_fit *fit);
 lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options *options, lg_error *error);
 
-/* One Adam step on a batch; on failure theta, m, v are as before. */
+/* One step on a batch; on failure theta, m, v are as before. */
 lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,
                       lg_error *error);
 

@@ -5,37 +5,56 @@
 #include <string.h>
 
 #include "nn/fit_internal.h"
+#include "nn/minimise_internal.h"
 
-enum { ADAM = LG_MINIMISE_METHOD_COUNT };
+/* X(name) of the row lg_fit_<name>. The numbers of lg_fit_method: the first row, the minimisers, the other
+ * rows. */
+#define BATCHES(X)    X(adam)
+#define DECLARE(name) extern const lg_fit_batches_row lg_fit_##name;
+#define LIST(name)    &lg_fit_##name,
+BATCHES(DECLARE)
+static const lg_fit_batches_row *const batches[] = {BATCHES(LIST)};
 
-/* Name, and the minimiser's method for those that take the loss of all samples; whether it has a matrix of
- * parameters squared, and whether it takes the problem's residuals. */
-static const struct {
-    const char *name;
-    int minimise;
-    bool dense, squares;
-} methods[LG_FIT_METHOD_COUNT] = {
-    [LG_FIT_ADAM] = {.name = "adam", .minimise = ADAM},
-    [LG_FIT_SSBROYDEN] = {.name = "ssbroyden", .minimise = LG_MINIMISE_SSBROYDEN, .dense = true},
-    [LG_FIT_LBFGS] = {.name = "lbfgs", .minimise = LG_MINIMISE_LBFGS},
-    [LG_FIT_LM] = {.name = "lm", .minimise = LG_MINIMISE_LM, .dense = true, .squares = true}};
+static size_t minimisers(void) {
+    size_t count = 0;
+    while (lg_minimise_row_at(count) != NULL) count++;
+    return count;
+}
+
+const lg_fit_batches_row *lg_fit_batches_of(lg_fit_method method) {
+    const size_t number = (size_t)method, others = minimisers();
+    if (number == 0) return batches[0];
+    return number > others && number - others < LG_COUNT(batches) ? batches[number - others] : NULL;
+}
+
+/* NULL: the method takes batches. */
+static const lg_minimise_row *minimiser_of(lg_fit_method method) {
+    return (size_t)method > 0 ? lg_minimise_row_at((size_t)method - 1) : NULL;
+}
 
 const char *lg_fit_method_name(lg_fit_method method) {
-    return (int)method >= 0 && (int)method < LG_FIT_METHOD_COUNT ? methods[method].name : NULL;
+    const lg_fit_batches_row *row = lg_fit_batches_of(method);
+    const lg_minimise_row *minimiser = minimiser_of(method);
+    return row != NULL ? row->name : minimiser != NULL ? minimiser->name : NULL;
 }
 
 bool lg_fit_method_squares(lg_fit_method method) {
-    return (int)method >= 0 && (int)method < LG_FIT_METHOD_COUNT && methods[method].squares;
+    return minimiser_of(method) != NULL && minimiser_of(method)->squares;
+}
+
+bool lg_fit_method_batches(lg_fit_method method) {
+    return lg_fit_batches_of(method) != NULL;
 }
 
 /* ---- plans ---- */
 
 static lg_status no_method(const char *text, size_t length, bool squares, lg_error *error) {
-    char names[64] = "";
-    for (size_t i = 0, used = 0; i < LG_FIT_METHOD_COUNT && used < sizeof names; i++)
-        if (squares || !methods[i].squares)
-            used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
-                                     methods[i].name);
+    char names[128] = "";
+    const char *name;
+    size_t used = 0;
+    for (int i = 0; (name = lg_fit_method_name((lg_fit_method)i)) != NULL && used < sizeof names; i++)
+        if (squares || !lg_fit_method_squares((lg_fit_method)i))
+            used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "", name);
     return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is no method; there are %s",
                    (int)(length < 40 ? length : 40), text, names);
 }
@@ -44,12 +63,13 @@ static lg_status no_method(const char *text, size_t length, bool squares, lg_err
 static lg_status parse_phase(const char *text, size_t length, bool squares, uint32_t *method,
                              uint32_t *epochs, lg_error *error) {
     const char *colon = memchr(text, ':', length);
-    const size_t name = colon != NULL ? (size_t)(colon - text) : length;
+    const size_t size = colon != NULL ? (size_t)(colon - text) : length;
+    const char *name;
     *epochs = 0;
-    for (*method = 0; *method < LG_FIT_METHOD_COUNT; (*method)++)
-        if (strlen(methods[*method].name) == name && memcmp(methods[*method].name, text, name) == 0) break;
-    if (*method == LG_FIT_METHOD_COUNT || (methods[*method].squares && !squares))
-        return no_method(text, name, squares, error);
+    for (*method = 0; (name = lg_fit_method_name((lg_fit_method)*method)) != NULL; (*method)++)
+        if (strlen(name) == size && memcmp(name, text, size) == 0) break;
+    if (name == NULL || (lg_fit_method_squares((lg_fit_method)*method) && !squares))
+        return no_method(text, size, squares, error);
     for (const char *c = colon; c != NULL && ++c < text + length;) {
         if (*c < '0' || *c > '9' || *epochs > 100000000)
             return lg_fail(error, LG_INVALID_ARGUMENT,
@@ -94,7 +114,7 @@ lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_erro
 }
 
 void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]) {
-    size_t used = (size_t)snprintf(text, LG_FIT_PLAN_TEXT, "%s", plan->phases == 0 ? methods[0].name : "");
+    size_t used = (size_t)snprintf(text, LG_FIT_PLAN_TEXT, "%s", plan->phases == 0 ? batches[0]->name : "");
     for (uint32_t i = 0; i < plan->phases && used < LG_FIT_PLAN_TEXT; i++) {
         used += (size_t)snprintf(text + used, LG_FIT_PLAN_TEXT - used, "%s%s", i > 0 ? "," : "",
                                  lg_fit_method_name((lg_fit_method)plan->phase[i].method));
@@ -102,6 +122,17 @@ void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]) {
             used +=
                 (size_t)snprintf(text + used, LG_FIT_PLAN_TEXT - used, ":%" PRIu32, plan->phase[i].epochs);
     }
+}
+
+bool lg_fit_plan_batches(const lg_fit_plan *plan) {
+    bool takes = plan->phases == 0;
+    for (uint32_t i = 0; i < plan->phases; i++)
+        takes = takes || lg_fit_method_batches((lg_fit_method)plan->phase[i].method);
+    return takes;
+}
+
+bool lg_fit_plan_ends_in_batches(const lg_fit_plan *plan) {
+    return plan->phases == 0 || lg_fit_method_batches((lg_fit_method)plan->phase[plan->phases - 1].method);
 }
 
 lg_fit_method lg_fit_method_of(const lg_fit *fit, uint64_t phase) {
@@ -123,24 +154,27 @@ lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options 
     if (o->plan.phases > LG_FIT_MAX_PHASES)
         return lg_fail(error, LG_INVALID_ARGUMENT, "training options: the plan has too many phases");
     for (uint32_t i = 0; i < o->plan.phases; i++) {
-        const uint32_t method = o->plan.phase[i].method;
-        if (method >= LG_FIT_METHOD_COUNT || (o->plan.phase[i].epochs == 0 && i + 1 < o->plan.phases))
+        const lg_fit_method method = (lg_fit_method)o->plan.phase[i].method;
+        const lg_minimise_row *row = minimiser_of(method);
+        if (lg_fit_method_name(method) == NULL || (o->plan.phase[i].epochs == 0 && i + 1 < o->plan.phases))
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: the plan has an unknown method or a phase without epochs");
-        if (method != LG_FIT_ADAM && o->dtype != LG_F64)
+        if (row == NULL) continue;
+        if (o->dtype != LG_F64)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "training options: %s needs double precision (f64); only adam takes f32",
-                           methods[method].name);
-        if (methods[method].squares && problem->residuals == NULL)
+                           "training options: %s needs double precision (f64); only methods that take "
+                           "batches, such as adam, take f32",
+                           row->name);
+        if (row->squares && problem->residuals == NULL)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: %s needs a loss that is a sum of squares; this one is not",
-                           methods[method].name);
-        const size_t own = methods[method].squares ? problem->own * problem->samples : 0;
-        if (methods[method].dense && problem->parameters - own > MOST_DENSE)
+                           row->name);
+        const size_t own = row->squares ? problem->own * problem->samples : 0;
+        if (row->dense && problem->parameters - own > MOST_DENSE)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: %s takes a matrix of parameters squared, %zu are too many (at "
                            "most %d): take lbfgs, or a smaller network",
-                           methods[method].name, problem->parameters - own, MOST_DENSE);
+                           row->name, problem->parameters - own, MOST_DENSE);
     }
     return LG_OK;
 }
@@ -150,7 +184,7 @@ lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options 
 lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
     lg_minimise_options options;
     lg_minimise_options_init(&options);
-    options.method = (lg_minimise_method)methods[lg_fit_method_of(fit, phase)].minimise;
+    options.method = (lg_minimise_method)((int)lg_fit_method_of(fit, phase) - 1);
     options.check = false; /* the tape's gradients are checked elsewhere */
     options.slow = true;
     options.ranks = fit->options.ranks;
@@ -180,7 +214,7 @@ static double penalty_at(const lg_fit *fit, const double *x) {
 }
 
 static bool takes_squares(const lg_fit *fit) {
-    return methods[lg_fit_method_now(fit)].squares;
+    return lg_fit_method_squares(lg_fit_method_now(fit));
 }
 
 /* Loss and gradient of all training samples (with squares, the matrix too), with W/2 |theta|^2. A value that
@@ -300,7 +334,7 @@ void lg_fit_next_phase(lg_fit *fit) {
 static uint64_t fruitless(const lg_fit *fit) {
     const lg_fit_state *s = &fit->state;
     const double *loss = s->history[LG_FIT_LOSS];
-    if (lg_fit_method_now(fit) == LG_FIT_ADAM) return s->epoch - s->best_epoch;
+    if (lg_fit_method_batches(lg_fit_method_now(fit))) return s->epoch - s->best_epoch;
     uint64_t count = 0;
     for (uint64_t i = s->best_epoch; i < s->epoch; i++) count += i > 0 && loss[i] != loss[i - 1];
     return count;

@@ -1,5 +1,5 @@
 /* One step of training. A batch is cut into contiguous pieces, one for each shard, which has its own tape and
- * gradient. Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then Adam runs. Results do not depend on the
+ * gradient. Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then the method takes its step. Results do not depend on the
  * threads: a task writes to its own shard, or to its own block of parameters. */
 #include <inttypes.h>
 #include <math.h>
@@ -166,26 +166,22 @@ double lg_fit_reduce(lg_fit *fit) {
     return sqrt(squared);
 }
 
-/* Adam's step is at most lr rate C with C = (1 - beta1^2/beta2)^{-1/2} (1 - beta2)^{-1/2} (Cauchy-Schwarz on
- * its two moments), so with moderate gradients nothing can overflow. Parameters beyond 1e10 make every step
- * careful. */
+/* Parameters beyond 1e10 make every step careful. */
 static bool may_overflow(const lg_fit *fit, double norm, double rate) {
-    const lg_adam_options *o = &fit->options.adam;
     const double limit = fit->options.dtype == LG_F32 ? 1e15 : 1e150;
-    const bool bounded = o->beta1 * o->beta1 < 0.999 * o->beta2 && o->beta2 <= 1.0 - 1e-12 &&
-                         o->eps >= 1e-20 && o->lr * rate <= 1.0 && o->weight_decay <= 1.0;
+    const bool bounded = fit->row->bounded != NULL && fit->row->bounded(&fit->options, rate);
     return !(bounded && norm < limit && fit->largest < 1e10);
 }
 
-static void adam_block(void *user, size_t block) {
+static void step_block(void *user, size_t block) {
     lg_fit *fit = user;
     const lg_fit_state *s = &fit->state;
     const size_t n = block_length(fit, block), size = fit->k->size, at = block * LG_FIT_BLOCK * size;
     const size_t stride = fit->problem.parameters * size;
     char *const arrays[3] = {(char *)s->theta + at, (char *)s->m + at, (char *)s->v + at};
     for (size_t i = 0; fit->careful && i < 3; i++) memcpy(fit->backup + i * stride + at, arrays[i], n * size);
-    lg_adam_step(&fit->options.adam, fit->options.dtype, s->step + 1, fit->rate, fit->clip,
-                 fit->shards[0].gradient + at, n, arrays[1], arrays[2], arrays[0]);
+    fit->row->step(&fit->options, s->step + 1, fit->rate, fit->clip, fit->shards[0].gradient + at, n,
+                   arrays[1], arrays[2], arrays[0]);
     fit->overflowed[block] = false;
     for (size_t i = 0; fit->careful && i < 3; i++)
         if (!fit->k->all_finite(n, arrays[i])) fit->overflowed[block] = true;
@@ -225,8 +221,8 @@ static lg_status step_failure(lg_fit *fit, const char *what, lg_error *error) {
         }
         memcpy(arrays[i], fit->backup + i * bytes, bytes);
     }
-    return lg_fail(error, LG_NOT_FINITE, "%s: Adam's step makes %s %zu %s", what, names[which], index,
-                   shown(value));
+    return lg_fail(error, LG_NOT_FINITE, "%s: the step of %s makes %s %zu %s", what, fit->row->name,
+                   names[which], index, shown(value));
 }
 
 lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,
@@ -235,6 +231,7 @@ lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double
     const uint64_t batch = lg_fit_batches(fit, fit->state.position) + 1;
     (void)snprintf(what, sizeof what, "epoch %" PRIu64 ", batch %" PRIu64, fit->state.epoch + 1, batch);
     double value = 0.0;
+    fit->row = lg_fit_batches_of(lg_fit_method_now(fit));
     fit->point = fit->state.theta;
     LG_TRY(lg_fit_batch_loss(fit, samples, count, true, what, &value, error));
 
@@ -246,7 +243,7 @@ lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double
     fit->clip = lg_clip_factor(norm, fit->options.clip_norm);
     fit->rate = rate;
     fit->careful = may_overflow(fit, norm * fit->clip, rate);
-    for_blocks(fit, adam_block);
+    for_blocks(fit, step_block);
     for (size_t i = 0; i < fit->blocks; i++)
         if (fit->overflowed[i]) return step_failure(fit, what, error);
     *loss = value;

@@ -11,10 +11,17 @@ static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300, LEA
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2; /* of the variables; at the next level */
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
 
-static const lg_minimise_row *const methods[LG_MINIMISE_METHOD_COUNT] = {
-    [LG_MINIMISE_SSBROYDEN] = &lg_minimise_ssbroyden,
-    [LG_MINIMISE_LBFGS] = &lg_minimise_lbfgs,
-    [LG_MINIMISE_LM] = &lg_minimise_lm};
+/* X(name) of the row lg_minimise_<name>, in the order of lg_minimise_method. Methods that no caller names may
+ * follow; networks take them by name. */
+#define METHODS(X)    X(ssbroyden) X(lbfgs) X(lm)
+#define DECLARE(name) extern const lg_minimise_row lg_minimise_##name;
+#define LIST(name)    &lg_minimise_##name,
+METHODS(DECLARE)
+static const lg_minimise_row *const methods[] = {METHODS(LIST)};
+
+const lg_minimise_row *lg_minimise_row_at(size_t index) {
+    return index < LG_COUNT(methods) ? methods[index] : NULL;
+}
 
 static const struct {
     lg_status status;
@@ -40,7 +47,8 @@ static const struct {
 };
 
 const char *lg_minimise_method_name(lg_minimise_method method) {
-    return (int)method >= 0 && (int)method < LG_MINIMISE_METHOD_COUNT ? methods[method]->name : NULL;
+    const lg_minimise_row *row = lg_minimise_row_at((size_t)method);
+    return row != NULL ? row->name : NULL;
 }
 
 const char *lg_minimise_end_sentence(lg_minimise_end end) {

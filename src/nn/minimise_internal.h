@@ -42,6 +42,8 @@ typedef struct lg_minimise_numbers {
 
 typedef struct lg_minimise_row {
     const char *name;
+    bool dense;     /* it has a matrix of n^2 numbers */
+    bool squares;   /* it takes sums of squares alone */
     uint64_t slow;  /* the run ends after so many iterations that do not lower f */
     uint64_t creep; /* so many, and 4 n, without half of f call for a Newton step */
     /* Doubles before the Hessian in its memory. */
@@ -95,7 +97,8 @@ struct lg_minimiser {
     lg_minimise_numbers numbers;
 };
 
-extern const lg_minimise_row lg_minimise_ssbroyden, lg_minimise_lbfgs, lg_minimise_lm;
+/* The rows, in the order of lg_minimise_method, which need not name all; NULL beyond the last. */
+const lg_minimise_row *lg_minimise_row_at(size_t index);
 
 /* Ends the run: the point is the best one. */
 void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);

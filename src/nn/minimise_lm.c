@@ -298,7 +298,7 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
 }
 
 bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *gradient, const double *matrix) {
-    if (m->counts.stage == LG_STAGE_DONE || m->row != &lg_minimise_lm) return false;
+    if (m->counts.stage == LG_STAGE_DONE || !m->row->squares) return false;
     const bool finite = isfinite(value) && m->k->all_finite(m->n, gradient) &&
                         m->k->all_finite(lg_minimise_matrix_length(m->n, &m->options), matrix);
     m->counts.evaluations++;
@@ -329,5 +329,10 @@ static size_t before_hessian(const lg_minimiser *m) {
     return a.p * a.stride;
 }
 
-const lg_minimise_row lg_minimise_lm = {
-    .name = "lm", .slow = 20, .creep = 20, .before_hessian = before_hessian, .length = length};
+const lg_minimise_row lg_minimise_lm = {.name = "lm",
+                                        .dense = true,
+                                        .squares = true,
+                                        .slow = 20,
+                                        .creep = 20,
+                                        .before_hessian = before_hessian,
+                                        .length = length};

@@ -16,7 +16,7 @@ const char *lg_plan_name_squares(uint32_t value) {
 }
 
 const char *lg_plan_name_any_loss(uint32_t value) {
-    for (uint32_t method = 0; method < LG_FIT_METHOD_COUNT; method++)
+    for (uint32_t method = 0; lg_plan_name_squares(method) != NULL; method++)
         if (!lg_fit_method_squares((lg_fit_method)method) && value-- == 0)
             return lg_plan_name_squares(method);
     return NULL;

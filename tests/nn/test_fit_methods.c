@@ -48,7 +48,7 @@ TEST("the sentence about an unknown method names every method") {
     lg_fit_plan plan;
     lg_error error;
     assert_int_equal(lg_fit_plan_parse("sgd", &plan, &error), LG_INVALID_ARGUMENT);
-    for (int method = 0; method < LG_FIT_METHOD_COUNT; method++)
+    for (int method = 0; lg_fit_method_name((lg_fit_method)method) != NULL; method++)
         assert_non_null(strstr(error.message, lg_fit_method_name((lg_fit_method)method)));
 }
 
@@ -72,7 +72,7 @@ TEST("full-batch methods reach in as many evaluations what Adam does not reach")
 }
 
 TEST("results do not depend on threads") {
-    for (int method = 1; method < LG_FIT_METHOD_COUNT; method++) {
+    for (int method = 1; lg_fit_method_name((lg_fit_method)method) != NULL; method++) {
         regression r = make_regression();
         lg_fit_options o = planned(lg_fit_method_name((lg_fit_method)method), 40);
         lg_fit *one = regression_fit(NULL, &r, &o);
@@ -102,9 +102,10 @@ static void assert_resumes(const lg_fit_options *o, uint64_t part) {
 }
 
 TEST("a run in parts has the bits of one run, in every phase") {
-    for (int method = 1; method <= LG_FIT_METHOD_COUNT; method++)
+    const char *name = "";
+    for (int method = 1; name != NULL; method++)
         for (uint64_t part = 1; part < 9; part += 3) {
-            const char *name = lg_fit_method_name((lg_fit_method)method);
+            name = lg_fit_method_name((lg_fit_method)method);
             lg_fit_options o = planned(name != NULL ? name : "adam:7,ssbroyden:20,adam:3,lbfgs", 45);
             assert_resumes(&o, part);
             o.validation = 0.2;

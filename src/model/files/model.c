@@ -155,7 +155,7 @@ static lg_status fit_text(void *user, const char *path, const char *value) {
 
 /* The state of methods other than Adam is far larger than the model: it is kept in checkpoints alone. */
 static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
-    fit_target target = {.h5 = h5, .history = lg_fit_method_now(fit) != LG_FIT_ADAM};
+    fit_target target = {.h5 = h5, .history = !lg_fit_method_batches(lg_fit_method_now(fit))};
     const lg_archive_writer writer = {.user = &target, .array = fit_array, .text = fit_text};
     return lg_fit_save(fit, &writer, error);
 }
