@@ -1,88 +1,180 @@
-/* One driver for the exported models of every kind: made, written as C, compiled, compared with the library,
- * built in every way. A test file has a row of export_kind for its examples. */
+/* One driver for the exported models of every kind: made, written as C, compiled, compared with the
+ * library, built in every way. A suite has a table of rows, which begin with an export_row, and one
+ * export_kind. */
 #ifndef LG_TEST_EXPORT_MODELS_H
 #define LG_TEST_EXPORT_MODELS_H
 
 #include "export_support.h"
 
-/* A model in NAME.h5, and its C in the folder NAME-DTYPE as model `m`. */
+#include <float.h>
+
+#include "liegrad/io.h"
+#include "liegrad/metrics.h"
+#include "liegrad/model.h"
+
+/* A model in NAME.h5, how its comparison is compiled, and the --scheme of its step (NULL or "": its own). */
+typedef struct export_row {
+    const char *name, *compiler, *flags, *scheme;
+} export_row;
+
+/* NAME.h5 as the library has it, and its C in the folder NAME-DTYPE as model `m`. */
 typedef struct exported {
-    const char *name;
+    const export_row *row;
     char folder[64];
-    void *model; /* of the kind */
+    void *of;           /* what a kind makes that is no model in a file */
+    lg_model_file file; /* of all others */
+    const lg_model *model;
+    void *work;
     export_library lib;
 } exported;
 
 typedef struct export_kind {
-    size_t count;
-    const char *(*name)(size_t index);
-    export_way (*way)(size_t index);
-    void *(*make)(size_t index); /* writes NAME.h5; the running test owns what it takes */
-    export_draw draw;            /* the user of both is an exported */
-    export_reference reference;
-    void (*more)(exported *of); /* compares what this kind has beside value and gradient */
+    const void *rows;
+    size_t size, count;
+    void *(*make)(
+        const void *row);       /* writes NAME.h5; what stands in for a model, or NULL; the running test's */
+    export_draw draw;           /* the user of both is an exported */
+    export_reference reference; /* NULL: the model's */
+    void (*more)(exported *e);  /* compares what there is beside value and gradient */
 } export_kind;
+#define EXPORT_KIND(table, ...)                                                                              \
+    { table, sizeof(table)[0], LG_COUNT(table), __VA_ARGS__ }
 
-static inline exported export_saved(const char *name, const char *dtype, int seed, void *model) {
+/* Has to be given; what it says stands in the headers. */
+static inline lg_training export_training(void) {
+    return (lg_training){.dtype = LG_F64,
+                         .epochs = 300,
+                         .batch = 10,
+                         .lr = 1e-3,
+                         .lr_step = 1,
+                         .lr_gamma = 0.5,
+                         .adam_eps = 1e-8,
+                         .shards = 4,
+                         .seed = 1};
+}
+
+static inline const char *export_path(const char *name) {
+    static char path[1024];
+    (void)snprintf(path, sizeof path, "%s/%s.h5", cli_folder, name);
+    return path;
+}
+
+static inline const void *export_row_at(const export_kind *kind, size_t i) {
+    return (const char *)kind->rows + i * kind->size;
+}
+
+static inline const void *export_find(const export_kind *kind, const char *name) {
+    for (size_t i = 0; i < kind->count; i++)
+        if (strcmp(((const export_row *)export_row_at(kind, i))->name, name) == 0)
+            return export_row_at(kind, i);
+    fail_msg("no row %s", name);
+    return NULL;
+}
+
+static inline void export_release(void *of) {
+    exported *e = of;
+    if (e->lib.handle != NULL) export_close(&e->lib);
+    lg_model_file_destroy(&e->file);
+}
+
+/* NAME.h5, which is there, as C. */
+static inline exported *export_saved(const export_row *row, const char *dtype, const char *options) {
+    const bool scheme = row->scheme != NULL && row->scheme[0] != '\0';
     char line[256];
-    exported e = {.name = name, .model = model};
-    (void)snprintf(e.folder, sizeof e.folder, "%s-%s", name, dtype);
-    (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --dtype %s --seed %d", name, e.folder, dtype,
-                   seed);
+    exported *e = TEST_ARRAY(exported, 1);
+    e->row = row;
+    lg_test_owns(e, export_release);
+    (void)snprintf(e->folder, sizeof e->folder, "%s-%s", row->name, dtype);
+    (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --dtype %s --seed 7%s%s %s", row->name,
+                   e->folder, dtype, scheme ? " --scheme " : "", scheme ? row->scheme : "", options);
     export_run(line);
     return e;
 }
 
-static inline void export_compile(exported *e, export_way way) {
-    e->lib = export_open(e->folder, "m", export_has(way.compiler) ? way.compiler : "cc", way.flags);
-    assert_true(e->lib.single == (strstr(e->folder, "-f32") != NULL));
+static inline void export_load(exported *e) {
+    lg_error error = {LG_OK, ""};
+    if (lg_model_load(NULL, export_path(e->row->name), NULL, &e->file, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    e->model = e->file.model;
+    e->work = lg_test_memory(lg_model_work_size(e->model));
 }
 
-/* An example: value and gradient at 1000 inputs, then what else there is. */
-static inline void export_compare_one(const export_kind *kind, exported *e, export_way way) {
+static inline exported *export_made(const export_kind *kind, const void *row, const char *dtype,
+                                    const char *options) {
+    void *of = kind->make(row);
+    exported *e = export_saved(row, dtype, options);
+    e->of = of;
+    if (of == NULL) export_load(e);
+    return e;
+}
+
+static inline void export_compile(exported *e, const char *compiler, const char *flags) {
+    e->lib = export_open(e->folder, "m", export_has(compiler) ? compiler : "cc", flags);
+    assert_true(e->lib.single == (strstr(e->folder, "-f32") != NULL));
+    if (e->model == NULL) return;
+    assert_int_equal(e->lib.inputs, lg_model_inputs(e->model));
+    assert_int_equal(e->lib.outputs, lg_model_outputs(e->model));
+}
+
+static inline void export_jacobian(void *user, const double *x, double *y, double *jacobian) {
+    const exported *e = user;
+    lg_model_jacobian(e->model, x, y, jacobian, e->work);
+}
+
+/* The same row as a library in memory that is loaded, for what compares more. */
+static inline exported *export_opened(const export_kind *kind, const void *row, const char *dtype,
+                                      const char *options) {
+    exported *e = export_made(kind, row, dtype, options);
+    export_compile(e, e->row->compiler, e->row->flags);
+    return e;
+}
+
+/* Value and gradient at some inputs, then what else there is. */
+static inline void export_compare_one(const export_kind *kind, exported *e, size_t inputs) {
     char title[160];
-    export_compile(e, way);
-    (void)snprintf(title, sizeof title, "%s, %s %s", e->folder, way.compiler, way.flags);
-    export_compare(&e->lib, title, 1000, kind->draw, kind->reference, e);
-    kind->more(e);
-    export_close(&e->lib);
+    (void)snprintf(title, sizeof title, "%s, %s %s", e->folder, e->row->compiler, e->row->flags);
+    export_compare(&e->lib, title, inputs, kind->draw,
+                   kind->reference != NULL ? kind->reference : export_jacobian, e);
+    if (kind->more != NULL) kind->more(e);
 }
 
 static inline void export_compare_all(const export_kind *kind, const char *dtype) {
     for (size_t i = 0; i < kind->count; i++) {
         const size_t mark = lg_test_owned();
-        exported e = export_saved(kind->name(i), dtype, 7, kind->make(i));
-        export_compare_one(kind, &e, kind->way(i));
+        export_compare_one(kind, export_opened(kind, export_row_at(kind, i), dtype, ""), 1000);
         lg_test_give_back(mark);
     }
 }
 
 /* Self-tests by all compilers, objects that need libm alone, the stated stack. */
-static inline void export_build(const export_kind *kind, size_t index, const char *dtype,
+static inline void export_build(const export_kind *kind, const void *row, const char *dtype,
                                 void (*ways)(const char *folder, const char *name)) {
-    const exported e = export_saved(kind->name(index), dtype, 7, kind->make(index));
-    ways(e.folder, "m");
-    export_check_objects(e.folder, "m");
-    export_check_stack(e.folder);
+    const size_t mark = lg_test_owned();
+    const exported *e = export_made(kind, row, dtype, "");
+    ways(e->folder, "m");
+    export_check_objects(e->folder, "m");
+    export_check_stack(e->folder);
+    lg_test_give_back(mark);
 }
 
-/* All examples, the first two at every level of optimisation. */
+/* All rows, the first two at every level of optimisation. */
 static inline void export_build_all(const export_kind *kind) {
-    for (size_t i = 0; i < kind->count; i++) {
-        const size_t mark = lg_test_owned();
-        export_build(kind, i, i % 2 == 0 ? "f64" : "f32", i < 2 ? export_check_all_ways : export_check_ways);
-        lg_test_give_back(mark);
-    }
+    for (size_t i = 0; i < kind->count; i++)
+        export_build(kind, export_row_at(kind, i), i % 2 == 0 ? "f64" : "f32",
+                     i < 2 ? export_check_all_ways : export_check_ways);
 }
 
-/* FOLDER/FILE says each of the words, which are separated by |. */
+/* The file says each of the words, which are separated by |; of a word behind ! it says nothing. */
 static inline void export_expect_words(const char *file, const char *words) {
     static char text[CLI_TEXT], list[2048];
     char *save = NULL;
     assert_true(cli_read(file, text, sizeof text) > 0);
     (void)snprintf(list, sizeof list, "%s", words);
-    for (char *word = strtok_r(list, "|", &save); word != NULL; word = strtok_r(NULL, "|", &save))
-        if (strstr(text, word) == NULL) fail_msg("%s does not say '%s'", file, word);
+    for (char *word = strtok_r(list, "|", &save); word != NULL; word = strtok_r(NULL, "|", &save)) {
+        const bool absent = *word == '!';
+        if ((strstr(text, word + absent) == NULL) != absent)
+            fail_msg("%s %s '%s'", file, absent ? "says" : "does not say", word + absent);
+    }
 }
 
 /* NAME_classify: the class; `score` (NULL: not asked for) gets one number a class. */

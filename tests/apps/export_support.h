@@ -5,8 +5,7 @@
  *   lg_model_save_...(cli path of "m.h5")               or by running a program
  *   export_run("m.h5 --out m --dtype f32 --seed 3");
  *   export_library lib = export_open("m", "m", "gcc", "-O1");
- *   export_eval(&lib, x, y); export_grad(&lib, x, y, jacobian);
- *   step = export_symbol(&lib, "step");
+ *   export_eval(&lib, x, y); export_grad(&lib, x, y, jacobian); export_call(&lib, "field", 3, ports);
  *   export_close(&lib);
  *   export_check_ways("m", "m");                        warnings, self-tests, sanitizers, C++
  *   export_check_objects("m", "m"); export_check_stack("m");
@@ -197,29 +196,46 @@ static inline void export_spoil(const export_library *lib) {
     }
 }
 
-/* NAME_eval and NAME_grad in doubles, whatever the type. y of export_grad may be NULL. */
-static inline void export_eval(const export_library *lib, const double *x, double *y) {
-    void *in = export_reals(lib, x, lib->inputs), *out = export_reals(lib, y, lib->outputs);
-    EXPORT_FUNCTION(lib, "eval", void, (const void *, void *, void *), eval);
+/* Numbers that a function of the exported code reads (`in`) or writes (`out`); NULL is handed on. */
+typedef struct export_port {
+    const double *in;
+    double *out;
+    size_t count;
+} export_port;
+#define EXPORT_IN(numbers, n)                                                                                \
+    { .in = (numbers), .count = (n) }
+#define EXPORT_OUT(numbers, n)                                                                               \
+    { .out = (numbers), .count = (n) }
+
+/* NAME_<what> of up to five arrays and the work memory, in doubles whatever the type; work begins as NaN. */
+static inline void export_call(const export_library *lib, const char *what, size_t n,
+                               const export_port *ports) {
+    void *p[5];
+    assert_true(n >= 2 && n <= LG_COUNT(p));
+    for (size_t i = 0; i < n; i++)
+        p[i] = export_reals(lib, ports[i].in != NULL ? ports[i].in : ports[i].out, ports[i].count);
+    EXPORT_FUNCTION(lib, what, void, (void *, void *, void *), of_two);
+    EXPORT_FUNCTION(lib, what, void, (void *, void *, void *, void *), of_three);
+    EXPORT_FUNCTION(lib, what, void, (void *, void *, void *, void *, void *), of_four);
+    EXPORT_FUNCTION(lib, what, void, (void *, void *, void *, void *, void *, void *), of_five);
     export_spoil(lib);
-    eval(in, out, lib->work);
-    export_doubles(lib, out, y, lib->outputs);
-    free(out);
-    free(in);
+    if (n == 2) of_two(p[0], p[1], lib->work);
+    if (n == 3) of_three(p[0], p[1], p[2], lib->work);
+    if (n == 4) of_four(p[0], p[1], p[2], p[3], lib->work);
+    if (n == 5) of_five(p[0], p[1], p[2], p[3], p[4], lib->work);
+    for (size_t i = 0; i < n; i++) export_doubles(lib, p[i], ports[i].out, ports[i].count);
+    for (size_t i = 0; i < n; i++) free(p[i]);
 }
 
+static inline void export_eval(const export_library *lib, const double *x, double *y) {
+    export_call(lib, "eval", 2, (export_port[]){EXPORT_IN(x, lib->inputs), EXPORT_OUT(y, lib->outputs)});
+}
+
+/* y may be NULL. */
 static inline void export_grad(const export_library *lib, const double *x, double *y, double *jacobian) {
-    const size_t size = lib->outputs * lib->inputs;
-    void *in = export_reals(lib, x, lib->inputs), *out = export_reals(lib, y, lib->outputs);
-    void *matrix = export_reals(lib, jacobian, size);
-    EXPORT_FUNCTION(lib, "grad", void, (const void *, void *, void *, void *), grad);
-    export_spoil(lib);
-    grad(in, out, matrix, lib->work);
-    export_doubles(lib, out, y, lib->outputs);
-    export_doubles(lib, matrix, jacobian, size);
-    free(matrix);
-    free(out);
-    free(in);
+    export_call(lib, "grad", 3,
+                (export_port[]){EXPORT_IN(x, lib->inputs), EXPORT_OUT(y, lib->outputs),
+                                EXPORT_OUT(jacobian, lib->inputs * lib->outputs)});
 }
 
 /* ---- comparing ---- */

@@ -1,5 +1,4 @@
-/* Programs exported by lg-export: self-tests in both types, symbols, stacks, what is refused, what a
- * self-test catches.
+/* Programs exported by lg-export: self-tests in both types, symbols, stacks, what a self-test catches.
  * ctest-labels: slow apps/lg-export src/autodiff */
 #include "export_support.h"
 
@@ -98,16 +97,6 @@ TEST("self tests catch errors") {
         const int code = export_shell(command, out);
         if (code == 0 || strstr(out, "WRONG") == NULL) fail_msg("%s passed:\n%s", plants[i].change, out);
     }
-}
-
-TEST("what is refused says why") {
-    static cli result;
-    save_network("refused");
-    cli_expect("lg-export", "refused.h5 --out r --functions value,nothing", 2,
-               "the program has no function 'nothing'", &result);
-    cli_expect("lg-export", "refused.h5 --out r --functions ,", 2, "none is named", &result);
-    cli_expect("lg-export", "refused.h5 --out r --scheme rk4", 2, "--scheme is for Hamiltonians", &result);
-    cli_expect("lg-export", "refused.h5 --out r --name dense", 2, "cannot be the name", &result);
 }
 
 TEST_GROUP(export_begin, export_end)

@@ -678,6 +678,15 @@ static const refusal export[] = {
     {"pendulum.h5 --out o --name class --golden 2 --scheme nothing", 2, "--name: 'class'"},
     {"pendulum.h5 --out o --scheme nothing", 2, "cf4"},
     {"pendulum.h5 --out o --scheme {rk4 stormer-verlet slgi variational}", 2, "%"},
+    {"pendulum.h5 --out o --scheme {rk4 stormer-verlet slgi midpoint variational}", 2, "Lie group"},
+    {"flat.h5 --out o --scheme {midpoint implicit-euler variational}", 2, "explicit"},
+    {"machine.h5 --out o --scheme rk4", 2, "Lie group"},
+    {"machine.h5 --out o --functions step", 2, "only linearise"},
+    {"machine.h5 --out o --compact", 2, "for programs"},
+    {"program.h5 --out o --functions value,nothing", 2, "the program has no function 'nothing'"},
+    {"program.h5 --out o --functions ,", 2, "none is named"},
+    {"program.h5 --out o --name dense", 2, "cannot be the name"},
+    {"program.h5 --out o --scheme cf4", 2, "--scheme is for Hamiltonians"},
     {"pendulum.h5 --out o --scheme {missing.yaml bad.yaml ./pendulum.h5}", 3, "%"},
     {"{beam.h5 hollow-classifier.h5} --out o --scheme cf4", 2, "--scheme is for Hamiltonians"},
     {"{missing.h5 empty.h5 foreign.h5 /dev/null . hollow.h5 hollow-classifier.h5} --out o", 3, "%"},
@@ -706,6 +715,9 @@ TEST("lg-export refuses with exit code and word, and writes nothing") {
     make_kind("hollow.h5", "hamiltonian");
     make_kind("hollow-classifier.h5", "classifier");
     cli_link("nothing/there", "dangling");
+    cli_link(LG_TEST_DIR "/format_1/separable.h5", "flat.h5");
+    cli_link(LG_TEST_DIR "/format_1/machine.h5", "machine.h5");
+    cli_link(LG_TEST_DIR "/format_1/program.h5", "program.h5");
     REFUSE("lg-export", export);
 }
 
