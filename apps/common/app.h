@@ -228,7 +228,8 @@ typedef struct app_json {
     size_t length;
     bool comma;
     bool people;           /* text for people is made, no JSON */
-    struct app_rows *rows; /* of people, between app_result_rows and its end */
+    struct app_rows *rows; /* of people, between app_result_rows or app_result_named and the end */
+    bool named;            /* the rows began with app_result_named */
 } app_json;
 void app_json_begin(app_json *json);
 void app_print_real(FILE *stream, double value); /* the shortest text that reads back the same, or null */
@@ -260,6 +261,9 @@ void app_result_line(app_json *json, const char *format, ...) __attribute__((for
 /* Opens an array of objects, which app_json_open(json, NULL, '{') begins; every object has the same members,
  * and their names are the heads of the table. */
 void app_result_rows(app_json *json, const char *key);
+/* The same for an object of objects, which app_json_open(json, NAME, '{') begins: the names are the first
+ * column, and `names` is its head. */
+void app_result_named(app_json *json, const char *key, const char *names);
 void app_result_rows_end(app_json *json);
 
 /* Text as a JSON string with its quotes: escapes, and \ufffd for what is not UTF-8. */

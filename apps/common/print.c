@@ -69,6 +69,7 @@ static bool put_key(app_json *json, const char *key) {
 
 static void put_cell(app_json *json, const char *key, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+static void put_name(app_json *json, const char *name);
 
 static void begin(app_json *json, bool people) {
     *json = (app_json){.people = people};
@@ -82,7 +83,7 @@ void app_json_begin(app_json *json) {
 }
 
 void app_json_real(app_json *json, const char *key, double value) {
-    put_cell(json, key, "%.6g", value);
+    put_cell(json, key, isfinite(value) ? "%.6g" : "-", value);
     if (put_key(json, key)) app_print_real(json->stream, value);
 }
 
@@ -138,6 +139,7 @@ void app_json_field(app_json *json, const lg_field *row, const void *run) {
 }
 
 void app_json_open(app_json *json, const char *key, char bracket) {
+    if (key != NULL && bracket == '{') put_name(json, key);
     if (!put_key(json, key)) return;
     (void)fputc(bracket, json->stream);
     json->comma = false;
@@ -256,14 +258,30 @@ void app_result_line(app_json *json, const char *format, ...) {
 
 /* Names of the members of the first object, and the members of all. */
 typedef struct app_rows {
+    const char *names; /* head of the members' names; NULL: they have none */
     size_t heads;
     char *head[32];
     app_table cells;
 } app_rows;
 
+static void begin_rows(app_json *json, const char *key, char bracket, const char *names) {
+    app_json_open(json, key, bracket);
+    json->named = names != NULL;
+    if (!json->people) return;
+    json->rows = app_alloc(1, sizeof *json->rows);
+    json->rows->names = names;
+}
+
 void app_result_rows(app_json *json, const char *key) {
-    app_json_open(json, key, '[');
-    if (json->people) json->rows = app_alloc(1, sizeof *json->rows);
+    begin_rows(json, key, '[', NULL);
+}
+
+void app_result_named(app_json *json, const char *key, const char *names) {
+    begin_rows(json, key, '{', names);
+}
+
+static void put_name(app_json *json, const char *name) {
+    if (json->rows != NULL && json->rows->names != NULL) put_cell(json, json->rows->names, "%s", name);
 }
 
 /* The first object ends where the first name comes again. */
@@ -284,7 +302,7 @@ static void put_cell(app_json *json, const char *key, const char *format, ...) {
 void app_result_rows_end(app_json *json) {
     APP_FREE app_rows *rows = json->rows;
     json->rows = NULL;
-    app_json_close(json, ']');
+    app_json_close(json, json->named ? '}' : ']');
     if (rows == NULL || rows->heads == 0) return;
     app_table table;
     app_table_begin(&table, rows->heads);

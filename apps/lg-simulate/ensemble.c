@@ -1,3 +1,4 @@
+#include "common/train.h"
 #include "lg-simulate/ensemble.h"
 
 #include <errno.h>
@@ -66,6 +67,7 @@ typedef struct gatherer {
 
 typedef struct study {
     simulation *sim;
+    const ensemble_files *files;
     result *total;
     vary *varied;
     lg_ensemble_options options;
@@ -195,7 +197,7 @@ static lg_status keep_block(void *user, const lg_ensemble_block *of) {
 /* ---- options ---- */
 
 /* NAME=VALUE, NAME>VALUE, NAME<VALUE: when it passes the value, upwards, downwards. */
-static int read_event(const simulation *sim, char *text, lg_ensemble_event *event, column_name name) {
+static void read_event(const simulation *sim, char *text, lg_ensemble_event *event, column_name name) {
     char *sign = strpbrk(text, "=<>");
     size_t index = 0;
     double level = 0;
@@ -209,12 +211,12 @@ static int read_event(const simulation *sim, char *text, lg_ensemble_event *even
         for (sign++; *sign == ' ';) sign++;
     }
     if (sign == NULL || !app_parse_real(sign, &level))
-        return app_usage(sim->self, "--event: expected NAME=VALUE, NAME>VALUE or NAME<VALUE, not '%s'", name);
+        app_stop_usage(sim->self, "--event: expected NAME=VALUE, NAME>VALUE or NAME<VALUE, not '%s'", name);
     if (!component_find(sim, text, &index)) {
         char own[NAME_SIZE];
         component_name(sim, 0, own, sizeof own);
-        return app_usage(sim->self, "--event: '%s' is no number of the state %s; the first one is %s", text,
-                         lg_system_layout(sim->system), own);
+        app_stop_usage(sim->self, "--event: '%s' is no number of the state %s; the first one is %s", text,
+                       lg_system_layout(sim->system), own);
     }
     *event = (lg_ensemble_event){.terms = 1,
                                  .index = {index},
@@ -223,46 +225,36 @@ static int read_event(const simulation *sim, char *text, lg_ensemble_event *even
                                  .direction = kind == '>'   ? 1
                                               : kind == '<' ? -1
                                                             : 0};
-    return APP_EXIT_OK;
 }
 
-static int read_events(study *all, lg_ensemble_event events[LG_EVENTS_MAX]) {
+static void read_events(study *all, lg_ensemble_event events[LG_EVENTS_MAX]) {
     const simulation *sim = all->sim;
-    if (sim->values->event == NULL) return APP_EXIT_OK;
-    char *copy = app_format("%s", sim->values->event), *rest = NULL;
+    if (sim->values->event == NULL) return;
+    APP_FREE char *copy = app_format("%s", sim->values->event);
     all->total->event = app_alloc(LG_EVENTS_MAX, sizeof *all->total->event);
-    int code = APP_EXIT_OK;
-    for (char *item = strtok_r(copy, ",", &rest); item != NULL && code == APP_EXIT_OK;
+    for (char *rest = NULL, *item = strtok_r(copy, ",", &rest); item != NULL;
          item = strtok_r(NULL, ",", &rest)) {
         const size_t e = all->total->events++;
-        code = e < LG_EVENTS_MAX ? read_event(sim, item, &events[e], all->total->event[e])
-                                 : app_usage(sim->self, "--event: at most %d of them", LG_EVENTS_MAX);
+        if (e == LG_EVENTS_MAX) app_stop_usage(sim->self, "--event: at most %d of them", LG_EVENTS_MAX);
+        read_event(sim, item, &events[e], all->total->event[e]);
     }
-    free(copy);
     all->options.events = events;
     all->options.event_count = all->total->events;
-    return code;
 }
 
-static int choose_times(study *all) {
+static void choose_times(study *all) {
     const simulation *sim = all->sim;
-    const simulate_values *values = sim->values;
-    result *total = all->total;
-    if (values->times.count > 0) {
-        const bool to_end = values->times.values[values->times.count - 1] == sim->t_end;
-        total->points = values->times.count + !to_end;
-        total->t = app_alloc(total->points, sizeof *total->t);
-        memcpy(total->t, values->times.values, values->times.count * sizeof *total->t);
-    } else {
-        total->points = values->points > 0 ? (size_t)values->points : POINTS;
-        total->t = app_alloc(total->points, sizeof *total->t);
-        for (size_t i = 0; i + 1 < total->points; i++)
-            total->t[i] = sim->t_end * ((double)i / (double)(total->points - 1));
-    }
-    total->t[total->points - 1] = sim->t_end;
-    all->options.times = total->t;
-    all->options.count = total->points;
-    return APP_EXIT_OK;
+    const lg_reals *times = &sim->values->times;
+    const bool given = times->count > 0, to_end = given && times->values[times->count - 1] == sim->t_end;
+    const size_t points = given                     ? times->count + !to_end
+                          : sim->values->points > 0 ? (size_t)sim->values->points
+                                                    : POINTS;
+    double *t = app_alloc(points, sizeof *t);
+    for (size_t i = 0; i + 1 < points; i++)
+        t[i] = given ? times->values[i] : sim->t_end * ((double)i / (double)(points - 1));
+    t[points - 1] = sim->t_end;
+    all->options.times = all->total->t = t;
+    all->options.count = all->total->points = points;
 }
 
 /* The starts and parameters of some members: they depend on more than the line names (tables, the scene). */
@@ -271,7 +263,8 @@ static void add_members(const study *all, lg_sha256 *state) {
     const simulation *sim = all->sim;
     const size_t dim = sim->dim, count = lg_system_parameter_count(sim->system);
     const uint64_t total = all->total->total, step = total > LOOKED_AT ? total / LOOKED_AT : 1;
-    double *y0 = app_alloc(dim + count, sizeof *y0), *parameters = y0 + dim;
+    APP_FREE double *y0 = app_alloc(dim + count, sizeof *y0);
+    double *parameters = y0 + dim;
     for (uint64_t i = 0; i < LOOKED_AT && i * step < total; i++) {
         memset(y0, 0, dim * sizeof *y0);
         if (sim->scene.state != NULL) memcpy(y0, sim->scene.state, dim * sizeof *y0);
@@ -279,7 +272,6 @@ static void add_members(const study *all, lg_sha256 *state) {
         (void)vary_draw(all->varied, i * step, y0, parameters);
         lg_sha256_add(state, y0, (dim + count) * sizeof *y0);
     }
-    free(y0);
 }
 
 /* What an ensemble is, in one line: parts with the same one belong together. Long texts are cut here, and
@@ -355,10 +347,9 @@ static lg_status run(const study *all, const lg_ensemble_options *options, lg_en
 static lg_status run_pilot(study *all, lg_error *error) {
     result *total = all->total;
     lg_ensemble_options pilot = all->options;
-    bool *logarithmic = logarithmic_columns(all);
+    APP_FREE bool *logarithmic = logarithmic_columns(all);
     lg_status status = lg_statistics_create(all->sim->self->context, total->points, total->columns, BINS,
                                             logarithmic, &total->states);
-    free(logarithmic);
     if (status == LG_OK && total->events > 0)
         status = lg_statistics_create(all->sim->self->context, 1, total->events, BINS, NULL, &total->times);
     if (status != LG_OK) return app_error(error, status, "the statistics of %zu points", total->points);
@@ -392,118 +383,103 @@ static lg_status run_all(study *all, lg_ensemble_stats *stats, lg_error *error) 
     return status;
 }
 
-/* ---- files ---- */
+/* ---- files; ranks go on together after a failure, so that it is a status here ---- */
 
-static lg_status open_rows(study *all, const char *path, lg_error *error) {
+static lg_status open_rows(study *all, lg_error *error) {
+    const app *self = all->sim->self;
     const result *total = all->total;
-    const uint64_t rows = rows_among(all->saved, total->first, all->options.members);
-    if (rows == 0) return LG_OK;
-    lg_provenance provenance = {.has_seed = true, .seed = all->sim->self->seed};
-    (void)snprintf(provenance.command, sizeof provenance.command, "%s", all->sim->self->command_line);
-    (void)lg_cpu_describe(provenance.cpu, sizeof provenance.cpu);
+    const lg_provenance provenance = app_provenance(self, self->seed);
     const lg_rows_options options = {.provenance = &provenance,
                                      .first = total->first,
-                                     .rows = rows,
+                                     .rows = rows_among(all->saved, total->first, all->options.members),
                                      .points = total->points,
                                      .dim = all->sim->reported,
                                      .t = total->t,
                                      .layout = lg_system_layout(all->sim->system),
                                      .run = total->what};
-    return lg_rows_file_create(all->sim->self->context, path, &options, &all->rows, error);
+    if (options.rows == 0) return LG_OK;
+    return lg_rows_file_create(self->context, all->files->trajectories, &options, &all->rows, error);
 }
 
-static lg_status close_rows(study *all, const char *path, lg_error *error) {
+static lg_status close_rows(study *all, lg_error *error) {
     const int code = atomic_load(&all->rows_lost);
     if (all->rows == NULL) return LG_OK;
-    if (code != 0) return app_error(error, LG_FILE, "%s: cannot be written: %s", path, strerror(code));
-    return lg_rows_file_commit(all->rows, error);
-}
-
-static int fail(const study *all, lg_status status, const lg_error *error, const char *path) {
-    const app *self = all->sim->self;
-    if (status == LG_CANCELLED)
-        return app_fail(self, status, "stopped by %s: an ensemble is not written in part", app_stopper());
-    return status == LG_FILE
-               ? app_fail_file(self, status, error, path)
-               : app_fail(self, status, "%s",
-                          error->message[0] != '\0' ? error->message : lg_status_sentence(status));
+    if (code == 0) return lg_rows_file_commit(all->rows, error);
+    return app_error(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
 }
 
 /* Trajectories that are lost do not take the statistics with them. */
-static int write_out(study *all, const char *path, const char *trajectories, bool *written) {
+static int write_out(study *all, bool *written) {
     const app *self = all->sim->self;
-    const simulate_values *values = all->sim->values;
+    const ensemble_files *files = all->files;
+    const char *picture = self->ranks == NULL ? all->sim->values->plot : NULL;
     result *total = all->total;
     lg_error error = {LG_OK, ""}, lost = {LG_OK, ""};
-    const lg_status rows_status = close_rows(all, trajectories, &lost);
-    const lg_rows_part part = {trajectories, rows_among(all->saved, total->first, all->options.members)};
-    const result_rows rows = {&part, 1, all->sim->reported};
     lg_status status = LG_OK;
+    const lg_status rows_status = close_rows(all, &lost);
+    const lg_rows_part part = {files->trajectories,
+                               rows_among(all->saved, total->first, all->options.members)};
+    const result_rows rows = {&part, 1, all->sim->reported};
     total->saved = rows_status == LG_OK ? all->saved : 0;
-    if (path != NULL)
-        status =
-            result_write(self, path, total, all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    if (values->plot != NULL && self->ranks == NULL) {
-        status = ensemble_draw(self, total, values->plot, &error);
-        if (status != LG_OK) return app_fail_file(self, status, &error, values->plot);
-    }
+    if (files->out != NULL)
+        status = result_write(self, files->out, total,
+                              all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, files->out);
+    if (picture != NULL) status = ensemble_draw(self, total, picture, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, picture);
     *written = true;
     if (rows_status == LG_OK) return APP_EXIT_OK;
-    return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, path);
+    return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, files->out);
+}
+
+static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg_status *status) {
+    const app *self = all->sim->self;
+    lg_error error = {LG_OK, ""};
+    open_gatherers(all);
+    *status = all->files->trajectories != NULL ? open_rows(all, &error) : LG_OK;
+    if (*status == LG_OK) *status = run_all(all, stats, &error);
+    if (*status == LG_OK) return write_out(all, written);
+    if (*status == LG_CANCELLED)
+        return app_fail(self, *status, "stopped by %s: an ensemble is not written in part", app_stopper());
+    if (*status == LG_FILE) return app_fail_file(self, *status, &error, all->files->trajectories);
+    return app_fail(self, *status, "%s", app_sentence(*status, &error));
 }
 
 /* All ranks have written their parts: rank 0 makes one file of them, and shows it. */
-static int merge_ranks(study *all, lg_status status, uint64_t tasks) {
+static int merge_ranks(const study *all, lg_status status) {
     app *self = all->sim->self;
-    const simulate_values *values = all->sim->values;
-    const merge_values how = {.plot = values->plot};
+    const uint64_t tasks = all->files->task.count;
+    const merge_values how = {.plot = all->sim->values->plot};
+    const char *out = all->sim->values->out;
     lg_error error = {LG_OK, ""};
     status = lg_ranks_agree(self->ranks, status, &error);
     app_end_exchanges(self);
-    if (status != LG_OK) return app_fail(self, status, "%s", error.message);
+    app_must(self, status, &error);
     if (self->rank > 0) return APP_EXIT_OK;
-    const char **parts = app_alloc(tasks, sizeof *parts);
-    for (uint64_t i = 0; i < tasks; i++) parts[i] = part_path(values->out, &(ensemble_task){i, tasks});
-    const int code = merge_parts(self, values->out, parts, tasks, &how);
+    APP_FREE const char **parts = app_alloc(tasks, sizeof *parts);
+    for (uint64_t i = 0; i < tasks; i++) parts[i] = part_path(out, &(ensemble_task){i, tasks});
+    const int code = merge_parts(self, out, parts, tasks, &how);
     for (uint64_t i = 0; i < tasks; i++) {
         if (code == APP_EXIT_OK) (void)remove(parts[i]);
         free((void *)(uintptr_t)parts[i]);
     }
-    free(parts);
     return code;
 }
 
-static int run_and_write(study *all, const ensemble_task *task) {
-    const simulate_values *values = all->sim->values;
+static int run_and_show(study *all) {
     const app *self = all->sim->self;
-    lg_error error = {LG_OK, ""};
-    lg_ensemble_stats stats;
-    char *path = values->out != NULL ? part_path(values->out, task) : NULL;
-    char *trajectories = path != NULL ? rows_path(path) : NULL;
-    open_gatherers(all);
-    lg_status status = values->save != NULL ? open_rows(all, trajectories, &error) : LG_OK;
-    if (status == LG_OK) status = run_all(all, &stats, &error);
     bool written = false;
-    int code = status == LG_OK ? write_out(all, path, trajectories, &written)
-                               : fail(all, status, &error, trajectories);
-    const ensemble_run shown = {all->total, &stats, path};
+    lg_ensemble_stats stats;
+    lg_status status;
+    const int code = run_and_write(all, &written, &stats, &status);
     if (self->ranks != NULL)
-        code = merge_ranks(all,
-                           code == APP_EXIT_OK ? LG_OK
-                           : status != LG_OK   ? status
-                                               : LG_FILE,
-                           task->count);
-    else if (written) {
-        const int end = ensemble_conclude(self, &shown);
-        if (code == APP_EXIT_OK) code = end;
-    }
-    lg_rows_file_destroy(all->rows);
-    close_gatherers(all);
-    free(path);
-    free(trajectories);
-    return code;
+        return merge_ranks(all, code == APP_EXIT_OK ? LG_OK : status != LG_OK ? status : LG_FILE);
+    if (!written) return code;
+    const int end = ensemble_conclude(self, &(ensemble_run){all->total, &stats, all->files->out});
+    return code != APP_EXIT_OK ? code : end;
 }
+
+/* ---- what is run ---- */
 
 /* Whole blocks go to tasks; a block depends on the scene alone. */
 static void choose_members(study *all, const ensemble_task *part) {
@@ -517,20 +493,21 @@ static void choose_members(study *all, const ensemble_task *part) {
     all->total->block = size;
 }
 
-static int choose_saved(study *all) {
+static void choose_saved(study *all) {
+    const app *self = all->sim->self;
     const char *text = all->sim->values->save;
-    if (text == NULL) return APP_EXIT_OK;
+    if (text == NULL) return;
     all->saved = all->total->total;
-    if (strcmp(text, "all") == 0 || (app_parse_size(text, &all->saved) && all->saved > 0)) {
-        if (all->saved > all->total->total) all->saved = all->total->total;
-        return APP_EXIT_OK;
-    }
-    return app_usage(all->sim->self, "--save: expected `all` or a number of members, not '%s'", text);
+    if (strcmp(text, "all") != 0 && !(app_parse_size(text, &all->saved) && all->saved > 0))
+        app_stop_usage(self, "--save: expected `all` or a number of members, not '%s'", text);
+    if (all->saved > all->total->total) all->saved = all->total->total;
+    if (all->files->out == NULL) app_stop_usage(self, "--save: trajectories need a file: give --out");
 }
 
-static int prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *events, ensemble_task *task) {
+static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *events) {
     const simulation *sim = all->sim;
     const simulate_values *values = sim->values;
+    const ensemble_files *files = all->files;
     plan how;
     plan_init(sim, scheme, &how);
     lg_ensemble_options *o = &all->options;
@@ -545,51 +522,40 @@ static int prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *event
     o->one_by_one = values->one_by_one;
     all->total->total = values->ensemble;
     all->invariants = lg_system_invariants(sim->system);
-    int code = task_read(sim->self, values->task, task);
-    if (code == APP_EXIT_OK && task->count > 0 && values->out == NULL)
-        code = app_usage(sim->self, values->task != NULL ? "--task: the part needs a file: give --out"
-                                                         : "ranks of mpirun write parts: give --out");
-    if (code == APP_EXIT_OK) code = choose_saved(all);
-    if (code == APP_EXIT_OK && values->save != NULL && values->out == NULL)
-        code = app_usage(sim->self, "--save: trajectories need a file: give --out");
-    if (code == APP_EXIT_OK) code = read_events(all, events);
-    if (code == APP_EXIT_OK) code = choose_times(all);
-    if (code != APP_EXIT_OK) return code;
+    if (files->task.count > 0 && files->out == NULL)
+        app_stop_usage(sim->self, values->task != NULL ? "--task: the part needs a file: give --out"
+                                                       : "ranks of mpirun write parts: give --out");
+    choose_saved(all);
+    read_events(all, events);
+    choose_times(all);
     o->varied = vary_parameters(all->varied);
     if (vary_rows(all->varied) > 0 && values->ensemble > vary_rows(all->varied))
-        return app_usage(sim->self, "--starts: %s has %zu rows, fewer than --ensemble %llu", values->starts,
-                         vary_rows(all->varied), (unsigned long long)values->ensemble);
-    choose_members(all, task);
+        app_stop_usage(sim->self, "--starts: %s has %zu rows, fewer than --ensemble %llu", values->starts,
+                       vary_rows(all->varied), (unsigned long long)values->ensemble);
+    choose_members(all, &files->task);
     name_columns(all);
-    return APP_EXIT_OK;
 }
 
-static int run_with(simulation *sim, const lg_scheme *scheme) {
+static void study_close(study *all) {
+    lg_rows_file_destroy(all->rows);
+    close_gatherers(all);
+    vary_close(all->varied);
+    result_free(all->total);
+}
+
+int ensemble(simulation *sim, const ensemble_files *files) {
     const simulate_values *values = sim->values;
     const char *text = values->vary != NULL ? values->vary : sim->scene.ensemble;
     lg_ensemble_event events[LG_EVENTS_MAX];
     result total = {.what = NULL};
-    study all = {.sim = sim, .total = &total};
-    ensemble_task task = {0, 0};
-    int code = vary_open(sim, text, values->starts, &all.varied);
-    if (code == APP_EXIT_OK) code = prepare(&all, scheme, events, &task);
-    if (code == APP_EXIT_OK && text[0] == '\0' && values->starts == NULL && sim->scene.has_initial)
+    APP_CLEAN(method_free) method chosen = method_choose(sim);
+    check_control(sim, &chosen.scheme);
+    APP_CLEAN(study_close) study all = {.sim = sim, .files = files, .total = &total};
+    all.varied = vary_open(sim, text, values->starts);
+    prepare(&all, &chosen.scheme, events);
+    if (text[0] == '\0' && values->starts == NULL && sim->scene.has_initial)
         app_warn(sim->self,
                  "nothing varies: all members are the same; give --vary, --starts or the key `ensemble`");
-    if (code == APP_EXIT_OK) {
-        total.what = describe(&all, text);
-        code = run_and_write(&all, &task);
-    }
-    vary_close(all.varied);
-    result_free(&total);
-    return code;
-}
-
-int ensemble(simulation *sim) {
-    method what = {.file = NULL};
-    int code = method_choose(sim, &what);
-    if (code == APP_EXIT_OK) code = check_control(sim, &what.scheme);
-    if (code == APP_EXIT_OK) code = run_with(sim, &what.scheme);
-    method_free(&what);
-    return code;
+    total.what = describe(&all, text);
+    return run_and_show(&all);
 }

@@ -14,10 +14,9 @@ bool component_find(const simulation *sim, const char *name, size_t *index);
 
 typedef struct vary vary;
 /* `text`: NAME = DISTRIBUTION, ...; `table`: a file with a member a row, or NULL. */
-int vary_open(const simulation *sim, const char *text, const char *table, vary **out);
+vary *vary_open(const simulation *sim, const char *text, const char *table);
 void vary_close(vary *self); /* NULL is fine */
 bool vary_parameters(const vary *self);
-bool vary_state(const vary *self);
 size_t vary_rows(const vary *self); /* of the table; 0: none */
 lg_status vary_draw(void *self, uint64_t member, double *y0, double *parameters);
 
@@ -28,8 +27,6 @@ enum { TASKS_MAX = 1000000 };
 typedef struct ensemble_task {
     uint64_t index, count;
 } ensemble_task;
-/* `text` is --task or NULL; rank r of R is task r of R. */
-int task_read(const app *self, const char *text, ensemble_task *out);
 /* "out.h5" -> "out.part-3-of-8.h5"; of the whole "out.h5". Freed with free. */
 char *part_path(const char *out, const ensemble_task *task);
 /* "out.h5" -> "out.trajectories.h5" */
@@ -37,13 +34,14 @@ char *rows_path(const char *path);
 /* Of the members first, first + 1, ... those below `saved`. */
 uint64_t rows_among(uint64_t saved, uint64_t first, uint64_t members);
 
-/* The files that a run writes. Those without a path are not; paths are freed with free. */
-enum { OUTPUTS = 3 };
-typedef struct ensemble_output {
-    const char *option;
-    char *path;
-} ensemble_output;
-int ensemble_outputs(const app *self, const simulate_values *values, ensemble_output out[OUTPUTS]);
+/* What a process does, and the files that it writes: of a task the files of its part alone. A single run is the
+ * whole. */
+typedef struct ensemble_files {
+    ensemble_task task;
+    char *out, *trajectories; /* NULL: not written */
+} ensemble_files;
+void ensemble_files_choose(const app *self, const simulate_values *values, ensemble_files *out);
+void ensemble_files_free(ensemble_files *files);
 
 /* ---- results ---- */
 
@@ -94,7 +92,7 @@ typedef struct result_rows {
 /* `rows` NULL: without trajectories. */
 lg_status result_write(const app *self, const char *path, const result *what, const result_rows *rows,
                        lg_error *error);
-lg_status result_read(const app *self, const char *path, result *out, lg_error *error);
+void result_read(const app *self, const char *path, result *out);
 
 /* ensemble_report.c */
 typedef struct ensemble_run {
@@ -102,14 +100,12 @@ typedef struct ensemble_run {
     const lg_ensemble_stats *stats; /* NULL: merged from files */
     const char *out;
 } ensemble_run;
-void ensemble_json(const app *self, const ensemble_run *run);
-void ensemble_text(const ensemble_run *run);
 /* Shows it, and warns of members that failed. An exit code: that of the failure where all of them failed. */
 int ensemble_conclude(const app *self, const ensemble_run *run);
 lg_status ensemble_draw(const app *self, const result *what, const char *path, lg_error *error);
 
-/* ensemble.c */
-int ensemble(simulation *sim);
+/* ensemble.c: an exit code, as of merge_parts; ranks agree on it. */
+int ensemble(simulation *sim, const ensemble_files *files);
 /* merge.c: one file of the parts, and what it says; then lg-simulate merge OUT.h5 PARTS... */
 typedef struct merge_values {
     const char *plot;

@@ -4,18 +4,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-int task_read(const app *self, const char *text, ensemble_task *out) {
-    *out = self->rank_count > 1 ? (ensemble_task){self->rank, self->rank_count} : (ensemble_task){0, 0};
-    if (text == NULL) return APP_EXIT_OK;
-    if (out->count > 0)
-        return app_usage(self, "--task is not for ranks of mpirun, which are tasks themselves");
-    char *copy = app_format("%s", text), *slash = strchr(copy, '/');
-    if (slash != NULL) *slash = '\0';
-    const bool read =
-        slash != NULL && app_parse_size(copy, &out->index) && app_parse_size(slash + 1, &out->count);
-    free(copy);
-    if (read && out->index < out->count && out->count <= TASKS_MAX) return APP_EXIT_OK;
-    return app_usage(self, "--task: expected i/n with 0 <= i < n <= %d, not '%s'", TASKS_MAX, text);
+/* What --task says; rank r of R is task r of R. */
+static ensemble_task read_task(const app *self, const char *text) {
+    ensemble_task out = {0, 0};
+    if (self->rank_count > 1) out = (ensemble_task){self->rank, self->rank_count};
+    if (text == NULL) return out;
+    if (out.count > 0) app_stop_usage(self, "--task is not for ranks of mpirun, which are tasks themselves");
+    const char *slash = strchr(text, '/');
+    APP_FREE char *index = app_format("%.*s", slash != NULL ? (int)(slash - text) : 0, text);
+    if (slash == NULL || !app_parse_size(index, &out.index) || !app_parse_size(slash + 1, &out.count) ||
+        out.index >= out.count || out.count > TASKS_MAX)
+        app_stop_usage(self, "--task: expected i/n with 0 <= i < n <= %d, not '%s'", TASKS_MAX, text);
+    return out;
 }
 
 /* "a/out.h5", ".x" -> "a/out.x.h5" */
@@ -28,11 +28,9 @@ static char *insert(const char *path, const char *text) {
 
 char *part_path(const char *out, const ensemble_task *task) {
     if (task->count == 0) return app_format("%s", out);
-    char *which =
+    APP_FREE char *which =
         app_format(".part-%llu-of-%llu", (unsigned long long)task->index, (unsigned long long)task->count);
-    char *path = insert(out, which);
-    free(which);
-    return path;
+    return insert(out, which);
 }
 
 char *rows_path(const char *path) {
@@ -44,14 +42,14 @@ uint64_t rows_among(uint64_t saved, uint64_t first, uint64_t members) {
     return end > first ? end - first : 0;
 }
 
-int ensemble_outputs(const app *self, const simulate_values *values, ensemble_output out[OUTPUTS]) {
-    ensemble_task task;
-    for (size_t i = 0; i < OUTPUTS; i++) out[i] = (ensemble_output){"out", NULL};
-    const int code = task_read(self, values->task, &task);
-    if (code != APP_EXIT_OK || values->out == NULL) return code;
-    out[0].path = part_path(values->out, &task);
-    if (values->save != NULL) out[1] = (ensemble_output){"save", rows_path(out[0].path)};
-    /* Ranks make one file of theirs. */
-    if (self->rank_count > 1) out[2].path = app_format("%s", values->out);
-    return APP_EXIT_OK;
+void ensemble_files_choose(const app *self, const simulate_values *values, ensemble_files *out) {
+    if (values->ensemble > 0) out->task = read_task(self, values->task);
+    if (values->out == NULL) return;
+    out->out = part_path(values->out, &out->task);
+    if (values->save != NULL) out->trajectories = rows_path(out->out);
+}
+
+void ensemble_files_free(ensemble_files *files) {
+    free(files->out);
+    free(files->trajectories);
 }

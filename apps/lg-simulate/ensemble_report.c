@@ -1,164 +1,103 @@
-/* The results of an ensemble as one JSON object, one screen, or a picture of bands. */
+/* The results of an ensemble, and a picture of bands. */
 #include "lg-simulate/ensemble.h"
 
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-/* ---- JSON ---- */
+enum { SHOWN = 24, SHOWN_FAILURES = 5 };
 
+/* People see some of them. */
 static const struct {
     const char *name;
     double p;
-} shown_quantiles[] = {{"q01", 0.01}, {"q05", 0.05}, {"q25", 0.25}, {"median", 0.5},
-                       {"q75", 0.75}, {"q95", 0.95}, {"q99", 0.99}};
+    bool shown;
+} quantiles[] = {{"q01", 0.01, false}, {"q05", 0.05, true}, {"q25", 0.25, false}, {"median", 0.5, true},
+                 {"q75", 0.75, false}, {"q95", 0.95, true}, {"q99", 0.99, false}};
 
-static void json_cell(app_json *json, const lg_statistics *from, size_t row, size_t column) {
+static void put_cell(app_json *out, const lg_statistics *from, size_t row, size_t column) {
     const lg_statistics_cell cell = lg_statistics_of(from, row, column);
-    app_json_size(json, "count", cell.count);
-    app_json_real(json, "mean", cell.mean);
-    app_json_real(json, "deviation", cell.deviation);
-    app_json_real(json, "least", cell.least);
-    app_json_real(json, "largest", cell.largest);
-    for (size_t i = 0; i < LG_COUNT(shown_quantiles); i++)
-        app_json_real(json, shown_quantiles[i].name,
-                      lg_statistics_quantile(from, row, column, shown_quantiles[i].p));
-    app_json_real(json, "resolution", cell.resolution);
+    if (!out->people) app_json_size(out, "count", cell.count);
+    app_json_real(out, "mean", cell.mean);
+    app_json_real(out, "deviation", cell.deviation);
+    app_json_real(out, "least", cell.least);
+    app_json_real(out, "largest", cell.largest);
+    for (size_t i = 0; i < LG_COUNT(quantiles); i++)
+        if (!out->people || quantiles[i].shown)
+            app_json_real(out, quantiles[i].name, lg_statistics_quantile(from, row, column, quantiles[i].p));
+    if (!out->people) app_json_real(out, "resolution", cell.resolution);
 }
 
-static void json_failures(app_json *json, const result *what) {
-    app_json_size(json, "failed", result_failed(what));
-    app_json_open(json, "failed_by_status", '{');
-    for (size_t i = 0; i < STATUSES; i++)
-        if (what->failed[i] > 0) app_json_size(json, lg_status_name((lg_status)i), what->failed[i]);
-    app_json_close(json, '}');
-    app_json_open(json, "failures", '[');
-    for (size_t i = 0; i < what->listed; i++) {
-        app_json_open(json, NULL, '{');
-        app_json_size(json, "member", what->failures[i].member);
-        app_json_text(json, "status", lg_status_name((lg_status)what->failures[i].status));
-        app_json_real(json, "t", what->failures[i].t);
-        app_json_close(json, '}');
-    }
-    app_json_close(json, ']');
-}
-
-static void json_stats(app_json *json, const lg_ensemble_stats *stats) {
-    app_json_size(json, "lanes", stats->lanes);
-    app_json_real(json, "occupancy", stats->occupancy);
-    app_json_real(json, "seconds", stats->seconds);
-}
-
-void ensemble_json(const app *self, const ensemble_run *run) {
-    const result *what = run->what;
-    app_json json;
-    app_json_begin(&json);
-    app_json_text(&json, "ensemble", what->what);
-    app_json_size(&json, "total", what->total);
-    app_json_size(&json, "first", what->first);
-    app_json_size(&json, "members", what->members);
-    app_json_size(&json, "block", what->block);
-    app_json_size(&json, "steps", what->steps);
-    app_json_size(&json, "rejected", what->rejected);
-    if (run->stats != NULL) json_stats(&json, run->stats);
-    json_failures(&json, what);
-    app_json_real(&json, "t", what->t[what->points - 1]);
-    app_json_open(&json, "end", '{');
-    for (size_t c = 0; c < what->columns; c++) {
-        app_json_open(&json, what->column[c], '{');
-        json_cell(&json, what->states, what->points - 1, c);
-        app_json_close(&json, '}');
-    }
-    app_json_close(&json, '}');
-    app_json_open(&json, "events", '{');
-    for (size_t e = 0; e < what->events; e++) {
-        app_json_open(&json, what->event[e], '{');
-        json_cell(&json, what->times, 0, e);
-        app_json_size(&json, "without", what->members - lg_statistics_of(what->times, 0, e).count);
-        app_json_close(&json, '}');
-    }
-    app_json_close(&json, '}');
-    app_json_text(&json, "out", run->out);
-    app_json_size(&json, "points", what->points);
-    app_json_warnings(&json, self);
-    app_json_end(&json);
-}
-
-/* ---- one screen ---- */
-
-static void print_row(app_table *table, const char *name, const lg_statistics *from, size_t row,
-                      size_t column) {
-    const lg_statistics_cell cell = lg_statistics_of(from, row, column);
-    app_table_cell(table, "%s", name);
-    app_table_cell(table, "%.6g", cell.mean);
-    app_table_cell(table, "%.4g", cell.deviation);
-    app_table_cell(table, "%.6g", cell.least);
-    app_table_cell(table, "%.6g", lg_statistics_quantile(from, row, column, 0.05));
-    app_table_cell(table, "%.6g", lg_statistics_quantile(from, row, column, 0.5));
-    app_table_cell(table, "%.6g", lg_statistics_quantile(from, row, column, 0.95));
-    app_table_cell(table, "%.6g", cell.largest);
-}
-
-static void begin_table(app_table *table, const char *first) {
-    const char *const heads[] = {first, "mean", "deviation", "least", "5 %", "median", "95 %", "largest"};
-    app_table_begin(table, LG_COUNT(heads));
-    for (size_t i = 0; i < LG_COUNT(heads); i++) app_table_cell(table, "%s", heads[i]);
-}
-
-static void print_failures(const result *what) {
-    enum { SHOWN = 5 };
-    if (what->listed == 0) return;
-    (void)printf("\nfailed:");
+static void put_failures(app_json *out, const result *what) {
+    const size_t listed = out->people && what->listed > SHOWN_FAILURES ? SHOWN_FAILURES : what->listed;
+    app_result_size(out, "failed", result_failed(what), "members failed");
+    app_json_open(out, "failed_by_status", '{');
     for (size_t i = 0; i < STATUSES; i++)
         if (what->failed[i] > 0)
-            (void)printf(" %llu (%s)", (unsigned long long)what->failed[i], lg_status_sentence((lg_status)i));
-    (void)printf("; members");
-    for (size_t i = 0; i < what->listed && i < SHOWN; i++)
-        (void)printf("%s %llu at t = %g", i > 0 ? "," : "", (unsigned long long)what->failures[i].member,
-                     what->failures[i].t);
-    (void)printf("%s\n", what->listed > SHOWN ? ", ..." : "");
+            app_result_size(out, lg_status_name((lg_status)i), what->failed[i],
+                            lg_status_sentence((lg_status)i));
+    app_json_close(out, '}');
+    app_result_rows(out, "failures");
+    for (size_t i = 0; i < listed; i++) {
+        app_json_open(out, NULL, '{');
+        app_json_size(out, "member", what->failures[i].member);
+        app_json_text(out, "status", lg_status_name((lg_status)what->failures[i].status));
+        app_json_real(out, "t", what->failures[i].t);
+        app_json_close(out, '}');
+    }
+    app_result_rows_end(out);
 }
 
-void ensemble_text(const ensemble_run *run) {
-    enum { SHOWN = 24 };
+static void put_states(app_json *out, const result *what) {
+    app_result_real(out, "t", what->t[what->points - 1], "of the states below");
+    app_result_named(out, "end", "at the end");
+    for (size_t c = 0; c < what->columns; c++) {
+        if (out->people && c >= SHOWN && c + 2 < what->columns) continue;
+        app_json_open(out, what->column[c], '{');
+        put_cell(out, what->states, what->points - 1, c);
+        app_json_close(out, '}');
+    }
+    app_result_rows_end(out);
+}
+
+static void put_events(app_json *out, const result *what) {
+    if (what->events > 0) app_result_line(out, "\nTime of the first event");
+    app_result_named(out, "events", "event");
+    for (size_t e = 0; e < what->events; e++) {
+        app_json_open(out, what->event[e], '{');
+        put_cell(out, what->times, 0, e);
+        app_json_size(out, "without", what->members - lg_statistics_of(what->times, 0, e).count);
+        app_json_close(out, '}');
+    }
+    app_result_rows_end(out);
+}
+
+static void report_ensemble(const app *self, const ensemble_run *run) {
     const result *what = run->what;
-    app_table table;
-    (void)printf("%s\n", what->what);
-    if (what->members == 0) {
-        (void)printf("no members: blocks of %llu go to the parts, and the others have all %llu members\n",
-                     (unsigned long long)what->block, (unsigned long long)what->total);
-        if (run->out != NULL) (void)printf("\n%s: %zu points\n", run->out, what->points);
-        return;
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_text(&out, "ensemble", what->what, NULL);
+    app_result_size(&out, "total", what->total, "members of the ensemble");
+    app_result_size(&out, "first", what->first, NULL);
+    app_result_size(&out, "members", what->members, "of this run, from the first on");
+    app_json_size(&out, "block", what->block);
+    app_result_size(&out, "steps", what->steps, "of all members");
+    app_result_size(&out, "rejected", what->rejected, NULL);
+    if (run->stats != NULL) {
+        app_result_size(&out, "lanes", run->stats->lanes, "1: one member at a time");
+        app_result_real(&out, "occupancy", run->stats->occupancy, "part of the lanes in use");
+        app_result_real(&out, "seconds", run->stats->seconds, NULL);
     }
-    (void)printf("%llu members", (unsigned long long)what->members);
-    if (what->members < what->total)
-        (void)printf(" (%llu to %llu of %llu)", (unsigned long long)what->first,
-                     (unsigned long long)(what->first + what->members) - 1, (unsigned long long)what->total);
-    (void)printf(", %.4g steps each", (double)what->steps / (double)what->members);
-    if (run->stats != NULL && run->stats->lanes > 1)
-        (void)printf("; %zu lanes, %.1f %% in use", run->stats->lanes, 100.0 * run->stats->occupancy);
-    if (run->stats != NULL && run->stats->lanes == 1) (void)printf("; one at a time");
-    if (run->stats != NULL) (void)printf("; %.3g s", run->stats->seconds);
-    (void)printf("\n\nt = %g\n", what->t[what->points - 1]);
-    begin_table(&table, "");
-    for (size_t c = 0; c < what->columns; c++)
-        if (c < SHOWN || c + 2 >= what->columns)
-            print_row(&table, what->column[c], what->states, what->points - 1, c);
-    app_table_end(&table, stdout);
-    if (what->events > 0) {
-        (void)printf("\nTime of the first event\n");
-        begin_table(&table, "");
-        for (size_t e = 0; e < what->events; e++) print_row(&table, what->event[e], what->times, 0, e);
-        app_table_end(&table, stdout);
-        for (size_t e = 0; e < what->events; e++)
-            (void)printf("%s: %llu members without\n", what->event[e],
-                         (unsigned long long)(what->members - lg_statistics_of(what->times, 0, e).count));
-    }
-    print_failures(what);
-    if (run->out != NULL) (void)printf("\n%s: %zu points\n", run->out, what->points);
+    put_failures(&out, what);
+    if (what->members == 0)
+        app_result_line(&out,
+                        "no members: blocks of %llu go to the parts, and the others have all %llu members",
+                        (unsigned long long)what->block, (unsigned long long)what->total);
+    put_states(&out, what);
+    put_events(&out, what);
+    app_result_text(&out, "out", run->out, NULL);
+    app_result_size(&out, "points", what->points, NULL);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
 }
-
-/* ---- the end ---- */
 
 int ensemble_conclude(const app *self, const ensemble_run *run) {
     const result *what = run->what;
@@ -168,10 +107,7 @@ int ensemble_conclude(const app *self, const ensemble_run *run) {
     if (failed > 0 && !all)
         app_warn(self, "%llu of %llu members failed; the statistics are of what they reached",
                  (unsigned long long)failed, (unsigned long long)what->members);
-    if (self->json)
-        ensemble_json(self, run);
-    else
-        ensemble_text(run);
+    report_ensemble(self, run);
     for (size_t i = 0; i < STATUSES; i++)
         if (what->failed[i] > what->failed[most]) most = i;
     return all ? app_fail(self, (lg_status)most, "all %llu members failed: %s", (unsigned long long)failed,
@@ -186,9 +122,9 @@ enum { PANELS = 6, BARS = 64 };
 static void put_bands(app_plot *plot, const result *what, size_t column) {
     for (size_t row = 0; row < what->points; row++) {
         (void)fprintf(plot->data.stream, "%.9g", what->t[row]);
-        for (size_t i = 0; i < LG_COUNT(shown_quantiles); i++)
+        for (size_t i = 0; i < LG_COUNT(quantiles); i++)
             (void)fprintf(plot->data.stream, " %.9g",
-                          lg_statistics_quantile(what->states, row, column, shown_quantiles[i].p));
+                          lg_statistics_quantile(what->states, row, column, quantiles[i].p));
         (void)fputc('\n', plot->data.stream);
     }
     app_plot_block(plot);

@@ -9,32 +9,15 @@ enum { MAX_TEXT = 1 << 26 };
 
 /* ---- weights ---- */
 
-static char *read_text(const app *self, const char *path, int *code) {
-    lg_error error = {LG_OK, ""};
+static char *read_text(const app *self, const char *path) {
     FILE *file = fopen(path, "r");
-    if (file == NULL) {
-        (void)app_error(&error, LG_FILE, "%s: cannot be read: %s", path, strerror(errno));
-        *code = app_fail_file(self, LG_FILE, &error, path);
-        return NULL;
-    }
-    size_t used = 0, room = 4096;
-    char *text = app_alloc(room, 1);
-    for (size_t got; used < MAX_TEXT && (got = fread(text + used, 1, room - 1 - used, file)) > 0;) {
-        used += got;
-        if (used + 1 < room) continue;
-        char *longer = app_alloc(2 * room, 1);
-        memcpy(longer, text, used);
-        free(text);
-        text = longer;
-        room *= 2;
-    }
-    const bool broken = ferror(file) != 0, whole = feof(file) != 0, binary = strlen(text) != used;
+    char *text = app_alloc(MAX_TEXT, 1);
+    const size_t used = file != NULL ? fread(text, 1, MAX_TEXT - 1, file) : 0;
+    if (file == NULL || ferror(file))
+        app_stop(self, LG_FILE, "%s: cannot be read: %s", path, strerror(errno));
+    if (!feof(file) || strlen(text) != used) app_stop(self, LG_FILE, "%s: is no list of numbers", path);
     (void)fclose(file);
-    if (!broken && whole && !binary) return text;
-    free(text);
-    (void)app_error(&error, LG_FILE, "%s: %s", path, broken ? "cannot be read" : "is no list of numbers");
-    *code = app_fail_file(self, LG_FILE, &error, path);
-    return NULL;
+    return text;
 }
 
 /* Numbers separated by commas, blanks or lines; true when there are no more than `room`, each one whole.
@@ -53,25 +36,16 @@ static bool parse_weights(char *text, double *out, size_t room, size_t *count, c
     return true;
 }
 
-static int check_count(const simulation *sim, size_t count) {
-    if (count == sim->reported) return APP_EXIT_OK;
-    return app_usage(sim->self, "--gradient: %zu weights, but the state has %zu numbers: %s", count,
-                     sim->reported, lg_system_layout(sim->system));
-}
-
-int gradient_read(const simulation *sim, gradient *out) {
+void gradient_read(const simulation *sim, gradient *out) {
     const char *given = sim->values->gradient, *bad = NULL;
-    int code = APP_EXIT_OK;
     size_t count = 0;
-    char *text = given[0] == '@' ? read_text(sim->self, given + 1, &code) : app_format("%s", given);
-    if (text == NULL) return code;
+    APP_FREE char *text = given[0] == '@' ? read_text(sim->self, given + 1) : app_format("%s", given);
     *out = (gradient){.count = sim->reported, .weights = app_alloc(sim->dim, sizeof *out->weights)};
-    if (parse_weights(text, out->weights, sim->reported, &count, &bad))
-        code = check_count(sim, count);
-    else
-        code = app_usage(sim->self, "--gradient: '%.40s' is not a number", bad);
-    free(text);
-    return code;
+    if (!parse_weights(text, out->weights, sim->reported, &count, &bad))
+        app_stop_usage(sim->self, "--gradient: '%.40s' is not a number", bad);
+    if (count != sim->reported)
+        app_stop_usage(sim->self, "--gradient: %zu weights, but the state has %zu numbers: %s", count,
+                       sim->reported, lg_system_layout(sim->system));
 }
 
 /* ---- the gradient ---- */
@@ -99,25 +73,13 @@ static lg_status source(void *user, size_t n, double t, const double *y, double 
     return LG_OK;
 }
 
-static int fail_gradient(const simulation *sim, const lg_scheme *scheme, lg_status status,
-                         const lg_error *error) {
-    const char *sentence = error->message[0] != '\0' ? error->message : lg_status_sentence(status);
-    if (status == LG_CANCELLED) return app_fail(sim->self, status, "stopped by %s", app_stopper());
-    if (status == LG_UNSUPPORTED) {
-        const char *form = lg_system_form(sim->system);
-        return app_usage(sim->self, "--gradient: '%s' cannot be differentiated on %s%s%s; rkmk4 can",
-                         scheme->name, lg_system_name(sim->system), form != NULL ? ", " : "",
-                         form != NULL ? form : "");
-    }
-    return app_fail(sim->self, status, "--gradient with %s: %s", scheme->name, sentence);
-}
-
-int gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out) {
+void gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out) {
+    const app *self = sim->self;
     lg_error error = {LG_OK, ""};
     lg_adjoint_problem problem;
     const lg_coordinates coordinates = lg_system_coordinates_for(scheme);
     functional user = {.sim = sim, .coordinates = coordinates, .weights = out->weights, .steps = seen->steps};
-    double *end = app_alloc(sim->dim, sizeof *end);
+    APP_FREE double *end = app_alloc(sim->dim, sizeof *end);
     out->dy0 = app_alloc(sim->dim, sizeof *out->dy0);
     out->dparameters = app_alloc(lg_system_parameter_count(sim->system), sizeof *out->dparameters);
     lg_adjoint_problem_init(&problem);
@@ -133,15 +95,16 @@ int gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch
     problem.steps = seen->steps;
     problem.checkpoints =
         sim->values->checkpoints < seen->steps ? (size_t)sim->values->checkpoints : seen->steps;
-    const lg_status status = lg_adjoint_gradient(sim->self->context, &problem, sim->scene.state, end,
-                                                 out->dy0, out->dparameters, &out->stats, &error);
-    if (status == LG_OK) {
-        lg_space_project_gradient(lg_system_space(sim->system), sim->scene.state, out->dy0);
-        out->j = 0;
-        for (size_t i = 0; i < sim->reported; i++) out->j += out->weights[i] * end[i];
-    }
-    free(end);
-    return status == LG_OK ? APP_EXIT_OK : fail_gradient(sim, scheme, status, &error);
+    const lg_status status = lg_adjoint_gradient(self->context, &problem, sim->scene.state, end, out->dy0,
+                                                 out->dparameters, &out->stats, &error);
+    if (status == LG_CANCELLED) app_stop(self, status, "stopped by %s", app_stopper());
+    if (status == LG_UNSUPPORTED)
+        app_stop_usage(self, "--gradient: '%s' cannot be differentiated on %s; rkmk4 can", scheme->name,
+                       sim->title);
+    if (status != LG_OK)
+        app_stop(self, status, "--gradient with %s: %s", scheme->name, app_sentence(status, &error));
+    lg_space_project_gradient(lg_system_space(sim->system), sim->scene.state, out->dy0);
+    for (size_t i = 0; i < sim->reported; i++) out->j += out->weights[i] * end[i];
 }
 
 void gradient_free(gradient *self) {

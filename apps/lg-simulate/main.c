@@ -1,7 +1,6 @@
 /* lg-simulate: integrate a mechanical system and look at the result. */
 #include "lg-simulate/ensemble.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 static simulate_values values = {.atol = -1, .theta = 0.5};
@@ -104,181 +103,130 @@ static const dependency dependencies[] = {{"checkpoints", "gradient", true},
                                           {"ensemble", "work-precision", false},
                                           {"ensemble", "plot-kind", false}};
 
-static int check_options(const app *self) {
+static void check_options(const app *self) {
     for (size_t i = 0; i < LG_COUNT(dependencies); i++) {
         const dependency *d = &dependencies[i];
-        if (!app_given(self, d->option) || app_given(self, d->other) == d->needs) continue;
-        if (d->needs) return app_usage(self, "--%s: needs --%s", d->option, d->other);
-        return app_usage(self, "--%s and --%s cannot be given together", d->option, d->other);
+        if (app_given(self, d->option) && app_given(self, d->other) != d->needs)
+            app_stop_usage(self, d->needs ? "--%s: needs --%s" : "--%s and --%s cannot be given together",
+                           d->option, d->other);
     }
     if (!values.work_precision && app_given(self, "steps") &&
         (app_given(self, "tol") || app_given(self, "atol")))
-        return app_usage(self, "--steps (equal steps) and --tol (adaptive steps) cannot be given together");
-    return APP_EXIT_OK;
+        app_stop_usage(self, "--steps (equal steps) and --tol (adaptive steps) cannot be given together");
 }
 
-/* A task works on its part of --out alone. */
-static int check_outputs(const app *self) {
+static void check_outputs(const app *self, const ensemble_files *files) {
     const bool weights = values.gradient != NULL && values.gradient[0] == '@';
-    ensemble_output out[OUTPUTS] = {{"out", NULL}};
-    const bool parts = values.ensemble > 0;
-    int code = parts ? ensemble_outputs(self, &values, out) : APP_EXIT_OK;
     const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ},
                               {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ},
                               {"starts", values.starts, LG_FILE_READ},
-                              {"out", parts ? NULL : values.out, LG_FILE_WRITTEN},
-                              {out[0].option, out[0].path, LG_FILE_WRITTEN},
-                              {out[1].option, out[1].path, LG_FILE_WRITTEN},
-                              {out[2].option, out[2].path, LG_FILE_WRITTEN},
+                              {"out", files->out, LG_FILE_WRITTEN},
+                              {"save", files->trajectories, LG_FILE_WRITTEN},
+                              /* Ranks make one file of theirs. */
+                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN},
                               {"plot", values.plot, LG_FILE_DRAWN}};
-    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
-    for (size_t i = 0; i < OUTPUTS; i++) free(out[i].path);
-    return code;
-}
-
-/* Equal or adaptive steps must fit the method. */
-int check_control(const simulation *sim, const lg_scheme *scheme) {
-    const app *self = sim->self;
-    if (values.steps > 0 || scheme->embedded_order > 0) return APP_EXIT_OK;
-    char *names = method_names(sim, true, true);
-    const int code =
-        app_given(self, "tol") || app_given(self, "atol")
-            ? app_usage(self, "--tol: '%s' does not estimate its error: give --steps N; adaptive methods: %s",
-                        scheme->name, names)
-            : app_usage(self,
-                        "'%s' needs --steps N, because it does not estimate its error; adaptive "
-                        "methods: %s",
-                        scheme->name, names);
-    free(names);
-    return code;
+    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    if (code != APP_EXIT_OK) app_end(code);
 }
 
 /* ---- one run ---- */
 
-static int fail_run(const simulation *sim, const plan *how, const outcome *run, lg_status status,
-                    const lg_error *error) {
+static void fail_run(const simulation *sim, const plan *how, const outcome *run, lg_status status,
+                     const lg_error *error) {
     const app *self = sim->self;
     const char *name = how->scheme->name;
     switch (status) {
     case LG_CANCELLED:
-        return app_fail(self, status, "stopped by %s at t = %g", app_stopper(), run->t);
+        app_stop(self, status, "stopped by %s at t = %g", app_stopper(), run->t);
     case LG_STEP_TOO_SMALL:
-        return app_fail(
+        app_stop(
             self, status,
             "%s: the step size fell below the rounding of time at t = %.17g, after %zu steps; try a larger "
             "--tol or --atol",
             name, run->t, run->stats.steps);
     case LG_TOO_MANY_STEPS:
-        return app_fail(self, status, "%s: reached only t = %g in %zu steps (--max-steps); t_end is %g", name,
-                        run->t, how->max_steps, how->t_end);
+        app_stop(self, status, "%s: reached only t = %g in %zu steps (--max-steps); t_end is %g", name,
+                 run->t, how->max_steps, how->t_end);
     case LG_NOT_FINITE:
-        return app_fail(self, status, "%s: the state is not finite in the step from t = %g, after %zu steps",
-                        name, run->t, run->stats.steps);
+        app_stop(self, status, "%s: the state is not finite in the step from t = %g, after %zu steps", name,
+                 run->t, run->stats.steps);
     case LG_NO_CONVERGENCE:
-        return app_fail(self, status,
-                        "%s: Newton's method does not converge in the step from t = %g; give more steps",
-                        name, run->t);
+        app_stop(self, status,
+                 "%s: Newton's method does not converge in the step from t = %g; give more steps", name,
+                 run->t);
     default:
-        return app_fail(self, status, "%s: %s", name,
-                        error->message[0] != '\0' ? error->message : lg_status_sentence(status));
+        app_stop(self, status, "%s: %s", name, app_sentence(status, error));
     }
-}
-
-static int write_outputs(const report *what) {
-    const app *self = what->sim->self;
-    lg_error error = {LG_OK, ""};
-    lg_status status = LG_OK;
-    if (values.out != NULL) status = write_trajectory(what, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
-    if (values.plot != NULL) status = draw_run(what, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
 }
 
 /* What was reached before Ctrl-C is kept. */
-static void keep_begun(const report *what) {
+static void keep_begun(const report *what, samples *path) {
     lg_error error = {LG_OK, ""};
-    if (values.out == NULL || what->path->kept == 0) return;
+    while (path->kept > 0 && path->t[path->first + path->kept - 1] > what->run->t) path->kept--;
+    if (values.out == NULL || path->kept == 0) return;
     if (write_trajectory(what, &error) == LG_OK)
-        app_warn(what->sim->self, "%s holds the %zu points reached", values.out, what->path->kept);
+        app_warn(what->sim->self, "%s holds the %zu points reached", values.out, path->kept);
 }
 
-static int run_and_report(const simulation *sim, const plan *how, watch *seen, samples *path,
-                          gradient *slope) {
+/* From the start to the samples, with `seen` looking. */
+static void run_plan(const report *what, const plan *how, watch *seen, samples *path, outcome *out) {
+    const simulation *sim = what->sim;
     lg_error error = {LG_OK, ""};
-    outcome run = {.t = 0};
-    report what = {sim, how, &run, seen, path, slope};
-    for (size_t i = 0; i < sim->dim; i++) path->y[i] = sim->scene.state[i];
-    const lg_status status = integrate(sim, how, path->y, path->y + sim->dim, &run, &error);
-    run.seconds -= seen->spent;
-    if (run.seconds < 0) run.seconds = 0;
-    if (status == LG_CANCELLED) {
-        for (size_t i = 0; i < path->kept; i++)
-            if (path->t[path->first + i] > run.t) path->kept = i;
-        keep_begun(&what);
-    }
-    if (status != LG_OK) return fail_run(sim, how, &run, status, &error);
-    watch_warn(seen, how, &run);
-    if (slope == NULL) horizon_warn(sim, how, path->y + (path->count - 1) * sim->dim);
-    int code = slope != NULL ? gradient_compute(sim, how->scheme, seen, slope) : APP_EXIT_OK;
-    if (code == APP_EXIT_OK) code = write_outputs(&what);
-    if (code != APP_EXIT_OK) return code;
-    if (sim->self->json)
-        report_json(&what);
-    else
-        report_text(&what);
-    return APP_EXIT_OK;
+    memcpy(path->y, sim->scene.state, sim->dim * sizeof *path->y);
+    const lg_status status = integrate(sim, how, path->y, path->y + sim->dim, out, &error);
+    out->seconds -= seen->spent;
+    if (out->seconds < 0) out->seconds = 0;
+    if (status == LG_CANCELLED) keep_begun(what, path);
+    if (status != LG_OK) fail_run(sim, how, out, status, &error);
+    watch_warn(seen, how, out);
 }
 
-static int run_with(const simulation *sim, const lg_scheme *scheme) {
+static void run_once(const simulation *sim) {
     plan how;
-    samples path = {0};
-    gradient slope = {0};
-    watch seen = {.sim = NULL};
-    plan_init(sim, scheme, &how);
-    int code = check_control(sim, scheme);
-    if (code == APP_EXIT_OK)
-        code = samples_choose(sim, &how, values.out != NULL || values.plot != NULL, &path);
-    if (code == APP_EXIT_OK && values.gradient != NULL) code = gradient_read(sim, &slope);
-    if (code == APP_EXIT_OK) {
-        how.times = path.t + 1;
-        how.count = path.count - 1;
-        watch_begin(&seen, sim, values.plot != NULL, values.gradient != NULL, sim->scene.state);
-        how.observe = watch_step;
-        how.observer = &seen;
-        code = run_and_report(sim, &how, &seen, &path, values.gradient != NULL ? &slope : NULL);
-    }
-    watch_end(&seen);
-    gradient_free(&slope);
-    samples_free(&path);
-    return code;
-}
-
-static int run_once(const simulation *sim) {
-    method what = {.file = NULL};
+    outcome run = {.t = 0};
+    APP_CLEAN(samples_free) samples path = {0};
+    APP_CLEAN(gradient_free) gradient slope = {0};
+    APP_CLEAN(watch_end) watch seen = {.sim = NULL};
     if (values.plot != NULL && values.plot_kind == PICTURE_SPACE && !has_space_picture(sim))
-        return app_usage(sim->self, "--plot-kind 3d: there is no spatial picture of %s",
-                         lg_system_name(sim->system));
-    int code = method_choose(sim, &what);
-    if (code == APP_EXIT_OK) code = run_with(sim, &what.scheme);
-    method_free(&what);
-    return code;
+        app_stop_usage(sim->self, "--plot-kind 3d: there is no spatial picture of %s",
+                       lg_system_name(sim->system));
+    APP_CLEAN(method_free) method chosen = method_choose(sim);
+    const bool sloped = values.gradient != NULL;
+    const report what = {sim, &how, &run, &seen, &path, sloped ? &slope : NULL};
+    plan_init(sim, &chosen.scheme, &how);
+    check_control(sim, &chosen.scheme);
+    samples_choose(sim, &how, values.out != NULL || values.plot != NULL, &path);
+    if (sloped) gradient_read(sim, &slope);
+    watch_begin(&seen, sim, values.plot != NULL, sloped, sim->scene.state);
+    how.times = path.t + 1;
+    how.count = path.count - 1;
+    how.observe = watch_step;
+    how.observer = &seen;
+    run_plan(&what, &how, &seen, &path, &run);
+    if (sloped)
+        gradient_compute(sim, &chosen.scheme, &seen, &slope);
+    else
+        horizon_warn(sim, &how, path.y + (path.count - 1) * sim->dim);
+    if (values.out != NULL) APP_MUST_FILE(sim->self, values.out, write_trajectory(&what, &error));
+    if (values.plot != NULL) APP_MUST_FILE(sim->self, values.plot, draw_run(&what, &error));
+    report_run(&what);
 }
 
 static int run(app *self) {
-    simulation sim = {.self = NULL};
+    APP_CLEAN(simulation_close) simulation sim = {.self = NULL};
+    APP_CLEAN(ensemble_files_free) ensemble_files files = {.out = NULL};
     if (self->rank_count > 1 && values.ensemble == 0)
-        return app_usage(self, "runs alone without --ensemble, and mpirun started %u of it",
-                         self->rank_count);
-    int code = check_options(self);
-    if (code == APP_EXIT_OK) code = check_outputs(self);
-    if (code != APP_EXIT_OK) return code;
-    code = simulation_open(self, &values, self->arguments[0], &sim);
-    if (code == APP_EXIT_OK)
-        code = values.ensemble > 0     ? ensemble(&sim)
-               : values.work_precision ? work_precision(&sim)
-                                       : run_once(&sim);
-    simulation_close(&sim);
-    return code;
+        app_stop_usage(self, "runs alone without --ensemble, and mpirun started %u of it", self->rank_count);
+    check_options(self);
+    ensemble_files_choose(self, &values, &files);
+    check_outputs(self, &files);
+    simulation_open(self, &values, self->arguments[0], &sim);
+    if (values.ensemble > 0) return ensemble(&sim, &files);
+    if (values.work_precision)
+        work_precision(&sim);
+    else
+        run_once(&sim);
+    return APP_EXIT_OK;
 }
 
 /* ---- the methods, for --help ---- */
@@ -307,37 +255,34 @@ static bool is_adaptive(const lg_scheme *scheme) {
     return scheme->embedded_order > 0;
 }
 
-/* The text so far with the names of the schemes that belong, and what they are for. */
-static char *list_methods(char *text, bool (*belongs)(const lg_scheme *scheme), const char *what) {
-    const char *between = "";
-    for (size_t i = 0; i < lg_scheme_count(); i++) {
-        if (!belongs(lg_scheme_at(i))) continue;
-        char *longer = app_format("%s%s%s", text, between, lg_scheme_at(i)->name);
-        free(text);
-        text = longer;
-        between = ", ";
-    }
-    char *whole = app_format("%s%s", text, what);
-    free(text);
-    return whole;
-}
-
 static char *describe_methods(void) {
-    char *text = app_format("Methods: ");
-    text = list_methods(text, is_ambient, " in the ambient space; ");
-    text = list_methods(text, is_splitting, " for separable systems; ");
-    text = list_methods(text, is_variational, " for the oscillator and chains; ");
-    text = list_methods(text, is_lie, " on the manifold itself; ");
-    text = list_methods(text, is_cotangent, " for the heavy top as cotangent or quadratic. Adaptive: ");
-    return list_methods(
-        text, is_adaptive,
-        "; they take --steps too.\nThe default tolerance fits states in any units; --atol is in the units of "
-        "the state.");
+    static const struct {
+        bool (*belongs)(const lg_scheme *scheme);
+        const char *what;
+    } groups[] = {{is_ambient, " in the ambient space; "},
+                  {is_splitting, " for separable systems; "},
+                  {is_variational, " for the oscillator and chains; "},
+                  {is_lie, " on the manifold itself; "},
+                  {is_cotangent, " for the heavy top as cotangent or quadratic. Adaptive: "},
+                  {is_adaptive, "; they take --steps too.\nThe default tolerance fits states in any units; "
+                                "--atol is in the units of the state."}};
+    lg_text text = app_text();
+    lg_text_add(&text, "Methods: ");
+    for (size_t k = 0; k < LG_COUNT(groups); k++) {
+        const char *between = "";
+        for (size_t i = 0; i < lg_scheme_count(); i++) {
+            if (!groups[k].belongs(lg_scheme_at(i))) continue;
+            lg_text_add(&text, "%s%s", between, lg_scheme_at(i)->name);
+            between = ", ";
+        }
+        lg_text_add(&text, "%s", groups[k].what);
+    }
+    return text.data;
 }
 
 int main(int argc, char **argv) {
     if (argc > 1 && strcmp(argv[1], "merge") == 0) return merge_main(argc, argv);
-    char *details = describe_methods();
+    APP_FREE char *details = describe_methods();
     const app_command command[] = {
         {.arguments = "SCENE.yaml",
          .summary = "Integrates a mechanical system with a classical or a Lie group method. Gives the final "
@@ -347,7 +292,5 @@ int main(int argc, char **argv) {
          .settings = APP_SETTINGS(APP_GIVEN(options, values)),
          .run = run,
          .together = APP_RANKS}};
-    const int code = app_main(argc, argv, "lg-simulate", command[0].summary, command);
-    free(details);
-    return code;
+    return app_main(argc, argv, "lg-simulate", command[0].summary, command);
 }

@@ -35,20 +35,20 @@ typedef struct part_list {
 } part_list;
 
 /* Together they are the whole ensemble, each member once. */
-static int check_whole(const app *self, const part_list *list) {
+static void check_whole(const app *self, const part_list *list) {
     uint64_t next = 0;
     for (size_t i = 0; i < list->count; i++) {
         const uint64_t first = list->parts[i].is.first;
         if (first != next)
-            return app_fail(self, LG_FORMAT, "members %llu to %llu are %s",
-                            (unsigned long long)(first < next ? first : next),
-                            (unsigned long long)(first < next ? next : first) - 1,
-                            first < next ? "there twice" : "missing");
+            app_stop(self, LG_FORMAT, "members %llu to %llu are %s",
+                     (unsigned long long)(first < next ? first : next),
+                     (unsigned long long)(first < next ? next : first) - 1,
+                     first < next ? "there twice" : "missing");
         next += list->parts[i].is.members;
     }
-    if (next == list->parts[0].is.total) return APP_EXIT_OK;
-    return app_fail(self, LG_FORMAT, "members %llu to %llu are missing", (unsigned long long)next,
-                    (unsigned long long)list->parts[0].is.total - 1);
+    if (next != list->parts[0].is.total)
+        app_stop(self, LG_FORMAT, "members %llu to %llu are missing", (unsigned long long)next,
+                 (unsigned long long)list->parts[0].is.total - 1);
 }
 
 enum { RUN_SIZE = 4096 };
@@ -60,24 +60,19 @@ static bool is_rows(const app *self, const char *path) {
            lg_rows_file_look(self->context, path, &about, NULL, 0, NULL) == LG_OK;
 }
 
-static int read_parts(const app *self, part_list *list, const char *const *paths, size_t count) {
-    lg_error error = {LG_OK, ""};
+static void read_parts(const app *self, part_list *list, const char *const *paths, size_t count) {
     for (size_t i = 0; i < count; i++) {
-        const char *path = paths[i];
-        if (is_rows(self, path)) {
-            list->given[list->given_count++] = path;
+        if (is_rows(self, paths[i])) {
+            list->given[list->given_count++] = paths[i];
             continue;
         }
-        part *next = &list->parts[list->count];
-        const lg_status status = result_read(self, path, &next->is, &error);
-        if (status != LG_OK) return app_fail_file(self, status, &error, path);
-        next->path = path;
+        part *next = &list->parts[list->count++];
+        next->path = paths[i];
+        result_read(self, next->path, &next->is);
         next->members = next->is.members;
-        list->count++;
     }
-    if (list->count == 0) return app_usage(self, "there are trajectories, but no part of an ensemble");
+    if (list->count == 0) app_stop_usage(self, "there are trajectories, but no part of an ensemble");
     qsort(list->parts, list->count, sizeof *list->parts, by_first);
-    return APP_EXIT_OK;
 }
 
 /* ---- trajectories ---- */
@@ -97,52 +92,43 @@ static bool same_folder(const char *a, const char *b) {
 }
 
 /* The file is that of this part and this run, and lies where the merged file will look for it. */
-static int check_rows(const app *self, const part *of, const char *path, const char *out,
-                      lg_rows_about *about) {
-    lg_error error = {LG_OK, ""};
+static lg_rows_about check_rows(const app *self, const part *of, const char *path, const char *out) {
+    lg_rows_about about = {0};
     const uint64_t rows = rows_among(of->is.saved, of->is.first, of->members);
     if (access(path, F_OK) != 0)
-        return app_fail(self, LG_FILE, "%s: is missing: %s was run with --save" WITHOUT, path, of->path);
-    char *run = app_alloc(RUN_SIZE, 1);
-    const lg_status status = lg_rows_file_look(self->context, path, about, run, RUN_SIZE, &error);
-    const bool same = status == LG_OK && strcmp(run, of->is.what) == 0;
-    int code = APP_EXIT_OK;
-    if (status != LG_OK)
-        code = app_fail_file(self, status, &error, path);
-    else if (!same)
-        code = app_fail(self, LG_FORMAT, "%s: holds trajectories of another run than %s: %s" WITHOUT, path,
-                        of->path, run);
-    else if (about->first != of->is.first || about->rows != rows || about->points != of->is.points)
-        code = app_fail(self, LG_FORMAT,
-                        "%s: holds %llu members from %llu on, but those of %s are %llu from %llu on" WITHOUT,
-                        path, (unsigned long long)about->rows, (unsigned long long)about->first, of->path,
-                        (unsigned long long)rows, (unsigned long long)of->is.first);
-    else if (!same_folder(path, out))
-        code = app_fail(self, LG_FILE,
-                        "%s: does not lie in the folder of %s, which would refer to it" WITHOUT, path, out);
-    free(run);
-    return code;
+        app_stop(self, LG_FILE, "%s: is missing: %s was run with --save" WITHOUT, path, of->path);
+    APP_FREE char *run = app_alloc(RUN_SIZE, 1);
+    APP_MUST_FILE(self, path, lg_rows_file_look(self->context, path, &about, run, RUN_SIZE, &error));
+    if (strcmp(run, of->is.what) != 0)
+        app_stop(self, LG_FORMAT, "%s: holds trajectories of another run than %s: %s" WITHOUT, path, of->path,
+                 run);
+    if (about.first != of->is.first || about.rows != rows || about.points != of->is.points)
+        app_stop(self, LG_FORMAT,
+                 "%s: holds %llu members from %llu on, but those of %s are %llu from %llu on" WITHOUT, path,
+                 (unsigned long long)about.rows, (unsigned long long)about.first, of->path,
+                 (unsigned long long)rows, (unsigned long long)of->is.first);
+    if (!same_folder(path, out))
+        app_stop(self, LG_FILE, "%s: does not lie in the folder of %s, which would refer to it" WITHOUT, path,
+                 out);
+    return about;
 }
 
-static int find_rows(const app *self, part_list *list, const char *out) {
-    int code = APP_EXIT_OK;
-    for (size_t i = 0; i < list->count && code == APP_EXIT_OK; i++) {
+static void find_rows(const app *self, part_list *list, const char *out) {
+    for (size_t i = 0; i < list->count; i++) {
         const part *of = &list->parts[i], *first = &list->parts[0];
-        lg_rows_about about = {0};
         if (of->is.saved != first->is.saved)
-            return app_fail(
-                self, LG_FORMAT,
-                "%s keeps the trajectories of %llu members of the ensemble, %s those of %llu" WITHOUT,
-                first->path, (unsigned long long)first->is.saved, of->path, (unsigned long long)of->is.saved);
+            app_stop(self, LG_FORMAT,
+                     "%s keeps the trajectories of %llu members of the ensemble, %s those of %llu" WITHOUT,
+                     first->path, (unsigned long long)first->is.saved, of->path,
+                     (unsigned long long)of->is.saved);
         if (rows_among(of->is.saved, of->is.first, of->members) == 0) continue;
         char *path = rows_path(of->path);
-        code = check_rows(self, of, path, out, &about);
-        if (code == APP_EXIT_OK && list->row_count > 0 && about.dim != list->dim)
-            code = app_fail(self, LG_FORMAT, "%s: holds states of another length", path);
+        const lg_rows_about about = check_rows(self, of, path, out);
+        if (list->row_count > 0 && about.dim != list->dim)
+            app_stop(self, LG_FORMAT, "%s: holds states of another length", path);
         list->dim = about.dim;
         list->rows[list->row_count++] = (lg_rows_part){path, about.rows};
     }
-    return code;
 }
 
 /* What nothing refers to was left by an earlier run. */
@@ -157,41 +143,35 @@ static void tell_of_unused(const app *self, const part_list *list) {
 
 /* ---- merging ---- */
 
-static int merge_list(const app *self, const char *out, part_list *list, const merge_values *how) {
-    lg_error error = {LG_OK, ""};
-    result *whole = &list->parts[0].is;
-    int code = check_whole(self, list);
-    lg_status status = LG_OK;
-    for (size_t i = 1; code == APP_EXIT_OK && i < list->count && status == LG_OK; i++)
-        status = result_merge(whole, &list->parts[i].is, &error);
-    if (code == APP_EXIT_OK && status != LG_OK) code = app_fail_file(self, status, &error, out);
-    if (code == APP_EXIT_OK && !how->statistics_only) {
-        code = find_rows(self, list, out);
-        if (code == APP_EXIT_OK) tell_of_unused(self, list);
-    }
-    if (code != APP_EXIT_OK) return code;
-    const result_rows rows = {list->rows, list->row_count, list->dim};
-    if (how->statistics_only) whole->saved = 0;
-    status = result_write(self, out, whole, list->row_count > 0 ? &rows : NULL, &error);
-    if (status == LG_OK && how->plot != NULL) status = ensemble_draw(self, whole, how->plot, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, out);
-    return ensemble_conclude(self, &(ensemble_run){whole, NULL, out});
+static void part_list_free(part_list *list) {
+    for (size_t i = 0; i < list->count; i++) result_free(&list->parts[i].is);
+    for (size_t i = 0; i < list->row_count; i++) free((void *)(uintptr_t)list->rows[i].path);
+    free(list->parts);
+    free((void *)list->given);
+    free(list->rows);
 }
 
 int merge_parts(const app *self, const char *out, const char *const *paths, size_t count,
                 const merge_values *how) {
-    part_list list = {.count = 0};
+    APP_CLEAN(part_list_free) part_list list = {.count = 0};
     list.parts = app_alloc(count, sizeof *list.parts);
     list.given = app_alloc(count, sizeof *list.given);
     list.rows = app_alloc(count, sizeof *list.rows);
-    int code = read_parts(self, &list, paths, count);
-    if (code == APP_EXIT_OK) code = merge_list(self, out, &list, how);
-    for (size_t i = 0; i < list.count; i++) result_free(&list.parts[i].is);
-    for (size_t i = 0; i < list.row_count; i++) free((void *)(uintptr_t)list.rows[i].path);
-    free(list.parts);
-    free((void *)list.given);
-    free(list.rows);
-    return code;
+    read_parts(self, &list, paths, count);
+    check_whole(self, &list);
+    result *whole = &list.parts[0].is;
+    for (size_t i = 1; i < list.count; i++)
+        APP_MUST_FILE(self, out, result_merge(whole, &list.parts[i].is, &error));
+    if (how->statistics_only) {
+        whole->saved = 0;
+    } else {
+        find_rows(self, &list, out);
+        tell_of_unused(self, &list);
+    }
+    const result_rows rows = {list.rows, list.row_count, list.dim};
+    APP_MUST_FILE(self, out, result_write(self, out, whole, list.row_count > 0 ? &rows : NULL, &error));
+    if (how->plot != NULL) APP_MUST_FILE(self, out, ensemble_draw(self, whole, how->plot, &error));
+    return ensemble_conclude(self, &(ensemble_run){whole, NULL, out});
 }
 
 static int run(app *self) {

@@ -37,52 +37,51 @@ const char *method_obstacle(const simulation *sim, const lg_scheme *scheme) {
     return demands[scheme->kind].reason;
 }
 
-char *method_names(const simulation *sim, bool applicable, bool adaptive) {
-    char *names = app_format("%s", "");
+/* Names of those that apply to the system, or of all; adaptive ones alone where asked. The caller frees. */
+static char *method_names(const simulation *sim, bool applicable, bool adaptive) {
+    lg_text names = app_text();
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if ((applicable && method_obstacle(sim, scheme) != NULL) || (adaptive && scheme->embedded_order == 0))
             continue;
-        char *longer = app_format("%s%s%s", names, names[0] != '\0' ? ", " : "", scheme->name);
-        free(names);
-        names = longer;
+        lg_text_add(&names, "%s%s", names.length > 0 ? ", " : "", scheme->name);
     }
-    return names;
+    return names.data;
 }
 
-static int refuse_if_impossible(const simulation *sim, const char *option, const lg_scheme *scheme) {
+static void refuse_if_impossible(const simulation *sim, const char *option, const lg_scheme *scheme) {
     const char *obstacle = method_obstacle(sim, scheme);
-    if (obstacle == NULL) return APP_EXIT_OK;
-    char *names = method_names(sim, true, false);
-    const char *form = lg_system_form(sim->system);
-    const int code = app_usage(sim->self, "--%s: '%s' does not apply to %s%s%s: %s; methods that apply: %s",
-                               option, scheme->name, lg_system_name(sim->system), form != NULL ? ", " : "",
-                               form != NULL ? form : "", obstacle, names);
-    free(names);
-    return code;
+    if (obstacle != NULL)
+        app_stop_usage(sim->self, "--%s: '%s' does not apply to %s: %s; methods that apply: %s", option,
+                       scheme->name, sim->title, obstacle, method_names(sim, true, false));
+}
+
+void check_control(const simulation *sim, const lg_scheme *scheme) {
+    const app *self = sim->self;
+    if (sim->values->steps > 0 || scheme->embedded_order > 0) return;
+    app_stop_usage(self,
+                   app_given(self, "tol") || app_given(self, "atol")
+                       ? "--tol: '%s' does not estimate its error: give --steps N; adaptive methods: %s"
+                       : "'%s' needs --steps N, because it does not estimate its error; adaptive methods: %s",
+                   scheme->name, method_names(sim, true, true));
 }
 
 /* ---- choosing ---- */
 
-int method_named(const simulation *sim, const char *option, const char *name, method *out) {
+method method_named(const simulation *sim, const char *option, const char *name) {
     const lg_scheme *scheme = lg_scheme_find(name);
-    if (scheme == NULL) {
-        char *names = method_names(sim, false, false);
-        const int code = app_usage(sim->self, "--%s: '%s' is not one of %s", option, name, names);
-        free(names);
-        return code;
-    }
-    *out = (method){.scheme = *scheme};
-    return refuse_if_impossible(sim, option, scheme);
+    if (scheme == NULL)
+        app_stop_usage(sim->self, "--%s: '%s' is not one of %s", option, name,
+                       method_names(sim, false, false));
+    refuse_if_impossible(sim, option, scheme);
+    return (method){.scheme = *scheme};
 }
 
-int method_read(const simulation *sim, const char *path, method *out) {
-    lg_error error = {LG_OK, ""};
+method method_read(const simulation *sim, const char *path) {
     lg_scheme *file = NULL;
-    const lg_status status = lg_scheme_read(sim->self->context, path, &file, &error);
-    if (status != LG_OK) return app_fail_file(sim->self, status, &error, path);
-    *out = (method){*file, file};
-    return refuse_if_impossible(sim, "scheme", file);
+    APP_MUST_FILE(sim->self, path, lg_scheme_read(sim->self->context, path, &file, &error));
+    refuse_if_impossible(sim, "scheme", file);
+    return (method){*file, file};
 }
 
 void method_free(method *what) {
@@ -90,37 +89,35 @@ void method_free(method *what) {
     *what = (method){.file = NULL};
 }
 
-static int set_theta(const simulation *sim, lg_scheme *scheme) {
+static void set_theta(const simulation *sim, lg_scheme *scheme) {
     if (scheme->kind != LG_SCHEME_IMPLICIT && scheme->kind != LG_SCHEME_SLGI)
-        return app_usage(sim->self,
-                         "--theta: '%s' has no such parameter; slgi, midpoint and implicit-euler have",
-                         scheme->name);
+        app_stop_usage(sim->self,
+                       "--theta: '%s' has no such parameter; slgi, midpoint and implicit-euler have",
+                       scheme->name);
     scheme->theta = sim->values->theta;
     scheme->order = scheme->theta == 0.5 ? 2 : 1;
-    return APP_EXIT_OK;
 }
 
-static int set_dexpinv(const simulation *sim, lg_scheme *scheme) {
+static void set_dexpinv(const simulation *sim, lg_scheme *scheme) {
     const char *text = sim->values->dexpinv;
     uint64_t terms = 0;
     const bool exact = strcmp(text, "exact") == 0;
     if (!exact && (!app_parse_size(text, &terms) || terms > LG_DEXPINV_MAX))
-        return app_usage(sim->self, "--dexpinv: '%s' is neither `exact` nor a whole number up to %d", text,
-                         LG_DEXPINV_MAX);
+        app_stop_usage(sim->self, "--dexpinv: '%s' is neither `exact` nor a whole number up to %d", text,
+                       LG_DEXPINV_MAX);
     if (scheme->kind != LG_SCHEME_RKMK || scheme->ambient)
-        return app_usage(sim->self, "--dexpinv: '%s' has no dexpinv; RKMK methods have one", scheme->name);
+        app_stop_usage(sim->self, "--dexpinv: '%s' has no dexpinv; RKMK methods have one", scheme->name);
     scheme->dexpinv = exact ? LG_DEXPINV_EXACT : (int)terms;
-    return APP_EXIT_OK;
 }
 
-int method_choose(const simulation *sim, method *out) {
+method method_choose(const simulation *sim) {
     const simulate_values *values = sim->values;
     const char *name = values->method != NULL                              ? values->method
                        : lg_space_is_abelian(lg_system_space(sim->system)) ? "dp54"
                                                                            : "rkmk54";
-    int code = values->scheme != NULL ? method_read(sim, values->scheme, out)
-                                      : method_named(sim, "method", name, out);
-    if (code == APP_EXIT_OK && app_given(sim->self, "theta")) code = set_theta(sim, &out->scheme);
-    if (code == APP_EXIT_OK && values->dexpinv != NULL) code = set_dexpinv(sim, &out->scheme);
-    return code;
+    method out =
+        values->scheme != NULL ? method_read(sim, values->scheme) : method_named(sim, "method", name);
+    if (app_given(sim->self, "theta")) set_theta(sim, &out.scheme);
+    if (values->dexpinv != NULL) set_dexpinv(sim, &out.scheme);
+    return out;
 }

@@ -70,27 +70,24 @@ static void plan_of(const diagram *d, const lg_scheme *scheme, size_t steps, dou
 }
 
 /* At 1e-13, and how far that is from 1e-12. */
-static int find_reference(diagram *d) {
+static void find_reference(diagram *d) {
     const app *self = d->sim->self;
     const lg_scheme *scheme = lg_scheme_find(d->reference);
-    double *coarse = app_alloc(d->sim->dim, sizeof *coarse);
+    APP_FREE double *coarse = app_alloc(d->sim->dim, sizeof *coarse);
     outcome run;
     plan how;
     plan_of(d, scheme, 0, 10 * d->tol, &how);
     lg_status status = run_to_end(d, &how, coarse, &run);
     plan_of(d, scheme, 0, d->tol, &how);
     if (status == LG_OK) status = run_to_end(d, &how, d->y, &run);
-    if (status == LG_OK) {
-        d->size = 0;
-        for (size_t i = 0; i < d->sim->reported; i++) d->size += d->y[i] * d->y[i];
-        d->size = d->size > 0 ? sqrt(d->size) : 1;
-        d->reference_error = distance(d, coarse, d->y);
-    }
-    free(coarse);
-    if (status == LG_OK) return APP_EXIT_OK;
-    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
-    return app_fail(self, status, "the reference, %s at tolerance %g: %s (t = %g)", scheme->name, d->tol,
-                    lg_status_sentence(status), run.t);
+    if (status == LG_CANCELLED) app_stop(self, status, "stopped by %s", app_stopper());
+    if (status != LG_OK)
+        app_stop(self, status, "the reference, %s at tolerance %g: %s (t = %g)", scheme->name, d->tol,
+                 lg_status_sentence(status), run.t);
+    d->size = 0;
+    for (size_t i = 0; i < d->sim->reported; i++) d->size += d->y[i] * d->y[i];
+    d->size = d->size > 0 ? sqrt(d->size) : 1;
+    d->reference_error = distance(d, coarse, d->y);
 }
 
 /* One point of a curve. A run that fails is left out: the error of a coarse step may be beyond all bounds. */
@@ -141,20 +138,18 @@ static lg_status fill_curve(const diagram *d, curve *at) {
 
 /* ---- which methods ---- */
 
-static void add_curve(diagram *d, const method *what) {
-    d->curves[d->count++] = (curve){.what = *what, .adaptive = what->scheme.embedded_order > 0};
+static void add_curve(diagram *d, method what) {
+    d->curves[d->count++] = (curve){.what = what, .adaptive = what.scheme.embedded_order > 0};
 }
 
-static int add_named(diagram *d, char *names) {
+static void add_named(diagram *d, const char *list) {
+    APP_FREE char *names = app_format("%s", list);
     for (char *save = NULL, *name = strtok_r(names, ",", &save); name != NULL;
          name = strtok_r(NULL, ",", &save)) {
-        method what = {.file = NULL};
-        if (d->count == CURVES) return app_usage(d->sim->self, "--methods: more than %d", CURVES);
-        const int code = method_named(d->sim, "methods", name, &what);
-        if (code != APP_EXIT_OK) return code;
-        add_curve(d, &what);
+        if (d->count == CURVES) app_stop_usage(d->sim->self, "--methods: more than %d", CURVES);
+        add_curve(d, method_named(d->sim, "methods", name));
     }
-    return d->count > 0 ? APP_EXIT_OK : app_usage(d->sim->self, "--methods: no name in the list");
+    if (d->count == 0) app_stop_usage(d->sim->self, "--methods: no name in the list");
 }
 
 static void add_default(diagram *d, bool flat) {
@@ -163,28 +158,17 @@ static void add_default(diagram *d, bool flat) {
     for (size_t i = 0; i < count; i++) {
         const lg_scheme *scheme = lg_scheme_find(names[i]);
         if (scheme == NULL || method_obstacle(d->sim, scheme) != NULL) continue;
-        add_curve(d, &(method){.scheme = *scheme});
+        add_curve(d, (method){.scheme = *scheme});
     }
 }
 
-static int choose_methods(diagram *d) {
+static void choose_methods(diagram *d) {
     const simulate_values *values = d->sim->values;
-    int code = APP_EXIT_OK;
-    if (values->methods != NULL) {
-        char *names = app_format("%s", values->methods);
-        code = add_named(d, names);
-        free(names);
-    } else {
-        add_default(d, lg_space_is_abelian(lg_system_space(d->sim->system)));
-    }
-    if (code != APP_EXIT_OK || values->scheme == NULL) return code;
-    method file = {.file = NULL};
-    code = method_read(d->sim, values->scheme, &file);
-    if (code == APP_EXIT_OK)
-        add_curve(d, &file);
+    if (values->methods != NULL)
+        add_named(d, values->methods);
     else
-        method_free(&file);
-    return code;
+        add_default(d, lg_space_is_abelian(lg_system_space(d->sim->system)));
+    if (values->scheme != NULL) add_curve(d, method_read(d->sim, values->scheme));
 }
 
 /* ---- results ---- */
@@ -195,67 +179,41 @@ static double order_at(const curve *at, size_t i) {
     return log2(at->points[i - 1].error / at->points[i].error);
 }
 
-static void print_json(const diagram *d) {
-    const char *form = lg_system_form(d->sim->system);
-    app_json json;
-    app_json_begin(&json);
-    app_json_text(&json, "system", lg_system_name(d->sim->system));
-    app_json_text(&json, "form", form);
-    app_json_real(&json, "t", d->sim->t_end);
-    app_json_open(&json, "reference", '{');
-    app_json_text(&json, "method", d->reference);
-    app_json_real(&json, "tol", d->tol);
-    app_json_real(&json, "error", d->reference_error);
-    app_json_close(&json, '}');
-    app_json_open(&json, "work_precision", '[');
-    for (size_t c = 0; c < d->count; c++)
-        for (size_t i = 0; i < d->curves[c].count; i++) {
-            const point *at = &d->curves[c].points[i];
-            app_json_open(&json, NULL, '{');
-            app_json_text(&json, "method", d->curves[c].what.scheme.name);
-            if (at->tol > 0) app_json_real(&json, "tol", at->tol);
-            app_json_size(&json, "steps", at->steps);
-            app_json_size(&json, "rejected", at->rejected);
-            app_json_size(&json, "evaluations", at->evaluations);
-            app_json_real(&json, "seconds", at->seconds);
-            app_json_real(&json, "error", at->error);
-            app_json_close(&json, '}');
-        }
-    app_json_close(&json, ']');
-    app_json_end(&json);
-}
-
-static void print_point(app_table *table, const curve *at, size_t i) {
+static void put_point(app_json *out, const curve *at, size_t i) {
     const point *p = &at->points[i];
-    const double order = order_at(at, i);
-    app_table_cell(table, "%s", at->what.scheme.name);
-    if (p->tol > 0)
-        app_table_cell(table, "%.0e", p->tol);
-    else
-        app_table_cell(table, "%s", "");
-    app_table_cell(table, "%zu", p->steps);
-    app_table_cell(table, "%zu", p->evaluations);
-    app_table_cell(table, "%.2e", p->seconds);
-    app_table_cell(table, "%.2e", p->error);
-    if (isfinite(order))
-        app_table_cell(table, "%.2f", order);
-    else
-        app_table_cell(table, "%s", "");
+    app_json_open(out, NULL, '{');
+    app_json_text(out, "method", at->what.scheme.name);
+    if (p->tol > 0 || out->people) app_json_real(out, "tol", p->tol > 0 ? p->tol : (double)NAN);
+    app_json_size(out, "steps", p->steps);
+    app_json_size(out, "rejected", p->rejected);
+    app_json_size(out, "evaluations", p->evaluations);
+    app_json_real(out, "seconds", p->seconds);
+    app_json_real(out, "error", p->error);
+    if (out->people) app_json_real(out, "order", order_at(at, i));
+    app_json_close(out, '}');
 }
 
-static void print_table(const diagram *d) {
-    static const char *const heads[] = {"method", "tolerance", "steps", "evaluations",
-                                        "CPU s",  "error",     "order"};
-    app_table table;
-    (void)printf(
-        "%s to t = %g. Error: |y - reference|/|reference| at the end; the reference is %s at tolerance "
-        "%.0e;\nit differs by %.1e from a run at tolerance %.0e.\n\n",
-        lg_system_name(d->sim->system), d->sim->t_end, d->reference, d->tol, d->reference_error, 10 * d->tol);
-    app_table_begin(&table, LG_COUNT(heads));
-    for (size_t i = 0; i < LG_COUNT(heads); i++) app_table_cell(&table, "%s", heads[i]);
+static void report_diagram(const diagram *d) {
+    app_json out;
+    app_result_begin(&out, d->sim->self);
+    app_result_text(&out, "system", lg_system_name(d->sim->system), NULL);
+    app_result_text(&out, "form", lg_system_form(d->sim->system), NULL);
+    app_result_real(&out, "t", d->sim->t_end, NULL);
+    app_json_open(&out, "reference", '{');
+    app_json_text(&out, "method", d->reference);
+    app_json_real(&out, "tol", d->tol);
+    app_json_real(&out, "error", d->reference_error);
+    app_json_close(&out, '}');
+    app_result_line(&out,
+                    "Error: |y - reference|/|reference| at the end; the reference is %s at tolerance "
+                    "%.0e;\nit differs by "
+                    "%.1e from a run at tolerance %.0e. Seconds are CPU time.\n",
+                    d->reference, d->tol, d->reference_error, 10 * d->tol);
+    app_result_rows(&out, "work_precision");
     for (size_t c = 0; c < d->count; c++)
-        for (size_t i = 0; i < d->curves[c].count; i++) print_point(&table, &d->curves[c], i);
-    app_table_end(&table, stdout);
+        for (size_t i = 0; i < d->curves[c].count; i++) put_point(&out, &d->curves[c], i);
+    app_result_rows_end(&out);
+    app_json_end(&out);
 }
 
 /* ---- the picture ---- */
@@ -307,7 +265,8 @@ static lg_status draw(const diagram *d, lg_error *error) {
 
 /* ---- all of it ---- */
 
-static int fill(diagram *d) {
+static void fill(diagram *d) {
+    const app *self = d->sim->self;
     app_progress progress;
     lg_status status = LG_OK;
     size_t c = 0, points = 0;
@@ -318,37 +277,28 @@ static int fill(diagram *d) {
         points += d->curves[c].count;
     }
     app_progress_end(&progress);
-    if (status == LG_CANCELLED) return app_fail(d->sim->self, status, "stopped by %s", app_stopper());
+    if (status == LG_CANCELLED) app_stop(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK)
-        return app_fail(d->sim->self, status, "%s: %s", d->curves[c - 1].what.scheme.name,
-                        lg_status_sentence(status));
-    if (points > 0) return APP_EXIT_OK;
-    return app_fail(d->sim->self, LG_NOT_FINITE, "no run of any method ended with a finite state");
+        app_stop(self, status, "%s: %s", d->curves[c - 1].what.scheme.name, lg_status_sentence(status));
+    if (points == 0) app_stop(self, LG_NOT_FINITE, "no run of any method ended with a finite state");
 }
 
-static int run_diagram(diagram *d) {
-    lg_error error = {LG_OK, ""};
-    int code = choose_methods(d);
-    if (code == APP_EXIT_OK) code = find_reference(d);
-    if (code == APP_EXIT_OK) code = fill(d);
-    if (code != APP_EXIT_OK) return code;
-    const lg_status status = d->sim->values->plot != NULL ? draw(d, &error) : LG_OK;
-    if (status != LG_OK) return app_fail_file(d->sim->self, status, &error, d->sim->values->plot);
-    if (d->sim->self->json)
-        print_json(d);
-    else
-        print_table(d);
-    return APP_EXIT_OK;
+static void diagram_free(diagram *d) {
+    for (size_t c = 0; c < d->count; c++) method_free(&d->curves[c].what);
+    free(d->curves);
+    free(d->y);
 }
 
-int work_precision(simulation *sim) {
+void work_precision(simulation *sim) {
     const bool flat = lg_space_is_abelian(lg_system_space(sim->system));
+    const char *picture = sim->values->plot;
+    APP_CLEAN(diagram_free)
     diagram d = {.sim = sim, .reference = flat ? "dp54" : "rkmk54", .tol = 1e-13, .size = 1};
     d.y = app_alloc(sim->dim, sizeof *d.y);
     d.curves = app_alloc(CURVES + 1, sizeof *d.curves);
-    const int code = run_diagram(&d);
-    for (size_t c = 0; c < d.count; c++) method_free(&d.curves[c].what);
-    free(d.curves);
-    free(d.y);
-    return code;
+    choose_methods(&d);
+    find_reference(&d);
+    fill(&d);
+    if (picture != NULL) APP_MUST_FILE(sim->self, picture, draw(&d, &error));
+    report_diagram(&d);
 }

@@ -46,27 +46,26 @@ static void given(const simulation *sim, const lg_reals *times, samples *out) {
 }
 
 /* Between equal steps there are states for schemes with dense output only. */
-static int check_steps(const simulation *sim, const plan *how, const samples *path) {
+static void check_steps(const simulation *sim, const plan *how, const samples *path) {
     const double h = how->t_end / (double)how->steps;
-    if (how->steps == 0 || how->scheme->dense_order > 0) return APP_EXIT_OK;
+    if (how->steps == 0 || how->scheme->dense_order > 0) return;
     for (size_t i = 0; i < path->count; i++) {
         const double n = path->t[i] / h;
         if (fabs(n - round(n)) <= 1e-9 + 4 * DBL_EPSILON * n) continue;
         if (sim->values->points > 0)
-            return app_usage(
+            app_stop_usage(
                 sim->self,
                 "--points: %llu points make %llu intervals, which do not divide %zu steps, and '%s' has no "
                 "dense output",
                 (unsigned long long)sim->values->points, (unsigned long long)sim->values->points - 1,
                 how->steps, how->scheme->name);
-        return app_usage(sim->self,
-                         "--times: %.17g is no multiple of the step %.17g, and '%s' has no dense output",
-                         path->t[i], h, how->scheme->name);
+        app_stop_usage(sim->self,
+                       "--times: %.17g is no multiple of the step %.17g, and '%s' has no dense output",
+                       path->t[i], h, how->scheme->name);
     }
-    return APP_EXIT_OK;
 }
 
-int samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out) {
+void samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out) {
     const simulate_values *values = sim->values;
     if (!wanted)
         allocate(sim, 0, out);
@@ -76,7 +75,7 @@ int samples_choose(const simulation *sim, const plan *how, bool wanted, samples 
         from_steps(sim, how->steps, out);
     else
         equidistant(sim, values->points > 0 ? (size_t)values->points : default_points(sim, POINTS), out);
-    return check_steps(sim, how, out);
+    check_steps(sim, how, out);
 }
 
 void samples_free(samples *self) {

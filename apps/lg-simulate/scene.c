@@ -61,46 +61,45 @@ const double *parameter_values(const simulation *sim, const char *key, size_t *c
 
 /* ---- opening ---- */
 
-static int choose_t_end(simulation *sim, const char *path) {
+static void choose_t_end(simulation *sim, const char *path) {
     const simulate_values *values = sim->values;
     const lg_reals *times = &values->times;
     sim->t_end = values->t_end > 0      ? values->t_end
                  : sim->scene.has_t_end ? sim->scene.t_end
                  : times->count > 0     ? times->values[times->count - 1]
                                         : 0;
-    if (!(sim->t_end > 0)) return app_usage(sim->self, "no final time: give --t-end T, or t_end in %s", path);
+    if (!(sim->t_end > 0)) app_stop_usage(sim->self, "no final time: give --t-end T, or t_end in %s", path);
     for (size_t i = 0; i < times->count; i++)
         if (times->values[i] < 0 || times->values[i] > sim->t_end ||
             (i > 0 && times->values[i] <= times->values[i - 1]))
-            return app_usage(sim->self,
-                             "--times: %g is not allowed there; times must ascend and lie in [0, "
-                             "%g]",
-                             times->values[i], sim->t_end);
-    return APP_EXIT_OK;
+            app_stop_usage(sim->self,
+                           "--times: %g is not allowed there; times must ascend and lie in [0, %g]",
+                           times->values[i], sim->t_end);
 }
 
-int simulation_open(app *self, const simulate_values *values, const char *path, simulation *out) {
-    lg_error error = {LG_OK, ""};
+void simulation_open(app *self, const simulate_values *values, const char *path, simulation *out) {
+    lg_scene *scene = &out->scene;
     *out = (simulation){.self = self, .values = values};
-    lg_status status = lg_scene_read(self->context, path, NULL, &out->scene, &error);
+    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, NULL, scene, &error));
     /* Starts are drawn in Hamiltonian form; an ensemble says itself what is drawn. */
-    if (status == LG_OK && !out->scene.has_initial && out->scene.line_form == 0 && values->ensemble == 0) {
-        lg_scene_destroy(&out->scene);
-        status = lg_scene_read(self->context, path, "hamiltonian", &out->scene, &error);
+    if (!scene->has_initial && scene->line_form == 0 && values->ensemble == 0) {
+        lg_scene_destroy(scene);
+        APP_MUST_FILE(self, path, lg_scene_read(self->context, path, "hamiltonian", scene, &error));
     }
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    out->system = out->scene.system;
+    out->system = scene->system;
+    const char *form = lg_system_form(out->system);
+    (void)snprintf(out->title, sizeof out->title, "%s%s%s", lg_system_name(out->system),
+                   form != NULL ? ", " : "", form != NULL ? form : "");
     /* The members of an ensemble have starts of their own. */
-    if (values->ensemble == 0) app_scene_start(self, &out->scene, path);
+    if (values->ensemble == 0) app_scene_start(self, scene, path);
     out->dim = lg_system_dim(out->system);
     out->reported = lg_system_reported(out->system);
     out->work = app_alloc(lg_system_work_size(out->system), 1);
-    for (int form = 0; form < 2 && status == LG_OK; form++)
-        status =
-            lg_system_ode(out->system, (lg_coordinates)form, &out->ode[form], &out->user[form], out->work);
-    if (status != LG_OK) return app_fail(self, status, "%s: %s", path, lg_status_sentence(status));
+    for (int i = 0; i < 2; i++)
+        app_must(self, lg_system_ode(out->system, (lg_coordinates)i, &out->ode[i], &out->user[i], out->work),
+                 NULL);
     make_blocks(out);
-    return choose_t_end(out, path);
+    choose_t_end(out, path);
 }
 
 void simulation_close(simulation *sim) {

@@ -1,7 +1,5 @@
-/* What the parts of lg-simulate share: the scene at hand, methods, runs, what is seen along a run. Functions
- * that return a status explain a failure in `error`; those that return an int have told the user and give the
- * exit code.
- */
+/* What the parts of lg-simulate share: the scene at hand, methods, runs, what is seen along a run. Options and
+ * files that are wrong end the command. Functions that return a status explain a failure in `error`. */
 #ifndef LG_APPS_SIMULATE_H
 #define LG_APPS_SIMULATE_H
 
@@ -46,6 +44,7 @@ typedef struct simulation {
     const simulate_values *values;
     lg_scene scene;
     const lg_system *system;
+    char title[64]; /* "heavy-top, cotangent" */
     size_t dim, reported;
     double t_end;
     double *work; /* of the fields */
@@ -56,7 +55,7 @@ typedef struct simulation {
 } simulation;
 
 /* Reads the scene and looks at --t-end and --times. */
-int simulation_open(app *self, const simulate_values *values, const char *path, simulation *out);
+void simulation_open(app *self, const simulate_values *values, const char *path, simulation *out);
 void simulation_close(simulation *sim); /* a zeroed one may be closed */
 
 /* "q2", "R" */
@@ -76,18 +75,14 @@ typedef struct method {
 } method;
 
 /* What --method, --scheme, --theta and --dexpinv say; the default is rkmk54, and dp54 on R^n. */
-int method_choose(const simulation *sim, method *out);
-/* By name, or why not. */
-int method_named(const simulation *sim, const char *option, const char *name, method *out);
-int method_read(const simulation *sim, const char *path, method *out);
+method method_choose(const simulation *sim);
+method method_named(const simulation *sim, const char *option, const char *name);
+method method_read(const simulation *sim, const char *path);
 void method_free(method *what);
-/* Equal or adaptive steps must fit the method (main.c). */
-int check_control(const simulation *sim, const lg_scheme *scheme);
+/* Equal or adaptive steps must fit the method. */
+void check_control(const simulation *sim, const lg_scheme *scheme);
 /* NULL when the scheme applies to the system, else why it does not. */
 const char *method_obstacle(const simulation *sim, const lg_scheme *scheme);
-/* Names separated by ", "; of those that apply to the system, adaptive ones alone where asked. The caller
- * frees. */
-char *method_names(const simulation *sim, bool applicable, bool adaptive);
 
 /* ---- runs (run.c) ---- */
 
@@ -163,7 +158,7 @@ typedef struct samples {
 } samples;
 
 /* By --points, --times, and the steps of the method; without `wanted` the start and the end alone. */
-int samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out);
+void samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out);
 void samples_free(samples *self);
 
 /* ---- results ---- */
@@ -178,11 +173,10 @@ typedef struct gradient {
 } gradient;
 
 /* gradient.c: weights from --gradient; then the gradient over the recorded steps. */
-int gradient_read(const simulation *sim, gradient *out);
-int gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out);
+void gradient_read(const simulation *sim, gradient *out);
+void gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out);
 void gradient_free(gradient *self);
 
-/* report.c */
 typedef struct report {
     const simulation *sim;
     const plan *how;
@@ -191,8 +185,7 @@ typedef struct report {
     const samples *path;
     const gradient *slope; /* NULL: none */
 } report;
-void report_json(const report *what);
-void report_text(const report *what);
+void report_run(const report *what); /* report.c */
 
 /* output.c: --out */
 lg_status write_trajectory(const report *what, lg_error *error);
@@ -202,6 +195,6 @@ bool has_space_picture(const simulation *sim);
 lg_status draw_run(const report *what, lg_error *error);
 
 /* precision.c: --work-precision */
-int work_precision(simulation *sim);
+void work_precision(simulation *sim);
 
 #endif

@@ -133,22 +133,18 @@ static bool add_named(vary *self, const vary_item *item, const char *name) {
 
 /* ---- reading ---- */
 
-static int refuse_name(const simulation *sim, const char *option, const char *name) {
-    char *known = app_format("%s", ""), own[64];
+static void refuse_name(const simulation *sim, const char *option, const char *name) {
+    char own[64];
+    lg_text known = app_text();
     for (size_t i = 0; i < lg_system_parameter_count(sim->system) && i < 8; i++) {
         lg_system_parameter_label(sim->system, i, own);
-        char *longer = app_format("%s%s%s", known, i > 0 ? ", " : "", own);
-        free(known);
-        known = longer;
+        lg_text_add(&known, "%s%s", i > 0 ? ", " : "", own);
     }
     component_name(sim, 0, own, sizeof own);
-    const int code =
-        app_usage(sim->self,
-                  "--%s: '%s' is neither a parameter (%s), nor a part of the state (%s), nor one of "
-                  "its numbers (%s)",
-                  option, name, known, lg_system_layout(sim->system), own);
-    free(known);
-    return code;
+    app_stop_usage(sim->self,
+                   "--%s: '%s' is neither a parameter (%s), nor a part of the state (%s), nor one of "
+                   "its numbers (%s)",
+                   option, name, known.length > 0 ? known.data : "", lg_system_layout(sim->system), own);
 }
 
 static char *trimmed(char *text) {
@@ -158,70 +154,64 @@ static char *trimmed(char *text) {
 }
 
 /* "normal 0 1", or without blanks "normal:0:1" */
-static int read_distribution(const simulation *sim, char *text, vary_item *item) {
+static vary_item read_distribution(const simulation *sim, char *text) {
     char *rest = NULL;
     const char *word = strtok_r(text, " :", &rest);
     int kind = 0;
     while (kind < DISTRIBUTIONS && (word == NULL || strcmp(distributions[kind].name, word) != 0)) kind++;
     if (kind == DISTRIBUTIONS)
-        return app_usage(
+        app_stop_usage(
             sim->self,
             "--vary: '%s' is not one of uniform LOW HIGH, normal MEAN DEVIATION, within S, within S%%, "
             "around S, around S%%, sphere, cone ANGLE, rotation",
             word != NULL ? word : "");
-    *item = (vary_item){.kind = (distribution)kind};
+    vary_item item = {.kind = (distribution)kind};
     for (size_t i = 0; i < distributions[kind].numbers; i++) {
         char *number = strtok_r(NULL, " :", &rest);
         const size_t length = number != NULL ? strlen(number) : 0;
         if ((kind == WITHIN || kind == AROUND) && length > 0 && number[length - 1] == '%') {
-            item->percent = true;
+            item.percent = true;
             number[length - 1] = '\0';
         }
-        if (number == NULL || !app_parse_real(number, &item->value[i]))
-            return app_usage(sim->self, "--vary: expected '%s'", distributions[kind].usage);
+        if (number == NULL || !app_parse_real(number, &item.value[i]))
+            app_stop_usage(sim->self, "--vary: expected '%s'", distributions[kind].usage);
     }
-    const bool ordered = kind != UNIFORM || item->value[0] <= item->value[1];
-    const double size = item->value[kind == NORMAL];
+    const bool ordered = kind != UNIFORM || item.value[0] <= item.value[1];
+    const double size = item.value[kind == NORMAL];
     if (strtok_r(NULL, " :", &rest) != NULL || !ordered || (kind != UNIFORM && size < 0))
-        return app_usage(sim->self, "--vary: expected '%s', with LOW <= HIGH and sizes from 0 on",
-                         distributions[kind].usage);
-    return APP_EXIT_OK;
+        app_stop_usage(sim->self, "--vary: expected '%s', with LOW <= HIGH and sizes from 0 on",
+                       distributions[kind].usage);
+    return item;
 }
 
-static int read_item(vary *self, char *text) {
+static void read_item(vary *self, char *text) {
     const simulation *sim = self->sim;
-    vary_item item;
     char *equal = strchr(text, '=');
     if (equal == NULL)
-        return app_usage(sim->self, "--vary: expected NAME = DISTRIBUTION, ... in '%s'", trimmed(text));
+        app_stop_usage(sim->self, "--vary: expected NAME = DISTRIBUTION, ... in '%s'", trimmed(text));
     *equal = '\0';
     const char *name = trimmed(text);
-    const int code = read_distribution(sim, trimmed(equal + 1), &item);
-    if (code != APP_EXIT_OK) return code;
+    const vary_item item = read_distribution(sim, trimmed(equal + 1));
     const size_t before = self->count, block_size = distributions[item.kind].block;
-    if (!add_named(self, &item, name)) return refuse_name(sim, "vary", name);
+    if (!add_named(self, &item, name)) refuse_name(sim, "vary", name);
     for (size_t i = before; i < self->count; i++)
         if (block_size > 0 && self->items[i].count != block_size)
-            return app_usage(sim->self, "--vary: %s: '%s' is for blocks of %zu numbers, not of %zu", name,
-                             distributions[item.kind].name, block_size, self->items[i].count);
+            app_stop_usage(sim->self, "--vary: %s: '%s' is for blocks of %zu numbers, not of %zu", name,
+                           distributions[item.kind].name, block_size, self->items[i].count);
     const bool relative = item.kind == WITHIN || item.kind == AROUND || item.kind == CONE;
     if (relative && !self->items[before].parameter && !sim->scene.has_initial)
-        return app_usage(sim->self, "--vary: %s: '%s' needs the scene's own value: give `initial`", name,
-                         distributions[item.kind].name);
-    return APP_EXIT_OK;
+        app_stop_usage(sim->self, "--vary: %s: '%s' needs the scene's own value: give `initial`", name,
+                       distributions[item.kind].name);
 }
 
 /* Columns of the table by their names. */
-static int read_table(vary *self, const char *path) {
+static void read_table(vary *self, const char *path) {
     const simulation *sim = self->sim;
-    lg_error error = {LG_OK, ""};
-    lg_table_names names = {.count = 0};
-    lg_status status = lg_table_names_read(sim->self->context, path, NULL, &names, &error);
-    if (status != LG_OK) return app_fail_file(sim->self, status, &error, path);
-    const char **chosen = app_alloc(names.count, sizeof *chosen);
+    APP_CLEAN(lg_table_names_destroy) lg_table_names names = {.count = 0};
+    APP_MUST_FILE(sim->self, path, lg_table_names_read(sim->self->context, path, NULL, &names, &error));
+    APP_FREE const char **chosen = app_alloc(names.count, sizeof *chosen);
     self->column = app_alloc(names.count, sizeof *self->column);
-    int code = APP_EXIT_OK;
-    for (uint32_t i = 0; i < names.count && code == APP_EXIT_OK; i++) {
+    for (uint32_t i = 0; i < names.count; i++) {
         size_t index = 0;
         chosen[i] = names.name[i];
         if (component_find(sim, chosen[i], &index)) {
@@ -230,31 +220,23 @@ static int read_table(vary *self, const char *path) {
         } else if (label_find(sim, chosen[i], &index)) {
             self->column[i] = sim->dim + index;
         } else {
-            code = refuse_name(sim, "starts", chosen[i]);
+            refuse_name(sim, "starts", chosen[i]);
         }
     }
-    if (code == APP_EXIT_OK) {
-        status =
-            lg_table_read(sim->self->context, path, chosen, names.count, NULL, NULL, &self->table, &error);
-        if (status != LG_OK) code = app_fail_file(sim->self, status, &error, path);
-    }
-    free(chosen);
-    lg_table_names_destroy(&names);
-    return code;
+    APP_MUST_FILE(
+        sim->self, path,
+        lg_table_read(sim->self->context, path, chosen, names.count, NULL, NULL, &self->table, &error));
 }
 
-int vary_open(const simulation *sim, const char *text, const char *table, vary **out) {
+vary *vary_open(const simulation *sim, const char *text, const char *table) {
     vary *self = app_alloc(1, sizeof *self);
-    char *copy = app_format("%s", text), *rest = NULL;
-    int code = APP_EXIT_OK;
+    APP_FREE char *copy = app_format("%s", text);
     *self = (vary){.sim = sim, .seed = sim->self->seed};
-    for (char *item = strtok_r(copy, ",", &rest); item != NULL && code == APP_EXIT_OK;
+    for (char *rest = NULL, *item = strtok_r(copy, ",", &rest); item != NULL;
          item = strtok_r(NULL, ",", &rest))
-        code = read_item(self, item);
-    free(copy);
-    if (code == APP_EXIT_OK && table != NULL) code = read_table(self, table);
-    *out = self;
-    return code;
+        read_item(self, item);
+    if (table != NULL) read_table(self, table);
+    return self;
 }
 
 void vary_close(vary *self) {
@@ -271,10 +253,6 @@ bool vary_parameters(const vary *self) {
     for (uint32_t i = 0; i < self->table.columns; i++)
         if (self->column[i] >= self->sim->dim) return true;
     return false;
-}
-
-bool vary_state(const vary *self) {
-    return self->of_state;
 }
 
 size_t vary_rows(const vary *self) {

@@ -423,7 +423,7 @@ TEST("trajectories that cannot be written do not take the statistics with them")
     assert_int_equal(result.code, 3);
     assert_says(result.err, "lost.trajectories.h5");
     assert_says(result.err, "the statistics are in lost.h5");
-    assert_says(result.out, "400000 members");
+    assert_says(result.out, "400000  members of the ensemble");
     assert_int_equal(cli_count_files("lost.trajectories.h5.tmp"), 0);
     assert_false(has_trajectories("lost.h5"));
     assert_int_equal(rmdir(path), 0);
@@ -490,7 +490,7 @@ TEST("signals are named") {
 TEST("an ensemble whose members all failed has failed") {
     cli_expect(lg, "circles.yaml --ensemble 20 --max-steps 3 --out failed.h5", 4, "all 20 members failed",
                &result);
-    assert_says(result.out, "failed: 20");
+    assert_says(result.out, "20  members failed");
     assert_true(cli_exists("failed.h5"));
     cli_expect(lg, "merge again.h5 failed.h5", 4, "all 20 members failed", &result);
     damage("failed.h5", "bad.h5", "failures/by_status", LG_TOO_MANY_STEPS, 19);

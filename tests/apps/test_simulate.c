@@ -225,8 +225,8 @@ TEST("a chain is integrated by groups and without, on the manifold or with the d
     json("chain.yaml --method rk4 --steps 40", "manifold_error >1e-9");
     json("chain.yaml --method rk4-projected --steps 40", "manifold_error <1e-14");
     run("chain.yaml");
-    assert_says(result.out, "manifold error");
-    assert_says(result.out, "largest drift");
+    assert_says(result.out, "manifold_error");
+    assert_says(result.out, "max_drift");
 }
 
 TEST("dexpinv truncated at ad^2 has order 4 still, at ad^1 not; the exact form is the default") {
