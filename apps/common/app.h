@@ -349,8 +349,8 @@ bool app_plot_name_fits(const char *picture);
 /* Width and height in pixels. The name fits: LG_FILE_DRAWN has looked. */
 void app_plot_begin(app_plot *plot, const char *picture, int width, int height);
 void app_plot_block(app_plot *plot);
-/* Writes both files and runs gnuplot. Without gnuplot they are left, and a warning says so: LG_OK. When a file
- * cannot be written none of the three is left by this call. */
+/* Writes both files and runs gnuplot. Without gnuplot they are left, and a warning says so: LG_OK. When a
+ * file cannot be written none of the three is left by this call. */
 lg_status app_plot_end(const app *app, app_plot *plot, lg_error *error);
 
 #endif

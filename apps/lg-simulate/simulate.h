@@ -1,5 +1,6 @@
-/* What the parts of lg-simulate share: the scene at hand, methods, runs, what is seen along a run. Options and
- * files that are wrong end the command. Functions that return a status explain a failure in `error`. */
+/* What the parts of lg-simulate share: the scene at hand, methods, runs, what is seen along a run.
+ * Options and files that are wrong end the command. Functions that return a status explain a failure in
+ * `error`. */
 #ifndef LG_APPS_SIMULATE_H
 #define LG_APPS_SIMULATE_H
 
