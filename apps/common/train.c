@@ -344,9 +344,7 @@ static int compare(const app *self, const train_task *task, const stored_run *st
 
 /* Adam takes part in the plan. */
 static bool has_adam(const lg_fit_plan *plan) {
-    bool adam = plan->phases == 0;
-    for (uint32_t i = 0; i < plan->phases; i++) adam = adam || plan->phase[i].method == LG_FIT_ADAM;
-    return adam;
+    return lg_fit_plan_batches(plan);
 }
 
 static bool is_plan(const app_slot *slot) {
@@ -385,7 +383,7 @@ static bool takes_prior(const lg_fit_plan *plan) {
     bool takes = false;
     for (uint32_t i = 0; i < plan->phases; i++) {
         const lg_fit_method method = (lg_fit_method)plan->phase[i].method;
-        takes = takes || (method != LG_FIT_ADAM && !lg_fit_method_squares(method));
+        takes = takes || !(lg_fit_method_batches(method) || lg_fit_method_squares(method));
     }
     return takes;
 }

@@ -109,7 +109,8 @@ static lg_status adopt_preset(app *self, const lg_series_data *data, const lg_de
     app_adopt(self, train_settings, &from, true);
     const lg_fit_plan *plan = &train_run.training.plan;
     for (uint32_t i = 0; i < plan->phases && !app_given(self, "dtype"); i++)
-        if (plan->phase[i].method != LG_FIT_ADAM) train_run.training.dtype = LG_F64; /* the others need it */
+        if (!lg_fit_method_batches((lg_fit_method)plan->phase[i].method))
+            train_run.training.dtype = LG_F64; /* the others need it */
     return LG_OK;
 }
 

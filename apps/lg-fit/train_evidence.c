@@ -151,9 +151,7 @@ static lg_status choose_width(training *state, const app *self, size_t rows, dou
 /* ---- the priors ---- */
 
 static bool has_adam(const lg_fit_plan *plan) {
-    bool adam = plan->phases == 0;
-    for (uint32_t i = 0; i < plan->phases; i++) adam = adam || plan->phase[i].method == LG_FIT_ADAM;
-    return adam;
+    return lg_fit_plan_batches(plan);
 }
 
 bool seeks_evidence(const training *state, const app *self) {

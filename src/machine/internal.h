@@ -63,8 +63,6 @@ struct lg_term_kind {
     bool (*moving)(const lg_machine *machine); /* M depends on the state; NULL: it does not */
     uint32_t least, most; /* degrees of a potential's monomials; most 0: the term's degree */
 };
-extern const lg_term_kind lg_machine_mass_kinds[], lg_machine_potential_kinds[], lg_machine_force_kinds[],
-    lg_machine_bias_kinds[];
 
 /* ---- systems (machine/files/grey.c, machine/grey_rows.c) ---- */
 

@@ -68,8 +68,12 @@ const char *lg_machine_part_name(lg_machine_part part) {
     return (uint32_t)part < LG_MACHINE_PART_COUNT ? names[part] : NULL;
 }
 
-static const lg_term_kind *const tables[] = {lg_machine_mass_kinds, lg_machine_potential_kinds,
-                                             lg_machine_force_kinds, lg_machine_bias_kinds};
+/* X(name) of the table lg_machine_<name>_kinds, which ends with a row without a name. */
+#define TABLES(X)     X(mass) X(potential) X(force) X(bias)
+#define DECLARE(name) extern const lg_term_kind lg_machine_##name##_kinds[];
+#define LIST(name)    lg_machine_##name##_kinds,
+TABLES(DECLARE)
+static const lg_term_kind *const tables[] = {TABLES(LIST)};
 
 const lg_term_kind *lg_term_kind_at(lg_machine_part part, size_t index) {
     for (size_t t = 0; t < LG_COUNT(tables); t++)

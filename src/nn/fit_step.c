@@ -1,6 +1,6 @@
 /* One step of training. A batch is cut into contiguous pieces, one for each shard, which has its own tape and
- * gradient. Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then the method takes its step. Results do not depend on the
- * threads: a task writes to its own shard, or to its own block of parameters. */
+ * gradient. Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then the method takes its step. Results do
+ * not depend on the threads: a task writes to its own shard, or to its own block of parameters. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -81,7 +81,7 @@ void lg_learning_adopt(lg_learning *self, const void *from, bool preset) {
 
 bool lg_ends_with_adam(const lg_training *training) {
     const lg_fit_plan *plan = &training->plan;
-    return plan->phases == 0 || plan->phase[plan->phases - 1].method == LG_FIT_ADAM;
+    return lg_fit_plan_ends_in_batches(plan);
 }
 
 static bool asks_adam(const lg_learning *self) {
