@@ -16,6 +16,7 @@
 #include <cmocka.h>
 
 #include "core/count.h"
+#include "liegrad/random.h"
 #include "liegrad/status.h"
 
 /* TEST("claim") { ... } checks a claim. No list repeats it: a file is a suite, and support/run_tests.c runs
@@ -44,6 +45,15 @@ void lg_test_give_back(size_t mark);
 /* Zeroed memory of the running test, aligned to 64 bytes. */
 void *lg_test_memory(size_t bytes);
 #define TEST_ARRAY(type, count) ((type *)lg_test_memory((count) * sizeof(type)))
+
+/* A text of the running test. */
+char *test_text(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+static inline lg_rng test_rng(uint64_t seed, uint64_t stream) {
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, stream);
+    return rng;
+}
 
 #define TEST(claim)             LG_TEST_AT(claim, __LINE__)
 #define LG_TEST_AT(claim, line) LG_TEST_NAMED(claim, line)
@@ -100,6 +110,13 @@ static inline void lg_all_close(const char *name, const double *a, const double 
     do {                                                                                                     \
         lg_status lg_s_ = (call);                                                                            \
         if (lg_s_ != LG_OK) fail_msg("%s: %s", #call, lg_status_name(lg_s_));                                \
+    } while (0)
+
+/* A call that says in &told why it failed. */
+#define assert_told(call)                                                                                    \
+    do {                                                                                                     \
+        lg_error told = {LG_OK, ""};                                                                         \
+        if ((call) != LG_OK) fail_msg("%s", told.message);                                                   \
     } while (0)
 
 #define assert_status(call, expected)                                                                        \

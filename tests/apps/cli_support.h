@@ -41,12 +41,15 @@ static inline void cli_path(const char *name, char *out, size_t size) {
     (void)snprintf(out, size, "%s/%s", cli_folder, name);
 }
 
+static inline const char *cli_at(const char *name) {
+    return test_text("%s/%s", cli_folder, name);
+}
+
 static inline void cli_remove_folder(void) {
     DIR *folder = opendir(cli_folder);
-    char path[1024];
     for (struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL;) {
         if (entry->d_name[0] == '.') continue;
-        (void)snprintf(path, sizeof path, "%s/%s", cli_folder, entry->d_name);
+        const char *path = test_text("%s/%s", cli_folder, entry->d_name);
         if (unlink(path) != 0) (void)rmdir(path);
     }
     if (folder != NULL) (void)closedir(folder);
@@ -64,16 +67,12 @@ static inline int cli_count_files(const char *part) {
 }
 
 static inline bool cli_exists(const char *name) {
-    char path[1024];
     struct stat information;
-    cli_path(name, path, sizeof path);
-    return stat(path, &information) == 0;
+    return stat(cli_at(name), &information) == 0;
 }
 
 static inline void cli_write(const char *name, const char *text) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    FILE *file = fopen(path, "w");
+    FILE *file = fopen(cli_at(name), "w");
     assert_non_null(file);
     assert_true(fputs(text, file) >= 0);
     assert_int_equal(fclose(file), 0);
@@ -81,21 +80,15 @@ static inline void cli_write(const char *name, const char *text) {
 
 /* A symbolic link `name` to `target`, both in the folder. */
 static inline void cli_link(const char *target, const char *name) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    assert_int_equal(symlink(target, path), 0);
+    assert_int_equal(symlink(target, cli_at(name)), 0);
 }
 
 static inline void cli_unlink(const char *name) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    assert_int_equal(unlink(path), 0);
+    assert_int_equal(unlink(cli_at(name)), 0);
 }
 
 static inline size_t cli_read(const char *name, char *out, size_t size) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    FILE *file = fopen(path, "r");
+    FILE *file = fopen(cli_at(name), "r");
     assert_non_null(file);
     const size_t n = fread(out, 1, size - 1, file);
     out[n] = '\0';
@@ -106,11 +99,11 @@ static inline size_t cli_read(const char *name, char *out, size_t size) {
 /* Words are separated by blanks. `file_limit` > 0: bytes that a file may have (RLIMIT_FSIZE). */
 static inline cli_child cli_start(const char *program, const char *arguments, rlim_t file_limit) {
     int out[2], err[2];
-    char text[4096], path[1024];
+    char path[1024];
     char *words[CLI_WORDS] = {path};
     int n = 1;
     (void)snprintf(path, sizeof path, "%s/%s", LG_BIN_DIR, program);
-    (void)snprintf(text, sizeof text, "%s", arguments);
+    char *text = test_text("%s", arguments);
     for (char *save = NULL, *word = strtok_r(text, " ", &save); word != NULL && n < CLI_WORDS - 1;
          word = strtok_r(NULL, " ", &save))
         words[n++] = word;
@@ -343,8 +336,7 @@ static inline void json_expect(const char *object, const char *members) {
 
 /* The command with --json: one object with these members. */
 static inline void cli_json(const char *program, const char *arguments, const char *members, cli *result) {
-    char line[4096];
-    (void)snprintf(line, sizeof line, "%s --json", arguments);
+    const char *line = test_text("%s --json", arguments);
     cli_expect(program, line, 0, "", result);
     if (!json_is_object(result->out)) fail_msg("%s %s: no JSON object: %s", program, line, result->out);
     json_expect(result->out, members);
@@ -388,10 +380,9 @@ static inline void cli_wait_for(const char *name) {
 
 /* Whether the process catches SIGINT by now. */
 static inline bool cli_catches_interrupts(pid_t pid) {
-    char path[64], line[256];
+    char line[256];
     unsigned long long caught = 0;
-    (void)snprintf(path, sizeof path, "/proc/%d/status", (int)pid);
-    FILE *status = fopen(path, "r");
+    FILE *status = fopen(test_text("/proc/%d/status", (int)pid), "r");
     assert_non_null(status);
     while (fgets(line, sizeof line, status) != NULL) (void)sscanf(line, "SigCgt: %llx", &caught);
     (void)fclose(status);

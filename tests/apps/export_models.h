@@ -80,21 +80,17 @@ static inline void export_release(void *of) {
 /* NAME.h5, which is there, as C. */
 static inline exported *export_saved(const export_row *row, const char *dtype, const char *options) {
     const bool scheme = row->scheme != NULL && row->scheme[0] != '\0';
-    char line[256];
     exported *e = TEST_ARRAY(exported, 1);
     e->row = row;
     lg_test_owns(e, export_release);
     (void)snprintf(e->folder, sizeof e->folder, "%s-%s", row->name, dtype);
-    (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --dtype %s --seed 7%s%s %s", row->name,
-                   e->folder, dtype, scheme ? " --scheme " : "", scheme ? row->scheme : "", options);
-    export_run(line);
+    export_run(test_text("%s.h5 --out %s --name m --dtype %s --seed 7%s%s %s", row->name, e->folder, dtype,
+                         scheme ? " --scheme " : "", scheme ? row->scheme : "", options));
     return e;
 }
 
 static inline void export_load(exported *e) {
-    lg_error error = {LG_OK, ""};
-    if (lg_model_load(NULL, export_path(e->row->name), NULL, &e->file, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_model_load(NULL, export_path(e->row->name), NULL, &e->file, &told));
     e->model = e->file.model;
     e->work = lg_test_memory(lg_model_work_size(e->model));
 }
@@ -131,10 +127,8 @@ static inline exported *export_opened(const export_kind *kind, const void *row, 
 
 /* Value and gradient at some inputs, then what else there is. */
 static inline void export_compare_one(const export_kind *kind, exported *e, size_t inputs) {
-    char title[160];
-    (void)snprintf(title, sizeof title, "%s, %s %s", e->folder, e->row->compiler, e->row->flags);
-    export_compare(&e->lib, title, inputs, kind->draw,
-                   kind->reference != NULL ? kind->reference : export_jacobian, e);
+    export_compare(&e->lib, test_text("%s, %s %s", e->folder, e->row->compiler, e->row->flags), inputs,
+                   kind->draw, kind->reference != NULL ? kind->reference : export_jacobian, e);
     if (kind->more != NULL) kind->more(e);
 }
 

@@ -20,11 +20,7 @@ static inline void derive(lg_program *program, lg_derivative_kind kind, const ch
 }
 
 static inline void save_program(lg_program *program, const char *name) {
-    char path[1024], file[64];
-    lg_error error;
-    (void)snprintf(file, sizeof file, "%s.h5", name);
-    cli_path(file, path, sizeof path);
-    if (lg_program_save(NULL, path, program, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_program_save(NULL, cli_at(test_text("%s.h5", name)), program, NULL, &told));
     lg_program_destroy(program);
 }
 
@@ -32,23 +28,18 @@ static inline void save_program(lg_program *program, const char *name) {
 static inline void save_hamiltonian(const char *name, const lg_hamiltonian_family *family) {
     static const uint32_t hidden[] = {24, 16};
     lg_hamiltonian model;
-    lg_rng rng;
     lg_program *program;
-    lg_error error;
     assert_ok(lg_hamiltonian_init(&model, family, 2, LG_POTENTIAL_MLP, hidden, 2, LG_TANH));
-    double *theta = calloc(lg_hamiltonian_parameters(&model), sizeof *theta);
-    lg_rng_seed(&rng, 7, 2);
+    double *theta = TEST_ARRAY(double, lg_hamiltonian_parameters(&model));
+    lg_rng rng = test_rng(7, 2);
     lg_hamiltonian_initialise(&model, &rng, theta);
-    if (lg_hamiltonian_program(NULL, &model, theta, NULL, &program, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_hamiltonian_program(NULL, &model, theta, NULL, &program, &told));
     const lg_carry carry = {"next", "x"};
-    if (lg_program_add_loop(program, "ten", "step", 10, &carry, 1, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_program_add_loop(program, "ten", "step", 10, &carry, 1, &told));
     derive(program, LG_DERIVATIVE_FORWARD, "value");
     derive(program, LG_DERIVATIVE_ADJOINT, "step");
     derive(program, LG_DERIVATIVE_JACOBIAN, "field");
     save_program(program, name);
-    free(theta);
 }
 
 /* A window of 20 samples of 2 channels: convolution, sine, maxima, a layer; and a loop-free companion. */
@@ -89,9 +80,7 @@ static inline void save_network(const char *name) {
                                           {"many", &in, 1, both, 2, record_many, NULL}};
     lg_program_spec spec;
     lg_program *program;
-    lg_error error;
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 4);
+    lg_rng rng = test_rng(3, 4);
     for (size_t i = 0; i < 4; i++)
         for (size_t k = 0; k < counts[i]; k++) values[i][k] = 0.4 * lg_rng_normal(&rng);
     lg_program_spec_init(&spec);
@@ -100,7 +89,7 @@ static inline void save_network(const char *name) {
     spec.functions = functions;
     spec.function_count = 2;
     spec.description = "Waves: what */ is it?\nTwo lines.";
-    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
     derive(program, LG_DERIVATIVE_JACOBIAN, "value");
     derive(program, LG_DERIVATIVE_ADJOINT, "many");
     derive(program, LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "value");

@@ -36,8 +36,7 @@ static inline int export_begin(void **state) {
 
 /* A command of the shell in the folder, on its way: what it says goes to one stream. */
 static inline FILE *export_start(const char *command) {
-    char line[EXPORT_LINE + 512];
-    (void)snprintf(line, sizeof line, "cd '%s' && { %s; } 2>&1", cli_folder, command);
+    const char *line = test_text("cd '%s' && { %s; } 2>&1", cli_folder, command);
     (void)fflush(NULL);
     FILE *stream = popen(line, "r");
     assert_non_null(stream);
@@ -67,9 +66,8 @@ static inline void export_expect(const char *command) {
 
 static inline bool export_has(const char *compiler) {
     static char out[EXPORT_TEXT];
-    char command[128];
-    (void)snprintf(command, sizeof command, "command -v %.*s", (int)strcspn(compiler, " "), compiler);
-    const bool found = export_shell(command, out) == 0;
+    const bool found =
+        export_shell(test_text("command -v %.*s", (int)strcspn(compiler, " "), compiler), out) == 0;
     if (!found) print_message("%s is not installed: left out\n", compiler);
     return found;
 }
@@ -91,9 +89,9 @@ static inline void export_run(const char *arguments) {
 
 /* The number of `#define NAME_<constant>` in the header. */
 static inline double export_constant(const char *folder, const char *name, const char *constant) {
-    char path[1024], line[EXPORT_LINE], words[256];
-    (void)snprintf(path, sizeof path, "%s/%s/%s.h", cli_folder, folder, name);
-    (void)snprintf(words, sizeof words, "#define %s_%s ", name, constant);
+    char line[EXPORT_LINE];
+    const char *path = test_text("%s/%s/%s.h", cli_folder, folder, name);
+    const char *words = test_text("#define %s_%s ", name, constant);
     double value = NAN;
     FILE *file = fopen(path, "r");
     assert_non_null(file);
@@ -121,20 +119,20 @@ typedef struct export_library {
 static inline export_library export_open(const char *folder, const char *name, const char *compiler,
                                          const char *flags) {
     static int count;
-    char command[EXPORT_LINE], path[1024], words[1024];
+    char command[EXPORT_LINE];
     export_library lib = {.inputs = (size_t)export_constant(folder, name, "INPUTS"),
                           .outputs = (size_t)export_constant(folder, name, "OUTPUTS"),
                           .work_size = (size_t)export_constant(folder, name, "WORK_SIZE"),
                           .tolerance = export_constant(folder, name, "TOLERANCE")};
     (void)snprintf(lib.name, sizeof lib.name, "%s", name);
-    (void)snprintf(path, sizeof path, "%s/%s/lib%d.so", cli_folder, folder, ++count);
+    const char *path = test_text("%s/%s/lib%d.so", cli_folder, folder, ++count);
     (void)snprintf(command, sizeof command,
                    "cd %s && %s %s %s -fPIC -shared %s.c %s_weights.c -x none -lm -o %s", folder, compiler,
                    strstr(compiler, "++") != NULL ? EXPORT_CPP : EXPORT_C, flags, name, name, path);
     export_expect(command);
     lib.handle = dlopen(path, RTLD_NOW | RTLD_LOCAL);
     if (lib.handle == NULL) fail_msg("%s", dlerror());
-    (void)snprintf(words, sizeof words, "grep -q 'typedef float %s_real;' %s/%s.h", name, folder, name);
+    const char *words = test_text("grep -q 'typedef float %s_real;' %s/%s.h", name, folder, name);
     static char out[EXPORT_TEXT];
     lib.single = export_shell(words, out) == 0;
     lib.work = calloc(lib.work_size, lib.single ? sizeof(float) : sizeof(double));
@@ -151,8 +149,7 @@ static inline void export_close(export_library *lib) {
 /* NAME_<what>: cast to the function's type through a union or memcpy by the caller, or use EXPORT_FUNCTION.
  */
 static inline void *export_symbol(const export_library *lib, const char *what) {
-    char symbol[128];
-    (void)snprintf(symbol, sizeof symbol, "%s_%s", lib->name, what);
+    const char *symbol = test_text("%s_%s", lib->name, what);
     void *found = dlsym(lib->handle, symbol);
     if (found == NULL) fail_msg("no symbol %s", symbol);
     return found;
@@ -272,8 +269,7 @@ typedef void (*export_draw)(void *user, lg_rng *rng, double *x); /* inputs of th
 /* One number that is not finite makes all results NaN, whatever they depend on. */
 static inline void export_check_unfit(const export_library *lib, const double *finite) {
     const size_t n = lib->inputs, m = lib->outputs, stride = 1 + n / 8;
-    double *x = calloc(n, sizeof *x), *y = calloc(m, sizeof *y), *matrix = calloc(n * m, sizeof *matrix);
-    assert_true(x != NULL && y != NULL && matrix != NULL);
+    double *x = TEST_ARRAY(double, n), *y = TEST_ARRAY(double, m), *matrix = TEST_ARRAY(double, n *m);
     memcpy(x, finite, n * sizeof *x);
     for (size_t i = 0; i < n; i += stride) {
         x[i] = i % 2 == 0 ? (double)NAN : (double)INFINITY;
@@ -285,9 +281,6 @@ static inline void export_check_unfit(const export_library *lib, const double *f
         for (size_t o = 0; o < n * m; o++) assert_true(isnan(matrix[o]));
         x[i] = finite[i];
     }
-    free(matrix);
-    free(y);
-    free(x);
 }
 
 /* `rows` random inputs: value, and gradient with the value beside it, within NAME_TOLERANCE of the reference.
@@ -295,9 +288,8 @@ static inline void export_check_unfit(const export_library *lib, const double *f
 static inline void export_compare(const export_library *lib, const char *title, size_t rows, export_draw draw,
                                   export_reference reference, void *user) {
     const size_t n = lib->inputs, m = lib->outputs, size = n * m;
-    double *x = calloc(n, sizeof *x), *y[3], *matrix[2];
-    lg_rng rng;
-    lg_rng_seed(&rng, 20, 26);
+    double *x = TEST_ARRAY(double, n), *y[3], *matrix[2];
+    lg_rng rng = test_rng(20, 26);
     for (int i = 0; i < 3; i++) y[i] = calloc(rows * m, sizeof(double));
     for (int i = 0; i < 2; i++) matrix[i] = calloc(rows * size, sizeof(double));
     assert_true(x != NULL && y[0] != NULL && y[1] != NULL && y[2] != NULL && matrix[0] != NULL &&
@@ -317,7 +309,6 @@ static inline void export_compare(const export_library *lib, const char *title, 
     export_check_unfit(lib, x);
     for (int i = 0; i < 3; i++) free(y[i]);
     for (int i = 0; i < 2; i++) free(matrix[i]);
-    free(x);
 }
 
 /* ---- compiling in every way ---- */
@@ -406,10 +397,10 @@ static inline bool export_may_call(const char *symbol) {
 static inline void export_check_objects_of(const char *folder, const char *name, const char *compiler,
                                            const char *flags) {
     static char out[EXPORT_TEXT];
-    char command[EXPORT_LINE], prefix[80];
+    char command[EXPORT_LINE];
     size_t visible = 0;
     if (!export_has(compiler)) return;
-    (void)snprintf(prefix, sizeof prefix, "%s_", name);
+    const char *prefix = test_text("%s_", name);
     (void)snprintf(command, sizeof command,
                    "cd %s && %s %s %s -fno-pic -c %s.c -o nm-code.o && %s %s %s -fno-pic -c %s_weights.c -o "
                    "nm-weights.o && nm -P nm-code.o nm-weights.o",
@@ -438,12 +429,9 @@ static inline void export_check_objects(const char *folder, const char *name) {
 static inline void export_check_stack(const char *folder) {
     static const char *const compilers[] = {"gcc", "clang"};
     static const char *const levels[] = {"-O0", "-O2", "-O3 -march=native"};
-    char command[EXPORT_LINE];
     for (size_t c = 0; c < 2; c++)
         for (size_t i = 0; i < 3 && export_has(compilers[c]); i++) {
-            (void)snprintf(command, sizeof command, "make -C %s stack CC=%s CFLAGS='%s'", folder,
-                           compilers[c], levels[i]);
-            export_expect(command);
+            export_expect(test_text("make -C %s stack CC=%s CFLAGS='%s'", folder, compilers[c], levels[i]));
         }
 }
 

@@ -46,10 +46,8 @@ static inline size_t csv_column(const char *name, const char *column, double *ou
 }
 
 static inline const lg_machine_model_file *cli_machine_model(const char *name) {
-    char path[1024];
     lg_machine_model_file file;
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_model_load_machine_model(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_model_load_machine_model(NULL, cli_at(name), NULL, &file, NULL));
     return own_lg_machine_model_file(file);
 }
 

@@ -48,13 +48,11 @@ static const other others[] = {
 /* Class c: noise of standard deviation 1 + 3 c about 2 c. */
 static void write_other(const other *what) {
     lg_series_data data = {.noise = NAN, .severity = NAN};
-    lg_rng rng;
-    char path[1024];
     data.series = (lg_series){
         .count = what->count, .channels = what->channels, .length = what->length, .classes = what->classes};
     assert_ok(lg_series_allocate(NULL, &data.series, false, what->of_run > 0));
     data.series.rate = what->rate;
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     const size_t window = (size_t)what->channels * what->length;
     for (size_t i = 0; i < what->count; i++) {
         const uint32_t c =
@@ -66,18 +64,15 @@ static void write_other(const other *what) {
                                                 ? 5.0f
                                                 : (float)(2.0 * c + (1 + 3.0 * c) * lg_rng_normal(&rng));
     }
-    cli_path(what->name, path, sizeof path);
-    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    assert_ok(lg_series_write(NULL, cli_at(what->name), &data, NULL));
     lg_series_data_destroy(&data);
 }
 
 OWNED(lg_series_data, lg_series_data_destroy)
 
 static lg_series_data *read_back(const char *name) {
-    char path[1024];
     lg_series_data data;
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_series_read(NULL, path, NULL, NULL, &data, NULL));
+    assert_ok(lg_series_read(NULL, cli_at(name), NULL, NULL, &data, NULL));
     return own_lg_series_data(data);
 }
 
@@ -200,11 +195,9 @@ static void train_and_evaluate(const char *data, const char *options) {
                                           {"f1", "f1"},
                                           {"test_windows", "windows"}};
     static cli trained;
-    char line[512];
-    (void)snprintf(line, sizeof line, "train %s %s --out method.h5", data, options);
-    cli_json(lg, line, "confusion *, train_accuracy *", &trained);
-    (void)snprintf(line, sizeof line, "evaluate method.h5 %s", data);
-    json(line, "part \"test\"");
+    cli_json(lg, test_text("train %s %s --out method.h5", data, options), "confusion *, train_accuracy *",
+             &trained);
+    json(test_text("evaluate method.h5 %s", data), "part \"test\"");
     for (size_t i = 0; i < LG_COUNT(keys); i++) {
         const double x = json_number(trained.out, keys[i][0]), y = json_number(result.out, keys[i][1]);
         if (!(fabs(x - y) <= 1e-12)) fail_msg("%s: %.17g in training, %.17g in evaluation", keys[i][0], x, y);
@@ -254,15 +247,13 @@ TEST("every method trains, evaluates and predicts") {
 /* Networks in single precision overflow. */
 TEST("scores that are not finite are refused, and no other method has such") {
     static char scores[1 << 14];
-    char path[1024], line[256];
     size_t refused = 0;
     lg_series_data *data = read_back("fresh.h5");
-    cli_path("large.h5", path, sizeof path);
+    const char *path = cli_at("large.h5");
     data->series.x[5] = 3e38F;
     assert_ok(lg_series_write(NULL, path, data, NULL));
     for (size_t i = 0; i < LG_COUNT(methods); i++) {
-        (void)snprintf(line, sizeof line, "train data.h5 %s --out large-model.h5", methods[i]);
-        cli_run_limited(lg, line, 0, &result);
+        cli_run_limited(lg, test_text("train data.h5 %s --out large-model.h5", methods[i]), 0, &result);
         cli_run_limited(lg, "evaluate large-model.h5 large.h5 --scores large.csv", 0, &result);
         if (result.code == 4) {
             assert_says(result.err, "scores of 48 windows are not finite, the first of window 0 (from 0)");
@@ -322,10 +313,9 @@ TEST("a test set may be a file of its own, also of a resumed training") {
 /* fresh.h5 as another program would write it: no names of classes, /y is low, low + 1, ... */
 static void write_numbered(const char *name, uint32_t low, bool named) {
     lg_series_data *data = read_back("fresh.h5");
-    char path[1024];
     char(*channels)[LG_SERIES_NAME] = data->series.channel_name;
     if (!named) data->series.channel_name = NULL;
-    cli_path(name, path, sizeof path);
+    const char *path = cli_at(name);
     assert_ok(lg_series_write(NULL, path, data, NULL));
     data->series.channel_name = channels;
     for (size_t i = 0; i < data->series.count; i++) data->series.label[i] += low;
@@ -337,16 +327,12 @@ static void write_numbered(const char *name, uint32_t low, bool named) {
 
 TEST("a model remembers what stood for its classes, also in files without names") {
     static const char *const models[] = {"model.h5", "logistic.h5"};
-    char line[128];
     write_numbered("from-0.h5", 0, true);
     write_numbered("from-1.h5", 1, true);
     for (size_t i = 0; i < LG_COUNT(models); i++) {
-        (void)snprintf(line, sizeof line, "evaluate %s fresh.h5", models[i]);
-        const double accuracy = number(line, "accuracy");
-        (void)snprintf(line, sizeof line, "evaluate %s from-0.h5", models[i]);
-        assert_close(number(line, "accuracy"), accuracy, 0, 0);
-        (void)snprintf(line, sizeof line, "evaluate %s from-1.h5", models[i]);
-        cli_expect(lg, line, 3, "label '2' is none of 0|1", &result);
+        const double accuracy = number(test_text("evaluate %s fresh.h5", models[i]), "accuracy");
+        assert_close(number(test_text("evaluate %s from-0.h5", models[i]), "accuracy"), accuracy, 0, 0);
+        cli_expect(lg, test_text("evaluate %s from-1.h5", models[i]), 3, "label '2' is none of 0|1", &result);
     }
     run("train from-1.h5 --method logistic --out from-1.model.h5");
     cli_expect(lg, "evaluate from-1.model.h5 from-0.h5", 3, "class '0' is none of the classes 1|2", &result);
@@ -382,11 +368,8 @@ TEST("without --filters there are as many blocks as fit, three at most") {
                  {"--pool-size 6", 1},
                  {"--kernel 3 --padding 1 --pooling none", 3}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        char line[192];
         int blocks = 0;
-        (void)snprintf(line, sizeof line, "train data.h5 --window 2 --epochs 1 --out blocks.h5 --json %s",
-                       cases[i].options);
-        run(line);
+        run(test_text("train data.h5 --window 2 --epochs 1 --out blocks.h5 --json %s", cases[i].options));
         for (const char *at = result.out; (at = strstr(at, "\"filters\"")) != NULL; at++) blocks++;
         if (blocks != cases[i].blocks) fail_msg("%s: %d blocks", cases[i].options, blocks);
     }
@@ -455,15 +438,12 @@ TEST("a network no better than the most frequent class ends with exit code 4") {
 TEST("a network that died starts again, and is told of if it stays dead") {
     static const char *const line = "train data.h5 --activation relu --lr 1000 --clip 0 --epochs 3 --json "
                                     "--out dead.h5";
-    char text[256];
     json("train data.h5 --activation swish --epochs 2 --out living.h5",
          "restarts 0, dead_units 0, max_restarts 10, warnings [");
-    (void)snprintf(text, sizeof text, "%s --max-restarts 2", line);
-    cli_expect(lg, text, 4, "the network has died", &result);
+    cli_expect(lg, test_text("%s --max-restarts 2", line), 4, "the network has died", &result);
     json_expect(result.out, "restarts 2, max_restarts 2, epochs 3");
     assert_true(json_number(result.out, "dead_units") >= 2);
-    (void)snprintf(text, sizeof text, "%s --max-restarts 0", line);
-    cli_expect(lg, text, 4, "dead units of layer plane: 2 of 2", &result);
+    cli_expect(lg, test_text("%s --max-restarts 0", line), 4, "dead units of layer plane: 2 of 2", &result);
     json_expect(result.out, "restarts 0");
 }
 
@@ -483,9 +463,8 @@ TEST("with a validation part the best epoch is the model") {
     run(line);
     lg_detector_file files[2];
     for (int k = 0; k < 2; k++) {
-        char path[1024];
-        cli_path(k == 0 ? "long.h5" : "best.h5", path, sizeof path);
-        assert_ok(lg_model_load_detector(NULL, path, NULL, &files[k], NULL));
+        assert_ok(
+            lg_model_load_detector(NULL, cli_at(k == 0 ? "long.h5" : "best.h5"), NULL, &files[k], NULL));
     }
     assert_int_equal(files[0].parameters, files[1].parameters);
     assert_memory_equal(files[0].theta, files[1].theta, files[0].parameters * sizeof *files[0].theta);

@@ -141,10 +141,8 @@ TEST("--size auto shares --seconds with the training, and says where there is no
 
 /* E1 of a model of noisy data, trained from measured or estimated starts. */
 static double error_with(const char *starts) {
-    char line[128];
-    (void)snprintf(line, sizeof line, "train n.h5 --starts %s --epochs 300 --out b.h5", starts);
-    cli_json(lg, line, strcmp(starts, "measured") == 0 ? "method \"ssbroyden\"" : "method \"lbfgs\"",
-             &result);
+    cli_json(lg, test_text("train n.h5 --starts %s --epochs 300 --out b.h5", starts),
+             strcmp(starts, "measured") == 0 ? "method \"ssbroyden\"" : "method \"lbfgs\"", &result);
     cli_json(lg, "evaluate b.h5 test.h5", "E1 *", &result);
     return json_number(result.out, "E1");
 }
@@ -250,15 +248,13 @@ TEST("errors are recorded in the model's file, and nothing else changes") {
 /* Test data without energies take the E2 of others away; the training data are no test set, which is said. A
  * link to the model stays a link. */
 TEST("recorded errors replace the first ones, and a link to the model stays a link") {
-    char path[1024];
     cli_expect(lg, "evaluate twin.h5 train.h5 --record", 0, "Recorded in twin.h5", &result);
     assert_says(result.err, "train.h5 holds the data that twin.h5 was trained on");
     const lg_hamiltonian_file *file = cli_hamiltonian("model.h5");
     assert_true(file->has_e2 && file->test.trajectories == 40);
     assert_string_equal(file->test.sha256, file->run.data_sha256);
     shell("cp test.h5 plain.h5 && test -L twin.h5");
-    cli_path("plain.h5", path, sizeof path);
-    const hid_t plain = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t plain = H5Fopen(cli_at("plain.h5"), H5F_ACC_RDWR, H5P_DEFAULT);
     assert_true(H5Ldelete(plain, "hamiltonian", H5P_DEFAULT) >= 0 && H5Fclose(plain) >= 0);
     cli_expect(lg, "evaluate model.h5 plain.h5 --record", 0, "unknown  the file of the test", &result);
     assert_string_equal(result.err, "");

@@ -117,10 +117,8 @@ TEST("hard cases have their known minima") {
     /* At the bifurcations themselves there is an answer, and it is a minimum. */
     static const char *const angles[] = {"0", "3.141592653589793", "6.283185307179586", "-3.141592653589793"};
     for (size_t i = 0; i < 8; i++) {
-        char line[128];
-        (void)snprintf(line, sizeof line, "solve --case %s --x %s", i < 4 ? "both-ends" : "right-end",
-                       angles[i % 4]);
-        json(line, "negative_eigenvalues 0");
+        json(test_text("solve --case %s --x %s", i < 4 ? "both-ends" : "right-end", angles[i % 4]),
+             "negative_eigenvalues 0");
     }
 }
 
@@ -152,13 +150,11 @@ TEST("a sweep follows the branches") {
 /* ---- generate ---- */
 
 TEST("generated curves are those that are asked for, and what solve finds") {
-    char path[1024];
     double q[16];
     lg_elastica_data data;
     json("generate --case both --count 5 --intervals 7 --gap 0.02 --out g.h5 --plot g.svg",
          "curves 10, intervals 7");
-    cli_path("g.h5", path, sizeof path);
-    assert_ok(lg_elastica_data_read(NULL, path, NULL, &data, NULL));
+    assert_ok(lg_elastica_data_read(NULL, cli_at("g.h5"), NULL, &data, NULL));
     const lg_elastica_curves *c = &data.curves;
     assert_int_equal(c->count, 10);
     /* Three values in the first half, two in the second, for each case. */
@@ -253,9 +249,7 @@ TEST("published settings are those of the data and the network, but for what is 
         {"train both.h5 --hidden 4", "preset \"best\""},
     };
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        char line[256];
-        (void)snprintf(line, sizeof line, "%s --epochs 1 --out p.h5", rows[i][0]);
-        json(line, rows[i][1]);
+        json(test_text("%s --epochs 1 --out p.h5", rows[i][0]), rows[i][1]);
     }
 }
 
@@ -281,11 +275,9 @@ TEST("every kind of network is trained, judged and asked, and only --mirror make
          "unit_tangent_error <1e-15, boundary_error <1e-12", true},
     };
     for (size_t i = 0; i < LG_COUNT(kinds); i++) {
-        char line[256];
         double q[22], mirrored[22];
-        (void)snprintf(line, sizeof line, "train data.h5 %s --hidden 5 --layers 1 --epochs 60 --out k.h5",
-                       kinds[i].options);
-        json(line, "test_mse >0, test_mse <100");
+        json(test_text("train data.h5 %s --hidden 5 --layers 1 --epochs 60 --out k.h5", kinds[i].options),
+             "test_mse >0, test_mse <100");
         const double mse = json_number(result.out, "test_mse");
         json("evaluate k.h5 data.h5 --part test", kinds[i].evaluated);
         assert_close(json_number(result.out, "mse"), mse, 1e-12, 0);

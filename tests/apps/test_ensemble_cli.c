@@ -117,15 +117,12 @@ TEST("times of first events") {
 static void assert_same(const char *a, const char *b, const char *name) {
     lg_file_reader *readers[2] = {NULL, NULL};
     const char *const files[] = {a, b};
-    char *data[2], path[1024];
+    char *data[2];
     uint64_t dims[4] = {0}, count = 1;
     uint32_t rank = 0;
     for (int i = 0; i < 2; i++) {
         lg_archive_reader from;
-        lg_error error = {LG_OK, ""};
-        cli_path(files[i], path, sizeof path);
-        if (lg_file_reader_create(NULL, path, NULL, NULL, &readers[i], &error) != LG_OK)
-            fail_msg("%s", error.message);
+        assert_told(lg_file_reader_create(NULL, cli_at(files[i]), NULL, NULL, &readers[i], &told));
         assert_ok(lg_file_reader_archive(readers[i], "", &from));
         assert_ok(from.shape(from.user, name, &rank, dims));
         count = 1;
@@ -141,9 +138,7 @@ static void assert_same(const char *a, const char *b, const char *name) {
 
 /* /trajectories of a file as any reader of HDF5 sees it, through the virtual data set. */
 static double *rows_of(const char *name, hsize_t dims[3]) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT),
+    const hid_t file = H5Fopen(cli_at(name), H5F_ACC_RDONLY, H5P_DEFAULT),
                 set = H5Dopen2(file, "trajectories", H5P_DEFAULT);
     const hid_t space = H5Dget_space(set);
     assert_true(file >= 0 && set >= 0);
@@ -196,9 +191,8 @@ TEST("parts merge into the bits of one process, whatever the threads") {
 
 /* Number `index` of a data set of a copy of a part becomes `bits`. */
 static void damage(const char *from, const char *to, const char *dataset, size_t index, uint64_t bits) {
-    char source[1024], target[1024];
-    cli_path(from, source, sizeof source);
-    cli_path(to, target, sizeof target);
+    const char *source = cli_at(from);
+    const char *target = cli_at(to);
     char *line = lg_test_memory(2100);
     (void)snprintf(line, 2100, "cp %s %s", source, target);
     assert_int_equal(system(line), 0);
@@ -280,8 +274,7 @@ TEST("a screen for people, and a picture") {
 
 TEST("tasks of an array run side by side, and the same one twice is refused") {
     const char long_run[] = "pendulums.yaml --ensemble 100000000 --vary q=sphere --save 5000 --out array.h5";
-    char task[256];
-    (void)snprintf(task, sizeof task, "%s --task 0/2", long_run);
+    const char *task = test_text("%s --task 0/2", long_run);
     const cli_child first = cli_start(lg, task, 0);
     cli_wait_for("array.part-0-of-2.h5.lock");
     cli_wait_for("array.part-0-of-2.trajectories.h5.lock");
@@ -308,16 +301,12 @@ TEST("merge claims its output") {
 
 static void both_tasks(const char *more) {
     for (int i = 0; i < 2; i++) {
-        char arguments[256];
-        (void)snprintf(arguments, sizeof arguments, RUNS "--task %d/2 %s", i, more);
-        json(arguments, "failed 0");
+        json(test_text(RUNS "--task %d/2 %s", i, more), "failed 0");
     }
 }
 
 static bool has_trajectories(const char *name) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    const hid_t file = H5Fopen(cli_at(name), H5F_ACC_RDONLY, H5P_DEFAULT);
     const bool has = H5Lexists(file, "trajectories", H5P_DEFAULT) > 0;
     (void)H5Fclose(file);
     return has;
@@ -400,8 +389,7 @@ static long peak_of_children(void) {
 TEST("what was saved is not read back") {
     enum { ROWS = 150000, POINTS = 21, KILOBYTES = ROWS * POINTS * 16 / 1024 };
     const char plain[] = "circles.yaml --ensemble 150000 --points 21 --method dp85 --tol 1e-3 --threads 1 ";
-    char saving[256];
-    (void)snprintf(saving, sizeof saving, "%s --save all --task 0/1 --out large.h5", plain);
+    const char *saving = test_text("%s --save all --task 0/1 --out large.h5", plain);
     json(plain, "");
     const long without = peak_of_children();
     json(saving, "");
@@ -414,10 +402,9 @@ TEST("what was saved is not read back") {
 TEST("trajectories that cannot be written do not take the statistics with them") {
     const char arguments[] = "pendulums.yaml --ensemble 400000 --vary q=sphere --points 6 --threads 1 "
                              "--save 100 --out lost.h5";
-    char path[1024];
     const cli_child child = cli_start(lg, arguments, 0);
     cli_wait_for("lost.trajectories.h5.lock");
-    cli_path("lost.trajectories.h5", path, sizeof path);
+    const char *path = cli_at("lost.trajectories.h5");
     assert_int_equal(mkdir(path, 0700), 0);
     cli_finish(child, &result);
     assert_int_equal(result.code, 3);

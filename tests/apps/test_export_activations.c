@@ -68,8 +68,7 @@ static void draw(lg_rng *rng, bool single, int block, double *x) {
 static void check_range(const function *f, bool single) {
     static double x[BLOCK], y[BLOCK];
     long double worst = 0;
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     for (int b = 0; b < BLOCKS; b++) {
         draw(&rng, single, b, x);
         memcpy(y, x, sizeof y);
@@ -114,8 +113,7 @@ TEST("an element has the same value wherever it stands in its array") {
     for (size_t i = 0; i < LG_COUNT(functions); i++)
         for (int single = 0; single < 2; single++) {
             double x[BLOCK], y[BLOCK];
-            lg_rng rng;
-            lg_rng_seed(&rng, 5, 0);
+            lg_rng rng = test_rng(5, 0);
             draw(&rng, single, 2, x);
             memcpy(y, x, sizeof y);
             values_of(&functions[i], single, N, y);

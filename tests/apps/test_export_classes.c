@@ -51,8 +51,7 @@ static lg_scaler scaler_of(uint32_t columns, double size, lg_rng *rng) {
 
 static void *make_table(const void *row) {
     const table_example *of = row;
-    lg_rng rng;
-    lg_rng_seed(&rng, 13, (uint64_t)(of - table_examples));
+    lg_rng rng = test_rng(13, (uint64_t)(of - table_examples));
     lg_table_file file = {
         .run = {.training = export_training(), .rows = 321}, .rmse = 0.125, .accuracy = NAN, .f1 = NAN};
     file.run.training.batch = 1;
@@ -148,8 +147,7 @@ static const detector_example detector_examples[] = {
 /* Offsets and scales of the channels are far from 0 and 1. */
 static void *make_detector(const void *row) {
     const detector_example *of = row;
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, (uint64_t)of->net.length);
+    lg_rng rng = test_rng(5, (uint64_t)of->net.length);
     lg_detector_file file = {
         .run = {.model = {.net = of->net, .classes = of->classes, .loss = of->loss, .centred = of->centred},
                 .training = export_training(),
@@ -326,8 +324,7 @@ static lg_series series_of(const classifier_example *of) {
                         .length = of->length,
                         .classes = of->classes,
                         .rate = 10};
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, of->classes);
+    lg_rng rng = test_rng(11, of->classes);
     assert_ok(lg_series_allocate(NULL, &series, false, false));
     series.channel_name = lg_alloc(NULL, CHANNELS, sizeof *series.channel_name);
     for (uint32_t c = 0; c < CHANNELS; c++)
@@ -470,8 +467,7 @@ enum { CONSTANT, ONE_CONSTANT, TWINS, TWO_VALUES, EDGES };
 
 static void edge_window(int kind, uint32_t length, double *x) {
     float window[MOST_INPUTS];
-    lg_rng rng;
-    lg_rng_seed(&rng, 9, 9);
+    lg_rng rng = test_rng(9, 9);
     recorded_window(&rng, length, 0, window);
     for (size_t i = 0; i < CHANNELS * length; i++) {
         x[i] = window[i];
@@ -535,8 +531,7 @@ static void check_classes(const exported *e, const export_kind *kind, uint32_t c
     double x[MOST_INPUTS], got[MOST] = {0}, want[MOST], worst[2] = {0, 0};
     size_t seen[8] = {0}, near = 0;
     lg_plan *plan = NULL;
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 4);
+    lg_rng rng = test_rng(3, 4);
     if (e->of == NULL && lg_model_find(e->model, "probability", NULL, &plan, NULL) == LG_OK)
         lg_test_owns(plan, release_plan);
     exported with_room = *e;
@@ -631,14 +626,12 @@ TEST("networks of default sizes keep the stated stack") {
     } rows[] = {{1, 96, 2, false},  {2, 128, 2, false}, {2, 128, 3, true},  {4, 64, 3, false},
                 {6, 100, 2, false}, {6, 100, 3, true},  {6, 300, 5, false}, {6, 300, 2, true}};
     for (size_t i = 0; i < 2 * LG_COUNT(rows); i++) {
-        char name[32], command[128];
-        (void)snprintf(name, sizeof name, "default%zu", i);
-        const detector_example of = default_detector(name, rows[i / 2].channels, rows[i / 2].length,
-                                                     rows[i / 2].classes, rows[i / 2].relu);
+        const detector_example of =
+            default_detector(test_text("default%zu", i), rows[i / 2].channels, rows[i / 2].length,
+                             rows[i / 2].classes, rows[i / 2].relu);
         const exported *e = export_made(&detectors, &of, i % 2 == 0 ? "f64" : "f32", "");
         export_check_stack(e->folder);
-        (void)snprintf(command, sizeof command, "make -C %s test stack", e->folder);
-        export_expect(command);
+        export_expect(test_text("make -C %s test stack", e->folder));
     }
 }
 #else
@@ -706,13 +699,10 @@ TEST("headers tell what models are, their inputs and classes, and where their nu
     static char numbers[EXPORT_TEXT]; /* those that are told in hexadecimal are the reals */
     static cli result;
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        char file[128];
         const exported *e =
             export_made(rows[i].kind, export_find(rows[i].kind, rows[i].name), rows[i].dtype, "");
-        (void)snprintf(file, sizeof file, "%s/m.h", e->folder);
-        export_expect_words(file, rows[i].words);
-        (void)snprintf(file, sizeof file, "%s/m_weights.c", e->folder);
-        export_expect_words(file, rows[i].of_weights);
+        export_expect_words(test_text("%s/m.h", e->folder), rows[i].words);
+        export_expect_words(test_text("%s/m_weights.c", e->folder), rows[i].of_weights);
     }
     export_expect("! grep -r NAME */m.h");
     cli_expect("lg-export", "cov-logistic.h5 --out told --name m --dtype f32 --json", 0, "", &result);
@@ -740,10 +730,9 @@ static double mean_logit(const detector_example *of) {
     enum { DRAWN = 200 };
     exported e = {.row = &of->row};
     double x[MOST_INPUTS], mean = 0, y;
-    lg_rng rng;
     make_detector(of);
     export_load(&e);
-    lg_rng_seed(&rng, 1, 1);
+    lg_rng rng = test_rng(1, 1);
     for (int v = 0; v < DRAWN; v++) {
         draw_window(&e, &rng, x);
         lg_model_eval(e.model, x, &y, e.work);
@@ -759,11 +748,9 @@ TEST("the tolerance tells of a logit that is a small difference of large terms, 
     of.net.activation = LG_SIGMOID;
     of.offset = -mean_logit(&of);
     for (int seed = 0; seed < 12; seed++) {
-        char words[128];
-        (void)snprintf(words, sizeof words, "--seed %d", seed);
-        const exported *e = export_made(&detectors, &of, seed % 2 == 0 ? "f64" : "f32", words);
-        (void)snprintf(words, sizeof words, "make -C %s test CFLAGS=-O1", e->folder);
-        export_expect(words);
+        const exported *e =
+            export_made(&detectors, &of, seed % 2 == 0 ? "f64" : "f32", test_text("--seed %d", seed));
+        export_expect(test_text("make -C %s test CFLAGS=-O1", e->folder));
         const double eps = seed % 2 == 0 ? DBL_EPSILON : (double)FLT_EPSILON;
         const double usual = 20 * eps * export_constant(e->folder, "m", "DEPTH");
         const double factor = export_constant(e->folder, "m", "TOLERANCE") / usual;

@@ -25,27 +25,22 @@ static const char *const suffixes[] = {".h", ".c", "_weights.c", "_test.c"};
 /* A small learned Hamiltonian; `size` multiplies the weights of its potential, `command` is its provenance.
  */
 static void make_hamiltonian(const char *name, double size, const char *command) {
-    char path[512];
     const uint32_t hidden[] = {4};
     lg_hamiltonian_file file = {
         .run = {.scheme = lg_scheme_find("cf4"), .substeps = 1, .dt = 0.1, .training = TRAINING}};
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 6);
+    lg_rng rng = test_rng(5, 6);
     assert_ok(
         lg_hamiltonian_init(&file.run.model, &lg_hamiltonian_chain, 1, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
     file.parameters = lg_hamiltonian_parameters(&file.run.model);
     parameters = file.parameters;
-    double *theta = calloc(parameters, sizeof *theta);
-    assert_non_null(theta);
+    double *theta = TEST_ARRAY(double, parameters);
     lg_hamiltonian_initialise(&file.run.model, &rng, theta);
     theta[0] *= size;
     theta[1] = 10.0 + 11 * 0x1p-20; /* a number of single precision that takes nine digits */
     if (mass > 0) theta[lg_mlp_parameters(&file.run.model.net)] = mass;
     file.theta = theta;
     (void)snprintf(file.provenance.command, sizeof file.provenance.command, "%s", command);
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL));
-    free(theta);
+    assert_ok(lg_model_save_hamiltonian(NULL, cli_at(name), &file, NULL, NULL));
 }
 
 static int setup(void **state) {
@@ -59,10 +54,8 @@ static int setup(void **state) {
 /* ---- folders ---- */
 
 static size_t entries(const char *name) {
-    char path[512];
     size_t count = 0;
-    cli_path(name, path, sizeof path);
-    DIR *folder = opendir(path);
+    DIR *folder = opendir(cli_at(name));
     for (struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL;)
         if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0) count++;
     if (folder != NULL) (void)closedir(folder);
@@ -70,14 +63,11 @@ static size_t entries(const char *name) {
 }
 
 static bool has_all(const char *folder, const char *name) {
-    char path[256];
     bool all = true;
     for (size_t i = 0; i < LG_COUNT(suffixes); i++) {
-        (void)snprintf(path, sizeof path, "%s/%s%s", folder, name, suffixes[i]);
-        all = all && cli_exists(path);
+        all = all && cli_exists(test_text("%s/%s%s", folder, name, suffixes[i]));
     }
-    (void)snprintf(path, sizeof path, "%s/Makefile", folder);
-    return all && cli_exists(path);
+    return all && cli_exists(test_text("%s/Makefile", folder));
 }
 
 /* The folder's five files and `others`, and no temporary anywhere. */
@@ -103,10 +93,8 @@ TEST("a name is made of the file's, or given") {
         {"a_very_long_name_that_is_cut_somewhere_and_still_is_one.h5", "a_very_long_name_that_is_cut_som"},
         {"no-ending", "no_ending"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        char line[256];
         cli_link("pendulum.h5", rows[i][0]);
-        (void)snprintf(line, sizeof line, "%s --out named", rows[i][0]);
-        export_run(line);
+        export_run(test_text("%s --out named", rows[i][0]));
         expect_files("named", rows[i][1], 0);
         if (i < 1) export_expect("make -C named test CFLAGS=-O0");
         export_expect("rm -r named");
@@ -147,10 +135,10 @@ TEST("files that were not written for this name stay as they are, whichever of t
     static const char *const heads[] = {"", "all:", "/* lg-export: pendulums */", "# lg-export: pend",
                                         "/* lg-export: pendulum"};
     for (size_t i = 0; i < LG_COUNT(names); i++) {
-        char command[256], words[128];
+        char command[256];
         (void)snprintf(command, sizeof command,
                        "mkdir others && echo '%s' > others/%s && cp -r others before", heads[i], names[i]);
-        (void)snprintf(words, sizeof words, "others/%s: exists and was not written by lg-export", names[i]);
+        const char *words = test_text("others/%s: exists and was not written by lg-export", names[i]);
         export_expect(command);
         cli_expect(lg, "pendulum.h5 --out others", 3, words, &result);
         export_expect("diff -r others before && rm -r others before");
@@ -178,9 +166,7 @@ TEST("a folder that holds something else under a file's name stays as it is") {
 
 /* Exit code 3 (or, where the damage did no harm, 0), no folder and no temporary. */
 static void expect_harmless(const char *name, const char *what, size_t at) {
-    char line[64];
-    (void)snprintf(line, sizeof line, "%s --out o", name);
-    cli_run_limited(lg, line, 0, &result);
+    cli_run_limited(lg, test_text("%s --out o", name), 0, &result);
     if (result.code != 3 && result.code != 0)
         fail_msg("%s at %zu: exit code %d\n%s", what, at, result.code, result.err);
     if (result.code == 3 && strncmp(result.err, "lg-export: ", 11) != 0)
@@ -191,9 +177,7 @@ static void expect_harmless(const char *name, const char *what, size_t at) {
 }
 
 static void write_bytes(const char *name, const char *data, size_t bytes) {
-    char path[512];
-    cli_path(name, path, sizeof path);
-    FILE *file = fopen(path, "wb");
+    FILE *file = fopen(cli_at(name), "wb");
     assert_non_null(file);
     assert_int_equal(fwrite(data, 1, bytes, file), bytes);
     assert_int_equal(fclose(file), 0);
@@ -204,8 +188,7 @@ TEST("a damaged model is refused or does no harm") {
     static char data[SIZE];
     const size_t bytes = cli_read("pendulum.h5", data, SIZE);
     assert_true(bytes < SIZE - 1);
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 2);
+    lg_rng rng = test_rng(1, 2);
     for (size_t i = 0; i < CUTS; i++) {
         const size_t kept = i < 4 ? i : bytes * i / CUTS;
         write_bytes("cut.h5", data, kept);
@@ -370,10 +353,10 @@ TEST("numbers that are too small for single precision are told, in every format,
     static const char *const targets[] = {"c", "package", "onnx", "safetensors"};
     make_hamiltonian("small.h5", 1e-60, "");
     for (size_t i = 0; i < LG_COUNT(targets); i++) {
-        char command[200];
         for (int k = 0; k < 3; k++) {
-            (void)snprintf(command, sizeof command, "%s --json --out o --target %s --dtype %s",
-                           k < 2 ? "small.h5" : "pendulum.h5", targets[i], k != 1 ? "f32" : "f64");
+            const char *command =
+                test_text("%s --json --out o --target %s --dtype %s", k < 2 ? "small.h5" : "pendulum.h5",
+                          targets[i], k != 1 ? "f32" : "f64");
             cli_expect(lg, command, 0, "", &result);
             const bool told = strstr(result.err, "lose digits or become 0 in single precision") != NULL;
             if (told != (k == 0) || told != (strstr(result.out, "lose digits or become 0") != NULL))

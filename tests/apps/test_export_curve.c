@@ -15,69 +15,63 @@ typedef struct example {
     lg_surrogate_options options;
 } example;
 
-#define NETWORK(kind_, architecture_, embedding_, hidden_, layers_, activation_, ...)                        \
-    {                                                                                                        \
-        .kind = LG_SURROGATE_##kind_, .architecture = LG_NET_##architecture_, .embedding = embedding_,       \
-        .hidden = hidden_, .layers = layers_, .activation = LG_##activation_, __VA_ARGS__                    \
-    }
-
 /* The last beam is so short that what holds one end counts at the other one too. */
 static const example examples[] = {
     {.row = {"plain", "gcc", "-O2", ""},
      8,
      3.3,
      true,
-     NETWORK(DISCRETE, MLP, 0, 13, 2, TANH, .mirror = false)},
+     SURROGATE(DISCRETE, MLP, 0, 13, 2, TANH, .mirror = false)},
     {.row = {"nodes", "clang", "-O1", ""},
      50,
      1.0,
      true,
-     NETWORK(DISCRETE, RESNET, 5, 11, 2, SINE, .normalise = true, .mirror = true)},
+     SURROGATE(DISCRETE, RESNET, 5, 11, 2, SINE, .normalise = true, .mirror = true)},
     {.row = {"direct", "g++", "-O2", ""},
      2,
      20.0,
      false,
-     NETWORK(DISCRETE, MULT, 0, 9, 0, SWISH, .mirror = true)},
+     SURROGATE(DISCRETE, MULT, 0, 9, 0, SWISH, .mirror = true)},
     {.row = {"fixed", "gcc", "-O2", ""},
      20,
      3.3,
      true,
-     NETWORK(DISCRETE, MLP, 0, 12, 1, TANH, .normalise = true, .mirror = true, .modes = 12)},
+     SURROGATE(DISCRETE, MLP, 0, 12, 1, TANH, .normalise = true, .mirror = true, .modes = 12)},
     {.row = {"turned", "gcc", "-O2", ""},
      20,
      3.3,
      true,
-     NETWORK(DISCRETE, MLP, 0, 12, 1, TANH, .normalise = true, .mirror = true, .angles = true)},
+     SURROGATE(DISCRETE, MLP, 0, 12, 1, TANH, .normalise = true, .mirror = true, .angles = true)},
     {.row = {"gated", "gcc", "-O3 -march=native -ffp-contract=fast", ""},
      50,
      3.3,
      true,
-     NETWORK(CONTINUOUS, MULT, 6, 10, 3, SIGMOID, .normalise = true, .mirror = true)},
+     SURROGATE(CONTINUOUS, MULT, 6, 10, 3, SIGMOID, .normalise = true, .mirror = true)},
     {.row = {"smooth", "clang", "-O3", ""},
      10,
      3.3,
      false,
-     NETWORK(CONTINUOUS, MLP, 0, 17, 1, TANH, .mirror = true)},
+     SURROGATE(CONTINUOUS, MLP, 0, 17, 1, TANH, .mirror = true)},
     {.row = {"kinked", "gcc", "-O0", ""},
      10,
      1.0,
      true,
-     NETWORK(CONTINUOUS, RESNET, 0, 8, 0, LEAKY_RELU, .normalise = true)},
+     SURROGATE(CONTINUOUS, RESNET, 0, 8, 0, LEAKY_RELU, .normalise = true)},
     {.row = {"bend", "gcc", "-O2", ""},
      60,
      3.3,
      true,
-     NETWORK(ANGLE, MULT_AFFINE, 0, 9, 2, TANH, .mirror = true, .boundary = true)},
+     SURROGATE(ANGLE, MULT_AFFINE, 0, 9, 2, TANH, .mirror = true, .boundary = true)},
     {.row = {"turning", "clang++", "-O2", ""},
      7,
      3.3,
      false,
-     NETWORK(ANGLE, RESNET, 5, 8, 1, SINE, .mirror = false)},
+     SURROGATE(ANGLE, RESNET, 5, 8, 1, SINE, .mirror = false)},
     {.row = {"brief", "clang", "-O2", ""},
      5,
      0.15,
      true,
-     NETWORK(ANGLE, MLP, 0, 12, 0, SWISH, .boundary = true)},
+     SURROGATE(ANGLE, MLP, 0, 12, 0, SWISH, .boundary = true)},
 };
 
 /* ---- models ---- */
@@ -99,14 +93,13 @@ static void draw_boundary(lg_rng *rng, double length, double *x) {
 
 static void *make(const void *row) {
     const example *of = row;
-    lg_rng rng;
     lg_surrogate_file file = {
         .run = {.train_fraction = 0.9, .test_fraction = 0.1, .curves = 1000, .training = export_training()},
         .has_errors = true,
         .train_mse = 2.5e-7,
         .test_mse = 3.5e-7};
     lg_surrogate *model = &file.run.model;
-    lg_rng_seed(&rng, 11, 12);
+    lg_rng rng = test_rng(11, 12);
     assert_ok(lg_surrogate_init(model, &of->options, of->intervals, of->length, 0.4 * of->length, NULL));
     give_modes(model);
     (void)snprintf(file.run.data_sha256, sizeof file.run.data_sha256, "%064d", 42);
@@ -233,8 +226,7 @@ static void more(exported *e) {
     const double condition = e->lib.inputs == 8 && interval < 1 ? 1 / interval : 1;
     const library of = curves_of(e, POINTS);
     double *q[2], *v[2];
-    lg_rng rng;
-    lg_rng_seed(&rng, 21, 27);
+    lg_rng rng = test_rng(21, 27);
     for (int i = 0; i < 2; i++) {
         q[i] = TEST_ARRAY(double, CURVES *SIZE);
         v[i] = TEST_ARRAY(double, CURVES *SIZE);
@@ -324,8 +316,7 @@ TEST("values, Jacobians and curves are the library's in single precision") {
 TEST("points of a curve are NaN where their place or the boundary conditions are") {
     for (size_t i = 0; i < LG_COUNT(examples); i++) {
         double boundary[8], s[] = {0, 0.3, NAN, 0.9}, q[8], v[8];
-        lg_rng rng;
-        lg_rng_seed(&rng, 3, i);
+        lg_rng rng = test_rng(3, i);
         exported *e = export_made(&beams, &examples[i], "f64", "");
         export_compile(e, "cc", "-O1");
         draw_boundary(&rng, examples[i].length, boundary);
@@ -341,11 +332,13 @@ TEST("points of a curve are NaN where their place or the boundary conditions are
 
 /* A plain sum would lose ten times as much. */
 TEST("the sum over thousands of panels in single precision is as good as its terms") {
-    static const example panels = {
-        {"panels", "gcc", "-O2", ""}, 20000, 3.3, false, NETWORK(ANGLE, MLP, 0, 2, 0, TANH, .mirror = false)};
+    static const example panels = {{"panels", "gcc", "-O2", ""},
+                                   20000,
+                                   3.3,
+                                   false,
+                                   SURROGATE(ANGLE, MLP, 0, 2, 0, TANH, .mirror = false)};
     double boundary[8], s[2], q[2][4], v[4];
-    lg_rng rng;
-    lg_rng_seed(&rng, 4, 4);
+    lg_rng rng = test_rng(4, 4);
     draw_boundary(&rng, 3.3, boundary);
     const exported *e = export_opened(&beams, &panels, "f32", "");
     const library of = curves_of(e, 2);
@@ -369,14 +362,12 @@ TEST("the header tells what a model is, where its numbers come from, and the ran
     for (size_t r = 0; r < LG_COUNT(rows); r++) {
         const exported *e = export_made(&beams, export_find(&beams, rows[r][0]), "f64", "");
         double least = INFINITY;
-        char header[96], range[64];
-        (void)snprintf(header, sizeof header, "%s/m.h", e->folder);
+        const char *header = test_text("%s/m.h", e->folder);
         export_expect_words(header, rows[r][1]);
         export_expect_words(
             header, "2.5e-07|3.5e-07|lg-elastica train beams.h5|0000000042|1000 curves|batches of 10");
         for (size_t i = 0; i < TRAINED; i++) least = fmin(least, file_of(e)->trained[8 * i + 4]);
-        (void)snprintf(range, sizeof range, "qNx   %.6g to ", least);
-        export_expect_words(header, range);
+        export_expect_words(header, test_text("qNx   %.6g to ", least));
     }
     export_expect("! grep -r NAME */m.h");
     static cli result;

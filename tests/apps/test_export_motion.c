@@ -89,21 +89,18 @@ static lg_hamiltonian_file hamiltonian_of(const example *of) {
                                         .dt = 0.025,
                                         .training = export_training()}};
     lg_hamiltonian *model = &file.run.model;
-    lg_rng rng;
     assert_ok(lg_hamiltonian_init(model, of->family, of->links, (lg_potential_kind)of->potential, hidden, 2,
                                   of->activation));
     model->symmetry = (lg_symmetry)of->symmetry;
     file.parameters = lg_hamiltonian_parameters(model);
     file.theta = TEST_ARRAY(double, file.parameters);
-    lg_rng_seed(&rng, 7, of->links);
+    lg_rng rng = test_rng(7, of->links);
     lg_hamiltonian_initialise(model, &rng, file.theta);
     return file;
 }
 
 static void save(const lg_hamiltonian_file *file, const char *name) {
-    lg_error error = {LG_OK, ""};
-    if (lg_model_save_hamiltonian(NULL, export_path(name), file, NULL, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_model_save_hamiltonian(NULL, export_path(name), file, NULL, &told));
 }
 
 static double *masses_of(const lg_hamiltonian_file *file) {
@@ -170,9 +167,7 @@ static motion motion_of(const exported *e) {
     assert_true(s.d <= MOST && s.nq <= MOST);
     s.scheme = lg_scheme_find(scheme);
     if (s.scheme == NULL) {
-        char path[1024];
-        cli_path(scheme, path, sizeof path);
-        assert_ok(lg_scheme_read(NULL, path, &s.read, NULL));
+        assert_ok(lg_scheme_read(NULL, cli_at(scheme), &s.read, NULL));
         lg_test_owns(s.read, release_scheme);
         s.scheme = s.read;
     }
@@ -277,8 +272,7 @@ static void compare_flow(const motion *s, double h, double tolerance) {
     const size_t mark = lg_test_owned();
     const double eps = s->e->lib.single ? (double)FLT_EPSILON : DBL_EPSILON;
     table *t = TEST_ARRAY(table, 1);
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 1);
+    lg_rng rng = test_rng(5, 1);
     for (size_t r = 0; r < ROWS; r++) fill_row(s, export_rounded(&s->e->lib, h), &rng, t, r);
     for (int i = 0; i < (s->nq > 0 ? QUANTITIES : STATE); i++) {
         const double error = export_worst(t->of[i][1], t->of[i][0], ROWS, sizes[i]);
@@ -343,8 +337,7 @@ static void check_in_place(const motion *s, const double *y, const double *input
 
 static void check_single_states(const motion *s) {
     double y[MOST], input[MOST];
-    lg_rng rng;
-    lg_rng_seed(&rng, 6, 1);
+    lg_rng rng = test_rng(6, 1);
     draw_input(s->e, &rng, input);
     for (int r = 0; r < 5; r++) {
         draw((void *)(uintptr_t)s->e, &rng, y);
@@ -357,8 +350,7 @@ static void check_single_states(const motion *s) {
 /* Machines are damped and come to rest in a fifth of the steps. */
 static void check_long_run(const motion *s) {
     double y[MOST], input[MOST] = {0}, worst = 0;
-    lg_rng rng;
-    lg_rng_seed(&rng, 8, 1);
+    lg_rng rng = test_rng(8, 1);
     draw((void *)(uintptr_t)s->e, &rng, y);
     for (int i = 0; i < (s->nq > 0 ? 20 : 100); i++) {
         call_steps(s, s->nq > 0 ? 0.01 : 0.025, 1000, y, input, y);
@@ -402,10 +394,7 @@ TEST("the self test of every family passes") {
         const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
         const example of = {
             .row = {.name = family->name}, .family = family, .links = 2, .activation = LG_TANH};
-        char command[128];
-        (void)snprintf(command, sizeof command, "make -C %s test CFLAGS=-O1",
-                       export_made(&motions, &of, "f64", "")->folder);
-        export_expect(command);
+        export_expect(test_text("make -C %s test CFLAGS=-O1", export_made(&motions, &of, "f64", "")->folder));
     }
 }
 
@@ -443,8 +432,7 @@ TEST("steps of a turn agree") {
     static const double angles[] = {3.1, 3.141592653589793, 3.2, 6.2, 6.283185307179586, 6.3, 20};
     for (int single = 0; single < 2; single++) {
         double worst = 0;
-        lg_rng rng;
-        lg_rng_seed(&rng, 11, 1);
+        lg_rng rng = test_rng(11, 1);
         const exported *e =
             export_opened(&motions, export_find(&motions, "chain5"), single ? "f32" : "f64", "");
         const motion s = motion_of(e);
@@ -516,8 +504,7 @@ TEST("maps are accurate at every angle") {
                                  "3.141592653589793 3.15 4 5 6 6.28 6.283185307179586 6.29 7 9.42 12 30 100";
     for (int single = 0; single < 2; single++) {
         const exported *e = open_geometry(single ? "f32" : "f64");
-        lg_rng rng;
-        lg_rng_seed(&rng, 9, 1);
+        lg_rng rng = test_rng(9, 1);
         double worst[2] = {0, 0};
         for (const char *at = angles; at != NULL; at = strchr(at + 1, ' '))
             for (int r = 0; r < 100; r++) check_maps(&e->lib, strtod(at, NULL), &rng, worst);
@@ -537,8 +524,7 @@ static void compare_linearisation(const exported *e) {
                  m = lg_model_input_dim(e->model), size = r * (r + m);
     double *want = TEST_ARRAY(double, POINTS *size), *got = TEST_ARRAY(double, POINTS *size), y[MOST],
            u[MOST];
-    lg_rng rng;
-    lg_rng_seed(&rng, 9, 1);
+    lg_rng rng = test_rng(9, 1);
     assert_int_equal((size_t)export_constant(e->folder, "m", "TANGENT"), r);
     for (size_t i = 0; i < POINTS; i++) {
         const double *input = i % 2 == 0 ? u : NULL;
@@ -588,19 +574,15 @@ TEST("self-tests pass with every compiler, objects need libm alone, the stack is
 
 TEST("the header tells state, inputs and the range of the data") {
     const exported *e = export_made(&motions, export_find(&motions, "all"), "f64", "");
-    char header[96];
-    (void)snprintf(header, sizeof header, "%s/m.h", e->folder);
-    export_expect_words(header, "x theta hull.x hull.y hull.z rod.q (3) rod.p (3) body.R (9, rows) hull.R|"
-                                "u1 u2 as in the log|theta -1 to 2|cf4, order 4: 4 evaluations|"
-                                "20 windows of 5 rows 0.02 apart");
+    export_expect_words(test_text("%s/m.h", e->folder),
+                        "x theta hull.x hull.y hull.z rod.q (3) rod.p (3) body.R (9, rows) hull.R|"
+                        "u1 u2 as in the log|theta -1 to 2|cf4, order 4: 4 evaluations|"
+                        "20 windows of 5 rows 0.02 apart");
 }
 
 static void expect_header(const char *model, const char *words) {
-    char line[128];
-    (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m", model, model);
-    export_run(line);
-    (void)snprintf(line, sizeof line, "%s/m.h", model);
-    export_expect_words(line, words);
+    export_run(test_text("%s.h5 --out %s --name m", model, model));
+    export_expect_words(test_text("%s/m.h", model), words);
 }
 
 /* The errors as `evaluate --record` leaves them, with the test set that they are of. */
@@ -650,10 +632,8 @@ TEST("schemes that stay on the manifold are taken") {
         example of = *(const example *)export_find(&motions, i == 0 ? "cart" : "body");
         of.row.scheme = i == 0 ? "rk4" : "lie-euler";
         const exported *e = export_made(&motions, &of, "f64", "");
-        char command[128];
         assert_int_equal((int)export_constant(e->folder, "m", "STEP_EVALUATIONS"), i == 0 ? 4 : 1);
-        (void)snprintf(command, sizeof command, "make -C %s test CFLAGS=-O1", e->folder);
-        export_expect(command);
+        export_expect(test_text("make -C %s test CFLAGS=-O1", e->folder));
     }
 }
 #endif

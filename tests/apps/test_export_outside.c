@@ -31,16 +31,13 @@ static void release_program(void *program) {
 
 /* NAME.h5: a trained program with the derivatives of its function. */
 static void make(size_t i) {
-    char path[1024], file[64];
     lg_program *program = NULL;
     training how;
     lg_error error = {.status = LG_OK};
     if (models[i].make(&program, &how, &error) != LG_OK) fail_msg("%s: %s", models[i].name, error.message);
     lg_test_owns(program, release_program);
     assert_true(use(program, models[i].function));
-    (void)snprintf(file, sizeof file, "%s.h5", models[i].name);
-    cli_path(file, path, sizeof path);
-    assert_ok(lg_program_save(NULL, path, program, NULL, NULL));
+    assert_ok(lg_program_save(NULL, cli_at(test_text("%s.h5", models[i].name)), program, NULL, NULL));
 }
 
 TEST("self-tests of models from outside pass, their objects need libm alone and keep the stated stack") {
@@ -49,11 +46,9 @@ TEST("self-tests of models from outside pass, their objects need libm alone and 
     for (size_t i = 0; i < LG_COUNT(models); i++) {
         make(i);
         for (size_t k = 0; k < (in_every_way(i) ? LG_COUNT(options) : 1); k++) {
-            char folder[64], line[256];
-            (void)snprintf(folder, sizeof folder, "%s%zu", models[i].name, k);
-            (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --golden 20 %s", models[i].name,
-                           folder, options[k]);
-            export_run(line);
+            const char *folder = test_text("%s%zu", models[i].name, k);
+            export_run(
+                test_text("%s.h5 --out %s --name m --golden 20 %s", models[i].name, folder, options[k]));
             if (in_every_way(i) && k == 0)
                 export_check_ways(folder, "m");
             else

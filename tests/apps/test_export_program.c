@@ -51,13 +51,10 @@ TEST("some functions only") {
 
 TEST("a file of an unknown kind that holds functions is a program") {
     static char out[EXPORT_TEXT];
-    char path[1024];
     lg_program *program;
     save_network("network");
-    cli_path("network.h5", path, sizeof path);
-    assert_ok(lg_program_load(NULL, path, NULL, &program, NULL));
-    cli_path("unknown.h5", path, sizeof path);
-    assert_ok(lg_model_save(NULL, path, "rotor", program, NULL, NULL, NULL));
+    assert_ok(lg_program_load(NULL, cli_at("network.h5"), NULL, &program, NULL));
+    assert_ok(lg_model_save(NULL, cli_at("unknown.h5"), "rotor", program, NULL, NULL, NULL));
     lg_program_destroy(program);
     export_run("network.h5 --out network --name n");
     export_run("unknown.h5 --out unknown --name n");

@@ -10,11 +10,9 @@ TEST("every program is built in every way") {
     save_network("waves");
     for (size_t p = 0; p < LG_COUNT(programs); p++)
         for (size_t o = 0; o < LG_COUNT(options); o++) {
-            char arguments[256], folder[32];
-            (void)snprintf(folder, sizeof folder, "%s%zu", programs[p], o);
-            (void)snprintf(arguments, sizeof arguments, "%s.h5 --out %s --name %s --golden 20 %s",
-                           programs[p], folder, programs[p], options[o]);
-            export_run(arguments);
+            const char *folder = test_text("%s%zu", programs[p], o);
+            export_run(test_text("%s.h5 --out %s --name %s --golden 20 %s", programs[p], folder, programs[p],
+                                 options[o]));
             export_check_all_ways(folder, programs[p]);
             export_check_objects(folder, programs[p]);
             export_check_stack(folder);

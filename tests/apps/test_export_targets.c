@@ -19,28 +19,20 @@ static void release_program(void *made) {
 
 /* NAME.h5, and `program`. */
 static void make_model(const char *name, lg_status (*make)(lg_program **out, training *t, lg_error *error)) {
-    char path[1024], file[64];
     lg_error error = {.status = LG_OK};
     if (make(&program, &how, &error) != LG_OK) fail_msg("%s: %s", name, error.message);
     lg_test_owns(program, release_program);
-    (void)snprintf(file, sizeof file, "%s.h5", name);
-    cli_path(file, path, sizeof path);
-    assert_ok(lg_program_save(NULL, path, program, NULL, NULL));
+    assert_ok(lg_program_save(NULL, cli_at(test_text("%s.h5", name)), program, NULL, NULL));
 }
 
 /* Exports NAME.h5 as model `m` for a target and makes it in the folder of the target's name. */
 static void build(const char *name, const char *target) {
-    char line[512];
-    (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --target %s --golden 2", name, target, target);
-    export_run(line);
-    (void)snprintf(line, sizeof line, "make -s -C %s CFLAGS='-O1 -Wall -Wextra -Werror'", target);
-    export_expect(line);
+    export_run(test_text("%s.h5 --out %s --name m --target %s --golden 2", name, target, target));
+    export_expect(test_text("make -s -C %s CFLAGS='-O1 -Wall -Wextra -Werror'", target));
 }
 
 static void *open_library(const char *file) {
-    char path[1024];
-    cli_path(file, path, sizeof path);
-    void *handle = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    void *handle = dlopen(cli_at(file), RTLD_NOW | RTLD_LOCAL);
     if (handle == NULL) fail_msg("%s", dlerror());
     return handle;
 }
@@ -94,10 +86,8 @@ static external open_external(void *handle, const char *name) {
                                        "_name_out", "_sparsity_in", "_sparsity_out", "_work",
                                        "_checkout", "_release"};
     external e;
-    char words[128];
     for (size_t i = 0; i < LG_COUNT(ends); i++) {
-        (void)snprintf(words, sizeof words, "%s%s", name, ends[i]);
-        ((void **)(void *)&e)[i] = symbol_of(handle, words);
+        ((void **)(void *)&e)[i] = symbol_of(handle, test_text("%s%s", name, ends[i]));
     }
     return e;
 }
@@ -222,9 +212,7 @@ TEST("a CasADi external and its derivatives are those of the program") {
 
 static const char *token_of(const char *folder, const char *attribute) {
     static char text[CLI_TEXT], token[64];
-    char file[128];
-    (void)snprintf(file, sizeof file, "%s/modelDescription.xml", folder);
-    assert_true(cli_read(file, text, sizeof text) > 0);
+    assert_true(cli_read(test_text("%s/modelDescription.xml", folder), text, sizeof text) > 0);
     const char *at = strstr(text, attribute);
     assert_non_null(at);
     (void)snprintf(token, sizeof token, "%.38s", strchr(at, '"') + 1);
@@ -468,11 +456,10 @@ TEST("targets say what the numbers of a machine are, and that inputs act later")
           "description=\"u1 u2; inputs act 3 rows", "inputs act 3 rows"}}};
     static char text[1 << 20];
     static cli result;
-    char path[1024], line[256];
+    char line[256];
     lg_machine_model_file *file = make_machine_model(machine_of_all_kinds, 3);
     file->run.delay = 3;
-    cli_path("late.h5", path, sizeof path);
-    save_machine_model(file, path);
+    save_machine_model(file, cli_at("late.h5"));
     for (size_t i = 0; i < LG_COUNT(told); i++) {
         (void)snprintf(line, sizeof line, "late.h5 --out late-%s --name m --target %s --golden 1",
                        told[i].target, told[i].target);
@@ -601,9 +588,7 @@ TEST("ONNX and safetensors files say what they are; an operation without ONNX is
                      out);
     assert_int_equal(code, 0);
     const lg_parameter_spec first = lg_program_parameter(program, 0);
-    char words[128];
-    (void)snprintf(words, sizeof words, "\"%s\":{\"dtype\":\"F64\"", first.name);
-    assert_non_null(strstr(out, words));
+    assert_non_null(strstr(out, test_text("\"%s\":{\"dtype\":\"F64\"", first.name)));
     make_model("attitude", make_attitude);
     cli_expect("lg-export", "attitude.h5 --out no --name m --target onnx --functions step", 2,
                "has no form in ONNX", &result);
@@ -696,15 +681,14 @@ TEST("single precision and missing functions are refused with a sentence") {
     make_model("driven", make_driven);
     static const char *const targets[] = {"casadi", "fmu2", "fmu3", "simulink"};
     for (size_t i = 0; i < LG_COUNT(targets); i++) {
-        char line[256];
-        (void)snprintf(line, sizeof line, "driven.h5 --out no --name m --dtype f32 --target %s", targets[i]);
-        cli_expect("lg-export", line, 2, "double precision", &result);
-        (void)snprintf(line, sizeof line, "driven.h5 --out no --name m --functions nothing --target %s",
-                       targets[i]);
-        cli_expect("lg-export", line, 2, "no function 'nothing'", &result);
-        (void)snprintf(line, sizeof line, "driven.h5 --out no --name m --functions linearise --target %s",
-                       targets[i]);
-        cli_expect("lg-export", line, 2, "jac_NAME_step", &result);
+        cli_expect("lg-export", test_text("driven.h5 --out no --name m --dtype f32 --target %s", targets[i]),
+                   2, "double precision", &result);
+        cli_expect("lg-export",
+                   test_text("driven.h5 --out no --name m --functions nothing --target %s", targets[i]), 2,
+                   "no function 'nothing'", &result);
+        cli_expect("lg-export",
+                   test_text("driven.h5 --out no --name m --functions linearise --target %s", targets[i]), 2,
+                   "jac_NAME_step", &result);
     }
 }
 

@@ -107,7 +107,6 @@ static void write_marked(const char *name, size_t line, double a, double y, doub
 
 TEST("a cell far from all others is told with line and value, and hides nothing of the other inputs") {
     static const double sizes[] = {1e3, -1e6, 1e12, 1e150, 1e200, -1e307, 1.4e308};
-    char line[128];
     need_tables();
     write_marked("clean.csv", 0, 1, 1, 1);
     cli_json(fit, "train clean.csv --out far.h5", "warnings []", &result);
@@ -121,7 +120,7 @@ TEST("a cell far from all others is told with line and value, and hides nothing 
         assert_true(json_number(result.out, "outside") == 0);
     }
     for (size_t i = 0; i < 2; i++) {
-        (void)snprintf(line, sizeof line, "column %s: 1 of 300 cells", i == 0 ? "a" : "y");
+        const char *line = test_text("column %s: 1 of 300 cells", i == 0 ? "a" : "y");
         write_marked("far.csv", 40, i == 0 ? 1e307 : 1, i == 0 ? 1 : 1e307, 1);
         cli_run_limited(fit, "train far.csv --out far.h5 --json", 0, &result);
         if (strstr(result.out, line) == NULL) fail_msg("%s%s", result.out, result.err);
@@ -270,10 +269,8 @@ TEST("a widths' race chooses a size") {
 /* ---- the same bits ---- */
 
 static const lg_table_file *model_of(const char *name) {
-    char path[1024];
     lg_table_file file;
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_model_load_table(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_model_load_table(NULL, cli_at(name), NULL, &file, NULL));
     return own_lg_table_file(file);
 }
 
@@ -406,11 +403,9 @@ TEST("the help says what --plot draws and where its data are, and how the width 
 
 /* A file of numpy with this header and these numbers. */
 static void write_npy(const char *name, const char *header, const void *numbers, size_t bytes) {
-    char path[1024];
     const size_t length = strlen(header);
     const unsigned char start[10] = {0x93, 'N', 'U', 'M', 'P', 'Y', 1, 0, (unsigned char)length, 0};
-    cli_path(name, path, sizeof path);
-    FILE *file = fopen(path, "wb");
+    FILE *file = fopen(cli_at(name), "wb");
     assert_non_null(file);
     assert_int_equal(fwrite(start, 1, sizeof start, file), sizeof start);
     assert_int_equal(fwrite(header, 1, length, file), length);
@@ -420,10 +415,8 @@ static void write_npy(const char *name, const char *header, const void *numbers,
 
 static const lg_table_data *table_of(const char *name, const char *const *names, uint32_t count,
                                      const char *class_column) {
-    char path[1024];
     lg_table_data data;
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_table_read(NULL, path, names, count, class_column, NULL, &data, NULL));
+    assert_ok(lg_table_read(NULL, cli_at(name), names, count, class_column, NULL, &data, NULL));
     return own_lg_table_data(data);
 }
 
@@ -443,10 +436,10 @@ TEST("numpy arrays of every type and order are read") {
                 {"<f4", "False", f4, sizeof f4}, {"<i8", "False", i8, sizeof i8},
                 {"<i2", "False", i2, sizeof i2}, {">i2", "False", big, sizeof big}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        char header[128];
-        (void)snprintf(header, sizeof header, "{'descr': '%s', 'fortran_order': %s, 'shape': (2, 3), }\n",
-                       rows[i].type, rows[i].order);
-        write_npy("x.npy", header, rows[i].numbers, rows[i].bytes);
+        write_npy("x.npy",
+                  test_text("{'descr': '%s', 'fortran_order': %s, 'shape': (2, 3), }\n", rows[i].type,
+                            rows[i].order),
+                  rows[i].numbers, rows[i].bytes);
         const lg_table_data *data = table_of("x.npy", names, 2, "c1");
         assert_int_equal(data->rows, 2);
         assert_all_close(data->values, wanted, 4, 0, 0);
@@ -462,10 +455,8 @@ static void write_h5(const char *name, bool words) {
     static const int64_t whole[] = {7, 8, 9};
     static const char texts[3][8] = {"cat", "dog", "cat"};
     const uint64_t rows = 3, dims[2] = {3, 2};
-    char path[1024];
     lg_h5 *h5;
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_h5_create(NULL, path, &h5, NULL));
+    assert_ok(lg_h5_create(NULL, cli_at(name), &h5, NULL));
     assert_ok(lg_h5_put(h5, "matrix", LG_ELEMENT_F64, 2, dims, x, NULL));
     if (words) assert_ok(lg_h5_put_text(h5, "matrix", "columns", "left, right", NULL));
     assert_ok(lg_h5_put(h5, "whole", LG_ELEMENT_I64, 1, &rows, whole, NULL));
@@ -583,11 +574,10 @@ static const odd odds[] = {
 };
 
 TEST("odd tables get a sentence and an exit code, never a crash") {
-    char line[256];
     for (size_t i = 0; i < LG_COUNT(odds); i++) {
         const odd *o = &odds[i];
         cli_write("odd.csv", o->text);
-        (void)snprintf(line, sizeof line, "train odd.csv %s --out m.h5", o->arguments);
+        const char *line = test_text("train odd.csv %s --out m.h5", o->arguments);
         if (o->code >= 0) {
             cli_expect(fit, line, o->code, o->words, &result);
             assert_false(cli_exists("m.h5"));
@@ -616,7 +606,6 @@ TEST("files that are no tables get a sentence and an exit code, too") {
         {"", "descr"},
     };
     static const double infinite[] = {1, 2, INFINITY, 4};
-    char line[256];
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         write_npy("odd.npy", arrays[i].header, infinite, sizeof infinite);
         cli_expect(fit, "train odd.npy --out m.h5", 3, arrays[i].words, &result);
@@ -641,16 +630,14 @@ TEST("files that are no tables get a sentence and an exit code, too") {
     static const char *const same[] = {"train x.csv --out x.csv", "train x.csv --out m.h5 --test m.h5",
                                        "train x.csv --out m.h5 --plot m.txt"};
     for (size_t i = 0; i < LG_COUNT(same); i++) cli_expect(fit, same[i], 2, "", &result);
-    (void)snprintf(line, sizeof line, "train x.csv --out no/folder/m.h5");
-    cli_expect(fit, line, 3, "no/folder", &result);
+    cli_expect(fit, test_text("train x.csv --out no/folder/m.h5"), 3, "no/folder", &result);
 }
 
 /* Every byte of a good file changed in turn, and every length: it ends with one of the exit codes. */
 TEST("damaged tables do not crash the program") {
     static char good[512], text[512];
-    char path[1024];
     (void)snprintf(good, sizeof good, "a,\"b\",k\n1,2,x\n2,3,y\n3,1,x\n4,5,y\n");
-    cli_path("damaged.csv", path, sizeof path);
+    const char *path = cli_at("damaged.csv");
     const size_t length = strlen(good);
     for (size_t i = 0; i < 2 * length; i += 3) {
         memcpy(text, good, sizeof text);
@@ -672,11 +659,9 @@ static const double weight1[4] = {0.5, -1, 2, 0.25}, bias1[2] = {0.1, -0.2}, wei
 static void check_imported(const char *name) {
     static const double x[2] = {0.7, -0.4};
     double y;
-    char path[1024];
     lg_program *program;
     lg_plan *plan;
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_program_load(NULL, path, NULL, &program, NULL));
+    assert_ok(lg_program_load(NULL, cli_at(name), NULL, &program, NULL));
     assert_ok(lg_plan_create(program, 0, NULL, &plan, NULL));
     void *work = lg_test_memory(lg_plan_work_size(plan) + 64);
     lg_plan_eval(plan, (const void *[]){x}, (void *[]){&y}, work);
@@ -688,9 +673,7 @@ static void check_imported(const char *name) {
 
 /* The header, then the numbers. */
 static void write_tensors(const char *name, const char *header, const void *numbers, size_t bytes) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    FILE *file = fopen(path, "wb");
+    FILE *file = fopen(cli_at(name), "wb");
     assert_non_null(file);
     const uint64_t length = strlen(header);
     for (int i = 0; i < 8; i++) (void)fputc((int)(length >> 8 * i & 255), file);
@@ -764,7 +747,6 @@ TEST("the order of imported layers is printed, can be given, and is doubted wher
         "\"first.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]},"
         "\"linear.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[32,64]}}";
     double numbers[9];
-    char text[512];
     memcpy(numbers, weight1, sizeof weight1);
     memcpy(numbers + 4, bias1, sizeof bias1);
     memcpy(numbers + 6, weight2, sizeof weight2);
@@ -776,19 +758,17 @@ TEST("the order of imported layers is printed, can be given, and is doubted wher
     check_imported("n.h5");
     static const char *const wrong[] = {"mlp.0", "mlp.0,mlp.0", "mlp.0,head,head", "mlp.0,tail"};
     for (size_t i = 0; i < LG_COUNT(wrong); i++) {
-        (void)snprintf(text, sizeof text, "import named.safetensors --layers %s --out n.h5", wrong[i]);
-        cli_expect(fit, text, 2, "does not name each layer once", &result);
+        cli_expect(fit, test_text("import named.safetensors --layers %s --out n.h5", wrong[i]), 2,
+                   "does not name each layer once", &result);
     }
-    (void)snprintf(text, sizeof text, square, "head");
-    write_tensors("square.safetensors", text, numbers, 64);
+    write_tensors("square.safetensors", test_text(square, "head"), numbers, 64);
     cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: head 2 -> 2, layers.0 2 -> 2",
                &result);
     assert_non_null(strstr(result.err, "order of their names, head,layers.0"));
     cli_expect(fit, "import square.safetensors --layers layers.0,head --out s.h5", 0,
                "layers: layers.0 2 -> 2, head 2 -> 2", &result);
     assert_null(strstr(result.err, "warning"));
-    (void)snprintf(text, sizeof text, square, "layers.10");
-    write_tensors("square.safetensors", text, numbers, 64);
+    write_tensors("square.safetensors", test_text(square, "layers.10"), numbers, 64);
     cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: layers.0 2 -> 2, layers.10 2",
                &result);
     assert_null(strstr(result.err, "warning"));

@@ -49,8 +49,7 @@ static void fill(double *x, size_t count) {
 
 static void evaluate_model(const old_file *file) {
     lg_model_file model;
-    lg_error error = {LG_OK, ""};
-    if (lg_model_load(NULL, path_of(file), NULL, &model, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_model_load(NULL, path_of(file), NULL, &model, &told));
     const size_t inputs = lg_model_inputs(model.model), outputs = lg_model_outputs(model.model);
     double *x = TEST_ARRAY(double, inputs), *y = TEST_ARRAY(double, outputs);
     fill(x, inputs);
@@ -65,7 +64,7 @@ static void evaluate_program(const char *title, const char *path) {
     enum { ROWS = 2, PORTS = 8 };
     lg_program *program;
     lg_error error = {LG_OK, ""};
-    if (lg_program_load(NULL, path, NULL, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_program_load(NULL, path, NULL, &program, &told));
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         const char *name = lg_program_function_name(program, f);
         double *x[PORTS], *y[PORTS];
@@ -88,10 +87,9 @@ static void evaluate_program(const char *title, const char *path) {
 
 static void judge_windows(const old_file *file) {
     static cli result;
-    char arguments[2048];
-    (void)snprintf(arguments, sizeof arguments, "evaluate %s %s/format_1/series.h5 --part=all", path_of(file),
-                   LG_TEST_DIR);
-    cli_json("lg-anomaly", arguments, "", &result);
+    cli_json("lg-anomaly",
+             test_text("evaluate %s %s/format_1/series.h5 --part=all", path_of(file), LG_TEST_DIR), "",
+             &result);
     note("%s windows %a %a\n", file->name, json_number(result.out, "accuracy"),
          json_number(result.out, "mse"));
 }
@@ -112,15 +110,12 @@ static void add_source(lg_sha256 *hash, const char *name) {
 static void export_sources(const old_file *file) {
     static const char *const endings[] = {".h", ".c", "_weights.c"};
     static cli result;
-    char arguments[1024], text[LG_SHA256_TEXT];
+    char text[LG_SHA256_TEXT];
     lg_sha256 hash;
     lg_sha256_init(&hash);
-    (void)snprintf(arguments, sizeof arguments, "%s --name=old --out=.", path_of(file));
-    cli_expect("lg-export", arguments, 0, "", &result);
+    cli_expect("lg-export", test_text("%s --name=old --out=.", path_of(file)), 0, "", &result);
     for (size_t i = 0; i < 3; i++) {
-        char name[64];
-        (void)snprintf(name, sizeof name, "old%s", endings[i]);
-        add_source(&hash, name);
+        add_source(&hash, test_text("old%s", endings[i]));
     }
     lg_sha256_finish(&hash, text);
     note("%s code %s\n", file->name, text);
@@ -195,9 +190,8 @@ TEST("files of liegrad 1 load, evaluate and export as they did") {
 
 TEST("programs of format 1 that are saved again have the same bits") {
     static char before[sizeof found];
-    char path[512];
     cli_test_folder();
-    cli_path("again.h5", path, sizeof path);
+    const char *path = cli_at("again.h5");
     for (const old_file *file = files; file < files + LG_COUNT(files); file++) {
         lg_program *loaded;
         if (file->what != PROGRAM) continue;

@@ -113,9 +113,7 @@ static void expect_hopeless(const char *yaml, const sheet *s, const char *const 
     static const char *const commands[] = {"check %s bad.csv", "fit %s bad.csv --out never.h5"};
     write_sheet("bad.csv", s);
     for (size_t i = 0; i < LG_COUNT(commands); i++) {
-        char line[128];
-        (void)snprintf(line, sizeof line, commands[i], yaml);
-        cli_expect(identify, line, 3, "bad.csv: ", &result);
+        cli_expect(identify, test_text(commands[i], yaml), 3, "bad.csv: ", &result);
         for (const char *const *word = words; *word != NULL; word++) assert_says(result.err, *word);
         assert_string_equal(result.out, "");
         assert_false(cli_exists("never.h5"));
@@ -445,7 +443,6 @@ TEST("a cell so large that the others are lost in its rounding is refused with f
             for (size_t column = 0; column < LG_COUNT(spoiled); column++) {
                 const bool idle =
                     column == 3; /* an input that is 0 else: 1e20 is then all that is known of it */
-                char want[64];
                 sheet *s = good_sheet();
                 if (idle && fabs(values[k]) < 1e154) continue;
                 for (size_t row = 0; row < ROWS && idle; row++) s->u[row] = 0;
@@ -454,9 +451,10 @@ TEST("a cell so large that the others are lost in its rounding is refused with f
                 else
                     s->cells[70][column == 1 ? X : VX] = values[k];
                 write_sheet("second.csv", s);
-                (void)snprintf(want, sizeof want, "second.csv: line 72: column %s: %g is so large",
-                               spoiled[column], values[k]);
-                cli_expect(identify, commands[c], 3, want, &result);
+                cli_expect(
+                    identify, commands[c], 3,
+                    test_text("second.csv: line 72: column %s: %g is so large", spoiled[column], values[k]),
+                    &result);
             }
     sheet *s = good_sheet();
     s->cells[70][X] = 1e308;

@@ -65,10 +65,8 @@ TEST("generate, then fit: the numbers of a linear oscillator, within their state
 }
 
 TEST("a residual explains what the other terms leave, a polynomial too: it takes nothing from them") {
-    char machine[1024];
-    (void)snprintf(machine, sizeof machine, "%sresidual: {kind: polynomial, degree: 3, of: [x, vx, u]}\n",
-                   oscillator_machine);
-    cli_write("residual.yaml", machine);
+    cli_write("residual.yaml",
+              test_text("%sresidual: {kind: polynomial, degree: 3, of: [x, vx, u]}\n", oscillator_machine));
     cli_json(identify, "fit residual.yaml train.csv --out m.h5 --epochs 20", "parameters 22", &result);
     for (size_t i = 0; i < LG_COUNT(truths); i++) {
         const char *number = json_find(json_find(result.out, "identified"), truths[i].name);
@@ -312,11 +310,10 @@ TEST("logs that contradict the machine are told from those that it explains: smo
     for (size_t h = 0; h < LG_COUNT(heads); h++)
         for (size_t m = 0; m < LG_COUNT(machines); m++)
             for (size_t l = 0; l < LG_COUNT(logs); l++) {
-                char text[1024], line[128];
-                (void)snprintf(text, sizeof text, "%s%s", heads[h], machines[m].terms);
+                const char *text = test_text("%s%s", heads[h], machines[m].terms);
                 cli_write("tried.yaml", text);
-                (void)snprintf(line, sizeof line, "fit tried.yaml %s --out m.h5", logs[l]);
-                cli_json(identify, line, "loss >0, expected_loss >0", &result);
+                cli_json(identify, test_text("fit tried.yaml %s --out m.h5", logs[l]),
+                         "loss >0, expected_loss >0", &result);
                 const bool told = strstr(result.err, "does not explain the logs") != NULL;
                 if (told != machines[m].told)
                     fail_msg("%s %s: %s: loss %g of %g", told ? "told" : "not told", logs[l], text,
@@ -419,12 +416,10 @@ static const struct {
 static void expect_lacking(size_t row, bool velocities, double noise, int digits, bool wrong) {
     static const char *const lines[][2] = {{LINES("", "")}, {LINES(", velocity: vx", ", velocity: vy")}};
     const char *terms = wrong ? lacking[row].wrong : lacking[row].right;
-    char text[1024];
     if (terms == NULL) return;
-    (void)snprintf(text, sizeof text, "columns: {time: t, run: run}\n%scoordinates:\n%s%s%s",
-                   velocities ? "" : "measured: positions\n", lines[velocities][0],
-                   lacking[row].columns > 1 ? lines[velocities][1] : "", terms);
-    cli_write("tried.yaml", text);
+    cli_write("tried.yaml", test_text("columns: {time: t, run: run}\n%scoordinates:\n%s%s%s",
+                                      velocities ? "" : "measured: positions\n", lines[velocities][0],
+                                      lacking[row].columns > 1 ? lines[velocities][1] : "", terms));
     cli_json(identify, "fit tried.yaml motion.csv --out m.h5", "loss >0", &result);
     const bool told = strstr(result.err, "does not explain the logs") != NULL;
     if (told != wrong)
@@ -675,8 +670,7 @@ TEST("the demo learns a body from a log and controls the true one with it") {
     static const char *const files[] = {"machine.yaml", "train.csv", "model.h5", "learned.svg",
                                         "predicted.csv"};
     for (size_t i = 0; i < LG_COUNT(files); i++) {
-        char path[64];
-        (void)snprintf(path, sizeof path, "shown/%s", files[i]);
+        const char *path = test_text("shown/%s", files[i]);
         if (!cli_exists(path)) fail_msg("%s is not there", path);
     }
     run("demo --help");

@@ -156,9 +156,7 @@ TEST("a scene is refused when something of it is unknown, or runs cannot be told
 static void expect_log(const char *yaml, const char *log, const char *predicted, const char *const *same,
                        const char *const *near, double tolerance) {
     size_t rows, more;
-    char line[256];
-    (void)snprintf(line, sizeof line, "check %s %s", yaml, predicted);
-    cli_json(identify, line, "gaps 0", &result);
+    cli_json(identify, test_text("check %s %s", yaml, predicted), "gaps 0", &result);
     for (; *same != NULL; same++) {
         const double *a = column(log, *same, &rows), *b = column(predicted, *same, &more);
         assert_int_equal(rows, more);
@@ -418,8 +416,7 @@ TEST("a free run that is not finite is told, and none of its columns counts as w
     cli_write("quartic.yaml", "coordinates:\n  - {name: x, kind: line, velocity: vx}\n"
                               "mass: {kind: known, values: [1]}\ndamping: diagonal\npotential: {kind: known, "
                               "form: polynomial, degree: 4, of: x, values: [0, 0, 0, -1]}\n");
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     for (size_t k = 0; k < LG_COUNT(files); k++) {
         size_t used = (size_t)snprintf(text, SIZE, "t,x,vx\n");
         for (int i = 0; i < 300; i++)

@@ -34,15 +34,11 @@ static int setup(void **state) {
 }
 
 static void write_data(const char *name, lg_trajectories *data) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_trajectories_write(NULL, path, data, NULL));
+    assert_ok(lg_trajectories_write(NULL, cli_at(name), data, NULL));
 }
 
 static lg_trajectories *generate(const char *arguments, const char *name) {
-    char line[640];
-    (void)snprintf(line, sizeof line, "generate %s --out %s", arguments, name);
-    cli_expect(lg, line, 0, name, &result);
+    cli_expect(lg, test_text("generate %s --out %s", arguments, name), 0, name, &result);
     return cli_trajectories(name);
 }
 
@@ -76,8 +72,7 @@ static double first_error(const lg_hamiltonian_file *file, const lg_trajectories
     learned self;
     lg_step_controller control;
     lg_stepper *stepper = NULL;
-    double sum = 0, *y = malloc(size * sizeof *y);
-    assert_non_null(y);
+    double sum = 0, *y = TEST_ARRAY(double, size);
     learned_begin(file, &self);
     lg_ode ode = {.field = field, .user = &self};
     const lg_space_factor links = {LG_SPACE_TS2, test->n};
@@ -93,7 +88,6 @@ static double first_error(const lg_hamiltonian_file *file, const lg_trajectories
     }
     lg_stepper_destroy(stepper);
     learned_end(&self);
-    free(y);
     return sum / (double)(test->count * size);
 }
 
@@ -226,9 +220,7 @@ TEST("relative errors are of the state where nothing else is seen, and need the 
 }
 
 static void expect_not_finite(const char *name, const char *words, const char *members) {
-    char line[64];
-    (void)snprintf(line, sizeof line, "evaluate model.h5 %s --json", name);
-    cli_expect(lg, line, 4, words, &result);
+    cli_expect(lg, test_text("evaluate model.h5 %s --json", name), 4, words, &result);
     json_expect(result.out, members);
 }
 
@@ -547,14 +539,12 @@ TEST("sixty trajectories of varied energies show that an oscillator is damped, a
                 {2.0, 100}, {3.0, 100}, {5.0, 2000}, {10.0, 2000}};
     cli_write("oscillator.yaml", "system: oscillator\n");
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        char command[128];
         lg_trajectories *data =
             generate("oscillator.yaml --trajectories 60 --points 11 --t-end 1 --seed 3", "plain2.h5");
         make_damped(data, rows[i].c);
         write_data("damped2.h5", data);
-        (void)snprintf(command, sizeof command, "train damped2.h5 --out damped-model.h5 --epochs %d",
-                       rows[i].epochs);
-        cli_expect(lg, command, 0, "parameters", &result);
+        cli_expect(lg, test_text("train damped2.h5 --out damped-model.h5 --epochs %d", rows[i].epochs), 0,
+                   "parameters", &result);
         const bool told = strstr(result.err, "not conservative") != NULL;
         const bool unexplained = strstr(result.err, "does not explain") != NULL;
         assert_int_equal(told || (rows[i].c > 4 && unexplained), rows[i].c > 0); /* hardly a turn is left */

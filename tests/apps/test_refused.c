@@ -31,9 +31,7 @@ static void run(const char *program, const char *const *lines, size_t count) {
 /* A number of a data set becomes another one. */
 static void spoil(const char *name, const char *set_name, size_t index, double value) {
     static double data[16384];
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    const hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t file = H5Fopen(cli_at(name), H5F_ACC_RDWR, H5P_DEFAULT);
     const hid_t set = H5Dopen2(file, set_name, H5P_DEFAULT);
     assert_true(H5Dget_storage_size(set) <= sizeof data);
     assert_true(H5Dread(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
@@ -44,10 +42,8 @@ static void spoil(const char *name, const char *set_name, size_t index, double v
 
 /* A file with nothing but its kind. */
 static void make_kind(const char *name, const char *kind) {
-    char path[1024];
     lg_file_writer *writer;
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_file_writer_create(NULL, path, kind, NULL, &writer, NULL));
+    assert_ok(lg_file_writer_create(NULL, cli_at(name), kind, NULL, &writer, NULL));
     assert_ok(lg_file_writer_commit(writer, NULL));
     lg_file_writer_destroy(writer);
 }
@@ -396,19 +392,16 @@ TEST("lg-elastica refuses with exit code and word, and writes nothing") {
 /* Noise of standard deviation 1 + 3 c about 2 c in class c. */
 static void write_series(const char *name, size_t count, uint32_t channels, uint32_t length,
                          uint32_t classes) {
-    char path[1024];
-    lg_rng rng;
     lg_series_data data = {.noise = NAN, .severity = NAN};
     data.series = (lg_series){.count = count, .channels = channels, .length = length, .classes = classes};
     assert_ok(lg_series_allocate(NULL, &data.series, false, false));
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     for (size_t i = 0; i < count; i++) {
         const uint32_t c = data.series.label[i] = (uint32_t)(i % classes);
         for (size_t k = 0; k < (size_t)channels * length; k++)
             data.series.x[i * channels * length + k] = (float)(2.0 * c + (1 + 3.0 * c) * lg_rng_normal(&rng));
     }
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    assert_ok(lg_series_write(NULL, cli_at(name), &data, NULL));
     lg_series_data_destroy(&data);
 }
 
@@ -645,8 +638,8 @@ TEST("lg-simulate refuses with exit code and word, and writes nothing") {
               "name: kutta3\nkind: rkmk\norder: 3\na: [[], [1/2], [-1, 2]]\nb: [1/6, 2/3, 1/6]\n");
     cli_write("verlet.yaml", "kind: splitting\norder: 2\nkick: [0.5, 0.5]\ndrift: [1, 0]\n");
     for (const char *form = "direct\0cotangent\0"; *form != '\0'; form += strlen(form) + 1) {
-        char name[32], text[512];
-        (void)snprintf(name, sizeof name, "%s.yaml", form);
+        char text[512];
+        const char *name = test_text("%s.yaml", form);
         (void)snprintf(
             text, sizeof text,
             "system: heavy-top\nform: %s\ninertia: [0.5, 0.6, 0.3]\nmass: 1\nlength: 0.5\n"

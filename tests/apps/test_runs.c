@@ -84,9 +84,7 @@ TEST("every command has help, every executable a version") {
 /* ---- training ---- */
 
 static void load(const char *name, lg_model_file *file, const double **theta, size_t *count) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_model_load(NULL, path, NULL, file, NULL));
+    assert_ok(lg_model_load(NULL, cli_at(name), NULL, file, NULL));
     *count = lg_model_parameters(file->model);
     lg_slice_info slice;
     assert_true(lg_model_file_slice(file, 0, &slice, theta)); /* the first part: theta begins there */
@@ -298,14 +296,14 @@ static void write_table(void) {
 }
 
 TEST("the command line of a training, with --resume, goes on with it") {
-    char line[512];
     write_table();
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         run(lines[i].program, "%s %s --stop-after 1 --out again.h5", lines[i].command, lines[i].options);
         if (!cli_exists("again.h5.checkpoint")) fail_msg("row %zu: has no checkpoint", i);
-        (void)snprintf(line, sizeof line, "%s %s --stop-after 1 --out again.h5 --resume again.h5.checkpoint",
-                       lines[i].command, lines[i].options);
-        cli_expect(lines[i].program, line, 0, "", &result);
+        cli_expect(lines[i].program,
+                   test_text("%s %s --stop-after 1 --out again.h5 --resume again.h5.checkpoint",
+                             lines[i].command, lines[i].options),
+                   0, "", &result);
         cli_unlink("again.h5.checkpoint");
         if (cli_exists("again.h5")) cli_unlink("again.h5");
     }

@@ -27,15 +27,11 @@ static const char chain_format[] =
     "1\n";
 
 static void write_chain(const char *name, double gravity, double mass, double rate) {
-    char text[1024];
-    (void)snprintf(text, sizeof text, chain_format, gravity, mass, rate);
-    cli_write(name, text);
+    cli_write(name, test_text(chain_format, gravity, mass, rate));
 }
 
 static void write_top(const char *name, const char *form) {
-    char text[1024];
-    (void)snprintf(text, sizeof text, top_format, form);
-    cli_write(name, text);
+    cli_write(name, test_text(top_format, form));
 }
 
 static double component(size_t i) {
@@ -89,10 +85,8 @@ TEST("JSON has the shortest text of a number that reads back the same") {
                                         "5e-324",
                                         "7.174648137343064e-43"};
     for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++) {
-        char line[128], member[64];
-        (void)snprintf(line, sizeof line, "oscillator.yaml --steps 1 --t-end %s --json", texts[i]);
-        (void)snprintf(member, sizeof member, "\"t\": %s,", texts[i]);
-        cli_expect(lg, line, 0, member, &result);
+        const char *line = test_text("oscillator.yaml --steps 1 --t-end %s --json", texts[i]);
+        cli_expect(lg, line, 0, test_text("\"t\": %s,", texts[i]), &result);
     }
 }
 
@@ -138,18 +132,15 @@ TEST("a state beyond the horizon of prediction is told, with the time, in any un
     static const char *const methods[] = {"rkmk54", "dp54", "dp85"};
     for (size_t i = 0; i < LG_COUNT(units); i++)
         for (size_t m = 0; m < LG_COUNT(methods); m++) {
-            char line[128];
             double from = 0;
             cli_write("chaos.yaml", swing(units[i][0], units[i][1], "[[0, 1, 0], [0, 1, 0]]", 60));
-            (void)snprintf(line, sizeof line, "chaos.yaml --method %s", methods[m]);
-            json(line, "warnings [");
+            json(test_text("chaos.yaml --method %s", methods[m]), "warnings [");
             const char *told = strstr(json_find(result.out, "warnings"), "from t = ");
             assert_non_null(told);
             assert_says(result.err, "the result is not known at this tolerance");
             assert_int_equal(sscanf(told, "from t = %lf", &from), 1);
             assert_true(from > 15 && from < 35);
-            (void)snprintf(line, sizeof line, "chaos.yaml --method %s --t-end %g", methods[m], 0.5 * from);
-            run(line);
+            run(test_text("chaos.yaml --method %s --t-end %g", methods[m], 0.5 * from));
             assert_string_equal(result.err, "");
         }
 }
@@ -250,11 +241,8 @@ TEST("the forms of the heavy top give the same motion, and theta changes it") {
 /* ---- one's own tableau ---- */
 
 static void expect_same(const char *scheme, const char *method) {
-    char arguments[256];
-    (void)snprintf(arguments, sizeof arguments, "chain.yaml --method %s --steps 50", method);
-    const double *y = state_of(arguments, 12);
-    (void)snprintf(arguments, sizeof arguments, "chain.yaml --scheme %s --steps 50", scheme);
-    assert_all_close(state_of(arguments, 12), y, 12, 0, 1e-14);
+    const double *y = state_of(test_text("chain.yaml --method %s --steps 50", method), 12);
+    assert_all_close(state_of(test_text("chain.yaml --scheme %s --steps 50", scheme), 12), y, 12, 0, 1e-14);
 }
 
 TEST("schemes are read from files") {
@@ -284,9 +272,7 @@ TEST("schemes are read from files") {
 /* ---- trajectories and pictures ---- */
 
 static void open_trajectory(const char *name, lg_file_reader **reader, lg_archive_reader *archive) {
-    char path[1024];
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_file_reader_create(NULL, path, "trajectory", NULL, reader, NULL));
+    assert_ok(lg_file_reader_create(NULL, cli_at(name), "trajectory", NULL, reader, NULL));
     assert_ok(lg_file_reader_archive(*reader, "", archive));
 }
 
@@ -346,14 +332,10 @@ TEST("pictures are drawn") {
         "rigid.yaml --plot-kind 3d", "chain.yaml --method rk4 --steps 20",
         /* zero all along */
         "rigid.yaml --plot-kind manifold"};
-    char line[256];
     for (size_t i = 0; i < LG_COUNT(arguments); i++) {
-        (void)snprintf(line, sizeof line, "%s --plot p%zu.svg", arguments[i], i);
-        run(line);
-        (void)snprintf(line, sizeof line, "p%zu.gp", i);
-        assert_true(cli_exists(line));
-        (void)snprintf(line, sizeof line, "p%zu.svg", i);
-        if (!cli_exists(line) && strstr(result.err, "gnuplot is not installed") == NULL)
+        run(test_text("%s --plot p%zu.svg", arguments[i], i));
+        assert_true(cli_exists(test_text("p%zu.gp", i)));
+        if (!cli_exists(test_text("p%zu.svg", i)) && strstr(result.err, "gnuplot is not installed") == NULL)
             fail_msg("%s: no picture: %s", arguments[i], result.err);
     }
 }
@@ -410,10 +392,8 @@ TEST("the gradient of an end is that of differences, in parameters and tangent t
     static const char *const methods[] = {"--method rkmk4 --steps 60", "--method rk4-projected --steps 20",
                                           "--tol 1e-11"};
     for (size_t i = 0; i < LG_COUNT(methods); i++) {
-        char line[256];
         double dy0[12];
-        (void)snprintf(line, sizeof line, "chain.yaml --gradient " WEIGHTS " %s", methods[i]);
-        json(line, "dJ_dparameters {");
+        json(test_text("chain.yaml --gradient " WEIGHTS " %s", methods[i]), "dJ_dparameters {");
         assert_int_equal(json_array(result.out, "dJ_dy0", dy0, 12), 12);
         const double j = json_number(result.out, "J"),
                      in[] = {json_number(json_find(result.out, "dJ_dparameters"), "g"),

@@ -15,13 +15,11 @@ static char other[CLI_TEXT];
 
 static float value_at(uint64_t i, uint32_t channel, bool broken) {
     const double wave = sin(0.9 * (double)i + channel) + 0.3 * cos(2.1 * (double)i);
-    lg_rng rng;
-    lg_rng_seed(&rng, i, channel);
+    lg_rng rng = test_rng(i, channel);
     return (float)((wave + 0.5 * lg_rng_normal(&rng)) * (broken ? 10.0 : 0.1));
 }
 
 static void write_series(void) {
-    char path[1024];
     lg_series_data data = {.noise = NAN, .severity = NAN};
     data.series =
         (lg_series){.count = SETS, .channels = CHANNELS, .length = WINDOW, .classes = 2, .rate = RATE};
@@ -34,14 +32,12 @@ static void write_series(void) {
     }
     (void)snprintf(data.series.class_name[0], LG_SERIES_NAME, "intact");
     (void)snprintf(data.series.class_name[1], LG_SERIES_NAME, "broken");
-    cli_path("data.h5", path, sizeof path);
-    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    assert_ok(lg_series_write(NULL, cli_at("data.h5"), &data, NULL));
     lg_series_data_destroy(&data);
 }
 
 /* Windows of one sample. */
 static void write_points(void) {
-    char path[1024];
     lg_series_data data = {.noise = NAN, .severity = NAN};
     data.series = (lg_series){.count = SETS, .channels = CHANNELS, .length = 1, .classes = 2, .rate = RATE};
     assert_ok(lg_series_allocate(NULL, &data.series, false, false));
@@ -49,8 +45,7 @@ static void write_points(void) {
         data.series.label[n] = n % 2;
         for (uint32_t c = 0; c < CHANNELS; c++) data.series.x[n * CHANNELS + c] = value_at(n, c, n % 2 == 1);
     }
-    cli_path("point.h5", path, sizeof path);
-    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    assert_ok(lg_series_write(NULL, cli_at("point.h5"), &data, NULL));
     lg_series_data_destroy(&data);
 }
 
@@ -122,10 +117,8 @@ static int count_lines(const char *from) {
 
 /* What is printed in words for the feed. */
 static void watch_words(const char *options, int code, const char *words) {
-    char line[320];
     cli_write("feed.csv", text);
-    (void)snprintf(line, sizeof line, "watch m.h5 %s --input feed.csv", options);
-    cli_expect("lg-anomaly", line, code, words, &result);
+    cli_expect("lg-anomaly", test_text("watch m.h5 %s --input feed.csv", options), code, words, &result);
 }
 
 static void expect_summary(const char *members) {
@@ -135,9 +128,7 @@ static void expect_summary(const char *members) {
 }
 
 static void watch(const char *options, const char *members) {
-    char line[256];
-    (void)snprintf(line, sizeof line, "--json %s", options);
-    watch_words(line, 0, "\"summary\"");
+    watch_words(test_text("--json %s", options), 0, "\"summary\"");
     expect_summary(members);
 }
 
@@ -230,11 +221,9 @@ TEST("times tell what is missing") {
     static const int missing[] = {0, 3, 30, 40, 40, 0, 0};
     assert_int_equal(count_lines(result.out), 8);
     for (int w = 0; w < 7; w++) {
-        char members[128];
-        (void)snprintf(members, sizeof members, "missing %d, time %.1f, judged %s, class %s", missing[w],
-                       w * 8 + 7.8, missing[w] <= 4 ? "true" : "false",
-                       missing[w] <= 4 ? "\"intact\"" : "null");
-        json_expect(line_of(w), members);
+        json_expect(line_of(w),
+                    test_text("missing %d, time %.1f, judged %s, class %s", missing[w], w * 8 + 7.8,
+                              missing[w] <= 4 ? "true" : "false", missing[w] <= 4 ? "\"intact\"" : "null"));
     }
 }
 
@@ -338,7 +327,6 @@ TEST("lines that hold no sample move no clock: every true sample is received") {
                 {"time;acc;moment", 3}};
     for (size_t r = 0; r < LG_COUNT(rows); r++)
         for (int timed = 0; timed < 2; timed++) {
-            char members[128];
             begin();
             add("time,acc,moment\n");
             for (uint64_t i = 0; i < 120; i += 40) {
@@ -346,9 +334,8 @@ TEST("lines that hold no sample move no clock: every true sample is received") {
                 add("%s\n", rows[r].line);
                 add_samples(timed, i + 30, i + 40, NEVER);
             }
-            (void)snprintf(members, sizeof members, "received 120, repeated 0, malformed %d, samples %d",
-                           rows[r].malformed, timed ? 120 : 120 + rows[r].malformed);
-            watch("", members);
+            watch("", test_text("received 120, repeated 0, malformed %d, samples %d", rows[r].malformed,
+                                timed ? 120 : 120 + rows[r].malformed));
         }
 }
 
@@ -477,17 +464,13 @@ TEST("windows that overlap vote as they are asked to") {
 
 /* feed.csv through a program of awk. */
 static void change(const char *program, const char *to) {
-    char command[1024];
-    (void)snprintf(command, sizeof command, "cd '%s' && awk -F, -v OFS=, '%.300s' feed.csv > %s", cli_folder,
-                   program, to);
-    assert_int_equal(system(command), 0);
+    assert_int_equal(
+        system(test_text("cd '%s' && awk -F, -v OFS=, '%.300s' feed.csv > %s", cli_folder, program, to)), 0);
 }
 
 /* The feed with its columns in another order, or without one. */
 static void reorder(const char *columns, const char *to) {
-    char program[256];
-    (void)snprintf(program, sizeof program, "{ print %s }", columns);
-    change(program, to);
+    change(test_text("{ print %s }", columns), to);
 }
 
 TEST("channels are found by their names; a feed without one of them is refused") {
@@ -514,9 +497,7 @@ TEST("channels are found by their names; a feed without one of them is refused")
 
 /* In spoilt.csv a field of every sample is an expression of awk. */
 static void spoil(const char *field, const char *expression) {
-    char program[256];
-    (void)snprintf(program, sizeof program, "NR > 1 { $%s = %s } { print }", field, expression);
-    change(program, "spoilt.csv");
+    change(test_text("NR > 1 { $%s = %s } { print }", field, expression), "spoilt.csv");
 }
 
 TEST("windows unlike anything seen are a third answer, with the reason") {
@@ -571,22 +552,18 @@ static void turn_channels(lg_series *s) {
 }
 
 TEST("data whose channels stand in another order are judged by their names") {
-    char path[1024];
     lg_series_data data;
     cli_expect("lg-anomaly", "generate --noise 10 --runs 6 --hours 0.5 --seed 3 --out straight.h5", 0, "",
                &result);
-    cli_path("straight.h5", path, sizeof path);
-    assert_ok(lg_series_read(NULL, path, NULL, NULL, &data, NULL));
+    assert_ok(lg_series_read(NULL, cli_at("straight.h5"), NULL, NULL, &data, NULL));
     turn_channels(&data.series);
-    cli_path("turned.h5", path, sizeof path);
-    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    assert_ok(lg_series_write(NULL, cli_at("turned.h5"), &data, NULL));
     lg_series_data_destroy(&data);
     static const char *const files[] = {"straight.h5", "turned.h5"};
     double mse[2];
     for (size_t i = 0; i < 2; i++) {
-        char line[64];
-        (void)snprintf(line, sizeof line, "evaluate known.h5 %s --json", files[i]);
-        cli_expect("lg-anomaly", line, 0, "\"unlike\": 0,", &result);
+        cli_expect("lg-anomaly", test_text("evaluate known.h5 %s --json", files[i]), 0, "\"unlike\": 0,",
+                   &result);
         assert_string_equal(result.err, "");
         mse[i] = json_number(result.out, "mse");
     }
@@ -725,9 +702,7 @@ enum { MORE_KB = 1024 };
 #endif
 
 TEST("memory does not grow with the feed") {
-    char path[1024];
-    cli_path("feed.csv", path, sizeof path);
-    FILE *file = fopen(path, "w");
+    FILE *file = fopen(cli_at("feed.csv"), "w");
     assert_non_null(file);
     for (int i = 0; i < 600000; i++)
         if (i % 1000 < 990)

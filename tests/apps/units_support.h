@@ -215,9 +215,8 @@ static void expand(const char *text, units in, char *out, size_t size) {
 
 /* The unit of a column, "name:a,b,c" in the list; 1 where it is not listed. */
 static double column_unit(const char *columns, const char *name, units in) {
-    char wanted_name[64];
     dimension of;
-    (void)snprintf(wanted_name, sizeof wanted_name, "%s:", name);
+    const char *wanted_name = test_text("%s:", name);
     const char *at = columns;
     while (at != NULL && strncmp(at, wanted_name, strlen(wanted_name)) != 0)
         at = (at = strchr(at, ' ')) != NULL ? at + 1 : NULL;
@@ -256,7 +255,6 @@ static void convert_trajectories(const char *from, const char *to, units in) {
     const bool chain = strcmp(data->family->name, "chain") == 0;
     const double q = chain ? 1.0 : in.length, p = in.mass * in.length * (chain ? in.length : 1.0) / in.time;
     const size_t d = data->state_dim, block = chain ? 3 : d / 2;
-    char path[1024];
     for (size_t i = 0; i < data->count * data->points * d; i++)
         data->data[i] *= i % d / block % 2 == 0 ? q : p;
     for (size_t i = 0; i < data->count; i++) data->hamiltonian[i] *= unit_of((dimension){1, 2, -2}, in);
@@ -264,8 +262,7 @@ static void convert_trajectories(const char *from, const char *to, units in) {
     data->dt *= in.time;
     lg_system_destroy(data->truth);
     data->truth = NULL;
-    cli_path(to, path, sizeof path);
-    assert_ok(lg_trajectories_write(NULL, path, data, NULL));
+    assert_ok(lg_trajectories_write(NULL, cli_at(to), data, NULL));
 }
 
 /* ---- running a row ---- */

@@ -32,8 +32,7 @@ static inline lg_program_spec spec_of(const lg_parameter_spec *parameters, size_
 
 static inline lg_program *test_program(const lg_program_spec *spec) {
     lg_program *program = NULL;
-    lg_error error;
-    if (lg_program_build(NULL, spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_program_build(NULL, spec, &program, &told));
     lg_test_owns(program, release_program);
     return program;
 }

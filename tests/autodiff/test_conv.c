@@ -32,8 +32,7 @@ static uint32_t between(lg_rng *rng, uint32_t low, uint32_t high) {
 
 static sizes sizes_of(size_t i) {
     if (i < EXTREME) return extreme[i];
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, i);
+    lg_rng rng = test_rng(11, i);
     sizes s = {.batch = between(&rng, 1, 4), .channels = between(&rng, 1, 35), .kernel = between(&rng, 1, 8)};
     s.outputs = between(&rng, 1, 35);
     s.stride = between(&rng, 1, 4);

@@ -17,8 +17,7 @@ enum { ROWS = 37, NUMBERS = 9 * ROWS, LONGEST = 4 };
 /* Rows of u: angles from 0 to beyond pi, so that every block of lanes has both sides of where the series end.
  */
 static void draw_rotations(double *u) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 21, 0);
+    lg_rng rng = test_rng(21, 0);
     for (int i = 0; i < ROWS; i++) {
         double length = 0.0;
         for (int j = 0; j < 3; j++) u[3 * i + j] = lg_rng_uniform_in(&rng, -1.0, 1.0);
@@ -29,8 +28,7 @@ static void draw_rotations(double *u) {
 }
 
 static void draw(uint64_t stream, size_t n, double *x) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 22, stream);
+    lg_rng rng = test_rng(22, stream);
     for (size_t i = 0; i < n; i++) x[i] = lg_rng_uniform_in(&rng, -1.5, 1.5);
 }
 
@@ -264,16 +262,13 @@ static void map_by_way(const way *w, int map, const double *const *x, double (*o
     double in[LG_K_LIE_INPUTS + 1][3], y[LG_K_LIE_INPUTS + 1][3];
     const void *values[LG_K_LIE_INPUTS + 1];
     void *to[LG_K_LIE_INPUTS + 1];
-    char function[16];
     for (size_t i = 0; i <= inputs; i++) {
         k->convert_in(3, i < inputs ? x[i] : lie_table_g, in[i]);
         values[i] = in[i];
         to[i] = y[i];
     }
-    (void)snprintf(function, sizeof function, "f%d", map);
-    run_way(w, function, values, to);
-    (void)snprintf(function, sizeof function, "adj1_f%d", map);
-    run_way(w, function, values, to + 1);
+    run_way(w, test_text("f%d", map), values, to);
+    run_way(w, test_text("adj1_f%d", map), values, to + 1);
     for (size_t i = 0; i <= inputs; i++) k->convert_out(3, y[i], out[i]);
 }
 

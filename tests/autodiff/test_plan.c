@@ -23,8 +23,7 @@ static const size_t rows_tried[] = {1, 2, 3, 7, 64};
 
 static lg_program *build(const lg_port *in, size_t inputs, const lg_port *out, size_t outputs,
                          size_t parameters, lg_record_function record, void *user) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, parameters);
+    lg_rng rng = test_rng(11, parameters);
     double *values = TEST_ARRAY(double, parameters + 1);
     for (size_t i = 0; i < parameters; i++) values[i] = 0.5 * lg_rng_normal(&rng);
     const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)parameters), values};
@@ -82,8 +81,7 @@ static void release_plan(void *plan) {
 /* A plan of the running test; options NULL: one row. */
 static lg_plan *test_plan(const lg_program *program, size_t function, const lg_plan_options *options) {
     lg_plan *plan = NULL;
-    lg_error error;
-    if (lg_plan_create(program, function, options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_plan_create(program, function, options, &plan, &told));
     lg_test_owns(plan, release_plan);
     return plan;
 }
@@ -188,9 +186,8 @@ static void check_all(const char *name, lg_program *program) {
     }
     for (size_t f = 0; f < lg_program_functions(program); f++)
         for (size_t k = 0; k < LG_COUNT(rows_tried); k++) {
-            char whole[128];
-            (void)snprintf(whole, sizeof whole, "%s, %s", name, lg_program_function_name(program, f));
-            check_function(whole, program, f, rows_tried[k]);
+            check_function(test_text("%s, %s", name, lg_program_function_name(program, f)), program, f,
+                           rows_tried[k]);
         }
 }
 
@@ -303,14 +300,12 @@ static lg_program *make_hamiltonian(const lg_hamiltonian_family *family, uint32_
     const uint32_t hidden[1] = {6};
     lg_hamiltonian model;
     lg_program *program = NULL;
-    lg_error error;
     assert_ok(lg_hamiltonian_init(&model, family, links, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
     double *theta = TEST_ARRAY(double, lg_hamiltonian_parameters(&model));
     for (size_t i = 0; i < lg_hamiltonian_parameters(&model); i++)
         theta[i] = 0.3 + 0.5 * (double)(i * 7 % 11) / 11.0;
-    if (lg_hamiltonian_program(NULL, &model, theta, scheme == NULL ? NULL : lg_scheme_find(scheme), &program,
-                               &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_hamiltonian_program(NULL, &model, theta, scheme == NULL ? NULL : lg_scheme_find(scheme),
+                                       &program, &told));
     return program;
 }
 
@@ -562,7 +557,6 @@ TEST("chosen inputs and outputs cost only what they need") {
                   {LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "h2", "x", "y", true}};
     for (size_t c = 0; c < LG_COUNT(chosen); c++) {
         lg_derivative what;
-        lg_error error;
         lg_derivative_init(&what);
         what.kind = chosen[c].kind;
         what.function = "f";
@@ -570,7 +564,7 @@ TEST("chosen inputs and outputs cost only what they need") {
         what.inputs = &chosen[c].in;
         what.outputs = &chosen[c].out;
         what.input_count = what.output_count = 1;
-        if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s", error.message);
+        assert_told(lg_program_derive(program, &what, &told));
         assert_int_equal(tangents(test_plan(program, lg_program_functions(program) - 1, NULL)) > 0,
                          chosen[c].network);
     }
@@ -611,9 +605,7 @@ TEST("chosen inputs and outputs cost only what they need") {
 
 static void add_loop(lg_program *program, const char *name, size_t times) {
     const lg_carry carry = {"next", "x"};
-    lg_error error;
-    if (lg_program_add_loop(program, name, "step", times, &carry, 1, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_program_add_loop(program, name, "step", times, &carry, 1, &told));
 }
 
 TEST("loops are single steps") {
@@ -621,8 +613,7 @@ TEST("loops are single steps") {
     size_t step;
     assert_ok(lg_program_find(program, "step", &step));
     for (size_t times = 1; times <= 7; times += times < 3 ? 1 : 4) {
-        char name[16];
-        (void)snprintf(name, sizeof name, "steps%zu", times);
+        const char *name = test_text("steps%zu", times);
         add_loop(program, name, times);
         const size_t loop = lg_program_functions(program) - 1;
         for (size_t rows = 1; rows <= 7; rows += 3)

@@ -16,8 +16,7 @@ typedef struct network {
 
 static void make_network(network *n, uint32_t inputs, uint32_t width, uint32_t outputs, lg_activation kind) {
     const uint32_t hidden[2] = {width, width};
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 1);
+    lg_rng rng = test_rng(3, 1);
     assert_ok(lg_mlp_init(&n->net, inputs, hidden, 2, outputs, kind, true));
     n->theta = TEST_ARRAY(double, lg_mlp_parameters(&n->net));
     lg_mlp_initialise(&n->net, &rng, n->theta);
@@ -53,8 +52,7 @@ static lg_program *build_network(network *n) {
 /* Function of the program on a tape, and the recording itself, with `rows` rows: to the last bit. */
 static void compare_apply(lg_program *program, size_t function, network *n, lg_record_function record,
                           size_t outputs, size_t rows) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 4, rows);
+    lg_rng rng = test_rng(4, rows);
     lg_tape *tape = test_tape(LG_F64);
     double *x = TEST_ARRAY(double, 3 * rows);
     for (size_t i = 0; i < 3 * rows; i++) x[i] = lg_rng_normal(&rng);

@@ -66,9 +66,9 @@ static void add_function(bundle *b, const lg_gradcheck_case *row, size_t index) 
     const lg_gradcheck_function *f = &row->function;
     recording r = {row, b->gradients};
     lg_port in[MOST], out[OUTPUTS];
-    char names[MOST][16], outputs[OUTPUTS][16], name[32];
+    char names[MOST][16], outputs[OUTPUTS][16];
     lg_error error;
-    (void)snprintf(name, sizeof name, "f%zu", index);
+    const char *name = test_text("f%zu", index);
     const size_t count = b->gradients ? f->inputs : 1;
     for (uint32_t k = 0; k < f->inputs; k++) in[k] = port_of(f, k, names[k]);
     for (size_t j = 0; j < count; j++) {
@@ -151,7 +151,6 @@ static double compare(const bundle *b, const compiled *c, size_t i, lg_tape *tap
     const size_t function = c->source->function[i];
     const lg_gradcheck_function *f = &b->row[function]->function;
     const char *name = lg_program_function_name(b->program, function);
-    lg_rng rng;
     size_t outs;
     const shim run = shim_of(c, name);
     assert_non_null(run);
@@ -167,7 +166,7 @@ static double compare(const bundle *b, const compiled *c, size_t i, lg_tape *tap
         got[j] = TEST_ARRAY(double, points *lg_shape_count(out[j].shape));
     }
     const size_t size = c->single ? sizeof(float) : sizeof(double);
-    lg_rng_seed(&rng, 14, i);
+    lg_rng rng = test_rng(14, i);
     for (size_t p = 0; p < points; p++) {
         lg_var in_vars[MOST], out_vars[OUTPUTS];
         void *to[OUTPUTS];
@@ -226,9 +225,7 @@ static void check(const bundle *b, const char *compiler, const char *flags, lg_d
 }
 
 static bool has(const char *compiler) {
-    char command[64];
-    (void)snprintf(command, sizeof command, "command -v %s >/dev/null", compiler);
-    return system(command) == 0;
+    return system(test_text("command -v %s >/dev/null", compiler)) == 0;
 }
 
 static void check_all(bool gradients) {
@@ -265,19 +262,16 @@ static void check_alone(const bundle *b, bool compact, const char *compiler) {
     (void)snprintf(c.folder, sizeof c.folder, "%s", folder);
     for (size_t i = 0; i < b->functions; i++) {
         lg_c_options options;
-        lg_error error;
         lg_c_source *source;
-        char name[32];
         lg_c_options_init(&options);
         options.name = "p";
         options.compact = compact;
         options.functions = &i;
         options.function_count = 1;
         options.mark_unfit = i % 2 == 0;
-        if (lg_program_write_c(b->program, &options, &source, &error) != LG_OK) fail_msg("%s", error.message);
-        (void)snprintf(name, sizeof name, "p%zu.c", i);
+        assert_told(lg_program_write_c(b->program, &options, &source, &told));
         assert_true(write_file(
-            &c, name,
+            &c, test_text("p%zu.c", i),
             (const char *const[]){source->sizes, source->declarations, source->arrays, source->code}, 4));
         lg_c_source_destroy(source);
     }
@@ -347,28 +341,21 @@ TEST("functions of the angle in C are the kernels' for all orders") {
     static double w[ANGLES], got[ANGLES * (TOP + 1)];
     family families[2 * (TOP + 1)];
     bundle b = {.functions = 0};
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 5);
+    lg_rng rng = test_rng(5, 5);
     for (size_t i = 0; i < ANGLES; i++) w[i] = angle(&rng, i);
     assert_ok(lg_program_create(NULL, &b.program));
     lg_test_owns(b.program, release_program);
     for (uint32_t i = 0; i < 2 * (TOP + 1); i++) {
         families[i] =
             (family){i % 2 == 0 ? &lg_op_stumpff : &lg_op_dexpinv_coef, i % 2 == 0 ? TOP + 1 : 1, i / 2};
-        char name[16];
         const lg_port in = {.name = "w", .shape = lg_shape2(ANGLES, 1), .shared = true}, out = {.name = "c"};
-        (void)snprintf(name, sizeof name, "f%u", i);
-        const lg_function_spec spec = {name, &in, 1, &out, 1, record_family, &families[i]};
-        lg_error error;
-        if (lg_program_record_function(b.program, &spec, false, &error) != LG_OK)
-            fail_msg("%s", error.message);
+        const lg_function_spec spec = {test_text("f%u", i), &in, 1, &out, 1, record_family, &families[i]};
+        assert_told(lg_program_record_function(b.program, &spec, false, &told));
     }
     compiled c = compile(&b, has("gcc") ? "gcc" : "clang", "-O2", LG_F64, false);
     double *work = TEST_ARRAY(double, c.source->work_size);
     for (size_t i = 0; i < c.source->functions; i++) {
-        char name[32];
-        (void)snprintf(name, sizeof name, "f%zu", i);
-        const shim run = shim_of(&c, name);
+        const shim run = shim_of(&c, test_text("f%zu", i));
         run((const void *[]){w}, (void *[]){got}, work);
         const double error = family_error(&families[i], w, got);
         print_message("%s order %u: %.1e\n", families[i].op->name, families[i].order, error);

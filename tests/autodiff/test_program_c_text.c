@@ -61,10 +61,8 @@ static lg_program *all_kinds(const lg_context *context) {
     static const lg_carry carry[2] = {{"first", "q"}, {"second", "p"}};
     static const uint32_t hidden[1] = {6};
     static lg_mlp net;
-    lg_rng rng;
-    lg_error error;
     lg_program *program = NULL;
-    lg_rng_seed(&rng, 9, 2);
+    lg_rng rng = test_rng(9, 2);
     assert_ok(lg_mlp_init(&net, 20, hidden, 1, 1, LG_SWISH, true));
     double *theta = TEST_ARRAY(double, lg_mlp_parameters(&net));
     lg_mlp_initialise(&net, &rng, theta);
@@ -80,9 +78,8 @@ static lg_program *all_kinds(const lg_context *context) {
                                           {"calls", state, 2, out, 1, calls, NULL},
                                           {"sum", many, LG_COUNT(many), out, 1, sum, NULL}};
     const lg_program_spec spec = spec_of(parameters, 2, functions, LG_COUNT(functions));
-    if (lg_program_build(context, &spec, &program, &error) != LG_OK ||
-        lg_program_add_loop(program, "loop", "step", 7, carry, 2, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_program_build(context, &spec, &program, &told) != LG_OK ||
+                lg_program_add_loop(program, "loop", "step", 7, carry, 2, &told));
     return program;
 }
 

@@ -56,8 +56,7 @@ static lg_status build(way *w, lg_program **out, lg_error *error) {
 static lg_program *built(bool calls) {
     way w = {calls, "product", 1};
     lg_program *program = NULL;
-    lg_error error;
-    if (build(&w, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(build(&w, &program, &told));
     lg_test_owns(program, release_program);
     return program;
 }
@@ -70,13 +69,12 @@ static size_t values_of(lg_program *program, size_t function, size_t rows, lg_dt
                         double *y) {
     lg_plan_options options;
     lg_plan *plan;
-    lg_error error;
     float single[2][12], ys[256];
     lg_plan_options_init(&options);
     options.rows = rows;
     options.dtype = dtype;
     options.calls = calls;
-    if (lg_plan_create(program, function, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_plan_create(program, function, &options, &plan, &told));
     void *work = aligned_alloc(64, lg_plan_work_size(plan));
     for (size_t i = 0; i < 24; i++) single[i / 12][i % 12] = (float)x[i / 12][i % 12];
     const void *in[2] = {dtype == LG_F64 ? (const void *)x[0] : single[0],

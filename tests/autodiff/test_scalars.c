@@ -19,8 +19,7 @@ typedef void (*visit_fn)(const lg_tape *tape, const lg_node *node, const char *r
 /* All nodes of all rows: of values, of both derivatives and of the derivatives' derivatives. */
 static void each_node(visit_fn visit) {
     const lg_gradcheck_case *row;
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 1);
+    lg_rng rng = test_rng(5, 1);
     for (size_t r = 0; (row = lg_gradcheck_operation(r)) != NULL; r++) {
         const lg_gradcheck_function *f = &row->function;
         lg_var back[LG_GRADCHECK_MAX_INPUTS], forward;
@@ -609,8 +608,7 @@ static void draw_points(element_run *e) {
     const size_t n = 2 * LG_COUNT(sizes);
     const uint32_t inputs = e->of->inputs;
     const size_t all = inputs == 1 ? n : inputs == 2 ? n * n : TRIPLES;
-    lg_rng rng;
-    lg_rng_seed(&rng, 17, inputs);
+    lg_rng rng = test_rng(17, inputs);
     for (uint32_t k = 0; k < inputs; k++) e->x[k] = TEST_ARRAY(double, all);
     for (size_t p = 0; p < all; p++) {
         bool held = true;
@@ -771,7 +769,6 @@ static lg_program *program_of_cases(void) {
     static char names[CASES][24];
     lg_program_spec spec;
     lg_program *program = NULL;
-    lg_error error;
     for (size_t i = 0; i < element_count; i++) {
         (void)snprintf(names[i], sizeof names[i], "f%zu", i);
         functions[i] = (lg_function_spec){names[i], in,          element_cases[i].inputs, &out,
@@ -779,7 +776,7 @@ static lg_program *program_of_cases(void) {
     }
     lg_program_spec_init(&spec);
     spec.functions = functions, spec.function_count = element_count;
-    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
     return program;
 }
 

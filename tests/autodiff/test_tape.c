@@ -140,8 +140,7 @@ TEST("After a failure every operation does nothing, and the first sentence stays
     lg_scope_push(tape, "first");
     (void)lg_matmul(tape, x, x);
     lg_scope_pop(tape);
-    char before[400];
-    (void)snprintf(before, sizeof before, "%s", lg_tape_message(tape));
+    const char *before = test_text("%s", lg_tape_message(tape));
     const size_t nodes = tape->count;
     for (size_t i = 0; (row = operation_after(&i)) != NULL;)
         assert_true(lg_is_none(call_row(&(row_input){&row->function, 0}, tape, x)));
@@ -473,8 +472,7 @@ static size_t derivatives_of(const lg_gradcheck_function *f, lg_dtype dtype, dou
     lg_tape *t = test_tape(dtype);
     lg_var all[LG_GRADCHECK_MAX_INPUTS + 2];
     size_t used = 0;
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     const row_on_tape r = record_row(t, &rng, f);
     const lg_var c = lg_act(t, lg_full(t, lg_var_shape(t, r.y), 0.7), LG_SINE);
     all[f->inputs] = r.y;
@@ -729,8 +727,7 @@ TEST("lg_backward_set is lg_backward onto zeros, whatever views are used") {
     double added[3][N], set[3][N],
         bound; /* of the parameter, of what nothing reaches, of an inner variable */
     const size_t sizes[3] = {N, UNUSED, N};
-    lg_rng rng;
-    lg_rng_seed(&rng, 7, 0);
+    lg_rng rng = test_rng(7, 0);
     for (uint32_t views = 1; views < 60; views++) {
         lg_tape *t = test_tape(LG_F64);
         lg_var p = vector(t, N, theta), other = vector(t, UNUSED, unused), z = lg_square(t, p);

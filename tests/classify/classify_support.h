@@ -11,8 +11,7 @@
 static inline double *clouds(size_t n, uint32_t d, uint32_t classes, double apart, uint64_t seed,
                              uint32_t *label) {
     double *x = TEST_ARRAY(double, n *d);
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     for (size_t i = 0; i < n; i++) {
         label[i] = (uint32_t)(i % classes);
         for (uint32_t j = 0; j < d; j++)

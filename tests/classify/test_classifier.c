@@ -118,8 +118,7 @@ TEST("bad tables and options are refused, and the classifier is untouched") {
 static lg_series make_series(void) {
     lg_series s = {.count = 24, .channels = 6, .length = 40, .classes = 3};
     assert_ok(lg_series_allocate(NULL, &s, false, false));
-    lg_rng rng;
-    lg_rng_seed(&rng, 9, 1);
+    lg_rng rng = test_rng(9, 1);
     for (size_t i = 0; i < 24; i++) {
         s.label[i] = (uint32_t)(i % 3);
         for (size_t t = 0; t < 240; t++)
@@ -190,10 +189,9 @@ static void use(const lg_archive_reader *reader, const float *x) {
         assert_int_equal(c.classes, 0);
         return;
     }
-    double *work = malloc((lg_classifier_work_size(&c) / sizeof(double) + c.classes) * sizeof *work);
+    double *work = TEST_ARRAY(double, (lg_classifier_work_size(&c) / sizeof(double) + c.classes));
     if (c.features.channels * c.features.length <= 240)
         (void)lg_classifier_window(&c, x, work, work + c.classes);
-    free(work);
     lg_classifier_destroy(&c);
 }
 
@@ -386,8 +384,7 @@ TEST("folds do not tear units") {
     enum { UNITS = 12, EACH = 10, N = UNITS * EACH };
     uint32_t label[N], unit[N], chosen[N];
     double x[2 * N], torn, whole, few;
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     for (uint32_t i = 0; i < N; i++) {
         const uint32_t u = i / EACH;
         unit[i] = 70 - 3 * u;

@@ -13,8 +13,7 @@ enum { WINDOWS = 60, CHANNELS = 6, LENGTH = 50, MOST_OUTPUTS = 8 };
 static lg_series make_series(uint32_t channels, uint32_t length, uint32_t classes) {
     lg_series s = {.count = WINDOWS, .channels = channels, .length = length, .classes = classes};
     assert_ok(lg_series_allocate(NULL, &s, true, false));
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, classes);
+    lg_rng rng = test_rng(11, classes);
     for (uint32_t i = 0; i < WINDOWS; i++) {
         s.label[i] = i % classes;
         for (uint32_t t = 0; t < length; t++) {

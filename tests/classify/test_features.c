@@ -10,8 +10,7 @@ static const char *const riser[6] = {"acc_lower_x", "acc_lower_y", "acc_upper_x"
 static lg_series make_series(size_t count, uint32_t channels, uint32_t length, bool named) {
     lg_series s = {.count = count, .channels = channels, .length = length, .classes = 2};
     assert_ok(lg_series_allocate(NULL, &s, false, false));
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 1);
+    lg_rng rng = test_rng(5, 1);
     for (size_t i = 0; i < count * channels * length; i++)
         s.x[i] = (float)(lg_rng_normal(&rng) * (1.0 + (double)((i / length) % channels)) + 3.0);
     if (named) {

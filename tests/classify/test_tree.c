@@ -104,8 +104,7 @@ TEST("same pruning path as the golden one") {
 enum { ROWS = 60, FEATURES = 3, CLASSES = 3 };
 
 static void draw_table(uint64_t seed, uint32_t levels, double *x, uint32_t *label) {
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     for (int i = 0; i < ROWS * FEATURES; i++) x[i] = (double)lg_rng_below(&rng, levels);
     for (int i = 0; i < ROWS; i++) label[i] = (uint32_t)lg_rng_below(&rng, CLASSES);
 }

@@ -269,7 +269,7 @@ static lg_system *test_system(const char *name, const char *form) {
     options.form = form;
     options.parameters = &gravity;
     options.parameter_count = form != NULL;
-    if (lg_system_create(NULL, name, &options, &system, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_system_create(NULL, name, &options, &system, &told));
     lg_test_owns(system, release_system);
     return system;
 }
@@ -284,8 +284,7 @@ TEST("systems") {
     lg_taped_ode taped;
     lg_system_user user;
     lg_system_taped_user taped_user;
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     lg_trajectory_options few;
     lg_trajectory_options_init(&few);
     few.trajectories = 2;
@@ -502,7 +501,7 @@ TEST("Hamiltonians, models and control") {
     REFUSES(lg_ekf_init(NEEDED(model), NEEDED(&noisy), NEEDED(&ekf), NEEDED(room), 1 << 20, none));
     REFUSES(lg_ekf_predict(NEEDED(ekf), 0.1, NULL));
     REFUSES(lg_ekf_update(NEEDED(ekf), NEEDED(one), NULL));
-    if (lg_lqr_init(model, &lqr, &regulator, second, 1 << 20, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_lqr_init(model, &lqr, &regulator, second, 1 << 20, &told));
     REFUSES(lg_lqr_control(NEEDED(&regulator), NEEDED(state), NEEDED(others)));
     REFUSES(lg_lqr_init(NEEDED(model), NEEDED(&lqr), NEEDED(&regulator), NEEDED(room), 1 << 20, none));
 }
@@ -677,8 +676,7 @@ TEST("series and classes") {
     memory_archive *saved = TEST_ARRAY(memory_archive, 1), *again = TEST_ARRAY(memory_archive, 1);
     const lg_archive_writer to = memory_writer(saved), to_another = memory_writer(again);
     const lg_archive_reader from = memory_reader(saved);
-    if (lg_novelty_fit(NULL, &options, &series, &windows, NULL, 12, 1, &novelty, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_novelty_fit(NULL, &options, &series, &windows, NULL, 12, 1, &novelty, &told));
     assert_ok(lg_novelty_save(&novelty, &to, NULL));
     REFUSES(lg_novelty_save(NEEDED(&novelty), NEEDED(&to_another), NULL));
     REFUSES(lg_novelty_load(NULL, NEEDED(&from), NEEDED(&novelty), NULL));

@@ -235,15 +235,13 @@ TEST("seeded sequences never change: files and reports record them") {
         {42, 7, {0x62737c38a122f17bu, 0xea6ebb82a9ba9dafu, 0xd441ca1af7a73d34u}},
     };
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        lg_rng rng;
-        lg_rng_seed(&rng, rows[i].seed, rows[i].stream);
+        lg_rng rng = test_rng(rows[i].seed, rows[i].stream);
         for (int j = 0; j < 3; j++) assert_true(lg_rng_next(&rng) == rows[i].next[j]);
     }
 }
 
 TEST("the state of a generator is all there is") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 0);
+    lg_rng rng = test_rng(3, 0);
     (void)lg_rng_normal(&rng);
     lg_rng copy = rng;
     for (int i = 0; i < 100; i++) {
@@ -293,8 +291,7 @@ TEST("uniform and normal numbers have their moments") {
     const double root = 5.0 / sqrt((double)SAMPLES);
     double *x = TEST_ARRAY(double, SAMPLES), m[5];
     for (uint64_t seed = 1; seed <= 3; seed++) {
-        lg_rng rng;
-        lg_rng_seed(&rng, seed, 0);
+        lg_rng rng = test_rng(seed, 0);
         for (int i = 0; i < SAMPLES; i++) {
             x[i] = lg_rng_uniform_in(&rng, -2.0, 4.0);
             assert_true(x[i] >= -2.0 && x[i] <= 4.0);
@@ -333,8 +330,7 @@ TEST("streams and seeds are independent") {
 }
 
 TEST("bounded draws are uniform") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 8, 0);
+    lg_rng rng = test_rng(8, 0);
     assert_true(lg_rng_below(&rng, 0) == 0);
     for (int i = 0; i < 100; i++) assert_true(lg_rng_below(&rng, 1) == 0);
 
@@ -355,8 +351,7 @@ TEST("bounded draws are uniform") {
 }
 
 TEST("shuffles are permutations, all equally likely") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 9, 0);
+    lg_rng rng = test_rng(9, 0);
     lg_rng_shuffle(&rng, NULL, 0);
     uint32_t one = 7;
     lg_rng_shuffle(&rng, &one, 1);
@@ -567,8 +562,7 @@ TEST("counters see allocations, releases and locks") {
     assert_int_equal(used.allocations, 5);
     assert_int_equal(used.releases, 4);
 
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     assert_no_malloc_no_lock((void)lg_rng_normal(&rng));
     take_and_give_back(); /* outside of a region: not counted */
     used = lg_count_end();

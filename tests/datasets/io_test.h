@@ -97,8 +97,7 @@ static inline void copy_file(const char *from, const char *to) {
 
 /* A copy of what `write` writes, which is written once: waiting for the disk is dear. */
 static inline const char *fresh_copy(const char *name, void (*write)(const char *path)) {
-    char original[64];
-    (void)snprintf(original, sizeof original, "%s.original", name);
+    const char *original = test_text("%s.original", name);
     if (access(scratch_path(original), F_OK) != 0) write(scratch_path(original));
     const char *path = scratch_path(name);
     copy_file(scratch_path(original), path);

@@ -85,8 +85,7 @@ static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
 }
 
 static inline void make_hamiltonian(size_t which, lg_hamiltonian_file *file) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 4);
+    lg_rng rng = test_rng(3, 4);
     *file = (lg_hamiltonian_file){.run = make_hamiltonian_run(which),
                                   .adam_step = 700,
                                   .has_rng = true,
@@ -122,47 +121,11 @@ typedef struct surrogate_example {
 } surrogate_example;
 
 static const surrogate_example surrogate_examples[] = {
-    {{.kind = LG_SURROGATE_DISCRETE,
-      .architecture = LG_NET_MLP,
-      .hidden = 5,
-      .layers = 2,
-      .activation = LG_TANH,
-      .normalise = true,
-      .gamma = 7e-3},
-     LG_F32},
-    {{.kind = LG_SURROGATE_CONTINUOUS,
-      .architecture = LG_NET_MULT,
-      .embedding = 6,
-      .hidden = 4,
-      .layers = 2,
-      .activation = LG_SIGMOID,
-      .mirror = true,
-      .gamma = 2e-2},
-     LG_F64},
-    {{.kind = LG_SURROGATE_ANGLE,
-      .architecture = LG_NET_MULT_AFFINE,
-      .hidden = 3,
-      .layers = 1,
-      .activation = LG_SWISH,
-      .boundary = true},
-     LG_F64},
-    {{.kind = LG_SURROGATE_DISCRETE,
-      .architecture = LG_NET_RESNET,
-      .embedding = 4,
-      .hidden = 4,
-      .layers = 0,
-      .activation = LG_SINE,
-      .angles = true,
-      .loss = LG_SURROGATE_ENERGY},
-     LG_F64},
-    {{.kind = LG_SURROGATE_DISCRETE,
-      .architecture = LG_NET_MLP,
-      .hidden = 4,
-      .layers = 1,
-      .activation = LG_TANH,
-      .mirror = true,
-      .modes = 3},
-     LG_F32},
+    {SURROGATE(DISCRETE, MLP, 0, 5, 2, TANH, .normalise = true, .gamma = 7e-3), LG_F32},
+    {SURROGATE(CONTINUOUS, MULT, 6, 4, 2, SIGMOID, .mirror = true, .gamma = 2e-2), LG_F64},
+    {SURROGATE(ANGLE, MULT_AFFINE, 0, 3, 1, SWISH, .boundary = true), LG_F64},
+    {SURROGATE(DISCRETE, RESNET, 4, 4, 0, SINE, .angles = true, .loss = LG_SURROGATE_ENERGY), LG_F64},
+    {SURROGATE(DISCRETE, MLP, 0, 4, 1, TANH, .mirror = true, .modes = 3), LG_F32},
 };
 
 /* What surrogates and detectors of the tests are trained with. */
@@ -197,8 +160,7 @@ static inline lg_surrogate_run make_surrogate_run(size_t which) {
 
 /* Example 1 has no test part, example 2 no errors. */
 static inline void make_surrogate(size_t which, lg_surrogate_file *file) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 6);
+    lg_rng rng = test_rng(5, 6);
     *file = (lg_surrogate_file){.run = make_surrogate_run(which),
                                 .trained_count = TRAINED,
                                 .has_errors = which != 2,
@@ -318,8 +280,7 @@ static inline lg_detector_run make_detector_run(size_t which) {
 /* Example 1 has no error, example 2 knows neither errors, rate nor channels. */
 static inline void make_detector(size_t which, lg_detector_file *file) {
     const detector_example *e = &detector_examples[which];
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 6);
+    lg_rng rng = test_rng(5, 6);
     const uint32_t channels = e->net.channels;
     *file = (lg_detector_file){.run = make_detector_run(which),
                                .rate = which == 2 ? 0 : 10,
@@ -424,8 +385,7 @@ static inline lg_scaler make_table_scaler(uint32_t columns, lg_rng *rng) {
 static inline void make_table(size_t which, lg_table_file *file) {
     const table_example *e = &table_examples[which];
     const bool regression = e->options.task == LG_TABLE_REGRESSION;
-    lg_rng rng;
-    lg_rng_seed(&rng, 7, 8);
+    lg_rng rng = test_rng(7, 8);
     *file = (lg_table_file){.run = make_table_run(which),
                             .rmse = which == 0 ? 0.25 : NAN,
                             .accuracy = which == 1 ? 0.75 : NAN,
@@ -531,9 +491,8 @@ static inline size_t examples_of(const kind_row *k) {
 }
 
 static inline const char *good_model(model_kind kind, size_t which) {
-    char name[48];
-    (void)snprintf(name, sizeof name, "%s%zu.original", kinds[kind].name, which);
-    const char *path = scratch_path("model.h5"), *original = scratch_path(name);
+    const char *path = scratch_path("model.h5"),
+               *original = scratch_path(test_text("%s%zu.original", kinds[kind].name, which));
     if (access(original, F_OK) != 0) {
         any_file file;
         kinds[kind].make(which, &file);

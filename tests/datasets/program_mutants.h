@@ -385,9 +385,8 @@ static inline lg_program *copy_until(const lg_program *from, size_t function) {
     assert_ok(lg_program_begin(NULL, &spec, &made, NULL));
     for (size_t f = 0; f < function; f++) {
         lg_function_image *image;
-        lg_error error;
         assert_ok(lg_function_image_create(from, f, &image));
-        if (lg_program_add_image(made, image, &error) != LG_OK) fail_msg("%s", error.message);
+        assert_told(lg_program_add_image(made, image, &told));
         lg_function_image_destroy(image);
     }
     return made;
@@ -430,8 +429,7 @@ static inline void mutate_images(size_t count, uint64_t seed) {
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL && many < LG_COUNT(programs); i++)
         if ((programs[many] = zoo_operation(row)) != NULL) many++;
     for (size_t i = 0; i < count; i++) {
-        lg_rng rng;
-        lg_rng_seed(&rng, seed, i);
+        lg_rng rng = test_rng(seed, i);
         const lg_program *program = i % 8 == 0 ? network : programs[below_n(&rng, many)];
         mutate_function(program, below_n(&rng, lg_program_functions(program)), i, &rng, &t);
     }
@@ -443,7 +441,7 @@ static inline void mutate_images(size_t count, uint64_t seed) {
 
 static inline unsigned char *packed(const lg_function_image *image, size_t *size) {
     lg_error error = {LG_OK, ""};
-    if (lg_function_pack(image, NULL, size, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_function_pack(image, NULL, size, &told));
     unsigned char *bytes = malloc(*size);
     assert_ok(lg_function_pack(image, bytes, size, &error));
     return bytes;
@@ -481,8 +479,7 @@ static inline void mutate_packed(const lg_program *program, size_t changed, uint
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         lg_function_image *image;
         size_t size;
-        lg_rng rng;
-        lg_rng_seed(&rng, seed, f);
+        lg_rng rng = test_rng(seed, f);
         assert_ok(lg_function_image_create(program, f, &image));
         unsigned char *bytes = packed(image, &size);
         const size_t sound = t->sound;
@@ -542,13 +539,11 @@ static inline void read_mutant(const char *path, bool probe, tally *t, size_t nu
 
 /* A file of the network, of format 1 too, and one that holds an operation of the registry. */
 static inline const char *file_to_mutate(size_t number, lg_rng *rng) {
-    char name[32];
     if (number % 4 == 0) return LG_TEST_DIR "/format_1/program.h5";
     size_t rows = 0;
     while (lg_gradcheck_operation(rows) != NULL) rows++;
     const size_t row = number % 2 == 0 ? rows : below_n(rng, rows);
-    (void)snprintf(name, sizeof name, "mutate%zu.original", row);
-    const char *original = scratch_path(name);
+    const char *original = scratch_path(test_text("mutate%zu.original", row));
     if (access(original, F_OK) != 0) {
         lg_program *program = row < rows ? zoo_operation(lg_gradcheck_operation(row)) : NULL;
         if (program == NULL) program = zoo_network();
@@ -599,8 +594,7 @@ static inline void change_set(const char *path, lg_rng *rng) {
 static inline void mutate_arrays(size_t count, uint64_t seed) {
     tally t = {0};
     for (size_t i = 0; i < count; i++) {
-        lg_rng rng;
-        lg_rng_seed(&rng, seed, i);
+        lg_rng rng = test_rng(seed, i);
         const char *path = scratch_path("mutant.h5");
         copy_file(file_to_mutate(i, &rng), path);
         for (size_t c = 0; c <= below_n(&rng, 2); c++) change_set(path, &rng);
@@ -614,9 +608,8 @@ static inline void mutate_arrays(size_t count, uint64_t seed) {
 static inline void mutate_bytes(size_t count, uint64_t seed) {
     tally t = {0};
     for (size_t i = 0; i < count; i++) {
-        lg_rng rng;
         size_t size;
-        lg_rng_seed(&rng, seed, i);
+        lg_rng rng = test_rng(seed, i);
         unsigned char *data = read_bytes_of(file_to_mutate(i, &rng), &size);
         const size_t changes = 1 + (size_t)below_n(&rng, 6);
         for (size_t c = 0; c < changes; c++) {

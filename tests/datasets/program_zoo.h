@@ -46,13 +46,11 @@ static inline lg_program *zoo_network(void) {
     static const lg_port next[1] = {{.name = "next"}};
     static const lg_carry carry = {"next", "x"};
     lg_mlp net;
-    lg_rng rng;
-    lg_error error = {LG_OK, ""};
     lg_program *program = NULL;
     lg_program_spec spec;
-    lg_rng_seed(&rng, 11, 12);
+    lg_rng rng = test_rng(11, 12);
     assert_ok(lg_mlp_init(&net, 3, hidden, 2, 3, LG_TANH, true));
-    double *theta = calloc(lg_mlp_parameters(&net), sizeof *theta);
+    double *theta = TEST_ARRAY(double, lg_mlp_parameters(&net));
     const double scale = 1.0 / 3.0;
     lg_mlp_initialise(&net, &rng, theta);
     const lg_parameter_spec parameters[] = {
@@ -70,10 +68,8 @@ static inline lg_program *zoo_network(void) {
     spec.functions = functions;
     spec.function_count = LG_COUNT(functions);
     spec.description = ZOO_DESCRIPTION;
-    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
-    if (lg_program_add_loop(program, "ten_steps", "step", 10, &carry, 1, &error) != LG_OK)
-        fail_msg("%s", error.message);
-    free(theta);
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
+    assert_told(lg_program_add_loop(program, "ten_steps", "step", 10, &carry, 1, &told));
     return program;
 }
 
@@ -168,12 +164,11 @@ static inline lg_status zoo_run(const lg_program *program, size_t function, size
                                 uint64_t seed, size_t max_size, uint64_t *hash) {
     lg_tape_options options;
     lg_tape *tape;
-    lg_rng rng;
     lg_var x[64], y[64];
     size_t inputs, outputs;
     const lg_port *in = lg_program_inputs(program, function, &inputs);
     (void)lg_program_outputs(program, function, &outputs);
-    lg_rng_seed(&rng, seed, rows);
+    lg_rng rng = test_rng(seed, rows);
     lg_tape_options_init(&options);
     options.dtype = dtype;
     options.max_size = max_size;

@@ -44,8 +44,7 @@ static lg_elastica_data *make_curves(double length, uint32_t intervals, size_t c
 
 static lg_elastica_data *read_curves(const char *path) {
     lg_elastica_data data;
-    lg_error error;
-    if (lg_elastica_data_read(NULL, path, NULL, &data, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_elastica_data_read(NULL, path, NULL, &data, &told));
     return own_lg_elastica_data(data);
 }
 

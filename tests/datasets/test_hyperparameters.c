@@ -107,9 +107,8 @@ TEST("a number is stored to the bits that its text sets, or refused by the same 
     EACH_ROW(row) {
         const double values[] = {row->low, 3, 0.1, 1 / 3.0, row->high, -1, 2 * row->high, NAN, INFINITY};
         for (size_t i = 0; i < LG_COUNT(values); i++) {
-            char text[32];
             lg_error error = {LG_OK, ""}, stored = {LG_OK, ""};
-            (void)snprintf(text, sizeof text, "%.17g", values[i]);
+            const char *text = test_text("%.17g", values[i]);
             memset(&run, 0, sizeof run);
             other = run;
             const lg_status status = lg_field_set(row, text, &run, &error);

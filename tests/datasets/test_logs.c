@@ -14,19 +14,16 @@ static void release_logs(void *logs) {
 }
 
 static const lg_machine_file *machine(const char *text) {
-    lg_error error = {LG_OK, ""};
     lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);
-    if (lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), file, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), file, &told));
     lg_test_owns(file, release_file);
     return file;
 }
 
 static const lg_logs *read_all(const lg_machine_file *file, const char *const *paths, size_t count,
                                const lg_log_options *options) {
-    lg_error error = {LG_OK, ""};
     lg_logs *logs = TEST_ARRAY(lg_logs, 1);
-    if (lg_logs_read(NULL, file, paths, count, options, logs, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_logs_read(NULL, file, paths, count, options, logs, &told));
     lg_test_owns(logs, release_logs);
     return logs;
 }
@@ -753,9 +750,8 @@ TEST("directions are compared with their angular velocity") {
 /* sin t with white noise at steps of 0.01 to 0.03. */
 static const lg_logs *noisy_log(double noise, bool irregular) {
     text log = new_text("t,q");
-    lg_rng rng;
     double t = 0;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     for (int i = 0; i < 4000; i++) {
         const double row[] = {t, sin(t) + noise * lg_rng_normal(&rng)};
         say_row(&log, row, 2);

@@ -7,10 +7,8 @@ static void release_file(void *file) {
 }
 
 static lg_machine_file *parse(const char *text) {
-    lg_error error = {LG_OK, ""};
     lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);
-    if (lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), file, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), file, &told));
     lg_test_owns(file, release_file);
     return file;
 }

@@ -46,11 +46,10 @@ TEST("a model comes back as it was saved, and may be freed twice") {
 /* ---- where the weights lie ---- */
 
 static void assert_stored(lg_h5 *h5, const lg_slice_info *slice, const double *theta, lg_dtype dtype) {
-    char name[64];
     double values[512], epsilon;
     uint64_t dims[4];
     uint32_t rank;
-    (void)snprintf(name, sizeof name, "model/%s", slice->name);
+    const char *name = test_text("model/%s", slice->name);
     assert_true(slice->count <= LG_COUNT(values));
     assert_ok(lg_h5_get(h5, name, LG_ELEMENT_F64, slice->rank, slice->dims, values, NULL));
     assert_memory_equal(values, theta + slice->offset, slice->count * sizeof(double));
@@ -689,9 +688,8 @@ static lg_status write_checkpoint(const kind_row *k, const lg_context *context, 
 static const double three[3] = {1, 2, 3};
 
 static const char *good_checkpoint(const kind_row *k) {
-    char name[48];
-    (void)snprintf(name, sizeof name, "%s.original", k->checkpoint);
-    const char *path = scratch_path("check.h5"), *original = scratch_path(name);
+    const char *path = scratch_path("check.h5"),
+               *original = scratch_path(test_text("%s.original", k->checkpoint));
     if (access(original, F_OK) != 0) {
         lg_fit *fit = make_fit(k, three, 3);
         assert_ok(lg_fit_run(fit, NULL));
@@ -835,8 +833,7 @@ static const damage wrong_values[LG_FIELD_SHOWN + 1][2] = {
 
 /* `whole`: nothing may be missing but what files of earlier versions lack. */
 static void refuse_row(const lg_field *r, bool whole, read_fn reader, fresh_fn fresh) {
-    char at[64];
-    (void)snprintf(at, sizeof at, "%s@%s", r->group, r->name);
+    const char *at = test_text("%s@%s", r->group, r->name);
     const bool needed = !r->optional && (whole || strcmp(r->group, "model") == 0);
     const damage gone = {at, GONE, LG_FORMAT, "missing"},
                  below = {at, REAL(nextafter(r->low, -INFINITY)), LG_FORMAT, "out of range"};
@@ -903,12 +900,11 @@ TEST("a checkpoint of another run is refused, and the sentence names the differe
             for (size_t t = 0; t < LG_COUNT(tables); t++)
                 for (const lg_field *r = tables[t]; r->name != NULL; r++) {
                     any_run run = wanted;
-                    char have[512], want[512], says[1100];
+                    char have[512], want[512];
                     if (!change_row(r, &run)) continue;
                     lg_field_show(r, &run, have, sizeof have);
                     lg_field_show(r, &wanted, want, sizeof want);
-                    (void)snprintf(says, sizeof says, "%s %s, not %s", r->name, have, want);
-                    refuse_other_run(k, &run, &wanted, says);
+                    refuse_other_run(k, &run, &wanted, test_text("%s %s, not %s", r->name, have, want));
                 }
         }
     const kind_row *k = &kinds[KIND_HAMILTONIAN];

@@ -92,10 +92,9 @@ static const char *const of_before[][2] = {
 
 TEST("files of version 1.0.0 have no space and load; saved again they have one") {
     for (size_t i = 0; i < LG_COUNT(of_before); i++) {
-        char path[512];
         lg_model_file file;
         const char *again = scratch_path("again.h5");
-        (void)snprintf(path, sizeof path, "%s/format_1/%s.h5", LG_TEST_DIR, of_before[i][0]);
+        const char *path = test_text("%s/format_1/%s.h5", LG_TEST_DIR, of_before[i][0]);
         assert_space(path, "");
         assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
         assert_ok(file.recipe == &lg_recipe_machine_model
@@ -120,12 +119,10 @@ TEST("models that do not move have no space") {
 }
 
 TEST("a structure that was moved still finds its numbers") {
-    lg_model_file *first = malloc(sizeof *first), second;
-    assert_non_null(first);
+    lg_model_file *first = TEST_ARRAY(lg_model_file, 1), second;
     assert_ok(lg_model_load(NULL, fresh(KIND_DETECTOR), NULL, first, NULL));
     second = *first;
     memset(first, 0x41, sizeof *first);
-    free(first);
     any_file loaded = {.kind = KIND_DETECTOR};
     memcpy(&loaded.detector, lg_model_file_of(&second, &lg_recipe_detector), sizeof loaded.detector);
     lg_model *expected = model_of(&loaded);

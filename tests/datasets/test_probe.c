@@ -217,9 +217,8 @@ TEST("in the probe nothing is written, sent, started or signalled, and the paren
     for (size_t i = 0; i < LG_COUNT(attempts); i++) {
         struct attempt it = attempts[i];
         lg_error error = {LG_OK, ""};
-        char sentence[128];
         set_scene(ends[1]);
-        (void)snprintf(sentence, sizeof sentence, "%s: %s", it.what, strerror(EPERM));
+        const char *sentence = test_text("%s: %s", it.what, strerror(EPERM));
         if (lg_probe(NULL, scene.old, NULL, attempts_it, &it, &error) != LG_FILE) fail_msg("it %s", it.what);
         assert_string_equal(error.message, sentence);
         assert_int_equal(access(scene.fresh, F_OK), -1);
@@ -301,8 +300,7 @@ TEST("the probe reads, with threads in the parent too, and a crash is a crash") 
     lg_error error = {LG_OK, ""};
     set_scene(-1);
     assert_int_equal(pthread_create(&thread, NULL, computes, (void *)&x), 0);
-    for (int i = 0; i < 20; i++)
-        if (lg_probe(NULL, scene.old, NULL, reads, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    for (int i = 0; i < 20; i++) assert_told(lg_probe(NULL, scene.old, NULL, reads, NULL, &told));
     assert_status(lg_probe(NULL, scene.old, NULL, aborts, NULL, &error), LG_FORMAT);
     assert_says(error.message, "crashed or did not end");
     assert_int_equal(pthread_join(thread, NULL), 0);

@@ -62,11 +62,9 @@ static const char *file_of(const char *name, const char *text) {
 
 /* `text` with `from` replaced by `to`, which must be there. */
 static const char *changed(const char *name, const char *text, const char *from, const char *to) {
-    char out[4096];
     const char *at = strstr(text, from);
     assert_non_null(at);
-    (void)snprintf(out, sizeof out, "%.*s%s%s", (int)(at - text), text, to, at + strlen(from));
-    return file_of(name, out);
+    return file_of(name, test_text("%.*s%s%s", (int)(at - text), text, to, at + strlen(from)));
 }
 
 OWNED(lg_scene, lg_scene_destroy)
@@ -75,8 +73,7 @@ OWNED(lg_grid, lg_grid_destroy)
 /* `form_wanted` may be NULL. */
 static lg_scene read_form(const char *path, const char *form_wanted) {
     lg_scene scene;
-    lg_error error = {LG_OK, ""};
-    if (lg_scene_read(NULL, path, form_wanted, &scene, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_scene_read(NULL, path, form_wanted, &scene, &told));
     return *own_lg_scene(scene);
 }
 
@@ -86,8 +83,7 @@ static lg_scene read_text(const char *name, const char *text, const char *form_w
 
 static lg_grid read_good_grid(const char *path) {
     lg_grid grid;
-    lg_error error = {LG_OK, ""};
-    if (lg_grid_read(NULL, path, &grid, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_grid_read(NULL, path, &grid, &told));
     return *own_lg_grid(grid);
 }
 
@@ -243,9 +239,7 @@ static void put_block(whole *w, const size_t shape[3], size_t level, const doubl
 
 static void put_key(whole *w, const char *prefix, const char *key, const size_t shape[3],
                     const double *values) {
-    char name[64];
-    (void)snprintf(name, sizeof name, "%s%s", prefix, key);
-    const bool chosen = w->key != NULL && strcmp(name, w->key) == 0;
+    const bool chosen = w->key != NULL && strcmp(test_text("%s%s", prefix, key), w->key) == 0;
     if (chosen && w->gone) return;
     for (int i = 0; i < (chosen && w->twice ? 2 : 1); i++) {
         const double *next = values;
@@ -361,12 +355,11 @@ TEST("scenes of every system are read") {
 /* The file of `w` is refused with the line of its key and the key's name. */
 static void refuse(whole *w, const char *key, const char *value, const char *word) {
     double parameters[MOST], y[MOST];
-    char line[32];
     w->key = key;
     w->value = value;
     compose(w, parameters, y);
-    (void)snprintf(line, sizeof line, "line %u: ", w->key_line);
-    assert_refused(read_scene, file_of("system.yaml", w->text), LG_FORMAT, line, word);
+    assert_refused(read_scene, file_of("system.yaml", w->text), LG_FORMAT,
+                   test_text("line %u: ", w->key_line), word);
 }
 
 /* What no number, no list and no shape of any system may look like. */
@@ -414,8 +407,7 @@ TEST("every system refuses what is wrong with its scene") {
                 refuse(&w, row->key, "[0, 0.6, 0.8001]", "unit vector");
         }
         for (const lg_state_entry *row = lg_system_state(w.name, w.form); row->key != NULL; row++) {
-            char key[64];
-            (void)snprintf(key, sizeof key, "initial.%s", row->key);
+            const char *key = test_text("initial.%s", row->key);
             refuse_values(&w, key, false);
             refuse_twice(&w, key);
             const bool alone = lg_system_state(w.name, w.form)[1].key == NULL;
@@ -593,20 +585,16 @@ TEST("rotations are projected when nearly orthogonal and refused otherwise") {
         "system: heavy-top\nform: direct\ninitial: {pi: [1, 2, 3], Q: [[1, 0, 0],\n[0, 1, 0], [0, 0, %s]]}\n",
         "system: heavy-top\nform: quadratic\ninitial: {pi: [1, 2, 3], Q: [[1, 0, 0],\n[0, 1, 0], [0, 0, "
         "%s]]}\n"};
-    char text[1024];
     for (size_t i = 0; i < LG_COUNT(tops); i++) {
-        (void)snprintf(text, sizeof text, tops[i], "1.0000001");
-        lg_scene scene = read_text("top.yaml", text, NULL);
+        lg_scene scene = read_text("top.yaml", test_text(tops[i], "1.0000001"), NULL);
         assert_true(scene.projected);
         assert_close(scene.projection, 2e-7, 1e-3, 0);
         assert_close(scene.state[8], 1, 0, 1e-15);
         assert_close(lg_space_manifold_error(lg_system_space(scene.system), scene.state), 0, 0, 1e-15);
-        (void)snprintf(text, sizeof text, tops[i], "1.00001");
-        assert_refused(read_scene, file_of("top.yaml", text), LG_FORMAT, i == 0 ? "line 2" : "line 3",
-                       "no rotation");
-        (void)snprintf(text, sizeof text, tops[i], "-1");
-        assert_refused(read_scene, file_of("top.yaml", text), LG_FORMAT, i == 0 ? "initial.R" : "initial.Q",
-                       "determinant is -1");
+        assert_refused(read_scene, file_of("top.yaml", test_text(tops[i], "1.00001")), LG_FORMAT,
+                       i == 0 ? "line 2" : "line 3", "no rotation");
+        assert_refused(read_scene, file_of("top.yaml", test_text(tops[i], "-1")), LG_FORMAT,
+                       i == 0 ? "initial.R" : "initial.Q", "determinant is -1");
     }
     lg_scene scene = read_text("bodies.yaml", BODIES, NULL);
     assert_false(scene.projected);
@@ -784,15 +772,13 @@ static bool is_yaml(const char *name) {
 
 TEST("every file of scenes/ is a scene or a grid, and every system has a scene") {
     enum { MOST_SYSTEMS = 128 };
-    char path[512];
     const char *name, *form, *const folder_name = LG_TEST_DIR "/../scenes";
     bool systems[MOST_SYSTEMS] = {false};
     DIR *folder = opendir(folder_name);
     assert_non_null(folder);
     for (struct dirent *entry; (entry = readdir(folder)) != NULL;) {
         if (!is_yaml(entry->d_name) || strncmp(entry->d_name, "study-", 6) == 0) continue;
-        (void)snprintf(path, sizeof path, "%s/%.200s", folder_name, entry->d_name);
-        const lg_scene scene = read_form(path, NULL);
+        const lg_scene scene = read_form(test_text("%s/%.200s", folder_name, entry->d_name), NULL);
         assert_true(scene.has_t_end && !scene.projected);
         for (size_t i = 0; lg_system_at(i, &name, &form); i++) {
             assert_true(i < MOST_SYSTEMS);

@@ -128,11 +128,9 @@ TEST("the published files have their ranges and fixed settings") {
         size_t ranges, fixed;
     } rows[] = {{"discrete", 9, 11}, {"continuous", 6, 15}, {"angle", 5, 14}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        char path[512];
         lg_search_file file;
-        lg_error error = {LG_OK, ""};
-        (void)snprintf(path, sizeof path, "%s/../searches/elastica-%s.yaml", LG_TEST_DIR, rows[i].name);
-        if (lg_search_file_read(NULL, path, &file, &error) != LG_OK) fail_msg("%s", error.message);
+        assert_told(lg_search_file_read(
+            NULL, test_text("%s/../searches/elastica-%s.yaml", LG_TEST_DIR, rows[i].name), &file, &told));
         assert_int_equal(file.space.count, rows[i].ranges);
         assert_int_equal(file.fixed_count, rows[i].fixed);
         assert_string_equal(file.fixed_name[0], "network");

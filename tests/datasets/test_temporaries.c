@@ -14,9 +14,7 @@
 #include "liegrad/io.h"
 
 static void leave_folder(void *path) {
-    char command[64];
-    (void)snprintf(command, sizeof command, "cd / && rm -r '%s'", (const char *)path);
-    assert_int_equal(chdir("/") | system(command), 0);
+    assert_int_equal(chdir("/") | system(test_text("cd / && rm -r '%s'", (const char *)path)), 0);
 }
 
 /* A folder of the test alone, which is the current one. */
@@ -99,7 +97,6 @@ TEST("a file that another process is writing stays") {
 }
 
 TEST("a writer that was killed leaves a file for the next one to remove") {
-    char name[64];
     io_enter_folder();
     const pid_t child = fork();
     if (child == 0) {
@@ -110,7 +107,7 @@ TEST("a writer that was killed leaves a file for the next one to remove") {
     int status = 0;
     assert_int_equal(waitpid(child, &status, 0), child);
     assert_true(WIFSIGNALED(status));
-    (void)snprintf(name, sizeof name, "dead.h5.tmp-%ld-0", (long)child);
+    const char *name = test_text("dead.h5.tmp-%ld-0", (long)child);
     assert_true(is_there(name));
     assert_ok(lg_file_write(NULL, "dead.h5", "x", 1, NULL));
     assert_false(is_there(name));
@@ -197,11 +194,10 @@ TEST("a child of a killed holder does not keep the lock, and does not remove it"
 TEST("a holder that could not say who it is is told by its number") {
     lg_lock lock;
     lg_error error = {LG_OK, ""};
-    char wanted[256];
     io_enter_folder();
     holder *h = hold("model.h5", false);
     assert_int_equal(truncate("model.h5.lock", 0), 0);
-    (void)snprintf(wanted, sizeof wanted, "model.h5: is being written by process %ld", (long)h->pid);
+    const char *wanted = test_text("model.h5: is being written by process %ld", (long)h->pid);
     assert_int_equal(lg_lock_take(NULL, "model.h5", "another", &lock, &error), LG_FILE);
     assert_string_equal(error.message, wanted);
     end_holder(h);

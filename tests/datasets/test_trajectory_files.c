@@ -10,8 +10,7 @@ OWNED(lg_trajectories, lg_trajectories_destroy)
 /* N trajectories of a chain on T*S^2, noise on all points but the first. */
 static lg_trajectories *make_chain(uint32_t links, size_t count, size_t points) {
     lg_trajectories *out = own_lg_trajectories((lg_trajectories){.n = 0});
-    lg_rng rng;
-    lg_rng_seed(&rng, 7, links);
+    lg_rng rng = test_rng(7, links);
     assert_ok(lg_trajectories_create(NULL, "pendulum-chain", &lg_hamiltonian_chain, links, count, points, 0.1,
                                      true, 2, out));
     for (size_t i = 0; i < count * points * links; i++) {
@@ -50,8 +49,7 @@ static const char *two_links(void) {
 
 static lg_trajectories *read_trajectories(const char *path) {
     lg_trajectories data;
-    lg_error error;
-    if (lg_trajectories_read(NULL, path, NULL, &data, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_trajectories_read(NULL, path, NULL, &data, &told));
     return own_lg_trajectories(data);
 }
 
@@ -322,10 +320,9 @@ TEST("a value of the wrong type is refused") {
     static const char *const names[] = {"t", "trajectories", "hamiltonian", "inputs"};
     for (size_t i = 0; i < LG_COUNT(names); i++) {
         const char *path = good_file();
-        char key[32];
         hid_t text = H5Tcopy(H5T_C_S1);
         hsize_t one = 1;
-        (void)snprintf(key, sizeof key, "/%s", names[i]);
+        const char *key = test_text("/%s", names[i]);
         assert_true(text >= 0 && H5Tset_size(text, 4) >= 0);
         replace_dataset(path, names[i], text, text, 1, &one, "abc");
         assert_true(H5Tclose(text) >= 0);

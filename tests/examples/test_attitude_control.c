@@ -101,8 +101,7 @@ static fixture *make(double bound) {
 
 TEST("the plant is the machine that is known, and the energy changes by the power of torque and friction") {
     const fixture *self = make(6.0);
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 0);
+    lg_rng rng = test_rng(3, 0);
     for (int n = 0; n < 100; n++) {
         double y[PLANT_STATE], algebra[6], state[STATE], want[6], J_rate[3], u[3], before, after, power = 0;
         plant_start(&rng, 2.0, y);
@@ -135,8 +134,7 @@ static double lyapunov(const fixture *self, const double *y) {
 
 TEST("with an exact machine the Lyapunov function falls by damping |Omega|^2 in every period") {
     fixture *self = make(1e3);
-    lg_rng rng;
-    lg_rng_seed(&rng, 4, 0);
+    lg_rng rng = test_rng(4, 0);
     for (int n = 0; n < 1000; n++) {
         double y[PLANT_STATE], torque[3];
         plant_start(&rng, 2.0, y);
@@ -149,8 +147,7 @@ TEST("with an exact machine the Lyapunov function falls by damping |Omega|^2 in 
 
 TEST("e_R is that of the formula") {
     fixture *self = make(6.0);
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     double y[PLANT_STATE], torque[3], M[9] = {0};
     plant_start(&rng, 1.0, y);
     controller_step(&self->control, y, y + 9, torque);
@@ -176,8 +173,7 @@ TEST("at the set point the torque holds the body still") {
 
 TEST("the torque is bounded, and a state that is not finite gives none") {
     fixture *self = make(0.3);
-    lg_rng rng;
-    lg_rng_seed(&rng, 6, 0);
+    lg_rng rng = test_rng(6, 0);
     int at_bound = 0;
     for (int n = 0; n < 200; n++) {
         double y[PLANT_STATE], torque[3];
@@ -241,8 +237,7 @@ TEST("a run reaches the set point, allocates nothing and takes no lock") {
 }
 
 TEST("quaternions of a log are those of its attitudes, whichever number is largest") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 8, 0);
+    lg_rng rng = test_rng(8, 0);
     for (int n = 0; n < 200; n++) {
         double y[PLANT_STATE], q[4], R[9], length = 0;
         plant_start(&rng, 1.0, y);

@@ -100,11 +100,10 @@ static void draw_state(lg_rng *rng, bool near, double *y) {
  * balancing, c^T P c falls. Both over one control period. */
 TEST("Lyapunov functions fall, swinging up and balancing") {
     const double w[3] = {0.0, 0.0, 1.0};
-    lg_rng rng;
     int swings = 0, balances = 0;
     fixture *self = make(w, 1.0, 0.35, true);
     plant *truth = make_plant();
-    lg_rng_seed(&rng, 9, 0);
+    lg_rng rng = test_rng(9, 0);
     for (int n = 0; n < 4000; n++) {
         double y[6], torque[3], before[2], after[2], c[4];
         draw_state(&rng, n % 2 == 0, y);

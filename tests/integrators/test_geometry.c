@@ -94,8 +94,7 @@ static void check_group(const struct group *g, const double *a, double condition
 }
 
 TEST("dexp, dexpinv and Ad are matrix functions of ad") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 9, 0);
+    lg_rng rng = test_rng(9, 0);
     for (size_t k = 0; k < GROUPS; k++)
         for (size_t n = 0; n < WIDE_ANGLES; n++)
             for (int repeat = 0; repeat < 5; repeat++) {
@@ -107,8 +106,7 @@ TEST("dexp, dexpinv and Ad are matrix functions of ad") {
 }
 
 TEST("exp and its action are the matrix exponential") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++) {
         double a[6], b[6], x[6], R[9], r[3], S[9], s[3], T[9], t[3];
         random_algebra(&rng, wide_angles[n], a);
@@ -152,8 +150,7 @@ TEST("exp and its action are the matrix exponential") {
 
 TEST("log is the inverse of exp, near 0 and near pi") {
     const double some[] = {0.0, 1e-300, 1e-160, 1e-12, 1e-9, 1e-4, 0.1, 1.0, 2.0, 3.0, PI - 1e-4, PI - 1e-9};
-    lg_rng rng;
-    lg_rng_seed(&rng, 12, 0);
+    lg_rng rng = test_rng(12, 0);
     for (size_t n = 0; n < sizeof(some) / sizeof(some[0]); n++)
         for (int repeat = 0; repeat < 20; repeat++) {
             double a[6], x[6], R[9], r[3];
@@ -168,8 +165,7 @@ TEST("log is the inverse of exp, near 0 and near pi") {
 }
 
 TEST("beyond pi the logarithm is another one; its exponential is the same") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 13, 0);
+    lg_rng rng = test_rng(13, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++)
         for (int repeat = 0; repeat < 20; repeat++) {
             double a[6], x[6], R[9], r[3], S[9], s[3];
@@ -204,8 +200,7 @@ TEST("log at pi has a positive largest entry") {
 }
 
 TEST("log of what is almost a rotation is as far off") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 14, 0);
+    lg_rng rng = test_rng(14, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++)
         for (int repeat = 0; repeat < 50; repeat++) {
             const double size = repeat % 2 == 0 ? 4e-16 : 1e-9;
@@ -239,8 +234,7 @@ TEST("an exponential is a rotation at every angle, also where the angle itself h
 }
 
 TEST("the projection is the polar factor") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 15, 0);
+    lg_rng rng = test_rng(15, 0);
     for (int repeat = 0; repeat < 50; repeat++) {
         /* R S, S symmetric and positive definite, has the polar factor R */
         double a[6], R[9], S[9], X[9], s[6];
@@ -293,8 +287,7 @@ TEST("the projection of any matrix is the nearest rotation, or NaN") {
                                    1e-16,  1e-17,  1e-20,  1e-25,  1e-30,  1e-40,  1e-80,
                                    1e-120, 1e-160, 1e-200, 1e-280, 1e-300, 1e-310, 1e-320};
     static const double scales[] = {1, 1e100, 1e-100};
-    lg_rng rng;
-    lg_rng_seed(&rng, 16, 0);
+    lg_rng rng = test_rng(16, 0);
     for (size_t n = 0; n < LG_COUNT(others) * LG_COUNT(least) * LG_COUNT(scales) * 2 * 5; n++) {
         const double *other = others[n % LG_COUNT(others)], s = least[n / LG_COUNT(others) % LG_COUNT(least)];
         const size_t rest = n / LG_COUNT(others) / LG_COUNT(least);

@@ -291,9 +291,8 @@ static lg_scheme random_rkmk(lg_rng *rng, int stages, lg_commutator *list) {
 }
 
 TEST("random tableaux with brackets and truncations are those of long double") {
-    lg_rng rng;
     double worst = 0.0;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     for (int repeat = 0; repeat < 40; repeat++) {
         lg_commutator list[4];
         const lg_scheme s = random_rkmk(&rng, 1 + repeat % LG_SCHEME_MAX_STAGES, list);
@@ -317,9 +316,8 @@ static void random_row(lg_rng *rng, int known, const double *c, double time, boo
 }
 
 TEST("random commutator-free schemes are those of long double") {
-    lg_rng rng;
     double worst = 0.0, end;
-    lg_rng_seed(&rng, 6, 0);
+    lg_rng rng = test_rng(6, 0);
     for (int repeat = 0; repeat < 32; repeat++) {
         const int stages = 1 + repeat % LG_SCHEME_MAX_STAGES;
         lg_cf_row rows[LG_SCHEME_MAX_STAGES + 2] = {{0}};

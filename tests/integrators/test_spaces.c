@@ -666,8 +666,7 @@ TEST("a copy's basis, coordinates and retraction are the same bits wherever it s
 }
 
 TEST("steps on S^2 are great circles, those on SO(3) turns about the axis in the body") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 61, 0);
+    lg_rng rng = test_rng(61, 0);
     for (int repeat = 0; repeat < 20; repeat++) {
         lg_space sphere, body;
         double y[6], R[9], c[4], basis[36], vector[9], out[9], e[9], turn[9];
@@ -721,8 +720,7 @@ static void damage(lg_rng *rng, const char *text, char *out) {
 }
 
 TEST("every product is read back from its text, and a damaged text is refused or another space's text") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 62, 0);
+    lg_rng rng = test_rng(62, 0);
     for (int repeat = 0; repeat < 2000; repeat++) {
         lg_space_factor factors[LG_SPACE_MAX_FACTORS];
         lg_space space, again;

@@ -20,8 +20,7 @@ typedef struct wave {
 } wave;
 
 static void wave_init(wave *w, const lg_space *space, size_t dim, size_t m, uint64_t seed) {
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     *w = (wave){.space = *space, .dim = dim, .m = m};
     assert_true(dim <= MAX_DIM && m <= MAX_DIM);
     for (size_t i = 0; i < dim * m; i++) w->W[i] = lg_rng_normal(&rng) / sqrt((double)dim);
@@ -117,7 +116,6 @@ static void make_flat(pair *p, const lg_space_factor *factors, size_t count) {
 }
 
 static void make_pair(pair *p, const lg_scheme *scheme) {
-    lg_rng rng;
     memset(p, 0, sizeof(*p));
     if (scheme->kind == LG_SCHEME_SPLITTING)
         assert_ok(lg_space_init_rn(&p->plain.space, 12));
@@ -129,7 +127,7 @@ static void make_pair(pair *p, const lg_scheme *scheme) {
         assert_ok(lg_space_init(&p->plain.space, all_kinds, LG_COUNT(all_kinds)));
     p->taped = (lg_taped_ode){.space = p->plain.space, .manifold = p->plain.manifold, .user = &p->wave};
     p->plain.user = &p->wave;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     const lg_space *starts = scheme->ambient ? &p->plain.manifold : &p->plain.space;
     for (int b = 0; b < BATCH; b++) random_start(&rng, starts, p->start + (size_t)b * starts->dim);
     const lg_space *space = &p->plain.space;
@@ -352,8 +350,7 @@ typedef struct operands {
 } operands;
 
 static void make_operands(operands *o, lg_tape *tape, const lg_space_factor *factors, size_t count) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     assert_ok(lg_space_init(&o->space, factors, count));
     const size_t d = o->space.dim, m = o->space.algebra_dim;
     for (size_t b = 0; b < BATCH; b++) random_start(&rng, &o->space, o->y + b * d);
@@ -410,11 +407,10 @@ static void check_projection(lg_tape *tape, const lg_space_factor *factors, size
     static operands o;
     for (double off = 1e-6; off < 1.0; off *= 2e5) {
         lg_var out[LG_TAPED_MAX_PARTS];
-        lg_rng rng;
         double noise[BATCH * MAX_DIM];
         make_operands(&o, tape, factors, count);
         const size_t d = o.space.dim;
-        lg_rng_seed(&rng, 13, 0);
+        lg_rng rng = test_rng(13, 0);
         random_numbers(&rng, BATCH * d, off, noise);
         for (size_t i = 0; i < BATCH * d; i++) o.y[i] += noise[i];
         memcpy(o.expected, o.y, sizeof(o.y));

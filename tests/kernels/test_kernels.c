@@ -139,8 +139,7 @@ static size_t special_values(const lg_kernels *k, void *x) {
 }
 
 TEST_EVERY_TABLE("functions are right to a few units in the last place", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     void *x = numbers(k, MAX_N), *y = numbers(k, MAX_N);
     for (size_t f = 0; f < LG_COUNT(functions); f++) {
         double worst = 0;
@@ -198,8 +197,7 @@ static void assert_same(const lg_kernels *k, const char *name, const void *whole
 
 TEST_EVERY_TABLE("an element has the same bits wherever it stands in an array", k) {
     enum { N = POSITION_N };
-    lg_rng rng;
-    lg_rng_seed(&rng, 2, 0);
+    lg_rng rng = test_rng(2, 0);
     void *special = numbers(k, 256), *x = numbers(k, N), *g = random_numbers(k, &rng, N, -2, 2),
          *h = numbers(k, N), *y = numbers(k, 9 * N), *one = numbers(k, 9);
     const size_t specials = special_values(k, special);
@@ -301,8 +299,7 @@ TEST_EVERY_TABLE("elementwise functions have their values, at kinks and NaN too"
 }
 
 TEST_EVERY_TABLE("strided operations are the contiguous ones", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 0);
+    lg_rng rng = test_rng(3, 0);
     for (size_t rows = 1; rows < 20; rows += 3)
         for (size_t cols = 1; cols < 24; cols += cols < 4 ? 1 : 5)
             for (unsigned pattern = 0; pattern < 16; pattern++) {
@@ -436,8 +433,7 @@ TEST_EVERY_TABLE("derivatives from a stored value have all digits that the store
     enum { N = 1000 };
     static const lg_k_act smooth[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH};
     void *x = numbers(k, N), *y = numbers(k, N), *h = numbers(k, N);
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 1);
+    lg_rng rng = test_rng(11, 1);
     for (size_t kind = 0; kind < LG_COUNT(smooth); kind++)
         for (int order = 0; order <= LG_K_ACT_ORDERS; order++) {
             for (size_t i = 0; i < N; i++) {
@@ -460,8 +456,7 @@ TEST_EVERY_TABLE("derivatives from a stored value have all digits that the store
 
 TEST_EVERY_TABLE(
     "act_reverse is its passes one by one, to the bit: dq [+]= c s^(order), dx [+]= (c q) s^(order + 1)", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 14, 0);
+    lg_rng rng = test_rng(14, 0);
     static const size_t sizes[] = {1, 7, 256, 300, 1000};
     static const lg_k_act kinds[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH, LG_K_LEAKY_RELU, LG_K_SINE};
     for (size_t i = 0; i < LG_COUNT(sizes) * LG_COUNT(kinds) * 64; i++) {
@@ -493,8 +488,7 @@ TEST_EVERY_TABLE(
 }
 
 TEST_EVERY_TABLE("bias_act is the addition and then the activation, to the bit", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 4, 0);
+    lg_rng rng = test_rng(4, 0);
     static const size_t shapes[][2] = {{1, 1}, {5, 1}, {3, 37}, {20, 100}, {7, 8}};
     for (size_t s = 0; s < LG_COUNT(shapes); s++)
         for (int kind = 0; kind < LG_K_ACTS; kind++)
@@ -560,8 +554,7 @@ static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, siz
 }
 
 TEST_EVERY_TABLE("products are chains of multiply-adds, to the bit", t) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     for (size_t m = 1; m <= 19; m++)
         for (size_t n = 1; n <= 35; n++)
             for (unsigned v = 0; v < 4; v++)
@@ -576,8 +569,7 @@ TEST_EVERY_TABLE("products are chains of multiply-adds, to the bit", t) {
 }
 
 TEST_EVERY_TABLE("matvec is right to rounding, the same for every row and number of rows", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 15, 0);
+    lg_rng rng = test_rng(15, 0);
     for (size_t i = 0; i < 40 * 40; i++) {
         const size_t m = i % 40 + 1, n = i < 1600 - 40 ? i / 40 : 700;
         void *a = random_numbers(k, &rng, m * n, -1, 1), *x = random_numbers(k, &rng, n, -1, 1);
@@ -609,8 +601,7 @@ TEST_EVERY_TABLE("matvec is right to rounding, the same for every row and number
 }
 
 TEST_EVERY_TABLE("transposes", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 6, 0);
+    lg_rng rng = test_rng(6, 0);
     for (size_t rows = 1; rows < 23; rows++)
         for (size_t cols = 1; cols < 23; cols++) {
             void *x = random_numbers(k, &rng, rows * cols, -1, 1), *y = numbers(k, rows * cols);
@@ -624,8 +615,7 @@ TEST_EVERY_TABLE("transposes", k) {
 /* ---- reductions ---- */
 
 TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction set", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 7, 0);
+    lg_rng rng = test_rng(7, 0);
     for (size_t n = 0; n < 300; n += n < 70 ? 1 : 41) {
         void *x = random_numbers(k, &rng, n, -1, 1), *y = random_numbers(k, &rng, n, -1, 1);
         long double s = 0, d = 0;
@@ -667,8 +657,7 @@ TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction 
 /* ---- geometry ---- */
 
 TEST_EVERY_TABLE("cross products and dot products of rows", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 8, 0);
+    lg_rng rng = test_rng(8, 0);
     for (size_t rows = 1; rows < 40; rows += 3) {
         void *a = random_numbers(k, &rng, rows * 5, -1, 1), *b = random_numbers(k, &rng, rows * 5, -1, 1),
              *y = numbers(k, rows * 3);
@@ -721,8 +710,7 @@ TEST_EVERY_TABLE("Stumpff functions are relatively exact, next to their zeros to
  * position the same bits. */
 TEST_EVERY_TABLE("SE(3) acts as the plain functions do, with the same bits at every place", t) {
     const double angles[] = {0.0, 1e-9, 0.1, 0.2499, 0.2501, 0.3, 1.0, 1.999, 2.001, 3.0, 5.0};
-    lg_rng rng;
-    lg_rng_seed(&rng, 71, 0);
+    lg_rng rng = test_rng(71, 0);
     for (size_t n = 0; n <= 19; n++) {
         double *a = TEST_ARRAY(double, 6 * n), *y = TEST_ARRAY(double, 6 * n),
                *out = TEST_ARRAY(double, 6 * n);
@@ -795,8 +783,7 @@ TEST("lg_dexpinv_coef is relatively exact to order 5") {
 
 TEST_EVERY_TABLE("small positive systems are solved, and those that are not positive are NaN and counted",
                  t) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 9, 0);
+    lg_rng rng = test_rng(9, 0);
     enum { N = 21, M = 3, MAX_K = 9 }; /* two times eight side by side, and five one by one */
     for (size_t k = 1; k <= MAX_K; k++) {
         const size_t kk = k * k;
@@ -850,8 +837,7 @@ TEST_EVERY_TABLE("small positive systems are solved, and those that are not posi
 /* ---- Adam ---- */
 
 TEST_EVERY_TABLE("an update of Adam does not depend on its position", k) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     enum { N = POSITION_N };
     void *g = random_numbers(k, &rng, N, -1, 1), *m = random_numbers(k, &rng, N, -1, 1),
          *v = random_numbers(k, &rng, N, 0, 1), *theta = random_numbers(k, &rng, N, -1, 1),

@@ -17,7 +17,7 @@ static inline void release_system(void *system) {
 static inline lg_system *make_system_with(const char *name, const lg_system_options *options) {
     lg_system *system = NULL;
     lg_error error;
-    if (lg_system_create(NULL, name, options, &system, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_system_create(NULL, name, options, &system, &told));
     assert_string_equal(error.message, "");
     lg_test_owns(system, release_system);
     return system;

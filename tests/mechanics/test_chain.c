@@ -54,8 +54,7 @@ static const double stencil[4][2] = {{-2, 1.0 / 12}, {-1, -2.0 / 3}, {1, 2.0 / 3
 #define DELTA 1e-3
 
 TEST("on the manifold the gradient is the dense solution's, and the energy too") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 22, 0);
+    lg_rng rng = test_rng(22, 0);
     for (size_t k = 1; k <= MAX_LINKS; k++) {
         lg_system *system = make_chain("hamiltonian", k, GRAVITY, masses, lengths);
         const lg_chain chain = lg_chain_of(system);
@@ -87,8 +86,7 @@ TEST("on the manifold the gradient is the dense solution's, and the energy too")
 }
 
 TEST("off the manifold the extended gradient is the gradient of the extended energy") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 23, 0);
+    lg_rng rng = test_rng(23, 0);
     for (size_t k = 1; k <= MAX_LINKS; k++) {
         lg_system *system = make_chain("hamiltonian", k, GRAVITY, masses, lengths);
         const lg_chain chain = lg_chain_of(system);
@@ -151,8 +149,7 @@ TEST("invariants and manifold are kept by chains of up to 200 links, in both for
         double *y = TEST_ARRAY(double, d), *end = TEST_ARRAY(double, d);
         double *work = lg_test_memory(lg_system_work_size(system)), size = 1.0;
         const double time = k > 10 ? 0.5 : 3.0;
-        lg_rng rng;
-        lg_rng_seed(&rng, 24, k);
+        lg_rng rng = test_rng(24, k);
         random_links(&rng, k, y);
         assert_ok(lg_reference_trajectories(NULL, system, y, 1, &time, 1, 0.0, 0.0, end, NULL));
         for (size_t i = 0; i < lg_system_invariants(system); i++) {

@@ -14,8 +14,7 @@ static const double masses[MAX_LINKS] = {1.0, 1.3, 0.7, 2.0, 0.4, 1.1, 0.9, 1.6,
                                           1.3, 0.8, 0.6, 1.1, 0.9, 1.4, 0.7, 1.0, 1.2, 0.8};
 
 TEST("momenta and velocities are inverse, and both forms have the same invariants") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 32, 0);
+    lg_rng rng = test_rng(32, 0);
     for (size_t k = 1; k <= 3; k++) {
         lg_system *first = make_chain("lagrangian", k, GRAVITY, masses, lengths),
                   *second = make_chain("hamiltonian", k, GRAVITY, masses, lengths);
@@ -40,9 +39,8 @@ TEST("NaN in one row of a tape is no error and stays in that row") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
     lg_system_taped_user user;
     lg_taped_ode ode;
-    lg_rng rng;
     double y[3 * 12], f[3 * 12];
-    lg_rng_seed(&rng, 41, 0);
+    lg_rng rng = test_rng(41, 0);
     random_links(&rng, 6, y);
     y[12] = NAN;
     lg_tape *t = test_tape(LG_F64);
@@ -89,8 +87,7 @@ TEST("the variational integrator has order 2") {
     double start[12], exact[12], y[12], work[36];
     fit_line fit = {0};
     const double time = 0.5;
-    lg_rng rng;
-    lg_rng_seed(&rng, 35, 0);
+    lg_rng rng = test_rng(35, 0);
     random_links(&rng, 2, start);
     assert_ok(lg_reference_trajectories(NULL, system, start, 1, &time, 1, 0.0, 0.0, exact, NULL));
     for (int i = 0; i < 6; i++) {
@@ -115,8 +112,7 @@ TEST("the variational integrator is reversible and keeps manifold and momentum")
     for (size_t k = 1; k <= 5; k += 2) {
         lg_system *system = make_chain("lagrangian", k, GRAVITY, masses, lengths);
         double start[30], y[30], work[18 * 5], manifold = 0.0, momentum = 0.0, energy = 0.0;
-        lg_rng rng;
-        lg_rng_seed(&rng, 36, k);
+        lg_rng rng = test_rng(36, k);
         random_links(&rng, k, start);
         memcpy(y, start, sizeof(y));
         const double h0 = lg_system_invariant(system, 0, y, work),
@@ -142,8 +138,7 @@ TEST("the variational integrators of both forms agree") {
     lg_system *first = make_chain("lagrangian", K, GRAVITY, masses, lengths),
               *second = make_chain("hamiltonian", K, GRAVITY, masses, lengths);
     double y[6 * K], z[6 * K], work[18 * K];
-    lg_rng rng;
-    lg_rng_seed(&rng, 37, 0);
+    lg_rng rng = test_rng(37, 0);
     random_links(&rng, K, y);
     assert_ok(lg_chain_momenta(first, y, z, work));
     steps(first, 0.01, 10, y, work);

@@ -29,8 +29,7 @@ typedef struct seen {
 static lg_status random_start(void *user, uint64_t member, double *y, double *parameters) {
     const seen *my = user;
     const lg_space *space = lg_system_space(my->system);
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, member);
+    lg_rng rng = test_rng(5, member);
     for (size_t i = 0; i < space->dim; i++) y[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
     for (size_t f = 0, at = 0; f < space->factors; f++)
         for (size_t i = 0; i < space->factor[f].count; i++) {
@@ -81,11 +80,9 @@ static lg_ensemble_options options_for(const lg_scheme *scheme, uint64_t members
 }
 
 static seen run(const lg_system *system, const lg_ensemble_options *o, bool vary, lg_ensemble_stats *stats) {
-    lg_error error = {LG_OK, ""};
     seen my = {.system = system, .count = o->count, .first = o->first, .vary = vary};
     my.states = TEST_ARRAY(double, (size_t)o->members * o->count * lg_system_dim(system));
-    if (lg_ensemble_run(NULL, system, o, random_start, &my, keep, &my, stats, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_ensemble_run(NULL, system, o, random_start, &my, keep, &my, stats, &told));
     assert_int_equal(my.kept, o->members);
     return my;
 }
@@ -313,8 +310,7 @@ static double dip_at(double size, double a, double m, double depth, int directio
 }
 
 TEST("a number that turns just beyond 0 has its events, one that turns just before has none, in any unit") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 7, 0);
+    lg_rng rng = test_rng(7, 0);
     for (int k = 0; k < 20000; k++) {
         const double size = (k % 2 == 0 ? 1.0 : -1.0) * pow(10.0, lg_rng_uniform_in(&rng, -60.0, 60.0));
         const double a = lg_rng_uniform_in(&rng, 0.3, 5.0), m = lg_rng_uniform_in(&rng, 0.05, 0.95);
@@ -334,8 +330,7 @@ TEST("a number that turns just beyond 0 has its events, one that turns just befo
 #define SWING_LEVEL 0.8
 
 static double swing_beyond(uint64_t member) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 6, member);
+    lg_rng rng = test_rng(6, member);
     const double d = pow(10.0, lg_rng_uniform_in(&rng, -4.0, -1.0));
     return member % 2 == 0 ? d : -d;
 }
@@ -564,8 +559,7 @@ TEST("exact sums do not depend on order, and cancel without loss") {
     enum { N = 2000 };
     lg_exact_sum up = {{0}}, down = {{0}}, half = {{0}}, rest = {{0}};
     double *x = TEST_ARRAY(double, N);
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 2);
+    lg_rng rng = test_rng(1, 2);
     for (int i = 0; i < N; i++) x[i] = ldexp(lg_rng_normal(&rng), (int)lg_rng_below(&rng, 600) - 300);
     for (int i = 0; i < N; i++) {
         lg_exact_add(&up, x[i]);
@@ -611,8 +605,7 @@ static void add_both(lg_statistics *s, const double *values, size_t count) {
 TEST("mean, deviation, extremes and quantiles are those of the sorted numbers") {
     enum { N = 20000, BLOCK = 100 };
     double *x = TEST_ARRAY(double, N), sum = 0.0, square = 0.0;
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 0);
+    lg_rng rng = test_rng(3, 0);
     for (int i = 0; i < N; i++) x[i] = exp(9.0 + 0.01 * lg_rng_normal(&rng)), sum += x[i];
     for (int i = 0; i < N; i++) square += (x[i] - sum / N) * (x[i] - sum / N);
     lg_statistics *s = make_statistics(400, x, 256), *other = make_statistics(400, x, 256);

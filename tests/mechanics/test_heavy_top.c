@@ -81,8 +81,7 @@ TEST("flows of every form are those of the equations in the body") {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const double fast[3] = {0.0, 0.46875 * 150.0, 0.234375 * -4.61538}, slow[3] = {0.3, -0.2, 0.5};
     double Q[9], pi[3];
-    lg_rng rng;
-    lg_rng_seed(&rng, 14, 0);
+    lg_rng rng = test_rng(14, 0);
     check_flow("fast", &symmetric, identity, fast, 8000);
     check_flow("slow", &symmetric, identity, slow, 4000);
     for (int i = 0; i < 3; i++) {
@@ -95,8 +94,7 @@ TEST("flows of every form are those of the equations in the body") {
 TEST("to slgi the quadratic form is the cotangent one") {
     static const int canonical[] = {COTANGENT, QUADRATIC};
     double end[2][18], start[18], Q[9], pi[3], work[SYSTEM_MAX_DIM];
-    lg_rng rng;
-    lg_rng_seed(&rng, 18, 0);
+    lg_rng rng = test_rng(18, 0);
     random_start(&rng, 2.0, Q, pi);
     for (int f = 0; f < 2; f++) {
         lg_system *system = make_top(&skew, canonical[f]);

@@ -131,8 +131,7 @@ static void quadrotor_acceleration(const double *y, const double *dy, int i, dou
 /* Each quadrotor feels its thrust, gravity and the tension T_i of its link; the payload gravity and both
  * tensions. */
 TEST("the three masses obey Newton's laws under the thrusts of the control law") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 31, 0);
+    lg_rng rng = test_rng(31, 0);
     lg_system *system = make_quadrotors();
     for (int trial = 0; trial < 5; trial++) {
         const double t = lg_rng_uniform_in(&rng, 0, 5);
@@ -157,8 +156,7 @@ TEST("the three masses obey Newton's laws under the thrusts of the control law")
 }
 
 TEST("positions, attitudes and links move as their velocities say") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 32, 0);
+    lg_rng rng = test_rng(32, 0);
     lg_system *system = make_quadrotors();
     double y[DIM], dy[DIM], cross[3];
     random_state(&rng, y);

@@ -80,8 +80,7 @@ TEST("near the middle axis the solution is Jacobi's, to T = 100") {
 }
 
 TEST("the attitude is that of the equations in the body") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 0);
+    lg_rng rng = test_rng(3, 0);
     double y[12], body[12], end[12], work[16];
     const double T = 2.0;
     lg_system *system = make_body("rigid-body-attitude", inertia);

@@ -37,8 +37,7 @@ TEST("the first oscillator of the pair is harmonic: cos and sin; G is kept") {
 TEST("starts have the laws of the thesis") {
     lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
     double y[18], mean[3] = {0}, tangent[3] = {0}, square = 0.0, box[4], low = 1.0, high = -1.0;
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     const int n = 2000;
     for (int i = 0; i < n; i++) {
         assert_ok(lg_system_start(chain, NULL, &rng, y));
@@ -132,8 +131,7 @@ TEST("starts of a box: u of a chain and states on R^d are in it, and fill it") {
     lg_trajectory_options o;
     lg_trajectory_options_init(&o);
     o.starts = LG_STARTS_BOX;
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     double y[18], low = 3.0, high = -3.0;
     for (int i = 0; i < 200; i++) {
         o.low = 2.0, o.high = 2.0005;
@@ -182,8 +180,7 @@ TEST("starts in a plane lie in it, on the manifold, and have their law in both f
     assert_close(cosine, exp(-0.505), 0.12, 0);
     assert_close(square[0], 9 * 0.29, 0.12, 0);
     assert_close(square[1], 9 * 0.33, 0.12, 0);
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     assert_status(lg_system_start(make("quartic", 1), &o, &rng, y), LG_UNSUPPORTED);
     assert_status(lg_system_start(make("pendulum-chain", LG_PLANE_LINKS + 1), &o, &rng, y), LG_UNSUPPORTED);
 }

@@ -107,8 +107,7 @@ static void draw_state(problem *p, lg_rng *rng, bool rest) {
 /* Falling, or let go. */
 static problem draw_problem(const char *name, const char *form, size_t links, bool rest) {
     problem p = {.name = name, .form = form, .links = links, .t_end = 1.5};
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, links);
+    lg_rng rng = test_rng(3, links);
     draw_parameters(&p, &rng);
     const lg_system *system = make_system_of(name, form, links, p.parameters);
     p.dim = lg_system_dim(system);

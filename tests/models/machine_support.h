@@ -44,8 +44,7 @@ static inline lg_machine empty_machine(void) {
 }
 
 static inline void assert_machine(lg_machine *machine) {
-    lg_error error = {LG_OK, ""};
-    if (lg_machine_init(machine, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_machine_init(machine, &told));
 }
 
 /* Scales other than 1; those of a pose's places and forces are equal. */
@@ -76,8 +75,7 @@ static inline double *machine_theta(const lg_machine *machine, uint64_t seed) {
 
 /* `rows` random positions and velocities on the manifold, in the order of logs. */
 static inline void random_rows(const lg_machine *machine, uint64_t seed, size_t rows, double *q, double *v) {
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     for (size_t r = 0; r < rows; r++)
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
             const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);

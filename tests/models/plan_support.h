@@ -24,14 +24,13 @@ static inline void release_program(void *program) {
 static inline ready make_ready(const lg_program *program, const char *name, size_t rows, lg_dtype dtype) {
     ready r;
     lg_plan_options options;
-    lg_error error;
     size_t function;
     lg_plan_options_init(&options);
     options.rows = rows;
     options.dtype = dtype;
     options.mark_unfit = true;
     assert_ok(lg_program_find(program, name, &function));
-    if (lg_plan_create(program, function, &options, &r.plan, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_plan_create(program, function, &options, &r.plan, &told));
     lg_test_owns(r.plan, release_plan);
     r.bytes = lg_plan_work_size(r.plan);
     r.work = test_work(r.bytes);

@@ -21,8 +21,7 @@ static inline lg_series make_series(size_t count, uint32_t channels, uint32_t le
 
 static inline lg_windows cut_windows(const lg_series *s, size_t length, size_t hop) {
     lg_windows w;
-    lg_error error;
-    if (lg_windows_create(NULL, s, length, hop, &w, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_windows_create(NULL, s, length, hop, &w, &told));
     return *own_lg_windows(w);
 }
 

@@ -12,100 +12,25 @@
 
 /* Settings of the tests: every kind with and without its options. */
 static const lg_surrogate_options test_options[] = {
-    {.kind = LG_SURROGATE_DISCRETE, .architecture = LG_NET_MLP, .hidden = 13, .layers = 2},
-    {.kind = LG_SURROGATE_DISCRETE,
-     .architecture = LG_NET_RESNET,
-     .hidden = 13,
-     .layers = 1,
-     .normalise = true,
-     .mirror = true,
-     .gamma = 0.3},
-    {.kind = LG_SURROGATE_CONTINUOUS, .architecture = LG_NET_MULT_AFFINE, .hidden = 11, .layers = 2},
-    {.kind = LG_SURROGATE_CONTINUOUS,
-     .architecture = LG_NET_MULT,
-     .embedding = 7,
-     .hidden = 11,
-     .layers = 2,
-     .normalise = true,
-     .mirror = true,
-     .gamma = 0.02},
-    {.kind = LG_SURROGATE_CONTINUOUS,
-     .architecture = LG_NET_MULT_AFFINE,
-     .embedding = 7,
-     .hidden = 10,
-     .layers = 1,
-     .normalise = true,
-     .gamma = 2.0},
-    {.kind = LG_SURROGATE_DISCRETE,
-     .architecture = LG_NET_MLP,
-     .hidden = 9,
-     .layers = 1,
-     .gamma = 0.3,
-     .penalty = LG_SURROGATE_WEIGHTED},
-    {.kind = LG_SURROGATE_CONTINUOUS,
-     .architecture = LG_NET_MULT,
-     .embedding = 7,
-     .hidden = 11,
-     .layers = 1,
-     .normalise = true,
-     .mirror = true,
-     .boundary = true,
-     .gamma = 0.02},
-    {.kind = LG_SURROGATE_CONTINUOUS, .architecture = LG_NET_MLP, .hidden = 9, .layers = 1, .boundary = true},
-    {.kind = LG_SURROGATE_ANGLE, .architecture = LG_NET_MULT, .hidden = 9, .layers = 2},
-    {.kind = LG_SURROGATE_ANGLE,
-     .architecture = LG_NET_MULT_AFFINE,
-     .embedding = 5,
-     .hidden = 9,
-     .layers = 2,
-     .boundary = true},
-    {.kind = LG_SURROGATE_ANGLE,
-     .architecture = LG_NET_MLP,
-     .hidden = 9,
-     .layers = 2,
-     .mirror = true,
-     .boundary = true},
-    {.kind = LG_SURROGATE_ANGLE,
-     .architecture = LG_NET_MLP,
-     .hidden = 9,
-     .layers = 1,
-     .mirror = true,
-     .symmetric = true},
-    {.kind = LG_SURROGATE_ANGLE,
-     .architecture = LG_NET_MLP,
-     .hidden = 9,
-     .layers = 1,
-     .boundary = true,
-     .symmetric = true},
-    {.kind = LG_SURROGATE_DISCRETE,
-     .architecture = LG_NET_MLP,
-     .hidden = 9,
-     .layers = 1,
-     .mirror = true,
-     .modes = 3},
-    {.kind = LG_SURROGATE_DISCRETE,
-     .architecture = LG_NET_MULT,
-     .hidden = 8,
-     .layers = 1,
-     .normalise = true,
-     .modes = 2,
-     .gamma = 0.4},
-    {.kind = LG_SURROGATE_DISCRETE,
-     .architecture = LG_NET_MLP,
-     .hidden = 9,
-     .layers = 1,
-     .modes = 2,
-     .gamma = 2.0,
-     .penalty = LG_SURROGATE_WEIGHTED},
-    {.kind = LG_SURROGATE_DISCRETE, .architecture = LG_NET_MULT, .hidden = 8, .layers = 1, .angles = true},
-    {.kind = LG_SURROGATE_DISCRETE,
-     .architecture = LG_NET_MLP,
-     .hidden = 9,
-     .layers = 1,
-     .normalise = true,
-     .mirror = true,
-     .angles = true,
-     .gamma = 0.3},
+    SURROGATE(DISCRETE, MLP, 0, 13, 2, TANH, .gamma = 0.0),
+    SURROGATE(DISCRETE, RESNET, 0, 13, 1, TANH, .normalise = true, .mirror = true, .gamma = 0.3),
+    SURROGATE(CONTINUOUS, MULT_AFFINE, 0, 11, 2, TANH, .gamma = 0.0),
+    SURROGATE(CONTINUOUS, MULT, 7, 11, 2, TANH, .normalise = true, .mirror = true, .gamma = 0.02),
+    SURROGATE(CONTINUOUS, MULT_AFFINE, 7, 10, 1, TANH, .normalise = true, .gamma = 2.0),
+    SURROGATE(DISCRETE, MLP, 0, 9, 1, TANH, .gamma = 0.3, .penalty = LG_SURROGATE_WEIGHTED),
+    SURROGATE(CONTINUOUS, MULT, 7, 11, 1, TANH, .normalise = true, .mirror = true, .boundary = true,
+              .gamma = 0.02),
+    SURROGATE(CONTINUOUS, MLP, 0, 9, 1, TANH, .boundary = true),
+    SURROGATE(ANGLE, MULT, 0, 9, 2, TANH, .gamma = 0.0),
+    SURROGATE(ANGLE, MULT_AFFINE, 5, 9, 2, TANH, .boundary = true),
+    SURROGATE(ANGLE, MLP, 0, 9, 2, TANH, .mirror = true, .boundary = true),
+    SURROGATE(ANGLE, MLP, 0, 9, 1, TANH, .mirror = true, .symmetric = true),
+    SURROGATE(ANGLE, MLP, 0, 9, 1, TANH, .boundary = true, .symmetric = true),
+    SURROGATE(DISCRETE, MLP, 0, 9, 1, TANH, .mirror = true, .modes = 3),
+    SURROGATE(DISCRETE, MULT, 0, 8, 1, TANH, .normalise = true, .modes = 2, .gamma = 0.4),
+    SURROGATE(DISCRETE, MLP, 0, 9, 1, TANH, .modes = 2, .gamma = 2.0, .penalty = LG_SURROGATE_WEIGHTED),
+    SURROGATE(DISCRETE, MULT, 0, 8, 1, TANH, .angles = true),
+    SURROGATE(DISCRETE, MLP, 0, 9, 1, TANH, .normalise = true, .mirror = true, .angles = true, .gamma = 0.3),
 };
 /* The first of each. */
 enum { TEST_ANGLE = 8, TEST_MODES = 13, TEST_INNER = 16, TEST_OPTIONS = LG_COUNT(test_options) };
@@ -121,13 +46,12 @@ typedef struct small {
 static inline small make_small(size_t which, uint32_t intervals, double length, uint64_t seed) {
     small s;
     lg_surrogate_options options = test_options[which];
-    lg_rng rng;
     options.activation = LG_TANH;
     assert_ok(lg_surrogate_init(&s.model, &options, intervals, length, 1.5, NULL));
     give_modes(&s.model);
     s.parameters = lg_surrogate_parameters(&s.model);
     s.theta = TEST_ARRAY(double, s.parameters);
-    lg_rng_seed(&rng, seed, which);
+    lg_rng rng = test_rng(seed, which);
     lg_net_initialise(&s.model.net, LG_INIT_FAN_IN, &rng, s.theta);
     return s;
 }
@@ -136,9 +60,7 @@ static inline small make_small(size_t which, uint32_t intervals, double length, 
 static inline void typed_curve_of(const small *s, lg_dtype dtype, const double *x, const double *at,
                                   size_t points, double *q, double *v) {
     lg_surrogate_curves *curves;
-    lg_error error;
-    if (lg_surrogate_curves_create(NULL, &s->model, s->theta, dtype, points, &curves, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_surrogate_curves_create(NULL, &s->model, s->theta, dtype, points, &curves, &told));
     lg_surrogate_curve(curves, x, at, points, q, v, test_work(lg_surrogate_curves_work_size(curves)));
     lg_surrogate_curves_destroy(curves);
 }

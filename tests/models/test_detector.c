@@ -23,8 +23,7 @@ static double frequency(uint32_t label) {
 /* `rare`: of ten windows, so many are of class 1 where there are two. */
 static sounds make_sounds(size_t count, uint32_t classes, size_t rare, double noise, bool centred) {
     sounds s = {.series = make_series(count, CHANNELS, LENGTH, classes, false, false)};
-    lg_rng rng;
-    lg_rng_seed(&rng, 31, 0);
+    lg_rng rng = test_rng(31, 0);
     for (size_t i = 0; i < count; i++) {
         const uint32_t label = rare > 0 ? i % 10 < rare : (uint32_t)(i % classes);
         s.series.label[i] = label;
@@ -63,14 +62,12 @@ static lg_detector make_detector(uint32_t classes, lg_detector_loss loss, bool c
                                .classes = classes,
                                .loss = loss,
                                .centred = centred};
-    lg_error error;
-    if (lg_detector_check(&model, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_detector_check(&model, &told));
     return model;
 }
 
 static double *start_of(const lg_detector *model) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 32, 0);
+    lg_rng rng = test_rng(32, 0);
     double *theta = TEST_ARRAY(double, lg_cnn_parameters(&model->net));
     lg_cnn_initialise(&model->net, LG_INIT_FAN_IN, &rng, theta);
     return theta;
@@ -78,10 +75,8 @@ static double *start_of(const lg_detector *model) {
 
 static lg_detector_data data_of(const sounds *s, const lg_detector *model, size_t count, lg_dtype dtype) {
     lg_detector_data data;
-    lg_error error;
-    if (lg_detector_data_create(NULL, model, &s->scaler, &s->series, &s->windows, s->chosen, count, dtype,
-                                &data, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_detector_data_create(NULL, model, &s->scaler, &s->series, &s->windows, s->chosen, count,
+                                        dtype, &data, &told));
     return *own_lg_detector_data(data);
 }
 
@@ -554,8 +549,7 @@ TEST("a network that died starts again with the next weights of its seed, and le
     assert_true(told_right(&model, &s, left, s.training) < s.series.count - s.training);
 
     /* Draws follow each other in one generator. */
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 1);
+    lg_rng rng = test_rng(5, 1);
     for (uint64_t draw = 0; draw < 3; draw++) {
         lg_cnn_initialise(&model.net, LG_INIT_FAN_IN, &rng, theta);
         lg_detector_initialise(&model, 5, draw, other);

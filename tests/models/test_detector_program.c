@@ -21,7 +21,6 @@ typedef struct example {
 
 static void make(example *e, size_t net, lg_activation activation, uint32_t classes, bool centred) {
     static const double mean[] = {0.3, -2.0, 5.0}, scale[] = {0.5, 3.0, 1.25};
-    lg_error error;
     memset(e, 0, sizeof *e);
     e->model = (lg_detector){.net = odd_nets[net],
                              .classes = classes,
@@ -29,19 +28,17 @@ static void make(example *e, size_t net, lg_activation activation, uint32_t clas
                              .centred = centred};
     e->model.net.outputs = classes == 2 ? 1 : classes;
     e->model.net.activation = activation;
-    if (lg_cnn_init(&e->model.net, &error) != LG_OK) fail_msg("%s", error.message);
-    if (lg_detector_check(&e->model, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_cnn_init(&e->model.net, &told));
+    assert_told(lg_detector_check(&e->model, &told));
     for (size_t c = 0; c < MOST_CHANNELS; c++) {
         e->mean[c] = centred ? 0.0 : mean[c];
         e->scale[c] = scale[c];
     }
     e->scaler = (lg_scaler){.channels = odd_nets[net].channels, .mean = e->mean, .scale = e->scale};
-    lg_rng rng;
-    lg_rng_seed(&rng, 31, net);
+    lg_rng rng = test_rng(31, net);
     e->theta = TEST_ARRAY(double, lg_cnn_parameters(&e->model.net));
     lg_cnn_initialise(&e->model.net, LG_INIT_FAN_IN, &rng, e->theta);
-    if (lg_detector_program(NULL, &e->model, &e->scaler, e->theta, &e->program, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_detector_program(NULL, &e->model, &e->scaler, e->theta, &e->program, &told));
     lg_test_owns(e->program, release_program);
     e->value = make_ready(e->program, "value", 1, LG_F64);
     e->gradient = make_ready(e->program, "grad", 1, LG_F64);

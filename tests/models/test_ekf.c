@@ -14,15 +14,13 @@ static lg_ekf *filter_of(const lg_model *model, const char *scheme, const double
                          const double *W, const lg_sensor *sensors, size_t count) {
     lg_ekf_options options;
     lg_ekf *ekf = NULL;
-    lg_error error;
     lg_ekf_options_init(&options);
     options.scheme = lg_scheme_find(scheme);
     options.state = state, options.P = P, options.W = W, options.sensors = sensors,
     options.sensor_count = count;
     const size_t bytes = lg_ekf_size(model, options.scheme, count);
     assert_true(bytes > 0);
-    if (lg_ekf_init(model, &options, &ekf, test_work(bytes), bytes, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_ekf_init(model, &options, &ekf, test_work(bytes), bytes, &told));
     return ekf;
 }
 
@@ -235,8 +233,7 @@ static void consistency(const trial *t, const double *start, int runs, int steps
     const size_t d = lg_model_inputs(model), r = lg_model_tangent_dim(model);
     double *y = room(d), *c = room(r), *P = room(r * r), z[16], one;
     lg_stepper *stepper = stepper_of(t->b, lg_scheme_find(t->scheme));
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     *nees = *nis = 0.0;
     for (int run = 0; run < runs; run++) {
         const size_t mark = lg_test_owned();
@@ -334,8 +331,7 @@ TEST("100000 steps with sensors a million times better than the start keep P sym
     const double deviations[R] = {1.0, 1.0, 1.0, 1.0};
     lg_stepper *stepper = stepper_of(&b, lg_scheme_find("rkmk4"));
     lg_ekf *ekf = filter_of(b.model, "rkmk4", guess, diagonal(R, deviations), uniform(R, 1e-7), sensors, 3);
-    lg_rng rng;
-    lg_rng_seed(&rng, 12, 0);
+    lg_rng rng = test_rng(12, 0);
     for (int n = 0; n < 100000; n++) {
         double z[3];
         assert_ok(lg_step(stepper, 0.0, 0.01, y, NULL, y));

@@ -141,8 +141,7 @@ TEST("estimated starts are exp(a_i) of the first points, which are part of the l
         assert_ok(lg_hamiltonian_space(e.model.family, e.model.n, &space));
         const size_t n = lg_hamiltonian_parameters(&e.model), dim = space.algebra_dim;
         double *theta = room(n + N * dim), distance = 0;
-        lg_rng rng;
-        lg_rng_seed(&rng, 4, 0);
+        lg_rng rng = test_rng(4, 0);
         memcpy(theta, e.theta, n * sizeof *theta);
         for (size_t i = 0; i < N; i++) {
             double moved[12], a[12], *y = e.set.y + i * M * e.set.d;
@@ -166,9 +165,8 @@ TEST("estimated starts are exp(a_i) of the first points, which are part of the l
 }
 
 static double floor_of(const lg_hamiltonian_problem *problem, const double *theta) {
-    lg_error error = {LG_OK, ""};
     double value;
-    if (lg_hamiltonian_floor(NULL, problem, theta, &value, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_hamiltonian_floor(NULL, problem, theta, &value, &told));
     return value;
 }
 
@@ -220,8 +218,7 @@ TEST("the floor falls by 4^p with twice the substeps, p the order, for every fam
             const built b = build_hamiltonian(lg_hamiltonian_family_at(i), 2, LG_POTENTIAL_MLP, LG_TANH);
             const size_t d = lg_model_inputs(b.model);
             double *y = room(N * M * d);
-            lg_rng rng;
-            lg_rng_seed(&rng, seed, 0);
+            lg_rng rng = test_rng(seed, 0);
             for (size_t k = 0; k < N * M; k++) draw_state(&b, &rng, y + k * d);
             for (size_t s = 0; s < lg_scheme_count(); s++) check_floor(&b, lg_scheme_at(s), y);
         }
@@ -295,11 +292,10 @@ TEST("potentials are even or odd, with gradients that are differences") {
             lg_hamiltonian model;
             double theta[128], gradient[4], energy;
             const double y[4] = {0.4, -0.9, 0.0, 0.0}, minus[4] = {-0.4, 0.9, 0.0, 0.0}, h = 1e-5;
-            lg_rng rng;
             assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, (lg_potential_kind)potential,
                                           hidden, 1, LG_TANH));
             model.symmetry = (lg_symmetry)symmetry;
-            lg_rng_seed(&rng, 4, 0);
+            lg_rng rng = test_rng(4, 0);
             lg_hamiltonian_initialise(&model, &rng, theta);
             const built b = build_from(&model, theta);
             assert_close(energy_of(&b, minus), sign[symmetry] * energy_of(&b, y), 1e-14, 1e-15);
@@ -334,10 +330,9 @@ TEST("both penalties are those of the predicted points") {
     lg_hamiltonian model;
     const uint32_t hidden[1] = {6};
     double theta[64];
-    lg_rng rng;
     assert_ok(
         lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
-    lg_rng_seed(&rng, 2, 0);
+    lg_rng rng = test_rng(2, 0);
     lg_hamiltonian_initialise(&model, &rng, theta);
     lg_hamiltonian_problem problem = problem_of(&model, &set, "rk4");
     const double plain = loss_of(&problem, theta);
@@ -399,10 +394,9 @@ TEST("geodesic distances are those along great circles with momenta carried alon
         data set = make_data("pendulum-chain", 2);
         lg_hamiltonian model;
         double theta[128], sum = 0.0;
-        lg_rng rng;
         assert_ok(
             lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
-        lg_rng_seed(&rng, 6, 0);
+        lg_rng rng = test_rng(6, 0);
         lg_hamiltonian_initialise(&model, &rng, theta);
         lg_hamiltonian_problem problem = problem_of(&model, &set, "cf4");
         problem.dt = 0.3;
@@ -615,10 +609,9 @@ TEST("the penalty takes every first integral, at the points that are listed") {
         const uint32_t hidden[1] = {6};
         lg_hamiltonian model;
         double theta[128];
-        lg_rng rng;
         assert_ok(lg_hamiltonian_init(&model, r == 0 ? &lg_hamiltonian_chain : &lg_hamiltonian_separable, 2,
                                       LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
-        lg_rng_seed(&rng, 5, 0);
+        lg_rng rng = test_rng(5, 0);
         lg_hamiltonian_initialise(&model, &rng, theta);
         lg_hamiltonian_problem problem = problem_of(&model, &set, r == 0 ? "cf4" : "rk4");
         problem.dt = 0.3;
@@ -697,11 +690,10 @@ TEST("a potential that is scaled is scaled less the next time") {
     const data set = make_data("pendulum-chain", 2);
     const uint32_t hidden[2] = {5, 4};
     lg_hamiltonian model;
-    lg_rng rng;
     assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, hidden, 2, LG_TANH));
     const lg_hamiltonian_problem problem = problem_of(&model, &set, "cf4");
     double *theta = room(lg_hamiltonian_parameters(&model)), first, second;
-    lg_rng_seed(&rng, 8, 0);
+    lg_rng rng = test_rng(8, 0);
     lg_hamiltonian_initialise(&model, &rng, theta);
     assert_ok(lg_hamiltonian_scale(NULL, &problem, theta, &first));
     assert_ok(lg_hamiltonian_scale(NULL, &problem, theta, &second));
@@ -749,14 +741,13 @@ static void check_system(const lg_system *system) {
     size_t n;
     lg_space space;
     lg_system_user user;
-    lg_rng rng;
     const lg_hamiltonian_family *family = lg_hamiltonian_family_for(system, &n);
     if (family == NULL || family->off_manifold != NULL) return;
     double y[MOST_STATE], dH[MOST_STATE], velocity[MOST_STATE], algebra[MOST_STATE], expected[MOST_STATE];
     void *work = test_work(lg_system_work_size(system));
     assert_ok(lg_hamiltonian_space(family, (uint32_t)n, &space));
     const lg_ode ode = ode_of(system, LG_COORDINATES_LIE, &user);
-    lg_rng_seed(&rng, 17, n);
+    lg_rng rng = test_rng(17, n);
     for (size_t i = 0; i < space.dim; i++) y[i] = lg_rng_uniform_in(&rng, 0.2, 1.2);
     for (size_t i = 0; i < space.dim; i++) {
         const double kept = y[i], h = 1e-5;
@@ -799,9 +790,7 @@ TEST("every family has all of its words, and a name of its own") {
 /* Random states as data: the loss of training with the family's scheme, recorded. */
 static double loss_by_default(const moving *s, const lg_scheme *scheme) {
     data set = {.d = s->d, .t = {0.0, 0.02}, .y = room(N * M * s->d)};
-    lg_error error = {LG_OK, ""};
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 1);
+    lg_rng rng = test_rng(5, 1);
     for (size_t i = 0; i < N * M; i++) draw_state(&s->b, &rng, set.y + i * s->d);
     const lg_hamiltonian_problem problem = {.model = &s->b.hamiltonian,
                                             .scheme = scheme,
@@ -810,7 +799,7 @@ static double loss_by_default(const moving *s, const lg_scheme *scheme) {
                                             .points = M,
                                             .dt = set.t[1],
                                             .data = set.y};
-    if (lg_hamiltonian_problem_check(&problem, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_hamiltonian_problem_check(&problem, &told));
     return loss_of(&problem, s->b.theta);
 }
 
@@ -838,8 +827,7 @@ TEST("whatever the seed, no start has a nearly singular mass") {
     double theta[3 + 2], least = INFINITY, largest = 0.0;
     assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
     for (uint64_t seed = 0; seed < 5000; seed++) {
-        lg_rng rng;
-        lg_rng_seed(&rng, seed, 1);
+        lg_rng rng = test_rng(seed, 1);
         lg_hamiltonian_initialise(&model, &rng, theta);
         const double m = theta[3] * theta[3] + theta[4];
         assert_true(theta[3] >= 0.0 && theta[3] < 1.0 && theta[4] >= 0.0 && theta[4] < 1.0);

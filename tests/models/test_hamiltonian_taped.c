@@ -48,13 +48,12 @@ static void record_inputs(setting *s) {
 /* `on` the manifold, or anywhere in the ambient space */
 static setting *make_setting(const learned *of, bool on) {
     setting *s = TEST_ARRAY(setting, 1);
-    lg_rng rng;
     s->built = build_hamiltonian(of->family, of->n, of->potential, of->activation);
     s->d = lg_model_inputs(s->built.model);
     s->m = lg_model_input_dim(s->built.model);
     s->parameters = lg_model_parameters(s->built.model);
     assert_true(s->d <= MOST_STATE && s->m <= MOST_INPUT);
-    lg_rng_seed(&rng, 31, of->n);
+    lg_rng rng = test_rng(31, of->n);
     for (size_t i = 0; i < BATCH * s->d; i++) s->state[i] = lg_rng_normal(&rng);
     for (size_t i = 0; i < BATCH * s->m; i++) s->input[i] = lg_rng_normal(&rng);
     for (size_t b = 0; b < BATCH; b++) s->h[b] = lg_rng_uniform_in(&rng, -0.05, 0.1);
@@ -87,14 +86,12 @@ static void assert_output(const lg_program *program, const char *function, const
 TEST("the bundle's functions are those of the model, and its step is the model's stepper") {
     for (size_t i = 0; i < MODELS; i++) {
         lg_program *program;
-        lg_error error;
         double value, gradient[MOST_STATE], field[MOST_STATE], next[MOST_STATE];
         const setting s = *make_setting(&models[i], true);
         const lg_model *model = s.built.model;
         const lg_scheme *scheme =
             lg_scheme_find(models[i].family == &lg_hamiltonian_chain ? "cf4" : "stormer-verlet");
-        if (lg_hamiltonian_program(NULL, hamiltonian_of(&s), s.built.theta, NULL, &program, &error) != LG_OK)
-            fail_msg("%s", error.message);
+        assert_told(lg_hamiltonian_program(NULL, hamiltonian_of(&s), s.built.theta, NULL, &program, &told));
         lg_test_owns(program, release_program);
         lg_stepper *stepper = stepper_of(&s.built, scheme);
         for (size_t b = 0; b < BATCH; b++) {

@@ -63,8 +63,7 @@ static void assert_scaled(const double *got, const double *expected, const doubl
 TEST("a model with scales has the energy, gradient, velocity and steps of the model inside, in its units") {
     for (size_t k = 0; k < LG_COUNT(rows); k++) {
         const pair p = make_pair(&rows[k]);
-        lg_rng rng;
-        lg_rng_seed(&rng, 5, k);
+        lg_rng rng = test_rng(5, k);
         for (int draws = 0; draws < 3; draws++) {
             double x[MOST_STATE], y[MOST_STATE], f[MOST_INPUT], u[MOST_INPUT], H, inner_H, one[MOST_STATE];
             double g[MOST_STATE], inner_g[MOST_STATE], v[MOST_STATE], inner_v[MOST_STATE];
@@ -88,10 +87,9 @@ TEST("every scheme steps a model with scales as the model inside with the step o
             const pair p = make_pair(&rows[k]);
             const size_t mark = lg_test_owned();
             double x[MOST_STATE], y[MOST_STATE], f[MOST_INPUT], u[MOST_INPUT];
-            lg_rng rng;
             if (lg_model_stepper_size(p.inner.model, scheme) == 0 || scheme->kind == LG_SCHEME_VARIATIONAL)
                 continue;
-            lg_rng_seed(&rng, 6, k);
+            lg_rng rng = test_rng(6, k);
             draw(&p, &rng, x, y, f, u);
             lg_stepper *scaled = stepper_of(&p.scaled, scheme), *inner = stepper_of(&p.inner, scheme);
             for (int n = 0; n < 3; n++) {
@@ -147,7 +145,6 @@ static training make_training(const system_row *r, units in) {
     lg_system_options so;
     lg_trajectory_options to;
     lg_system *system;
-    lg_rng rng;
     double t[M], H[N];
     training out;
     lg_system_options_init(&so);
@@ -165,7 +162,7 @@ static training make_training(const system_row *r, units in) {
     for (size_t i = 0; i < N * M * out.d; i++) out.data[i] *= (i % out.d / block) % 2 == 0 ? q : p;
     assert_ok(lg_hamiltonian_init(&out.model, r->family, r->n, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
     out.theta = room(lg_hamiltonian_parameters(&out.model));
-    lg_rng_seed(&rng, 4, 0);
+    lg_rng rng = test_rng(4, 0);
     lg_hamiltonian_initialise(&out.model, &rng, out.theta);
     out.problem = (lg_hamiltonian_problem){.scheme = lg_scheme_find(r->scheme),
                                            .substeps = 1,

@@ -80,9 +80,7 @@ TEST("equilibria: upright, hanging, under a torque; a run of them is refused") {
 
 static void hold(size_t n, size_t m, const double *A, const double *B, double h, double *Ad, double *Bd) {
     const size_t bytes = lg_zero_order_hold_work_size(n, m);
-    lg_error error;
-    if (lg_zero_order_hold(n, m, A, B, h, Ad, Bd, test_work(bytes), bytes, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_zero_order_hold(n, m, A, B, h, Ad, Bd, test_work(bytes), bytes, &told));
 }
 
 TEST("the zero-order hold of integrators, an oscillator and stiff scales is exact to rounding") {
@@ -136,13 +134,11 @@ static const double cross[R * M] = {0.1, 0, 0, 0, 0.2, 0, 0, -0.1, 0, 0.1, 0, 0}
 static lg_lqr regulator(const built *b, double period) {
     lg_lqr_options options;
     lg_lqr lqr;
-    lg_error error;
     const size_t bytes = lg_lqr_size(b->model);
     lg_lqr_options_init(&options);
     options.state = upright, options.Q = Q, options.R = weights, options.S = cross, options.period = period;
     assert_true(bytes > 0);
-    if (lg_lqr_init(b->model, &options, &lqr, test_work(bytes), bytes, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_lqr_init(b->model, &options, &lqr, test_work(bytes), bytes, &told));
     return lqr;
 }
 

@@ -41,8 +41,7 @@ typedef struct logs {
 static logs *make_logs(void) {
     const lg_machine machine = plant(true);
     logs *l = TEST_ARRAY(logs, 1);
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, l->u};
     for (size_t row = 0; row < ALL; row++) {
         l->first[row / ROWS] = l->start[row / ROWS] = row / ROWS * ROWS;
@@ -62,8 +61,7 @@ static logs *make_logs(void) {
 static const double of_q[COLUMNS] = {4e-3, 2e-3}, of_v[COLUMNS] = {1e-2, 2e-2};
 
 static void draw_noise(logs *l, bool positions_only, uint64_t seed) {
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     for (size_t i = 0; i < ALL * COLUMNS; i++) {
         l->q[i] = l->true_q[i] + of_q[i % COLUMNS] * lg_rng_normal(&rng);
         l->v[i] = positions_only ? (double)NAN : l->true_v[i] + of_v[i % COLUMNS] * lg_rng_normal(&rng);
@@ -125,8 +123,7 @@ static double ratio_of(logs *l, const lg_machine *machine, const double *truth, 
 /* The parameters that logs without noise give, and the scales of these. */
 static double *learn_exact(logs *l, lg_machine *machine) {
     static const way exact = {5, 0, LG_MACHINE_STARTS_MEASURED, false, 1};
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     memcpy(l->q, l->true_q, sizeof l->q);
     memcpy(l->v, l->true_v, sizeof l->v);
     assert_ok(lg_machine_find_scales(machine, &l->log, NULL));

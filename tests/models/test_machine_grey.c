@@ -43,7 +43,6 @@ static void release_system(void *system) {
 static lg_system *system_of(const system_case *c) {
     lg_system_options options;
     lg_system *system;
-    lg_error error = {LG_OK, ""};
     lg_system_options_init(&options);
     options.form = c->form;
     options.links = c->links;
@@ -51,7 +50,7 @@ static lg_system *system_of(const system_case *c) {
     const bool none = lg_system_parameters(c->system, c->form)->key == NULL; /* all are 1 */
     while (!none && options.parameter_count < 6 && c->given[options.parameter_count].key != NULL)
         options.parameter_count++;
-    if (lg_system_create(NULL, c->system, &options, &system, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_system_create(NULL, c->system, &options, &system, &told));
     lg_test_owns(system, release_system);
     return system;
 }
@@ -68,9 +67,8 @@ static void draw_start(const system_case *c, const lg_space *space, lg_rng *rng,
 static void run_system(const system_case *c, logs *l, size_t nq, size_t nv) {
     lg_system *system = system_of(c);
     const size_t d = lg_system_dim(system);
-    lg_rng rng;
     double *y = TEST_ARRAY(double, PARTS *d), *out = TEST_ARRAY(double, ALL *d);
-    lg_rng_seed(&rng, 11, 0);
+    lg_rng rng = test_rng(11, 0);
     for (size_t p = 0; p < PARTS; p++) draw_start(c, lg_system_space(system), &rng, y + p * d);
     assert_ok(lg_reference_trajectories(NULL, system, y, PARTS, l->t, ROWS, 1e-13, 1e-14, out, NULL));
     for (size_t r = 0; r < ALL; r++) c->row(system, out + r * d, l->q + r * nq, l->v + r * nv);
@@ -93,8 +91,7 @@ static void advance(const system_case *c, size_t n, double *y) {
 }
 
 static void run_field(const system_case *c, logs *l, size_t n) {
-    lg_rng rng;
-    lg_rng_seed(&rng, 12, 0);
+    lg_rng rng = test_rng(12, 0);
     for (size_t p = 0; p < PARTS; p++) {
         double y[STATE];
         for (size_t i = 0; i < 2 * n; i++) y[i] = c->spread * lg_rng_normal(&rng);
@@ -108,9 +105,8 @@ static void run_field(const system_case *c, logs *l, size_t n) {
 
 /* Noise that keeps attitudes and directions where they belong. */
 static void add_noise(const lg_machine *machine, logs *l, double noise) {
-    lg_rng rng;
     double *q = l->q, *v = l->v;
-    lg_rng_seed(&rng, 13, 0);
+    lg_rng rng = test_rng(13, 0);
     for (size_t r = 0; r < ALL; r++)
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
             const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
@@ -214,142 +210,60 @@ static const lg_coordinate_kind lines[2] = {LG_COORDINATE_LINE, LG_COORDINATE_LI
                                 cart_and_pole[2] = {LG_COORDINATE_LINE, LG_COORDINATE_ANGLE},
                                 angles[2] = {LG_COORDINATE_ANGLE, LG_COORDINATE_ANGLE};
 
+/* Coordinates and how many, size of the motion, step of its log; machine and factor of the starts that
+ * are learned. */
+#define CASE(coordinates_, count_, spread_, dt_, grey_, factor_, ...)                                        \
+    {                                                                                                        \
+        .coordinates = coordinates_, .count = count_, .spread = spread_, .dt = dt_, .grey = grey_,           \
+        .factor = factor_, __VA_ARGS__                                                                       \
+    }
+
 static const system_case cases[] = {
-    {.system = "oscillator",
-     .coordinates = lines,
-     .count = 1,
-     .spread = 1,
-     .row = line_row,
-     .dt = 0.1,
-     .given = {{"mass", one, 1}, {"stiffness", one, 1}},
-     .grey = "oscillator",
-     .unknown = {"stiffness"},
-     .factor = 4},
-    {.system = "oscillator",
-     .coordinates = lines,
-     .count = 1,
-     .spread = 1,
-     .row = line_row,
-     .dt = 0.1,
-     .given = {{"mass", one, 1}, {"stiffness", one, 1}},
-     .grey = "oscillator",
-     .unknown = {"mass"},
-     .factor = 0.2},
-    {.system = "quartic",
-     .coordinates = lines,
-     .count = 2,
-     .spread = 0.7,
-     .row = quartic_row,
-     .dt = 0.05,
-     .given = {{"stiffness", one, 2}, {"cubic", one, 2}},
-     .grey = "quartic",
-     .unknown = {"stiffness", "cubic"},
-     .factor = 2},
-    {.system = "coupled-oscillators",
-     .coordinates = lines,
-     .count = 2,
-     .spread = 1,
-     .row = line_row,
-     .dt = 0.1,
-     .given = {{"masses", one, 2}, {"stiffness", one, 2}, {"cubic", one, 1}},
-     .grey = "coupled-oscillators",
-     .unknown = {"stiffness", "cubic"},
-     .factor = 3},
-    {.system = "heavy-top",
-     .form = "cotangent",
-     .coordinates = body,
-     .count = 1,
-     .spread = 1,
-     .given = {{"inertia", inertia, 3}, {"mass", &mass, 1}, {"length", &length, 1}, {"chi", chi, 3}},
-     .row = body_row,
-     .dt = 0.05,
-     .grey = "heavy-top",
-     .unknown = {"length"},
-     .factor = 2},
-    {.system = "heavy-top",
-     .form = "direct",
-     .coordinates = body,
-     .count = 1,
-     .spread = 1,
-     .given = {{"inertia", inertia, 3}, {"mass", &mass, 1}, {"length", &length, 1}, {"chi", chi, 3}},
-     .row = body_row,
-     .dt = 0.05,
-     .grey = "heavy-top",
-     .unknown = {"inertia", "chi"},
-     .factor = 1.7},
-    {.system = "heavy-top",
-     .form = "direct",
-     .coordinates = body,
-     .count = 1,
-     .spread = 1,
-     .given = {{"inertia", inertia, 3},
-               {"mass", &mass, 1},
-               {"length", &length, 1},
-               {"chi", chi, 3},
-               {"gamma0", gamma0, 3}},
-     .row = body_row,
-     .dt = 0.05,
-     .grey = "heavy-top",
-     .unknown = {"gamma0"},
-     .factor = 0.6},
-    {.system = "pendulum-chain",
-     .form = "lagrangian",
-     .links = 1,
-     .coordinates = directions,
-     .count = 1,
-     .spread = 1,
-     .given = {{"gravity", &gravity, 1}, {"masses", chain_masses, 1}, {"lengths", chain_lengths, 1}},
-     .row = chain_row,
-     .dt = 0.05,
-     .grey = "pendulum-chain",
-     .unknown = {"lengths"},
-     .factor = 1.5},
-    {.system = "pendulum-chain",
-     .form = "lagrangian",
-     .links = 2,
-     .coordinates = directions,
-     .count = 2,
-     .spread = 1,
-     .given = {{"gravity", &gravity, 1}, {"masses", chain_masses, 2}, {"lengths", chain_lengths, 2}},
-     .row = chain_row,
-     .dt = 0.03,
-     .grey = "pendulum-chain",
-     .unknown = {"lengths"},
-     .factor = 1.3},
-    {.system = "pendulum-chain",
-     .form = "hamiltonian",
-     .links = 3,
-     .coordinates = directions,
-     .count = 3,
-     .spread = 0.7,
-     .given = {{"gravity", &gravity, 1}, {"masses", chain_masses, 3}, {"lengths", chain_lengths, 3}},
-     .row = chain_row,
-     .dt = 0.03,
-     .grey = "pendulum-chain",
-     .unknown = {"lengths"},
-     .factor = 0.8},
-    {.field = cart_field,
-     .coordinates = cart_and_pole,
-     .count = 2,
-     .spread = 1,
-     .dt = 0.05,
-     .given = {{"cart", &cart, 1}, {"pole", &pole, 1}, {"length", &pole_length, 1}, {"gravity", &gravity, 1}},
-     .grey = "cart-pole",
-     .unknown = {"pole", "length", "gravity"},
-     .factor = 2},
-    {.field = arm_field,
-     .coordinates = angles,
-     .count = 2,
-     .spread = 0.7,
-     .dt = 0.02,
-     .given = {{"masses", arm_masses, 2},
-               {"centres", arm_centres, 2},
-               {"inertia", arm_inertia, 2},
-               {"length", &arm_length, 1},
-               {"gravity", &gravity, 1}},
-     .grey = "two-link-arm",
-     .unknown = {"centres", "gravity"},
-     .factor = 1.5},
+    CASE(lines, 1, 1, 0.1, "oscillator", 4, .system = "oscillator", .row = line_row,
+         .given = {{"mass", one, 1}, {"stiffness", one, 1}}, .unknown = {"stiffness"}),
+    CASE(lines, 1, 1, 0.1, "oscillator", 0.2, .system = "oscillator", .row = line_row,
+         .given = {{"mass", one, 1}, {"stiffness", one, 1}}, .unknown = {"mass"}),
+    CASE(lines, 2, 0.7, 0.05, "quartic", 2, .system = "quartic", .row = quartic_row,
+         .given = {{"stiffness", one, 2}, {"cubic", one, 2}}, .unknown = {"stiffness", "cubic"}),
+    CASE(lines, 2, 1, 0.1, "coupled-oscillators", 3, .system = "coupled-oscillators", .row = line_row,
+         .given = {{"masses", one, 2}, {"stiffness", one, 2}, {"cubic", one, 1}},
+         .unknown = {"stiffness", "cubic"}),
+    CASE(body, 1, 1, 0.05, "heavy-top", 2, .system = "heavy-top", .form = "cotangent", .row = body_row,
+         .given = {{"inertia", inertia, 3}, {"mass", &mass, 1}, {"length", &length, 1}, {"chi", chi, 3}},
+         .unknown = {"length"}),
+    CASE(body, 1, 1, 0.05, "heavy-top", 1.7, .system = "heavy-top", .form = "direct", .row = body_row,
+         .given = {{"inertia", inertia, 3}, {"mass", &mass, 1}, {"length", &length, 1}, {"chi", chi, 3}},
+         .unknown = {"inertia", "chi"}),
+    CASE(body, 1, 1, 0.05, "heavy-top", 0.6, .system = "heavy-top", .form = "direct", .row = body_row,
+         .given = {{"inertia", inertia, 3},
+                   {"mass", &mass, 1},
+                   {"length", &length, 1},
+                   {"chi", chi, 3},
+                   {"gamma0", gamma0, 3}},
+         .unknown = {"gamma0"}),
+    CASE(directions, 1, 1, 0.05, "pendulum-chain", 1.5, .system = "pendulum-chain", .form = "lagrangian",
+         .links = 1, .row = chain_row,
+         .given = {{"gravity", &gravity, 1}, {"masses", chain_masses, 1}, {"lengths", chain_lengths, 1}},
+         .unknown = {"lengths"}),
+    CASE(directions, 2, 1, 0.03, "pendulum-chain", 1.3, .system = "pendulum-chain", .form = "lagrangian",
+         .links = 2, .row = chain_row,
+         .given = {{"gravity", &gravity, 1}, {"masses", chain_masses, 2}, {"lengths", chain_lengths, 2}},
+         .unknown = {"lengths"}),
+    CASE(directions, 3, 0.7, 0.03, "pendulum-chain", 0.8, .system = "pendulum-chain", .form = "hamiltonian",
+         .links = 3, .row = chain_row,
+         .given = {{"gravity", &gravity, 1}, {"masses", chain_masses, 3}, {"lengths", chain_lengths, 3}},
+         .unknown = {"lengths"}),
+    CASE(cart_and_pole, 2, 1, 0.05, "cart-pole", 2, .field = cart_field,
+         .given =
+             {{"cart", &cart, 1}, {"pole", &pole, 1}, {"length", &pole_length, 1}, {"gravity", &gravity, 1}},
+         .unknown = {"pole", "length", "gravity"}),
+    CASE(angles, 2, 0.7, 0.02, "two-link-arm", 1.5, .field = arm_field,
+         .given = {{"masses", arm_masses, 2},
+                   {"centres", arm_centres, 2},
+                   {"inertia", arm_inertia, 2},
+                   {"length", &arm_length, 1},
+                   {"gravity", &gravity, 1}},
+         .unknown = {"centres", "gravity"}),
 };
 
 /* ---- machines ---- */
@@ -362,16 +276,13 @@ static const lg_named_values *given_for(const system_case *c, const char *key) {
 
 static void set_parameter(lg_machine *machine, const char *key, size_t count, const double *values,
                           bool unknown) {
-    lg_error error = {LG_OK, ""};
     bool each[LG_MACHINE_PARAMETERS];
     for (int i = 0; i < LG_MACHINE_PARAMETERS; i++) each[i] = unknown;
-    if (lg_machine_set_parameter(machine, key, count, values, each, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_machine_set_parameter(machine, key, count, values, each, &told));
 }
 
 static void set_system(lg_machine *machine, const char *name) {
-    lg_error error = {LG_OK, ""};
-    if (lg_machine_set_system(machine, name, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_machine_set_system(machine, name, &told));
 }
 
 /* The truth; with `unknown` the keys that are learned start off it. */
@@ -411,9 +322,7 @@ typedef struct task {
 
 static task *make_task(const lg_machine *machine, const logs *l, bool noisy) {
     enum { NOISY = 6, EXACT = 3 };
-    lg_error error = {LG_OK, ""};
     task *t = TEST_ARRAY(task, 1);
-    lg_rng rng;
     t->machine = *machine;
     assert_ok(lg_machine_find_scales(&t->machine, &l->log, NULL));
     t->problem =
@@ -428,9 +337,9 @@ static task *make_task(const lg_machine *machine, const logs *l, bool noisy) {
         t->problem.position_scale[i] = t->problem.velocity_scale[i] = t->machine.scales.velocity[0];
     t->problem.windows =
         lg_machine_windows(&t->machine, &l->log, t->problem.window, t->problem.window - 1, false, t->start);
-    if (lg_machine_problem_check(&t->problem, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_machine_problem_check(&t->problem, &told));
     t->theta = TEST_ARRAY(double, lg_machine_problem_parameters(&t->problem));
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     lg_machine_initialise(&t->machine, &rng, t->theta);
     return t;
 }

@@ -39,9 +39,8 @@ typedef struct logs {
 static logs *make_logs(double noise, uint64_t seed) {
     const lg_machine machine = oscillator(true);
     logs *l = TEST_ARRAY(logs, 1);
-    lg_rng rng;
     double q[ALL], v[ALL];
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, l->u};
     for (size_t row = 0; row < ALL; row++) {
         l->first[row / ROWS] = l->start[row / ROWS] = row / ROWS * ROWS;
@@ -70,7 +69,6 @@ typedef struct task {
 
 static task *make_task(const logs *l, lg_machine_starts starts) {
     task *t = TEST_ARRAY(task, 1);
-    lg_rng rng;
     t->machine = oscillator(false);
     assert_ok(lg_machine_find_scales(&t->machine, &l->log, NULL));
     t->problem = (lg_machine_problem){.machine = &t->machine,
@@ -86,7 +84,7 @@ static task *make_task(const logs *l, lg_machine_starts starts) {
     assert_int_equal(t->problem.windows, 4 * PARTS);
     assert_ok(lg_machine_problem_check(&t->problem, NULL));
     t->theta = TEST_ARRAY(double, lg_machine_problem_parameters(&t->problem));
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     lg_machine_initialise(&t->machine, &rng, t->theta);
     return t;
 }
@@ -143,8 +141,7 @@ static bool is_usable(const lg_machine *machine, const lg_machine_log *log, uint
 TEST("every row that can be in a window is in one: random lengths, gaps, missing numbers, windows, strides") {
     enum { MOST = 120, CASES = 4000 };
     lg_machine machine = oscillator(false);
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     for (int each = 0; each < CASES; each++) {
         double t[MOST], q[MOST], v[MOST];
         size_t first[MOST + 1] = {0}, start[MOST], parts = 0, at = 0;
@@ -441,7 +438,6 @@ static void shake(lg_rng *rng, double noise, const double *q, double *out) {
 /* Runs of the machine; the log has positions alone, with noise. */
 static runs *make_runs(double noise) {
     runs *r = TEST_ARRAY(runs, 1);
-    lg_rng rng;
     r->machine = coupled();
     r->theta = machine_theta(&r->machine, 8);
     random_rows(&r->machine, 9, POINTS, r->q, r->v);
@@ -453,7 +449,7 @@ static runs *make_runs(double noise) {
     r->log = (lg_machine_log){POINTS, RUNS, r->first, r->t, r->q, r->v, test_numbers(3, POINTS * 4, -1, 1)};
     assert_ok(lg_machine_free_run(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log, r->first,
                                   RUNS, RUN - 1, r->true_q, r->true_v, NULL));
-    lg_rng_seed(&rng, 2, 0);
+    lg_rng rng = test_rng(2, 0);
     for (size_t row = 0; row < POINTS; row++)
         shake(&rng, noise, r->true_q + row * r->machine.positions, r->q + row * r->machine.positions);
     for (size_t i = 0; i < POINTS * r->machine.velocities; i++) r->v[i] = (double)NAN;
@@ -464,11 +460,9 @@ static runs *make_runs(double noise) {
 static void estimate(const runs *r, const size_t *start, double *position, double *velocity) {
     const uint32_t nq = r->machine.positions, nv = r->machine.velocities;
     double q[STARTS * LG_MACHINE_POSITIONS], v[STARTS * LG_MACHINE_VELOCITIES];
-    lg_error error = {LG_OK, ""};
     *position = *velocity = 0.0;
-    if (lg_machine_estimate_starts(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log, start,
-                                   STARTS, WINDOW, q, v, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_machine_estimate_starts(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log,
+                                           start, STARTS, WINDOW, q, v, &told));
     for (size_t i = 0; i < STARTS; i++) {
         for (uint32_t k = 0; k < nq; k++)
             *position = fmax(*position, fabs(q[i * nq + k] - r->true_q[start[i] * nq + k]));

@@ -35,8 +35,7 @@ static lg_status try_run(run *r, const char *scheme, uint32_t substeps, lg_error
 }
 
 static void run_with(run *r, const char *scheme, uint32_t substeps) {
-    lg_error error = {LG_OK, ""};
-    if (try_run(r, scheme, substeps, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(try_run(r, scheme, substeps, &told));
 }
 
 /* ---- order ---- */

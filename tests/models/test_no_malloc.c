@@ -61,8 +61,7 @@ TEST("a steady training step of a Hamiltonian calls no malloc") {
         const size_t d = lg_model_inputs(b.model);
         double *y = room(COUNT * POINTS * d);
         lg_fit_problem fit_problem;
-        lg_rng rng;
-        lg_rng_seed(&rng, 1, i);
+        lg_rng rng = test_rng(1, i);
         for (size_t k = 0; k < COUNT * POINTS; k++) draw_state(&b, &rng, y + k * d);
         const lg_hamiltonian_problem problem = {.model = &b.hamiltonian,
                                                 .scheme = lg_scheme_find(settings[i].scheme),
@@ -166,7 +165,6 @@ static void count_motion(const moving *s) {
 TEST("a Hamiltonian in a loop allocates nothing and takes no lock") {
     const uint32_t wide[3] = {100, 100, 100}; /* as trained ones are, where products are large */
     lg_hamiltonian model;
-    lg_rng rng;
     if (!lg_count_available()) skip();
     for (size_t i = 0; i < motions(); i++) {
         const moving s = make_motion(i, LG_POTENTIAL_MLP, LG_TANH);
@@ -174,7 +172,7 @@ TEST("a Hamiltonian in a loop allocates nothing and takes no lock") {
     }
     assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, wide, 3, LG_SWISH));
     double *theta = room(lg_hamiltonian_parameters(&model));
-    lg_rng_seed(&rng, 24, 0);
+    lg_rng rng = test_rng(24, 0);
     lg_hamiltonian_initialise(&model, &rng, theta);
     const moving s = put_in_motion(build_from(&model, theta), 1);
     count_motion(&s);

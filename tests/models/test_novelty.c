@@ -32,8 +32,7 @@ static void simulate(lg_rng *rng, uint32_t class_index, double level, double noi
 /* Runs 0, 2, ... are of class 0. */
 static lg_series make_windows(uint64_t seed, double noise) {
     lg_series s = make_series(RUNS * EACH, CHANNELS, LENGTH, 2, false, true);
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 7);
+    lg_rng rng = test_rng(seed, 7);
     for (uint32_t i = 0; i < s.count; i++) {
         s.run[i] = i / EACH;
         s.label[i] = s.run[i] % 2;
@@ -47,10 +46,8 @@ static lg_novelty fit_on(const lg_series *s, const uint32_t *chosen, size_t coun
     const lg_windows w = cut_windows(s, 0, 0);
     lg_novelty_options options;
     lg_novelty v;
-    lg_error error;
     lg_novelty_options_init(&options);
-    if (lg_novelty_fit(NULL, &options, s, &w, chosen, count, threads, &v, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_novelty_fit(NULL, &options, s, &w, chosen, count, threads, &v, &told));
     return *own_lg_novelty(v);
 }
 
@@ -66,8 +63,7 @@ static lg_novelty_result look(const lg_novelty *v, const float *x) {
 
 static float *window(uint64_t seed, uint32_t class_index, double level, double noise) {
     float *x = TEST_ARRAY(float, CHANNELS *LENGTH);
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 9);
+    lg_rng rng = test_rng(seed, 9);
     simulate(&rng, class_index, level, noise, x);
     return x;
 }
@@ -303,8 +299,7 @@ TEST("an outlier among the training windows does not widen the limits") {
 
 TEST("many channels have fewer bands and no pairs; short windows no bands") {
     lg_series s = make_series(40, 100, 64, 1, false, false);
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 1);
+    lg_rng rng = test_rng(1, 1);
     for (size_t i = 0; i < s.count * 100 * 64; i++) s.x[i] = (float)lg_rng_normal(&rng);
     const lg_novelty wide = fit(&s);
     assert_int_equal(wide.pairs, 0);

@@ -129,9 +129,8 @@ TEST("random equations of up to 60 states are solved to rounding") {
     for (int discrete = 0; discrete < 2; discrete++)
         for (size_t i = 0; i < LG_COUNT(sizes); i++) {
             const size_t n = sizes[i][0];
-            lg_error error = {LG_OK, ""};
             solved s = {.of = random_equation(10 * i, n, sizes[i][1], 2.0 / sqrt((double)n))};
-            if (attempt(discrete ? lg_dare : lg_care, &s, &error) != LG_OK) fail_msg("%s", error.message);
+            assert_told(attempt(discrete ? lg_dare : lg_care, &s, &told));
             assert_true(residual_of(&s, discrete) < 1e-13 * (double)n);
             assert_true(s.result.correction < 1e-9);
         }
@@ -155,13 +154,12 @@ TEST("without Q, a stable system has P = 0 and an unstable one the gain that mir
 TEST("without weights, stable systems of several states have P = 0") {
     for (int discrete = 0; discrete < 2; discrete++)
         for (size_t n = 2; n <= 10; n += 4) {
-            lg_error error = {LG_OK, ""};
             double *A = test_numbers(70 + n, n * n, -0.9, 0.9), *zero = TEST_ARRAY(double, n *n);
             for (size_t i = 0; i < n * n; i++) /* rows of sums below 0.9; continuous: less the identity */
                 A[i] = A[i] / (double)n - (!discrete && i % (n + 1) == 0 ? 1.0 : 0.0);
             solved s = {.of = {sizeof s.of, n, 1, A, test_numbers(7, n, -1.0, 1.0), zero, zero, NULL}};
             s.of.R = (const double[1]){2.0};
-            if (attempt(discrete ? lg_dare : lg_care, &s, &error) != LG_OK) fail_msg("%s", error.message);
+            assert_told(attempt(discrete ? lg_dare : lg_care, &s, &told));
             for (size_t i = 0; i < n * n; i++) assert_true(s.P[i] == 0.0);
             assert_true(s.result.residual == 0.0 && s.result.correction == 0.0 && s.result.margin > 0.1);
         }

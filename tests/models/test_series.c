@@ -133,9 +133,7 @@ typedef struct counts {
 
 static counts split_of(const lg_series *s, const lg_windows *w, lg_split kind, double test, double validation,
                        uint64_t seed, uint8_t *parts) {
-    lg_error error;
-    if (lg_series_split(NULL, s, w, kind, test, validation, seed, parts, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_series_split(NULL, s, w, kind, test, validation, seed, parts, &told));
     counts c = {{0}};
     for (size_t i = 0; i < w->count; i++) {
         assert_true(parts[i] >= LG_PART_TRAIN && parts[i] <= LG_PART_VALIDATION);
@@ -194,8 +192,7 @@ TEST("windows of a run, or of a group, stay together") {
 }
 
 TEST("whatever the sizes each class trains, or the split is refused") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     for (int trial = 0; trial < 200; trial++) {
         uint8_t parts[64];
         const size_t n = 2 + (size_t)lg_rng_below(&rng, 60);
@@ -291,8 +288,7 @@ TEST("folds are dealt to whole units, stratum by stratum") {
 
 TEST("units are never torn, balanced in their strata, and of two classes both train in every fold") {
     enum { N = 300, UNITS = 40 };
-    lg_rng rng;
-    lg_rng_seed(&rng, 12, 0);
+    lg_rng rng = test_rng(12, 0);
     for (uint32_t draw = 0; draw < 200; draw++) {
         const uint32_t units = 4 + draw % (UNITS - 4), classes = 2 + draw % 3, folds = 2 + draw % 4;
         uint32_t label[N], unit[N], fold[N], of[UNITS], kind[UNITS], holds[UNITS][4] = {{0}};
@@ -337,8 +333,7 @@ TEST("units are never torn, balanced in their strata, and of two classes both tr
 /* Channel 0: offset 1e6, deviation about 1; channel 1: constant; channel 2: small numbers with a trend. */
 TEST("the scaler has the means and deviations of the chosen windows") {
     enum { N = 40, L = 25 };
-    lg_rng rng;
-    lg_rng_seed(&rng, 8, 0);
+    lg_rng rng = test_rng(8, 0);
     lg_series s = make_series(N, 3, L, 2, false, false);
     for (size_t i = 0; i < N; i++)
         for (size_t t = 0; t < L; t++) {

@@ -10,8 +10,7 @@ OWNED(lg_spectrum, lg_spectrum_destroy)
 
 static lg_spectrum make(uint32_t length, uint32_t bands) {
     lg_spectrum s;
-    lg_error error;
-    if (lg_spectrum_create(NULL, length, bands, &s, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_spectrum_create(NULL, length, bands, &s, &told));
     return *own_lg_spectrum(s);
 }
 
@@ -19,8 +18,7 @@ TEST("white noise has its variance in every band") {
     enum { LENGTH = 1 << 16, BANDS = 8 };
     const lg_spectrum s = make(LENGTH, BANDS);
     double *z = TEST_ARRAY(double, LENGTH), *work = TEST_ARRAY(double, lg_spectrum_work(&s)), power[BANDS];
-    lg_rng rng;
-    lg_rng_seed(&rng, 3, 1);
+    lg_rng rng = test_rng(3, 1);
     for (size_t t = 0; t < LENGTH; t++) z[t] = 2 * lg_rng_normal(&rng);
     lg_spectrum_powers(&s, z, power, work);
     for (uint32_t b = 0; b < BANDS; b++) assert_close(power[b], 4, 0.05, 0); /* 5 standard errors */
@@ -77,8 +75,7 @@ TEST("derivatives of the powers are those of differences") {
     const double cotangent[BANDS] = {1, -2, 0.5, 3, 0.25}, h = 1e-3;
     double z[LENGTH], gradient[LENGTH] = {0}, expected[LENGTH], power[BANDS];
     double *work = TEST_ARRAY(double, lg_spectrum_work(&s));
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 1);
+    lg_rng rng = test_rng(1, 1);
     for (uint32_t t = 0; t < LENGTH; t++) z[t] = lg_rng_normal(&rng);
     for (uint32_t t = 0; t < LENGTH; t++) { /* exact for a quadratic */
         const double kept = z[t];

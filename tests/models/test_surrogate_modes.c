@@ -163,8 +163,7 @@ TEST("curves need as many modes as leave 1e-12 of their variance, and none for t
     assert_int_equal(counted(3, &set, MANY), 3); /* at most as many as the model may have */
     assert_int_equal(counted(ALL, &set, 3), 2);  /* fewer than there are curves */
     assert_int_equal(counted(ALL, &set, 1), 0);
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 0);
+    lg_rng rng = test_rng(1, 0);
     for (size_t i = 0; i < 2 * MANY * (FINE + 1); i++) {
         set.q[i] += 1e-4 * lg_rng_normal(&rng);
         set.v[i] += 1e-4 * lg_rng_normal(&rng);

@@ -22,16 +22,12 @@ typedef struct example {
 
 static example make(const lg_surrogate_options *options, double length) {
     example e;
-    lg_error error;
-    if (lg_surrogate_init(&e.model, options, INTERVALS, length, 1.4, &error) != LG_OK)
-        fail_msg("%s", error.message);
-    lg_rng rng;
+    assert_told(lg_surrogate_init(&e.model, options, INTERVALS, length, 1.4, &told));
     give_modes(&e.model);
-    lg_rng_seed(&rng, 8, options->layers);
+    lg_rng rng = test_rng(8, options->layers);
     e.theta = TEST_ARRAY(double, lg_surrogate_parameters(&e.model));
     lg_net_initialise(&e.model.net, LG_INIT_FAN_IN, &rng, e.theta);
-    if (lg_surrogate_program(NULL, &e.model, e.theta, &e.program, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_surrogate_program(NULL, &e.model, e.theta, &e.program, &told));
     lg_test_owns(e.program, release_program);
     e.value = make_ready(e.program, "value", 1, LG_F64);
     e.gradient = make_ready(e.program, "grad", 1, LG_F64);

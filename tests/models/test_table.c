@@ -66,8 +66,7 @@ TEST("the Jacobian of the residuals is that of forward sweeps, for every network
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         const lg_table model = make(&examples[e]);
         const size_t n = lg_table_parameters(&model), m = ROWS * (size_t)model.net.outputs;
-        lg_rng rng;
-        lg_rng_seed(&rng, 5, e);
+        lg_rng rng = test_rng(5, e);
         lg_table_samples *samples = draw(&model, ROWS, 0.1, &rng);
         const double *theta = parameters(&model, &rng);
         const lg_table_problem problem = {&model, samples, NULL};
@@ -112,8 +111,7 @@ TEST("a model scales its inputs and outputs, and its Jacobian is that of differe
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         const lg_table model = make(&examples[e]);
         const uint32_t n = model.net.inputs, m = model.net.outputs;
-        lg_rng rng;
-        lg_rng_seed(&rng, 6, e);
+        lg_rng rng = test_rng(6, e);
         const double *theta = parameters(&model, &rng);
         const lg_scaler in = some_scaler(n, &rng, 1e-6), out = some_scaler(m, &rng, 1e4);
         lg_model *handle = NULL;
@@ -189,9 +187,8 @@ TEST("cells far from all others are found in whatever unit, and columns that are
     double *x = TEST_ARRAY(double, 2 * CELLS);
     for (size_t c = 0; c < LG_COUNT(columns); c++)
         for (size_t u = 0; u < LG_COUNT(units); u++) {
-            lg_rng rng;
             lg_table_far far;
-            lg_rng_seed(&rng, 11, c);
+            lg_rng rng = test_rng(11, c);
             for (size_t i = 0; i < CELLS; i++)
                 x[2 * i] = units[u] * columns[c].cell(&rng, i), x[2 * i + 1] = NAN;
             assert_ok(lg_table_find_far(NULL, x, 2, CELLS, &far));
@@ -234,8 +231,7 @@ TEST("the median of far cells agrees with a sorted column, and the largest numbe
 
 TEST("the work of a model grows with its inputs, not with their square") {
     enum { INPUTS = 4000 };
-    lg_rng rng;
-    lg_rng_seed(&rng, 12, 0);
+    lg_rng rng = test_rng(12, 0);
     const example wide = {NETWORK(MLP, TANH, 1, 2, true), INPUTS, 1};
     const lg_table model = make(&wide);
     const lg_scaler in = some_scaler(INPUTS, &rng, 1.0), out = some_scaler(1, &rng, 1.0);
@@ -281,8 +277,7 @@ typedef struct found {
 
 static found evidence_of(const lg_table *model, const lg_table_samples *samples, uint64_t seed) {
     found f = {.theta = TEST_ARRAY(double, lg_table_parameters(model))};
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 9);
+    lg_rng rng = test_rng(seed, 9);
     lg_table_initialise(model, &rng, f.theta);
     const lg_table_problem problem = {model, samples, NULL};
     assert_ok(lg_table_evidence(NULL, &problem, NULL, f.theta, f.decay, &f.result, NULL));
@@ -305,8 +300,7 @@ TEST("the evidence finds the noise of the data, and a network for it that genera
     const example e = {NETWORK(MLP, TANH, 1, 16, true), 2, 1};
     const lg_table model = make(&e);
     for (size_t i = 0; i < LG_COUNT(noises); i++) {
-        lg_rng rng;
-        lg_rng_seed(&rng, 31, i);
+        lg_rng rng = test_rng(31, i);
         const lg_table_samples *samples = draw(&model, 300, noises[i], &rng),
                                *clear = draw(&model, 400, 0, &rng);
         const found f = evidence_of(&model, samples, 4);
@@ -328,8 +322,7 @@ TEST("a network that is too narrow for the data has less evidence than one that 
     for (size_t i = 0; i < LG_COUNT(widths); i++) {
         const example e = {NETWORK(MLP, TANH, 1, widths[i], true), 2, 1};
         const lg_table model = make(&e);
-        lg_rng rng;
-        lg_rng_seed(&rng, 32, 0);
+        lg_rng rng = test_rng(32, 0);
         const lg_table_samples *samples = draw(&model, 150, 0.05, &rng);
         evidence[i] = evidence_of(&model, samples, 4).result.evidence;
         print_message("width %u: log evidence %.1f\n", widths[i], evidence[i]);
@@ -349,8 +342,7 @@ TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit")
     const lg_table model = make(&e);
     const size_t n = lg_table_parameters(&model);
     lg_slice_info info;
-    lg_rng rng;
-    lg_rng_seed(&rng, 33, 0);
+    lg_rng rng = test_rng(33, 0);
     const lg_table_samples *samples = draw(&model, 60, 0.5, &rng);
     const found f = evidence_of(&model, samples, 4);
     double *decay = TEST_ARRAY(double, n), *end = TEST_ARRAY(double, n), *far = TEST_ARRAY(double, n);

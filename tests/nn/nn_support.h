@@ -28,8 +28,7 @@ static inline void release_fit(void *fit) {
 static inline lg_fit *test_fit(const lg_context *context, const lg_fit_problem *problem,
                                const lg_fit_options *options, const double *theta) {
     lg_fit *fit = NULL;
-    lg_error error;
-    if (lg_fit_create(context, problem, options, theta, &fit, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_fit_create(context, problem, options, theta, &fit, &told));
     lg_test_owns(fit, release_fit);
     return fit;
 }
@@ -46,7 +45,7 @@ static inline lg_fit_options options_of(uint64_t epochs, size_t batch) {
 
 static inline void run_fit(lg_fit *fit) {
     lg_error error;
-    if (lg_fit_run(fit, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_fit_run(fit, &told));
     assert_string_equal(error.message, "");
 }
 
@@ -65,8 +64,7 @@ static inline memory_archive state_of(const lg_fit *fit) {
 
 static inline void load_state(lg_fit *fit, memory_archive *archive) {
     const lg_archive_reader reader = memory_reader(archive);
-    lg_error error;
-    if (lg_fit_load(fit, &reader, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_fit_load(fit, &reader, &told));
 }
 
 /* Every stored array is the same but the seconds. */
@@ -154,9 +152,8 @@ static inline lg_fit_problem regression_problem(regression *r) {
 
 /* Where the tests start from. */
 static inline double *regression_start(const regression *r) {
-    lg_rng rng;
     double *theta = TEST_ARRAY(double, lg_mlp_parameters(&r->net));
-    lg_rng_seed(&rng, 3, 0);
+    lg_rng rng = test_rng(3, 0);
     lg_mlp_initialise(&r->net, &rng, theta);
     return theta;
 }

@@ -64,8 +64,7 @@ static void naive(const lg_cnn *net, const double *theta, const double *x, doubl
 /* ---- networks ---- */
 
 static lg_cnn initialised(lg_cnn net) {
-    lg_error error;
-    if (lg_cnn_init(&net, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_cnn_init(&net, &told));
     return net;
 }
 
@@ -98,8 +97,7 @@ typedef struct example {
 static example make(lg_cnn net) {
     example e = {
         .net = net, .parameters = lg_cnn_parameters(&net), .numbers = (size_t)net.length * net.channels};
-    lg_rng rng;
-    lg_rng_seed(&rng, 21, 0);
+    lg_rng rng = test_rng(21, 0);
     e.theta = TEST_ARRAY(double, e.parameters);
     lg_cnn_initialise(&net, LG_INIT_FAN_IN, &rng, e.theta);
     e.x = TEST_ARRAY(double, ROWS *e.numbers);
@@ -257,9 +255,8 @@ TEST("each law of initialisation has its deviation by fan in and fan out, and it
                 {LG_INIT_HE_NORMAL, 2.0 / 60}};
     double *theta = TEST_ARRAY(double, 10913);
     for (size_t i = 0; i < 5; i++) {
-        lg_rng rng;
         lg_slice_info w, b;
-        lg_rng_seed(&rng, 4, 4);
+        lg_rng rng = test_rng(4, 4);
         lg_cnn_initialise(&net, laws[i].kind, &rng, theta);
         assert_true(lg_cnn_slice(&net, 2, &w) && lg_cnn_slice(&net, 3, &b));
         double squares = 0.0, biases = 0.0;

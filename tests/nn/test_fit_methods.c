@@ -5,8 +5,7 @@
 
 static lg_fit_plan plan_of(const char *text) {
     lg_fit_plan plan;
-    lg_error error;
-    if (lg_fit_plan_parse(text, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_fit_plan_parse(text, &plan, &told));
     return plan;
 }
 
@@ -235,8 +234,7 @@ TEST("weight decay is part of what is minimised, and not of the loss that is rep
 
 static regression noisy_regression(double deviation) {
     regression r = make_regression();
-    lg_rng rng;
-    lg_rng_seed(&rng, 7, 0);
+    lg_rng rng = test_rng(7, 0);
     for (int i = 0; i < REGRESSION_SAMPLES; i++) r.t[i] += deviation * lg_rng_normal(&rng);
     return r;
 }

@@ -55,11 +55,10 @@ static lg_program *build_line(void) {
     const lg_parameter_spec parameters[] = {{"W", lg_shape2(2, 2), W}, {"b", lg_shape1(2), b}};
     lg_program_spec spec;
     lg_program *program;
-    lg_error error;
     lg_program_spec_init(&spec);
     spec.parameters = parameters, spec.parameter_count = 2;
     spec.functions = functions, spec.function_count = 4;
-    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
     lg_test_owns(program, release_program);
     return program;
 }
@@ -92,8 +91,7 @@ TEST("squares and a mean lead to the same parameters, in several tensors, with s
     lg_program *squares = build_line(), *mean = build_line();
     lg_program_training a, b;
     lg_error error;
-    if (lg_program_train(NULL, squares, "error", r->data, ROWS, NULL, &a, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_program_train(NULL, squares, "error", r->data, ROWS, NULL, &a, &told));
     assert_ok(lg_program_train(NULL, mean, "loss", r->data, ROWS, NULL, &b, &error));
     assert_line(squares, 1e-9);
     assert_line(mean, 1e-6);

@@ -94,8 +94,7 @@ static memory_archive trained_by(trained *t, uint32_t count, lg_status expected)
 static trained training(regression *r, const char *plan, uint64_t epochs) {
     trained t = {
         .problem = regression_problem(r), .options = options_of(epochs, 24), .theta = regression_start(r)};
-    lg_error error;
-    if (lg_fit_plan_parse(plan, &t.options.plan, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_fit_plan_parse(plan, &t.options.plan, &told));
     t.options.validation = 0.2;
     t.options.keep_best = true;
     return t;

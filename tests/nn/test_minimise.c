@@ -274,8 +274,7 @@ static lg_status wells_value(void *user, const double *x, double *value, double 
 /* Variables along which f curves down start at 0; the others, or none, at 1. */
 static wells make_wells(size_t n, size_t down, bool rotated, bool at_rest, double *x) {
     wells f = {.n = n, .down = down, .rotated = rotated, .z = TEST_ARRAY(double, n)};
-    lg_rng rng;
-    lg_rng_seed(&rng, n, 0);
+    lg_rng rng = test_rng(n, 0);
     for (int k = 0; k < REFLECTIONS; k++) {
         double sum = 0;
         f.mirror[k] = TEST_ARRAY(double, n);
@@ -725,8 +724,7 @@ typedef struct decay {
 
 static decay make_decay(double deviation, uint64_t seed) {
     decay f = {.n = 3};
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     for (int i = 0; i < POINTS; i++) {
         f.t[i] = 0.1 * i;
         f.y[i] = 2 * exp(-1.5 * f.t[i]) + 0.5 + deviation * lg_rng_normal(&rng);

@@ -166,8 +166,7 @@ TEST("no exact gradient is refused, LG_OK is a minimum, and the regressions have
 /* Units 2^-30 to 2^30 of the variables and of f, drawn for each problem. */
 static scaled_problem in_powers_of_two(size_t number) {
     scaled_problem p = plain(number);
-    lg_rng rng;
-    lg_rng_seed(&rng, 7, number);
+    lg_rng rng = test_rng(7, number);
     for (size_t i = 0; i < p.of.n; i++) p.unit[i] = ldexp(1, (int)lg_rng_below(&rng, 61) - 30);
     p.value = ldexp(1, 2 * ((int)lg_rng_below(&rng, 31) - 15));
     return p;
@@ -176,8 +175,7 @@ static scaled_problem in_powers_of_two(size_t number) {
 /* The same with powers of ten, 1e-9 to 1e9. */
 static scaled_problem in_powers_of_ten(size_t number) {
     scaled_problem p = plain(number);
-    lg_rng rng;
-    lg_rng_seed(&rng, 8, number);
+    lg_rng rng = test_rng(8, number);
     for (size_t i = 0; i < p.of.n; i++) p.unit[i] = pow(10, (double)lg_rng_below(&rng, 19) - 9);
     p.value = pow(10, 2 * ((double)lg_rng_below(&rng, 10) - 4));
     return p;

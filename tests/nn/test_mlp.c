@@ -30,8 +30,7 @@ typedef struct fixture {
 
 static fixture setup(lg_activation kind, bool last_bias, uint32_t hidden_layers, uint32_t outputs) {
     fixture f = {.outputs = outputs};
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, (uint64_t)kind);
+    lg_rng rng = test_rng(11, (uint64_t)kind);
     assert_ok(lg_mlp_init(&f.net, INPUTS, hidden, hidden_layers, outputs, kind, last_bias));
     f.parameters = lg_mlp_parameters(&f.net);
     f.flat = TEST_ARRAY(double, f.parameters + OFFSET);
@@ -91,8 +90,7 @@ TEST("each law of initialisation has its bounds, variance and biases") {
     assert_ok(lg_mlp_init(&net, 80, wide, 1, 1, LG_TANH, true));
     double *theta = TEST_ARRAY(double, lg_mlp_parameters(&net));
     for (int kind = 0; kind < LG_INITIALISATION_COUNT; kind++) {
-        lg_rng rng;
-        lg_rng_seed(&rng, 5, 0);
+        lg_rng rng = test_rng(5, 0);
         memset(theta, 0xff, lg_mlp_parameters(&net) * sizeof *theta);
         lg_mlp_initialise_as(&net, (lg_initialisation)kind, &rng, theta);
         double second = 0.0, largest = 0.0, biases = 0.0;

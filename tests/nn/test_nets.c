@@ -51,11 +51,10 @@ typedef struct fixture {
 
 static void setup(fixture *f, lg_net_kind kind, uint32_t embedding, uint32_t layers,
                   lg_activation activation) {
-    lg_rng rng;
     assert_ok(lg_net_init(&f->net, kind, 3, embedding, 7, layers, 2, activation));
     f->n = lg_net_parameters(&f->net);
     assert_true(f->n <= MAX_PARAMETERS);
-    lg_rng_seed(&rng, 11 + (uint64_t)kind, embedding);
+    lg_rng rng = test_rng(11 + (uint64_t)kind, embedding);
     lg_net_initialise(&f->net, LG_INIT_FAN_IN, &rng, f->theta);
     for (size_t i = 0; i < ROWS * MAX_WIDTH; i++) {
         f->x[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
@@ -378,8 +377,7 @@ static void check_positions(const lg_kernels *k, const float *z, const float *u,
 
 TEST("kernels of pairs do not depend on the position of an element or on what else is asked for") {
     float numbers[4][2 * N];
-    lg_rng rng;
-    lg_rng_seed(&rng, 5, 0);
+    lg_rng rng = test_rng(5, 0);
     for (int p = 0; p < 4; p++)
         for (size_t i = 0; i < 2 * N; i++) numbers[p][i] = (float)lg_rng_uniform_in(&rng, -1.5, 1.5);
     for (int isa = 0; isa < LG_ISA_COUNT; isa++) {

@@ -545,11 +545,10 @@ TEST("trials that ran in any order, knowing of others or not, settle to those of
     for (uint64_t round = 0; round < 40; round++) {
         beside *b = lg_test_memory(sizeof *b);
         size_t order[TRIALS];
-        lg_rng rng;
         b->options = few();
         b->tells = round % 2 == 0;
         b->training.by_status = round % 3 == 0;
-        lg_rng_seed(&rng, round, 0);
+        lg_rng rng = test_rng(round, 0);
         for (size_t i = 0; i < TRIALS; i++) order[i] = round == 0 ? i : TRIALS - 1 - i;
         for (size_t i = TRIALS - 1; round > 1 && i > 0; i--) {
             const size_t k = (size_t)lg_rng_below(&rng, i + 1), kept = order[i];

@@ -93,9 +93,8 @@ static inline lg_tape *test_tape(lg_dtype dtype) {
 
 /* `n` numbers from [low, high]. */
 static inline double *test_numbers(uint64_t seed, size_t n, double low, double high) {
-    lg_rng rng;
     double *x = TEST_ARRAY(double, n);
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     for (size_t i = 0; i < n; i++) x[i] = lg_rng_uniform_in(&rng, low, high);
     return x;
 }

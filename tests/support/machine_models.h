@@ -16,12 +16,10 @@ static inline void release_machine_model(void *file) {
 /* Ranges of positions, velocities and inputs: -1 to 2. */
 static inline lg_machine_model_file *make_machine_model(const char *yaml, uint64_t seed) {
     lg_error error = {LG_OK, ""};
-    lg_rng rng;
     lg_machine_file description;
     lg_machine_model_file *made = TEST_ARRAY(lg_machine_model_file, 1);
     lg_machine_model_run *run = &made->run;
-    if (lg_machine_file_parse(NULL, "machine.yaml", yaml, strlen(yaml), &description, &error) != LG_OK)
-        fail_msg("%s", error.message);
+    assert_told(lg_machine_file_parse(NULL, "machine.yaml", yaml, strlen(yaml), &description, &told));
     run->machine = description.machine;
     lg_machine_file_destroy(&description);
     assert_ok(lg_machine_model_describe(run, "machine.yaml", yaml, &error));
@@ -50,15 +48,14 @@ static inline lg_machine_model_file *make_machine_model(const char *yaml, uint64
     made->parameters = run->machine.parameters;
     made->theta = malloc((made->parameters + 1) * sizeof(double)); /* as lg_free releases it */
     assert_non_null(made->theta);
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng rng = test_rng(seed, 0);
     for (size_t i = 0; i < made->parameters; i++) made->theta[i] = lg_rng_uniform_in(&rng, -0.8, 0.8);
     lg_test_owns(made, release_machine_model);
     return made;
 }
 
 static inline void save_machine_model(const lg_machine_model_file *file, const char *path) {
-    lg_error error = {LG_OK, ""};
-    if (lg_model_save_machine_model(NULL, path, file, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_told(lg_model_save_machine_model(NULL, path, file, NULL, &told));
 }
 
 /* One coordinate of each kind, inputs, networks. */

@@ -1,4 +1,4 @@
-/* Modes without curves: orthogonal vectors of falling length for a surrogate with modes. */
+/* Surrogates in tables of tests, and modes without curves: orthogonal vectors of falling length. */
 #ifndef LG_TEST_MODES_H
 #define LG_TEST_MODES_H
 
@@ -7,6 +7,13 @@
 #include <math.h>
 
 #include "liegrad/surrogate.h"
+
+/* Options in one row: kind, network and its sizes, then what else there is. */
+#define SURROGATE(kind_, architecture_, embedding_, hidden_, layers_, activation_, ...)                      \
+    {                                                                                                        \
+        .kind = LG_SURROGATE_##kind_, .architecture = LG_NET_##architecture_, .embedding = embedding_,       \
+        .hidden = hidden_, .layers = layers_, .activation = LG_##activation_, __VA_ARGS__                    \
+    }
 
 /* Gives the model its modes, k = 1..K: rows of the discrete cosine transform, of length 1/k. */
 static inline void give_modes(lg_surrogate *model) {

@@ -59,6 +59,18 @@ void *lg_test_memory(size_t bytes) {
     return memset(memory, 0, bytes);
 }
 
+char *test_text(const char *format, ...) {
+    va_list first, second;
+    va_start(first, format);
+    va_copy(second, first);
+    const int length = vsnprintf(NULL, 0, format, first);
+    char *text = lg_test_memory((size_t)length + 1);
+    (void)vsnprintf(text, (size_t)length + 1, format, second);
+    va_end(second);
+    va_end(first);
+    return text;
+}
+
 /* HDF5 1.10 loses a block of its own free list when a damaged header makes H5Fopen fail. Objects that we
  * forget to close are found by scratch_end (datasets/io_test.h) instead. */
 __attribute__((visibility("default"))) const char *__lsan_default_suppressions(void);
