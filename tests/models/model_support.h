@@ -47,10 +47,9 @@ static inline built build_hamiltonian(const lg_hamiltonian_family *family, uint3
                                       lg_potential_kind potential, lg_activation activation) {
     const uint32_t hidden[2] = {9, 8};
     lg_hamiltonian model;
-    lg_rng rng;
     assert_ok(lg_hamiltonian_init(&model, family, n, potential, hidden, 2, activation));
     double *theta = room(lg_hamiltonian_parameters(&model));
-    lg_rng_seed(&rng, 21, n);
+    lg_rng rng = test_rng(21, n);
     lg_hamiltonian_initialise(&model, &rng, theta);
     return build_from(&model, theta);
 }
@@ -78,12 +77,11 @@ static inline built build_surrogate(lg_surrogate_kind kind) {
                                           .activation = LG_TANH,
                                           .normalise = true,
                                           .boundary = kind == LG_SURROGATE_ANGLE};
-    lg_rng rng;
     built b = {.model = NULL};
     assert_ok(lg_surrogate_init(&b.surrogate, &options, 6, 3.3, 1.2, NULL));
     const size_t n = lg_surrogate_parameters(&b.surrogate);
     b.theta = room(n);
-    lg_rng_seed(&rng, 22, (uint64_t)kind);
+    lg_rng rng = test_rng(22, (uint64_t)kind);
     for (size_t i = 0; i < n; i++) b.theta[i] = 0.3 * lg_rng_normal(&rng);
     assert_ok(test_surrogate_model(NULL, &b.surrogate, b.theta, &b.model, NULL));
     return ready_to_run(b);
@@ -93,12 +91,11 @@ static inline built build_detector(lg_activation activation) {
     enum { CHANNELS = 2, LENGTH = 60, CLASSES = 3 };
     double mean[CHANNELS] = {0.1, 1.1}, scale[CHANNELS] = {2.0, 3.0};
     const lg_scaler scaler = {.channels = CHANNELS, .mean = mean, .scale = scale};
-    lg_rng rng;
     built b = {.detector = {.classes = CLASSES, .loss = LG_DETECTOR_CROSS_ENTROPY}};
     lg_cnn_init_default(&b.detector.net, CHANNELS, LENGTH, CLASSES, activation);
     assert_ok(lg_detector_check(&b.detector, NULL));
     b.theta = room(lg_cnn_parameters(&b.detector.net));
-    lg_rng_seed(&rng, 23, 0);
+    lg_rng rng = test_rng(23, 0);
     lg_cnn_initialise(&b.detector.net, LG_INIT_FAN_IN, &rng, b.theta);
     assert_ok(test_detector_model(NULL, &b.detector, &scaler, b.theta, &b.model, NULL));
     return ready_to_run(b);
@@ -119,6 +116,80 @@ static inline void draw_state(const built *b, lg_rng *rng, double *y) {
     const lg_space space = space_of(b);
     for (size_t i = 0; i < space.dim; i++) y[i] = lg_rng_normal(rng);
     lg_space_project(&space, y);
+}
+
+/* The ambient velocity of the state. */
+static inline void model_velocity(const lg_model *model, const double *y, const double *input, double *out,
+                                  void *work) {
+    const lg_space *space = lg_model_space(model);
+    double field[64];
+    assert_true(space->algebra_dim <= LG_COUNT(field));
+    assert_ok(lg_model_field(model, y, input, field, work));
+    lg_space_generator(space, field, y, out);
+}
+
+/* The basis is the space's, A and B are central differences of the field along it and in the input, and
+ * each of the three is the same alone. */
+static inline void check_linearisation(const lg_model *model, const double *y, const double *input,
+                                       double tolerance, void *work) {
+    const size_t mark = lg_test_owned();
+    const lg_space *space = lg_model_space(model);
+    const size_t d = space->dim, r = space->tangent_dim, m = lg_model_input_dim(model);
+    double *A = room(r * r), *B = room(r * m), *basis = room(d * r), *own = room(d * (r + m));
+    double *c = room(r), *at = room(d), *u = room(m), *sides[2] = {room(d), room(d)}, largest = 0.0;
+    assert_ok(lg_model_linearise(model, y, input, A, B, basis, work));
+    lg_space_basis(space, y, own);
+    assert_memory_equal(basis, own, d * r * sizeof *basis);
+    for (size_t i = 0; i < r * r; i++) largest = fmax(largest, fabs(A[i]));
+    assert_true(largest > 1e-3);
+    for (size_t j = 0; j < r + m; j++) {
+        const double h = j < r ? 1e-5 : 1.0; /* fields are linear in inputs */
+        for (int side = 0; side < 2; side++) {
+            for (size_t i = 0; i < r; i++) c[i] = i == j ? (side == 0 ? h : -h) : 0.0;
+            for (size_t i = 0; i < m; i++)
+                u[i] = (input != NULL ? input[i] : 0.0) + (i + r == j ? (side == 0 ? h : -h) : 0.0);
+            assert_ok(lg_model_retract(model, y, c, at, work));
+            model_velocity(model, j < r ? at : y, u, sides[side], work);
+        }
+        for (size_t i = 0; i < d; i++) at[i] = (sides[0][i] - sides[1][i]) / (2.0 * h);
+        lg_space_coordinates(space, y, at, c);
+        for (size_t i = 0; i < r && j < r; i++)
+            assert_close(A[i * r + j], c[i], tolerance, 0.1 * tolerance * largest);
+        for (size_t i = 0; i < r && j >= r; i++)
+            assert_close(B[i * m + j - r], c[i], 1e-5 * tolerance, 1e-5 * tolerance);
+    }
+    assert_ok(lg_model_linearise(model, y, input, own, NULL, NULL, work));
+    assert_memory_equal(own, A, r * r * sizeof *A);
+    assert_ok(lg_model_linearise(model, y, input, NULL, own, NULL, work));
+    assert_memory_equal(own, B, r * m * sizeof *B);
+    assert_ok(lg_model_linearise(model, y, input, NULL, NULL, own, work));
+    assert_memory_equal(own, basis, d * r * sizeof *basis);
+    lg_test_give_back(mark);
+}
+
+static inline void assert_all_nan(const double *x, size_t n) {
+    for (size_t i = 0; i < n; i++) assert_true(isnan(x[i]));
+}
+
+/* A number of x that is not finite makes value, Jacobian and field NaN. */
+static inline void check_unfit(const lg_model *model, double *x, void *work) {
+    const size_t n = lg_model_inputs(model), m = lg_model_outputs(model);
+    double *y = room(m), *jacobian = room(m * n);
+    for (size_t i = 0; i < n; i++) {
+        const double finite = x[i];
+        x[i] = i % 2 == 0 ? (double)NAN : (double)-INFINITY;
+        lg_model_eval(model, x, y, work);
+        assert_all_nan(y, m);
+        memset(y, 0, m * sizeof *y);
+        lg_model_jacobian(model, x, y, jacobian, work);
+        assert_all_nan(y, m);
+        assert_all_nan(jacobian, m * n);
+        if (lg_model_space(model) != NULL) {
+            assert_ok(lg_model_field(model, x, NULL, jacobian, work));
+            assert_all_nan(jacobian, lg_model_space(model)->algebra_dim);
+        }
+        x[i] = finite;
+    }
 }
 
 /* In exactly as many bytes as asked for. */
@@ -144,9 +215,8 @@ static inline moving put_in_motion(built b, uint64_t seed) {
                 .d = lg_model_inputs(b.model),
                 .m = lg_model_input_dim(b.model),
                 .r = lg_model_tangent_dim(b.model)};
-    lg_rng rng;
     assert_true(s.d <= MOST_STATE && s.m <= MOST_INPUT && s.r <= MOST_TANGENT);
-    lg_rng_seed(&rng, 3, seed);
+    lg_rng rng = test_rng(3, seed);
     draw_state(&b, &rng, s.y);
     for (size_t i = 0; i < s.m; i++) s.u[i] = lg_rng_normal(&rng);
     return s;
