@@ -152,7 +152,8 @@ void app_stop(const app *app, lg_status status, const char *format, ...)
 /* A sentence about the command line with a hint at --help, and the end with APP_EXIT_USAGE. */
 void app_stop_usage(const app *app, const char *format, ...) __attribute__((noreturn, format(printf, 2, 3)));
 const char *app_sentence(lg_status status, const lg_error *error); /* of `error`, or the status' own */
-/* Nothing after LG_OK; otherwise the sentence of `error`, or the status' own, and the end. */
+/* Nothing after LG_OK; otherwise the sentence of `error`, or the status' own, and the end. LG_CANCELLED after
+ * a signal: "stopped by Ctrl-C", or by the other signal. */
 void app_must(const app *app, lg_status status, const lg_error *error);
 /* The same for what went wrong with the file `path`: exit code 3 whatever the status, except for memory and
  * Ctrl-C. */
@@ -259,7 +260,7 @@ void app_result_reals(app_json *json, const char *key, const double *values, siz
 /* For people alone. */
 void app_result_line(app_json *json, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* Opens an array of objects, which app_json_open(json, NULL, '{') begins; every object has the same members,
- * and their names are the heads of the table. */
+ * and the names of those that are no arrays are the heads of the table. */
 void app_result_rows(app_json *json, const char *key);
 /* The same for an object of objects, which app_json_open(json, NAME, '{') begins: the names are the first
  * column, and `names` is its head. */

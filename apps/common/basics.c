@@ -78,11 +78,17 @@ void app_stop_usage(const app *self, const char *format, ...) {
     app_end(app_usage(self, "%s", sentence));
 }
 
+static void stop_if_asked(const app *self, lg_status status) {
+    if (status == LG_CANCELLED && app_interrupted()) app_stop(self, status, "stopped by %s", app_stopper());
+}
+
 void app_must(const app *self, lg_status status, const lg_error *error) {
+    stop_if_asked(self, status);
     if (status != LG_OK) app_stop(self, status, "%s", app_sentence(status, error));
 }
 
 void app_must_file(const app *self, lg_status status, const lg_error *error, const char *path) {
+    stop_if_asked(self, status);
     if (status != LG_OK) app_end(app_fail_file(self, status, error, path));
 }
 

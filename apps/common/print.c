@@ -214,7 +214,7 @@ void app_result_begin(app_json *json, const app *self) {
 }
 
 static void put_line(app_json *json, const char *key, const char *value, const char *label) {
-    if (!json->people) return;
+    if (!json->people || json->rows != NULL) return;
     (void)fprintf(json->stream, "%-20s  %14s%s%s\n", key, value, label != NULL ? "  " : "",
                   label != NULL ? label : "");
 }
@@ -241,7 +241,7 @@ void app_result_text(app_json *json, const char *key, const char *value, const c
 void app_result_reals(app_json *json, const char *key, const double *values, size_t count,
                       const char *label) {
     app_json_reals(json, key, values, count);
-    if (!json->people) return;
+    if (!json->people || json->rows != NULL) return;
     (void)fprintf(json->stream, "%-20s  ", key);
     for (size_t i = 0; i < count; i++) (void)fprintf(json->stream, "%s%.10g", i > 0 ? ", " : "", values[i]);
     (void)fprintf(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");

@@ -1,6 +1,5 @@
-/* Declarations that the commands of lg-elastica share: boundary conditions as options, curves, models,
- * pictures. Functions that return int return an exit code, and have printed a message when it is not
- * APP_EXIT_OK. Functions that return a status explain a failure in `error`. */
+/* Declarations that the commands of lg-elastica share: boundary conditions as options, curves, learned
+ * curves, pictures. A function without a status ends the command where it fails. */
 #ifndef LG_APPS_BEAM_H
 #define LG_APPS_BEAM_H
 
@@ -11,16 +10,40 @@
 extern const app_command solve_command, generate_command, train_command, evaluate_command, predict_command,
     search_command;
 
-/* ---- boundary conditions as options (boundary.c) ---- */
+/* ---- beams as options (boundary.c) ---- */
 
 extern const char *const case_names[]; /* in the order of lg_elastica_case */
 
-/* A part of a command's values. */
+/* Parts of a command's values. */
+typedef struct end_values {
+    lg_reals q0, qN;
+} end_values;
+
+typedef struct beam_values {
+    double length, stiffness;
+    uint64_t intervals;
+} beam_values;
+
 typedef struct boundary_values {
     int kind; /* position in case_names */
     double x, theta0, thetaN, rotation;
-    lg_reals q0, qN;
+    end_values ends;
 } boundary_values;
+
+#define END_ROWS(type, field, end_default)                                                                   \
+    LG_OPTION(type, field.q0, REALS, "X,Y", "Where the beam begins (default " end_default ")",               \
+              .option = "q0", LG_ANY_REAL),                                                                  \
+        LG_OPTION(type, field.qN, REALS, "X,Y", "Where it ends (default likewise)", .option = "qN",          \
+                  LG_ANY_REAL)
+
+#define BEAM_ROWS(type, field)                                                                               \
+    LG_OPTION(type, field.length, REAL, "L", "Length of the beam", .option = "length", LG_POSITIVE,          \
+              .value = "3.3"),                                                                               \
+        LG_OPTION(type, field.stiffness, REAL, "EI", "Bending stiffness", .option = "stiffness",             \
+                  LG_POSITIVE, .value = "10"),                                                               \
+        LG_OPTION(type, field.intervals, U64, "N", "Number of equal intervals between the nodes",            \
+                  .option = "intervals", .low = LG_ELASTICA_MIN_INTERVALS,                                   \
+                  .high = LG_ELASTICA_MAX_INTERVALS, .value = "50")
 
 #define BOUNDARY_ROWS(type, field, case_default, end_default)                                                \
     LG_OPTION(type, field.kind, NAME, NULL,                                                                  \
@@ -37,10 +60,7 @@ typedef struct boundary_values {
                   "Turning of the tangent along the beam: B - A and whole turns (default: that of lowest "   \
                   "energy among B - A and one turn more or less)",                                           \
                   .option = "rotation", .low = -1e6, .high = 1e6),                                           \
-        LG_OPTION(type, field.q0, REALS, "X,Y", "Where the beam begins (default " end_default ")",           \
-                  .option = "q0", LG_ANY_REAL),                                                              \
-        LG_OPTION(type, field.qN, REALS, "X,Y", "Where it ends (default likewise)", .option = "qN",          \
-                  LG_ANY_REAL)
+        END_ROWS(type, field.ends, end_default)
 
 #define BOUNDARY_ROTATIONS 3
 
@@ -52,11 +72,11 @@ typedef struct boundary {
     double rotation[BOUNDARY_ROTATIONS], chosen;
 } boundary;
 
+/* A beam with these ends, without angles. */
+lg_elastica beam_problem(const app *app, const beam_values *beam, const end_values *ends);
 /* `problem`: what the options do not say. `kind`: the case when --x is given alone. */
-int boundary_read(const app *app, const boundary_values *values, const lg_elastica *problem,
-                  lg_elastica_case kind, boundary *out);
-/* --q0 and --qN, where given, into *problem. */
-int boundary_ends(const app *app, const boundary_values *values, lg_elastica *problem);
+void boundary_read(const app *app, const boundary_values *values, const lg_elastica *problem,
+                   lg_elastica_case kind, boundary *out);
 /* All rotations of a pair of end angles. */
 void boundary_rotations(double theta0, double thetaN, boundary *out);
 /* An angle wrapped to (-pi, pi]. */
@@ -66,39 +86,46 @@ void boundary_vector(const lg_elastica *problem, double x[8]);
 
 /* ---- curves (curves.c) ---- */
 
-/* An equilibrium at the N + 1 nodes, arrays owned. */
+/* Points of a curve, arrays owned. */
+typedef struct beam_nodes {
+    size_t count;
+    double *s, *q, *v, *theta; /* (count), (count, 2), (count, 2), (count) */
+} beam_nodes;
+beam_nodes beam_nodes_create(size_t count);
+void beam_nodes_destroy(beam_nodes *nodes);
+
+/* An equilibrium at the N + 1 nodes. */
 typedef struct beam_curve {
     lg_elastica problem; /* with the curve's own rotation */
-    double *theta, *q, *v;
+    beam_nodes at;
     lg_elastica_solution solution;
 } beam_curve;
 beam_curve beam_curve_create(const lg_elastica *problem);
-void beam_curve_free(beam_curve *curve);
+void beam_curve_destroy(beam_curve *curve);
 
-/* The equilibrium with the chosen rotation, or without one the equilibrium of lowest energy. Prints
- * failures. */
-int beam_solve(const app *app, const boundary *where, const lg_elastica_options *options, bool continuous,
-               beam_curve *out);
+/* The equilibrium with the chosen rotation, or without one the equilibrium of lowest energy. */
+void beam_solve(const app *app, const boundary *where, const lg_elastica_options *options, bool continuous,
+                beam_curve *out);
 
 typedef struct beam_curves {
     size_t count;
     beam_curve *list; /* by rising energy */
     bool full;        /* the search stopped because the list was full */
 } beam_curves;
-/* All equilibria of the discrete problem that the library finds, over the boundary's rotations. */
+/* All equilibria of the discrete problem that the library finds, over the boundary's rotations. `out` is
+ * destroyed after failures too. */
 lg_status beam_branches(const lg_context *context, const boundary *where, const lg_elastica_options *options,
                         bool saddles, beam_curves *out, lg_error *error);
-void beam_curves_free(beam_curves *curves);
+void beam_curves_destroy(beam_curves *curves);
 /* Root of the mean square of the tangents' differences; equal N. */
 double beam_distance(const beam_curve *a, const beam_curve *b);
 
-/* Columns s,x,y,vx,vy,theta; with more than one curve `branch` before them. */
-lg_status write_curves(const char *path, const beam_curve *curves, size_t count, bool numbered,
-                       lg_error *error);
-/* (count, 2) as an array of pairs. */
-void json_pairs(app_json *json, const char *key, const double *values, size_t count);
+/* Columns s,x,y,vx,vy,theta; with `numbered` `branch` before them. No file where `path` is NULL. */
+void write_curves(const app *app, const char *path, const beam_curve *curves, size_t count, bool numbered);
+/* q, v and theta; people see a table of about ten points, or of all. */
+void result_nodes(app_json *out, const beam_nodes *nodes, bool all);
 
-/* lg-elastica solve --sweep (sweep.c): `where` tells everything but x. */
+/* lg-elastica solve --sweep (sweep.c): `problem` tells everything but x. */
 typedef struct sweep_values {
     size_t points;
     lg_elastica problem;
@@ -106,25 +133,36 @@ typedef struct sweep_values {
     bool saddles;
     const char *out, *plot;
 } sweep_values;
-int sweep_run(const app *app, const sweep_values *values, const lg_elastica_options *options);
+void sweep_run(const app *app, const sweep_values *values, const lg_elastica_options *options);
 
-/* ---- data (families.c) ---- */
+/* ---- learned curves (learned.c) ---- */
 
-/* Curves whose boundary conditions lie farther from the trained ones than twice their reach. */
+/* Curves whose boundary conditions lie farther from the trained ones than twice their reach. NaN for a model
+ * without the boundary conditions of its training part: it has no range. */
 typedef struct outside {
     double reach, largest; /* largest distance */
     size_t count;
 } outside;
-outside count_outside(const lg_surrogate *model, const double *trained, size_t trained_count,
-                      const double *boundary, const uint32_t *chosen, size_t count);
+/* `chosen`: rows of `boundary`; NULL: the first ones. */
+outside count_outside(const lg_surrogate_file *file, const double *boundary, const uint32_t *chosen,
+                      size_t count);
 
-/* ---- pictures (pictures.c) ---- */
+/* A network's curves at `points` points, or fewer. */
+typedef struct learned {
+    lg_surrogate_curves *curves;
+    void *work;
+} learned;
+learned learned_open(const app *app, const lg_surrogate_file *file, size_t points);
+void learned_close(learned *curves);
+/* Arc length k of n equidistant ones on [0, length]. */
+double equidistant(double length, size_t k, size_t n);
 
-/* Curves in the plane, equal axes; `labels` (count) may be NULL. */
-lg_status draw_curves(const app *app, const char *picture, const beam_curve *curves, size_t count,
-                      char *const *labels, lg_error *error);
+/* ---- pictures (pictures.c); where `picture` is NULL nothing is drawn ---- */
+
+/* Curves in the plane, equal axes; `labelled`: with their energies. */
+void draw_curves(const app *app, const char *picture, const beam_curve *curves, size_t count, bool labelled);
 /* Curves of a set, evenly chosen. */
-lg_status draw_set(const app *app, const char *picture, const lg_elastica_curves *curves, lg_error *error);
+void draw_set(const app *app, const char *picture, const lg_elastica_curves *curves);
 
 typedef struct sweep_point {
     double x, energy;
@@ -133,8 +171,7 @@ typedef struct sweep_point {
     size_t branch;
 } sweep_point;
 /* Ordered by branch, then x. */
-lg_status draw_sweep(const app *app, const char *picture, const sweep_point *points, size_t count,
-                     lg_error *error);
+void draw_sweep(const app *app, const char *picture, const sweep_point *points, size_t count);
 
 /* `shown` curves of (intervals + 1) nodes each, true and learned; node_error (N + 1, 2). */
 typedef struct comparison {
@@ -145,10 +182,9 @@ typedef struct comparison {
     const double *node_error;
     const char *title;
 } comparison;
-lg_status draw_comparison(const app *app, const char *picture, const comparison *what, lg_error *error);
+void draw_comparison(const app *app, const char *picture, const comparison *what);
 
-/* A learned curve (points, 2) and, when not NULL, a solution. */
-lg_status draw_prediction(const app *app, const char *picture, const double *q, size_t points,
-                          const beam_curve *truth, lg_error *error);
+/* A learned curve and, when not NULL, a solution. */
+void draw_prediction(const app *app, const char *picture, const beam_curve *curve, const beam_curve *truth);
 
 #endif

@@ -36,67 +36,71 @@ void boundary_rotations(double theta0, double thetaN, boundary *out) {
     out->problem.rotation = out->rotation[0];
 }
 
-static int point_from(const app *self, const char *option, const lg_reals *given, double point[2]) {
-    if (given->count == 0) return APP_EXIT_OK;
-    if (given->count != 2) return app_usage(self, "--%s: two numbers, x,y; not %zu", option, given->count);
+static void read_point(const app *self, const char *option, const lg_reals *given, double point[2]) {
+    if (given->count == 0) return;
+    if (given->count != 2) app_stop_usage(self, "--%s: two numbers, x,y; not %zu", option, given->count);
     point[0] = given->values[0];
     point[1] = given->values[1];
-    return APP_EXIT_OK;
 }
 
-int boundary_ends(const app *self, const boundary_values *values, lg_elastica *problem) {
-    const int code = point_from(self, "q0", &values->q0, problem->q0);
-    return code == APP_EXIT_OK ? point_from(self, "qN", &values->qN, problem->qN) : code;
+static void read_ends(const app *self, const end_values *values, lg_elastica *problem) {
+    read_point(self, "q0", &values->q0, problem->q0);
+    read_point(self, "qN", &values->qN, problem->qN);
+}
+
+lg_elastica beam_problem(const app *self, const beam_values *beam, const end_values *ends) {
+    lg_elastica problem;
+    lg_elastica_init(&problem);
+    problem.length = beam->length;
+    problem.stiffness = beam->stiffness;
+    problem.intervals = (uint32_t)beam->intervals;
+    read_ends(self, ends, &problem);
+    return problem;
 }
 
 /* --rotation keeps one of B - A + 2 pi k. */
-static int fix_rotation(const app *self, double wanted, boundary *out) {
+static void fix_rotation(const app *self, double wanted, boundary *out) {
     const double turns = round((wanted - out->rotation[0]) / (2 * pi));
     const double nearest = out->rotation[0] + 2 * pi * turns;
-    if (!(fabs(wanted - nearest) <= rotation_tolerance)) {
-        const double other = nearest + (wanted > nearest ? 2 * pi : -2 * pi);
-        return app_usage(self,
-                         "--rotation: %.12g does not lead from the first angle to the second; the nearest "
-                         "rotations that do are %.12g and %.12g",
-                         wanted, nearest, other);
-    }
+    if (!(fabs(wanted - nearest) <= rotation_tolerance))
+        app_stop_usage(self,
+                       "--rotation: %.12g does not lead from the first angle to the second; the nearest "
+                       "rotations that do are %.12g and %.12g",
+                       wanted, nearest, nearest + (wanted > nearest ? 2 * pi : -2 * pi));
     out->count = 1;
     out->rotation[0] = out->chosen = out->problem.rotation = nearest;
-    return APP_EXIT_OK;
 }
 
-static int read_angles(const app *self, const boundary_values *values, boundary *out) {
-    const bool first = app_given(self, "theta0"), last = app_given(self, "thetaN"),
-               rotation = app_given(self, "rotation");
-    if (!first) return app_usage(self, "--theta0 A is missing");
-    if (!last && !rotation) return app_usage(self, "--thetaN B is missing");
+static void read_angles(const app *self, const boundary_values *values, boundary *out) {
+    const bool last = app_given(self, "thetaN");
+    if (!app_given(self, "theta0")) app_stop_usage(self, "--theta0 A is missing");
+    if (!last && !app_given(self, "rotation")) app_stop_usage(self, "--thetaN B is missing");
     boundary_rotations(values->theta0, last ? values->thetaN : values->theta0 + values->rotation, out);
-    return APP_EXIT_OK;
 }
 
-static int read_case(const app *self, const boundary_values *values, lg_elastica_case kind, boundary *out) {
-    if (!app_given(self, "x")) return app_usage(self, "--x X is missing");
+static void read_case(const app *self, const boundary_values *values, lg_elastica_case kind, boundary *out) {
+    if (!app_given(self, "x")) app_stop_usage(self, "--x X is missing");
     if (app_given(self, "case")) kind = (lg_elastica_case)values->kind;
     lg_elastica_set_case(&out->problem, kind, values->x);
     const double rotation = out->problem.rotation;
     boundary_rotations(out->problem.theta0, out->problem.theta0 + rotation, out);
-    out->chosen = rotation;
-    out->problem.rotation = rotation;
-    return APP_EXIT_OK;
+    out->chosen = out->problem.rotation = rotation;
 }
 
-int boundary_read(const app *self, const boundary_values *values, const lg_elastica *problem,
-                  lg_elastica_case kind, boundary *out) {
+void boundary_read(const app *self, const boundary_values *values, const lg_elastica *problem,
+                   lg_elastica_case kind, boundary *out) {
     const bool family = app_given(self, "case") || app_given(self, "x");
     const bool angles = app_given(self, "theta0") || app_given(self, "thetaN");
     *out = (boundary){.problem = *problem};
     if (family && angles)
-        return app_usage(self, "--case with --x and --theta0 with --thetaN cannot be given together");
+        app_stop_usage(self, "--case with --x and --theta0 with --thetaN cannot be given together");
     if (!family && !angles)
-        return app_usage(self, "no boundary conditions: give --case and --x, or --theta0 and --thetaN");
-    int code = boundary_ends(self, values, &out->problem);
-    if (code == APP_EXIT_OK)
-        code = family ? read_case(self, values, kind, out) : read_angles(self, values, out);
-    if (code == APP_EXIT_OK && app_given(self, "rotation")) code = fix_rotation(self, values->rotation, out);
-    return code;
+        app_stop_usage(self, "no boundary conditions: give --case and --x, or --theta0 and --thetaN");
+    read_ends(self, &values->ends, &out->problem);
+    if (family)
+        read_case(self, values, kind, out);
+    else
+        read_angles(self, values, out);
+    if (app_given(self, "rotation")) fix_rotation(self, values->rotation, out);
+    APP_MUST(self, lg_elastica_check(&out->problem, &error));
 }

@@ -22,21 +22,17 @@ static const lg_field evaluate_options[] = {
               "trained on",
               .names = part_names),
     LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
-              "Draw ten curves, true and learned, with their tangents and the mean error along the beam"),
+              "Draw ten curves, true and learned, with their tangents and the mean error along the beam",
+              .file = LG_FILE_DRAWN),
     LG_FIELD_END};
 
 static evaluate_values values;
 
-/* Indices of the curves of one part, rising. */
-typedef struct part_indices {
-    uint32_t *list;
-    size_t count;
-} part_indices;
-
 typedef struct evaluation {
-    const lg_surrogate_file *file;
-    const lg_elastica_curves *curves;
-    part_indices chosen;
+    lg_surrogate_file file;
+    lg_elastica_data data;
+    uint32_t *chosen; /* rising */
+    size_t count;
     lg_surrogate_errors errors;
     outside beyond;
     double *node_error; /* (N + 1, 2) */
@@ -55,145 +51,112 @@ static void report(const app *self, const evaluation *e) {
                 {"boundary_error", "largest difference from the boundary conditions", errors->boundary_error},
                 {"unit_tangent_error", "largest | |v| - 1 |", errors->unit_tangent_error},
                 {"unit_tangent_between", "half-way between nodes", errors->unit_tangent_between}};
-    if (!self->json) {
-        (void)printf("%zu curves (%s) of %s\n", e->chosen.count, part_names[values.part], self->arguments[1]);
-        for (size_t i = 0; i < LG_COUNT(rows); i++)
-            (void)printf("%-18s  %.4e  %s\n", rows[i].key, rows[i].value, rows[i].meaning);
-        return;
-    }
-    app_json json;
-    app_json_begin(&json);
-    for (size_t i = 0; i < LG_COUNT(rows); i++) app_json_real(&json, rows[i].key, rows[i].value);
-    app_json_size(&json, "curves", e->chosen.count);
-    app_json_text(&json, "part", part_names[values.part]);
-    app_json_size(&json, "outside", e->beyond.count);
-    app_json_real(&json, "reach", e->beyond.reach);
-    app_json_real(&json, "largest_distance", e->beyond.largest);
-    app_json_text(&json, "network", lg_surrogate_kind_name(e->file->run.model.options.kind));
-    app_json_real(&json, "seconds", e->seconds);
-    app_json_end(&json);
+    app_json out;
+    app_result_begin(&out, self);
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        app_result_real(&out, rows[i].key, rows[i].value, rows[i].meaning);
+    app_result_size(&out, "curves", e->count, NULL);
+    app_result_text(&out, "part", part_names[values.part], NULL);
+    app_result_size(&out, "outside", e->beyond.count, "curves beyond the training range");
+    app_json_real(&out, "reach", e->beyond.reach);
+    app_json_real(&out, "largest_distance", e->beyond.largest);
+    app_json_text(&out, "network", lg_surrogate_kind_name(e->file.run.model.options.kind));
+    app_json_real(&out, "seconds", e->seconds);
+    app_json_end(&out);
 }
 
 /* ---- the picture ---- */
 
-static lg_status draw(const app *self, const evaluation *e, lg_error *error) {
-    const lg_surrogate *model = &e->file->run.model;
-    const size_t nodes = (size_t)e->curves->intervals + 1,
-                 shown = e->chosen.count < SHOWN ? e->chosen.count : (size_t)SHOWN;
-    double *memory = app_alloc(8 * shown * nodes + nodes, sizeof *memory);
-    double *const true_q = memory, *const true_v = true_q + 2 * shown * nodes,
-                  *const q = true_v + 2 * shown * nodes, *const v = q + 2 * shown * nodes,
-                  *const s = v + 2 * shown * nodes;
-    lg_surrogate_curves *curves = NULL;
+static void draw(const app *self, const evaluation *e) {
+    const lg_elastica_curves *curves = &e->data.curves;
+    const size_t nodes = (size_t)curves->intervals + 1, shown = e->count < SHOWN ? e->count : (size_t)SHOWN;
+    const size_t pairs = 2 * nodes;
+    APP_FREE double *memory = app_alloc(4 * shown * pairs + nodes, sizeof *memory);
+    double *const true_q = memory, *const true_v = true_q + shown * pairs, *const q = true_v + shown * pairs,
+                  *const v = q + shown * pairs, *const s = v + shown * pairs;
+    APP_CLEAN(learned_close) learned network = learned_open(self, &e->file, nodes);
     char title[128];
-    lg_status status =
-        lg_surrogate_curves_create(self->context, model, e->file->theta, LG_F64, nodes, &curves, error);
-    void *work = status == LG_OK ? app_alloc(lg_surrogate_curves_work_size(curves), 1) : NULL;
-    for (size_t k = 0; k < nodes; k++)
-        s[k] = k + 1 < nodes ? e->curves->length * ((double)k / (double)(nodes - 1)) : e->curves->length;
-    for (size_t i = 0; i < shown && status == LG_OK; i++) {
-        const size_t curve = e->chosen.list[(2 * i + 1) * e->chosen.count / (2 * shown)];
-        memcpy(true_q + 2 * nodes * i, e->curves->q + 2 * nodes * curve, 2 * nodes * sizeof *q);
-        memcpy(true_v + 2 * nodes * i, e->curves->v + 2 * nodes * curve, 2 * nodes * sizeof *v);
-        lg_surrogate_curve(curves, e->curves->boundary + 8 * curve, s, nodes, q + 2 * nodes * i,
-                           v + 2 * nodes * i, work);
+    for (size_t k = 0; k < nodes; k++) s[k] = equidistant(curves->length, k, nodes);
+    for (size_t i = 0; i < shown; i++) {
+        const size_t curve = e->chosen[(2 * i + 1) * e->count / (2 * shown)];
+        memcpy(true_q + pairs * i, curves->q + pairs * curve, pairs * sizeof *q);
+        memcpy(true_v + pairs * i, curves->v + pairs * curve, pairs * sizeof *v);
+        lg_surrogate_curve(network.curves, curves->boundary + 8 * curve, s, nodes, q + pairs * i,
+                           v + pairs * i, network.work);
     }
     (void)snprintf(title, sizeof title, "%s network, %zu of %zu curves, mean squared error %.3e",
-                   lg_surrogate_kind_name(model->options.kind), shown, e->chosen.count, e->errors.mse);
-    const comparison what = {.shown = shown,
-                             .intervals = e->curves->intervals,
-                             .length = e->curves->length,
-                             .true_q = true_q,
-                             .true_v = true_v,
-                             .q = q,
-                             .v = v,
-                             .node_error = e->node_error,
-                             .title = title};
-    if (status == LG_OK) status = draw_comparison(self, values.plot, &what, error);
-    lg_surrogate_curves_destroy(curves);
-    free(work);
-    free(memory);
-    return status;
+                   lg_surrogate_kind_name(e->file.run.model.options.kind), shown, e->count, e->errors.mse);
+    const comparison what = {shown, curves->intervals, curves->length, true_q, true_v, q,
+                             v,     e->node_error,     title};
+    draw_comparison(self, values.plot, &what);
 }
 
 /* ---- running ---- */
 
-static int choose(const app *self, const lg_surrogate_run *run, const lg_elastica_data *data,
-                  part_indices *chosen) {
-    lg_error error = {LG_OK, ""};
-    *chosen = (part_indices){app_alloc(data->curves.count, sizeof *chosen->list), data->curves.count};
-    if (values.part == PART_ALL) {
-        for (size_t i = 0; i < chosen->count; i++) chosen->list[i] = (uint32_t)i;
-        return APP_EXIT_OK;
-    }
-    if (strcmp(run->data_sha256, data->sha256) != 0 || run->curves != data->curves.count)
-        return app_usage(self, "--part %s: %s was trained on other data than %s", part_names[values.part],
-                         self->arguments[0], self->arguments[1]);
-    const lg_status status =
-        lg_surrogate_part(self->context, run, values.part == PART_TRAIN ? LG_PART_TRAIN : LG_PART_TEST,
-                          chosen->list, &chosen->count, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    if (chosen->count > 0) return APP_EXIT_OK;
-    return app_usage(self, "--part %s: the model has no curves in it", part_names[values.part]);
+static void choose(const app *self, evaluation *e) {
+    const lg_surrogate_run *run = &e->file.run;
+    const char *part = part_names[values.part];
+    e->count = e->data.curves.count;
+    e->chosen = app_alloc(e->count, sizeof *e->chosen);
+    for (size_t i = 0; i < e->count; i++) e->chosen[i] = (uint32_t)i;
+    if (values.part == PART_ALL) return;
+    if (strcmp(run->data_sha256, e->data.sha256) != 0 || run->curves != e->count)
+        app_stop_usage(self, "--part %s: %s was trained on other data than %s", part, self->arguments[0],
+                       self->arguments[1]);
+    APP_MUST_FILE(self, self->arguments[0],
+                  lg_surrogate_part(self->context, run,
+                                    values.part == PART_TRAIN ? LG_PART_TRAIN : LG_PART_TEST, e->chosen,
+                                    &e->count, &error));
+    if (e->count == 0) app_stop_usage(self, "--part %s: the model has no curves in it", part);
 }
 
 static void warn_of_range(const app *self, const evaluation *e) {
+    const bool trained = e->file.run.continuous, given = e->data.curves.continuous;
     if (e->beyond.count > 0)
         app_warn(self,
                  "%zu of %zu curves lie outside the training range of %s (boundary conditions up to %.3g "
                  "away; those of the training part are at most %.3g apart): expect large errors there",
-                 e->beyond.count, e->chosen.count, self->arguments[0], e->beyond.largest, e->beyond.reach);
-    if (e->file->run.continuous != e->curves->continuous)
+                 e->beyond.count, e->count, self->arguments[0], e->beyond.largest, e->beyond.reach);
+    if (trained != given)
         app_warn(self,
-                 "%s was trained on %s values, but %s holds %s ones: the errors include their "
-                 "difference",
-                 self->arguments[0], e->file->run.continuous ? "continuous" : "discrete", self->arguments[1],
-                 e->curves->continuous ? "continuous" : "discrete");
+                 "%s was trained on %s values, but %s holds %s ones: the errors include their difference",
+                 self->arguments[0], trained ? "continuous" : "discrete", self->arguments[1],
+                 given ? "continuous" : "discrete");
 }
 
-static int evaluate(const app *self, evaluation *e) {
+static void evaluate(const app *self, evaluation *e) {
     lg_error error = {LG_OK, ""};
-    const lg_surrogate_file *file = e->file;
+    const lg_elastica_curves *curves = &e->data.curves;
+    const char *path = self->arguments[1];
     const double begin = app_seconds();
-    e->node_error = app_alloc(2 * ((size_t)e->curves->intervals + 1), sizeof *e->node_error);
-    e->beyond = count_outside(&file->run.model, file->trained, file->trained_count, e->curves->boundary,
-                              e->chosen.list, e->chosen.count);
+    e->node_error = app_alloc(2 * ((size_t)curves->intervals + 1), sizeof *e->node_error);
+    e->beyond = count_outside(&e->file, curves->boundary, e->chosen, e->count);
     warn_of_range(self, e);
-    lg_status status =
-        lg_surrogate_evaluate(self->context, &file->run.model, file->theta, e->curves, e->chosen.list,
-                              e->chosen.count, e->node_error, &e->errors, &error);
+    const lg_status status = lg_surrogate_evaluate(self->context, &e->file.run.model, e->file.theta, curves,
+                                                   e->chosen, e->count, e->node_error, &e->errors, &error);
     e->seconds = app_seconds() - begin;
-    if (status == LG_SHAPE) return app_fail_file(self, status, &error, self->arguments[1]);
-    if (status != LG_OK)
-        return app_fail(self, status, "%s: %s", self->arguments[1],
-                        error.message[0] != '\0' ? error.message : lg_status_sentence(status));
-    if (values.plot != NULL) status = draw(self, e, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, values.plot);
-    report(self, e);
-    return APP_EXIT_OK;
+    if (status != LG_OK && status != LG_SHAPE)
+        app_stop(self, status, "%s: %s", path, app_sentence(status, &error));
+    app_must_file(self, status, &error, path);
+}
+
+static void evaluation_destroy(evaluation *e) {
+    free(e->chosen);
+    free(e->node_error);
+    lg_elastica_data_destroy(&e->data);
+    lg_surrogate_file_destroy(&e->file);
 }
 
 static int run(app *self) {
-    lg_error error = {LG_OK, ""};
-    lg_surrogate_file file;
-    lg_elastica_data data;
-    const app_path plot = {"plot", values.plot, LG_FILE_DRAWN};
-    int code = app_check_outputs(self, &plot, 1);
-    if (code != APP_EXIT_OK) return code;
-    lg_status status = lg_model_load_surrogate(self->context, self->arguments[0], NULL, &file, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    status = lg_elastica_data_judge(self->context, self->arguments[1], &data, &error);
-    if (status != LG_OK) code = app_fail_file(self, status, &error, self->arguments[1]);
-    if (code == APP_EXIT_OK) {
-        evaluation e = {.file = &file, .curves = &data.curves};
-        code = choose(self, &file.run, &data, &e.chosen);
-        if (code == APP_EXIT_OK) code = evaluate(self, &e);
-        free(e.chosen.list);
-        free(e.node_error);
-        lg_elastica_data_destroy(&data);
-    }
-    lg_surrogate_file_destroy(&file);
-    return code;
+    APP_CLEAN(evaluation_destroy) evaluation e = {.count = 0};
+    const char *model = self->arguments[0], *data = self->arguments[1];
+    APP_MUST_FILE(self, model, lg_model_load_surrogate(self->context, model, NULL, &e.file, &error));
+    APP_MUST_FILE(self, data, lg_elastica_data_judge(self->context, data, &e.data, &error));
+    choose(self, &e);
+    evaluate(self, &e);
+    if (values.plot != NULL) draw(self, &e);
+    report(self, &e);
+    return APP_EXIT_OK;
 }
 
 const app_command evaluate_command = {

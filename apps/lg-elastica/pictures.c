@@ -5,7 +5,7 @@
 
 #include "lg-elastica/beam.h"
 
-enum { SHOWN_CURVES = 24, SMOOTH_POINTS = 400, AROUND = 110 };
+enum { SHOWN_CURVES = 24, SMOOTH_POINTS = 400 };
 
 static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2e8b57", "#8b3a8b", "#b8860b", "#c0392b",
                                       "#17a2b8", "#6b4423", "#5d6d7e", "#7cb342", "#e377c2", "#3f51b5"};
@@ -15,16 +15,6 @@ static const char *colour(size_t i) {
     return colours[i % LG_COUNT(colours)];
 }
 
-static lg_status begin(app_plot *plot, const char *picture, int width, int height, lg_error *error) {
-    (void)error;
-    app_plot_begin(plot, picture, width, height);
-    return LG_OK;
-}
-
-static lg_status end(const app *self, app_plot *plot, lg_error *error) {
-    return app_plot_end(self, plot, error);
-}
-
 /* One block: a polyline of `points` pairs. */
 static void put_pairs(app_plot *plot, const double *pairs, size_t points) {
     for (size_t k = 0; k < points; k++)
@@ -32,8 +22,11 @@ static void put_pairs(app_plot *plot, const double *pairs, size_t points) {
     app_plot_block(plot);
 }
 
-/* One block: a beam of `intervals` intervals of length h by cubic Hermite interpolation. */
-static void put_beam(app_plot *plot, const double *q, const double *v, size_t intervals, double h) {
+/* One block: a beam by cubic Hermite interpolation. */
+static void put_beam(app_plot *plot, const beam_curve *curve) {
+    const double *q = curve->at.q, *v = curve->at.v;
+    const size_t intervals = curve->problem.intervals;
+    const double h = curve->problem.length / (double)intervals;
     const size_t parts = intervals < SMOOTH_POINTS ? (SMOOTH_POINTS + intervals - 1) / intervals : 1;
     for (size_t k = 0; k < intervals; k++)
         for (size_t i = 0; i < parts + (k + 1 == intervals); i++) {
@@ -63,124 +56,118 @@ static void extend(box *b, const double *pairs, size_t points) {
     }
 }
 
-/* Height in pixels of curves drawn `width` wide, without the margins. */
-static int height_of(const box *b, int width) {
+/* Height in pixels of a picture whose curves are 720 wide. */
+static int height_of(const box *b) {
     const double dx = fmax(b->high[0] - b->low[0], 1e-6), dy = b->high[1] - b->low[1];
-    const double height = 1.12 * (double)width * dy / dx;
-    return height < 120 ? 120 : height > 800 ? 800 : (int)height;
+    const double height = 1.12 * 720 * dy / dx;
+    return (height < 120 ? 120 : height > 800 ? 800 : (int)height) + 110;
 }
 
-/* Steps of 1, 2 or 5 times a power of ten over the height: about four, fewer where it is low. */
-static void put_plane(FILE *script, const box *b) {
+/* The ticks of y have steps of 1, 2 or 5 times a power of ten: about four, fewer where the box is low. */
+static void begin_plane(app_plot *plot, const char *picture, const box *b, int width, int height) {
     const double dx = fmax(b->high[0] - b->low[0], 1e-6), dy = fmax(b->high[1] - b->low[1], 1e-6);
     const double steps = fmin(4, fmax(1, 20 * dy / dx));
     const double rough = dy / steps, power = pow(10, floor(log10(rough)));
     const double lead = rough / power, step = (lead < 1.5 ? 1 : lead < 3.5 ? 2 : lead < 7.5 ? 5 : 10) * power;
-    (void)fprintf(script,
+    app_plot_begin(plot, picture, width, height);
+    (void)fprintf(plot->script.stream,
                   "set xlabel 'x'\nset ylabel 'y'\nset size ratio -1\nset ytics %.6g\n"
                   "set offsets graph 0.03, graph 0.03, graph 0.05, graph 0.05\n",
                   step);
 }
 
-lg_status draw_curves(const app *self, const char *picture, const beam_curve *curves, size_t count,
-                      char *const *labels, lg_error *error) {
+static void end(const app *self, app_plot *plot, const char *picture) {
+    APP_MUST_FILE(self, picture, app_plot_end(self, plot, &error));
+}
+
+typedef struct style {
+    bool labelled;                /* with energies */
+    const char *title;            /* or NULL */
+    const char *minimum, *saddle; /* widths of lines */
+} style;
+
+static void draw_beams(const app *self, const char *picture, const beam_curve *curves, size_t count,
+                       const style *as) {
     app_plot plot;
     box b = empty_box;
-    for (size_t i = 0; i < count; i++) extend(&b, curves[i].q, (size_t)curves[i].problem.intervals + 1);
-    int height = height_of(&b, 720) + AROUND;
-    if (labels != NULL && height < (int)(20 * count) + 60) height = (int)(20 * count) + 60;
-    const lg_status status = begin(&plot, picture, labels != NULL ? 1000 : 800, height, error);
-    if (status != LG_OK) return status;
+    for (size_t i = 0; i < count; i++) extend(&b, curves[i].at.q, curves[i].at.count);
+    const int height = height_of(&b), least = as->labelled ? (int)(20 * count) + 60 : 0;
+    begin_plane(&plot, picture, &b, as->labelled ? 1000 : 800, height < least ? least : height);
     FILE *script = plot.script.stream;
-    for (size_t i = 0; i < count; i++) {
-        const lg_elastica *problem = &curves[i].problem;
-        put_beam(&plot, curves[i].q, curves[i].v, problem->intervals,
-                 problem->length / (double)problem->intervals);
-    }
-    put_plane(script, &b);
-    (void)fputs(labels != NULL ? "set key outside right top\n" : "unset key\n", script);
+    (void)fputs(as->labelled ? "set key outside right top\n" : "unset key\n", script);
+    if (as->title != NULL) (void)fprintf(script, "set title '%s'\n", as->title);
     for (size_t i = 0; i < count; i++) {
         const bool saddle = curves[i].solution.negative_eigenvalues > 0;
-        (void)fprintf(script, "%sdatafile index %zu with lines lw %s%s lc rgb '%s' ", i == 0 ? "plot " : ", ",
-                      i, saddle ? "1.5" : "2.5", saddle ? " dt 2" : "", colour(i));
-        if (labels != NULL)
-            (void)fprintf(script, "title '%s'", labels[i]);
+        put_beam(&plot, &curves[i]);
+        (void)fprintf(script, "%sdatafile index %zu with lines lw %s lc rgb '%s' ", i == 0 ? "plot " : ", ",
+                      i, saddle ? as->saddle : as->minimum, colour(i));
+        if (as->labelled)
+            (void)fprintf(script, "title 'E = %.6g%s'", curves[i].solution.energy, saddle ? " (saddle)" : "");
         else
             (void)fputs("notitle", script);
     }
     (void)fputc('\n', script);
-    return end(self, &plot, error);
+    end(self, &plot, picture);
 }
 
-lg_status draw_set(const app *self, const char *picture, const lg_elastica_curves *curves, lg_error *error) {
-    app_plot plot;
-    box b = empty_box;
+void draw_curves(const app *self, const char *picture, const beam_curve *curves, size_t count,
+                 bool labelled) {
+    const style as = {.labelled = labelled, .minimum = "2.5", .saddle = "1.5 dt 2"};
+    if (picture != NULL) draw_beams(self, picture, curves, count, &as);
+}
+
+void draw_set(const app *self, const char *picture, const lg_elastica_curves *curves) {
+    char title[64];
+    beam_curve beams[SHOWN_CURVES];
+    const style as = {.title = title, .minimum = "1.3"};
     const size_t nodes = (size_t)curves->intervals + 1;
     const size_t shown = curves->count < SHOWN_CURVES ? curves->count : (size_t)SHOWN_CURVES;
-    for (size_t i = 0; i < shown; i++) extend(&b, curves->q + 2 * nodes * (i * curves->count / shown), nodes);
-    const lg_status status = begin(&plot, picture, 800, height_of(&b, 720) + AROUND, error);
-    if (status != LG_OK) return status;
+    if (picture == NULL) return;
     for (size_t i = 0; i < shown; i++) {
         const size_t at = 2 * nodes * (i * curves->count / shown);
-        put_beam(&plot, curves->q + at, curves->v + at, curves->intervals,
-                 curves->length / (double)curves->intervals);
+        beams[i] = (beam_curve){.problem = {.length = curves->length, .intervals = curves->intervals},
+                                .at = {.count = nodes, .q = curves->q + at, .v = curves->v + at}};
     }
-    put_plane(plot.script.stream, &b);
-    (void)fprintf(plot.script.stream, "unset key\nset title '%zu of %zu curves'\n", shown, curves->count);
-    for (size_t i = 0; i < shown; i++)
-        (void)fprintf(plot.script.stream, "%sdatafile index %zu with lines lw 1.3 lc rgb '%s' notitle",
-                      i == 0 ? "plot " : ", ", i, colour(i));
-    (void)fputc('\n', plot.script.stream);
-    return end(self, &plot, error);
+    (void)snprintf(title, sizeof title, "%zu of %zu curves", shown, curves->count);
+    draw_beams(self, picture, beams, shown, &as);
 }
 
 /* ---- energy against x ---- */
 
 /* A line changes its dash where the branch changes its stability: pieces of equal stability, the last point
  * of one repeated as the first of the next. */
-static size_t put_branches(app_plot *plot, const sweep_point *points, size_t count, bool *saddle,
-                           size_t *branch) {
-    size_t blocks = 0;
-    for (size_t i = 0; i < count; i++) {
-        const bool unstable = points[i].negative_eigenvalues > 0;
+static void put_branches(app_plot *plot, const sweep_point *points, size_t count) {
+    for (size_t i = 0, block = 0; i < count; i++) {
+        const bool saddle = points[i].negative_eigenvalues > 0;
         const bool follows = i > 0 && points[i - 1].branch == points[i].branch;
-        const bool fresh = !follows || unstable != (points[i - 1].negative_eigenvalues > 0);
-        if (fresh) {
+        if (!follows || saddle != (points[i - 1].negative_eigenvalues > 0)) {
             if (i > 0) app_plot_block(plot);
             if (follows)
                 (void)fprintf(plot->data.stream, "%.9g %.9g\n", points[i - 1].x, points[i - 1].energy);
-            saddle[blocks] = unstable;
-            branch[blocks++] = points[i].branch;
+            (void)fprintf(
+                plot->script.stream,
+                ", datafile index %zu using ($1/pi2):2 with linespoints ps 0.4 %s lc rgb '%s' notitle",
+                block++, saddle ? "pt 6 lw 1.3 dt 2" : "pt 7 lw 2", colour(points[i].branch));
         }
         (void)fprintf(plot->data.stream, "%.9g %.9g\n", points[i].x, points[i].energy);
     }
-    return blocks;
 }
 
-lg_status draw_sweep(const app *self, const char *picture, const sweep_point *points, size_t count,
-                     lg_error *error) {
+void draw_sweep(const app *self, const char *picture, const sweep_point *points, size_t count) {
+    if (picture == NULL) return;
     app_plot plot;
-    const lg_status status = begin(&plot, picture, 1000, 650, error);
-    if (status != LG_OK) return status;
-    bool *saddle = app_alloc(count, sizeof *saddle);
-    size_t *branch = app_alloc(count, sizeof *branch);
+    app_plot_begin(&plot, picture, 1000, 650);
     FILE *script = plot.script.stream;
-    const size_t blocks = put_branches(&plot, points, count, saddle, branch);
     bool saddles = false;
-    for (size_t b = 0; b < blocks; b++) saddles = saddles || saddle[b];
+    for (size_t i = 0; i < count; i++) saddles = saddles || points[i].negative_eigenvalues > 0;
     (void)fputs("set xlabel 'x / π'\nset ylabel 'energy'\nset xrange [0:2]\n"
                 "set xtics 0.25\nset key outside top center horizontal\npi2 = 3.14159265358979\n",
                 script);
     (void)fputs("plot 1/0 with lines lw 2 lc rgb '#444444' title 'minima'", script);
     if (saddles) (void)fputs(", 1/0 with lines lw 1.3 dt 2 lc rgb '#444444' title 'saddles'", script);
-    for (size_t b = 0; b < blocks; b++)
-        (void)fprintf(script,
-                      ", datafile index %zu using ($1/pi2):2 with linespoints ps 0.4 %s lc rgb '%s' notitle",
-                      b, saddle[b] ? "pt 6 lw 1.3 dt 2" : "pt 7 lw 2", colour(branch[b]));
+    put_branches(&plot, points, count);
     (void)fputc('\n', script);
-    free(saddle);
-    free(branch);
-    return end(self, &plot, error);
+    end(self, &plot, picture);
 }
 
 /* ---- learned curves ---- */
@@ -196,10 +183,9 @@ static void put_panel(FILE *script, const char *axes, size_t first_true, size_t 
     (void)fputc('\n', script);
 }
 
-lg_status draw_comparison(const app *self, const char *picture, const comparison *what, lg_error *error) {
+void draw_comparison(const app *self, const char *picture, const comparison *what) {
     app_plot plot;
-    const lg_status status = begin(&plot, picture, 1500, 520, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 1500, 520);
     const size_t nodes = (size_t)what->intervals + 1, shown = what->shown;
     const double *const sets[] = {what->true_q, what->q, what->true_v, what->v};
     FILE *script = plot.script.stream;
@@ -230,22 +216,18 @@ lg_status draw_comparison(const app *self, const char *picture, const comparison
         "datafile index %zu using 1:3 with lines lw 2 lc rgb '#8b3a8b' title \"q'\"\n"
         "unset multiplot\n",
         what->length, 4 * shown, 4 * shown);
-    return end(self, &plot, error);
+    end(self, &plot, picture);
 }
 
-lg_status draw_prediction(const app *self, const char *picture, const double *q, size_t points,
-                          const beam_curve *truth, lg_error *error) {
+void draw_prediction(const app *self, const char *picture, const beam_curve *curve, const beam_curve *truth) {
+    if (picture == NULL) return;
     app_plot plot;
     box b = empty_box;
-    extend(&b, q, points);
-    if (truth != NULL) extend(&b, truth->q, (size_t)truth->problem.intervals + 1);
-    const lg_status status = begin(&plot, picture, 800, height_of(&b, 720) + AROUND + 20, error);
-    if (status != LG_OK) return status;
-    put_pairs(&plot, q, points);
-    if (truth != NULL)
-        put_beam(&plot, truth->q, truth->v, truth->problem.intervals,
-                 truth->problem.length / (double)truth->problem.intervals);
-    put_plane(plot.script.stream, &b);
+    extend(&b, curve->at.q, curve->at.count);
+    if (truth != NULL) extend(&b, truth->at.q, truth->at.count);
+    begin_plane(&plot, picture, &b, 800, height_of(&b) + 20);
+    put_pairs(&plot, curve->at.q, curve->at.count);
+    if (truth != NULL) put_beam(&plot, truth);
     (void)fputs("set key top center horizontal outside\nplot ", plot.script.stream);
     if (truth != NULL)
         (void)fprintf(plot.script.stream, "datafile index 1 with lines lw 2.5 lc rgb '%s' title 'solved', ",
@@ -253,5 +235,5 @@ lg_status draw_prediction(const app *self, const char *picture, const double *q,
     (void)fprintf(plot.script.stream,
                   "datafile index 0 with linespoints pt 7 ps 0.5 lw 1 lc rgb '%s' title 'learned'\n",
                   learned_colour);
-    return end(self, &plot, error);
+    end(self, &plot, picture);
 }

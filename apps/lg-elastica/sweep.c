@@ -1,7 +1,6 @@
 /* lg-elastica solve --sweep: the branches of a case over x, each followed from one x to the next. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-elastica/beam.h"
 
@@ -50,8 +49,9 @@ static int by_distance(const void *a, const void *b) {
 static void follow(sweep *s, size_t i) {
     const size_t n = s->found[i].count, m = i > 0 ? s->found[i - 1].count : 0;
     const double reach = i > 0 ? fmin(far_curve, moved * (s->x[i] - s->x[i - 1])) : 0;
-    pair *pairs = app_alloc(n * m, sizeof *pairs);
-    bool *taken = app_alloc(m, sizeof *taken), *named = app_alloc(n, sizeof *named);
+    APP_FREE pair *pairs = app_alloc(n * m, sizeof *pairs);
+    APP_FREE bool *taken = app_alloc(m, sizeof *taken);
+    APP_FREE bool *named = app_alloc(n, sizeof *named);
     for (size_t a = 0; a < n; a++)
         for (size_t b = 0; b < m; b++)
             pairs[a * m + b] = (pair){beam_distance(&s->found[i - 1].list[b], &s->found[i].list[a]), b, a};
@@ -63,9 +63,6 @@ static void follow(sweep *s, size_t i) {
     }
     for (size_t a = 0; a < n; a++)
         if (!named[a]) s->branch[i][a] = s->branches++;
-    free(pairs);
-    free(taken);
-    free(named);
 }
 
 /* ---- output ---- */
@@ -92,103 +89,89 @@ static sweep_point *collect(const sweep *s, size_t *count) {
     return points;
 }
 
-static lg_status write_sweep(const char *path, const sweep_point *points, size_t count, lg_error *error) {
+static void write_sweep(const app *self, const char *path, const sweep_point *points, size_t count) {
+    if (path == NULL) return;
     app_file file;
     app_file_begin(&file, path);
     (void)fputs("branch,x,energy,negative_eigenvalues,rotation\n", file.stream);
     for (size_t i = 0; i < count; i++)
         (void)fprintf(file.stream, "%zu,%.17g,%.17g,%u,%.17g\n", points[i].branch + 1, points[i].x,
                       points[i].energy, points[i].negative_eigenvalues, points[i].rotation);
-    return app_file_end(&file, error);
+    APP_MUST_FILE(self, path, app_file_end(&file, &error));
 }
 
-static size_t branch_end(const sweep_point *points, size_t count, size_t first) {
-    size_t i = first;
-    while (i < count && points[i].branch == points[first].branch) i++;
-    return i;
-}
-
-static void print_sweep(const sweep_point *points, size_t count) {
-    static const char *const heads[] = {"branch", "points", "x from", "to", "energy from", "to", "saddles"};
-    app_table table;
-    app_table_begin(&table, LG_COUNT(heads));
-    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
+/* For people: a row for each branch. */
+static void add_branches(app_json *out, const sweep_point *points, size_t count) {
+    app_result_rows(out, NULL);
     for (size_t i = 0, last; i < count; i = last) {
         size_t saddles = 0;
         double low = INFINITY, high = -INFINITY;
-        last = branch_end(points, count, i);
-        for (size_t k = i; k < last; k++) {
-            if (points[k].negative_eigenvalues > 0) saddles++;
-            low = fmin(low, points[k].energy);
-            high = fmax(high, points[k].energy);
+        for (last = i; last < count && points[last].branch == points[i].branch; last++) {
+            saddles += points[last].negative_eigenvalues > 0;
+            low = fmin(low, points[last].energy);
+            high = fmax(high, points[last].energy);
         }
-        app_table_cell(&table, "%zu", points[i].branch + 1);
-        app_table_cell(&table, "%zu", last - i);
-        app_table_cell(&table, "%.4f", points[i].x);
-        app_table_cell(&table, "%.4f", points[last - 1].x);
-        app_table_cell(&table, "%.6g", low);
-        app_table_cell(&table, "%.6g", high);
-        app_table_cell(&table, "%zu", saddles);
+        app_json_size(out, "branch", points[i].branch + 1);
+        app_json_size(out, "points", last - i);
+        app_json_real(out, "x from", points[i].x);
+        app_json_real(out, "to", points[last - 1].x);
+        app_json_real(out, "energy from", low);
+        app_json_real(out, "to", high);
+        app_json_size(out, "saddles", saddles);
     }
-    app_table_end(&table, stdout);
+    app_result_rows_end(out);
+}
+
+static void add_points(app_json *out, const sweep_point *points, size_t count) {
+    app_json_open(out, "points", '[');
+    for (size_t i = 0; i < count; i++) {
+        app_json_open(out, NULL, '{');
+        app_json_size(out, "branch", points[i].branch + 1);
+        app_json_real(out, "x", points[i].x);
+        app_json_real(out, "energy", points[i].energy);
+        app_json_size(out, "negative_eigenvalues", points[i].negative_eigenvalues);
+        app_json_real(out, "rotation", points[i].rotation);
+        app_json_close(out, '}');
+    }
+    app_json_close(out, ']');
 }
 
 static void report(const sweep *s, const sweep_point *points, size_t count, double seconds) {
-    if (!s->self->json) {
-        print_sweep(points, count);
-        return;
-    }
-    app_json json;
-    app_json_begin(&json);
-    app_json_text(&json, "case", lg_elastica_case_name(s->values->kind));
-    app_json_reals(&json, "x", s->x, s->values->points);
-    app_json_size(&json, "branches", s->branches);
-    app_json_open(&json, "points", '[');
-    for (size_t i = 0; i < count; i++) {
-        app_json_open(&json, NULL, '{');
-        app_json_size(&json, "branch", points[i].branch + 1);
-        app_json_real(&json, "x", points[i].x);
-        app_json_real(&json, "energy", points[i].energy);
-        app_json_size(&json, "negative_eigenvalues", points[i].negative_eigenvalues);
-        app_json_real(&json, "rotation", points[i].rotation);
-        app_json_close(&json, '}');
-    }
-    app_json_close(&json, ']');
-    app_json_size(&json, "intervals", s->values->problem.intervals);
-    app_json_text(&json, "out", s->values->out);
-    app_json_real(&json, "seconds", seconds);
-    app_json_end(&json);
+    app_json out;
+    app_result_begin(&out, s->self);
+    if (out.people) add_branches(&out, points, count);
+    app_json_text(&out, "case", lg_elastica_case_name(s->values->kind));
+    app_json_reals(&out, "x", s->x, s->values->points);
+    app_json_size(&out, "branches", s->branches);
+    add_points(&out, points, count);
+    app_json_size(&out, "intervals", s->values->problem.intervals);
+    app_json_text(&out, "out", s->values->out);
+    app_json_real(&out, "seconds", seconds);
+    app_json_end(&out);
 }
 
-static int write_outputs(const sweep *s, double seconds) {
-    lg_error error = {LG_OK, ""};
-    lg_status status = LG_OK;
-    size_t count;
-    const char *path = s->values->out;
-    sweep_point *points = collect(s, &count);
-    if (path != NULL) status = write_sweep(path, points, count, &error);
-    if (status == LG_OK && s->values->plot != NULL) {
-        path = s->values->plot;
-        status = draw_sweep(s->self, path, points, count, &error);
-    }
-    if (status == LG_OK) report(s, points, count, seconds);
-    free(points);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(s->self, status, &error, path);
+static void check_found(const sweep *s, size_t i) {
+    if (app_interrupted()) app_must(s->self, LG_CANCELLED, NULL);
+    if (s->status[i] != LG_OK)
+        app_stop(s->self, s->status[i], "x = %.9g: %s", s->x[i], app_sentence(s->status[i], &s->error[i]));
 }
 
-static int first_failure(const sweep *s) {
+static void sweep_destroy(sweep *s) {
     for (size_t i = 0; i < s->values->points; i++) {
-        if (s->status[i] == LG_OK) continue;
-        if (app_interrupted()) return app_fail(s->self, LG_CANCELLED, "stopped by %s", app_stopper());
-        return app_fail(s->self, s->status[i], "x = %.9g: %s", s->x[i],
-                        s->error[i].message[0] != '\0' ? s->error[i].message
-                                                       : lg_status_sentence(s->status[i]));
+        beam_curves_destroy(&s->found[i]);
+        free(s->branch[i]);
     }
-    return APP_EXIT_OK;
+    free(s->found);
+    free(s->branch);
+    free(s->x);
+    free(s->status);
+    free(s->error);
 }
 
-int sweep_run(const app *self, const sweep_values *values, const lg_elastica_options *options) {
+void sweep_run(const app *self, const sweep_values *values, const lg_elastica_options *options) {
     const size_t n = values->points;
+    size_t count;
+    APP_CLEAN(sweep_destroy)
     sweep s = {.self = self,
                .values = values,
                .options = options,
@@ -198,19 +181,14 @@ int sweep_run(const app *self, const sweep_values *values, const lg_elastica_opt
                .status = app_alloc(n, sizeof *s.status),
                .error = app_alloc(n, sizeof *s.error)};
     const double begin = app_seconds();
+    APP_MUST(self, lg_elastica_check(&values->problem, &error));
     for (size_t i = 0; i < n; i++) s.x[i] = 2 * 3.14159265358979323846 * (double)i / (double)(n - 1);
     app_parallel(self->threads, n, find, &s);
-    int code = first_failure(&s);
-    for (size_t i = 0; i < n && code == APP_EXIT_OK; i++) follow(&s, i);
-    if (code == APP_EXIT_OK) code = write_outputs(&s, app_seconds() - begin);
-    for (size_t i = 0; i < n; i++) {
-        beam_curves_free(&s.found[i]);
-        free(s.branch[i]);
-    }
-    free(s.found);
-    free(s.branch);
-    free(s.x);
-    free(s.status);
-    free(s.error);
-    return code;
+    for (size_t i = 0; i < n; i++) check_found(&s, i);
+    for (size_t i = 0; i < n; i++) follow(&s, i);
+    APP_FREE sweep_point *points = collect(&s, &count);
+    const double seconds = app_seconds() - begin;
+    write_sweep(self, values->out, points, count);
+    draw_sweep(self, values->plot, points, count);
+    report(&s, points, count, seconds);
 }

@@ -58,7 +58,6 @@ static const char *const defaults[][2] = {
     {"patience", "presets"},
     {"prior", "presets"},
     {"q0", "the default problem, the training data"},
-    {"qN", "likewise"},
     {"schedule", "presets"},
     {"shards", "presets"},
     {"substeps", "of data, of a machine, of its model"},
