@@ -3,7 +3,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { SHOWN_POINTS = 1200, PAIRED_POINTS = 350, SHOWN_COLUMNS = 8, BINS = 40, SHOWN_SAMPLES = 1800 };
@@ -13,16 +12,6 @@ static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2e8b57", "#8b3a8b"
 
 const char *class_colour(size_t i) {
     return colours[i % LG_COUNT(colours)];
-}
-
-lg_status picture_begin(app_plot *plot, const char *picture, int width, int height, lg_error *error) {
-    (void)error;
-    app_plot_begin(plot, picture, width, height);
-    return LG_OK;
-}
-
-lg_status picture_end(const app *self, app_plot *plot, lg_error *error) {
-    return app_plot_end(self, plot, error);
 }
 
 void put_text(FILE *script, const char *text) {
@@ -92,14 +81,15 @@ static span column_span(const labelled *points, uint32_t k) {
 /* One block for each column: the middle of the bin, and for each class the fraction of its points there. */
 static void put_histogram(app_plot *plot, const labelled *points, uint32_t k, span s) {
     const size_t cells = (size_t)BINS * points->classes;
-    size_t *count = calloc(cells, sizeof *count), *total = calloc(points->classes, sizeof *total);
-    for (size_t i = 0; count != NULL && total != NULL && i < points->count; i++) {
+    APP_FREE size_t *count = app_alloc(cells, sizeof *count);
+    APP_FREE size_t *total = app_alloc(points->classes, sizeof *total);
+    for (size_t i = 0; i < points->count; i++) {
         const double at = (points->x[i * points->columns + k] - s.low) / (s.high - s.low) * BINS;
         const size_t bin = at < 0 ? 0 : at >= BINS ? BINS - 1 : (size_t)at;
         count[bin * points->classes + points->label[i]]++;
         total[points->label[i]]++;
     }
-    for (size_t bin = 0; count != NULL && total != NULL && bin < BINS; bin++) {
+    for (size_t bin = 0; bin < BINS; bin++) {
         (void)fprintf(plot->data.stream, "%.6g", s.low + ((double)bin + 0.5) / BINS * (s.high - s.low));
         for (uint32_t c = 0; c < points->classes; c++)
             (void)fprintf(plot->data.stream, " %.5g",
@@ -107,8 +97,6 @@ static void put_histogram(app_plot *plot, const labelled *points, uint32_t k, sp
         (void)fputc('\n', plot->data.stream);
     }
     app_plot_block(plot);
-    free(count);
-    free(total);
 }
 
 static void put_panel(FILE *script, const labelled *points, uint32_t row, uint32_t column,
@@ -138,9 +126,7 @@ lg_status draw_pairs(const app *self, const char *picture, const labelled *point
     app_plot plot;
     const uint32_t shown = points->columns < SHOWN_COLUMNS ? points->columns : SHOWN_COLUMNS;
     const int size = 150 * (int)shown + 120;
-    const lg_status status =
-        picture_begin(&plot, picture, size < 420 ? 420 : size, size < 420 ? 420 : size, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, size < 420 ? 420 : size, size < 420 ? 420 : size);
     FILE *script = plot.script.stream;
     span spans[SHOWN_COLUMNS];
     put_points(&plot, points, PAIRED_POINTS);
@@ -150,7 +136,7 @@ lg_status draw_pairs(const app *self, const char *picture, const labelled *point
         put_axis(script, 'x', points->column_name[0]);
         put_axis(script, 'y', "part of the windows");
         put_panel(script, points, 0, 0, spans);
-        return picture_end(self, &plot, error);
+        return app_plot_end(self, &plot, error);
     }
     (void)fprintf(script,
                   "set multiplot layout %u,%u margins 0.07,0.99,0.07,0.97 spacing 0.012\n"
@@ -164,7 +150,7 @@ lg_status draw_pairs(const app *self, const char *picture, const labelled *point
             put_panel(script, points, row, column, spans);
         }
     (void)fputs("unset multiplot\n", script);
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 /* ---- clouds, planes ---- */
@@ -178,8 +164,7 @@ static void put_space(FILE *script, const labelled *points, const uint32_t at[3]
 lg_status draw_clouds(const app *self, const char *picture, const labelled *points, lg_error *error) {
     app_plot plot;
     const bool space = points->columns >= 3;
-    const lg_status status = picture_begin(&plot, picture, space ? 1240 : 720, 600, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, space ? 1240 : 720, 600);
     FILE *script = plot.script.stream;
     put_points(&plot, points, 2 * SHOWN_POINTS);
     if (space) (void)fputs("set multiplot layout 1,2\n", script);
@@ -195,7 +180,7 @@ lg_status draw_clouds(const app *self, const char *picture, const labelled *poin
         (void)fputs("\nunset multiplot", script);
     }
     (void)fputc('\n', script);
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 /* The vertical axis is the column along which the plane's normal is longest in units of the picture; the
@@ -212,8 +197,7 @@ static void upright(const span s[3], const double *w, uint32_t column[3]) {
 lg_status draw_margin(const app *self, const char *picture, const labelled *points, const double *w, double b,
                       lg_error *error) {
     app_plot plot;
-    const lg_status status = picture_begin(&plot, picture, 900, 720, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 900, 720);
     FILE *script = plot.script.stream;
     span s[3];
     uint32_t at[3];
@@ -235,14 +219,13 @@ lg_status draw_margin(const app *self, const char *picture, const labelled *poin
                 ", cut(plane(x, y, 1)) with lines dt 3 lc rgb '#999999' title 'margin'"
                 ", cut(plane(x, y, -1)) with lines dt 3 lc rgb '#999999' notitle\n",
                 script);
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 lg_status draw_plane(const app *self, const char *picture, const labelled *points, const double *w, double b,
                      lg_error *error) {
     app_plot plot;
-    const lg_status status = picture_begin(&plot, picture, 760, 600, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 760, 600);
     FILE *script = plot.script.stream;
     put_points(&plot, points, 2 * SHOWN_POINTS);
     const span x = column_span(points, 0), y = column_span(points, 1);
@@ -261,7 +244,7 @@ lg_status draw_plane(const app *self, const char *picture, const labelled *point
             -b * w[0] / (norm * norm), -far * w[1] / norm, -b * w[1] / (norm * norm), far * w[0] / norm);
     }
     (void)fputc('\n', script);
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 /* ---- the baseline's lines ---- */
@@ -269,8 +252,7 @@ lg_status draw_plane(const app *self, const char *picture, const labelled *point
 lg_status draw_regressions(const app *self, const char *picture, const regression *lines, size_t count,
                            char (*class_name)[LG_SERIES_NAME], lg_error *error) {
     app_plot plot;
-    const lg_status status = picture_begin(&plot, picture, 1240, 560, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 1240, 560);
     FILE *script = plot.script.stream;
     uint32_t classes = 0;
     for (size_t i = 0; i < count; i++)
@@ -312,7 +294,7 @@ lg_status draw_regressions(const app *self, const char *picture, const regressio
         (void)fputs(part == 0 ? "\nset xlabel 'intercept'\nset ylabel 'slope'\nplot " : "\nunset multiplot\n",
                     script);
     }
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 /* ---- recordings ---- */
@@ -348,8 +330,7 @@ lg_status draw_recordings(const app *self, const char *picture, const recording 
     app_plot plot;
     const uint32_t pairs = channels >= 6 ? 2 : 0; /* moment against lower acceleration, x and y */
     const uint32_t rows = (channels + 1) / 2 + (pairs > 0 ? 1 : 0);
-    const lg_status status = picture_begin(&plot, picture, 1240, 210 * (int)rows + 60, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 1240, 210 * (int)rows + 60);
     FILE *script = plot.script.stream;
     char columns[32], name[LG_SERIES_NAME + 16];
     put_recordings(&plot, runs, count, channels, rate);
@@ -368,5 +349,5 @@ lg_status draw_recordings(const app *self, const char *picture, const recording 
         put_channel(script, runs, count, columns, "dots");
     }
     (void)fputs("unset multiplot\n", script);
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }

@@ -10,8 +10,7 @@ enum { SHOWN_DEPTH = 6, SHOWN_VARIANCES = 30 };
 lg_status draw_variance(const app *self, const char *picture, const double *variance, size_t count,
                         uint32_t chosen, lg_error *error) {
     app_plot plot;
-    const lg_status status = picture_begin(&plot, picture, 760, 500, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 760, 500);
     FILE *script = plot.script.stream;
     double total = 0, sum = 0;
     for (size_t i = 0; i < count; i++) total += variance[i];
@@ -33,14 +32,13 @@ lg_status draw_variance(const app *self, const char *picture, const double *vari
         "plot datafile using 1:2 with boxes fs solid 0.6 lc rgb '%s' title 'each', datafile using 1:3 "
         "with linespoints pt 7 ps 0.6 lw 1.5 lc rgb '%s' title 'running sum'\n",
         class_colour(0), class_colour(1));
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 lg_status draw_pruning(const app *self, const char *picture, const pruned_tree *trees, size_t count,
                        double chosen, lg_error *error) {
     app_plot plot;
-    const lg_status status = picture_begin(&plot, picture, 1240, 480, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 1240, 480);
     FILE *script = plot.script.stream;
     for (size_t i = 0; i < count; i++)
         (void)fprintf(plot.data.stream, "%.9g %.9g %.9g %u %u\n", trees[i].alpha, trees[i].train_accuracy,
@@ -62,7 +60,7 @@ lg_status draw_pruning(const app *self, const char *picture, const pruned_tree *
         "set key top right\nplot datafile using 1:4 with steps lw 2 lc rgb '%s' title 'nodes', datafile "
         "using 1:5 axes x1y2 with steps lw 1.5 dt 2 lc rgb '%s' title 'depth'\nunset multiplot\n",
         class_colour(0), class_colour(2));
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 /* ---- trees: leaves at whole abscissae, a parent between its children ---- */
@@ -159,35 +157,24 @@ static void put_tree(app_plot *plot, const tree_layout *at, char (*class_name)[L
 
 lg_status draw_tree(const app *self, const char *picture, const lg_tree *tree,
                     char (*class_name)[LG_SERIES_NAME], char *const *column_name, lg_error *error) {
-    tree_layout at = {.tree = tree,
-                      .x = malloc(tree->count * sizeof(double)),
-                      .depth = calloc(tree->count, sizeof(uint32_t))};
-    lg_status status = at.x != NULL && at.depth != NULL
-                           ? LG_OK
-                           : app_error(error, LG_OUT_OF_MEMORY, "no memory for the picture of a tree");
     app_plot plot;
-    if (status == LG_OK) {
-        for (uint32_t i = 0; i < tree->count; i++) at.x[i] = -1;
-        place(&at, 0, 0);
-        status = picture_begin(&plot, picture, 160 + 150 * (int)at.leaves, 120 + 96 * (int)at.deepest, error);
-    }
-    if (status == LG_OK) {
-        put_tree(&plot, &at, class_name, column_name);
-        FILE *script = plot.script.stream;
-        const uint32_t depth = lg_tree_depth(tree);
-        (void)fputs("unset key\nunset border\nunset tics\nunset grid\n", script);
-        if (depth > SHOWN_DEPTH)
-            (void)fprintf(script, "set title 'the first %d of %u levels, %u nodes'\n", SHOWN_DEPTH, depth,
-                          tree->count);
-        (void)fprintf(
-            script,
-            "set xrange [-0.7:%.4f]\nset yrange [%u.5:-0.5]\nplot datafile with lines lc rgb '#666666'\n",
-            at.leaves - 0.3, at.deepest);
-        status = picture_end(self, &plot, error);
-    }
-    free(at.x);
-    free(at.depth);
-    return status;
+    APP_FREE double *x = app_alloc(tree->count, sizeof *x);
+    APP_FREE uint32_t *depth = app_alloc(tree->count, sizeof *depth);
+    tree_layout at = {.tree = tree, .x = x, .depth = depth};
+    for (uint32_t i = 0; i < tree->count; i++) x[i] = -1;
+    place(&at, 0, 0);
+    app_plot_begin(&plot, picture, 160 + 150 * (int)at.leaves, 120 + 96 * (int)at.deepest);
+    put_tree(&plot, &at, class_name, column_name);
+    FILE *script = plot.script.stream;
+    const uint32_t levels = lg_tree_depth(tree);
+    (void)fputs("unset key\nunset border\nunset tics\nunset grid\n", script);
+    if (levels > SHOWN_DEPTH)
+        (void)fprintf(script, "set title 'the first %d of %u levels, %u nodes'\n", SHOWN_DEPTH, levels,
+                      tree->count);
+    (void)fprintf(
+        script, "set xrange [-0.7:%.4f]\nset yrange [%u.5:-0.5]\nplot datafile with lines lc rgb '#666666'\n",
+        at.leaves - 0.3, at.deepest);
+    return app_plot_end(self, &plot, error);
 }
 
 /* ---- confusion, ROC ---- */
@@ -196,8 +183,7 @@ lg_status draw_confusion(const app *self, const char *picture, const uint64_t *c
                          char (*class_name)[LG_SERIES_NAME], lg_error *error) {
     app_plot plot;
     const int size = 220 + 110 * (int)(classes < 12 ? classes : 12);
-    const lg_status status = picture_begin(&plot, picture, size + 60, size, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, size + 60, size);
     FILE *script = plot.script.stream;
     for (uint32_t row = 0; row < classes; row++) {
         uint64_t total = 0;
@@ -226,14 +212,13 @@ lg_status draw_confusion(const app *self, const char *picture, const uint64_t *c
                   "set palette defined (0 '#f4f7fb', 1 '#1f5fa8')\nset size square\n"
                   "plot datafile using 1:2:3 with image pixels\n",
                   classes - 1, classes - 1);
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }
 
 lg_status draw_roc(const app *self, const char *picture, const roc_curve *curves, size_t count,
                    lg_error *error) {
     app_plot plot;
-    const lg_status status = picture_begin(&plot, picture, 640, 600, error);
-    if (status != LG_OK) return status;
+    app_plot_begin(&plot, picture, 640, 600);
     FILE *script = plot.script.stream;
     for (size_t i = 0; i < count; i++) {
         for (size_t k = 0; k < curves[i].points; k++)
@@ -252,5 +237,5 @@ lg_status draw_roc(const app *self, const char *picture, const roc_curve *curves
         put_text(script, title);
     }
     (void)fputc('\n', script);
-    return picture_end(self, &plot, error);
+    return app_plot_end(self, &plot, error);
 }

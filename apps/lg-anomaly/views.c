@@ -89,7 +89,7 @@ static points points_create(const well_model *model, size_t count, uint32_t colu
     return out;
 }
 
-static void points_free(points *p) {
+static void points_destroy(points *p) {
     for (uint32_t c = 0; c < p->as.columns; c++) free(p->name[c]);
     free(p->name);
     free(p->x);
@@ -104,6 +104,13 @@ static size_t chosen(const judgement *judged, size_t i) {
     return i * judged->count / shown(judged);
 }
 
+static char *column_name(const lg_features *features, const lg_series *series, bool reduced, uint32_t c) {
+    char name[160];
+    if (reduced) return app_format("component %u", c + 1);
+    (void)lg_features_name(features, series, c, name, sizeof name);
+    return app_format("%s", name);
+}
+
 /* Features of the windows, or their components. */
 static lg_status feature_points(const well_model *model, const lg_series *series, const lg_windows *windows,
                                 const judgement *judged, bool components, points *out) {
@@ -113,32 +120,23 @@ static lg_status feature_points(const well_model *model, const lg_series *series
     const bool reduced = components && pca->components > 0;
     const uint32_t columns = reduced ? pca->components : features->count;
     *out = points_create(model, shown(judged), columns);
-    float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
-    double *f = app_alloc(2 * (size_t)features->count, sizeof *f);
-    double *work = app_alloc(lg_features_work_size(features), 1);
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < out->as.count && status == LG_OK; i++) {
+    APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
+    APP_FREE double *f = app_alloc(2 * (size_t)features->count, sizeof *f);
+    APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
+    for (uint32_t c = 0; c < columns; c++) out->name[c] = column_name(features, series, reduced, c);
+    for (size_t i = 0; i < out->as.count; i++) {
         const size_t at = chosen(judged, i);
         double *row = out->x + i * columns;
         out->label[i] = judged->truth[at];
         lg_windows_copy(series, windows, judged->window[at], x);
-        status = lg_features_compute(features, x, f, work);
-        if (status != LG_OK) break;
+        const lg_status status = lg_features_compute(features, x, f, work);
+        if (status != LG_OK) return status;
         if (reduced)
             lg_pca_eval(pca, f, 1, row, f + features->count);
         else
             memcpy(row, f, columns * sizeof *row);
     }
-    for (uint32_t c = 0; c < columns; c++) {
-        char name[160];
-        (void)lg_features_name(features, series, c, name, sizeof name);
-        out->name[c] = reduced ? app_format("component %u", c + 1) : app_format("%s", name);
-    }
-    free(work);
-    free(f);
-    free(x);
-    if (status != LG_OK) points_free(out);
-    return status;
+    return LG_OK;
 }
 
 /* ---- each picture ---- */
@@ -153,20 +151,14 @@ typedef struct viewing {
 } viewing;
 
 static lg_status view_points(const viewing *v, int view, lg_error *error) {
-    points p;
+    APP_CLEAN(points_destroy) points p = {.x = NULL};
     double w[3], b;
     lg_status status = feature_points(v->model, v->series, v->windows, v->judged, view != VIEW_PAIRS, &p);
     if (status != LG_OK) return app_error(error, status, "%s", lg_status_sentence(status));
-    if (view == VIEW_PAIRS) {
-        status = draw_pairs(v->app, v->picture, &p.as, error);
-    } else if (view == VIEW_CLOUDS) {
-        status = draw_clouds(v->app, v->picture, &p.as, error);
-    } else {
-        status = lg_svm_plane(&v->model->classifier.svm, w, &b);
-        if (status == LG_OK) status = draw_margin(v->app, v->picture, &p.as, w, b, error);
-    }
-    points_free(&p);
-    return status;
+    if (view == VIEW_PAIRS) return draw_pairs(v->app, v->picture, &p.as, error);
+    if (view == VIEW_CLOUDS) return draw_clouds(v->app, v->picture, &p.as, error);
+    status = lg_svm_plane(&v->model->classifier.svm, w, &b);
+    return status == LG_OK ? draw_margin(v->app, v->picture, &p.as, w, b, error) : status;
 }
 
 /* The boundary of two classes in the plane before the output: logits equal, or the one logit 0. */
@@ -187,7 +179,7 @@ static bool output_line(const well_model *model, double w[2], double *b) {
 
 static lg_status view_plane(const viewing *v, lg_error *error) {
     double w[2], b = 0;
-    points p = points_create(v->model, shown(v->judged), 2);
+    APP_CLEAN(points_destroy) points p = points_create(v->model, shown(v->judged), 2);
     for (size_t i = 0; i < p.as.count; i++) {
         const size_t at = chosen(v->judged, i);
         memcpy(p.x + 2 * i, v->judged->plane + 2 * at, 2 * sizeof *p.x);
@@ -195,34 +187,26 @@ static lg_status view_plane(const viewing *v, lg_error *error) {
     }
     for (int c = 0; c < 2; c++) p.name[c] = app_format("output %d of the last hidden layer", c + 1);
     const bool line = output_line(v->model, w, &b);
-    const lg_status status = draw_plane(v->app, v->picture, &p.as, line ? w : NULL, b, error);
-    points_free(&p);
-    return status;
+    return draw_plane(v->app, v->picture, &p.as, line ? w : NULL, b, error);
 }
 
 static lg_status view_tree(const viewing *v, lg_error *error) {
     const lg_classifier *classifier = &v->model->classifier;
     const uint32_t columns = lg_pca_outputs(&classifier->pca);
-    char **name = app_alloc(columns, sizeof *name);
-    for (uint32_t c = 0; c < columns; c++) {
-        char text[160];
-        (void)lg_features_name(&classifier->features, v->series, c, text, sizeof text);
-        name[c] = classifier->pca.components > 0 ? app_format("component %u", c + 1) : app_format("%s", text);
-    }
-    const lg_status status =
-        draw_tree(v->app, v->picture, &classifier->tree, v->model->class_name, name, error);
-    for (uint32_t c = 0; c < columns; c++) free(name[c]);
-    free(name);
-    return status;
+    APP_CLEAN(points_destroy) points p = points_create(v->model, 0, columns); /* their names */
+    for (uint32_t c = 0; c < columns; c++)
+        p.name[c] = column_name(&classifier->features, v->series, classifier->pca.components > 0, c);
+    return draw_tree(v->app, v->picture, &classifier->tree, v->model->class_name, p.name, error);
 }
 
 static lg_status view_roc(const viewing *v, lg_error *error) {
     const judgement *judged = v->judged;
     const size_t n = judged->count, room = n + 1;
     const uint32_t first = judged->classes == 2 ? 1 : 0, classes = judged->classes;
-    double *memory = app_alloc(3 * room * classes + n, sizeof *memory), *score = memory + 3 * room * classes;
-    uint32_t *order = app_alloc(n, sizeof *order);
-    roc_curve *curves = app_alloc(classes, sizeof *curves);
+    APP_FREE double *memory = app_alloc(3 * room * classes + n, sizeof *memory);
+    APP_FREE uint32_t *order = app_alloc(n, sizeof *order);
+    double *score = memory + 3 * room * classes;
+    APP_FREE roc_curve *curves = app_alloc(classes, sizeof *curves);
     size_t count = 0;
     for (uint32_t c = first; c < classes; c++) {
         double *fpr = memory + 3 * room * c, *tpr = fpr + room;
@@ -233,13 +217,8 @@ static lg_status view_roc(const viewing *v, lg_error *error) {
         if (points_here > 0)
             curves[count++] = (roc_curve){v->model->class_name[c], fpr, tpr, points_here, area};
     }
-    const lg_status status =
-        count > 0 ? draw_roc(v->app, v->picture, curves, count, error)
-                  : app_error(error, LG_INVALID_ARGUMENT, "all windows are of one class: no ROC");
-    free(curves);
-    free(order);
-    free(memory);
-    return status;
+    return count > 0 ? draw_roc(v->app, v->picture, curves, count, error)
+                     : app_error(error, LG_INVALID_ARGUMENT, "all windows are of one class: no ROC");
 }
 
 /* The parts' standard deviations of the first pair, scaled as in the features. */
@@ -268,32 +247,25 @@ static void put_regression(const viewing *v, size_t at, const float *x, const do
 static lg_status view_regressions(const viewing *v, lg_error *error) {
     const lg_features *features = &v->model->classifier.features;
     const size_t each = 2 * (size_t)features->segments, room = (size_t)SHOWN_LINES * v->model->classes;
-    regression *lines = app_alloc(room, sizeof *lines);
-    double *memory = app_alloc(room * each, sizeof *memory);
-    double *f = app_alloc(features->count, sizeof *f);
-    double *work = app_alloc(lg_features_work_size(features), 1);
-    float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
-    size_t *of_class = app_alloc(v->model->classes, sizeof *of_class), count = 0;
+    APP_FREE regression *lines = app_alloc(room, sizeof *lines);
+    APP_FREE double *memory = app_alloc(room * each, sizeof *memory);
+    APP_FREE double *f = app_alloc(features->count, sizeof *f);
+    APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
+    APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
+    APP_FREE size_t *of_class = app_alloc(v->model->classes, sizeof *of_class);
     const size_t every = shown(v->judged) / room + 1;
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < shown(v->judged) && status == LG_OK; i += every) {
+    size_t count = 0;
+    for (size_t i = 0; i < shown(v->judged); i += every) {
         const size_t at = chosen(v->judged, i);
         if (of_class[v->judged->truth[at]] == SHOWN_LINES) continue;
         of_class[v->judged->truth[at]]++;
         lg_windows_copy(v->series, v->windows, v->judged->window[at], x);
-        status = lg_features_compute(features, x, f, work);
+        const lg_status status = lg_features_compute(features, x, f, work);
+        if (status != LG_OK) return app_error(error, status, "%s", lg_status_sentence(status));
         put_regression(v, at, x, f, memory + count * each, &lines[count]);
         count++;
     }
-    status = status == LG_OK ? draw_regressions(v->app, v->picture, lines, count, v->model->class_name, error)
-                             : app_error(error, status, "%s", lg_status_sentence(status));
-    free(of_class);
-    free(x);
-    free(work);
-    free(f);
-    free(memory);
-    free(lines);
-    return status;
+    return draw_regressions(v->app, v->picture, lines, count, v->model->class_name, error);
 }
 
 lg_status draw_view(const app *self, const char *picture, int view, const well_model *model,
