@@ -278,6 +278,8 @@ typedef struct app_table {
 } app_table;
 void app_table_begin(app_table *table, size_t columns);
 void app_table_cell(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* A row: the tabs of the text part its cells. The first row of a table {0} tells the number of columns. */
+void app_table_row(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* Prints with aligned columns (the first to the left), a line under the first row, and frees. */
 void app_table_end(app_table *table, FILE *stream);
 

@@ -179,6 +179,19 @@ void app_table_cell(app_table *table, const char *format, ...) {
     table->text[table->cells++] = app_format("%s", cell);
 }
 
+void app_table_row(app_table *table, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    APP_FREE char *text = app_format_list(format, arguments);
+    va_end(arguments);
+    for (char *cell = text, *next = text; next != NULL; cell = next) {
+        next = strchr(cell, '\t');
+        if (next != NULL) *next++ = '\0';
+        app_table_cell(table, "%s", cell);
+    }
+    if (table->columns == 0) table->columns = table->cells;
+}
+
 static size_t column_width(const app_table *table, size_t column) {
     size_t width = 0;
     for (size_t i = column; i < table->cells; i += table->columns)
