@@ -9,9 +9,9 @@
 
 /* ---- the model's terms at rows, on a tape ---- */
 
-enum { CHUNK = 512, POWERS = 3 }; /* of inputs, damping, residual */
-static const lg_machine_part powered[POWERS] = {LG_MACHINE_INPUT_MAP, LG_MACHINE_DAMPING,
-                                                LG_MACHINE_RESIDUAL};
+enum { CHUNK = 512, INPUTS = 0, DAMPING, RESIDUAL, POWERS };
+static const lg_machine_part powered[POWERS] = {
+    [INPUTS] = LG_MACHINE_INPUT_MAP, [DAMPING] = LG_MACHINE_DAMPING, [RESIDUAL] = LG_MACHINE_RESIDUAL};
 
 /* Rows in the order of logs, and what is asked of them; NULL: not. */
 typedef struct asked {
@@ -60,66 +60,52 @@ static lg_status ask_chunk(lg_tape *tape, const identify_model *model, const ask
                            size_t count) {
     const lg_machine *machine = model->machine;
     const uint32_t rows = (uint32_t)count, n = (uint32_t)machine->parameters, nv = machine->velocities;
-    double *q = app_alloc(count * machine->positions, sizeof *q), *v = app_alloc(count * nv, sizeof *v),
-           *u = app_alloc(count * machine->input_count + 1, sizeof *u),
-           *work = app_alloc(count * nv, sizeof *work);
+    APP_FREE double *q = app_alloc(count * machine->positions, sizeof *q);
+    APP_FREE double *v = app_alloc(count * nv, sizeof *v);
+    APP_FREE double *u = app_alloc(count * machine->input_count + 1, sizeof *u);
+    APP_FREE double *work = app_alloc(count * nv, sizeof *work);
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS], inputs = LG_NONE;
     scale_rows(machine, a, first, count, q, v, u);
     lg_tape_reset(tape);
     const lg_var theta = n > 0 ? lg_parameter(tape, lg_shape1(n), model->theta) : LG_NONE;
-    lg_status status = lg_machine_bind(tape, machine, theta, &vars);
+    LG_TRY(lg_machine_bind(tape, machine, theta, &vars));
     const lg_var x = lg_input_f64(tape, lg_shape2(rows, machine->positions), q),
                  speed = lg_input_f64(tape, lg_shape2(rows, nv), v);
     if (machine->input_count > 0) inputs = lg_input_f64(tape, lg_shape2(rows, machine->input_count), u);
-    if (status == LG_OK) status = lg_machine_record_state(tape, &vars, x, speed, parts);
-    if (status == LG_OK && a->energy != NULL) {
-        status = lg_read(tape, lg_machine_record_energy(tape, &vars, parts), count, a->energy + first);
-        for (size_t r = 0; r < count; r++) a->energy[first + r] *= machine->scales.energy;
+    LG_TRY(lg_machine_record_state(tape, &vars, x, speed, parts));
+    if (a->energy != NULL)
+        LG_TRY(lg_read(tape, lg_machine_record_energy(tape, &vars, parts), count, a->energy + first));
+    for (size_t r = 0; a->energy != NULL && r < count; r++) a->energy[first + r] *= machine->scales.energy;
+    const lg_var rates = lg_machine_record_rates(tape, &vars, parts);
+    LG_TRY(lg_read(tape, rates, count * nv, v));
+    for (int k = 0; k < POWERS; k++) {
+        double *power = a->power != NULL ? a->power + first * POWERS + k : NULL,
+               *force = a->damping != NULL && k == DAMPING ? a->damping + first * nv : NULL;
+        if (power == NULL && force == NULL) continue;
+        const lg_var f = lg_machine_record_force(tape, &vars, powered[k], parts, rates, inputs);
+        LG_TRY(read_force(tape, machine, f, v, count, work, power, force));
     }
-    const lg_var rates = status == LG_OK ? lg_machine_record_rates(tape, &vars, parts) : LG_NONE;
-    if (status == LG_OK) status = lg_read(tape, rates, count * nv, v);
-    for (int k = 0; k < POWERS && status == LG_OK; k++) {
-        const bool force = a->damping != NULL && powered[k] == LG_MACHINE_DAMPING;
-        if (a->power == NULL && !force) continue;
-        status =
-            read_force(tape, machine, lg_machine_record_force(tape, &vars, powered[k], parts, rates, inputs),
-                       v, count, work, a->power != NULL ? a->power + first * POWERS + k : NULL,
-                       force ? a->damping + first * nv : NULL);
-    }
-    free(q);
-    free(v);
-    free(u);
-    free(work);
-    return status;
+    return LG_OK;
 }
 
-static lg_status ask(const app *self, const identify_model *model, const asked *a, lg_error *error) {
+static void ask(const app *self, const identify_model *model, const asked *a) {
     lg_tape *tape = NULL;
-    lg_status status = lg_tape_create(self->context, NULL, &tape);
-    for (size_t first = 0; first < a->count && status == LG_OK; first += CHUNK)
-        status = ask_chunk(tape, model, a, first, a->count - first < CHUNK ? a->count - first : CHUNK);
-    if (status != LG_OK)
-        (void)app_error(error, status, "%s",
-                        tape != NULL ? lg_tape_message(tape) : lg_status_sentence(status));
+    app_must(self, lg_tape_create(self->context, NULL, &tape), NULL);
+    for (size_t first = 0; first < a->count; first += CHUNK) {
+        const size_t count = a->count - first < CHUNK ? a->count - first : CHUNK;
+        const lg_status status = ask_chunk(tape, model, a, first, count);
+        if (status != LG_OK) app_stop(self, status, "%s", lg_tape_message(tape));
+    }
     lg_tape_destroy(tape);
-    return status;
 }
 
-lg_status identify_values(const app *self, const identify_model *model, size_t count, const double *q,
-                          const double *v, double *potential, double *damping, lg_error *error) {
-    double *still = app_alloc(count * model->machine->velocities, sizeof *still);
-    lg_status status = LG_OK;
-    if (potential != NULL) {
-        const asked rest = {.count = count, .q = q, .v = still, .energy = potential};
-        status = ask(self, model, &rest, error);
-    }
-    if (status == LG_OK && damping != NULL) {
-        const asked moving = {.count = count, .q = q, .v = v, .damping = damping};
-        status = ask(self, model, &moving, error);
-    }
-    free(still);
-    return status;
+void identify_values(const app *self, const identify_model *model, size_t count, const double *q,
+                     const double *v, double *potential, double *damping) {
+    APP_FREE double *still = app_alloc(count * model->machine->velocities, sizeof *still);
+    if (potential != NULL)
+        ask(self, model, &(asked){.count = count, .q = q, .v = still, .energy = potential});
+    if (damping != NULL) ask(self, model, &(asked){.count = count, .q = q, .v = v, .damping = damping});
 }
 
 /* ---- intervals ---- */
@@ -127,10 +113,22 @@ lg_status identify_values(const app *self, const identify_model *model, size_t c
 /* Each interval as a piece of three rows: its start, its middle and its end. */
 typedef struct intervals {
     size_t count, *row; /* of the log */
-    size_t *first;
-    double *t, *q, *v, *u; /* (3 count, ...) */
+    identify_pieces pieces;
     double *run_q, *run_v; /* (3 count, ...), the model's */
 } intervals;
+
+static void intervals_begin(intervals *all, const lg_machine *machine) {
+    identify_pieces_begin(&all->pieces, machine, all->count, 3);
+    all->run_q = app_alloc(3 * all->count * machine->positions, sizeof *all->run_q);
+    all->run_v = app_alloc(3 * all->count * machine->velocities, sizeof *all->run_v);
+}
+
+static void intervals_end(intervals *all) {
+    free(all->row);
+    identify_pieces_end(&all->pieces);
+    free(all->run_q);
+    free(all->run_v);
+}
 
 static bool any_nan(const double *x, size_t n) {
     for (size_t i = 0; i < n; i++)
@@ -156,52 +154,27 @@ static void cut(const lg_machine *machine, const lg_machine_log *log, intervals 
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++)
             if (!any_nan(log->q + row * nq, 2 * nq) && !any_nan(log->v + row * nv, 2 * nv))
                 all->row[all->count++] = row;
-    const size_t points = 3 * all->count;
-    all->first = app_alloc(all->count + 1, sizeof *all->first);
-    all->t = app_alloc(points, sizeof *all->t);
-    all->q = app_alloc(points * nq, sizeof *all->q);
-    all->v = app_alloc(points * nv, sizeof *all->v);
-    all->u = app_alloc(points * 4 * m + 1, sizeof *all->u);
-    all->run_q = app_alloc(points * nq, sizeof *all->run_q);
-    all->run_v = app_alloc(points * nv, sizeof *all->run_v);
+    intervals_begin(all, machine);
+    const identify_pieces *to = &all->pieces;
     for (size_t i = 0; i < all->count; i++) {
         const size_t row = all->row[i];
         const double h = log->t[row + 1] - log->t[row];
-        all->first[i] = 3 * i;
-        for (size_t k = 0; k < 3; k++) all->t[3 * i + k] = log->t[row] + 0.5 * h * (double)k;
-        memcpy(all->q + 3 * i * nq, log->q + row * nq, nq * sizeof *all->q);
-        memcpy(all->v + 3 * i * nv, log->v + row * nv, nv * sizeof *all->v);
+        for (size_t k = 0; k < 3; k++) to->t[3 * i + k] = log->t[row] + 0.5 * h * (double)k;
+        memcpy(to->q + 3 * i * nq, log->q + row * nq, nq * sizeof *to->q);
+        memcpy(to->v + 3 * i * nv, log->v + row * nv, nv * sizeof *to->v);
         for (size_t k = 0; k < 2 && m > 0; k++)
-            halve(log->u + row * 4 * m, m, 0.5 * (double)k, all->u + (3 * i + k) * 4 * m);
+            halve(log->u + row * 4 * m, m, 0.5 * (double)k, to->u + (3 * i + k) * 4 * m);
     }
-    all->first[all->count] = points;
 }
 
-static void intervals_end(intervals *all) {
-    free(all->row);
-    free(all->first);
-    free(all->t);
-    free(all->q);
-    free(all->v);
-    free(all->u);
-    free(all->run_q);
-    free(all->run_v);
-}
-
-static lg_status run_intervals(const app *self, const identify_model *model, intervals *all,
-                               lg_error *error) {
+static void run_intervals(const app *self, const identify_model *model, const intervals *all) {
     enum { MOST = 8192 };
     const lg_machine *machine = model->machine;
-    const lg_machine_log log = {3 * all->count, all->count, all->first, all->t, all->q, all->v, all->u};
-    lg_status status = LG_OK;
-    for (size_t first = 0; first < all->count && status == LG_OK; first += MOST) {
-        const size_t some = all->count - first < MOST ? all->count - first : MOST;
-        status =
-            lg_machine_free_run(self->context, machine, model->theta, model->scheme, model->substeps, &log,
-                                all->first + first, some, 2, all->run_q + 3 * first * machine->positions,
-                                all->run_v + 3 * first * machine->velocities, error);
-    }
-    return status;
+    for (size_t first = 0; first < all->count; first += MOST)
+        identify_run(self, model, &all->pieces.log, all->pieces.first + first,
+                     all->count - first < MOST ? all->count - first : MOST, 2,
+                     all->run_q + 3 * first * machine->positions,
+                     all->run_v + 3 * first * machine->velocities);
 }
 
 /* ---- energy ---- */
@@ -210,44 +183,44 @@ static void add_interval(const double *energy, const double *power, double h, id
     double work[POWERS];
     for (int k = 0; k < POWERS; k++) /* Simpson */
         work[k] = h / 6 * (power[k] + 4 * power[POWERS + k] + power[2 * POWERS + k]);
-    const double change = energy[2] - energy[0], left = change - work[0] - work[1] - work[2];
+    const double change = energy[2] - energy[0],
+                 left = change - work[INPUTS] - work[DAMPING] - work[RESIDUAL];
     out->change += change;
-    out->inputs += work[0];
-    out->damping += work[1];
-    out->residual += work[2];
+    out->inputs += work[INPUTS];
+    out->damping += work[DAMPING];
+    out->residual += work[RESIDUAL];
     out->left += left;
     out->left_size += fabs(left);
     out->moved += fabs(change);
 }
 
 /* Powers along the model's run of each interval, energies at the logged states. */
-static lg_status balance(const app *self, const identify_model *model, const lg_machine_log *log,
-                         intervals *all, identify_energy *out, lg_error *error) {
+static void balance(const app *self, const identify_model *model, const lg_machine_log *log, intervals *all,
+                    identify_energy *out) {
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
                  points = 3 * all->count;
-    double *u = app_alloc(points * m + 1, sizeof *u), *energy = app_alloc(points, sizeof *energy),
-           *power = app_alloc(points * POWERS, sizeof *power);
+    const identify_pieces *p = &all->pieces;
+    APP_FREE double *u = app_alloc(points * m + 1, sizeof *u);
+    APP_FREE double *energy = app_alloc(points, sizeof *energy);
+    APP_FREE double *power = app_alloc(points * POWERS, sizeof *power);
     for (size_t i = 0; i < all->count; i++) {
-        const double *last = all->u + (3 * i + 1) * 4 * m;
+        const size_t middle = 3 * i + 1, end = 3 * i + 2, row = all->row[i] + 1;
+        const double *last = p->u + middle * 4 * m;
         for (size_t k = 0; k < m; k++) {
-            u[3 * i * m + k] = all->u[3 * i * 4 * m + k];
-            u[(3 * i + 1) * m + k] = last[k];
-            u[(3 * i + 2) * m + k] = last[k] + last[m + k] + last[2 * m + k] + last[3 * m + k];
+            u[3 * i * m + k] = p->u[3 * i * 4 * m + k];
+            u[middle * m + k] = last[k];
+            u[end * m + k] = last[k] + last[m + k] + last[2 * m + k] + last[3 * m + k];
         }
-        memcpy(all->q + (3 * i + 2) * nq, log->q + (all->row[i] + 1) * nq, nq * sizeof *all->q);
-        memcpy(all->v + (3 * i + 2) * nv, log->v + (all->row[i] + 1) * nv, nv * sizeof *all->v);
-        memcpy(all->q + (3 * i + 1) * nq, all->run_q + (3 * i + 1) * nq, nq * sizeof *all->q);
-        memcpy(all->v + (3 * i + 1) * nv, all->run_v + (3 * i + 1) * nv, nv * sizeof *all->v);
+        memcpy(p->q + end * nq, log->q + row * nq, nq * sizeof *p->q);
+        memcpy(p->v + end * nv, log->v + row * nv, nv * sizeof *p->v);
+        memcpy(p->q + middle * nq, all->run_q + middle * nq, nq * sizeof *p->q);
+        memcpy(p->v + middle * nv, all->run_v + middle * nv, nv * sizeof *p->v);
     }
-    const asked a = {.count = points, .q = all->q, .v = all->v, .u = u, .energy = energy, .power = power};
-    const lg_status status = ask(self, model, &a, error);
-    for (size_t i = 0; i < all->count && status == LG_OK; i++)
-        add_interval(energy + 3 * i, power + 3 * i * POWERS, all->t[3 * i + 2] - all->t[3 * i], out);
-    free(u);
-    free(energy);
-    free(power);
-    return status;
+    ask(self, model,
+        &(asked){.count = points, .q = p->q, .v = p->v, .u = u, .energy = energy, .power = power});
+    for (size_t i = 0; i < all->count; i++)
+        add_interval(energy + 3 * i, power + 3 * i * POWERS, p->t[3 * i + 2] - p->t[3 * i], out);
 }
 
 /* ---- whiteness ---- */
@@ -285,11 +258,12 @@ static void judge_whiteness(const double *x, const size_t *row, size_t n, identi
     out->probability = chi_square_above(out->ljung_box);
 }
 
-static void whiteness_of(const lg_machine_file *file, const lg_machine_log *log, const intervals *all,
-                         identify_whiteness *out) {
+static void whiteness_of(const identify_data *data, const intervals *all, identify_whiteness *out) {
+    const lg_machine_file *file = &data->file;
+    const lg_machine_log *log = &data->logs.log;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;
-    double *x = app_alloc(all->count * file->column_count + 1, sizeof *x), logged[LG_LOG_COLUMNS],
-           predicted[LG_LOG_COLUMNS];
+    APP_FREE double *x = app_alloc(all->count * file->column_count + 1, sizeof *x);
+    double logged[LG_LOG_COLUMNS], predicted[LG_LOG_COLUMNS];
     for (size_t i = 0; i < all->count; i++) {
         const size_t row = all->row[i] + 1, at = 3 * i + 2;
         identify_to_columns(file, log->q + row * nq, log->v + row * nv, NULL, logged);
@@ -299,38 +273,32 @@ static void whiteness_of(const lg_machine_file *file, const lg_machine_log *log,
     }
     for (uint32_t c = 0; c < file->column_count; c++)
         judge_whiteness(x + c * all->count, all->row, all->count, &out[c]);
-    free(x);
 }
 
-void identify_run_whiteness(const lg_machine_file *file, const lg_machine_log *log, const double *q,
-                            const double *v, identify_whiteness *out) {
-    const size_t nq = file->machine.positions, nv = file->machine.velocities;
-    intervals all = {.count = 0};
-    all.row = app_alloc(log->rows, sizeof *all.row);
-    all.run_q = app_alloc(3 * log->rows * nq, sizeof *all.run_q);
-    all.run_v = app_alloc(3 * log->rows * nv, sizeof *all.run_v);
-    for (size_t row = 1; row < log->rows; row++) {
-        if (!isfinite(q[row * nq]) || any_nan(log->q + row * nq, nq)) continue;
-        memcpy(all.run_q + (3 * all.count + 2) * nq, q + row * nq, nq * sizeof *q);
-        memcpy(all.run_v + (3 * all.count + 2) * nv, v + row * nv, nv * sizeof *v);
-        all.row[all.count++] = row - 1;
+void identify_run_whiteness(const identify_given *given, const double *q, const double *v,
+                            identify_whiteness *out) {
+    const lg_machine_log *log = &given->data.logs.log;
+    const size_t nq = given->model.machine->positions, nv = given->model.machine->velocities;
+    APP_CLEAN(intervals_end) intervals all = {.row = app_alloc(log->rows, sizeof *all.row)};
+    for (size_t row = 1; row < log->rows; row++)
+        if (isfinite(q[row * nq]) && !any_nan(log->q + row * nq, nq)) all.row[all.count++] = row - 1;
+    intervals_begin(&all, given->model.machine);
+    for (size_t i = 0; i < all.count; i++) {
+        memcpy(all.run_q + (3 * i + 2) * nq, q + (all.row[i] + 1) * nq, nq * sizeof *q);
+        memcpy(all.run_v + (3 * i + 2) * nv, v + (all.row[i] + 1) * nv, nv * sizeof *v);
     }
-    whiteness_of(file, log, &all, out);
-    intervals_end(&all);
+    whiteness_of(&given->data, &all, out);
 }
 
-lg_status identify_balance(const app *self, const identify_model *model, const lg_machine_file *file,
-                           const lg_machine_log *log, identify_energy *energy, identify_whiteness *whiteness,
-                           lg_error *error) {
-    intervals all = {.count = 0};
+void identify_balance(const app *self, const identify_given *given, identify_energy *energy,
+                      identify_whiteness *whiteness) {
+    const double none = (double)NAN;
+    const lg_machine_log *log = &given->data.logs.log;
+    APP_CLEAN(intervals_end) intervals all = {.count = 0};
+    cut(given->model.machine, log, &all);
     *energy = (identify_energy){.change = 0};
-    cut(model->machine, log, &all);
-    lg_status status = run_intervals(self, model, &all, error);
-    if (status == LG_OK) whiteness_of(file, log, &all, whiteness);
-    if (status == LG_OK) status = balance(self, model, log, &all, energy, error);
-    if (all.count == 0)
-        *energy = (identify_energy){(double)NAN, (double)NAN, (double)NAN, (double)NAN,
-                                    (double)NAN, (double)NAN, (double)NAN};
-    intervals_end(&all);
-    return status;
+    if (all.count == 0) *energy = (identify_energy){none, none, none, none, none, none, none};
+    run_intervals(self, &given->model, &all);
+    whiteness_of(&given->data, &all, whiteness);
+    balance(self, &given->model, log, &all, energy);
 }

@@ -1,6 +1,5 @@
 /* How far the uncertainty of the parameters moves a prediction. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-identify/runs.h"
@@ -17,12 +16,12 @@ static void draw(const double *theta, const double *W, size_t n, lg_rng *rng, do
 }
 
 /* Adds the squares of the differences of two predictions, (rows, columns of the file). */
-static void add_squares(const lg_machine_file *file, const lg_machine_log *log, const double *q,
-                        const double *v, const double *other_q, const double *other_v, double *out) {
-    const lg_machine *machine = &file->machine;
-    const size_t nq = machine->positions, nv = machine->velocities;
+static void add_squares(const identify_data *data, const double *q, const double *v, const double *other_q,
+                        const double *other_v, double *out) {
+    const lg_machine_file *file = &data->file;
+    const size_t nq = file->machine.positions, nv = file->machine.velocities;
     double columns[LG_LOG_COLUMNS], other[LG_LOG_COLUMNS];
-    for (size_t row = 0; row < log->rows; row++) {
+    for (size_t row = 0; row < data->logs.log.rows; row++) {
         identify_to_columns(file, q + row * nq, v + row * nv, NULL, columns);
         identify_to_columns(file, other_q + row * nq, other_v + row * nv, columns, other);
         for (uint32_t c = 0; c < file->column_count; c++) {
@@ -34,29 +33,23 @@ static void add_squares(const lg_machine_file *file, const lg_machine_log *log, 
     }
 }
 
-lg_status identify_bands(const app *self, const identify_model *model, const double *spread,
-                         const lg_machine_file *file, const lg_machine_log *log, const size_t *start,
-                         size_t count, bool positions, const double *q, const double *v, double *out,
-                         lg_error *error) {
-    const lg_machine *machine = model->machine;
-    const size_t n = machine->parameters, numbers = log->rows * file->column_count;
-    double *theta = app_alloc(n + 1, sizeof *theta),
-           *other_q = app_alloc(log->rows * machine->positions, sizeof *other_q),
-           *other_v = app_alloc(log->rows * machine->velocities, sizeof *other_v);
-    identify_model drawn = *model;
-    lg_status status = LG_OK;
+void identify_bands(const app *self, const identify_given *given, const size_t *start, size_t count,
+                    const double *q, const double *v, double *out) {
+    const lg_machine *machine = given->model.machine;
+    const lg_machine_log *log = &given->data.logs.log;
+    const size_t n = machine->parameters, numbers = log->rows * given->data.file.column_count;
+    APP_FREE double *theta = app_alloc(n + 1, sizeof *theta);
+    APP_FREE double *other_q = app_alloc(log->rows * machine->positions, sizeof *other_q);
+    APP_FREE double *other_v = app_alloc(log->rows * machine->velocities, sizeof *other_v);
+    identify_model drawn = given->model;
     lg_rng rng;
     lg_rng_seed(&rng, 1, 0);
     drawn.theta = theta;
     memset(out, 0, numbers * sizeof *out);
-    for (int i = 0; i < SAMPLES && status == LG_OK; i++) {
-        draw(model->theta, spread, n, &rng, theta);
-        status = identify_run_log(self, &drawn, log, start, count, positions, other_q, other_v, error);
-        if (status == LG_OK) add_squares(file, log, q, v, other_q, other_v, out);
+    for (int i = 0; i < SAMPLES; i++) {
+        draw(given->model.theta, given->file.spread, n, &rng, theta);
+        identify_run_log(self, &drawn, log, start, count, other_q, other_v);
+        add_squares(&given->data, q, v, other_q, other_v, out);
     }
     for (size_t i = 0; i < numbers; i++) out[i] = sqrt(out[i] / SAMPLES);
-    free(theta);
-    free(other_q);
-    free(other_v);
-    return status;
 }

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "lg-identify/runs.h"
 #include "liegrad/minimise.h"
 
@@ -11,9 +10,9 @@ typedef struct check_values {
     const char *plot;
 } check_values;
 
-static const lg_field options[] = {
-    LG_OPTION(check_values, plot, STRING, "FILE.svg|.png", "Draw all columns of the first run"),
-    LG_FIELD_END};
+static const lg_field options[] = {LG_OPTION(check_values, plot, STRING, "FILE.svg|.png",
+                                             "Draw all columns of the first run", .file = LG_FILE_DRAWN),
+                                   LG_FIELD_END};
 
 static check_values values;
 
@@ -39,8 +38,8 @@ static size_t fill_seen(const lg_machine *machine, const lg_machine_log *log, si
  * constant. */
 static double own_part(const lg_machine *machine, const lg_machine_log *log, bool velocities,
                        uint32_t input) {
-    double *matrix = app_alloc(MOST_SEEN * MOST_SEEN, sizeof *matrix), right[MOST_SEEN] = {0}, x[MOST_SEEN],
-           given[MOST_SEEN];
+    APP_FREE double *matrix = app_alloc(MOST_SEEN * MOST_SEEN, sizeof *matrix);
+    double right[MOST_SEEN] = {0}, x[MOST_SEEN], given[MOST_SEEN];
     double mean = 0, square = 0;
     size_t n = 0, count = 0;
     for (size_t row = 0; row < log->rows; row++) {
@@ -61,7 +60,6 @@ static double own_part(const lg_machine *machine, const lg_machine_log *log, boo
     const bool solved = count > 2 * n && variance > 1e-12 * square &&
                         lg_normal_equations(n, 1, 1e-12, matrix, right) == LG_OK;
     for (size_t i = 0; i < n; i++) explained += given[i] * right[i];
-    free(matrix);
     return solved ? sqrt(fmax(0, (square - explained) / variance)) : (double)NAN;
 }
 
@@ -135,109 +133,62 @@ static void warn_of_gauge(const app *self, const lg_machine *machine) {
 
 /* ---- report ---- */
 
-static bool is_value(const lg_log_column *column) {
-    return identify_is_state(column) || column->role == LG_LOG_INPUT;
-}
-
-static void report_json(const app *self, const identify_data *data, const double *motions) {
-    app_json json;
+static void report(const app *self, const identify_data *data, const double *motions) {
+    app_json out;
     const lg_logs *logs = &data->logs;
-    app_json_begin(&json);
-    app_json_size(&json, "files", logs->files);
-    app_json_size(&json, "runs", logs->runs);
-    app_json_size(&json, "rows", logs->rows_read);
-    app_json_size(&json, "rows_kept", logs->log.rows);
-    app_json_size(&json, "parts", logs->log.parts);
-    app_json_real(&json, "dt_median", logs->dt_median);
-    app_json_real(&json, "dt_max", logs->dt_max);
-    app_json_real(&json, "max_step", logs->max_step);
-    app_json_size(&json, "gaps", logs->gaps);
-    app_json_size(&json, "delay", logs->delay);
-    app_json_open(&json, "columns", '{');
+    app_result_begin(&out, self);
+    app_result_size(&out, "files", logs->files, NULL);
+    app_result_size(&out, "runs", logs->runs, NULL);
+    app_result_size(&out, "rows", logs->rows_read, NULL);
+    app_result_size(&out, "rows_kept", logs->log.rows, NULL);
+    app_result_size(&out, "parts", logs->log.parts, "without a gap");
+    app_result_real(&out, "dt_median", logs->dt_median, "s from a row to the next");
+    app_result_real(&out, "dt_max", logs->dt_max, "s at most");
+    app_result_real(&out, "max_step", logs->max_step, "s; longer steps are gaps");
+    app_result_size(&out, "gaps", logs->gaps, NULL);
+    app_result_size(&out, "delay", logs->delay, "rows from an input to what it does");
+    app_result_named(&out, "columns", "column");
     for (uint32_t c = 0; c < data->file.column_count; c++) {
         const lg_log_statistics *s = &logs->columns[c];
-        if (!is_value(&data->file.columns[c])) continue;
-        app_json_open(&json, data->file.columns[c].name, '{');
-        app_json_real(&json, "min", s->low);
-        app_json_real(&json, "max", s->high);
-        app_json_real(&json, "noise", s->noise);
-        app_json_bool(&json, "noise_at_most", s->noise_at_most);
-        app_json_size(&json, "missing", s->missing);
-        app_json_close(&json, '}');
+        const lg_log_column *column = &data->file.columns[c];
+        if (!identify_is_state(column) && column->role != LG_LOG_INPUT) continue;
+        app_json_open(&out, column->name, '{');
+        app_json_real(&out, "min", s->low);
+        app_json_real(&out, "max", s->high);
+        app_json_real(&out, "noise", s->noise);
+        app_json_bool(&out, "noise_at_most", s->noise_at_most);
+        app_json_size(&out, "missing", s->missing);
+        app_json_close(&out, '}');
     }
-    app_json_close(&json, '}');
-    app_json_open(&json, "kinematics", '{');
+    app_result_rows_end(&out);
+    app_json_open(&out, "kinematics", '{');
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
-        app_json_real(&json, data->file.machine.coordinates[i].name, motions[i]);
-    app_json_close(&json, '}');
-    app_json_warnings(&json, self);
-    app_json_end(&json);
-}
-
-static void show_columns(const identify_data *data) {
-    static const char *const head[] = {"column", "smallest", "largest", "noise", "missing"};
-    app_table table;
-    app_table_begin(&table, LG_COUNT(head));
-    for (size_t c = 0; c < LG_COUNT(head); c++) app_table_cell(&table, "%s", head[c]);
-    for (uint32_t c = 0; c < data->file.column_count; c++) {
-        const lg_log_statistics *s = &data->logs.columns[c];
-        if (!is_value(&data->file.columns[c])) continue;
-        app_table_cell(&table, "%s", data->file.columns[c].name);
-        app_table_cell(&table, "%.6g", s->low);
-        app_table_cell(&table, "%.6g", s->high);
-        app_table_cell(&table, "%s%.2g", s->noise_at_most ? "< " : "", s->noise);
-        app_table_cell(&table, "%zu", s->missing);
-    }
-    app_table_end(&table, stdout);
-}
-
-static void report(const identify_data *data, const double *motions) {
-    const lg_logs *logs = &data->logs;
-    (void)printf("%u %s, %u %s, %zu rows, of which %zu in %zu parts without a gap\n", logs->files,
-                 logs->files == 1 ? "file" : "files", logs->runs, logs->runs == 1 ? "run" : "runs",
-                 logs->rows_read, logs->log.rows, logs->log.parts);
-    (void)printf("a row every %.4g s (median), at most %.4g s; %zu gaps, longer than %.4g s\n",
-                 logs->dt_median, logs->dt_max, logs->gaps, logs->max_step);
-    show_columns(data);
-    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
-        if (!isnan(motions[i]))
-            (void)printf("%s: its velocity explains its motion from row to row up to %.2g of it\n",
-                         data->file.machine.coordinates[i].name, motions[i]);
+        app_result_real(&out, data->file.machine.coordinates[i].name, motions[i],
+                        "of its motion, which its velocity does not explain");
+    app_json_close(&out, '}');
+    app_json_warnings(&out, self);
+    app_json_end(&out);
 }
 
 /* ---- the command ---- */
 
-static int draw(const app *self, const identify_data *data) {
-    lg_error error = {LG_OK, ""};
-    const lg_logs *logs = &data->logs;
-    size_t parts = 1;
-    while (parts < logs->log.parts && logs->part_run[parts] == logs->part_run[0]) parts++;
-    const lg_status status = identify_draw_run(self, values.plot, "First run of the log", &data->file,
-                                               &logs->log, parts, NULL, NULL, NULL, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
-}
-
-static int run_check(app *self) {
-    identify_data data = {.training_parts = 0};
+static int run(app *self) {
+    APP_CLEAN(identify_release) identify_data data = {.training_parts = 0};
     double motions[LG_MACHINE_COORDINATES];
-    const app_path paths[] = {{"plot", values.plot, LG_FILE_DRAWN}};
-    int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    const int code = identify_read(self, self->arguments[0], self->arguments + 1,
+                                   (size_t)self->argument_count - 1, NULL, &data);
     if (code != APP_EXIT_OK) return code;
-    code = identify_read(self, self->arguments[0], self->arguments + 1, (size_t)self->argument_count - 1,
-                         NULL, &data);
-    if (code == APP_EXIT_OK) {
-        identify_motions(&data, 0, motions);
-        warn_of_clocks(self, &data, motions);
-        warn_of_stuck(self, &data);
-        warn_of_gaps(self, &data.logs);
-        warn_of_inputs(self, &data);
-        warn_of_gauge(self, &data.file.machine);
-        if (values.plot != NULL) code = draw(self, &data);
-    }
-    if (code == APP_EXIT_OK && self->json) report_json(self, &data, motions);
-    if (code == APP_EXIT_OK && !self->json) report(&data, motions);
-    identify_release(&data);
-    return code;
+    identify_motions(&data, 0, motions);
+    warn_of_clocks(self, &data, motions);
+    warn_of_stuck(self, &data);
+    warn_of_gaps(self, &data.logs);
+    warn_of_inputs(self, &data);
+    warn_of_gauge(self, &data.file.machine);
+    if (values.plot != NULL)
+        identify_draw_run(self, values.plot, "First run of the log", &data.file, &data.logs.log,
+                          identify_first_run(&data.logs), NULL, NULL, NULL);
+    report(self, &data, motions);
+    return APP_EXIT_OK;
 }
 
 const app_command check_command = {
@@ -249,4 +200,4 @@ const app_command check_command = {
         "exit code 3 and a sentence that names file, column and remedy. What is merely not determined "
         "by them is a warning.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .run = run_check};
+    .run = run};

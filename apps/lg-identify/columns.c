@@ -1,6 +1,5 @@
 /* States in the columns of a log, and how far they are from those of the training data. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-identify/runs.h"
@@ -80,8 +79,9 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
 
 /* ---- errors ---- */
 
-void identify_column_errors(const lg_machine_file *file, const lg_machine_log *log, const double *q,
-                            const double *v, double *out) {
+void identify_column_errors(const identify_given *given, const double *q, const double *v, double *out) {
+    const lg_machine_file *file = &given->data.file;
+    const lg_machine_log *log = &given->data.logs.log;
     const lg_machine *machine = &file->machine;
     double logged[LG_LOG_COLUMNS], predicted[LG_LOG_COLUMNS], sum[LG_LOG_COLUMNS] = {0};
     size_t count[LG_LOG_COLUMNS] = {0};
@@ -187,25 +187,23 @@ static void look_at_rows(const lg_machine_range *range, const number *numbers, c
         look(range, numbers, v + row * machine->velocities, machine->velocities, machine->positions, out);
 }
 
-void identify_warn_range(const app *self, const lg_machine_model_run *run, const lg_machine_file *file,
-                         const lg_machine_log *log, const double *q, const double *v) {
+void identify_warn_range(const app *self, const identify_given *given, const double *q, const double *v) {
     static const double tolerated = 0.02; /* of the range: the noise of a log */
-    const lg_machine *machine = &file->machine;
-    const size_t total = machine->positions + machine->velocities + machine->input_count;
-    number *numbers = app_alloc(total, sizeof *numbers);
-    extent *found = app_alloc(1, sizeof *found);
-    name_numbers(file, numbers);
-    look_at_rows(&run->range, numbers, machine, log->rows, log->q, log->v, found);
-    look_at_rows(&run->range, numbers, machine, log->rows, q, v, found);
+    const lg_machine_range *range = &given->file.run.range;
+    const lg_machine *machine = &given->data.file.machine;
+    const lg_machine_log *log = &given->data.logs.log;
+    const size_t states = machine->positions + machine->velocities, total = states + machine->input_count;
+    APP_FREE number *numbers = app_alloc(total, sizeof *numbers);
+    APP_FREE extent *found = app_alloc(1, sizeof *found);
+    name_numbers(&given->data.file, numbers);
+    look_at_rows(range, numbers, machine, log->rows, log->q, log->v, found);
+    look_at_rows(range, numbers, machine, log->rows, q, v, found);
     for (size_t row = 0; row < log->rows && machine->input_count > 0; row++)
-        look(&run->range, numbers, log->u + row * 4 * machine->input_count, machine->input_count,
-             machine->positions + machine->velocities, found);
+        look(range, numbers, log->u + row * 4 * machine->input_count, machine->input_count, states, found);
     for (size_t i = 0; i < total; i++) {
-        const double low = run->range.low[i], high = run->range.high[i], span = high - low;
-        if (!(found->beyond[i] > 0) || !(found->beyond[i] > tolerated * span)) continue;
+        const double low = range->low[i], high = range->high[i];
+        if (!(found->beyond[i] > 0) || !(found->beyond[i] > tolerated * (high - low))) continue;
         app_warn(self, "%s goes to %.4g, which is %.3g outside the training data (%.4g to %.4g)",
                  numbers[i].name, found->at[i], found->beyond[i], low, high);
     }
-    free(found);
-    free(numbers);
 }

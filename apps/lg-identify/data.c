@@ -80,27 +80,36 @@ int identify_read(app *self, const char *machine, const char *const *paths, size
     *out = (identify_data){.training_parts = 0};
     const lg_status status = lg_machine_file_read(self->context, machine, &out->file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, machine);
-    char *list = more != NULL ? app_format("%s", more) : NULL;
+    APP_FREE char *list = more != NULL ? app_format("%s", more) : NULL;
     memcpy(all, paths, count * sizeof *paths);
     const size_t total = count + (list != NULL ? cut(list, all + count, MOST_LOGS - count) : 0);
     const int code = out->file.estimate_delay ? estimate_delay(self, all, total, count, out)
                                               : read_logs(self, all, total, count, -1, out);
-    free(list);
     if (code == APP_EXIT_OK) tell_warnings(self, &out->logs);
     return code;
 }
 
-int identify_read_logs(app *self, const lg_machine_model_file *model, const char *const *paths, size_t count,
-                       identify_data *out) {
-    lg_error error = {LG_OK, ""};
-    const lg_machine_model_run *run = &model->run;
-    *out = (identify_data){.training_parts = 0};
-    const lg_status status = lg_machine_file_parse(self->context, self->arguments[0], run->text,
-                                                   strlen(run->text), &out->file, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    const int code = read_logs(self, paths, count, count, run->delay, out);
-    if (code == APP_EXIT_OK) tell_warnings(self, &out->logs);
-    return code;
+void identify_load(app *self, uint64_t substeps, identify_given *out) {
+    const char *path = self->arguments[0];
+    const size_t logs = (size_t)self->argument_count - 1;
+    const lg_machine_model_run *run = &out->file.run;
+    identify_data *data = &out->data;
+    APP_MUST_FILE(self, path, lg_model_load_machine_model(self->context, path, NULL, &out->file, &error));
+    APP_MUST_FILE(
+        self, path,
+        lg_machine_file_parse(self->context, path, run->text, strlen(run->text), &data->file, &error));
+    int code = read_logs(self, self->arguments + 1, logs, logs, run->delay, data);
+    if (code == APP_EXIT_OK) tell_warnings(self, &data->logs);
+    if (code == APP_EXIT_OK) code = identify_refuse_momenta(self, &data->file, path);
+    if (code != APP_EXIT_OK) app_end(code);
+    out->model = (identify_model){&run->machine, out->file.theta, run->scheme,
+                                  substeps > 0 ? (uint32_t)substeps : run->substeps,
+                                  data->file.measured == LG_MEASURED_POSITIONS};
+}
+
+void identify_given_destroy(identify_given *given) {
+    identify_release(&given->data);
+    lg_machine_model_file_destroy(&given->file);
 }
 
 void identify_release(identify_data *data) {

@@ -1,7 +1,5 @@
 /* How well inputs explain accelerations: for the delay with which they act. */
 #include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "lg-identify/runs.h"
 #include "liegrad/minimise.h"
@@ -81,29 +79,24 @@ static void add(regression *r, const double *x, const double *y) {
 }
 
 static void pass(const lg_machine *machine, const lg_machine_log *log, regression *r) {
-    double *x = app_alloc(r->n, sizeof *x), y[LG_MACHINE_VELOCITIES];
+    APP_FREE double *x = app_alloc(r->n, sizeof *x);
+    double y[LG_MACHINE_VELOCITIES];
     const size_t every = log->rows / MOST_ROWS + 1;
     r->rows = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row += every)
             if (interval(machine, log, row, x, y)) add(r, x, y);
-    free(x);
 }
 
 double identify_unexplained(const lg_machine *machine, const lg_machine_log *log) {
     double z[MOST_NUMBERS];
     const size_t numbers = log->rows > 1 ? fill(machine, log, 0, z) : 0;
     regression r = {.n = 1 + numbers + numbers * (numbers + 1) / 2, .nv = machine->velocities};
-    r.matrix = app_alloc(r.n * r.n, sizeof *r.matrix);
-    r.right = app_alloc(r.n * r.nv, sizeof *r.right);
+    APP_FREE double *matrix = r.matrix = app_alloc(r.n * r.n, sizeof *r.matrix);
+    APP_FREE double *right = r.right = app_alloc(r.n * r.nv, sizeof *r.right);
     pass(machine, log, &r);
-    double left = (double)NAN;
-    if (r.rows > 0 && lg_normal_equations(r.n, r.nv, 1e-9, r.matrix, r.right) == LG_OK) {
-        r.A = r.right;
-        pass(machine, log, &r);
-        left = r.left / r.rows;
-    }
-    free(r.matrix);
-    free(r.right);
-    return left;
+    if (!(r.rows > 0) || lg_normal_equations(r.n, r.nv, 1e-9, matrix, right) != LG_OK) return (double)NAN;
+    r.A = right;
+    pass(machine, log, &r);
+    return r.left / r.rows;
 }

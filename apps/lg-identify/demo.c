@@ -1,7 +1,6 @@
 /* lg-identify demo: a driven, damped rigid body from its log to a controller. */
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <fcntl.h>
@@ -50,19 +49,14 @@ typedef struct demo {
     app *app;
     lg_machine_file truth;
     lg_machine_model_file model;
-    bool loaded;
 } demo;
 
-static int write_text(const demo *d, const char *name, const char *text) {
-    lg_error error = {LG_OK, ""};
-    char *path = app_format("%s/%s", values.out, name);
+static void write_text(const app *self, const char *name, const char *text) {
+    APP_FREE char *path = app_format("%s/%s", values.out, name);
     app_file file;
     app_file_begin(&file, path);
     (void)fputs(text, file.stream);
-    const lg_status status = app_file_end(&file, &error);
-    const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(d->app, status, &error, path);
-    free(path);
-    return code;
+    APP_MUST_FILE(self, path, app_file_end(&file, &error));
 }
 
 /* ---- commands: this program again, in the folder ---- */
@@ -82,29 +76,28 @@ static void become(char *line, bool quiet) {
     _exit(127);
 }
 
-static int run_command(const demo *d, const char *arguments) {
+static void run_command(const app *self, const char *arguments) {
     int status = 0;
-    char *line = app_format("%s --threads %llu", arguments, (unsigned long long)d->app->threads);
-    if (!d->app->json) (void)printf("\n$ lg-identify %s\n", arguments);
+    APP_FREE char *line = app_format("%s --threads %llu", arguments, (unsigned long long)self->threads);
+    if (!self->json) (void)printf("\n$ lg-identify %s\n", arguments);
     (void)fflush(stdout);
     const pid_t child = fork();
-    if (child == 0) become(line, d->app->json);
-    free(line);
-    if (child < 0) return app_fail(d->app, LG_OUT_OF_MEMORY, "a process cannot be started");
+    if (child == 0) become(line, self->json);
+    if (child < 0) app_stop(self, LG_OUT_OF_MEMORY, "a process cannot be started");
     while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
     }
-    if (app_interrupted()) return APP_EXIT_INTERRUPTED;
+    if (app_interrupted()) app_end(APP_EXIT_INTERRUPTED);
     const int code = WIFEXITED(status) ? WEXITSTATUS(status) : APP_EXIT_NUMERIC;
-    if (code == APP_EXIT_OK) return code;
-    return app_fail(d->app, LG_NO_CONVERGENCE, "'lg-identify %s' ended with code %d", arguments, code);
+    if (code != APP_EXIT_OK)
+        app_stop(self, LG_NO_CONVERGENCE, "'lg-identify %s' ended with code %d", arguments, code);
 }
 
-static int run_commands(const demo *d) {
+static void run_commands(const app *self) {
     const uint64_t epochs = values.epochs > 0 ? values.epochs : 3000;
-    char *fit =
+    APP_FREE char *fit =
         app_format("fit machine.yaml train.csv --out model.h5 --seconds %g --epochs %llu --plot fit.svg "
                    "--seed %llu",
-                   values.seconds, (unsigned long long)epochs, (unsigned long long)d->app->seed);
+                   values.seconds, (unsigned long long)epochs, (unsigned long long)self->seed);
     const char *const lines[] = {
         "generate truth.yaml --out train.csv --runs 12 --t-end 6 --inputs multisine --amplitude 0.3",
         "generate truth.yaml --out test.csv --runs 4 --t-end 6 --inputs multisine --amplitude 0.25 --seed 2",
@@ -112,10 +105,7 @@ static int run_commands(const demo *d) {
         fit,
         "evaluate model.h5 test.csv --plot learned.svg",
         "predict model.h5 test.csv --out predicted.csv --plot predicted.svg"};
-    int code = APP_EXIT_OK;
-    for (size_t i = 0; i < LG_COUNT(lines) && code == APP_EXIT_OK; i++) code = run_command(d, lines[i]);
-    free(fit);
-    return code;
+    for (size_t i = 0; i < LG_COUNT(lines); i++) run_command(self, lines[i]);
 }
 
 /* ---- what was learned beside the truth ---- */
@@ -165,20 +155,18 @@ static void random_attitude(lg_rng *rng, double size, double R[9]) {
     lg_so3_exp(turn, R);
 }
 
-static lg_status compare_potentials(const demo *d, comparison *out, lg_error *error) {
+static void compare_potentials(const demo *d, comparison *out) {
     enum { ATTITUDES = 400 };
-    const identify_model learned = {&d->model.run.machine, d->model.theta, NULL, 1},
-                         truth = {&d->truth.machine, NULL, NULL, 1};
-    double *q = app_alloc(9 * ATTITUDES, sizeof *q), a[ATTITUDES], b[ATTITUDES];
+    const identify_model learned = {.machine = &d->model.run.machine, .theta = d->model.theta},
+                         truth = {.machine = &d->truth.machine};
+    double q[9 * ATTITUDES], a[ATTITUDES], b[ATTITUDES];
     lg_rng rng;
     lg_rng_seed(&rng, d->app->seed, 7);
     for (size_t i = 0; i < ATTITUDES; i++) random_attitude(&rng, 2, q + 9 * i);
-    lg_status status = identify_values(d->app, &learned, ATTITUDES, q, NULL, a, NULL, error);
-    if (status == LG_OK) status = identify_values(d->app, &truth, ATTITUDES, q, NULL, b, NULL, error);
+    identify_values(d->app, &learned, ATTITUDES, q, NULL, a, NULL);
+    identify_values(d->app, &truth, ATTITUDES, q, NULL, b, NULL);
     for (size_t i = 0; i < ATTITUDES; i++) a[i] -= b[i];
     out->potential = spread(a, ATTITUDES) / spread(b, ATTITUDES);
-    free(q);
-    return status;
 }
 
 /* ---- the controller: the torque after which the learned body has the wanted rate ---- */
@@ -188,36 +176,31 @@ enum { STARTS = 20, STEPS = 200, TRIES = 4 }; /* no torque, and one about each a
 
 typedef struct control {
     double R[9 * STARTS], rate[3 * STARTS], torque[3 * STARTS];
-    double angle[STARTS]; /* from the upright attitude */
-    double largest;       /* torque */
+    double largest; /* torque */
+    double worst;   /* angle */
     size_t arrived;
 } control;
 
 /* One step of `count` bodies with held torques. */
-static lg_status step(const demo *d, const identify_model *model, size_t count, const double *R,
-                      const double *rate, const double *torque, double *next_R, double *next_rate,
-                      lg_error *error) {
+static void step(const demo *d, const identify_model *model, size_t count, const double *R,
+                 const double *rate, const double *torque, double *next_R, double *next_rate) {
     enum { MOST = TRIES * STARTS };
-    size_t first[MOST + 1];
-    double t[2 * MOST], q[18 * MOST], v[6 * MOST], u[24 * MOST] = {0}, to_q[18 * MOST], to_v[6 * MOST];
+    double to_q[18 * MOST], to_v[6 * MOST];
+    APP_CLEAN(identify_pieces_end) identify_pieces p;
+    identify_pieces_begin(&p, model->machine, count, 2);
     for (size_t i = 0; i < count; i++) {
-        first[i] = 2 * i;
-        t[2 * i] = 0, t[2 * i + 1] = STEP;
-        for (size_t half = 0; half < 2; half++) {
-            memcpy(q + 9 * (2 * i + half), R + 9 * i, 9 * sizeof *q);
-            memcpy(v + 3 * (2 * i + half), rate + 3 * i, 3 * sizeof *v);
+        p.t[2 * i + 1] = STEP;
+        for (size_t row = 2 * i; row < 2 * i + 2; row++) {
+            memcpy(p.q + 9 * row, R + 9 * i, 9 * sizeof *R);
+            memcpy(p.v + 3 * row, rate + 3 * i, 3 * sizeof *rate);
         }
-        memcpy(u + 24 * i, torque + 3 * i, 3 * sizeof *u);
+        memcpy(p.u + 24 * i, torque + 3 * i, 3 * sizeof *torque);
     }
-    first[count] = 2 * count;
-    const lg_machine_log log = {2 * count, count, first, t, q, v, u};
-    LG_TRY(lg_machine_free_run(d->app->context, model->machine, model->theta, model->scheme, model->substeps,
-                               &log, first, count, 1, to_q, to_v, error));
+    identify_run(d->app, model, &p.log, p.first, count, 1, to_q, to_v);
     for (size_t i = 0; i < count; i++) {
         if (next_R != NULL) memcpy(next_R + 9 * i, to_q + 9 * (2 * i + 1), 9 * sizeof *next_R);
         memcpy(next_rate + 3 * i, to_v + 3 * (2 * i + 1), 3 * sizeof *next_rate);
     }
-    return LG_OK;
 }
 
 /* x of A x = b for the 3 columns of A. */
@@ -239,7 +222,7 @@ static void wanted_rate(const double *R, const double *rate, double *out) {
     for (int k = 0; k < 3; k++) out[k] = rate[k] - STEP * (stiffness * turn[k] + friction * rate[k]);
 }
 
-static lg_status choose_torques(const demo *d, const identify_model *learned, control *c, lg_error *error) {
+static void choose_torques(const demo *d, const identify_model *learned, control *c) {
     static const double unit = 0.1;
     double R[9 * TRIES * STARTS], rate[3 * TRIES * STARTS], torque[3 * TRIES * STARTS] = {0},
                                                                                after[3 * TRIES * STARTS];
@@ -249,7 +232,7 @@ static lg_status choose_torques(const demo *d, const identify_model *learned, co
             memcpy(rate + 3 * (TRIES * i + k), c->rate + 3 * i, 3 * sizeof *rate);
             if (k > 0) torque[3 * (TRIES * i + k) + k - 1] = unit;
         }
-    LG_TRY(step(d, learned, TRIES * STARTS, R, rate, torque, NULL, after, error));
+    step(d, learned, TRIES * STARTS, R, rate, torque, NULL, after);
     for (size_t i = 0; i < STARTS; i++) {
         const double *free = after + 3 * TRIES * i;
         double effect[3][3], missing[3];
@@ -261,13 +244,12 @@ static lg_status choose_torques(const demo *d, const identify_model *learned, co
         solve3(effect, missing, c->torque + 3 * i);
         for (int k = 0; k < 3; k++) c->largest = fmax(c->largest, fabs(c->torque[3 * i + (size_t)k]));
     }
-    return LG_OK;
 }
 
-static lg_status control_all(const demo *d, control *c, lg_error *error) {
+static void control_all(const demo *d, control *c) {
     const lg_machine_model_run *run = &d->model.run;
-    const identify_model learned = {&run->machine, d->model.theta, run->scheme, run->substeps},
-                         truth = {&d->truth.machine, NULL, lg_scheme_find("rkmk5"), 8};
+    const identify_model learned = {&run->machine, d->model.theta, run->scheme, run->substeps, false},
+                         truth = {&d->truth.machine, NULL, lg_scheme_find("rkmk5"), 8, false};
     lg_rng rng;
     lg_rng_seed(&rng, d->app->seed, 11);
     *c = (control){.largest = 0};
@@ -276,115 +258,81 @@ static lg_status control_all(const demo *d, control *c, lg_error *error) {
         for (size_t k = 0; k < 3; k++) c->rate[3 * i + k] = 2 * lg_rng_normal(&rng);
     }
     for (int at = 0; at < STEPS; at++) {
-        LG_TRY(choose_torques(d, &learned, c, error));
-        LG_TRY(step(d, &truth, STARTS, c->R, c->rate, c->torque, c->R, c->rate, error));
+        choose_torques(d, &learned, c);
+        step(d, &truth, STARTS, c->R, c->rate, c->torque, c->R, c->rate);
     }
     for (size_t i = 0; i < STARTS; i++) {
         double turn[3];
         lg_so3_log(c->R + 9 * i, turn);
-        c->angle[i] = sqrt(lg_dot3(turn, turn));
-        c->arrived += c->angle[i] < 1e-2;
+        const double angle = sqrt(lg_dot3(turn, turn)); /* from the upright attitude */
+        c->worst = fmax(c->worst, angle);
+        c->arrived += angle < 1e-2;
     }
-    return LG_OK;
-}
-
-/* ---- report ---- */
-
-static void report_json(const demo *d, const comparison *learned, const control *c, double seconds) {
-    app_json json;
-    app_json_begin(&json);
-    app_json_open(&json, "identified", '{');
-    for (int k = 0; k < COMPARED; k++) {
-        app_json_open(&json, learned->name[k], '{');
-        app_json_real(&json, "value", learned->learned[k]);
-        app_json_real(&json, "truth", learned->truth[k]);
-        app_json_close(&json, '}');
-    }
-    app_json_close(&json, '}');
-    app_json_real(&json, "potential", learned->potential);
-    app_json_size(&json, "starts", STARTS);
-    app_json_size(&json, "arrived", c->arrived);
-    app_json_real(&json, "largest_torque", c->largest);
-    app_json_text(&json, "out", values.out);
-    app_json_real(&json, "seconds", seconds);
-    app_json_warnings(&json, d->app);
-    app_json_end(&json);
-}
-
-static void report(const comparison *learned, const control *c, double seconds) {
-    app_table table;
-    double worst = 0;
-    (void)printf("\nWhat was learned, beside the true machine:\n");
-    app_table_begin(&table, 3);
-    app_table_cell(&table, "number");
-    app_table_cell(&table, "learned");
-    app_table_cell(&table, "true");
-    for (int k = 0; k < COMPARED; k++) {
-        app_table_cell(&table, "%s", learned->name[k]);
-        app_table_cell(&table, "%.6g", learned->learned[k]);
-        app_table_cell(&table, "%.6g", learned->truth[k]);
-    }
-    app_table_end(&table, stdout);
-    for (int i = 0; i < STARTS; i++) worst = fmax(worst, c->angle[i]);
-    (void)printf(
-        "The potential, a network of the direction of gravity, differs from the true one by %.2g of it.\n\n"
-        "A controller asks the learned body every %g s for the torque that turns it upright, against\n"
-        "gravity, and the true body gets it: %zu of %d starts, turned by up to 180 degrees and spinning,\n"
-        "stand within 0.01 rad after %g s (the worst off by %.2g rad; torques up to %.2g).\n\n"
-        "Everything is in %s/ (log.svg, fit.svg, learned.svg, predicted.svg); %.0f s.\n",
-        learned->potential, STEP, c->arrived, STARTS, STEP * STEPS, worst, c->largest, values.out, seconds);
 }
 
 /* ---- the command ---- */
 
-static int load(demo *d) {
-    lg_error error = {LG_OK, ""};
-    char *path = app_format("%s/model.h5", values.out);
-    lg_status status = lg_machine_file_parse(d->app->context, "truth.yaml", truth_text, strlen(truth_text),
-                                             &d->truth, &error);
-    if (status == LG_OK) status = lg_model_load_machine_model(d->app->context, path, NULL, &d->model, &error);
-    d->loaded = status == LG_OK;
-    const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(d->app, status, &error, path);
-    free(path);
-    return code;
+static void report(const app *self, const comparison *learned, const control *c, double seconds) {
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_line(&out, "\nWhat was learned, beside the true machine:");
+    app_result_named(&out, "identified", "number");
+    for (int k = 0; k < COMPARED; k++) {
+        app_json_open(&out, learned->name[k], '{');
+        app_json_real(&out, "value", learned->learned[k]);
+        app_json_real(&out, "truth", learned->truth[k]);
+        app_json_close(&out, '}');
+    }
+    app_result_rows_end(&out);
+    app_result_real(&out, "potential", learned->potential,
+                    "difference of the potential, a network of the direction of gravity, from the true one");
+    app_result_line(
+        &out,
+        "\nA controller asks the learned body every %g s for the torque that turns it upright, "
+        "against\ngravity, and the true body gets it for %g s; the starts are turned by up to 180 "
+        "degrees and spin.",
+        STEP, STEP * STEPS);
+    app_result_size(&out, "starts", STARTS, NULL);
+    app_result_size(&out, "arrived", c->arrived, "stand within 0.01 rad");
+    app_result_line(&out, "The worst is off by %.2g rad.", c->worst);
+    app_result_real(&out, "largest_torque", c->largest, NULL);
+    app_result_text(&out, "out", values.out, "(log.svg, fit.svg, learned.svg, predicted.svg)");
+    app_result_real(&out, "seconds", seconds, NULL);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
 }
 
-static int judge(demo *d, double begin) {
-    lg_error error = {LG_OK, ""};
-    comparison learned;
-    control *c = app_alloc(1, sizeof *c);
-    compare_numbers(d, &learned);
-    lg_status status = compare_potentials(d, &learned, &error);
-    if (status == LG_OK) status = control_all(d, c, &error);
-    int code = status == LG_OK ? APP_EXIT_OK : app_fail(d->app, status, "%s", app_sentence(status, &error));
-    const double seconds = app_seconds() - begin;
-    if (code == APP_EXIT_OK && d->app->json) report_json(d, &learned, c, seconds);
-    if (code == APP_EXIT_OK && !d->app->json) report(&learned, c, seconds);
-    if (code == APP_EXIT_OK && c->arrived < STARTS)
-        code =
-            app_fail(d->app, LG_NO_CONVERGENCE, "the controller fails from %zu of %d starts: more --seconds",
-                     STARTS - c->arrived, STARTS);
-    free(c);
-    return code;
+static void load(demo *d) {
+    APP_FREE char *path = app_format("%s/model.h5", values.out);
+    APP_MUST_FILE(d->app, path,
+                  lg_machine_file_parse(d->app->context, "truth.yaml", truth_text, strlen(truth_text),
+                                        &d->truth, &error));
+    APP_MUST_FILE(d->app, path, lg_model_load_machine_model(d->app->context, path, NULL, &d->model, &error));
 }
 
-static int run_demo(app *self) {
-    lg_error error = {LG_OK, ""};
-    demo *d = app_alloc(1, sizeof *d);
-    d->app = self;
-    const double begin = app_seconds();
-    lg_status status = app_make_folder(values.out, &error);
-    if (status == LG_OK) status = app_claim(self, values.out, &error);
-    int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
-    if (code == APP_EXIT_OK) code = write_text(d, "truth.yaml", truth_text);
-    if (code == APP_EXIT_OK) code = write_text(d, "machine.yaml", machine_text);
-    if (code == APP_EXIT_OK) code = run_commands(d);
-    if (code == APP_EXIT_OK) code = load(d);
-    if (code == APP_EXIT_OK) code = judge(d, begin);
+static void demo_destroy(demo *d) {
     lg_machine_file_destroy(&d->truth);
-    if (d->loaded) lg_machine_model_file_destroy(&d->model);
-    free(d);
-    return code;
+    lg_machine_model_file_destroy(&d->model);
+}
+
+static int run(app *self) {
+    APP_CLEAN(demo_destroy) demo d = {.app = self};
+    comparison learned;
+    control c;
+    const double begin = app_seconds();
+    APP_MUST_FILE(self, values.out, app_make_folder(values.out, &error));
+    APP_MUST_FILE(self, values.out, app_claim(self, values.out, &error));
+    write_text(self, "truth.yaml", truth_text);
+    write_text(self, "machine.yaml", machine_text);
+    run_commands(self);
+    load(&d);
+    compare_numbers(&d, &learned);
+    compare_potentials(&d, &learned);
+    control_all(&d, &c);
+    report(self, &learned, &c, app_seconds() - begin);
+    if (c.arrived == STARTS) return APP_EXIT_OK;
+    return app_fail(self, LG_NO_CONVERGENCE, "the controller fails from %zu of %d starts: more --seconds",
+                    STARTS - c.arrived, STARTS);
 }
 
 const app_command demo_command = {
@@ -394,4 +342,4 @@ const app_command demo_command = {
         "Makes a log of a body whose masses, damping and potential are known, learns them from it, and "
         "controls the true body with the learned one. Every command is shown before it runs.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .run = run_demo};
+    .run = run};

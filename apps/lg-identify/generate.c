@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/text.h"
 #include "lg-identify/runs.h"
 #include "liegrad/geometry.h"
 
@@ -15,7 +15,7 @@ typedef struct generate_values {
 } generate_values;
 
 static const lg_field options[] = {
-    LG_OPTION(generate_values, out, STRING, "LOG.csv", "Write the log"),
+    LG_OPTION(generate_values, out, STRING, "LOG.csv", "Write the log", .required = true),
     LG_OPTION(generate_values, inputs, STRING, "multisine|steps|none|FILE.csv",
               "What the inputs do (default multisine); a file has the columns of time and inputs"),
     LG_OPTION(
@@ -47,11 +47,10 @@ typedef struct making {
     lg_machine_file file;
     size_t runs, rows, delay;
     double t_end;
-    double *given; /* (runs, rows + delay, inputs) */
-    size_t *first;
-    double *t, *q, *v, *u;
-    double *run_q, *run_v; /* what the machine does */
-    identify_data inputs;  /* FILE */
+    double *given;          /* (runs, rows + delay, inputs) */
+    identify_pieces pieces; /* the runs: starts and inputs */
+    double *run_q, *run_v;  /* what the machine does */
+    identify_data inputs;   /* FILE */
     uint32_t substeps;
     double accuracy;
 } making;
@@ -87,54 +86,45 @@ static void steps(const making *m, lg_rng *rng, size_t input, double *out) {
     }
 }
 
-static void nothing(const making *m, lg_rng *rng, size_t input, double *out) {
-    (void)m;
-    (void)rng;
-    (void)input;
-    (void)out;
-}
-
 static const struct {
     const char *name;
     void (*fill)(const making *m, lg_rng *rng, size_t input, double *out);
-} forms[] = {{"multisine", multisine}, {"steps", steps}, {"none", nothing}};
+} forms[] = {{"multisine", multisine}, {"steps", steps}, {"none", NULL}};
 
-/* A machine file that takes the inputs' columns for positions: FILE is read as a log. */
-static char *inputs_text(const lg_machine_file *file) {
-    const bool runs = file->run < file->column_count;
-    char *text = app_format("columns: {time: '%s'%s%s%s}\nmeasured: positions\ncoordinates:\n",
-                            file->columns[file->time].name, runs ? ", run: '" : "",
-                            runs ? file->columns[file->run].name : "", runs ? "'" : "");
-    for (uint32_t c = 0, k = 0; c < file->column_count; c++) {
-        if (file->columns[c].role != LG_LOG_INPUT) continue;
-        char *longer =
-            app_format("%s  - {name: c%u, kind: line, columns: '%s'}\n", text, k++, file->columns[c].name);
-        free(text);
-        text = longer;
-    }
-    return text;
+/* LG_COUNT(forms): --inputs is a file. */
+static size_t find_form(void) {
+    size_t form = 0;
+    while (form < LG_COUNT(forms) && strcmp(forms[form].name, values.inputs) != 0) form++;
+    return form;
 }
 
-static int read_inputs(app *self, making *m) {
-    lg_error error = {LG_OK, ""};
+/* A machine file that takes the inputs' columns for positions: FILE is read as a log. */
+static void put_inputs(const lg_machine_file *file, lg_text *to) {
+    lg_text_add(to, "columns: {time: '%s'", file->columns[file->time].name);
+    if (file->run < file->column_count) lg_text_add(to, ", run: '%s'", file->columns[file->run].name);
+    lg_text_add(to, "}\nmeasured: positions\ncoordinates:\n");
+    for (uint32_t c = 0, k = 0; c < file->column_count; c++)
+        if (file->columns[c].role == LG_LOG_INPUT)
+            lg_text_add(to, "  - {name: c%u, kind: line, columns: '%s'}\n", k++, file->columns[c].name);
+}
+
+static void read_inputs(const app *self, making *m) {
+    const char *path = values.inputs;
     lg_log_options how;
-    char *text = inputs_text(&m->file);
+    APP_CLEAN(lg_text_destroy) lg_text text = app_text();
+    put_inputs(&m->file, &text);
     lg_log_options_init(&how);
-    lg_status status =
-        lg_machine_file_parse(self->context, self->arguments[0], text, strlen(text), &m->inputs.file, &error);
-    free(text);
-    if (status == LG_OK)
-        status =
-            lg_logs_read(self->context, &m->inputs.file, &values.inputs, 1, &how, &m->inputs.logs, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, values.inputs);
+    APP_MUST_FILE(self, path,
+                  lg_machine_file_parse(self->context, self->arguments[0], text.data, text.length,
+                                        &m->inputs.file, &error));
+    APP_MUST_FILE(self, path,
+                  lg_logs_read(self->context, &m->inputs.file, &path, 1, &how, &m->inputs.logs, &error));
     const lg_machine_log *log = &m->inputs.logs.log;
     const double length = log->t[log->first[1] - 1] - log->t[0];
     if (!app_given(self, "t-end")) m->t_end = length;
     if (m->t_end > length * (1 + 1e-9) + values.dt)
-        return app_fail(self, LG_FORMAT,
-                        "%s: its first part without a gap is %.4g s long, a run %.4g s: --t-end",
-                        values.inputs, length, m->t_end);
-    return APP_EXIT_OK;
+        app_stop(self, LG_FORMAT, "%s: its first part without a gap is %.4g s long, a run %.4g s: --t-end",
+                 path, length, m->t_end);
 }
 
 /* The file's inputs at the times of the rows: held, or on the line between two rows. */
@@ -158,18 +148,15 @@ static void take_inputs(const making *m, size_t run) {
     }
 }
 
-static int fill_inputs(app *self, making *m) {
-    const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay;
-    size_t form = 0;
-    while (form < LG_COUNT(forms) && strcmp(forms[form].name, values.inputs) != 0) form++;
+static void fill_inputs(const app *self, making *m) {
+    const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay, form = find_form();
     for (size_t run = 0; run < m->runs; run++) {
         lg_rng rng;
         lg_rng_seed(&rng, self->seed, 2 * run + 1);
-        for (size_t k = 0; k < inputs && form < LG_COUNT(forms); k++)
-            forms[form].fill(m, &rng, k, m->given + run * all * inputs + k);
         if (form == LG_COUNT(forms)) take_inputs(m, run);
+        for (size_t k = 0; k < inputs && form < LG_COUNT(forms) && forms[form].fill != NULL; k++)
+            forms[form].fill(m, &rng, k, m->given + run * all * inputs + k);
     }
-    return APP_EXIT_OK;
 }
 
 /* ---- what acts between rows ---- */
@@ -196,7 +183,7 @@ static void bend(const double *y, size_t stride, size_t n, double *bent, double 
 static void fill_hold(const making *m, size_t run, size_t input, double *bent, double *work) {
     const size_t inputs = m->file.machine.input_count;
     const double *y = m->given + run * (m->rows + m->delay) * inputs + input;
-    double *u = m->u + run * m->rows * 4 * inputs + input;
+    double *u = m->pieces.u + run * m->rows * 4 * inputs + input;
     const bool cubic = m->file.hold == LG_HOLD_CUBIC && m->rows >= 4;
     if (cubic) bend(y, inputs, m->rows, bent, work);
     for (size_t row = 0; row < m->rows; row++, u += 4 * inputs) {
@@ -211,22 +198,19 @@ static void fill_hold(const making *m, size_t run, size_t input, double *bent, d
 }
 
 static void fill_log(making *m) {
-    double *bent = app_alloc(m->rows, sizeof *bent), *work = app_alloc(m->rows, sizeof *work);
+    APP_FREE double *bent = app_alloc(m->rows, sizeof *bent);
+    APP_FREE double *work = app_alloc(m->rows, sizeof *work);
     for (size_t run = 0; run < m->runs; run++) {
-        m->first[run] = run * m->rows;
-        for (size_t row = 0; row < m->rows; row++) m->t[run * m->rows + row] = values.dt * (double)row;
+        for (size_t row = 0; row < m->rows; row++) m->pieces.t[run * m->rows + row] = values.dt * (double)row;
         for (size_t k = 0; k < m->file.machine.input_count; k++) fill_hold(m, run, k, bent, work);
     }
-    m->first[m->runs] = m->runs * m->rows;
-    free(bent);
-    free(work);
 }
 
 /* ---- starts and noise ---- */
 
-/* `by` of one or two numbers: that of positions or velocities; NaN: not given. */
-static double one_of(const lg_reals *by, bool velocity) {
-    if (by->count == 0) return (double)NAN;
+/* `by` of one or two numbers, for positions or velocities. */
+static double one_of(const lg_reals *by, bool velocity, double otherwise) {
+    if (by->count == 0) return otherwise;
     return by->values[velocity && by->count > 1 ? 1 : 0];
 }
 
@@ -260,12 +244,12 @@ static void fill_starts(const app *self, making *m) {
     const lg_machine *machine = &m->file.machine;
     double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        position[i] = values.spread.count > 0 ? one_of(&values.spread, false) : 1;
-        velocity[i] = values.spread.count > 0 ? one_of(&values.spread, true) : 1;
+        position[i] = one_of(&values.spread, false, 1);
+        velocity[i] = one_of(&values.spread, true, 1);
     }
     for (size_t run = 0; run < m->runs; run++) {
-        double *q = m->q + run * m->rows * machine->positions,
-               *v = m->v + run * m->rows * machine->velocities, *at = q;
+        double *q = m->pieces.q + run * m->rows * machine->positions,
+               *v = m->pieces.v + run * m->rows * machine->velocities, *at = q;
         lg_rng rng;
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
             const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
@@ -291,9 +275,8 @@ static void find_noise(const making *m, double *position, double *velocity) {
                 to == position && file->coordinates[i].attitudes == 4 && c >= file->coordinates[i].attitude;
             to[i] = fmax(to[i], column->noise * (quaternion ? 2 : 1));
         }
-        if (values.noise.count == 0) continue;
-        position[i] = one_of(&values.noise, false);
-        velocity[i] = one_of(&values.noise, true);
+        position[i] = one_of(&values.noise, false, position[i]);
+        velocity[i] = one_of(&values.noise, true, velocity[i]);
     }
 }
 
@@ -319,39 +302,39 @@ static double largest_difference(const double *a, const double *b, size_t n) {
     return most;
 }
 
+static void check_accuracy(const app *self, const making *m) {
+    if (!isfinite(m->accuracy))
+        app_stop(self, LG_NOT_FINITE,
+                 "%s: the motion is not finite: smaller --dt, --amplitude or --start-spread",
+                 self->arguments[0]);
+    if (m->accuracy > 1e-6)
+        app_warn(self,
+                 "with %u steps between two rows the motion is known to %.1e only: chaotic, or --dt is long",
+                 m->substeps, m->accuracy);
+}
+
 /* Substeps are doubled until the motion stands. */
-static lg_status integrate(const app *self, making *m, lg_error *error) {
+static void integrate(const app *self, making *m) {
     enum { MOST = 512 };
     static const double wanted = 1e-10;
     const lg_machine *machine = &m->file.machine;
-    const lg_scheme *scheme = lg_scheme_find("rkmk5");
+    identify_model model = {.machine = machine, .scheme = lg_scheme_find("rkmk5")};
     const size_t points = m->runs * m->rows, nq = points * machine->positions,
                  nv = points * machine->velocities;
-    const lg_machine_log log = {points, m->runs, m->first, m->t, m->q, m->v, m->u};
-    double *before_q = app_alloc(nq, sizeof *before_q), *before_v = app_alloc(nv, sizeof *before_v);
-    lg_status status = LG_OK;
+    APP_FREE double *before_q = app_alloc(nq, sizeof *before_q);
+    APP_FREE double *before_v = app_alloc(nv, sizeof *before_v);
     m->accuracy = INFINITY;
-    for (m->substeps = 2; status == LG_OK; m->substeps *= 2) {
-        status = lg_machine_free_run(self->context, machine, NULL, scheme, m->substeps, &log, m->first,
-                                     m->runs, m->rows - 1, m->run_q, m->run_v, error);
-        if (status == LG_OK && m->substeps > 2)
+    for (m->substeps = 2;; m->substeps *= 2) {
+        model.substeps = m->substeps;
+        identify_run(self, &model, &m->pieces.log, m->pieces.first, m->runs, m->rows - 1, m->run_q, m->run_v);
+        if (m->substeps > 2)
             m->accuracy =
                 fmax(largest_difference(m->run_q, before_q, nq), largest_difference(m->run_v, before_v, nv));
         if (m->accuracy <= wanted || m->substeps >= MOST) break;
         memcpy(before_q, m->run_q, nq * sizeof *before_q);
         memcpy(before_v, m->run_v, nv * sizeof *before_v);
     }
-    free(before_q);
-    free(before_v);
-    if (status != LG_OK) return status;
-    if (!isfinite(m->accuracy))
-        return app_error(error, LG_NOT_FINITE,
-                         "the motion is not finite: smaller --dt, --amplitude or --start-spread");
-    if (m->accuracy > 1e-6)
-        app_warn(self,
-                 "with %u steps between two rows the motion is known to %.1e only: chaotic, or --dt is long",
-                 m->substeps, m->accuracy);
-    return LG_OK;
+    check_accuracy(self, m);
 }
 
 /* ---- the file ---- */
@@ -373,7 +356,7 @@ static void put_row(FILE *stream, const making *m, size_t run, size_t row, doubl
     (void)fputc('\n', stream);
 }
 
-static lg_status write_log(const making *m, lg_error *error) {
+static void write_log(const app *self, const making *m) {
     app_file file;
     double columns[LG_LOG_COLUMNS];
     app_file_begin(&file, values.out);
@@ -382,138 +365,102 @@ static lg_status write_log(const making *m, lg_error *error) {
     (void)fputc('\n', file.stream);
     for (size_t run = 0; run < m->runs; run++)
         for (size_t row = 0; row < m->rows; row++) put_row(file.stream, m, run, row, columns);
-    return app_file_end(&file, error);
+    APP_MUST_FILE(self, values.out, app_file_end(&file, &error));
 }
 
 static void report(const app *self, const making *m) {
-    app_json json;
-    if (!self->json) {
-        (void)printf(
-            "%s: %zu runs of %zu rows, one every %g s; %u steps between two rows, accurate to %.1e\n",
-            values.out, m->runs, m->rows, values.dt, m->substeps, m->accuracy);
-        return;
-    }
-    app_json_begin(&json);
-    app_json_size(&json, "runs", m->runs);
-    app_json_size(&json, "rows", m->runs * m->rows);
-    app_json_real(&json, "dt", values.dt);
-    app_json_size(&json, "substeps", m->substeps);
-    app_json_real(&json, "accuracy", m->accuracy);
-    app_json_size(&json, "seed", self->seed);
-    app_json_text(&json, "out", values.out);
-    app_json_warnings(&json, self);
-    app_json_end(&json);
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_size(&out, "runs", m->runs, NULL);
+    app_result_size(&out, "rows", m->runs * m->rows, "of all runs");
+    app_result_real(&out, "dt", values.dt, "s from a row to the next");
+    app_result_size(&out, "substeps", m->substeps, "between two rows");
+    app_result_real(&out, "accuracy", m->accuracy, "of the motion");
+    app_json_size(&out, "seed", self->seed);
+    app_result_text(&out, "out", values.out, NULL);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
 }
 
 /* ---- the command ---- */
 
 /* A scene is a machine of which everything is known. */
-static int refuse_unknown(const app *self, const lg_machine_file *file, const char *path) {
+static void check_scene(const app *self, const lg_machine_file *file) {
+    const char *path = self->arguments[0];
     for (uint32_t i = 0; i < file->machine.term_count; i++) {
         const lg_machine_term *term = &file->machine.terms[i];
         if (term->parameters > 0)
-            return app_fail(
-                self, LG_FORMAT,
-                "%s: %s: a term of kind '%s' is to be learned; a scene's terms are known: {kind: known, "
-                "values: ...}",
-                path, lg_machine_part_name(term->part), lg_term_kind_name(term->kind));
+            app_stop(self, LG_FORMAT,
+                     "%s: %s: a term of kind '%s' is to be learned; a scene's terms are known: {kind: known, "
+                     "values: ...}",
+                     path, lg_machine_part_name(term->part), lg_term_kind_name(term->kind));
     }
     if (values.runs > 1 && file->run >= file->column_count)
-        return app_fail(self, LG_FORMAT,
-                        "%s: %llu runs need a column that tells them apart, columns: {run: ...}; or --runs 1",
-                        path, (unsigned long long)values.runs);
-    return identify_refuse_momenta(self, file, path);
+        app_stop(self, LG_FORMAT,
+                 "%s: %llu runs need a column that tells them apart, columns: {run: ...}; or --runs 1", path,
+                 (unsigned long long)values.runs);
+    const int code = identify_refuse_momenta(self, file, path);
+    if (code != APP_EXIT_OK) app_end(code);
 }
 
-static int check_options(const app *self, const lg_machine_file *file) {
+static void check_options(const app *self, const lg_machine_file *file) {
     const size_t n = values.amplitude.count;
     if (n > 1 && n != file->machine.input_count)
-        return app_usage(self, "--amplitude: %zu numbers, but the machine has %u inputs", n,
-                         file->machine.input_count);
-    if (values.noise.count > 2) return app_usage(self, "--noise: one number or two");
-    if (values.spread.count > 2) return app_usage(self, "--start-spread: one number or two");
+        app_stop_usage(self, "--amplitude: %zu numbers, but the machine has %u inputs", n,
+                       file->machine.input_count);
+    if (values.noise.count > 2) app_stop_usage(self, "--noise: one number or two");
+    if (values.spread.count > 2) app_stop_usage(self, "--start-spread: one number or two");
     for (size_t i = 0; i < values.noise.count; i++)
-        if (values.noise.values[i] < 0)
-            return app_usage(self, "--noise: a standard deviation is not negative");
-    return APP_EXIT_OK;
+        if (values.noise.values[i] < 0) app_stop_usage(self, "--noise: a standard deviation is not negative");
 }
 
-static void allocate(making *m) {
+static void begin(const app *self, making *m) {
     const lg_machine *machine = &m->file.machine;
-    const size_t points = m->runs * m->rows;
+    m->t_end = values.t_end > 0 ? values.t_end : 10;
+    if (machine->input_count > 0 && find_form() == LG_COUNT(forms)) read_inputs(self, m);
+    m->rows = (size_t)floor(m->t_end / values.dt + 1 + 1e-9);
+    m->runs = (size_t)values.runs;
+    m->delay = m->file.delay;
+    if (m->rows < 2) app_stop_usage(self, "--t-end %g is shorter than --dt %g", m->t_end, values.dt);
     m->given = app_alloc(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
-    m->first = app_alloc(m->runs + 1, sizeof *m->first);
-    m->t = app_alloc(points, sizeof *m->t);
-    m->q = app_alloc(points * machine->positions, sizeof *m->q);
-    m->v = app_alloc(points * machine->velocities, sizeof *m->v);
-    m->u = app_alloc(points * 4 * machine->input_count + 1, sizeof *m->u);
-    m->run_q = app_alloc(points * machine->positions, sizeof *m->run_q);
-    m->run_v = app_alloc(points * machine->velocities, sizeof *m->run_v);
+    identify_pieces_begin(&m->pieces, machine, m->runs, m->rows);
+    m->run_q = app_alloc(m->pieces.log.rows * machine->positions, sizeof *m->run_q);
+    m->run_v = app_alloc(m->pieces.log.rows * machine->velocities, sizeof *m->run_v);
 }
 
 static void making_end(making *m) {
     free(m->given);
-    free(m->first);
-    free(m->t);
-    free(m->q);
-    free(m->v);
-    free(m->u);
+    identify_pieces_end(&m->pieces);
     free(m->run_q);
     free(m->run_v);
     identify_release(&m->inputs);
     lg_machine_file_destroy(&m->file);
 }
 
-static int make(app *self, making *m) {
-    lg_error error = {LG_OK, ""};
-    int code = APP_EXIT_OK;
-    bool form = m->file.machine.input_count == 0;
-    m->t_end = values.t_end > 0 ? values.t_end : 10;
-    for (size_t i = 0; i < LG_COUNT(forms); i++) form = form || strcmp(forms[i].name, values.inputs) == 0;
-    if (!form) code = read_inputs(self, m);
-    if (code != APP_EXIT_OK) return code;
-    m->rows = (size_t)floor(m->t_end / values.dt + 1 + 1e-9);
-    m->runs = (size_t)values.runs;
-    m->delay = m->file.delay;
-    if (m->rows < 2) return app_usage(self, "--t-end %g is shorter than --dt %g", m->t_end, values.dt);
-    allocate(m);
-    code = fill_inputs(self, m);
-    if (code != APP_EXIT_OK) return code;
-    fill_log(m);
-    fill_starts(self, m);
-    lg_status status = integrate(self, m, &error);
-    if (status != LG_OK)
-        return app_fail(self, status, "%s: %s", self->arguments[0], app_sentence(status, &error));
-    add_noise(self, m);
-    status = write_log(m, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
-    const lg_machine_log log = {m->runs * m->rows, m->runs, m->first, m->t, m->run_q, m->run_v, m->u};
-    if (values.plot != NULL)
-        status =
-            identify_draw_run(self, values.plot, "First run", &m->file, &log, 1, NULL, NULL, NULL, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, values.plot);
-    report(self, m);
-    return APP_EXIT_OK;
-}
-
-static int run_generate(app *self) {
-    lg_error error = {LG_OK, ""};
-    making m = {.runs = 0};
-    bool form = false;
-    for (size_t i = 0; i < LG_COUNT(forms); i++) form = form || strcmp(forms[i].name, values.inputs) == 0;
+static int run(app *self) {
+    const char *path = self->arguments[0];
+    APP_CLEAN(making_end) making m = {.runs = 0};
     const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN},
                               {"plot", values.plot, LG_FILE_DRAWN},
-                              {"inputs", form ? NULL : values.inputs, LG_FILE_READ}};
-    if (values.out == NULL) return app_usage(self, "--out LOG.csv is missing");
-    int code = app_check_outputs(self, paths, LG_COUNT(paths));
+                              {"inputs", find_form() < LG_COUNT(forms) ? NULL : values.inputs, LG_FILE_READ}};
+    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
-    const lg_status status = lg_machine_file_read(self->context, self->arguments[0], &m.file, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    code = refuse_unknown(self, &m.file, self->arguments[0]);
-    if (code == APP_EXIT_OK) code = check_options(self, &m.file);
-    if (code == APP_EXIT_OK) code = make(self, &m);
-    making_end(&m);
-    return code;
+    APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
+    check_scene(self, &m.file);
+    check_options(self, &m.file);
+    begin(self, &m);
+    fill_inputs(self, &m);
+    fill_log(&m);
+    fill_starts(self, &m);
+    integrate(self, &m);
+    add_noise(self, &m);
+    write_log(self, &m);
+    lg_machine_log log = m.pieces.log;
+    log.q = m.run_q, log.v = m.run_v;
+    if (values.plot != NULL)
+        identify_draw_run(self, values.plot, "First run", &m.file, &log, 1, NULL, NULL, NULL);
+    report(self, &m);
+    return APP_EXIT_OK;
 }
 
 const app_command generate_command = {
@@ -525,4 +472,4 @@ const app_command generate_command = {
         "potentials {kind: known, form: ..., of: ..., values: ...}. Starts are drawn around 0 (attitudes: "
         "around 1, directions: around e3) with --start-spread and --seed.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .run = run_generate};
+    .run = run};

@@ -27,10 +27,26 @@ typedef struct identify_data {
  * validation. Warnings of the reader are told. */
 int identify_read(app *self, const char *machine, const char *const *paths, size_t count, const char *more,
                   identify_data *out);
-/* The logs of a model: its machine and delay. */
-int identify_read_logs(app *self, const lg_machine_model_file *model, const char *const *paths, size_t count,
-                       identify_data *out);
 void identify_release(identify_data *data);
+
+/* A model as it runs. */
+typedef struct identify_model {
+    const lg_machine *machine;
+    const double *theta;
+    const lg_scheme *scheme;
+    uint32_t substeps;
+    bool positions; /* its logs have these alone */
+} identify_model;
+
+/* MODEL.h5 LOG..., the arguments of a command; the logs are read as the model's machine and delay say. */
+typedef struct identify_given {
+    lg_machine_model_file file;
+    identify_data data;
+    identify_model model;
+} identify_given;
+/* Ends the command where something cannot be read, or momenta are measured. substeps 0: the model's. */
+void identify_load(app *self, uint64_t substeps, identify_given *out);
+void identify_given_destroy(identify_given *given);
 
 /* Standard deviations of the noise of the coordinates' positions and velocities: given in the machine's file,
  * or estimated where a column is noisy; 0: none. */
@@ -78,14 +94,6 @@ typedef struct identify_horizon {
     double unchanged[IDENTIFY_ERRORS]; /* pooled, of "nothing changes" */
 } identify_horizon;
 
-/* A model as it runs. */
-typedef struct identify_model {
-    const lg_machine *machine;
-    const double *theta;
-    const lg_scheme *scheme;
-    uint32_t substeps;
-} identify_model;
-
 /* Of two positions in the order of logs: the mean square of each coordinate's places (angles wrapped), the
  * squared angle of directions and rotations, in sum. Missing ones count 0. */
 double identify_position_loss(const lg_machine *machine, const double *a, const double *b);
@@ -100,12 +108,13 @@ lg_status identify_residuals(const app *self, const identify_model *model, const
 
 /* Runs of `steps` intervals from rows `start`: q (count, steps + 1, positions), v (count, steps + 1,
  * velocities). */
-typedef lg_status identify_runner(void *user, const lg_machine_log *log, const size_t *start, size_t count,
-                                  size_t steps, double *q, double *v, lg_error *error);
-lg_status identify_horizon_errors_of(const lg_machine *machine, identify_runner *runner, void *user,
-                                     const lg_machine_log *log, double seconds, size_t every,
-                                     identify_horizon *out, lg_error *error);
-lg_status identify_horizon_errors(const app *self, const identify_model *model, const lg_machine_log *log,
-                                  double seconds, size_t every, identify_horizon *out, lg_error *error);
+typedef void identify_runner(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                             size_t steps, double *q, double *v);
+void identify_horizon_errors_of(const lg_machine *machine, identify_runner *runner, void *user,
+                                const lg_machine_log *log, double seconds, size_t every,
+                                identify_horizon *out);
+/* With positions alone the 50 rows up to a start estimate its state. */
+void identify_horizon_errors(const app *self, const identify_model *model, const lg_machine_log *log,
+                             double seconds, size_t every, identify_horizon *out);
 
 #endif

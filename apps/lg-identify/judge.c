@@ -2,7 +2,6 @@
 #include "lg-identify/runs.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 const char *const identify_error_names[IDENTIFY_ERRORS] = {[ERROR_LINE] = "line",
@@ -75,14 +74,8 @@ static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, 
                           size_t *out) {
     size_t count = 0;
     for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + steps < log->first[p + 1]; row += every) {
-            bool complete = true;
-            for (uint32_t i = 0; i < machine->positions; i++)
-                complete = complete && !isnan(log->q[row * machine->positions + i]);
-            for (uint32_t i = 0; i < machine->velocities; i++)
-                complete = complete && !isnan(log->v[row * machine->velocities + i]);
-            if (complete) out[count++] = row;
-        }
+        for (size_t row = log->first[p]; row + steps < log->first[p + 1]; row += every)
+            if (lg_machine_log_complete(machine, log, row, false)) out[count++] = row;
     return count;
 }
 
@@ -122,7 +115,7 @@ static void judge_run(const judging *j, size_t i, bool unchanged, sums *out) {
 
 static void judge_all(const judging *j, identify_horizon *out) {
     sums pooled[IDENTIFY_ERRORS] = {{0, 0}}, unchanged[IDENTIFY_ERRORS] = {{0, 0}};
-    double *own = app_alloc(j->count * IDENTIFY_ERRORS, sizeof *own);
+    APP_FREE double *own = app_alloc(j->count * IDENTIFY_ERRORS, sizeof *own);
     for (size_t i = 0; i < j->count; i++) {
         sums each[IDENTIFY_ERRORS] = {{0, 0}};
         judge_run(j, i, false, each);
@@ -138,7 +131,6 @@ static void judge_all(const judging *j, identify_horizon *out) {
         out->unchanged[e] = root(&unchanged[e]);
         out->median[e] = app_median(own + (size_t)e * j->count, j->count);
     }
-    free(own);
 }
 
 /* A prediction that is not finite is not left out: its errors overflow. */
@@ -147,49 +139,90 @@ static void count_as_infinite(double *x, size_t count) {
         if (!isfinite(x[i])) x[i] = 1e300;
 }
 
-lg_status identify_horizon_errors_of(const lg_machine *machine, identify_runner *runner, void *user,
-                                     const lg_machine_log *log, double seconds, size_t every,
-                                     identify_horizon *out, lg_error *error) {
+void identify_horizon_errors_of(const lg_machine *machine, identify_runner *runner, void *user,
+                                const lg_machine_log *log, double seconds, size_t every,
+                                identify_horizon *out) {
     const size_t steps = most_steps(log, seconds);
     *out = (identify_horizon){.seconds = seconds};
     for (int e = 0; e < IDENTIFY_ERRORS; e++)
         out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
-    size_t *start = app_alloc(log->rows, sizeof *start);
-    lg_status status = LG_OK;
+    APP_FREE size_t *start = app_alloc(log->rows, sizeof *start);
     out->starts = steps > 0 ? find_starts(machine, log, steps, every, start) : 0;
-    if (out->starts > 0) {
-        const size_t points = out->starts * (steps + 1);
-        double *q = app_alloc(points * machine->positions, sizeof *q),
-               *v = app_alloc(points * machine->velocities, sizeof *v);
-        status = runner(user, log, start, out->starts, steps, q, v, error);
-        count_as_infinite(q, points * machine->positions);
-        count_as_infinite(v, points * machine->velocities);
-        const judging j = {machine, log, steps, out->starts, start, q, v, seconds};
-        if (status == LG_OK) judge_all(&j, out);
-        free(q);
-        free(v);
-    }
-    free(start);
-    return status;
+    if (out->starts == 0) return;
+    const size_t points = out->starts * (steps + 1);
+    APP_FREE double *q = app_alloc(points * machine->positions, sizeof *q);
+    APP_FREE double *v = app_alloc(points * machine->velocities, sizeof *v);
+    runner(user, log, start, out->starts, steps, q, v);
+    count_as_infinite(q, points * machine->positions);
+    count_as_infinite(v, points * machine->velocities);
+    const judging j = {machine, log, steps, out->starts, start, q, v, seconds};
+    judge_all(&j, out);
 }
+
+/* ---- runs of a model ---- */
+
+enum { BEFORE = IDENTIFY_START_ROWS - 1 }; /* rows before a start, where positions alone are measured */
 
 typedef struct model_runner {
     const app *app;
     const identify_model *model;
+    const lg_machine_log *log;
 } model_runner;
 
-static lg_status run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count,
-                           size_t steps, double *q, double *v, lg_error *error) {
+static void run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count, size_t steps,
+                      double *q, double *v) {
     const model_runner *r = user;
-    const identify_model *model = r->model;
-    return lg_machine_free_run(r->app->context, model->machine, model->theta, model->scheme, model->substeps,
-                               log, start, count, steps, q, v, error);
+    identify_run(r->app, r->model, log, start, count, steps, q, v);
 }
 
-lg_status identify_horizon_errors(const app *self, const identify_model *model, const lg_machine_log *log,
-                                  double seconds, size_t every, identify_horizon *out, lg_error *error) {
-    model_runner runner = {self, model};
-    return identify_horizon_errors_of(model->machine, run_model, &runner, log, seconds, every, out, error);
+/* Of runs over `steps` intervals after those before the start the last steps + 1 points. */
+static void keep_ends(const double *runs, size_t count, size_t steps, size_t n, double *out) {
+    for (size_t i = 0; i < count; i++)
+        memcpy(out + i * (steps + 1) * n, runs + (i * (BEFORE + steps + 1) + BEFORE) * n,
+               (steps + 1) * n * sizeof *out);
+}
+
+static void run_from_positions(void *user, const lg_machine_log *marked, const size_t *start, size_t count,
+                               size_t steps, double *q, double *v) {
+    const model_runner *r = user;
+    const size_t nq = r->model->machine->positions, nv = r->model->machine->velocities,
+                 points = count * (BEFORE + steps + 1);
+    APP_CLEAN(identify_started_release) identify_started begun;
+    APP_FREE size_t *from = app_alloc(count, sizeof *from);
+    APP_FREE double *all_q = app_alloc(points * nq, sizeof *all_q);
+    APP_FREE double *all_v = app_alloc(points * nv, sizeof *all_v);
+    (void)marked;
+    for (size_t i = 0; i < count; i++) from[i] = start[i] - BEFORE;
+    identify_with_starts(r->app, r->model, r->log, from, count, &begun);
+    identify_run(r->app, r->model, &begun.log, from, count, BEFORE + steps, all_q, all_v);
+    keep_ends(all_q, count, steps, nq, q);
+    keep_ends(all_v, count, steps, nv, v);
+}
+
+/* Velocities are there, as 0, where a run can start. */
+static double *mark_starts(const lg_machine *machine, const lg_machine_log *log, size_t every) {
+    const size_t nv = machine->velocities;
+    double *v = app_alloc(log->rows * nv, sizeof *v);
+    for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row < log->first[p + 1]; row += every) {
+            const bool starts =
+                row >= log->first[p] + BEFORE && lg_machine_log_complete(machine, log, row - BEFORE, true);
+            for (size_t k = 0; starts && k < nv; k++) v[row * nv + k] = 0;
+        }
+    return v;
+}
+
+void identify_horizon_errors(const app *self, const identify_model *model, const lg_machine_log *log,
+                             double seconds, size_t every, identify_horizon *out) {
+    model_runner runner = {self, model, log};
+    lg_machine_log marked = *log;
+    APP_FREE double *v = model->positions ? mark_starts(model->machine, log, every) : NULL;
+    if (v != NULL) marked.v = v;
+    identify_horizon_errors_of(model->machine, v != NULL ? run_from_positions : run_model, &runner, &marked,
+                               seconds, every, out);
+    if (v == NULL) return;
+    out->pooled[ERROR_VELOCITY] = out->median[ERROR_VELOCITY] = out->unchanged[ERROR_VELOCITY] = (double)NAN;
 }
 
 /* ---- residuals of windows ---- */
@@ -229,13 +262,10 @@ lg_status identify_residuals(const app *self, const identify_model *model, const
                              identify_residual *out, lg_error *error) {
     const lg_machine *machine = model->machine;
     const size_t count = problem->windows - problem->validation, points = count * problem->window;
-    double *q = app_alloc(points * machine->positions, sizeof *q),
-           *v = app_alloc(points * machine->velocities, sizeof *v);
-    const lg_status status =
-        lg_machine_free_run(self->context, machine, model->theta, model->scheme, model->substeps,
-                            &problem->log, problem->start, count, problem->window - 1, q, v, error);
-    if (status == LG_OK) residuals_of(problem, count, q, v, out);
-    free(q);
-    free(v);
-    return status;
+    APP_FREE double *q = app_alloc(points * machine->positions, sizeof *q);
+    APP_FREE double *v = app_alloc(points * machine->velocities, sizeof *v);
+    LG_TRY(lg_machine_free_run(self->context, machine, model->theta, model->scheme, model->substeps,
+                               &problem->log, problem->start, count, problem->window - 1, q, v, error));
+    residuals_of(problem, count, q, v, out);
+    return LG_OK;
 }

@@ -133,24 +133,18 @@ double identify_position_noise(const identify_data *data, uint32_t coordinate) {
     return count > 0 && sum < 0.0 ? sqrt(-sum / (double)count) : 0.0;
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* The median of the changes that are not 0. */
 static double usual_change(const number *n) {
-    double *sizes = app_alloc(n->log->rows, sizeof *sizes), way;
+    APP_FREE double *sizes = app_alloc(n->log->rows, sizeof *sizes);
+    double way;
     size_t count = 0;
     for (size_t p = 0; p < n->log->parts; p++)
         for (size_t row = n->log->first[p]; row + 1 < n->log->first[p + 1]; row++) {
             const double size = fabs(change_of(n, row, &way));
             if (size > 0.0) sizes[count++] = size;
         }
-    qsort(sizes, count, sizeof *sizes, compare);
-    const double median = count > 0 ? sizes[count / 2] : (double)INFINITY;
-    free(sizes);
-    return median;
+    qsort(sizes, count, sizeof *sizes, app_compare_doubles);
+    return count > 0 ? sizes[count / 2] : (double)INFINITY;
 }
 
 identify_standstill identify_stuck(const identify_data *data, uint32_t coordinate) {

@@ -55,7 +55,7 @@ static void add_interval(const lg_machine *machine, const lg_machine_log *log, s
 identify_linear *identify_linear_create(const lg_machine *machine, const lg_machine_log *log) {
     identify_linear *linear = app_alloc(1, sizeof *linear);
     const size_t n = machine->positions + machine->velocities + machine->input_count + 1;
-    double *matrix = app_alloc(n * n, sizeof *matrix);
+    APP_FREE double *matrix = app_alloc(n * n, sizeof *matrix);
     *linear = (identify_linear){.machine = machine, .features = n};
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++)
@@ -64,7 +64,6 @@ identify_linear *identify_linear_create(const lg_machine *machine, const lg_mach
     const bool solved =
         !empty && lg_normal_equations(n, machine->velocities, 1e-10, matrix, linear->A) == LG_OK;
     for (size_t i = 0; i < n * machine->velocities && !solved; i++) linear->A[i] = (double)NAN;
-    free(matrix);
     return linear;
 }
 
@@ -128,11 +127,10 @@ static void advance(const identify_linear *linear, const lg_machine_log *log, si
     project(machine, q);
 }
 
-lg_status identify_linear_run(void *user, const lg_machine_log *log, const size_t *start, size_t count,
-                              size_t steps, double *q, double *v, lg_error *error) {
+void identify_linear_run(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                         size_t steps, double *q, double *v) {
     const identify_linear *linear = user;
     const size_t nq = linear->machine->positions, nv = linear->machine->velocities;
-    (void)error;
     for (size_t i = 0; i < count; i++, q += (steps + 1) * nq, v += (steps + 1) * nv) {
         memcpy(q, log->q + start[i] * nq, nq * sizeof *q);
         memcpy(v, log->v + start[i] * nv, nv * sizeof *v);
@@ -142,5 +140,4 @@ lg_status identify_linear_run(void *user, const lg_machine_log *log, const size_
             advance(linear, log, start[i] + step, q + (step + 1) * nq, v + (step + 1) * nv);
         }
     }
-    return LG_OK;
 }

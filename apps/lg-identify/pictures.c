@@ -1,9 +1,7 @@
 /* Pictures of logs, predictions and what was learned: panels beside each other and below. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "lg-identify/runs.h"
 
 enum {
@@ -11,6 +9,7 @@ enum {
     WIDTH = 430,
     HEIGHT = 290,
     MOST_ROWS = 1000, /* of a run that are drawn */
+    MOST_GROUPS = 3 * LG_MACHINE_COORDINATES + 1,
     GRID = 121,
     BINS = 60
 };
@@ -104,9 +103,9 @@ static void begin(app_plot *plot, const char *picture, size_t panels, const char
         rows, columns, title);
 }
 
-static lg_status end(const app *self, app_plot *plot, lg_error *error) {
+static void end(const app *self, app_plot *plot, const char *picture) {
     (void)fputs("unset multiplot\n", plot->script.stream);
-    return app_plot_end(self, plot, error);
+    APP_MUST_FILE(self, picture, app_plot_end(self, plot, &error));
 }
 
 /* Two standard deviations to both sides. */
@@ -138,18 +137,18 @@ static void put_group(FILE *script, const lg_machine_file *file, const group *g,
     (void)fputc('\n', script);
 }
 
-lg_status identify_draw_run(const app *self, const char *picture, const char *title,
-                            const lg_machine_file *file, const lg_machine_log *log, size_t parts,
-                            const double *q, const double *v, const double *bands, lg_error *error) {
+void identify_draw_run(const app *self, const char *picture, const char *title, const lg_machine_file *file,
+                       const lg_machine_log *log, size_t parts, const double *q, const double *v,
+                       const double *bands) {
     app_plot plot;
-    group groups[3 * LG_MACHINE_COORDINATES + 1];
+    group groups[MOST_GROUPS];
     const size_t count = find_groups(file, true, groups);
     begin(&plot, picture, count, title);
     put_run(plot.data.stream, file, log, parts, q, v, bands);
     for (size_t i = 0; i < count; i++)
         put_group(plot.script.stream, file, &groups[i],
                   q != NULL && file->columns[groups[i].first].role != LG_LOG_INPUT, bands != NULL);
-    return end(self, &plot, error);
+    end(self, &plot, picture);
 }
 
 /* ---- what was learned ---- */
@@ -211,18 +210,28 @@ static double column_mean(const double *x, size_t rows, size_t stride, double *l
     return count > 0 ? sum / (double)count : 0;
 }
 
+typedef struct drawing {
+    const identify_given *given;
+    const lg_machine_log *log;
+    const double *q, *v; /* predicted, as the log's rows */
+    double middle[LG_MACHINE_POSITIONS];
+    app_plot plot;
+    size_t blocks;           /* of data */
+    double *at_q, *at_v, *y; /* (GRID, ...) states along an axis, and what is drawn of them */
+} drawing;
+
 /* A state to look around from: means of lines and angles, the first complete row of the rest. */
-static void find_middle(const identify_drawing *d, axis *axes, size_t count, double *q) {
-    const lg_machine *machine = d->model->machine;
+static void find_middle(drawing *d, axis *axes, size_t count) {
+    const lg_machine *machine = d->given->model.machine;
     const lg_machine_log *log = d->log;
     const size_t nq = machine->positions, nv = machine->velocities;
     size_t row = 0;
-    for (size_t k = 0; row + 1 < log->rows && k < nq; k++)
-        if (isnan(log->q[row * nq + k])) row++, k = 0;
-    memcpy(q, log->q + row * nq, nq * sizeof *q);
+    while (row + 1 < log->rows && !lg_machine_log_complete(machine, log, row, true)) row++;
+    memcpy(d->middle, log->q + row * nq, nq * sizeof *d->middle);
     for (size_t i = 0; i < count; i++) {
         axis *a = &axes[i];
-        if (a->scalar) q[a->position] = column_mean(log->q + a->position, log->rows, nq, &a->low, &a->high);
+        if (a->scalar)
+            d->middle[a->position] = column_mean(log->q + a->position, log->rows, nq, &a->low, &a->high);
         (void)column_mean(log->v + a->velocity, log->rows, nv, &a->slow, &a->fast);
         if (!(a->slow < a->fast)) (void)column_mean(d->v + a->velocity, log->rows, nv, &a->slow, &a->fast);
         if (a->angle && a->high - a->low > 6.3) a->low = -3.141592653589793, a->high = 3.141592653589793;
@@ -256,92 +265,71 @@ static void put_curve(FILE *stream, double low, double high, const double *y, si
     (void)fputs("\n\n", stream);
 }
 
-static void put_learned(FILE *script, size_t block, const char *title, const char *xlabel,
-                        const char *ylabel) {
+static void put_learned(drawing *d, const char *title, const char *xlabel) {
     (void)fprintf(
-        script,
-        "set title '%s'\nset xlabel '%s'\nset ylabel '%s'\nset y2range [0:6]\n"
+        d->plot.script.stream,
+        "set title '%s'\nset xlabel '%s'\nset ylabel ''\nset y2range [0:6]\n"
         "plot datafile index %zu using 1:2 axes x1y2 with boxes fs solid 1 noborder lc rgb '#c8d6c8' "
         "title 'rows of the log', datafile index %zu using 1:2 with lines lw 2 lc rgb '#d1641f' title "
         "'learned'\nunset y2range\n",
-        title, xlabel, ylabel, block, block + 1);
+        title, xlabel, d->blocks, d->blocks + 1);
+    d->blocks += 2;
 }
 
-typedef struct slices {
-    double *q, *v, *potential, *damping;
-} slices;
+/* States about the middle, at rest, in which number `index` of `x` (GRID, n) goes from low to high. */
+static void fill_slice(const drawing *d, double *x, size_t n, size_t index, double low, double high) {
+    const lg_machine *machine = d->given->model.machine;
+    memset(d->at_v, 0, GRID * machine->velocities * sizeof *d->at_v);
+    for (size_t i = 0; i < GRID; i++) {
+        memcpy(d->at_q + i * machine->positions, d->middle, machine->positions * sizeof *d->at_q);
+        x[i * n + index] = low + (high - low) * (double)i / (GRID - 1);
+    }
+}
 
-static lg_status put_potential(const app *self, const identify_drawing *d, const axis *a,
-                               const double *middle, slices *s, app_plot *plot, size_t *block,
-                               lg_error *error) {
-    const lg_machine *machine = d->model->machine;
-    const size_t nq = machine->positions;
+static void put_potential(const app *self, drawing *d, const axis *a) {
+    const size_t nq = d->given->model.machine->positions;
     char title[LG_MACHINE_NAME + 64];
-    for (size_t i = 0; i < GRID; i++) {
-        memcpy(s->q + i * nq, middle, nq * sizeof *s->q);
-        s->q[i * nq + a->position] = a->low + (a->high - a->low) * (double)i / (GRID - 1);
-    }
-    LG_TRY(identify_values(self, d->model, GRID, s->q, s->v, s->potential, NULL, error));
-    put_density(plot->data.stream, d->log->q + a->position, d->log->rows, nq, a->low, a->high, a->angle);
-    put_curve(plot->data.stream, a->low, a->high, s->potential, 1, true);
+    fill_slice(d, d->at_q, nq, a->position, a->low, a->high);
+    identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, d->y, NULL);
+    put_density(d->plot.data.stream, d->log->q + a->position, d->log->rows, nq, a->low, a->high, a->angle);
+    put_curve(d->plot.data.stream, a->low, a->high, d->y, 1, true);
     (void)snprintf(title, sizeof title, "potential along %.43s, from its least", a->name);
-    put_learned(plot->script.stream, *block, title, a->name, "");
-    *block += 2;
-    return LG_OK;
+    put_learned(d, title, a->name);
 }
 
-static lg_status put_friction(const app *self, const identify_drawing *d, const axis *a, const double *middle,
-                              slices *s, app_plot *plot, size_t *block, lg_error *error) {
-    const lg_machine *machine = d->model->machine;
-    const size_t nq = machine->positions, nv = machine->velocities;
+static void put_friction(const app *self, drawing *d, const axis *a) {
+    const size_t nv = d->given->model.machine->velocities;
     char title[LG_MACHINE_NAME + 64], xlabel[LG_MACHINE_NAME + 32];
-    memset(s->v, 0, GRID * nv * sizeof *s->v);
-    for (size_t i = 0; i < GRID; i++) {
-        memcpy(s->q + i * nq, middle, nq * sizeof *s->q);
-        s->v[i * nv + a->velocity] = a->slow + (a->fast - a->slow) * (double)i / (GRID - 1);
-    }
-    LG_TRY(identify_values(self, d->model, GRID, s->q, s->v, NULL, s->damping, error));
-    const bool measured = d->file->measured != LG_MEASURED_POSITIONS;
-    put_density(plot->data.stream, (measured ? d->log->v : d->v) + a->velocity, d->log->rows, nv, a->slow,
-                a->fast, false);
-    put_curve(plot->data.stream, a->slow, a->fast, s->damping + a->velocity, nv, false);
+    fill_slice(d, d->at_v, nv, a->velocity, a->slow, a->fast);
+    identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, NULL, d->y);
+    put_density(d->plot.data.stream, (d->given->model.positions ? d->v : d->log->v) + a->velocity,
+                d->log->rows, nv, a->slow, a->fast, false);
+    put_curve(d->plot.data.stream, a->slow, a->fast, d->y + a->velocity, nv, false);
     (void)snprintf(title, sizeof title, "friction force on %.43s", a->name);
     (void)snprintf(xlabel, sizeof xlabel, "velocity of %.43s", a->name);
-    put_learned(plot->script.stream, *block, title, xlabel, "");
-    *block += 2;
-    return LG_OK;
+    put_learned(d, title, xlabel);
 }
 
-static lg_status put_slices(const app *self, const identify_drawing *d, axis *axes, size_t count,
-                            app_plot *plot, size_t block, lg_error *error) {
-    const lg_machine *machine = d->model->machine;
-    double middle[LG_MACHINE_POSITIONS];
-    lg_status status = LG_OK;
-    slices s = {app_alloc(GRID * machine->positions, sizeof(double)),
-                app_alloc(GRID * machine->velocities, sizeof(double)), app_alloc(GRID, sizeof(double)),
-                app_alloc(GRID * machine->velocities, sizeof(double))};
-    find_middle(d, axes, count, middle);
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
-        if (axes[i].seen) status = put_potential(self, d, &axes[i], middle, &s, plot, &block, error);
-        if (status == LG_OK && has_part(machine, LG_MACHINE_DAMPING))
-            status = put_friction(self, d, &axes[i], middle, &s, plot, &block, error);
+static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
+    const lg_machine *machine = d->given->model.machine;
+    APP_FREE double *q = d->at_q = app_alloc(GRID * machine->positions, sizeof *q);
+    APP_FREE double *v = d->at_v = app_alloc(GRID * machine->velocities, sizeof *v);
+    APP_FREE double *y = d->y = app_alloc(GRID * (machine->velocities + 1), sizeof *y);
+    find_middle(d, axes, count);
+    for (size_t i = 0; i < count; i++) {
+        if (axes[i].seen) put_potential(self, d, &axes[i]);
+        if (has_part(machine, LG_MACHINE_DAMPING)) put_friction(self, d, &axes[i]);
     }
-    free(s.q);
-    free(s.v);
-    free(s.potential);
-    free(s.damping);
-    return status;
 }
 
 /* Errors of the model and of "nothing changes" against the horizon. */
-static void put_horizons(const identify_drawing *d, app_plot *plot) {
+static void put_horizons(app_plot *plot, const identify_horizon *horizons, size_t count) {
     FILE *script = plot->script.stream;
     const char *separator = "";
-    for (size_t i = 0; i < d->horizon_count; i++) {
-        (void)fprintf(plot->data.stream, "%.7g", d->horizons[i].seconds);
+    for (size_t i = 0; i < count; i++) {
+        (void)fprintf(plot->data.stream, "%.7g", horizons[i].seconds);
         for (int e = 0; e < IDENTIFY_ERRORS; e++)
-            (void)fprintf(plot->data.stream, " %.7g %.7g", d->horizons[i].pooled[e],
-                          d->horizons[i].unchanged[e]);
+            (void)fprintf(plot->data.stream, " %.7g %.7g", horizons[i].pooled[e], horizons[i].unchanged[e]);
         (void)fputc('\n', plot->data.stream);
     }
     (void)fputs("\n\n", plot->data.stream);
@@ -350,7 +338,7 @@ static void put_horizons(const identify_drawing *d, app_plot *plot) {
                 "set format y '10^{%L}'\nset ytics 1e-12,100\nplot ",
                 script);
     for (int e = 0; e < IDENTIFY_ERRORS; e++) {
-        if (!isfinite(d->horizons[0].pooled[e])) continue;
+        if (!isfinite(horizons[0].pooled[e])) continue;
         (void)fprintf(
             script,
             "%sdatafile index 1 using 1:%d with linespoints lw 1.8 pt 7 ps 0.4 lc rgb '%s' title '%s', "
@@ -363,23 +351,23 @@ static void put_horizons(const identify_drawing *d, app_plot *plot) {
     (void)fputs("\nunset logscale xy\nset format y\nset ytics autofreq\n", script);
 }
 
-lg_status identify_draw_evaluation(const app *self, const char *picture, const identify_drawing *d,
-                                   lg_error *error) {
-    app_plot plot;
-    group groups[3 * LG_MACHINE_COORDINATES + 1];
+void identify_draw_evaluation(const app *self, const char *picture, const identify_given *given,
+                              const double *q, const double *v, const identify_horizon *horizons,
+                              size_t horizon_count) {
+    const lg_machine_file *file = &given->data.file;
+    const lg_logs *logs = &given->data.logs;
+    drawing d = {.given = given, .log = &logs->log, .q = q, .v = v, .blocks = 2};
+    group groups[MOST_GROUPS];
     axis axes[LG_MACHINE_VELOCITIES];
-    const lg_machine *machine = d->model->machine;
-    const size_t count = find_groups(d->file, false, groups), lines = find_axes(machine, axes);
+    const lg_machine *machine = given->model.machine;
+    const size_t count = find_groups(file, false, groups), lines = find_axes(machine, axes);
     size_t panels = count + 1 + (has_part(machine, LG_MACHINE_DAMPING) ? lines : 0);
     for (size_t i = 0; i < lines; i++) panels += axes[i].seen;
-    begin(&plot, picture, panels,
+    begin(&d.plot, picture, panels,
           "First run of the log: logged (thick) and predicted from its start (thin); what was learned");
-    put_run(plot.data.stream, d->file, d->log, d->parts, d->q, d->v, NULL);
-    for (size_t i = 0; i < count; i++) put_group(plot.script.stream, d->file, &groups[i], true, false);
-    put_horizons(d, &plot);
-    const lg_status status = put_slices(self, d, axes, lines, &plot, 2, error);
-    if (status == LG_OK) return end(self, &plot, error);
-    app_file_discard(&plot.data);
-    app_file_discard(&plot.script);
-    return status;
+    put_run(d.plot.data.stream, file, d.log, identify_first_run(logs), q, v, NULL);
+    for (size_t i = 0; i < count; i++) put_group(d.plot.script.stream, file, &groups[i], true, false);
+    put_horizons(&d.plot, horizons, horizon_count);
+    put_slices(self, &d, axes, lines);
+    end(self, &d.plot, picture);
 }

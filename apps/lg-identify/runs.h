@@ -18,28 +18,44 @@ double identify_wrap(double angle);
 
 /* Root mean squares of predicted minus logged columns, from the rows at which `q` is not NaN; NaN: nothing to
  * compare. Rows of `out`: columns of the file. */
-void identify_column_errors(const lg_machine_file *file, const lg_machine_log *log, const double *q,
-                            const double *v, double *out);
+void identify_column_errors(const identify_given *given, const double *q, const double *v, double *out);
 
 /* Warns of each column in which the rows (those of the log, and those of q and v that are not NaN) leave the
- * range of the training data. */
-void identify_warn_range(const app *self, const lg_machine_model_run *run, const lg_machine_file *file,
-                         const lg_machine_log *log, const double *q, const double *v);
+ * range of the training data. q and v may be NULL. */
+void identify_warn_range(const app *self, const identify_given *given, const double *q, const double *v);
 
 /* Momenta cannot be predicted in columns: tells, and returns an exit code. */
 int identify_refuse_momenta(const app *self, const lg_machine_file *file, const char *path);
 
-/* ---- runs (runs.c) ---- */
+/* ---- logs in the making (runs.c) ---- */
+
+/* A log of pieces of equal length, as zeros. */
+typedef struct identify_pieces {
+    lg_machine_log log; /* of what follows */
+    size_t *first;
+    double *t, *q, *v, *u;
+    size_t rows; /* of a piece */
+} identify_pieces;
+void identify_pieces_begin(identify_pieces *pieces, const lg_machine *machine, size_t count, size_t rows);
+void identify_pieces_end(identify_pieces *pieces);
+
+/* The parts of the first run, gaps between them. */
+size_t identify_first_run(const lg_logs *logs);
+
+/* ---- runs (runs.c): they end the command on failure ---- */
+
+/* Runs as those of an identify_runner. */
+void identify_run(const app *self, const identify_model *model, const lg_machine_log *log,
+                  const size_t *start, size_t count, size_t steps, double *q, double *v);
 
 /* Runs from rows start[0..count-1] to the ends of their parts; q (rows, positions) and v (rows, velocities)
- * are NaN where nothing is predicted. */
-lg_status identify_free_runs(const app *self, const identify_model *model, const lg_machine_log *log,
-                             const size_t *start, size_t count, double *q, double *v, lg_error *error);
+ * are NaN where nothing is predicted. Starts are estimated where positions alone are measured. */
+void identify_run_log(const app *self, const identify_model *model, const lg_machine_log *log,
+                      const size_t *start, size_t count, double *q, double *v);
 
 /* The first complete row of each part at or after row `from` of the part (without velocities: with all
  * positions); returns how many parts have one. */
-size_t identify_first_rows(const lg_machine *machine, const lg_machine_log *log, size_t from, bool positions,
-                           size_t *out);
+size_t identify_first_rows(const identify_model *model, const lg_machine_log *log, size_t from, size_t *out);
 
 #define IDENTIFY_START_ROWS 50
 /* A log that has states at some rows, and at these alone: q (rows, positions) and v (rows, velocities). */
@@ -47,30 +63,17 @@ typedef struct identify_started {
     lg_machine_log log;
     double *q, *v;
 } identify_started;
-/* The states at row[0..count-1] from the positions of 50 rows each, fewer at the end of a part. Released in
- * any case. */
-lg_status identify_with_starts(const app *self, const identify_model *model, const lg_machine_log *log,
-                               const size_t *row, size_t count, identify_started *out, lg_error *error);
+/* The states at row[0..count-1] from the positions of 50 rows each, fewer at the end of a part. */
+void identify_with_starts(const app *self, const identify_model *model, const lg_machine_log *log,
+                          const size_t *row, size_t count, identify_started *out);
 void identify_started_release(identify_started *started);
-
-/* identify_horizon_errors of a log with positions alone: the 50 rows up to a start estimate its state. */
-lg_status identify_position_horizon_errors(const app *self, const identify_model *model,
-                                           const lg_machine_log *log, double seconds, size_t every,
-                                           identify_horizon *out, lg_error *error);
-
-/* identify_free_runs with starts that are estimated where `positions` alone are measured. */
-lg_status identify_run_log(const app *self, const identify_model *model, const lg_machine_log *log,
-                           const size_t *start, size_t count, bool positions, double *q, double *v,
-                           lg_error *error);
 
 /* ---- bands (bands.c) ---- */
 
 /* Standard deviations (rows, columns of the file) of predictions q and v from these starts, from 40 runs with
  * parameters theta + W x, x of N(0, 1), W the model's `spread`. */
-lg_status identify_bands(const app *self, const identify_model *model, const double *spread,
-                         const lg_machine_file *file, const lg_machine_log *log, const size_t *start,
-                         size_t count, bool positions, const double *q, const double *v, double *out,
-                         lg_error *error);
+void identify_bands(const app *self, const identify_given *given, const size_t *start, size_t count,
+                    const double *q, const double *v, double *out);
 
 /* ---- delay of the inputs (delay.c) ---- */
 
@@ -84,9 +87,7 @@ double identify_unexplained(const lg_machine *machine, const lg_machine_log *log
 typedef struct identify_linear identify_linear;
 identify_linear *identify_linear_create(const lg_machine *machine, const lg_machine_log *log);
 void identify_linear_destroy(identify_linear *linear);
-/* A run as in identify_runner. */
-lg_status identify_linear_run(void *user, const lg_machine_log *log, const size_t *start, size_t count,
-                              size_t steps, double *q, double *v, lg_error *error);
+identify_runner identify_linear_run; /* of an identify_linear */
 
 /* Sums over all intervals of the log, in the unit of energy: H at the end minus H at the start of each
  * interval is the work of the inputs, of damping and residual, and what the model does not explain. */
@@ -102,40 +103,31 @@ typedef struct identify_whiteness {
     double rms, lag1, ljung_box, probability;
 } identify_whiteness;
 
-lg_status identify_balance(const app *self, const identify_model *model, const lg_machine_file *file,
-                           const lg_machine_log *log, identify_energy *energy, identify_whiteness *whiteness,
-                           lg_error *error);
+void identify_balance(const app *self, const identify_given *given, identify_energy *energy,
+                      identify_whiteness *whiteness);
 
 /* The same of a run, where it is predicted. */
-void identify_run_whiteness(const lg_machine_file *file, const lg_machine_log *log, const double *q,
-                            const double *v, identify_whiteness *out);
+void identify_run_whiteness(const identify_given *given, const double *q, const double *v,
+                            identify_whiteness *out);
 
 /* ---- forces and potential along a coordinate (balance.c) ---- */
 
 /* Values of V or of a force at `count` states in the order of logs. Any of the outputs may be NULL. potential
  * (count); damping (count, velocities). */
-lg_status identify_values(const app *self, const identify_model *model, size_t count, const double *q,
-                          const double *v, double *potential, double *damping, lg_error *error);
+void identify_values(const app *self, const identify_model *model, size_t count, const double *q,
+                     const double *v, double *potential, double *damping);
 
 /* ---- pictures (pictures.c) ---- */
 
 /* Each column of the first run against time; q, v (rows, ...) predicted, or NULL; bands (rows, columns of
  * the file) their standard deviations, or NULL. */
-lg_status identify_draw_run(const app *self, const char *picture, const char *title,
-                            const lg_machine_file *file, const lg_machine_log *log, size_t parts,
-                            const double *q, const double *v, const double *bands, lg_error *error);
+void identify_draw_run(const app *self, const char *picture, const char *title, const lg_machine_file *file,
+                       const lg_machine_log *log, size_t parts, const double *q, const double *v,
+                       const double *bands);
 
-/* What evaluate --plot draws. */
-typedef struct identify_drawing {
-    const identify_model *model;
-    const lg_machine_file *file;
-    const lg_machine_log *log;
-    size_t parts;        /* of the first run */
-    const double *q, *v; /* predicted, as the log's rows */
-    const identify_horizon *horizons;
-    size_t horizon_count;
-} identify_drawing;
-lg_status identify_draw_evaluation(const app *self, const char *picture, const identify_drawing *drawing,
-                                   lg_error *error);
+/* What evaluate --plot draws: a free run, as the log's rows, and errors over horizons. */
+void identify_draw_evaluation(const app *self, const char *picture, const identify_given *given,
+                              const double *q, const double *v, const identify_horizon *horizons,
+                              size_t horizon_count);
 
 #endif

@@ -1,6 +1,5 @@
 /* Fits of short windows, before that of lg-identify fit. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -86,14 +85,13 @@ static lg_status take_lower(const app *self, const lg_machine_problem *problem, 
                             double *theta, lg_error *error) {
     static const double rounding = 1e-9;
     const size_t n = lg_machine_problem_parameters(problem);
-    double *found = app_alloc(n, sizeof *found), before = 0, after = 0;
+    APP_FREE double *found = app_alloc(n, sizeof *found);
+    double before = 0, after = 0;
     lg_fit_parameters(fit, found);
-    lg_status status = lg_machine_loss(self->context, problem, theta, &before, NULL, error);
-    if (status == LG_OK) status = lg_machine_loss(self->context, problem, found, &after, NULL, error);
-    if (status == LG_OK && (after < (1.0 - rounding) * before || !isfinite(before)))
-        memcpy(theta, found, n * sizeof *found);
-    free(found);
-    return status;
+    LG_TRY(lg_machine_loss(self->context, problem, theta, &before, NULL, error));
+    LG_TRY(lg_machine_loss(self->context, problem, found, &after, NULL, error));
+    if (after < (1.0 - rounding) * before || !isfinite(before)) memcpy(theta, found, n * sizeof *found);
+    return LG_OK;
 }
 
 /* So few rows do not tell a start that was not measured: it is the derivative of positions. */
@@ -125,9 +123,8 @@ static lg_status fit_short(const app *self, const training *t, const lg_fit_opti
     chosen.patience = chosen.stop_after = chosen.checkpoint_every = 0;
     chosen.checkpoint = NULL;
     chosen.on_epoch = NULL;
-    lg_status status = lg_fit_create(self->context, &fit_problem, &chosen, theta, &fit, error);
-    if (status != LG_OK) return status;
-    status = lg_fit_run(fit, error);
+    LG_TRY(lg_fit_create(self->context, &fit_problem, &chosen, theta, &fit, error));
+    lg_status status = lg_fit_run(fit, error);
     if (status == LG_OK) status = take_lower(self, &problem, fit, theta, error);
     lg_fit_destroy(fit);
     return status;
@@ -141,7 +138,8 @@ static lg_status balance(const app *self, training *t, const lg_machine *machine
     static const double tolerated = 2.0;
     identify_residual found[LG_MACHINE_COORDINATES];
     lg_machine_model_run *run = t->run;
-    const identify_model model = {machine, theta, run->scheme, run->substeps};
+    const identify_model model = {
+        .machine = machine, .theta = theta, .scheme = run->scheme, .substeps = run->substeps};
     LG_TRY(identify_residuals(self, &model, &t->problem, found, error));
     *changed = false;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
@@ -182,21 +180,17 @@ static lg_status approach(const app *self, const training *t, const lg_fit_optio
     double before = 0, after = 0;
     if (machine->grey.system == NULL) return LG_OK;
     const size_t n = machine->parameters;
-    double *own = app_alloc(n + 1, sizeof *own), *start = app_alloc(n + 1, sizeof *start);
+    APP_FREE double *own = app_alloc(n + 1, sizeof *own);
+    APP_FREE double *start = app_alloc(n + 1, sizeof *start);
     memcpy(own, theta, n * sizeof *own);
-    lg_status status = short_loss(self, t, machine, theta, &before, error);
-    if (status == LG_OK)
-        status = fit_short(self, t, how, machine, lg_scheme_find("lie-euler"),
-                           t->data.file.measured == LG_MEASURED_POSITIONS ? SHORTEST : 2, own, error);
-    if (status == LG_OK) {
-        memcpy(start, theta, n * sizeof *start);
-        copy_system(machine, own, start);
-        status = short_loss(self, t, machine, start, &after, error);
-    }
-    if (status == LG_OK && isfinite(after) && !(after > before)) memcpy(theta, start, n * sizeof *start);
-    free(own);
-    free(start);
-    return status;
+    memcpy(start, theta, n * sizeof *start);
+    LG_TRY(short_loss(self, t, machine, theta, &before, error));
+    LG_TRY(fit_short(self, t, how, machine, lg_scheme_find("lie-euler"),
+                     t->data.file.measured == LG_MEASURED_POSITIONS ? SHORTEST : 2, own, error));
+    copy_system(machine, own, start);
+    LG_TRY(short_loss(self, t, machine, start, &after, error));
+    if (isfinite(after) && !(after > before)) memcpy(theta, start, n * sizeof *start);
+    return LG_OK;
 }
 
 /* Windows that grow, or one-step windows again and again until the scales of the loss stand. */
@@ -253,19 +247,13 @@ static size_t start_numbers(const training *t) {
 lg_status warm_up(const app *self, training *t, const lg_fit_options *how, double *theta, lg_error *error) {
     const lg_machine *machine = &t->run->machine;
     const size_t starts = start_numbers(t);
-    plain_machine *plain = app_alloc(1, sizeof *plain);
-    double *own = app_alloc(machine->parameters + starts + 1, sizeof *own);
-    lg_status status = make_plain(machine, plain, error);
-    if (status == LG_OK) {
-        copy_parameters(machine, plain, theta, own, true);
-        status = fit_plain(self, t, how, plain, own, error);
-    }
-    if (status == LG_OK) {
-        copy_parameters(machine, plain, theta, own, false);
-        memcpy(theta + machine->parameters, own + plain->machine.parameters, starts * sizeof *own);
-        quieten(machine, theta);
-    }
-    free(own);
-    free(plain);
-    return status;
+    APP_FREE plain_machine *plain = app_alloc(1, sizeof *plain);
+    APP_FREE double *own = app_alloc(machine->parameters + starts + 1, sizeof *own);
+    LG_TRY(make_plain(machine, plain, error));
+    copy_parameters(machine, plain, theta, own, true);
+    LG_TRY(fit_plain(self, t, how, plain, own, error));
+    copy_parameters(machine, plain, theta, own, false);
+    memcpy(theta + machine->parameters, own + plain->machine.parameters, starts * sizeof *own);
+    quieten(machine, theta);
+    return LG_OK;
 }

@@ -80,7 +80,9 @@ TEST("check reports files, rows, steps, gaps and the range of each column") {
     assert_close(json_number(json_find(columns, "theta"), "min"), -0.8, 1e-3, 0);
     json_expect(json_find(columns, "u"), "min <-1, max >1");
     assert_null(json_find(columns, "t"));
-    cli_expect(identify, "check machine.yaml log.csv", 0, "2 parts without a gap", &result);
+    json_expect(result.out, "parts 2");
+    cli_expect(identify, "check machine.yaml log.csv", 0, " 2  without a gap", &result);
+    assert_says(result.out, "column ");
 }
 
 TEST("check finds the noise of a column, and what velocities leave of the motion") {
@@ -100,7 +102,7 @@ TEST("check finds the noise of a column, and what velocities leave of the motion
 
 TEST("check draws every column of the first run") {
     write_sheet("log.csv", good_sheet());
-    cli_expect(identify, "check machine.yaml log.csv --plot log.svg", 0, "200 rows", &result);
+    cli_json(identify, "check machine.yaml log.csv --plot log.svg", "rows 200", &result);
     char text[16384];
     (void)cli_read("log.gp", text, sizeof text);
     for (int k = 1; k < COLUMNS; k++) assert_says(text, names[k]);
@@ -502,7 +504,7 @@ TEST("momenta are refused where velocities are needed, and are not taken for the
         "momenta.yaml",
         "columns: {time: t}\nmeasured: momenta\ncoordinates:\n"
         "  - {name: x, kind: line, velocity: vx}\nmass: {kind: known, values: [3]}\ndamping: diagonal\n");
-    cli_expect(identify, "check momenta.yaml log.csv", 0, "200 rows", &result);
+    cli_json(identify, "check momenta.yaml log.csv", "rows 200", &result);
     cli_expect(identify, "fit momenta.yaml log.csv --out never.h5", 2, "measured: momenta", &result);
 }
 
