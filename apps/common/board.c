@@ -86,21 +86,19 @@ static board_state state_of(const board *b, size_t piece) {
 
 /* ---- opening ---- */
 
-int board_wanted(app *self, const board_values *values, const char *out, bool *wanted) {
+bool board_wanted(app *self, const board_values *values, const char *out) {
     uint64_t i = 0, n = 1;
     if (values->task != NULL) {
-        char *text = app_format("%s", values->task), *slash = strchr(text, '/');
-        if (slash != NULL) *slash = '\0';
-        const bool good = slash != NULL && app_parse_size(text, &i) && app_parse_size(slash + 1, &n) && i < n;
-        free(text);
-        if (!good) return app_usage(self, "--task: i/n with i from 0 to n - 1 is expected, as in 3/16");
-        if (values->merge) return app_usage(self, "--task works, and --merge does not; give one of them");
+        const char *slash = strchr(values->task, '/');
+        APP_FREE char *first =
+            app_format("%.*s", slash != NULL ? (int)(slash - values->task) : 0, values->task);
+        if (slash == NULL || !app_parse_size(first, &i) || !app_parse_size(slash + 1, &n) || i >= n)
+            app_stop_usage(self, "--task: i/n with i from 0 to n - 1 is expected, as in 3/16");
+        if (values->merge) app_stop_usage(self, "--task works, and --merge does not; give one of them");
     }
-    char *path = app_format("%s.board", out);
-    *wanted = self->rank_count > 1 || values->task != NULL || values->merge || access(path, F_OK) == 0;
-    free(path);
-    self->shares = *wanted;
-    return APP_EXIT_OK;
+    APP_FREE char *path = app_format("%s.board", out);
+    self->shares = self->rank_count > 1 || values->task != NULL || values->merge || access(path, F_OK) == 0;
+    return self->shares;
 }
 
 /* The output is newer than this process: rank 0 has come to the end before the board was seen. */
@@ -285,17 +283,14 @@ lg_status board_unfinished(const board *b, size_t left, lg_error *error) {
 }
 
 int board_report(const app *self, const board_values *values, size_t done, size_t count) {
-    app_json json;
-    if (!self->json) {
-        (void)printf("task %s: %zu of %zu are done by all tasks%s\n", values->task, done, count,
-                     done == count ? "; put them together by --merge" : "");
-        return APP_EXIT_OK;
-    }
-    app_json_begin(&json);
-    app_json_text(&json, "task", values->task);
-    app_json_size(&json, "done", done);
-    app_json_size(&json, "count", count);
-    app_json_end(&json);
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_line(&out, "task %s: %zu of %zu are done by all tasks%s", values->task, done, count,
+                    done == count ? "; put them together by --merge" : "");
+    app_json_text(&out, "task", values->task);
+    app_json_size(&out, "done", done);
+    app_json_size(&out, "count", count);
+    app_json_end(&out);
     return APP_EXIT_OK;
 }
 

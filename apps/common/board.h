@@ -29,10 +29,9 @@ typedef struct board_values {
         LG_OPTION(type, board.merge, SWITCH, NULL,                                                           \
                   "Put what the tasks have finished into the output, and do no work", .option = "merge")
 
-/* The command's processes share a board, and so its outputs (app->shares): there are several, or one left by
- * others. `out`: the output. An exit
- * code; APP_EXIT_USAGE with a sentence for a --task that is none. */
-int board_wanted(app *app, const board_values *values, const char *out, bool *wanted);
+/* Whether the command's processes share a board, and so its outputs (app->shares): there are several, or one
+ * left a board. `out`: the output. A wrong --task ends the command. */
+bool board_wanted(app *app, const board_values *values, const char *out);
 
 /* What results depend on, in short: this text, and the file at `path` (NULL: none). */
 void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT]);

@@ -1,9 +1,6 @@
 #include "common/pieces.h"
 
-#include <stdlib.h>
 #include <string.h>
-
-#include "common/train.h"
 
 /* ---- a piece as a record of the board ---- */
 
@@ -38,10 +35,9 @@ static lg_status make(pieces *self, size_t piece) {
     lg_error error = {LG_OK, ""};
     lg_status status = self->make(self->user, piece, &error);
     if (status == LG_OK && self->shared != NULL) {
-        char *record = app_alloc(record_size(self), 1);
+        APP_FREE char *record = app_alloc(record_size(self), 1);
         copy_piece(self, piece, record, true);
         status = board_write(self->shared, piece, record, BOARD_DONE, &error);
-        free(record);
     }
     if (status == LG_OK) return LG_OK;
     (void)pthread_mutex_lock(&self->mutex);
@@ -67,26 +63,18 @@ static void board_task(void *user, size_t index) {
         if (make(self, piece) != LG_OK) board_release(self->shared, piece);
 }
 
-static int told(const pieces *self) {
+/* What a thread failed in, and Ctrl-C. */
+static void stop_if_failed(const pieces *self) {
     if (app_interrupted() || self->status == LG_CANCELLED)
-        return app_fail(self->app, LG_CANCELLED, "stopped by %s%s", app_stopper(),
-                        self->shared != NULL ? "; the same command continues" : "");
-    return self->status == LG_OK
-               ? APP_EXIT_OK
-               : app_fail(self->app, self->status, "%s", app_sentence(self->status, &self->error));
-}
-
-static int make_alone(pieces *self, bool *complete) {
-    app_parallel(self->app->threads, self->count, make_task, self);
-    const int code = told(self);
-    *complete = code == APP_EXIT_OK;
-    return code;
+        app_stop(self->app, LG_CANCELLED, "stopped by %s%s", app_stopper(),
+                 self->shared != NULL ? "; the same command continues" : "");
+    app_must(self->app, self->status, &self->error);
 }
 
 /* ---- with others ---- */
 
-static int take_all(pieces *self) {
-    char *record = app_alloc(record_size(self), 1);
+static void take_all(pieces *self) {
+    APP_FREE char *record = app_alloc(record_size(self), 1);
     size_t missing = 0;
     for (size_t i = 0; i < self->count; i++) {
         if (board_read(self->shared, i, record) == BOARD_DONE)
@@ -94,47 +82,50 @@ static int take_all(pieces *self) {
         else
             missing++;
     }
-    free(record);
-    if (missing == 0) return APP_EXIT_OK;
-    lg_error error = {LG_OK, ""};
-    const lg_status status = board_unfinished(self->shared, missing, &error);
-    return app_fail_file(self->app, status, &error, self->out);
+    if (missing > 0) APP_MUST_FILE(self->app, self->out, board_unfinished(self->shared, missing, &error));
 }
 
-static int make_together(pieces *self, bool *complete) {
-    lg_error error = {LG_OK, ""};
+/* Whether this process has all of them and writes the file. */
+static bool make_together(pieces *self) {
+    const app *host = self->app;
+    lg_error why = {LG_OK, ""};
     bool fresh = false;
-    lg_status status = board_open(self->app, self->board, self->out, self->sweep, record_size(self),
-                                  self->count, &self->shared, &fresh, &error);
-    if (status == LG_NOT_FOUND) return APP_EXIT_OK; /* the others have come to the end */
-    if (status == LG_OK) status = board_begin(self->shared, &error);
-    if (status != LG_OK) return app_fail_file(self->app, status, &error, self->out);
-    const size_t threads = (size_t)self->app->threads;
-    if (!self->board->merge) app_parallel(threads, threads, board_task, self);
-    int code = told(self);
-    if (code != APP_EXIT_OK) return code;
-    if (self->board->task != NULL)
-        return board_report(self->app, self->board, self->count - board_left(self->shared), self->count);
-    if (self->app->rank > 0) board_wait_for_end(self->shared);
-    self->locked = board_lock(self->shared);
-    if (!self->locked) return APP_EXIT_OK;
-    code = take_all(self);
-    *complete = code == APP_EXIT_OK;
-    return code;
+    const lg_status status = board_open(host, self->board, self->out, self->sweep, record_size(self),
+                                        self->count, &self->shared, &fresh, &why);
+    if (status == LG_NOT_FOUND) return false; /* the others have come to the end */
+    app_must_file(host, status, &why, self->out);
+    APP_MUST_FILE(host, self->out, board_begin(self->shared, &error));
+    if (!self->board->merge) app_parallel(host->threads, (size_t)host->threads, board_task, self);
+    stop_if_failed(self);
+    if (self->board->task != NULL) {
+        (void)board_report(host, self->board, self->count - board_left(self->shared), self->count);
+        return false;
+    }
+    if (host->rank > 0) board_wait_for_end(self->shared);
+    if (!board_lock(self->shared)) return false;
+    take_all(self);
+    return true;
 }
 
-int pieces_make(pieces *self, bool *complete) {
-    *complete = false;
-    (void)pthread_mutex_init(&self->mutex, NULL);
-    const int code = self->together ? make_together(self, complete) : make_alone(self, complete);
-    if (!*complete) pieces_end(self, false);
-    return code;
-}
-
-void pieces_end(pieces *self, bool written) {
-    if (self->locked) board_end(self->shared, !written);
+static void close_pieces(pieces *self) {
     board_close(self->shared);
     self->shared = NULL;
-    self->locked = false;
     (void)pthread_mutex_destroy(&self->mutex);
+}
+
+bool pieces_make(pieces *self) {
+    (void)pthread_mutex_init(&self->mutex, NULL);
+    if (self->app->shares) {
+        if (make_together(self)) return true;
+        close_pieces(self);
+        return false;
+    }
+    app_parallel(self->app->threads, self->count, make_task, self);
+    stop_if_failed(self);
+    return true;
+}
+
+void pieces_end(pieces *self) {
+    if (self->shared != NULL) board_end(self->shared, false);
+    close_pieces(self);
 }

@@ -17,7 +17,6 @@ enum { PIECES_ARRAYS = 4 };
 typedef struct pieces {
     const app *app;
     const board_values *board;
-    bool together;     /* as board_wanted says */
     const char *out;   /* the file that the arrays are for */
     const char *sweep; /* what they depend on */
     size_t count, array_count;
@@ -26,17 +25,16 @@ typedef struct pieces {
     void *user;
     /* The driver's own. */
     struct board *shared;
-    bool locked;
     pthread_mutex_t mutex;
     lg_status status;
     lg_error error;
     size_t failed;
 } pieces;
 
-/* Makes all pieces. *complete: the arrays are, and the caller writes the file and then calls pieces_end;
- * false: another process writes it, or a task has said what there is. An exit code, and what is wrong is
- * told. */
-int pieces_make(pieces *self, bool *complete);
-void pieces_end(pieces *self, bool written);
+/* Makes all pieces, with other processes where app->shares. True: the arrays are complete, and the caller
+ * writes the file and then calls pieces_end. False: another process writes it, or a task has said what there
+ * is. What fails ends the command; a board stays for the next one. */
+bool pieces_make(pieces *self);
+void pieces_end(pieces *self); /* the file is written */
 
 #endif

@@ -575,9 +575,8 @@ int search_main(app *self, const app_command *train, const train_task *task) {
     lg_error error = {LG_OK, ""};
     char sha256[LG_SHA256_TEXT];
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
-    bool together = false;
-    int code = board_wanted(self, &values->board, values->out, &together);
-    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
+    const bool together = board_wanted(self, &values->board, values->out);
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     lg_search_file *file = app_alloc(1, sizeof *file);
     const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);

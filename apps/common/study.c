@@ -13,7 +13,7 @@ study_values study_given;
 
 const lg_field study_options[] = {
     LG_OPTION(study_values, out, STRING, "FILE.csv",
-              "Table of runs; runs that it already has are not repeated"),
+              "Table of runs; runs that it already has are not repeated", .required = true),
     LG_OPTION(study_values, jobs, U64, "J",
               "Number of simultaneous runs (default: --threads); each uses threads/jobs threads", .low = 1,
               .high = 256),
@@ -175,25 +175,20 @@ static void collect_pending(study *self) {
         self->pending_count = (size_t)study_given.stop_after;
 }
 
-/* Calls task(self, i) for i < count, `jobs` at a time; `finished` runs are in `where` then. */
-static int run_jobs(study *self, uint64_t jobs, size_t count, void (*task)(void *user, size_t index),
-                    const char *where, size_t (*finished)(const study *self)) {
+/* Calls task(self, i) for i < count, `jobs` at a time; `finished` runs are in `where` then. Ctrl-C and failures
+ * end the command. */
+static void run_jobs(study *self, uint64_t jobs, size_t count, void (*task)(void *user, size_t index),
+                     const char *where, size_t (*finished)(const study *self)) {
     self->threads_each = self->app->threads / jobs > 0 ? self->app->threads / jobs : 1;
     (void)pthread_mutex_init(&self->mutex, NULL);
     app_progress_begin(&self->progress, 0, self->pending_count);
     app_parallel(jobs, count, task, self);
     app_progress_end(&self->progress);
     (void)pthread_mutex_destroy(&self->mutex);
-    if (app_interrupted() || self->status == LG_CANCELLED) {
-        (void)fprintf(stderr, "%s: stopped; %zu of %llu runs are in %s, the same command continues\n",
-                      self->app->title, finished(self), (unsigned long long)study_runs(&self->plan), where);
-        return APP_EXIT_INTERRUPTED;
-    }
-    if (self->status != LG_OK)
-        return app_fail(self->app, self->status, "%s",
-                        self->error.message[0] != '\0' ? self->error.message
-                                                       : lg_status_sentence(self->status));
-    return APP_EXIT_OK;
+    if (app_interrupted() || self->status == LG_CANCELLED)
+        app_stop(self->app, LG_CANCELLED, "stopped; %zu of %llu runs are in %s, the same command continues",
+                 finished(self), (unsigned long long)study_runs(&self->plan), where);
+    app_must(self->app, self->status, &self->error);
 }
 
 static uint64_t jobs_of(const study *self) {
@@ -202,10 +197,6 @@ static uint64_t jobs_of(const study *self) {
 
 static size_t rows_of(const study *self) {
     return self->file.count;
-}
-
-static int run_all(study *self) {
-    return run_jobs(self, jobs_of(self), self->pending_count, run_task, self->file.path, rows_of);
 }
 
 /* ---- runs beside those of other processes ---- */
@@ -282,85 +273,66 @@ static lg_status open_board(study *self, lg_error *error) {
     return status;
 }
 
-/* Works, and completes the table when all runs are done or --merge asks for what there is. *over: another
+/* Works, and completes the table when all runs are done or --merge asks for what there is. False: another
  * process reports. */
-static int run_together(study *self, bool *over) {
-    lg_error error = {LG_OK, ""};
-    lg_status status = open_board(self, &error);
-    *over = status == LG_NOT_FOUND;
-    if (status != LG_OK)
-        return *over ? APP_EXIT_OK : app_fail_file(self->app, status, &error, study_given.out);
-    const size_t before = board_left(self->board), jobs = (size_t)jobs_of(self);
-    self->pending_count = before;
-    int code = study_given.board.merge
-                   ? APP_EXIT_OK
-                   : run_jobs(self, jobs, jobs, board_task, board_path(self->board), done_on_board);
+static bool run_together(study *self) {
+    const app *host = self->app;
+    lg_error why = {LG_OK, ""};
+    const lg_status status = open_board(self, &why);
+    if (status == LG_NOT_FOUND) return false;
+    app_must_file(host, status, &why, study_given.out);
+    const size_t jobs = (size_t)jobs_of(self);
+    self->pending_count = board_left(self->board);
+    if (!study_given.board.merge)
+        run_jobs(self, jobs, jobs, board_task, board_path(self->board), done_on_board);
     const size_t left = board_left(self->board);
-    if (code == APP_EXIT_OK && study_given.board.task != NULL) {
-        *over = true;
-        code =
-            board_report(self->app, &study_given.board, done_on_board(self), (size_t)study_runs(&self->plan));
-    } else if (code == APP_EXIT_OK && board_lock(self->board)) {
-        status = append_rows(self, &error);
-        board_end(self->board, left > 0 || status != LG_OK);
-        if (status == LG_OK && left > 0 && study_given.board.merge)
-            status = board_unfinished(self->board, left, &error);
-        if (status != LG_OK) code = app_fail_file(self->app, status, &error, study_given.out);
+    if (study_given.board.task != NULL) {
+        (void)board_report(host, &study_given.board, done_on_board(self), (size_t)study_runs(&self->plan));
+        return false;
     }
-    return code;
+    if (!board_lock(self->board)) return true;
+    APP_MUST_FILE(host, study_given.out, append_rows(self, &error));
+    board_end(self->board, left > 0);
+    if (left > 0 && study_given.board.merge)
+        APP_MUST_FILE(host, study_given.out, board_unfinished(self->board, left, &error));
+    return true;
 }
 
 /* ---- the command ---- */
 
-static int check_outputs(const app *self, const study_task *task) {
+static void check_outputs(const app *self, const study_task *task) {
     app_path paths[8] = {{"out", study_given.out, LG_FILE_WRITTEN}};
     size_t count = 1;
     for (size_t i = 0; i < task->picture_count && count < LG_COUNT(paths); i++)
         paths[count++] = (app_path){task->pictures[i].option, task->pictures[i].path, LG_FILE_DRAWN};
-    return app_check_outputs(self, paths, count);
+    const int code = app_check_outputs(self, paths, count);
+    if (code != APP_EXIT_OK) app_end(code);
 }
 
-static int draw_pictures(const study *self) {
-    lg_error error = {LG_OK, ""};
-    for (size_t i = 0; i < self->task->picture_count; i++) {
-        const study_picture *picture = &self->task->pictures[i];
-        if (picture->path == NULL) continue;
-        const lg_status status = picture->draw(self->app, picture->path, &self->file, &error);
-        if (status != LG_OK) return app_fail_file(self->app, status, &error, picture->path);
-    }
-    return APP_EXIT_OK;
+static void study_end_all(study **self) {
+    board_close((*self)->board);
+    study_file_close(&(*self)->file);
+    free((*self)->pending);
+    free(*self);
 }
 
-static int run_with_file(study *self, bool together, double begin) {
-    if (!together) collect_pending(self);
-    int code = together ? APP_EXIT_OK : run_all(self);
-    if (code == APP_EXIT_OK) code = draw_pictures(self);
-    if (code == APP_EXIT_OK) self->task->report(self->app, &self->file, self->done, app_seconds() - begin);
-    free(self->pending);
-    return code;
-}
-
-int study_main(app *host, const study_task *task) {
-    if (study_given.out == NULL) return app_usage(host, "--out FILE.csv is missing");
-    bool together = false, over = false;
+void study_main(app *host, const study_task *task) {
     const double begin = app_seconds();
-    int code = board_wanted(host, &study_given.board, study_given.out, &together);
-    if (code == APP_EXIT_OK) code = check_outputs(host, task);
-    if (code != APP_EXIT_OK) return code;
-    study *self = app_alloc(1, sizeof *self);
-    self->app = host;
-    self->task = task;
-    code = task->read(task->user, host, &self->plan);
-    if (code == APP_EXIT_OK && together) {
-        code = run_together(self, &over);
-        board_close(self->board);
+    const bool together = board_wanted(host, &study_given.board, study_given.out);
+    check_outputs(host, task);
+    APP_CLEAN(study_end_all) study *self = app_alloc(1, sizeof *self);
+    *self = (study){.app = host, .task = task, .file = {.fd = -1}};
+    task->read(task->user, host, &self->plan);
+    if (together && !run_together(self)) return;
+    APP_MUST_FILE(host, study_given.out, study_file_open(study_given.out, &self->plan, &self->file, &error));
+    if (!together) {
+        collect_pending(self);
+        run_jobs(self, jobs_of(self), self->pending_count, run_task, self->file.path, rows_of);
     }
-    if (code == APP_EXIT_OK && !over) {
-        const lg_status status = study_file_open(study_given.out, &self->plan, &self->file, &self->error);
-        code = status == LG_OK ? run_with_file(self, together, begin)
-                               : app_fail_file(host, status, &self->error, study_given.out);
-        if (status == LG_OK) study_file_close(&self->file);
+    for (size_t i = 0; i < task->picture_count; i++) {
+        const study_picture *picture = &task->pictures[i];
+        if (picture->path != NULL)
+            APP_MUST_FILE(host, picture->path, picture->draw(host, picture->path, &self->file, &error));
     }
-    free(self);
-    return code;
+    task->report(host, &self->file, self->done, app_seconds() - begin);
 }

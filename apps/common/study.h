@@ -2,7 +2,7 @@
  * the table is one run. It is appended when the run has ended, so that the same command goes on after Ctrl-C
  * or a crash.
  *
- * A command gives a study_task and returns study_main(...). */
+ * A command gives a study_task to study_main. */
 #ifndef LG_APPS_STUDY_DRIVER_H
 #define LG_APPS_STUDY_DRIVER_H
 
@@ -106,8 +106,8 @@ typedef struct study_picture {
 
 typedef struct study_task {
     void *user;
-    /* Reads the grid, argument 0; an exit code. */
-    int (*read)(void *user, app *app, study_plan *plan);
+    /* Reads the grid, argument 0; what is wrong ends the command. */
+    void (*read)(void *user, app *app, study_plan *plan);
     /* Trains and judges one run on `threads` threads: sets results, the last one included, and epochs.
      * Several threads call it at once. A run whose numbers overflow is a result of the study; any other
      * failure ends the study. */
@@ -121,6 +121,6 @@ typedef struct study_task {
     size_t picture_count;
 } study_task;
 
-int study_main(app *app, const study_task *task);
+void study_main(app *app, const study_task *task);
 
 #endif

@@ -201,7 +201,6 @@ static int simulate(const app *self, size_t windows, lg_series *series, pieces *
     free(text);
     *made = (pieces){.app = self,
                      .board = &values.board,
-                     .together = self->shares,
                      .out = values.out,
                      .sweep = label,
                      .count = runs,
@@ -216,7 +215,8 @@ static int simulate(const app *self, size_t windows, lg_series *series, pieces *
         made->arrays[k] = arrays[k];
         made->arrays[k].total = runs * arrays[k].each;
     }
-    return pieces_make(made, complete);
+    *complete = pieces_make(made);
+    return APP_EXIT_OK;
 }
 
 /* A recording must have whole windows, a window whole samples. */
@@ -250,9 +250,8 @@ static int run(app *self) {
     if (values.out == NULL) return app_usage(self, "--out FILE is missing");
     if (app_given(self, "picture") && values.plot == NULL)
         return app_usage(self, "--picture: needs --plot FILE");
-    bool together;
-    int code = board_wanted(self, &values.board, values.out, &together);
-    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
+    (void)board_wanted(self, &values.board, values.out);
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code == APP_EXIT_OK) code = cut(self, defaults.rate, &length, &windows);
     if (code != APP_EXIT_OK) return code;
     const double begin = app_seconds();
@@ -267,8 +266,8 @@ static int run(app *self) {
     data.provenance = app_provenance(self, self->seed);
     if (complete) {
         status = lg_series_write(self->context, values.out, &data, &error);
-        if (status != LG_OK) code = app_fail_file(self, status, &error, values.out);
-        pieces_end(&made, status == LG_OK);
+        app_must_file(self, status, &error, values.out);
+        pieces_end(&made);
     }
     if (code == APP_EXIT_OK && complete && values.plot != NULL) {
         status = draw(self, data.series.rate, &error);

@@ -4,7 +4,6 @@
 #include "lg-hamiltonian/learning.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 typedef struct demo_values {
     const char *out;
@@ -37,48 +36,43 @@ typedef struct demo {
     double loss, sampling_seconds, training_seconds, judging_seconds;
     verdict verdict;
     app_progress progress;
-    lg_error error;
 } demo;
 
 static char *inside(const char *name) {
     return app_format("%s/%s", values.out, name);
 }
 
-static lg_status write_data(demo *self, const char *name, lg_trajectories *data) {
-    char *path = inside(name);
+static void write_data(const demo *self, const char *name, lg_trajectories *data) {
+    APP_FREE char *path = inside(name);
     data->provenance = app_provenance(self->app, self->app->seed);
-    const lg_status status = lg_trajectories_write(self->app->context, path, data, &self->error);
-    free(path);
-    return status;
+    APP_MUST(self->app, lg_trajectories_write(self->app->context, path, data, &error));
 }
 
 /* m = L = g = 1 */
-static lg_status make_scene(demo *self) {
+static void make_scene(demo *self) {
     static const double gravity = 1;
     static const lg_named_values parameters = {"gravity", &gravity, 1};
+    const lg_context *context = self->app->context;
     lg_system_options options;
     lg_system_options_init(&options);
     options.form = FORM;
     options.parameters = &parameters;
     options.parameter_count = 1;
-    self->scene = (lg_scene){.segments = 1, .context = self->app->context};
-    return lg_system_create(self->app->context, "pendulum-chain", &options, &self->scene.system,
-                            &self->error);
+    self->scene = (lg_scene){.segments = 1, .context = context};
+    APP_MUST(self->app, lg_system_create(context, "pendulum-chain", &options, &self->scene.system, &error));
 }
 
-static lg_status sample_all(demo *self) {
-    const sampling training = {500, 5, 0.1, 0, LG_NOISE_NORMAL, false, self->app->seed};
-    const sampling test = {100, 15, 1, 0, LG_NOISE_NORMAL, false, self->app->seed + UINT64_C(0x9e3779b9)};
+static void sample_all(demo *self) {
+    const app *host = self->app;
+    const sampling training = {500, 5, 0.1, 0, LG_NOISE_NORMAL, false, host->seed};
+    const sampling test = {100, 15, 1, 0, LG_NOISE_NORMAL, false, host->seed + UINT64_C(0x9e3779b9)};
     const double begin = app_seconds();
-    lg_status status = make_scene(self);
-    if (status == LG_OK)
-        status = sample_scene(self->app->context, &self->scene, &training, &self->data, &self->error);
-    if (status == LG_OK)
-        status = sample_scene(self->app->context, &self->scene, &test, &self->test, &self->error);
-    if (status == LG_OK) status = write_data(self, "train.h5", &self->data);
-    if (status == LG_OK) status = write_data(self, "test.h5", &self->test);
+    make_scene(self);
+    APP_MUST(host, sample_scene(host->context, &self->scene, &training, &self->data, &error));
+    APP_MUST(host, sample_scene(host->context, &self->scene, &test, &self->test, &error));
+    write_data(self, "train.h5", &self->data);
+    write_data(self, "test.h5", &self->test);
     self->sampling_seconds = app_seconds() - begin;
-    return status;
 }
 
 static int on_epoch(void *user, const lg_fit_epoch *report) {
@@ -88,177 +82,137 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
     return 0;
 }
 
-static lg_status train_model(demo *self) {
+static void train_model(demo *self) {
+    const app *host = self->app;
     lg_learning *learning = &self->learning;
     lg_training *training = &self->run.training;
     lg_fields_default(lg_hamiltonian_fields, &self->run);
     self->state.data = self->data;
-    *learning = lg_learning_of(self->app->context, &lg_recipe_hamiltonian, &self->run, &self->state);
+    *learning = lg_learning_of(host->context, &lg_recipe_hamiltonian, &self->run, &self->state);
     learning->preset = "best";
-    training->seed = self->app->seed;
-    lg_status status = learning->recipe->learner->describe(learning, &self->error);
+    training->seed = host->seed;
+    APP_MUST(host, learning->recipe->learner->describe(learning, &error));
     if (values.epochs > 0) training->epochs = values.epochs;
-    learning->options = train_fit_options(self->app, training);
+    learning->options = train_fit_options(host, training);
     learning->options.on_epoch = on_epoch;
     learning->options.user = self;
-    if (status == LG_OK) status = lg_learning_create_fit(learning, &self->error);
-    if (status != LG_OK) return status;
+    APP_MUST(host, lg_learning_create_fit(learning, &error));
     const double begin = app_seconds();
     app_progress_begin(&self->progress, 0, training->epochs);
-    status = lg_fit_run(self->learning.fit, &self->error);
+    lg_error why = {LG_OK, ""};
+    const lg_status status = lg_fit_run(learning->fit, &why);
     app_progress_end(&self->progress);
+    app_must(host, status, &why);
     self->training_seconds = app_seconds() - begin;
-    if (status != LG_OK) return status;
     self->theta = app_alloc(learning->problem.parameters, sizeof *self->theta);
     lg_fit_parameters(learning->fit, self->theta);
-    status = lg_hamiltonian_mean_squared_error(self->app->context, &self->state.problem, self->theta,
-                                               &self->loss, &self->error);
-    char *path = inside("model.h5");
-    const lg_provenance provenance = app_provenance(self->app, training->seed);
-    if (status == LG_OK) status = lg_learning_save(learning, path, self->theta, &provenance, &self->error);
-    free(path);
-    return status;
+    APP_MUST(host, lg_hamiltonian_mean_squared_error(host->context, &self->state.problem, self->theta,
+                                                     &self->loss, &error));
 }
 
-static lg_status judge_model(demo *self) {
+/* The model's file has the verdict too. */
+static void judge_model(demo *self) {
+    const app *host = self->app;
     const lg_hamiltonian *model = &self->run.model;
+    const lg_provenance provenance = app_provenance(host, self->run.training.seed);
     const double begin = app_seconds();
+    APP_FREE char *path = inside("model.h5");
+    APP_MUST(host, lg_learning_save(&self->learning, path, self->theta, &provenance, &error));
     self->predicted = app_alloc(self->test.count * self->test.points * self->test.state_dim, sizeof(double));
-    const lg_status status = judge(self->app->context, self->app->threads, model, self->theta, &self->test,
-                                   default_tolerance(model), self->predicted, &self->verdict, &self->error);
+    APP_MUST(host, judge(host->context, host->threads, model, self->theta, &self->test,
+                         default_tolerance(model), self->predicted, &self->verdict, &error));
     self->judging_seconds = app_seconds() - begin;
-    return status;
-}
-
-static lg_status record_model(demo *self) {
-    char *path = inside("model.h5");
-    const lg_status status = record_verdict(self->app->context, path, &self->run, self->theta, &self->test,
-                                            &self->verdict, &self->error);
-    free(path);
-    return status;
+    APP_MUST(host, record_verdict(host->context, path, &self->run, self->theta, &self->test, &self->verdict,
+                                  &error));
 }
 
 /* The true and the learned energy along the learned flow of the first test start. */
-static lg_status draw_long(demo *self, const char *picture) {
-    const lg_hamiltonian *model = &self->run.model;
-    const size_t dim = self->test.state_dim;
-    double *t = app_alloc(LONG_POINTS, sizeof *t), *y = app_alloc(LONG_POINTS * dim, sizeof *y);
-    double *energies = app_alloc(2 * LONG_POINTS, sizeof *energies), *work = NULL;
+static void draw_long(const demo *self) {
+    const app *host = self->app;
     const lg_system *system = self->scene.system;
+    const size_t dim = self->test.state_dim;
+    APP_FREE char *picture = inside("energy.svg");
+    APP_FREE double *t = app_alloc(LONG_POINTS, sizeof *t), *y = app_alloc(LONG_POINTS * dim, sizeof *y);
+    APP_FREE double *energies = app_alloc(LONG_POINTS, sizeof *energies);
+    APP_FREE double *learned = app_alloc(LONG_POINTS, sizeof *learned);
+    APP_FREE double *work = app_alloc(lg_system_work_size(system), 1);
     for (int i = 0; i < LONG_POINTS; i++) t[i] = values.t_end * i / (LONG_POINTS - 1);
-    lg_status status = learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t,
-                                    LONG_POINTS, y, energies + LONG_POINTS, NULL, &self->error);
-    if (status == LG_OK) {
-        work = app_alloc(lg_system_work_size(system), 1);
-        for (size_t i = 0; i < LONG_POINTS; i++)
-            energies[i] = lg_system_hamiltonian(system, y + i * dim, work);
-        status =
-            draw_energy(self->app, picture, t, energies, energies + LONG_POINTS, LONG_POINTS, &self->error);
-    }
-    free(work);
-    free(energies);
-    free(y);
-    free(t);
-    return status;
+    APP_MUST(host, learned_flow(host->context, &self->run.model, self->theta, 1e-10, self->test.data, t,
+                                LONG_POINTS, y, learned, NULL, &error));
+    for (size_t i = 0; i < LONG_POINTS; i++) energies[i] = lg_system_hamiltonian(system, y + i * dim, work);
+    APP_MUST(host, draw_energy(host, picture, t, energies, learned, LONG_POINTS, &error));
 }
 
-static lg_status draw_all(demo *self) {
-    char *sphere = inside("trajectories.svg"), *loss = inside("loss.svg"), *energy = inside("energy.svg");
-    char *history = inside("loss.csv");
+static void draw_all(const demo *self) {
+    const app *host = self->app;
+    const lg_trajectories *test = &self->test;
     const lg_fit *fit = self->learning.fit;
-    lg_status status = train_save_history(history, fit, &self->error);
-    if (status == LG_OK)
-        status = draw_trajectories(
-            self->app, sphere,
-            "Spherical pendulum, m = L = g = 1: direction q on the unit sphere, t in [0, 1]",
-            &self->run.model, self->test.t, self->test.data, self->predicted,
-            self->test.count < SHOWN_TRAJECTORIES ? self->test.count : SHOWN_TRAJECTORIES, self->test.points,
-            &self->error);
-    if (status == LG_OK)
-        status = train_draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
-                                 (size_t)lg_fit_epochs_done(fit), &self->error);
-    if (status == LG_OK) status = draw_long(self, energy);
-    free(sphere);
-    free(loss);
-    free(energy);
-    free(history);
-    return status;
-}
-
-static void report_json(const demo *self, double seconds) {
-    app_json json;
-    app_json_begin(&json);
-    app_json_real(&json, "E1", self->verdict.e1);
-    app_json_real(&json, "E2", self->verdict.e2);
-    app_json_real(&json, "published_E1", published_e1);
-    app_json_real(&json, "published_E2", published_e2);
-    app_json_real(&json, "loss", self->loss);
-    app_json_size(&json, "epochs", lg_fit_epochs_done(self->learning.fit));
-    app_json_real(&json, "seconds_per_epoch", lg_fit_seconds_per_epoch(self->learning.fit));
-    app_json_size(&json, "threads", self->app->threads);
-    app_json_size(&json, "seed", self->app->seed);
-    app_json_text(&json, "out", values.out);
-    app_json_real(&json, "seconds", seconds);
-    app_json_end(&json);
+    APP_FREE char *sphere = inside("trajectories.svg"), *loss = inside("loss.svg");
+    APP_FREE char *history = inside("loss.csv");
+    APP_MUST(host, train_save_history(history, fit, &error));
+    APP_MUST(host,
+             draw_trajectories(
+                 host, sphere,
+                 "Spherical pendulum, m = L = g = 1: direction q on the unit sphere, t in [0, 1]",
+                 &self->run.model, test->t, test->data, self->predicted,
+                 test->count < SHOWN_TRAJECTORIES ? test->count : SHOWN_TRAJECTORIES, test->points, &error));
+    APP_MUST(host, train_draw_loss(host, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
+                                   (size_t)lg_fit_epochs_done(fit), &error));
+    draw_long(self);
 }
 
 static void report(const demo *self, double seconds) {
-    app_table table;
-    (void)printf(
-        "The spherical pendulum on T*S^2, learned from %zu trajectories of %zu points on [0, 0.1]\n"
-        "with the commutator-free integrator CF4: %zu parameters, %llu epochs, mean squared error %.2e.\n\n",
-        self->data.count, self->data.points, lg_hamiltonian_parameters(&self->run.model),
-        (unsigned long long)lg_fit_epochs_done(self->learning.fit), self->loss);
-    app_table_begin(&table, 3);
-    app_table_cell(&table, "%zu test trajectories on [0, 1]", self->test.count);
-    app_table_cell(&table, "liegrad");
-    app_table_cell(&table, "published");
-    app_table_cell(&table, "E1  mean squared error of the flow");
-    app_table_cell(&table, "%.2e", self->verdict.e1);
-    app_table_cell(&table, "%.1e", published_e1);
-    app_table_cell(&table, "E2  deviation of the Hamiltonian");
-    app_table_cell(&table, "%.2e", self->verdict.e2);
-    app_table_cell(&table, "%.1e", published_e2);
-    app_table_end(&table, stdout);
-    (void)printf("\nIn %s:\n"
-                 "  train.h5  test.h5   the data\n"
-                 "  model.h5            the learned Hamiltonian, E1 and E2 on record\n"
-                 "  trajectories.svg    true and predicted, on the sphere\n"
-                 "  loss.svg  loss.csv  the training loss\n"
-                 "  energy.svg          the energy along a prediction to t = %g\n\n",
-                 values.out, values.t_end);
-    (void)printf("%.1f s: sampling %.1f, training %.1f (%.4f an epoch, %llu threads), judging %.1f\n",
-                 seconds, self->sampling_seconds, self->training_seconds,
-                 lg_fit_seconds_per_epoch(self->learning.fit), (unsigned long long)self->app->threads,
-                 self->judging_seconds);
+    const lg_fit *fit = self->learning.fit;
+    app_json out;
+    app_result_begin(&out, self->app);
+    app_result_line(
+        &out,
+        "The spherical pendulum on T*S^2, learned from %zu trajectories of %zu points on [0, 0.1] "
+        "with the\ncommutator-free integrator CF4, and judged by %zu trajectories on [0, 1].\n",
+        self->data.count, self->data.points, self->test.count);
+    app_result_real(&out, "E1", self->verdict.e1, "mean squared error of the flow");
+    app_result_real(&out, "E2", self->verdict.e2, "mean deviation of the Hamiltonian");
+    app_result_real(&out, "published_E1", published_e1, NULL);
+    app_result_real(&out, "published_E2", published_e2, NULL);
+    app_result_real(&out, "loss", self->loss, "mean squared error on the training data");
+    app_result_size(&out, "epochs", lg_fit_epochs_done(fit), NULL);
+    app_result_real(&out, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit), NULL);
+    app_result_size(&out, "threads", self->app->threads, NULL);
+    app_result_size(&out, "seed", self->app->seed, NULL);
+    app_result_text(&out, "out", values.out, NULL);
+    app_result_real(&out, "seconds", seconds, NULL);
+    app_result_line(&out,
+                    "\n%.1f s of sampling, %.1f s of training, %.1f s of judging. In %s:\n"
+                    "  train.h5  test.h5   the data\n"
+                    "  model.h5            the learned Hamiltonian, E1 and E2 on record\n"
+                    "  trajectories.svg    true and predicted, on the sphere\n"
+                    "  loss.svg  loss.csv  the training loss\n"
+                    "  energy.svg          the energy along a prediction to t = %g",
+                    self->sampling_seconds, self->training_seconds, self->judging_seconds, values.out,
+                    values.t_end);
+    app_json_end(&out);
+}
+
+static void demo_end(demo *self) {
+    if (self->learning.recipe != NULL) lg_learning_release(&self->learning);
+    lg_trajectories_destroy(&self->data);
+    lg_trajectories_destroy(&self->test);
+    lg_scene_destroy(&self->scene);
+    free(self->theta);
+    free(self->predicted);
 }
 
 static int run(app *host) {
-    demo self = {.app = host};
+    APP_CLEAN(demo_end) demo self = {.app = host};
     const double begin = app_seconds();
-    lg_status status = app_make_folder(values.out, &self.error);
-    if (status == LG_OK) status = app_claim(host, values.out, &self.error);
-    if (status != LG_OK) return app_fail_file(host, status, &self.error, values.out);
-    status = sample_all(&self);
-    if (status == LG_OK) status = train_model(&self);
-    if (status == LG_OK) status = judge_model(&self);
-    if (status == LG_OK) status = record_model(&self);
-    if (status == LG_OK) status = draw_all(&self);
-    int code = APP_EXIT_OK;
-    if (status != LG_OK)
-        code = app_fail(host, status, "%s",
-                        self.error.message[0] != '\0' ? self.error.message : lg_status_sentence(status));
-    else if (host->json)
-        report_json(&self, app_seconds() - begin);
-    else
-        report(&self, app_seconds() - begin);
-    if (self.learning.recipe != NULL) lg_learning_release(&self.learning);
-    lg_trajectories_destroy(&self.data);
-    lg_trajectories_destroy(&self.test);
-    lg_scene_destroy(&self.scene);
-    free(self.theta);
-    free(self.predicted);
-    return code;
+    APP_MUST_FILE(host, values.out, app_make_folder(values.out, &error));
+    APP_MUST_FILE(host, values.out, app_claim(host, values.out, &error));
+    sample_all(&self);
+    train_model(&self);
+    judge_model(&self);
+    draw_all(&self);
+    report(&self, app_seconds() - begin);
+    return APP_EXIT_OK;
 }
 
 const app_command demo_command = {.name = "demo",

@@ -1,8 +1,6 @@
 /* lg-hamiltonian generate: trajectories of a scene into a data file. */
 #include "lg-hamiltonian/learning.h"
 
-#include <stdlib.h>
-
 #include "common/pieces.h"
 
 typedef struct generate_values {
@@ -31,34 +29,29 @@ static const lg_field generate_options[] = {
     LG_OPTION(generate_values, noise_on, NAME, NULL,
               "later: all points but the first; all: the first, too, which then goes back to its manifold",
               .names = noise_on_names),
-    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write"),
+    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .required = true),
     BOARD_ROWS(generate_values),
     LG_FIELD_END};
 
 static generate_values values = {.points = 5};
 
 static void report(const app *self, const lg_trajectories *data, double seconds) {
-    if (self->json) {
-        app_json json;
-        app_json_begin(&json);
-        app_json_text(&json, "system", data->system);
-        app_json_size(&json, "links", data->n);
-        app_json_size(&json, "trajectories", data->count);
-        app_json_size(&json, "points", data->points);
-        app_json_size(&json, "state_size", data->state_dim);
-        app_json_real(&json, "dt", data->dt);
-        app_json_real(&json, "noise", values.noise);
-        app_json_text(&json, "noise_kind", noise_names[values.noise_kind]);
-        app_json_text(&json, "noise_on", noise_on_names[values.noise_on]);
-        app_json_size(&json, "seed", self->seed);
-        app_json_text(&json, "sha256", data->sha256);
-        app_json_text(&json, "out", values.out);
-        app_json_real(&json, "seconds", seconds);
-        app_json_end(&json);
-        return;
-    }
-    (void)printf("%s: %zu trajectories of %s, %zu points each %g apart, %u numbers a point (%.2f s)\n",
-                 values.out, data->count, data->system, data->points, data->dt, data->state_dim, seconds);
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_text(&out, "system", data->system, NULL);
+    app_json_size(&out, "links", data->n);
+    app_result_size(&out, "trajectories", data->count, NULL);
+    app_result_size(&out, "points", data->points, "of each");
+    app_result_size(&out, "state_size", data->state_dim, "numbers of a point");
+    app_result_real(&out, "dt", data->dt, NULL);
+    app_json_real(&out, "noise", values.noise);
+    app_json_text(&out, "noise_kind", noise_names[values.noise_kind]);
+    app_json_text(&out, "noise_on", noise_on_names[values.noise_on]);
+    app_json_size(&out, "seed", self->seed);
+    app_json_text(&out, "sha256", data->sha256);
+    app_result_text(&out, "out", values.out, NULL);
+    app_result_real(&out, "seconds", seconds, NULL);
+    app_json_end(&out);
 }
 
 /* ---- pieces: trajectories of some starts ---- */
@@ -80,21 +73,19 @@ static lg_status make_piece(void *user, size_t piece, lg_error *error) {
                        rest < self->each ? rest : self->each, self->data, error);
 }
 
-/* All trajectories, of all processes. *complete: they are there. An exit code. */
-static int make_all(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data,
-                    pieces *made, bool *complete) {
+/* All trajectories, of all processes; false: another process writes them. */
+static bool make_all(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data,
+                     pieces *made) {
     const size_t segments = scene->segments > 0 ? scene->segments : 1;
     const size_t each = STARTS_OF_PIECE * segments, point = data->points * data->state_dim * sizeof(double);
     generating what = {self, scene, how, data, each};
-    char label[LG_SHA256_TEXT],
-        *text = app_format("%zu %zu %.17g %.17g %d %d %llu %zu", how->trajectories, how->points, how->t_end,
-                           how->noise, how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed,
-                           segments);
+    char label[LG_SHA256_TEXT];
+    APP_FREE char *text = app_format("%zu %zu %.17g %.17g %d %d %llu %zu", how->trajectories, how->points,
+                                     how->t_end, how->noise, how->noise_first, (int)how->noise_kind,
+                                     (unsigned long long)how->seed, segments);
     board_label(text, self->arguments[0], label);
-    free(text);
     *made = (pieces){.app = self,
                      .board = &values.board,
-                     .together = self->shares,
                      .out = values.out,
                      .sweep = label,
                      .count = (data->count + each - 1) / each,
@@ -103,62 +94,53 @@ static int make_all(const app *self, const lg_scene *scene, const sampling *how,
                                 {data->hamiltonian, each * sizeof(double), data->count * sizeof(double)}},
                      .make = make_piece,
                      .user = &what};
-    return pieces_make(made, complete);
+    return pieces_make(made);
 }
 
-static int generate(app *self, const lg_scene *scene) {
-    lg_error error = {LG_OK, ""};
-    lg_trajectories data;
-    const double begin = app_seconds(), t_end = values.t_end > 0   ? values.t_end
-                                                : scene->has_t_end ? scene->t_end
-                                                                   : 0.1;
+static void create(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data) {
+    const char *path = self->arguments[0];
+    lg_error why = {LG_OK, ""};
+    const lg_status status = sample_create(self->context, scene, how, data, &why);
+    if (status == LG_UNSUPPORTED)
+        app_stop(self, LG_FORMAT, "%s: line %u: %s", path, scene->line_system, why.message);
+    if (status != LG_OK) app_stop(self, status, "%s: %s", path, why.message);
+}
+
+static int run(app *self) {
+    const char *path = self->arguments[0];
+    const double begin = app_seconds();
+    const app_path out = {"out", values.out, LG_FILE_WRITTEN};
+    APP_CLEAN(lg_scene_destroy) lg_scene scene = {0};
+    APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
+    pieces made;
+    (void)board_wanted(self, &values.board, values.out);
+    const int code = app_check_outputs(self, &out, 1);
+    if (code != APP_EXIT_OK) return code;
+    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));
+    if (values.segments > 0) scene.segments = (uint32_t)values.segments;
     const sampling how = {.trajectories = (size_t)values.trajectories,
                           .points = (size_t)values.points,
-                          .t_end = t_end,
+                          .t_end = values.t_end > 0  ? values.t_end
+                                   : scene.has_t_end ? scene.t_end
+                                                     : 0.1,
                           .noise = values.noise,
                           .noise_first = values.noise_on == 1,
                           .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
                           .seed = self->seed};
-    bool complete = false;
-    pieces made;
-    lg_status status = sample_create(self->context, scene, &how, &data, &error);
-    if (status == LG_UNSUPPORTED)
-        return app_fail(self, LG_FORMAT, "%s: line %u: %s", self->arguments[0], scene->line_system,
-                        error.message);
-    if (status != LG_OK) return app_fail(self, status, "%s: %s", self->arguments[0], error.message);
-    int code = make_all(self, scene, &how, &data, &made, &complete);
-    if (complete) {
+    create(self, &scene, &how, &data);
+    if (make_all(self, &scene, &how, &data, &made)) {
         data.provenance = app_provenance(self, self->seed);
-        status = lg_trajectories_set_truth(&data, scene->system);
-        if (status == LG_OK) status = lg_trajectories_write(self->context, values.out, &data, &error);
-        if (status != LG_OK) code = app_fail_file(self, status, &error, values.out);
-        pieces_end(&made, status == LG_OK);
+        app_must_file(self, lg_trajectories_set_truth(&data, scene.system), NULL, values.out);
+        APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, &data, &error));
+        pieces_end(&made);
+        report(self, &data, app_seconds() - begin);
     }
-    if (code == APP_EXIT_OK && complete) report(self, &data, app_seconds() - begin);
-    lg_trajectories_destroy(&data);
-    return code;
-}
-
-static int run(app *self) {
-    lg_error error = {LG_OK, ""};
-    lg_scene scene;
-    if (values.out == NULL) return app_usage(self, "--out FILE is missing");
-    const app_path out = {"out", values.out, LG_FILE_WRITTEN};
-    bool together;
-    int code = board_wanted(self, &values.board, values.out, &together);
-    if (code == APP_EXIT_OK) code = app_check_outputs(self, &out, 1);
-    if (code != APP_EXIT_OK) return code;
-    const lg_status status = lg_scene_read(self->context, self->arguments[0], FORM, &scene, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    if (values.segments > 0) scene.segments = (uint32_t)values.segments;
-    code = generate(self, &scene);
-    if (code == APP_EXIT_OK && scene.has_initial)
+    if (scene.has_initial)
         app_warn(self,
                  "%s: line %u: `initial` is a single start and was not used; the starts were drawn (key "
                  "`starts`)",
-                 self->arguments[0], scene.line_initial);
-    lg_scene_destroy(&scene);
-    return code;
+                 path, scene.line_initial);
+    return APP_EXIT_OK;
 }
 
 const app_command generate_command = {.name = "generate",

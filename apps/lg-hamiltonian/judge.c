@@ -17,7 +17,7 @@ double default_tolerance(const lg_hamiltonian *model) {
 static lg_status flow_of(const lg_context *context, const lg_model *learned, const lg_scheme *scheme,
                          double tolerance, size_t most, const double *start, const double *times,
                          size_t count, double *out, lg_run_stats *stats) {
-    void *work = app_alloc(lg_model_work_size(learned), 1);
+    APP_FREE void *work = app_alloc(lg_model_work_size(learned), 1);
     lg_model_user user;
     lg_ode ode;
     lg_step_controller control;
@@ -26,12 +26,11 @@ static lg_status flow_of(const lg_context *context, const lg_model *learned, con
     control.rtol = tolerance;
     control.atol = -tolerance;
     if (most > 0) control.max_steps = most;
-    lg_status status = lg_model_ode(learned, &ode, &user, work);
-    if (status == LG_OK) status = lg_stepper_create(context, scheme, &ode, &stepper);
-    if (status == LG_OK)
-        status = lg_integrate_adaptive(stepper, &control, times[0], start, times, count, out, stats);
+    LG_TRY(lg_model_ode(learned, &ode, &user, work));
+    LG_TRY(lg_stepper_create(context, scheme, &ode, &stepper));
+    const lg_status status =
+        lg_integrate_adaptive(stepper, &control, times[0], start, times, count, out, stats);
     lg_stepper_destroy(stepper);
-    free(work);
     return status;
 }
 
@@ -55,7 +54,7 @@ static void judge_one(void *user, size_t i) {
     const lg_trajectories *test = self->test;
     const size_t size = test->points * test->state_dim;
     const double *given = test->data + i * size;
-    double *own = self->predicted == NULL ? app_alloc(size, sizeof *own) : NULL;
+    APP_FREE double *own = self->predicted == NULL ? app_alloc(size, sizeof *own) : NULL;
     double *y = own != NULL ? own : self->predicted + i * size;
     if (app_interrupted()) {
         self->status[i] = LG_CANCELLED;
@@ -67,15 +66,13 @@ static void judge_one(void *user, size_t i) {
         for (size_t k = 0; self->status[i] == LG_OK && k < size; k++)
             self->squares[i] += (y[k] - given[k]) * (y[k] - given[k]);
     }
-    free(own);
 }
 
 /* H_Theta at `count` states, `stride` numbers apart. */
 static void energies_of(const lg_model *learned, const double *states, size_t count, size_t stride,
                         double *out) {
-    void *work = app_alloc(lg_model_work_size(learned), 1);
+    APP_FREE void *work = app_alloc(lg_model_work_size(learned), 1);
     for (size_t i = 0; i < count; i++) lg_model_eval(learned, states + i * stride, out + i, work);
-    free(work);
 }
 
 lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
@@ -83,9 +80,8 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
                        double *energy, lg_run_stats *stats, lg_error *error) {
     lg_model *learned;
     const lg_scheme *scheme = lg_scheme_find(model->family->accurate);
-    lg_status status = lg_hamiltonian_learned(context, model, theta, &learned, error);
-    if (status != LG_OK) return status;
-    status = flow_of(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
+    LG_TRY(lg_hamiltonian_learned(context, model, theta, &learned, error));
+    const lg_status status = flow_of(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
     if (status != LG_OK) (void)app_error(error, status, "the learned flow: %s", lg_status_sentence(status));
     if (status == LG_OK && energy != NULL) energies_of(learned, out, count, lg_model_inputs(learned), energy);
     lg_model_destroy(learned);
@@ -95,7 +91,8 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
 /* Mean |d - mean d|: H is determined up to a constant. */
 static double energy_error(const lg_model *learned, const lg_trajectories *test) {
     if (test->hamiltonian == NULL) return (double)NAN;
-    double *d = app_alloc(test->count, sizeof *d), mean = 0, error = 0;
+    APP_FREE double *d = app_alloc(test->count, sizeof *d);
+    double mean = 0, error = 0;
     energies_of(learned, test->data, test->count, test->points * test->state_dim, d);
     for (size_t i = 0; i < test->count; i++) {
         d[i] = test->hamiltonian[i] - d[i];
@@ -103,7 +100,6 @@ static double energy_error(const lg_model *learned, const lg_trajectories *test)
     }
     mean /= (double)test->count;
     for (size_t i = 0; i < test->count; i++) error += fabs(d[i] - mean);
-    free(d);
     return error / (double)test->count;
 }
 
@@ -150,8 +146,7 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error) {
     lg_model *learned = NULL;
-    lg_status status = lg_hamiltonian_learned(context, model, theta, &learned, error);
-    if (status != LG_OK) return status;
+    LG_TRY(lg_hamiltonian_learned(context, model, theta, &learned, error));
     atomic_bool failed = false;
     const judgement work = {.context = context,
                             .failed = &failed,
@@ -162,7 +157,7 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
                             .predicted = predicted,
                             .squares = app_alloc(test->count, sizeof *work.squares),
                             .status = app_alloc(test->count, sizeof *work.status)};
-    status = judge_all(&work, threads, out, error);
+    const lg_status status = judge_all(&work, threads, out, error);
     free(work.squares);
     free(work.status);
     lg_model_destroy(learned);
@@ -178,9 +173,8 @@ static lg_status mean_logarithm(const lg_trajectories *test, const double *given
     double sum = 0;
     for (size_t j = 0; j < test->points; j++) {
         double difference = 0, total = 0;
-        lg_status status = lg_system_observe(test->truth, given + j * d, z, work);
-        if (status == LG_OK) status = lg_system_observe(test->truth, predicted + j * d, z + size, work);
-        if (status != LG_OK) return status;
+        LG_TRY(lg_system_observe(test->truth, given + j * d, z, work));
+        LG_TRY(lg_system_observe(test->truth, predicted + j * d, z + size, work));
         for (size_t i = 0; i < size; i++) {
             difference += (z[i] - z[size + i]) * (z[i] - z[size + i]);
             total += (z[i] + z[size + i]) * (z[i] + z[size + i]);
@@ -194,20 +188,18 @@ static lg_status mean_logarithm(const lg_trajectories *test, const double *given
 lg_status judge_relative(const lg_trajectories *test, const double *predicted, verdict *out,
                          lg_error *error) {
     const size_t block = test->points * test->state_dim;
-    double *z = app_alloc(2 * lg_system_observed(test->truth), sizeof *z), sum = 0, largest = -INFINITY;
-    double *work = app_alloc(lg_system_work_size(test->truth), 1);
-    lg_status status = LG_OK;
-    for (size_t i = 0; status == LG_OK && i < test->count; i++) {
-        double mean = 0;
-        status = mean_logarithm(test, test->data + i * block, predicted + i * block, z, work, &mean);
+    APP_FREE double *z = app_alloc(2 * lg_system_observed(test->truth), sizeof *z);
+    APP_FREE double *work = app_alloc(lg_system_work_size(test->truth), 1);
+    double sum = 0, largest = -INFINITY, mean = 0;
+    for (size_t i = 0; i < test->count; i++) {
+        const lg_status status =
+            mean_logarithm(test, test->data + i * block, predicted + i * block, z, work, &mean);
         if (status != LG_OK)
-            (void)app_error(error, status, "test trajectory %zu: %s", i, lg_status_sentence(status));
+            return app_error(error, status, "test trajectory %zu: %s", i, lg_status_sentence(status));
         sum += mean;
         largest = fmax(largest, mean);
     }
     out->relative = exp(sum / (double)test->count);
     out->relative_worst = exp(largest);
-    free(z);
-    free(work);
-    return status;
+    return LG_OK;
 }

@@ -1,8 +1,6 @@
 /* Trajectories of a scene. */
 #include "lg-hamiltonian/learning.h"
 
-#include <stdlib.h>
-
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
                        lg_error *error) {
     size_t copies = 0;
@@ -23,10 +21,9 @@ lg_status sample_create(const lg_context *context, const lg_scene *scene, const 
                         lg_trajectories *out, lg_error *error) {
     const lg_hamiltonian_family *family = NULL;
     uint32_t n = 0;
-    lg_status status = scene_family(scene, &family, &n, error);
-    if (status != LG_OK) return status;
-    status = lg_trajectories_create(context, lg_system_name(scene->system), family, n, how->trajectories,
-                                    how->points, how->t_end, true, 0, out);
+    LG_TRY(scene_family(scene, &family, &n, error));
+    const lg_status status = lg_trajectories_create(context, lg_system_name(scene->system), family, n,
+                                                    how->trajectories, how->points, how->t_end, true, 0, out);
     if (status != LG_OK) return app_error(error, status, "%s", lg_status_sentence(status));
     for (size_t j = 0; j < out->points; j++) out->t[j] = how->t_end * (double)j / (double)(out->points - 1);
     return LG_OK;
@@ -49,20 +46,17 @@ lg_status sample_part(const lg_context *context, const lg_scene *scene, const sa
     options.ahead = scene->ahead;
     options.segments = scene->segments > 0 ? scene->segments : 1;
     options.seed = how->seed;
-    double *t = app_alloc(data->points, sizeof *t);
-    const lg_status status = lg_generate_trajectories(context, scene->system, &options, t,
-                                                      data->data + first * data->points * data->state_dim,
-                                                      data->hamiltonian + first, error);
-    free(t);
-    return status;
+    APP_FREE double *t = app_alloc(data->points, sizeof *t);
+    return lg_generate_trajectories(context, scene->system, &options, t,
+                                    data->data + first * data->points * data->state_dim,
+                                    data->hamiltonian + first, error);
 }
 
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
                        lg_trajectories *out, lg_error *error) {
     lg_trajectories data;
-    lg_status status = sample_create(context, scene, how, &data, error);
-    if (status != LG_OK) return status;
-    status = sample_part(context, scene, how, 0, data.count, &data, error);
+    LG_TRY(sample_create(context, scene, how, &data, error));
+    lg_status status = sample_part(context, scene, how, 0, data.count, &data, error);
     if (status == LG_OK) status = lg_trajectories_set_truth(&data, scene->system);
     if (status == LG_OK)
         *out = data;

@@ -107,18 +107,17 @@ static void make_plan(const lg_grid *grid, study_plan *plan) {
     set_protocol(grid, plan);
 }
 
-static int read_grid(void *user, app *self, study_plan *plan) {
+static void read_grid(void *user, app *self, study_plan *plan) {
     lg_grid *grid = user;
-    lg_error error = {LG_OK, ""};
+    const char *path = self->arguments[0];
     const lg_hamiltonian_family *family;
+    lg_error why = {LG_OK, ""};
     uint32_t n;
-    lg_status status = lg_grid_read(self->context, self->arguments[0], grid, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
+    APP_MUST_FILE(self, path, lg_grid_read(self->context, path, grid, &error));
     if (self->seed_given) grid->seed = self->seed;
-    status = scene_family(&grid->scene, &family, &n, &error);
-    if (status != LG_OK) return app_fail(self, LG_FORMAT, "%s: %s", self->arguments[0], error.message);
+    if (scene_family(&grid->scene, &family, &n, &why) != LG_OK)
+        app_stop(self, LG_FORMAT, "%s: %s", path, why.message);
     make_plan(grid, plan);
-    return APP_EXIT_OK;
 }
 
 /* ---- one run ---- */
@@ -138,31 +137,27 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
     const lg_context *context = self->context;
     verdict result = {.e1 = 0};
     lg_hamiltonian_state state = {.data = *data};
+    APP_CLEAN(lg_learning_release)
     lg_learning learning = lg_learning_of(context, &lg_recipe_hamiltonian, &run, &state);
     learning.stored = &run; /* without preset */
-    lg_status status = learning.recipe->learner->describe(&learning, error);
-    if (status != LG_OK) return status;
+    LG_TRY(learning.recipe->learner->describe(&learning, error));
     learning.options = train_fit_options(self, &run.training);
     learning.options.threads = (int)threads;
-    status = lg_learning_create_fit(&learning, error);
+    LG_TRY(lg_learning_create_fit(&learning, error));
     const double begin = app_seconds();
-    if (status == LG_OK) status = lg_fit_run(learning.fit, error);
+    const lg_status status = lg_fit_run(learning.fit, error);
     row->result[STUDY_SECONDS] = app_seconds() - begin;
-    double *theta = app_alloc(learning.problem.parameters, sizeof *theta);
-    if (status == LG_OK) {
-        row->epochs = lg_fit_epochs_done(learning.fit);
-        lg_fit_parameters(learning.fit, theta);
-        status = lg_hamiltonian_mean_squared_error(context, &state.problem, theta, &row->result[STUDY_LOSS],
-                                                   error);
-    }
-    if (status == LG_OK)
-        status = judge(context, threads, &run.model, theta, test, default_tolerance(&run.model), NULL,
-                       &result, error);
+    LG_TRY(status);
+    APP_FREE double *theta = app_alloc(learning.problem.parameters, sizeof *theta);
+    row->epochs = lg_fit_epochs_done(learning.fit);
+    lg_fit_parameters(learning.fit, theta);
+    LG_TRY(
+        lg_hamiltonian_mean_squared_error(context, &state.problem, theta, &row->result[STUDY_LOSS], error));
+    LG_TRY(judge(context, threads, &run.model, theta, test, default_tolerance(&run.model), NULL, &result,
+                 error));
     row->result[STUDY_E1] = result.e1;
     row->result[STUDY_E2] = result.e2;
-    free(theta);
-    lg_learning_release(&learning);
-    return status;
+    return LG_OK;
 }
 
 static lg_status do_run(void *user, const app *self, const study_plan *plan, uint64_t threads, study_row *row,
@@ -184,16 +179,10 @@ static lg_status do_run(void *user, const app *self, const study_plan *plan, uin
                               study_seed(plan->seed, row->repeat, SEED_TEST)};
     lg_scene test_scene = grid->scene;
     test_scene.segments = 1;
-    lg_trajectories data, test;
-    lg_status status = sample_scene(self->context, &grid->scene, &training, &data, error);
-    if (status != LG_OK) return status;
-    status = sample_scene(self->context, &test_scene, &testing, &test, error);
-    if (status == LG_OK) {
-        status = train_and_judge(self, run_of(grid, plan, row), threads, &data, &test, row, error);
-        lg_trajectories_destroy(&test);
-    }
-    lg_trajectories_destroy(&data);
-    return status;
+    APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0}, test = {0};
+    LG_TRY(sample_scene(self->context, &grid->scene, &training, &data, error));
+    LG_TRY(sample_scene(self->context, &test_scene, &testing, &test, error));
+    return train_and_judge(self, run_of(grid, plan, row), threads, &data, &test, row, error);
 }
 
 static void show_row(const study_plan *plan, const study_row *row, char *text, size_t size) {
@@ -205,7 +194,7 @@ static void show_row(const study_plan *plan, const study_row *row, char *text, s
 /* ---- the command ---- */
 
 static int run(app *host) {
-    lg_grid grid = {.repeats = 0};
+    APP_CLEAN(lg_grid_destroy) lg_grid grid = {.repeats = 0};
     const study_picture pictures[] = {{"plot", values.plot, study_draw_work},
                                       {"plot-noise", values.plot_noise, study_draw_noise},
                                       {"plot-parallel", values.plot_parallel, study_draw_parallel}};
@@ -216,9 +205,8 @@ static int run(app *host) {
                              .report = study_report,
                              .pictures = pictures,
                              .picture_count = LG_COUNT(pictures)};
-    const int code = study_main(host, &task);
-    lg_grid_destroy(&grid);
-    return code;
+    study_main(host, &task);
+    return APP_EXIT_OK;
 }
 
 const app_command study_command = {.name = "study",

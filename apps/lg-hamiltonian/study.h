@@ -18,7 +18,7 @@ static inline double number_at(const study_plan *plan, const study_row *row, uin
     return plan->axes[axis].number[row->at[axis]];
 }
 
-/* Medians over the repeats of each cell, geometric means of each integrator; tables or JSON. */
+/* Medians over the repeats of each cell, geometric means of each integrator. */
 void study_report(const app *app, const study_file *file, uint64_t fresh, double seconds);
 
 /* Median E1 against median training time, one mark a cell, one series an integrator and number of substeps.

@@ -4,9 +4,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define COMBINATION_AXES                                                                                     \
-    { AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_PENALTY }
-
 static bool same_on(const study_row *a, const study_row *b, const uint32_t *axes, size_t count) {
     for (size_t i = 0; i < count; i++)
         if (a->at[axes[i]] != b->at[axes[i]]) return false;
@@ -81,166 +78,75 @@ static size_t best_combinations(const study_file *file, bool noisy, combination 
     return n;
 }
 
-/* ---- tables ---- */
+/* ---- the result ---- */
 
-static void number_cell(app_table *table, const char *format, double value) {
-    if (isfinite(value))
-        app_table_cell(table, format, value);
-    else
-        app_table_cell(table, "-");
-}
+static const uint32_t cell_axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY},
+                      combination_axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_PENALTY},
+                      integrator_axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS};
 
-/* The first row: names of axes, then `more`. */
-static void head_cells(app_table *table, const study_plan *plan, const uint32_t *axes, size_t count,
-                       const char *const *more, size_t more_count) {
-    app_table_begin(table, count + more_count);
-    for (size_t i = 0; i < count; i++) app_table_cell(table, "%s", plan->axes[axes[i]].name);
-    for (size_t i = 0; i < more_count; i++) app_table_cell(table, "%s", more[i]);
-}
-
-static void key_cells(app_table *table, const study_plan *plan, const study_row *key, const uint32_t *axes,
-                      size_t count) {
-    for (size_t i = 0; i < count; i++) app_table_cell(table, "%s", text_at(plan, key, axes[i]));
-}
-
-static void figure_cells(app_table *table, const double *figures, const uint32_t *measures, size_t count) {
-    for (size_t i = 0; i < count; i++)
-        number_cell(table, measures[i] == STUDY_SECONDS ? "%.2f" : "%.2e", figures[measures[i]]);
-}
-
-static void print_cells(const study_file *file) {
-    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY};
-    static const uint32_t measures[] = {STUDY_LOSS, STUDY_E1, STUDY_E2, STUDY_SECONDS};
-    static const char *const more[] = {"loss", "E1", "E2", "seconds", "runs", "failed"};
-    app_table table;
-    head_cells(&table, file->plan, axes, LG_COUNT(axes), more, LG_COUNT(more));
-    for (uint64_t i = 0; i < study_cells(file->plan); i++) {
-        const study_row key = study_run_at(file->plan, i);
-        const study_summary s = study_cell_summary(file, key);
-        if (s.runs == 0) continue;
-        key_cells(&table, file->plan, &key, axes, LG_COUNT(axes));
-        figure_cells(&table, s.median, measures, LG_COUNT(measures));
-        app_table_cell(&table, "%zu", s.runs);
-        app_table_cell(&table, "%zu", s.failed);
-    }
-    (void)printf("Medians over the repeats\n");
-    app_table_end(&table, stdout);
-}
-
-static void print_best(const study_file *file, bool noisy) {
-    static const uint32_t axes[] = COMBINATION_AXES, measures[] = {STUDY_E1, STUDY_E2};
-    static const char *const more[] = {"E1", "E2", "runs"};
-    combination best[BEST];
-    const size_t n = best_combinations(file, noisy, best);
-    if (n == 0) return;
-    app_table table;
-    head_cells(&table, file->plan, axes, LG_COUNT(axes), more, LG_COUNT(more));
-    for (size_t i = 0; i < n; i++) {
-        key_cells(&table, file->plan, &best[i].key, axes, LG_COUNT(axes));
-        figure_cells(&table, best[i].summary.geometric, measures, LG_COUNT(measures));
-        app_table_cell(&table, "%zu", best[i].summary.runs - best[i].summary.failed);
-    }
-    (void)printf("\nBest combinations %s noise (geometric means)\n", noisy ? "with" : "without");
-    app_table_end(&table, stdout);
-}
-
-static void print_integrators(const study_file *file) {
-    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS};
-    static const uint32_t measures[] = {STUDY_E1, STUDY_E2, STUDY_LOSS, STUDY_SECONDS};
-    static const char *const more[] = {"E1", "E2", "loss", "seconds", "runs", "failed"};
-    app_table table;
-    head_cells(&table, file->plan, axes, LG_COUNT(axes), more, LG_COUNT(more));
-    for (uint64_t i = 0; i < integrators_of(file->plan); i++) {
-        const study_row key = integrator_at(file->plan, i);
-        const study_summary s = integrator_summary(file, &key);
-        if (s.runs == 0) continue;
-        key_cells(&table, file->plan, &key, axes, LG_COUNT(axes));
-        figure_cells(&table, s.geometric, measures, LG_COUNT(measures));
-        app_table_cell(&table, "%zu", s.runs);
-        app_table_cell(&table, "%zu", s.failed);
-    }
-    (void)printf("\nGeometric means over all runs of an integrator\n");
-    app_table_end(&table, stdout);
-}
-
-/* ---- JSON ---- */
-
-static void json_key(app_json *json, const study_plan *plan, const study_row *key, const uint32_t *axes,
-                     size_t count) {
+/* What the row is of, its figures, and the number of its runs. */
+static void put_row(app_json *out, const study_plan *plan, const study_row *key, const uint32_t *axes,
+                    size_t count, const study_summary *s, const double *figures) {
+    app_json_open(out, NULL, '{');
     for (size_t i = 0; i < count; i++)
         if (isnan(number_at(plan, key, axes[i])))
-            app_json_text(json, plan->axes[axes[i]].name, text_at(plan, key, axes[i]));
+            app_json_text(out, plan->axes[axes[i]].name, text_at(plan, key, axes[i]));
         else
-            app_json_real(json, plan->axes[axes[i]].name, number_at(plan, key, axes[i]));
+            app_json_real(out, plan->axes[axes[i]].name, number_at(plan, key, axes[i]));
+    for (uint32_t k = 0; k < plan->measure_count; k++) app_json_real(out, plan->measures[k], figures[k]);
+    app_json_size(out, "runs", s->runs);
+    app_json_size(out, "failed", s->failed);
+    app_json_close(out, '}');
 }
 
-static void json_row(app_json *json, const study_plan *plan, const study_row *key, const uint32_t *axes,
-                     size_t count, const study_summary *s, const double *figures) {
-    app_json_open(json, NULL, '{');
-    json_key(json, plan, key, axes, count);
-    for (uint32_t k = 0; k < plan->measure_count; k++) app_json_real(json, plan->measures[k], figures[k]);
-    app_json_size(json, "runs", s->runs);
-    app_json_size(json, "failed", s->failed);
-    app_json_close(json, '}');
-}
-
-static void json_best(app_json *json, const char *name, const study_file *file, bool noisy) {
-    static const uint32_t axes[] = COMBINATION_AXES;
-    combination best[BEST];
-    const size_t n = best_combinations(file, noisy, best);
-    app_json_open(json, name, '[');
-    for (size_t i = 0; i < n; i++)
-        json_row(json, file->plan, &best[i].key, axes, LG_COUNT(axes), &best[i].summary,
-                 best[i].summary.geometric);
-    app_json_close(json, ']');
-}
-
-static void json_cells(app_json *json, const study_file *file) {
-    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY};
-    app_json_open(json, "medians", '[');
+static void put_cells(app_json *out, const study_file *file) {
+    app_result_line(out, "\nMedians over the repeats");
+    app_result_rows(out, "medians");
     for (uint64_t i = 0; i < study_cells(file->plan); i++) {
         const study_row key = study_run_at(file->plan, i);
         const study_summary s = study_cell_summary(file, key);
-        if (s.runs > 0) json_row(json, file->plan, &key, axes, LG_COUNT(axes), &s, s.median);
+        if (s.runs > 0) put_row(out, file->plan, &key, cell_axes, LG_COUNT(cell_axes), &s, s.median);
     }
-    app_json_close(json, ']');
+    app_result_rows_end(out);
 }
 
-static void json_integrators(app_json *json, const study_file *file) {
-    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS};
-    app_json_open(json, "geometric_means", '[');
+static void put_integrators(app_json *out, const study_file *file) {
+    app_result_line(out, "\nGeometric means over all runs of an integrator");
+    app_result_rows(out, "geometric_means");
     for (uint64_t i = 0; i < integrators_of(file->plan); i++) {
         const study_row key = integrator_at(file->plan, i);
         const study_summary s = integrator_summary(file, &key);
-        json_row(json, file->plan, &key, axes, LG_COUNT(axes), &s, s.geometric);
+        put_row(out, file->plan, &key, integrator_axes, LG_COUNT(integrator_axes), &s, s.geometric);
     }
-    app_json_close(json, ']');
+    app_result_rows_end(out);
 }
 
-static void report_json(const app *self, const study_file *file, uint64_t fresh, double seconds) {
-    app_json json;
-    app_json_begin(&json);
-    app_json_size(&json, "planned", study_runs(file->plan));
-    app_json_size(&json, "done", file->count);
-    app_json_size(&json, "new", fresh);
-    app_json_text(&json, "protocol", file->plan->protocol);
-    json_cells(&json, file);
-    json_integrators(&json, file);
-    json_best(&json, "best_without_noise", file, false);
-    json_best(&json, "best_with_noise", file, true);
-    app_json_size(&json, "threads", self->threads);
-    app_json_text(&json, "out", file->path);
-    app_json_real(&json, "seconds", seconds);
-    app_json_end(&json);
+static void put_best(app_json *out, const char *name, const study_file *file, bool noisy) {
+    combination best[BEST];
+    const size_t n = best_combinations(file, noisy, best);
+    if (n > 0)
+        app_result_line(out, "\nBest combinations %s noise (geometric means)", noisy ? "with" : "without");
+    app_result_rows(out, name);
+    for (size_t i = 0; i < n; i++)
+        put_row(out, file->plan, &best[i].key, combination_axes, LG_COUNT(combination_axes), &best[i].summary,
+                best[i].summary.geometric);
+    app_result_rows_end(out);
 }
 
 void study_report(const app *self, const study_file *file, uint64_t fresh, double seconds) {
-    if (self->json) {
-        report_json(self, file, fresh, seconds);
-        return;
-    }
-    print_cells(file);
-    print_integrators(file);
-    print_best(file, false);
-    print_best(file, true);
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_size(&out, "planned", study_runs(file->plan), "runs of the grid");
+    app_result_size(&out, "done", file->count, "runs of the table");
+    app_result_size(&out, "new", fresh, NULL);
+    app_json_text(&out, "protocol", file->plan->protocol);
+    put_cells(&out, file);
+    put_integrators(&out, file);
+    put_best(&out, "best_without_noise", file, false);
+    put_best(&out, "best_with_noise", file, true);
+    app_json_size(&out, "threads", self->threads);
+    app_json_text(&out, "out", file->path);
+    app_result_line(&out, "");
+    app_result_real(&out, "seconds", seconds, NULL);
+    app_json_end(&out);
 }

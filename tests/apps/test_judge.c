@@ -413,10 +413,10 @@ TEST("a study judges each of its models") {
     for (size_t i = 0; i < 2; i++)
         for (int k = 0; k < 3; k++) {
             const size_t n = pick(rows, names[i], -1, k, values);
-            (void)snprintf(words, sizeof words, "%.2e", geometric(values, n));
+            (void)snprintf(words, sizeof words, "%.6g", geometric(values, n));
             if (strstr(means, words) == NULL) fail_msg("%s is not in %s", words, means);
             (void)pick(rows, names[i], 0, k, values);
-            (void)snprintf(words, sizeof words, "%.2e", values[1]);
+            (void)snprintf(words, sizeof words, "%.6g", values[1]);
             if (strstr(result.out, words) == NULL) fail_msg("%s is not in %s", words, result.out);
         }
 }
