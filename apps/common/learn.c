@@ -23,7 +23,7 @@ static int fail(const app *self, lg_status status, const lg_error *error) {
                                    : app_fail(self, status, "%s", app_sentence(status, error));
 }
 
-static void learn_begin(train_recipe *task, const app *self, int argument) {
+void learn_begin(train_recipe *task, const app *self, int argument) {
     const lg_recipe *recipe = task->recipe;
     if (task->state == NULL && recipe->learner->state_size > 0)
         task->state = app_alloc(1, recipe->learner->state_size);
@@ -100,43 +100,27 @@ static bool has_width(void *user) {
 
 /* ---- the result ---- */
 
-static void put_results(app_json *json, const lg_learning *learning, size_t first, size_t end) {
+void learn_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end) {
     for (size_t i = first; i < end; i++) {
         const lg_result *result = &learning->results[i];
-        if (result->type == LG_FIELD_REAL) app_json_real(json, result->name, result->real);
-        if (result->type == LG_FIELD_U64) app_json_size(json, result->name, result->whole);
-        if (result->type == LG_FIELD_STRING) app_json_text(json, result->name, result->text);
-    }
-}
-
-static void print_results(const lg_learning *learning) {
-    for (size_t i = 0; i < learning->result_count; i++) {
-        const lg_result *result = &learning->results[i];
-        const char *label = result->label != NULL ? result->label : "";
-        if (result->type == LG_FIELD_REAL)
-            (void)printf("%-18s  %.4e  %s\n", result->name, result->real, label);
-        if (result->type == LG_FIELD_U64)
-            (void)printf("%-18s  %llu  %s\n", result->name, (unsigned long long)result->whole, label);
-        if (result->type == LG_FIELD_STRING && result->text != NULL)
-            (void)printf("%-18s  %s  %s\n", result->name, result->text, label);
+        if (result->type == LG_FIELD_REAL) app_result_real(out, result->name, result->real, result->label);
+        if (result->type == LG_FIELD_U64) app_result_size(out, result->name, result->whole, result->label);
+        if (result->type == LG_FIELD_STRING) app_result_text(out, result->name, result->text, result->label);
     }
 }
 
 static void report(const train_recipe *task, const train_session *session) {
     const lg_learning *learning = &task->learning;
-    if (!session->app->json) {
-        if (task->print != NULL)
-            task->print(session, learning);
-        else
-            print_results(learning);
+    app_json out;
+    if (!session->app->json && task->print != NULL) {
+        task->print(session, learning);
         return;
     }
-    app_json json;
-    app_json_begin(&json);
-    put_results(&json, learning, 0, learning->first_count);
-    train_json(session, &json);
-    put_results(&json, learning, learning->first_count, learning->result_count);
-    app_json_end(&json);
+    app_result_begin(&out, session->app);
+    learn_put_results(&out, learning, 0, learning->first_count);
+    train_json(session, &out);
+    learn_put_results(&out, learning, learning->first_count, learning->result_count);
+    app_json_end(&out);
 }
 
 /* The parameters of the fit are judged and written. */

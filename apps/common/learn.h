@@ -18,6 +18,9 @@ typedef struct train_recipe {
     lg_learning learning;                                                   /* the driver's */
 } train_recipe;
 
+/* A learning of the recipe with the command's arguments from number `argument` on. */
+void learn_begin(train_recipe *self, const app *app, int argument);
+void learn_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end);
 int train_recipe_main(app *app, train_recipe *self);
 /* Arguments RANGES.yaml DATA; `train` is the command whose options are searched. */
 int search_recipe_main(app *app, const app_command *train, train_recipe *self);

@@ -393,12 +393,15 @@ static void print_trials(const searching *search) {
     free(order);
 }
 
-/* The texts among the search's own options, which its train takes too. */
+/* The texts and names among the search's own options, which its train takes too. */
 static void print_given(const app *self) {
+    char text[LG_FIELD_TEXT_SIZE];
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        if (!slot->given || slot->row->type != LG_FIELD_STRING || slot->values == &search_given) continue;
-        char *word = app_quote(*(const char *const *)((const char *)slot->values + slot->row->offset));
+        const bool word_like = slot->row->type == LG_FIELD_STRING || slot->row->type == LG_FIELD_NAME;
+        if (!slot->given || !word_like || slot->values == &search_given) continue;
+        lg_field_show(slot->row, slot->values, text, sizeof text);
+        char *word = app_quote(text);
         (void)printf(" --%s %s", slot->name, word);
         free(word);
     }

@@ -1,4 +1,5 @@
 /* How good a learned Hamiltonian is. */
+#include "common/flow.h"
 #include "hamiltonian/learned.h"
 #include "lg-hamiltonian/learning.h"
 
@@ -11,27 +12,6 @@ static const double RELATIVE_LEAST = 1e-8; /* added to a relative error */
 
 double default_tolerance(const lg_hamiltonian *model) {
     return model->potential == LG_POTENTIAL_LINEAR ? 1e-13 : 1e-10;
-}
-
-/* most: of steps; 0: the default */
-static lg_status flow_of(const lg_context *context, const lg_model *learned, const lg_scheme *scheme,
-                         double tolerance, size_t most, const double *start, const double *times,
-                         size_t count, double *out, lg_run_stats *stats) {
-    APP_FREE void *work = app_alloc(lg_model_work_size(learned), 1);
-    lg_model_user user;
-    lg_ode ode;
-    lg_step_controller control;
-    lg_stepper *stepper = NULL;
-    lg_step_controller_init(&control);
-    control.rtol = tolerance;
-    control.atol = -tolerance;
-    if (most > 0) control.max_steps = most;
-    LG_TRY(lg_model_ode(learned, &ode, &user, work));
-    LG_TRY(lg_stepper_create(context, scheme, &ode, &stepper));
-    const lg_status status =
-        lg_integrate_adaptive(stepper, &control, times[0], start, times, count, out, stats);
-    lg_stepper_destroy(stepper);
-    return status;
 }
 
 /* A good model takes some ten steps from point to point. */
@@ -60,8 +40,8 @@ static void judge_one(void *user, size_t i) {
         self->status[i] = LG_CANCELLED;
     } else if (!atomic_load(self->failed)) {
         const size_t most = MOST_STEPS + MOST_STEPS_A_POINT * test->points;
-        self->status[i] = flow_of(self->context, self->learned, self->scheme, self->tolerance, most, given,
-                                  test->t, test->points, y, NULL);
+        self->status[i] = app_flow(self->context, self->learned, self->scheme, self->tolerance, most, given,
+                                   test->t, test->points, y, NULL);
         if (self->status[i] != LG_OK) atomic_store(self->failed, true);
         for (size_t k = 0; self->status[i] == LG_OK && k < size; k++)
             self->squares[i] += (y[k] - given[k]) * (y[k] - given[k]);
@@ -81,7 +61,8 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
     lg_model *learned;
     const lg_scheme *scheme = lg_scheme_find(model->family->accurate);
     LG_TRY(lg_hamiltonian_learned(context, model, theta, &learned, error));
-    const lg_status status = flow_of(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
+    const lg_status status =
+        app_flow(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
     if (status != LG_OK) (void)app_error(error, status, "the learned flow: %s", lg_status_sentence(status));
     if (status == LG_OK && energy != NULL) energies_of(learned, out, count, lg_model_inputs(learned), energy);
     lg_model_destroy(learned);

@@ -1,0 +1,250 @@
+/* lg-learn: models of any recipe. Only the list of recipes knows which there are. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/flow.h"
+#include "common/learn.h"
+
+/* ---- the recipe, and its options ---- */
+
+/* Names of the recipes that can be learned. */
+static const char *recipe_name(uint32_t value) {
+    for (const lg_recipe *const *recipe = lg_recipes; *recipe != NULL; recipe++)
+        if ((*recipe)->learner != NULL && value-- == 0) return (*recipe)->name;
+    return NULL;
+}
+
+static uint32_t recipe_given;
+static const lg_field recipe_rows[] = {{.name = "recipe",
+                                        .type = LG_FIELD_NAME,
+                                        .size = sizeof recipe_given,
+                                        .value_name = recipe_name,
+                                        .meaning = "The kind of model; its own options follow"},
+                                       LG_FIELD_END};
+
+enum { SETTINGS = 8 };
+static app_settings train_settings[SETTINGS], search_settings[SETTINGS];
+static train_recipe recipe;
+
+static void add(app_settings *settings, const lg_field *rows, void *values, size_t size) {
+    while (settings->rows != NULL) settings++;
+    if (rows != NULL) *settings = (app_settings){rows, values, size};
+}
+
+/* The word after --recipe, which says which options there are. */
+static const lg_recipe *find_recipe(int argc, char **argv) {
+    static const char option[] = "--recipe";
+    const size_t length = sizeof option - 1;
+    for (int i = 1; i < argc; i++) {
+        if (strncmp(argv[i], option, length) != 0) continue;
+        const char *name = argv[i][length] == '=' ? argv[i] + length + 1 : i + 1 < argc ? argv[i + 1] : "";
+        const lg_recipe *found = lg_recipe_find(name);
+        return found != NULL && found->learner != NULL ? found : NULL;
+    }
+    return NULL;
+}
+
+static void choose_recipe(const lg_recipe *chosen) {
+    recipe = (train_recipe){.recipe = chosen, .settings = train_settings};
+    if (chosen != NULL) {
+        const lg_learner *learner = chosen->learner;
+        recipe.state = app_alloc(1, learner->state_size + 1);
+        add(train_settings, chosen->fields, app_alloc(1, chosen->run_size), chosen->run_size);
+        if (learner->presets)
+            add(train_settings, train_preset_rows, &train_preset_given, sizeof train_preset_given);
+        add(train_settings, learner->options, recipe.state, 0);
+        add(search_settings, learner->options, recipe.state, 0);
+    }
+    const bool sizes = chosen != NULL && chosen->learner->sizes != NULL;
+    add(train_settings, recipe_rows, &recipe_given, 0);
+    add(train_settings, sizes ? train_file_options : train_file_options + 1, &train_given_files, 0);
+    add(search_settings, recipe_rows, &recipe_given, 0);
+    add(search_settings, search_options, &search_given, 0);
+}
+
+/* ---- train and search ---- */
+
+static void need_recipe(const app *self) {
+    if (recipe.recipe == NULL) app_stop_usage(self, "--recipe NAME is missing");
+}
+
+static int run_train(app *self) {
+    need_recipe(self);
+    return train_recipe_main(self, &recipe);
+}
+
+static const app_command train_command = {
+    .name = "train",
+    .arguments = "DATA...",
+    .summary = "Learn a model from data",
+    .details =
+        "With --recipe NAME the options of this kind of model stand above. A search draws values of the "
+        "same options.\n\nCtrl-C saves a checkpoint and ends with exit code 130; --resume continues to "
+        "the same bits.",
+    .settings = train_settings,
+    .run = run_train,
+    .together = APP_RANKS};
+
+static int run_search(app *self) {
+    need_recipe(self);
+    return search_recipe_main(self, &train_command, &recipe);
+}
+
+/* ---- evaluate ---- */
+
+static int run_evaluate(app *self) {
+    const char *path = self->arguments[0];
+    APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
+    APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
+    if (file.recipe == NULL || file.recipe->learner == NULL)
+        app_stop(self, LG_FORMAT, "%s: no recipe learns models of its kind: nothing says what its data are",
+                 path);
+    APP_FREE void *run = app_alloc(1, file.recipe->run_size);
+    const app_settings settings[] = {{file.recipe->fields, run, 0}, APP_SETTINGS_END};
+    train_recipe task = {.recipe = file.recipe, .settings = settings};
+    app_json out;
+    const double begin = app_seconds();
+    learn_begin(&task, self, 1);
+    APP_MUST_FILE(self, self->arguments[1], lg_learning_evaluate(&task.learning, file.contents, &error));
+    app_result_begin(&out, self);
+    learn_put_results(&out, &task.learning, 0, task.learning.result_count);
+    app_json_text(&out, "recipe", file.recipe->name);
+    app_result_real(&out, "seconds", app_seconds() - begin, NULL);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
+    lg_learning_close(&task.learning);
+    free(task.state);
+    return APP_EXIT_OK;
+}
+
+/* ---- predict ---- */
+
+typedef struct predict_values {
+    const char *out;
+    lg_reals initial;
+    double t_end, tolerance;
+    uint64_t points;
+} predict_values;
+
+static predict_values values;
+
+static const lg_field predict_options[] = {
+    LG_OPTION(predict_values, initial, REALS, "X,X,...",
+              "The state to start from, or the inputs of the model", LG_ANY_REAL),
+    LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point, for a model that moves", LG_POSITIVE,
+              .value = "1"),
+    LG_OPTION(predict_values, points, U64, "M", "Equidistant points of the trajectory, the start included",
+              .low = 2, .high = 1e8, .value = "101"),
+    LG_OPTION(predict_values, tolerance, REAL, "TOL", "Tolerance of the adaptive integration", .low = 1e-14,
+              .high = 1e-2, .value = "1e-10"),
+    LG_OPTION(predict_values, out, STRING, "FILE.csv", "Write the trajectory: the time, then the state",
+              .file = LG_FILE_WRITTEN),
+    LG_FIELD_END};
+
+/* A start typed by hand may be off the manifold; one that is off by rounding is projected. */
+static void project(const app *self, const lg_space *space, double *state, size_t dim) {
+    double distance = 0;
+    APP_FREE double *given = app_alloc(dim, sizeof *given);
+    memcpy(given, state, dim * sizeof *given);
+    lg_space_project(space, state);
+    for (size_t i = 0; i < dim; i++) distance = fmax(distance, fabs(state[i] - given[i]));
+    if (!(distance <= 1e-6)) app_stop_usage(self, "--initial: the start is off the manifold by %g", distance);
+    if (distance > 1e-14) app_warn(self, "the start was off the manifold by %g and is projected", distance);
+}
+
+static void write_trajectory(const app *self, const double *t, const double *y, size_t points, size_t dim) {
+    app_file file;
+    if (values.out == NULL) return;
+    app_file_begin(&file, values.out);
+    (void)fputs("t", file.stream);
+    for (size_t i = 0; i < dim; i++) (void)fprintf(file.stream, ",y%zu", i + 1);
+    for (size_t k = 0; k < points; k++) {
+        (void)fprintf(file.stream, "\n%.17g", t[k]);
+        for (size_t i = 0; i < dim; i++) (void)fprintf(file.stream, ",%.17g", y[k * dim + i]);
+    }
+    (void)fputc('\n', file.stream);
+    APP_MUST_FILE(self, values.out, app_file_end(&file, &error));
+}
+
+static void follow(const app *self, const lg_model *model, double *start, app_json *out) {
+    const size_t points = (size_t)values.points, dim = lg_model_inputs(model);
+    lg_run_stats stats = {0};
+    APP_FREE double *t = app_alloc(points, sizeof *t), *y = app_alloc(points * dim, sizeof *y);
+    for (size_t k = 0; k < points; k++) t[k] = values.t_end * (double)k / (double)(points - 1);
+    project(self, lg_model_space(model), start, dim);
+    app_must(self,
+             app_flow(self->context, model, lg_scheme_find("rkmk54"), values.tolerance, 0, start, t, points,
+                      y, &stats),
+             NULL);
+    write_trajectory(self, t, y, points, dim);
+    app_result_real(out, "t", values.t_end, NULL);
+    app_result_reals(out, "y", y + (points - 1) * dim, dim, "the state");
+    app_result_size(out, "steps", stats.steps, NULL);
+}
+
+static void calculate(const lg_model *model, const double *x, app_json *out) {
+    APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
+    APP_FREE void *work = app_alloc(1, lg_model_work_size(model));
+    lg_model_eval(model, x, y, work);
+    app_result_reals(out, "value", y, lg_model_outputs(model), NULL);
+}
+
+static int run_predict(app *self) {
+    const char *path = self->arguments[0];
+    APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
+    app_json out;
+    APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
+    if (values.initial.count != lg_model_inputs(file.model))
+        app_stop_usage(self, "--initial: %zu numbers, but the model takes %zu", values.initial.count,
+                       lg_model_inputs(file.model));
+    app_result_begin(&out, self);
+    if (lg_model_outputs(file.model) > 0) calculate(file.model, values.initial.values, &out);
+    if (lg_model_space(file.model) != NULL) follow(self, file.model, values.initial.values, &out);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
+    return APP_EXIT_OK;
+}
+
+/* ---- list ---- */
+
+static int run_list(app *self) {
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_rows(&out, "recipes");
+    for (uint32_t i = 0; recipe_name(i) != NULL; i++) {
+        const lg_field *fields = lg_recipe_find(recipe_name(i))->fields;
+        uint64_t count = 0;
+        while (fields[count].name != NULL) count++;
+        app_json_open(&out, NULL, '{');
+        app_json_text(&out, "name", recipe_name(i));
+        app_json_size(&out, "options", count);
+        app_json_close(&out, '}');
+    }
+    app_result_rows_end(&out);
+    app_json_end(&out);
+    return APP_EXIT_OK;
+}
+
+int main(int argc, char **argv) {
+    choose_recipe(find_recipe(argc, argv));
+    const app_command commands[] = {
+        train_command,
+        {SEARCH_COMMAND("DATA..."), .settings = search_settings, .run = run_search},
+        {.name = "evaluate",
+         .arguments = "MODEL.h5 DATA...",
+         .summary = "Judge a model on data, as its recipe does",
+         .run = run_evaluate},
+        {.name = "predict",
+         .arguments = "MODEL.h5",
+         .summary = "What the functions of a model give: its value, and its flow where it moves",
+         .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
+         .run = run_predict},
+        {.name = "list", .summary = "The recipes that there are", .run = run_list},
+        {.run = NULL}};
+    return app_main(
+        argc, argv, "lg-learn",
+        "Models of any recipe: learned, searched, judged, predicted. A new recipe needs no program "
+        "of its own.",
+        commands);
+}
