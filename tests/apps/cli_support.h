@@ -23,6 +23,7 @@ typedef struct cli {
     int code; /* exit code; 1000 + signal when killed */
     char out[CLI_TEXT], err[CLI_TEXT];
 } cli;
+static cli result; /* of the last command */
 
 typedef struct cli_child {
     pid_t pid;
@@ -140,44 +141,54 @@ static inline bool cli_drain(int fd, char *text, size_t *used) {
     return true;
 }
 
-static inline void cli_finish(cli_child child, cli *result) {
+static inline void cli_finish(cli_child child) {
     struct pollfd streams[2] = {{child.out, POLLIN, 0}, {child.err, POLLIN, 0}};
     size_t used[2] = {0, 0};
     int status = 0;
-    result->out[0] = result->err[0] = '\0';
+    result.out[0] = result.err[0] = '\0';
     while (streams[0].fd >= 0 || streams[1].fd >= 0) {
         if (poll(streams, 2, -1) < 0 && errno != EINTR) break;
         for (int i = 0; i < 2; i++)
             if (streams[i].fd >= 0 && streams[i].revents != 0 &&
-                !cli_drain(streams[i].fd, i == 0 ? result->out : result->err, &used[i]))
+                !cli_drain(streams[i].fd, i == 0 ? result.out : result.err, &used[i]))
                 streams[i].fd = -1;
     }
     (void)close(child.out);
     (void)close(child.err);
     while (waitpid(child.pid, &status, 0) < 0 && errno == EINTR) {
     }
-    result->code = WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+    result.code = WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
 }
 
-static inline void cli_run_limited(const char *program, const char *arguments, rlim_t file_limit,
-                                   cli *result) {
-    cli_finish(cli_start(program, arguments, file_limit), result);
+static inline void cli_run_limited(const char *program, const char *arguments, rlim_t file_limit) {
+    cli_finish(cli_start(program, arguments, file_limit));
 }
 
 /* Fails unless the exit code is `code` and standard error (code != 0) or output holds `words`. */
 static inline void cli_expect_limited(const char *program, const char *arguments, rlim_t file_limit, int code,
-                                      const char *words, cli *result) {
-    cli_run_limited(program, arguments, file_limit, result);
-    if (result->code != code)
-        fail_msg("%s %s: exit code %d, expected %d\n%s%s", program, arguments, result->code, code,
-                 result->out, result->err);
-    if (strstr(code != 0 ? result->err : result->out, words) == NULL)
-        fail_msg("%s %s: '%s' is not in\n%s%s", program, arguments, words, result->out, result->err);
+                                      const char *words) {
+    cli_run_limited(program, arguments, file_limit);
+    if (result.code != code)
+        fail_msg("%s %s: exit code %d, expected %d\n%s%s", program, arguments, result.code, code, result.out,
+                 result.err);
+    if (strstr(code != 0 ? result.err : result.out, words) == NULL)
+        fail_msg("%s %s: '%s' is not in\n%s%s", program, arguments, words, result.out, result.err);
 }
 
-static inline void cli_expect(const char *program, const char *arguments, int code, const char *words,
-                              cli *result) {
-    cli_expect_limited(program, arguments, 0, code, words, result);
+static inline void cli_expect(const char *program, const char *arguments, int code, const char *words) {
+    cli_expect_limited(program, arguments, 0, code, words);
+}
+
+/* A command that ends well. */
+static inline void cli_run(const char *program, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+static inline void cli_run(const char *program, const char *format, ...) {
+    char line[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    cli_expect(program, line, 0, "");
 }
 
 /* Command lines that are refused; those of all executables: test_refused. */
@@ -187,9 +198,8 @@ typedef struct cli_bad {
     const char *words;
 } cli_bad;
 
-static inline void cli_expect_refused(const char *program, const cli_bad *rows, size_t count, cli *result) {
-    for (size_t i = 0; i < count; i++)
-        cli_expect(program, rows[i].arguments, rows[i].code, rows[i].words, result);
+static inline void cli_expect_refused(const char *program, const cli_bad *rows, size_t count) {
+    for (size_t i = 0; i < count; i++) cli_expect(program, rows[i].arguments, rows[i].code, rows[i].words);
     assert_int_equal(cli_count_files("tmp"), 0);
 }
 
@@ -335,11 +345,11 @@ static inline void json_expect(const char *object, const char *members) {
 }
 
 /* The command with --json: one object with these members. */
-static inline void cli_json(const char *program, const char *arguments, const char *members, cli *result) {
+static inline void cli_json(const char *program, const char *arguments, const char *members) {
     const char *line = test_text("%s --json", arguments);
-    cli_expect(program, line, 0, "", result);
-    if (!json_is_object(result->out)) fail_msg("%s %s: no JSON object: %s", program, line, result->out);
-    json_expect(result->out, members);
+    cli_expect(program, line, 0, "");
+    if (!json_is_object(result.out)) fail_msg("%s %s: no JSON object: %s", program, line, result.out);
+    json_expect(result.out, members);
 }
 
 /* ---- what programs with several commands share ---- */
@@ -390,12 +400,12 @@ static inline bool cli_catches_interrupts(pid_t pid) {
 }
 
 /* A child of a busy machine gets half a minute to begin. */
-static inline void cli_interrupt(cli_child child, cli *result) {
+static inline void cli_interrupt(cli_child child) {
     const struct timespec pause = {0, 20000000};
     for (int i = 0; i < 1500 && !cli_catches_interrupts(child.pid); i++) (void)nanosleep(&pause, NULL);
     assert_int_equal(kill(child.pid, SIGINT), 0);
-    cli_finish(child, result);
-    assert_int_equal(result->code, 130);
+    cli_finish(child);
+    assert_int_equal(result.code, 130);
 }
 
 #endif

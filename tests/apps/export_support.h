@@ -83,8 +83,7 @@ static inline int export_end(void **state) {
 
 /* lg-export with these arguments (the folder of --out is under the test's folder); it must succeed. */
 static inline void export_run(const char *arguments) {
-    static cli result;
-    cli_expect("lg-export", arguments, 0, "", &result);
+    cli_expect("lg-export", arguments, 0, "");
 }
 
 /* The number of `#define NAME_<constant>` in the header. */

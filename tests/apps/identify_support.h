@@ -52,9 +52,9 @@ static inline const lg_machine_model_file *cli_machine_model(const char *name) {
 }
 
 /* A command that ends well and says nothing on standard error. */
-static inline void identify_run_quietly(const char *line, cli *result) {
-    cli_expect(identify, line, 0, "", result);
-    if (result->err[0] != '\0') fail_msg("lg-identify %s: %s", line, result->err);
+static inline void identify_run_quietly(const char *line) {
+    cli_expect(identify, line, 0, "");
+    if (result.err[0] != '\0') fail_msg("lg-identify %s: %s", line, result.err);
 }
 
 #endif

@@ -11,14 +11,9 @@
 #include "support/fixtures.h"
 
 static const char lg[] = "lg-anomaly";
-static cli result;
-
-static void run(const char *arguments) {
-    cli_expect(lg, arguments, 0, "", &result);
-}
 
 static void json(const char *arguments, const char *members) {
-    cli_json(lg, arguments, members, &result);
+    cli_json(lg, arguments, members);
 }
 
 static double number(const char *arguments, const char *key) {
@@ -79,11 +74,11 @@ static lg_series_data *read_back(const char *name) {
 static int setup(void **state) {
     if (cli_begin() != 0) return -1;
     for (size_t i = 0; i < LG_COUNT(others); i++) write_other(&others[i]);
-    run("generate --runs 16 --hours 0.1 --noise 1 --window 30 --out data.h5");
-    run("generate --runs 4 --hours 0.1 --noise 1 --window 30 --seed 9 --out fresh.h5");
-    run("train data.h5 --epochs 2 --out model.h5");
-    run("train data.h5 --method logistic --out logistic.h5");
-    run("train three.h5 --epochs 1 --out three-model.h5");
+    cli_run(lg, "generate --runs 16 --hours 0.1 --noise 1 --window 30 --out data.h5");
+    cli_run(lg, "generate --runs 4 --hours 0.1 --noise 1 --window 30 --seed 9 --out fresh.h5");
+    cli_run(lg, "train data.h5 --epochs 2 --out model.h5");
+    cli_run(lg, "train data.h5 --method logistic --out logistic.h5");
+    cli_run(lg, "train three.h5 --epochs 1 --out three-model.h5");
     return 0;
 }
 
@@ -113,9 +108,9 @@ TEST("generated windows are those that are asked for, and the same for the same 
     assert_true(s->label[0] == 0 && s->label[9] == 1 && s->run[9] == 1);
     assert_true(s->group[0] == s->group[9] && s->group[0] != s->group[18]);
     assert_memory_not_equal(s->x, s->x + 18 * size, half);
-    run(SAME "--severity 1 --out two.h5 --threads 2");
+    cli_run(lg, SAME "--severity 1 --out two.h5 --threads 2");
     assert_string_equal(read_back("two.h5")->sha256, same->sha256);
-    run(SAME "--severity 0.58 --out cracked.h5");
+    cli_run(lg, SAME "--severity 0.58 --out cracked.h5");
     const lg_series_data *cracked = read_back("cracked.h5");
     assert_memory_equal(cracked->series.x, s->x, half);
     assert_memory_not_equal(cracked->series.x + 9 * size, s->x + 9 * size, half);
@@ -137,10 +132,10 @@ TEST("a feed has the lines and the columns that are asked for") {
     assert_says(whole, "\n71.8,");
     assert_null(strstr(whole, "nan"));
     /* The same through a pipe, with any number of threads. */
-    run("feed --hours 0.02 --threads 1");
+    cli_run(lg, "feed --hours 0.02 --threads 1");
     assert_string_equal(result.out, whole);
     /* Until the crack nothing has changed; after it something has. */
-    run("feed --hours 0.02 --crack-at 0.01");
+    cli_run(lg, "feed --hours 0.02 --crack-at 0.01");
     const char *crack = strstr(whole, "\n36.0,");
     assert_non_null(crack);
     assert_memory_equal(result.out, whole, (size_t)(crack - whole));
@@ -165,7 +160,7 @@ TEST("a feed has the lines and the columns that are asked for") {
 
 TEST("every number of a feed is, to half a unit of its ninth digit, a float") {
     static char text[CLI_TEXT];
-    run("feed --hours 0.02 --noise 0 --out digits.csv");
+    cli_run(lg, "feed --hours 0.02 --noise 0 --out digits.csv");
     (void)cli_read("digits.csv", text, sizeof text);
     int numbers = 0;
     for (char *save = NULL, *word = strtok_r(strchr(text, '\n'), ",\n", &save); word != NULL;
@@ -195,8 +190,8 @@ static void train_and_evaluate(const char *data, const char *options) {
                                           {"f1", "f1"},
                                           {"test_windows", "windows"}};
     static cli trained;
-    cli_json(lg, test_text("train %s %s --out method.h5", data, options), "confusion *, train_accuracy *",
-             &trained);
+    cli_json(lg, test_text("train %s %s --out method.h5", data, options), "confusion *, train_accuracy *");
+    trained = result;
     json(test_text("evaluate method.h5 %s", data), "part \"test\"");
     for (size_t i = 0; i < LG_COUNT(keys); i++) {
         const double x = json_number(trained.out, keys[i][0]), y = json_number(result.out, keys[i][1]);
@@ -253,8 +248,8 @@ TEST("scores that are not finite are refused, and no other method has such") {
     data->series.x[5] = 3e38F;
     assert_ok(lg_series_write(NULL, path, data, NULL));
     for (size_t i = 0; i < LG_COUNT(methods); i++) {
-        cli_run_limited(lg, test_text("train data.h5 %s --out large-model.h5", methods[i]), 0, &result);
-        cli_run_limited(lg, "evaluate large-model.h5 large.h5 --scores large.csv", 0, &result);
+        cli_run_limited(lg, test_text("train data.h5 %s --out large-model.h5", methods[i]), 0);
+        cli_run_limited(lg, "evaluate large-model.h5 large.h5 --scores large.csv", 0);
         if (result.code == 4) {
             assert_says(result.err, "scores of 48 windows are not finite, the first of window 0 (from 0)");
             refused++;
@@ -285,12 +280,12 @@ TEST("data of every shape are learned") {
     json("train three.h5 --method logistic --features std --out t.h5",
          "accuracy >0.9, false_alarms_per_day null");
     cli_expect(lg, "train tiny.h5 --method logistic --out t.h5", 2,
-               "a test part of 0.2 of 4 windows is empty", &result);
+               "a test part of 0.2 of 4 windows is empty");
     json("train tiny.h5 --method logistic --test-fraction 0.5 --out t.h5", "");
     json("train tiny.h5 --epochs 1 --test-fraction 0.5 --out t.h5", "");
     json("train three.h5 --test-fraction 0 --method tree --out t.h5",
          "accuracy null, confusion null, train_windows 60");
-    cli_expect(lg, "evaluate t.h5 three.h5", 0, "three.h5 (all)", &result);
+    cli_expect(lg, "evaluate t.h5 three.h5", 0, "three.h5 (all)");
     assert_says(result.err, "without a test part");
 }
 
@@ -301,13 +296,13 @@ TEST("a test set may be a file of its own, also of a resumed training") {
     assert_close(json_number(result.out, "test_windows"), (double)windows[1], 0, 0);
     const double accuracy = json_number(result.out, "accuracy");
     assert_close(number("evaluate given.h5 fresh.h5", "accuracy"), accuracy, 0, 0);
-    run("train data.h5 --test data.h5 --method logistic --out given.h5");
+    cli_run(lg, "train data.h5 --test data.h5 --method logistic --out given.h5");
     assert_says(result.err, "there is no test on unseen data");
-    run("train data.h5 --test fresh.h5 --epochs 4 --out half.h5 --stop-after 2 --checkpoint t.h5");
+    cli_run(lg, "train data.h5 --test fresh.h5 --epochs 4 --out half.h5 --stop-after 2 --checkpoint t.h5");
     json("train data.h5 --test fresh.h5 --epochs 4 --out whole.h5 --resume t.h5",
          "epochs 4, test_windows 48");
-    run("train data.h5 --epochs 4 --out half.h5 --stop-after 2 --checkpoint c.h5");
-    cli_expect(lg, "train data.h5 --test fresh.h5 --out r.h5 --resume c.h5", 2, "test_fraction", &result);
+    cli_run(lg, "train data.h5 --epochs 4 --out half.h5 --stop-after 2 --checkpoint c.h5");
+    cli_expect(lg, "train data.h5 --test fresh.h5 --out r.h5 --resume c.h5", 2, "test_fraction");
 }
 
 /* fresh.h5 as another program would write it: no names of classes, /y is low, low + 1, ... */
@@ -332,22 +327,24 @@ TEST("a model remembers what stood for its classes, also in files without names"
     for (size_t i = 0; i < LG_COUNT(models); i++) {
         const double accuracy = number(test_text("evaluate %s fresh.h5", models[i]), "accuracy");
         assert_close(number(test_text("evaluate %s from-0.h5", models[i]), "accuracy"), accuracy, 0, 0);
-        cli_expect(lg, test_text("evaluate %s from-1.h5", models[i]), 3, "label '2' is none of 0|1", &result);
+        cli_expect(lg, test_text("evaluate %s from-1.h5", models[i]), 3, "label '2' is none of 0|1");
     }
-    run("train from-1.h5 --method logistic --out from-1.model.h5");
-    cli_expect(lg, "evaluate from-1.model.h5 from-0.h5", 3, "class '0' is none of the classes 1|2", &result);
+    cli_run(lg, "train from-1.h5 --method logistic --out from-1.model.h5");
+    cli_expect(lg, "evaluate from-1.model.h5 from-0.h5", 3, "class '0' is none of the classes 1|2");
 }
 
 TEST("pictures of a file without names have those that were trained on; one feature is drawn alone") {
     static char text[CLI_TEXT];
     write_numbered("unnamed.h5", 0, false);
-    run("train data.h5 --method tree --features std --out named.h5 --plot named.svg");
+    cli_run(lg, "train data.h5 --method tree --features std --out named.h5 --plot named.svg");
     (void)cli_read("named.gp", text, sizeof text);
     assert_says(text, "std acc_lower_x <=");
-    run("evaluate named.h5 unnamed.h5 --plot pairs.svg --picture pairs");
+    cli_run(lg, "evaluate named.h5 unnamed.h5 --plot pairs.svg --picture pairs");
     (void)cli_read("pairs.gp", text, sizeof text);
     assert_says(text, "\"std moment_y\"");
-    run("train one-channel.h5 --method logistic --features std --out one-std.h5 --plot single.svg --picture "
+    cli_run(
+        lg,
+        "train one-channel.h5 --method logistic --features std --out one-std.h5 --plot single.svg --picture "
         "pairs");
     assert_null(strstr(result.err, "gnuplot failed"));
     (void)cli_read("single.gp", text, sizeof text);
@@ -369,7 +366,7 @@ TEST("without --filters there are as many blocks as fit, three at most") {
                  {"--kernel 3 --padding 1 --pooling none", 3}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         int blocks = 0;
-        run(test_text("train data.h5 --window 2 --epochs 1 --out blocks.h5 --json %s", cases[i].options));
+        cli_run(lg, "train data.h5 --window 2 --epochs 1 --out blocks.h5 --json %s", cases[i].options);
         for (const char *at = result.out; (at = strstr(at, "\"filters\"")) != NULL; at++) blocks++;
         if (blocks != cases[i].blocks) fail_msg("%s: %d blocks", cases[i].options, blocks);
     }
@@ -378,10 +375,11 @@ TEST("without --filters there are as many blocks as fit, three at most") {
 TEST("a split by group keeps sea states whole") {
     static char text[CLI_TEXT];
     bool tested[32] = {false};
-    run("train data.h5 --method logistic --split group --out parts.h5");
+    cli_run(lg, "train data.h5 --method logistic --split group --out parts.h5");
     for (int part = 0; part < 2; part++) {
-        run(part == 0 ? "evaluate parts.h5 data.h5 --part test --scores part.csv"
-                      : "evaluate parts.h5 data.h5 --part train --scores part.csv");
+        cli_run(lg, "%s",
+                part == 0 ? "evaluate parts.h5 data.h5 --part test --scores part.csv"
+                          : "evaluate parts.h5 data.h5 --part train --scores part.csv");
         (void)cli_read("part.csv", text, sizeof text);
         char *save = NULL, *line = strtok_r(text, "\n", &save);
         assert_string_equal(line, "window,run,group,truth,class,score intact,score broken");
@@ -403,7 +401,7 @@ TEST("a split by group keeps sea states whole") {
     assert_true(train > held);
     assert_close(number("evaluate parts.h5 data.h5 --part validation", "windows"), held, 0, 0);
     assert_close(number("evaluate parts.h5 data.h5 --part train", "windows"), train, 0, 0);
-    run("train data.h5 --method logistic --window 30 --hop 15 --out o.h5");
+    cli_run(lg, "train data.h5 --method logistic --window 30 --hop 15 --out o.h5");
     assert_says(result.err, "windows overlap and are split at random");
     static const char *const overlap = "warnings [\"windows overlap and are split at random";
     json("train data.h5 --method logistic --window 30 --hop 15 --out o.h5", overlap);
@@ -413,7 +411,7 @@ TEST("a split by group keeps sea states whole") {
 /* Six recordings of eight windows of 5 s at 4 Hz, the second half of each damaged: with 2 of 3 votes the
  * alarm comes with the second damaged window, 10 s after the damage began. */
 TEST("votes give the alarm and its delay") {
-    run("train votes.h5 --method logistic --features std --split run --out v.h5");
+    cli_run(lg, "train votes.h5 --method logistic --features std --split run --out v.h5");
     json("evaluate v.h5 votes.h5 --part all --votes 2,3", "accuracy 1");
     json_expect(json_find(result.out, "votes"),
                 "damaged_runs 6, detected_runs 6, median_time_to_detection 10, largest_time_to_detection 10, "
@@ -422,16 +420,15 @@ TEST("votes give the alarm and its delay") {
     json_expect(json_find(result.out, "votes"), "median_time_to_detection 20");
     json("evaluate v.h5 votes.h5 --part all --votes 5,5", "votes {");
     json_expect(json_find(result.out, "votes"), "detected_runs 0");
-    cli_expect(lg, "evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", 0, "detected", &result);
+    cli_expect(lg, "evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", 0, "detected");
     json("evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", "files *");
 }
 
 /* With a large learning rate that is not the last epoch. */
 TEST("a network no better than the most frequent class ends with exit code 4") {
-    cli_expect(lg, "train data.h5 --lr 1000 --epochs 10 --out wild.h5 --json", 4, "the most frequent class",
-               &result);
+    cli_expect(lg, "train data.h5 --lr 1000 --epochs 10 --out wild.h5 --json", 4, "the most frequent class");
     json_expect(result.out, "epochs 10, warnings [\"the model has learned nothing");
-    run("train data.h5 --lr 1e-9 --epochs 3 --out wild.h5");
+    cli_run(lg, "train data.h5 --lr 1e-9 --epochs 3 --out wild.h5");
     assert_says(result.err, "the model has learned nothing");
 }
 
@@ -440,10 +437,10 @@ TEST("a network that died starts again, and is told of if it stays dead") {
                                     "--out dead.h5";
     json("train data.h5 --activation swish --epochs 2 --out living.h5",
          "restarts 0, dead_units 0, max_restarts 10, warnings [");
-    cli_expect(lg, test_text("%s --max-restarts 2", line), 4, "the network has died", &result);
+    cli_expect(lg, test_text("%s --max-restarts 2", line), 4, "the network has died");
     json_expect(result.out, "restarts 2, max_restarts 2, epochs 3");
     assert_true(json_number(result.out, "dead_units") >= 2);
-    cli_expect(lg, test_text("%s --max-restarts 0", line), 4, "dead units of layer plane: 2 of 2", &result);
+    cli_expect(lg, test_text("%s --max-restarts 0", line), 4, "dead units of layer plane: 2 of 2");
     json_expect(result.out, "restarts 0");
 }
 
@@ -460,7 +457,7 @@ TEST("with a validation part the best epoch is the model") {
     assert_true(best >= 1 && best < 12);
     (void)snprintf(line, sizeof line, "train data.h5 --preset thesis --lr %s --epochs %d --out best.h5",
                    rates[i - 1], best);
-    run(line);
+    cli_run(lg, "%s", line);
     lg_detector_file files[2];
     for (int k = 0; k < 2; k++) {
         assert_ok(
@@ -482,14 +479,14 @@ TEST("Ctrl-C ends generating and feeding, and leaves no file") {
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         const cli_child child = cli_start(lg, lines[i], 0);
         (void)nanosleep(&(struct timespec){0, 200000000}, NULL);
-        cli_interrupt(child, &result);
+        cli_interrupt(child);
         assert_int_equal(cli_count_files("never"), 0);
     }
 }
 
 TEST("a trial that data refuse fails the search") {
     cli_write("tree.yaml", "fixed: {loss: mse}\nranges:\n  lr: {log-uniform: [1e-4, 1e-1]}\n");
-    cli_expect(lg, "search tree.yaml three.h5 --trials 1 --out tree.csv", 4, "is for two classes", &result);
+    cli_expect(lg, "search tree.yaml three.h5 --trials 1 --out tree.csv", 4, "is for two classes");
 }
 
 /* ---- pictures: what is drawn by default, and each by name ---- */
@@ -511,7 +508,7 @@ TEST("pictures are drawn") {
         "generate --runs 2 --hours 0.05 --out q.h5 --plot p.svg --picture housings",
     };
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
-        run(lines[i]);
+        cli_run(lg, "%s", lines[i]);
         assert_true(cli_exists("p.gp"));
         if (strstr(result.err, "gnuplot failed") != NULL) fail_msg("%s: %s", lines[i], result.err);
         if (!cli_exists("p.svg")) assert_says(result.err, "gnuplot");

@@ -6,16 +6,11 @@
 #include "liegrad/io.h"
 
 static const char lg[] = "lg-elastica";
-static cli result;
 
 #define PI 3.14159265358979323846
 
-static void run(const char *arguments) {
-    cli_expect(lg, arguments, 0, "", &result);
-}
-
 static void json(const char *arguments, const char *members) {
-    cli_json(lg, arguments, members, &result);
+    cli_json(lg, arguments, members);
 }
 
 static double number(const char *arguments, const char *key) {
@@ -25,10 +20,12 @@ static double number(const char *arguments, const char *key) {
 
 static int setup(void **state) {
     if (cli_begin() != 0) return -1;
-    run("generate --case both-ends --count 40 --intervals 10 --out data.h5");
-    run("generate --case right-end --count 40 --intervals 10 --out right.h5");
-    run("generate --case both --count 20 --intervals 10 --out both.h5");
-    run("train data.h5 --method adam --modes 0 --hidden 12 --layers 1 --batch 8 --epochs 3 --out model.h5");
+    cli_run(lg, "generate --case both-ends --count 40 --intervals 10 --out data.h5");
+    cli_run(lg, "generate --case right-end --count 40 --intervals 10 --out right.h5");
+    cli_run(lg, "generate --case both --count 20 --intervals 10 --out both.h5");
+    cli_run(
+        lg,
+        "train data.h5 --method adam --modes 0 --hidden 12 --layers 1 --batch 8 --epochs 3 --out model.h5");
     return 0;
 }
 
@@ -51,7 +48,7 @@ TEST("a solution is told with its energy, force, nodes and angles") {
     const double more = number("solve --case right-end --x 2 --intervals 10 --qN 3.00001,0", "energy");
     const double less = number("solve --case right-end --x 2 --intervals 10 --qN 2.99999,0", "energy");
     assert_close(force[0], (more - less) / 2e-5, 1e-5, 0);
-    run("solve --x 2 --intervals 2");
+    cli_run(lg, "solve --x 2 --intervals 2");
     json("solve --x 2 --intervals 2", "");
     assert_int_equal(json_array(result.out, "lambda", numbers, 11), 1);
     json("solve --x 1 --continuous", "energy >0");
@@ -72,8 +69,7 @@ TEST("the rotation that is asked for is found or refused") {
     json("solve --theta0 1 --thetaN -1", "rotation -2");
     const double best = json_number(result.out, "energy");
     /* The other loop is a minimum for large angles only; otherwise there is nothing to accept. */
-    cli_expect(lg, "solve --theta0 1 --thetaN -1 --rotation 4.283185307179586 --json", 4, "no minimum",
-               &result);
+    cli_expect(lg, "solve --theta0 1 --thetaN -1 --rotation 4.283185307179586 --json", 4, "no minimum");
     assert_string_equal(result.out, "");
     json("solve --theta0 3.1 --thetaN -3.1 --rotation 6.366370614359172", "rotation 6.366370614359172");
     const double opposite = json_number(result.out, "energy");
@@ -126,10 +122,10 @@ TEST("there are more branches with saddles than without") {
     double energies[64];
     const size_t few = branch_energies("solve --x 0.3 --intervals 20 --branches", energies, 64);
     assert_true(branch_energies("solve --x 0.3 --intervals 20 --branches --saddles", energies, 64) > few);
-    run("solve --x 0.3 --intervals 20 --branches --saddles");
+    cli_run(lg, "solve --x 0.3 --intervals 20 --branches --saddles");
     assert_says(result.out, "saddle");
     assert_says(result.out, "minimum");
-    run("solve --x 0.3 --intervals 20 --branches --rotation -0.6 --plot all.svg --out all.csv");
+    cli_run(lg, "solve --x 0.3 --intervals 20 --branches --rotation -0.6 --plot all.svg --out all.csv");
     assert_true(cli_exists("all.gp") && cli_exists("all.csv"));
     if (!cli_exists("all.svg")) assert_says(result.err, "gnuplot");
 }
@@ -143,7 +139,7 @@ TEST("a sweep follows the branches") {
     assert_true(cli_exists("sweep.gp"));
     cli_read("sweep.csv", text, sizeof text);
     assert_int_equal(strncmp(text, "branch,x,energy,negative_eigenvalues,rotation\n1,", 48), 0);
-    run("solve --case right-end --sweep 9 --intervals 12 --threads 1");
+    cli_run(lg, "solve --case right-end --sweep 9 --intervals 12 --threads 1");
     assert_says(result.out, "energy from");
 }
 
@@ -166,9 +162,9 @@ TEST("generated curves are those that are asked for, and what solve finds") {
     assert_int_equal(json_array(result.out, "q", q, 16), 16);
     assert_all_close(c->q + 16, q, 16, 0, 1e-10);
     lg_elastica_data_destroy(&data);
-    run("generate --count 1 --intervals 6 --out one.h5");
+    cli_run(lg, "generate --count 1 --intervals 6 --out one.h5");
     json("generate --count 2 --intervals 6 --continuous --out c.h5", "values \"continuous\"");
-    run("generate --count 3 --intervals 2 --out tiny.h5"); /* N = 2 can be learned too */
+    cli_run(lg, "generate --count 3 --intervals 2 --out tiny.h5"); /* N = 2 can be learned too */
     json("train tiny.h5 --modes 0 --hidden 4 --layers 0 --epochs 1 --train-fraction 1 --test-fraction 0 "
          "--out t2.h5",
          "test_mse null, floor null, warnings [\"the model has learned nothing");
@@ -190,7 +186,7 @@ TEST("nodes that no beam has are told where curves are read") {
         assert_ok(lg_elastica_data_write(NULL, path, &data, NULL));
         *number = kept;
         for (size_t k = 0; k < LG_COUNT(lines); k++) {
-            cli_run_limited(lg, lines[k], 0, &result);
+            cli_run_limited(lg, lines[k], 0);
             if (strstr(result.err,
                        "odd.h5: 1 nodes are no points of a beam, the first is node 5 of curve 3") == NULL)
                 fail_msg("%s: %s", lines[k], result.err);
@@ -198,7 +194,7 @@ TEST("nodes that no beam has are told where curves are read") {
         }
     }
     lg_elastica_data_destroy(&data);
-    cli_json(lg, "evaluate model.h5 both.h5", "", &result);
+    cli_json(lg, "evaluate model.h5 both.h5", "");
     if (strstr(result.out, "no points") != NULL) fail_msg("%s", result.out);
 }
 
@@ -216,7 +212,7 @@ TEST("interrupted generation ends at once") {
     const cli_child child =
         cli_start(lg, "generate --count 100000 --intervals 100 --out many.h5 --threads 1", 0);
     (void)nanosleep(&pause, NULL);
-    cli_interrupt(child, &result);
+    cli_interrupt(child);
     assert_says(result.err, "stopped by Ctrl-C");
     assert_true(children_seconds() - begin <= 2);
     assert_false(cli_exists("many.h5"));
@@ -306,7 +302,7 @@ TEST("a prediction is told with its place, its reach and its error") {
     assert_int_equal(json_array(result.out, "theta", s, 5), 3);
     assert_close(s[0], 1, 1e-14, 0);
     json("predict model.h5 --theta0 1 --thetaN -1", "inside true"); /* angles instead of a case */
-    run("predict model.h5 --x 1 --solve");
+    cli_run(lg, "predict model.h5 --x 1 --solve");
     assert_says(result.out, "largest difference");
 }
 
@@ -323,23 +319,23 @@ TEST("curves of a network of modes are as wrong as its loss and its truncation s
     assert_true(one > 7 && json_number(result.out, "modes") > one);
     json("train data.h5 --epochs 1 --train-fraction 0.1 --out m3.h5", "modes 3, train_curves 4");
     json("train data.h5 --most-curves 9 --epochs 1 --out m9.h5", "learned_curves 9, train_curves 36");
-    cli_expect(lg, "train data.h5 --modes 40 --out no.h5", 2, "40 modes", &result);
+    cli_expect(lg, "train data.h5 --modes 40 --out no.h5", 2, "40 modes");
 }
 
 TEST("--size auto waits for networks that still fall") {
-    cli_expect(lg, "generate --count 100 --intervals 10 --out race.h5", 0, "", &result);
-    cli_json(lg, "train race.h5 --size auto --out raced.h5", "hidden >8, train_mse <1e-12", &result);
+    cli_expect(lg, "generate --count 100 --intervals 10 --out race.h5", 0, "");
+    cli_json(lg, "train race.h5 --size auto --out raced.h5", "hidden >8, train_mse <1e-12");
 }
 
 TEST("boundary conditions alone train a network") {
     json("train data.h5 --loss energy --epochs 300 --out e.h5",
          "loss <1e-3, angles true, modes 0, truncation null");
     assert_true(json_number(result.out, "test_mse") < 1e-3);
-    run("generate --count 12 --intervals 40 --continuous --out smooth.h5");
+    cli_run(lg, "generate --count 12 --intervals 40 --continuous --out smooth.h5");
     json("train smooth.h5 --loss energy --epochs 300 --out e.h5",
          "warnings [\"--loss energy learns the beams of the discrete energy on 40 intervals; errors against "
          "continuous values contain their difference from these\"]");
-    cli_expect(lg, "train data.h5 --loss energy --angles false --out no.h5", 2, "angles alone", &result);
+    cli_expect(lg, "train data.h5 --loss energy --angles false --out no.h5", 2, "angles alone");
 }
 
 TEST("a query that the network was not trained for is answered with a warning") {
@@ -352,8 +348,8 @@ TEST("a query that the network was not trained for is answered with a warning") 
     assert_says(result.err, "of 40 curves lie outside the training range");
     json("evaluate model.h5 data.h5", "outside 0");
     assert_string_equal(result.err, "");
-    run("generate --count 8 --intervals 10 --continuous --out smooth.h5");
-    run("evaluate model.h5 smooth.h5");
+    cli_run(lg, "generate --count 8 --intervals 10 --continuous --out smooth.h5");
+    cli_run(lg, "evaluate model.h5 smooth.h5");
     assert_says(result.err, "trained on discrete values");
 }
 
@@ -362,12 +358,12 @@ TEST("a trial that fails is a row of the table, and the search goes on") {
                            "layers: 14, activation: identity, "
                            "schedule: constant}\nranges:\n  lr: {log-uniform: [5e2, 1e3]}\n");
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --plot wild.svg --json", 4,
-               "none of 2 trials was finished; trial 0 failed first: ", &result);
+               "none of 2 trials was finished; trial 0 failed first: ");
     assert_true(cli_exists("wild.csv"));
     json_expect(result.out, "done 0, trials 2");
     assert_null(json_find(result.out, "best"));
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --resume", 4,
-               "none of the 2 trials in wild.csv was finished", &result);
+               "none of the 2 trials in wild.csv was finished");
     /* No room for a network of 10^13 parameters. */
     cli_write("roomy.yaml", "fixed: {epochs: 1, batch: 8, layers: 14}\n"
                             "ranges:\n  hidden: {choice: [4, 1048576]}\n");
@@ -376,9 +372,9 @@ TEST("a trial that fails is a row of the table, and the search goes on") {
     cli_expect(lg,
                "train data.h5 --out m.h5 --method adam --modes 0 --layers 4 --hidden 12 --lr 1000 --epochs "
                "12 --json",
-               4, "the mean curve", &result);
+               4, "the mean curve");
     cli_expect(lg, "train data.h5 --out m.h5 --layers 14 --hidden 1048576", 5,
-               "lg-elastica train: out of memory: the network has 1", &result);
+               "lg-elastica train: out of memory: the network has 1");
 }
 
 TEST("too few intervals for a nearly straight beam are told, and enough of them are not") {
@@ -397,7 +393,7 @@ TEST("too few intervals for a nearly straight beam are told, and enough of them 
         (void)snprintf(line, sizeof line,
                        "solve --length 1 --stiffness 1 --q0 0,0 --qN %g,0 --theta0 0 --thetaN 0 %s",
                        rows[i].chord, rows[i].more);
-        cli_expect("lg-elastica", line, 0, "minimum", &result);
+        cli_expect("lg-elastica", line, 0, "minimum");
         assert_int_equal(strstr(result.err, "too few for this shape") != NULL, rows[i].told);
     }
 }

@@ -9,7 +9,6 @@
 #include "liegrad/io.h"
 
 static const char lg[] = "lg-simulate";
-static cli result;
 
 static const char circles[] =
     "system: oscillator\ninitial: {q: 1, p: 0}\nensemble: q = normal 0 2, p = normal 0 2\nt_end: 3\n";
@@ -26,7 +25,7 @@ static int setup(void **state) {
 }
 
 static void json(const char *arguments, const char *members) {
-    cli_json(lg, arguments, members, &result);
+    cli_json(lg, arguments, members);
 }
 
 static const char *within(const char *object, const char *key) {
@@ -180,13 +179,13 @@ TEST("parts merge into the bits of one process, whatever the threads") {
     assert_memory_equal(whole, merged, sizeof whole);
     assert_memory_equal(a, b, whole[0] * whole[1] * whole[2] * sizeof(double));
     assert_true(a[0] != 0.0 && a[2499 * whole[1] * whole[2]] != 0.0); /* no fill values */
-    cli_expect(lg, "merge merged.h5 part.part-2-of-3.h5 part.part-0-of-3.h5", 3, "are missing", &result);
-    cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5 part.part-0-of-3.h5", 3, "are there twice", &result);
-    cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5", 3, "are missing", &result);
-    cli_expect(lg, "merge merged.h5 foreign.h5 part.part-0-of-3.h5", 3, "foreign.h5", &result);
+    cli_expect(lg, "merge merged.h5 part.part-2-of-3.h5 part.part-0-of-3.h5", 3, "are missing");
+    cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5 part.part-0-of-3.h5", 3, "are there twice");
+    cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5", 3, "are missing");
+    cli_expect(lg, "merge merged.h5 foreign.h5 part.part-0-of-3.h5", 3, "foreign.h5");
     json("circles.yaml --ensemble 5000 --points 6 --task 1/3 --out other.h5", "");
     cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5 other.part-1-of-3.h5 part.part-2-of-3.h5", 3,
-               "another ensemble", &result);
+               "another ensemble");
 }
 
 /* Number `index` of a data set of a copy of a part becomes `bits`. */
@@ -230,7 +229,7 @@ TEST("a part whose counts, ends or sums contradict each other is refused by merg
     for (size_t i = 0; i < LG_COUNT(places); i++)
         for (size_t v = 0; v < LG_COUNT(values); v++) {
             damage("odd.part-1-of-2.h5", "bad.h5", places[i].dataset, places[i].index, values[v]);
-            cli_run_limited(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 0, &result);
+            cli_run_limited(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 0);
             if (result.code != 3 || strstr(result.err, "bad.h5") == NULL || cli_exists("sum.h5"))
                 fail_msg("%s[%zu], value %zu: %d\n%s", places[i].dataset, places[i].index, v, result.code,
                          result.err);
@@ -242,17 +241,17 @@ TEST("a part whose counts, ends or sums contradict each other is refused by merg
     } counts[] = {{"accumulators/states/count", 1}, {"accumulators/events/count", 2500}};
     for (size_t i = 0; i < LG_COUNT(counts); i++) {
         damage("odd.part-1-of-2.h5", "bad.h5", counts[i].dataset, 0, counts[i].count);
-        cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "contradict each other",
-                   &result);
+        cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3,
+                   "contradict each other");
     }
     for (size_t v = 0; v < LG_COUNT(ends); v++) {
         damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/states/largest", 1, ends[v]);
-        cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "bad.h5", &result);
+        cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "bad.h5");
     }
     damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/numbers", STEPS, UINT64_MAX);
-    cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "overflow", &result);
+    cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "overflow");
     damage("odd.part-1-of-2.h5", "bad.h5", "accumulators/numbers", BLOCK, 0);
-    cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "bad.h5", &result);
+    cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "bad.h5");
 }
 
 TEST("lanes and one at a time have the same statistics") {
@@ -265,7 +264,7 @@ TEST("lanes and one at a time have the same statistics") {
 }
 
 TEST("a screen for people, and a picture") {
-    cli_expect(lg, "circles.yaml --ensemble 100 --event q=0 --plot bands.svg", 0, "", &result);
+    cli_expect(lg, "circles.yaml --ensemble 100 --event q=0 --plot bands.svg", 0, "");
     assert_says(result.out, "Time of the first event");
     assert_true(cli_exists("bands.gp") && cli_exists("bands.dat"));
 }
@@ -280,20 +279,20 @@ TEST("tasks of an array run side by side, and the same one twice is refused") {
     cli_wait_for("array.part-0-of-2.trajectories.h5.lock");
     json("pendulums.yaml --ensemble 3000 --save all --task 1/2 --out array.h5", "members >0");
     json("pendulums.yaml --ensemble 3000 --save all --out array.h5", "members 3000");
-    cli_expect(lg, task, 3, "array.part-0-of-2.h5: is being written by process", &result);
+    cli_expect(lg, task, 3, "array.part-0-of-2.h5: is being written by process");
     cli_expect(lg, "pendulums.yaml --ensemble 9 --out array.part-0-of-2.trajectories.h5", 3,
-               "is being written by process", &result);
-    cli_interrupt(first, &result);
+               "is being written by process");
+    cli_interrupt(first);
 }
 
 TEST("merge claims its output") {
     json("pendulums.yaml --ensemble 9 --task 0/1 --out claimed.h5", "members 9");
     const cli_child writer = cli_start(lg, "pendulums.yaml --ensemble 100000000 --out claimed.h5", 0);
     cli_wait_for("claimed.h5.lock");
-    cli_expect(lg, "merge claimed.h5 claimed.part-0-of-1.h5", 3, "is being written by process", &result);
-    cli_interrupt(writer, &result);
+    cli_expect(lg, "merge claimed.h5 claimed.part-0-of-1.h5", 3, "is being written by process");
+    cli_interrupt(writer);
     assert_false(cli_exists("claimed.h5"));
-    cli_expect(lg, "merge claimed.part-0-of-1.h5 claimed.part-0-of-1.h5", 2, "would be replaced", &result);
+    cli_expect(lg, "merge claimed.part-0-of-1.h5 claimed.part-0-of-1.h5", 2, "would be replaced");
     json("merge claimed.h5 claimed.part-0-of-1.h5", "members 9");
 }
 
@@ -329,7 +328,7 @@ TEST("trajectories are those of the run whose statistics they stand beside, all 
     assert_false(has_trajectories("runs.h5"));
     assert_says(result.err, "trajectories of no part that was given");
     json(RUNS "--seed 2 --save 2500 --task 0/2", "");
-    cli_expect(lg, MERGE, 3, "keeps the trajectories of 2500 members of the ensemble", &result);
+    cli_expect(lg, MERGE, 3, "keeps the trajectories of 2500 members of the ensemble");
     both_tasks("--seed 2 --save 2500");
     json(PATTERN, "members 3000, warnings []");
     const double *merged = rows_of("runs.h5", two);
@@ -340,19 +339,19 @@ TEST("trajectories are those of the run whose statistics they stand beside, all 
     cli_path(second, path[0], sizeof path[0]);
     cli_path("kept.h5", path[1], sizeof path[1]);
     assert_int_equal(rename(path[0], path[1]), 0);
-    cli_expect(lg, MERGE, 3, "runs.part-1-of-2.trajectories.h5: is missing", &result);
+    cli_expect(lg, MERGE, 3, "runs.part-1-of-2.trajectories.h5: is missing");
     json("circles.yaml --ensemble 3000 --points 4 --seed 3 --save 2500 --out other.h5", "");
     cli_link("other.trajectories.h5", second);
-    cli_expect(lg, MERGE, 3, "holds trajectories of another run", &result);
+    cli_expect(lg, MERGE, 3, "holds trajectories of another run");
     json("merge --statistics-only runs.h5 runs.part-0-of-2.h5 runs.part-1-of-2.h5", "members 3000");
     assert_false(has_trajectories("runs.h5"));
     cli_unlink(second);
     cli_link("runs.part-0-of-2.trajectories.h5", second);
-    cli_expect(lg, MERGE, 3, "holds 1024 members from 0 on", &result);
+    cli_expect(lg, MERGE, 3, "holds 1024 members from 0 on");
     cli_unlink(second);
     cli_link("kept.h5", second);
     json(MERGE, "members 3000");
-    cli_expect(lg, "merge runs.h5 runs.part-0-of-2.trajectories.h5", 2, "no part of an ensemble", &result);
+    cli_expect(lg, "merge runs.h5 runs.part-0-of-2.trajectories.h5", 2, "no part of an ensemble");
 }
 
 TEST("parts of other starts or limits are another ensemble") {
@@ -360,13 +359,11 @@ TEST("parts of other starts or limits are another ensemble") {
     json("circles.yaml --ensemble 3 --starts starts.csv --task 0/2 --out table.h5", "members 0");
     cli_write("starts.csv", "q,p\n1,0\n2,0\n3,1\n");
     json("circles.yaml --ensemble 3 --starts starts.csv --task 1/2 --out table.h5", "members 3");
-    cli_expect(lg, "merge table.h5 table.part-0-of-2.h5 table.part-1-of-2.h5", 3, "another ensemble",
-               &result);
+    cli_expect(lg, "merge table.h5 table.part-0-of-2.h5 table.part-1-of-2.h5", 3, "another ensemble");
 }
 
 TEST("a part without members is a part") {
-    cli_expect(lg, "circles.yaml --ensemble 10 --points 3 --save all --task 0/2 --out few.h5", 0, "",
-               &result);
+    cli_expect(lg, "circles.yaml --ensemble 10 --points 3 --save all --task 0/2 --out few.h5", 0, "");
     assert_says(result.out, "no members: blocks of 1024 go to the parts, and the others have all 10 members");
     assert_null(strstr(result.out, "nan"));
     json("circles.yaml --ensemble 10 --points 3 --save all --task 1/2 --out few.h5", "members 10, first 0");
@@ -375,7 +372,7 @@ TEST("a part without members is a part") {
     (void)rows_of("few.h5", dims);
     assert_int_equal(dims[0], 10);
     json("merge few.h5 few.part-1-of-2.h5", "members 10");
-    cli_expect(lg, "merge few.h5 few.part-0-of-2.h5", 3, "members 0 to 9 are missing", &result);
+    cli_expect(lg, "merge few.h5 few.part-0-of-2.h5", 3, "members 0 to 9 are missing");
 }
 
 /* ---- trajectories larger than the memory, and lost ones ---- */
@@ -406,7 +403,7 @@ TEST("trajectories that cannot be written do not take the statistics with them")
     cli_wait_for("lost.trajectories.h5.lock");
     const char *path = cli_at("lost.trajectories.h5");
     assert_int_equal(mkdir(path, 0700), 0);
-    cli_finish(child, &result);
+    cli_finish(child);
     assert_int_equal(result.code, 3);
     assert_says(result.err, "lost.trajectories.h5");
     assert_says(result.err, "the statistics are in lost.h5");
@@ -445,16 +442,16 @@ TEST("what is refused") {
         {"circles.yaml --ensemble 5 --starts missing.csv", 3, "missing.csv"},
     };
     for (size_t i = 0; i < LG_COUNT(rows); i++)
-        cli_expect(lg, rows[i].arguments, rows[i].code, rows[i].words, &result);
+        cli_expect(lg, rows[i].arguments, rows[i].code, rows[i].words);
     assert_false(cli_exists("a.h5"));
-    cli_expect(lg, "circles.yaml --ensemble 2 --vary q=within:0", 0, "", &result);
+    cli_expect(lg, "circles.yaml --ensemble 2 --vary q=within:0", 0, "");
 }
 
 TEST("Ctrl-C ends an ensemble and leaves no file") {
     const cli_child child =
         cli_start(lg, "pendulums.yaml --ensemble 100000000 --vary q=sphere --save 100 --out gone.h5", 0);
     (void)nanosleep(&(struct timespec){0, 400000000}, NULL);
-    cli_interrupt(child, &result);
+    cli_interrupt(child);
     assert_says(result.err, "stopped by Ctrl-C");
     assert_int_equal(cli_count_files("gone"), 0);
 }
@@ -468,22 +465,20 @@ TEST("signals are named") {
         const cli_child child = cli_start(lg, "pendulums.yaml --ensemble 100000000 --out gone.h5", 0);
         cli_wait_for("gone.h5.lock");
         assert_int_equal(kill(child.pid, rows[i].number), 0);
-        cli_finish(child, &result);
+        cli_finish(child);
         assert_int_equal(result.code, 128 + rows[i].number);
         assert_says(result.err, rows[i].words);
     }
 }
 
 TEST("an ensemble whose members all failed has failed") {
-    cli_expect(lg, "circles.yaml --ensemble 20 --max-steps 3 --out failed.h5", 4, "all 20 members failed",
-               &result);
+    cli_expect(lg, "circles.yaml --ensemble 20 --max-steps 3 --out failed.h5", 4, "all 20 members failed");
     assert_says(result.out, "20  members failed");
     assert_true(cli_exists("failed.h5"));
-    cli_expect(lg, "merge again.h5 failed.h5", 4, "all 20 members failed", &result);
+    cli_expect(lg, "merge again.h5 failed.h5", 4, "all 20 members failed");
     damage("failed.h5", "bad.h5", "failures/by_status", LG_TOO_MANY_STEPS, 19);
-    cli_expect(lg, "merge again.h5 bad.h5", 3, "contradict each other", &result);
-    cli_expect(lg, "pendulums.yaml --ensemble 20 --vary m1=uniform:-2:-1", 2, "all 20 members failed",
-               &result);
+    cli_expect(lg, "merge again.h5 bad.h5", 3, "contradict each other");
+    cli_expect(lg, "pendulums.yaml --ensemble 20 --vary m1=uniform:-2:-1", 2, "all 20 members failed");
 }
 
 TEST_GROUP(setup, cli_end)

@@ -8,7 +8,6 @@
 #include "hamiltonian/internal.h"
 
 static const char lg[] = "lg-export";
-static cli result;
 static size_t parameters; /* of the Hamiltonian below */
 static double mass;       /* its gamma, 0: as drawn */
 
@@ -140,33 +139,33 @@ TEST("files that were not written for this name stay as they are, whichever of t
                        "mkdir others && echo '%s' > others/%s && cp -r others before", heads[i], names[i]);
         const char *words = test_text("others/%s: exists and was not written by lg-export", names[i]);
         export_expect(command);
-        cli_expect(lg, "pendulum.h5 --out others", 3, words, &result);
+        cli_expect(lg, "pendulum.h5 --out others", 3, words);
         export_expect("diff -r others before && rm -r others before");
     }
     export_run("pendulum.h5 --out one --name alpha");
     export_expect("cp -r one before");
-    cli_expect(lg, "pendulum.h5 --out one --name beta", 3, "one/Makefile: exists", &result);
-    cli_expect(lg, "pendulum.h5 --out one --name alph", 3, "one/Makefile: exists", &result);
+    cli_expect(lg, "pendulum.h5 --out one --name beta", 3, "one/Makefile: exists");
+    cli_expect(lg, "pendulum.h5 --out one --name alph", 3, "one/Makefile: exists");
     export_expect("diff -r one before && make -C one test CFLAGS=-O0 && rm -r one before");
 }
 
 TEST("a folder that holds something else under a file's name stays as it is") {
     export_expect("mkdir -p blocked/pendulum_test.c && echo '/* lg-export: pendulum */ old' > blocked/notes");
     cli_expect(lg, "pendulum.h5 --out blocked", 3,
-               "blocked/pendulum_test.c: exists and is not a regular file", &result);
+               "blocked/pendulum_test.c: exists and is not a regular file");
     export_expect("test ! -e blocked/pendulum.c && grep -q old blocked/notes");
     assert_int_equal(entries("blocked"), 2);
     export_expect("rm -r blocked");
     if (geteuid() == 0) return; /* who may write everywhere */
     export_expect("mkdir -m 555 fixed");
-    cli_expect(lg, "pendulum.h5 --out fixed/o", 3, "Permission denied", &result);
+    cli_expect(lg, "pendulum.h5 --out fixed/o", 3, "Permission denied");
     export_run("pendulum.h5 --out fixed"); /* empty: replaced as a whole */
     export_expect("chmod 755 fixed && rm -r fixed");
 }
 
 /* Exit code 3 (or, where the damage did no harm, 0), no folder and no temporary. */
 static void expect_harmless(const char *name, const char *what, size_t at) {
-    cli_run_limited(lg, test_text("%s --out o", name), 0, &result);
+    cli_run_limited(lg, test_text("%s --out o", name), 0);
     if (result.code != 3 && result.code != 0)
         fail_msg("%s at %zu: exit code %d\n%s", what, at, result.code, result.err);
     if (result.code == 3 && strncmp(result.err, "lg-export: ", 11) != 0)
@@ -212,7 +211,7 @@ TEST("killed or interrupted at any moment, the folder is whole or not there") {
         const cli_child child = cli_start(lg, "pendulum.h5 --out o", 0);
         (void)nanosleep(&pause, NULL);
         (void)kill(child.pid, killed ? SIGKILL : SIGINT);
-        cli_finish(child, &result);
+        cli_finish(child);
         if (cli_exists("o")) expect_files("o", "pendulum", 0);
         if (!killed && result.code == 130) assert_false(cli_exists("o"));
         if (!killed) assert_int_equal(cli_count_files("tmp"), 0);
@@ -224,10 +223,9 @@ TEST("a full disk is told, and leaves what was there") {
     static const rlim_t limits[] = {1, 500, 2000, 4000, 8000};
     export_expect("mkdir kept && printf '/* lg-export: pendulum */\\nold\\n' > kept/pendulum.c");
     for (size_t i = 0; i < LG_COUNT(limits); i++) {
-        cli_expect_limited(lg, "pendulum.h5 --out o", limits[i], 3, "o: cannot be written: File too large",
-                           &result);
+        cli_expect_limited(lg, "pendulum.h5 --out o", limits[i], 3, "o: cannot be written: File too large");
         assert_false(cli_exists("o"));
-        cli_expect_limited(lg, "pendulum.h5 --out kept", limits[i], 3, "File too large", &result);
+        cli_expect_limited(lg, "pendulum.h5 --out kept", limits[i], 3, "File too large");
         assert_int_equal(entries("kept"), 1);
         assert_int_equal(cli_count_files("tmp"), 0);
     }
@@ -240,7 +238,7 @@ TEST("--json tells what was written") {
                                                {"depth", "DEPTH"},
                                                {"tolerance", "TOLERANCE"}};
     cli_json(lg, "pendulum.h5 --out o --dtype f32 --scheme rkmk4 --golden 3",
-             "name \"pendulum\", kind \"hamiltonian\", dtype \"f32\", scheme \"rkmk4\"", &result);
+             "name \"pendulum\", kind \"hamiltonian\", dtype \"f32\", scheme \"rkmk4\"");
     assert_says(result.out, "\"files\": [\"pendulum.h\", \"pendulum.c\", \"pendulum_weights.c\", "
                             "\"pendulum_test.c\", \"Makefile\"]");
     assert_close(json_number(result.out, "parameters"), (double)parameters, 0, 0);
@@ -280,7 +278,7 @@ static size_t same_numbers(const char *name, bool single) {
 }
 
 TEST("decimals of the weights and the hexadecimal comment below them are the same numbers") {
-    cli_expect(lg, "pendulum.h5 --out o --json", 0, "", &result);
+    cli_expect(lg, "pendulum.h5 --out o --json", 0, "");
     const double bytes = json_number(result.out, "weights_bytes");
     assert_close((double)(8 * same_numbers("o/pendulum_weights.c", false)), bytes, 0, 0);
     export_run("pendulum.h5 --out o --dtype f32");
@@ -315,7 +313,7 @@ TEST("words of other people in comments neither end nor begin one, give no warni
     export_check_each("evil", "evil", ways, LG_COUNT(ways));
     export_expect("! LC_ALL=C grep -n '[^ -~\t]' evil/evil.h");
     export_expect("grep -q 'trained by' evil/evil.h && grep -q 'U+00B5' evil/evil.h && rm -r evil");
-    cli_expect(lg, "pendulum.h5 --out o", 0, "", &result);
+    cli_expect(lg, "pendulum.h5 --out o", 0, "");
     char text[65536];
     (void)cli_read("o/pendulum.h", text, sizeof text);
     char *line = text;
@@ -329,7 +327,7 @@ TEST("words of other people in comments neither end nor begin one, give no warni
  * is not, in no precision. */
 TEST("what the precision cannot hold is not written") {
     make_hamiltonian("large.h5", 1e60, "");
-    cli_expect(lg, "large.h5 --out o --dtype f32", 3, "large.h5", &result);
+    cli_expect(lg, "large.h5 --out o --dtype f32", 3, "large.h5");
     assert_false(cli_exists("o"));
     export_run("large.h5 --out o");
     export_expect("make -C o test CFLAGS=-O1 && rm -r o");
@@ -338,7 +336,7 @@ TEST("what the precision cannot hold is not written") {
         mass = size[i / 2];
         make_hamiltonian("heavy.h5", 1, "");
         mass = 0;
-        cli_run_limited(lg, i % 2 == 0 ? "heavy.h5 --out o" : "heavy.h5 --out o --dtype f32", 0, &result);
+        cli_run_limited(lg, i % 2 == 0 ? "heavy.h5 --out o" : "heavy.h5 --out o --dtype f32", 0);
         if (result.code != 0 && result.code != 3)
             fail_msg("gamma %g: exit code %d\n%s", size[i / 2], result.code, result.err);
         if (i < 2) assert_int_equal(result.code, 3);
@@ -357,7 +355,7 @@ TEST("numbers that are too small for single precision are told, in every format,
             const char *command =
                 test_text("%s --json --out o --target %s --dtype %s", k < 2 ? "small.h5" : "pendulum.h5",
                           targets[i], k != 1 ? "f32" : "f64");
-            cli_expect(lg, command, 0, "", &result);
+            cli_expect(lg, command, 0, "");
             const bool told = strstr(result.err, "lose digits or become 0 in single precision") != NULL;
             if (told != (k == 0) || told != (strstr(result.out, "lose digits or become 0") != NULL))
                 fail_msg("%s: told %d\n%s%s", command, told, result.err, result.out);

@@ -614,15 +614,14 @@ TEST("the header tells the errors") {
 
 /* A mass matrix that is singular, and one whose inverse a float cannot hold. */
 TEST("masses without an inverse are refused") {
-    static cli result;
     const lg_hamiltonian_file file = hamiltonian_of(export_find(&motions, "chain2"));
     double *masses = masses_of(&file);
     for (int i = 0; i < 6; i++) masses[i] = i == 0 ? 1 : 0;
     save(&file, "singular");
-    cli_expect("lg-export", "singular.h5 --out no", 3, "not positive definite", &result);
+    cli_expect("lg-export", "singular.h5 --out no", 3, "not positive definite");
     for (int i = 0; i < 6; i++) masses[i] = i >= 4 ? 1e-44 : 0;
     save(&file, "light");
-    cli_expect("lg-export", "light.h5 --out no --dtype f32", 3, "inverse", &result);
+    cli_expect("lg-export", "light.h5 --out no --dtype f32", 3, "inverse");
     assert_false(cli_exists("no"));
 }
 

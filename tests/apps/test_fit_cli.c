@@ -10,7 +10,6 @@ OWNED(lg_table_data, lg_table_data_destroy)
 
 static const char fit[] = "lg-fit";
 static const double turned = 6.283185307179586;
-static cli result;
 
 /* ---- tables ---- */
 
@@ -85,11 +84,10 @@ TEST("a smooth table is learned, by names, and the error on another one is small
     need_tables();
     cli_json(fit, "train smooth.csv --inputs a,b,c,d --outputs y --test other.csv --out smooth.h5",
              "task \"regression\", part \"test\", rows 250, train_rows 250, inputs 4, outputs 1, method "
-             "\"lm\", warnings []",
-             &result);
+             "\"lm\", warnings []");
     assert_true(inner(result.out, "rmse", "y") < 0.3);
     assert_true(inner(result.out, "r2", "y") > 0.999);
-    cli_json(fit, "evaluate smooth.h5 other.csv", "judged_rows 200, outside *", &result);
+    cli_json(fit, "evaluate smooth.h5 other.csv", "judged_rows 200, outside *");
     assert_true(inner(result.out, "rmse", "y") < 0.3);
 }
 
@@ -109,10 +107,10 @@ TEST("a cell far from all others is told with line and value, and hides nothing 
     static const double sizes[] = {1e3, -1e6, 1e12, 1e150, 1e200, -1e307, 1.4e308};
     need_tables();
     write_marked("clean.csv", 0, 1, 1, 1);
-    cli_json(fit, "train clean.csv --out far.h5", "warnings []", &result);
+    cli_json(fit, "train clean.csv --out far.h5", "warnings []");
     for (size_t i = 0; i < LG_COUNT(sizes); i++) {
         write_marked("far.csv", 40, sizes[i], 1, 1);
-        cli_json(fit, "train far.csv --test clean.csv --out far.h5", "inputs 2", &result);
+        cli_json(fit, "train far.csv --test clean.csv --out far.h5", "inputs 2");
         if (strstr(result.out,
                    "column a: 1 of 300 cells lies far from all others, the farthest in line 40") == NULL)
             fail_msg("%g: %s", sizes[i], result.out);
@@ -122,14 +120,14 @@ TEST("a cell far from all others is told with line and value, and hides nothing 
     for (size_t i = 0; i < 2; i++) {
         const char *line = test_text("column %s: 1 of 300 cells", i == 0 ? "a" : "y");
         write_marked("far.csv", 40, i == 0 ? 1e307 : 1, i == 0 ? 1 : 1e307, 1);
-        cli_run_limited(fit, "train far.csv --out far.h5 --json", 0, &result);
+        cli_run_limited(fit, "train far.csv --out far.h5 --json", 0);
         if (strstr(result.out, line) == NULL) fail_msg("%s%s", result.out, result.err);
     }
     /* The range of the inputs is the range of the other cells. */
     write_marked("far.csv", 40, 1e6, 1, 1);
-    cli_json(fit, "train far.csv --out far.h5", "inputs 2", &result);
+    cli_json(fit, "train far.csv --out far.h5", "inputs 2");
     cli_write("query.csv", "a,b,y\n100,0,0\n");
-    cli_json(fit, "evaluate far.h5 query.csv", "outside 1", &result);
+    cli_json(fit, "evaluate far.h5 query.csv", "outside 1");
 }
 
 TEST("a far cell of an output is told where a table is judged, and the errors are right up to 1e308") {
@@ -138,11 +136,11 @@ TEST("a far cell of an output is told where a table is judged, and the errors ar
                                         "train clean.csv --test far.csv --epochs 2 --out far.h5"};
     const double y = sin(noise(200)) + 0.1 * noise(201) * noise(201), rows = 300;
     write_marked("clean.csv", 0, 1, 1, 1);
-    cli_expect(fit, "train clean.csv --out clean.h5", 0, "", &result);
+    cli_expect(fit, "train clean.csv --out clean.h5", 0, "");
     for (size_t i = 0; i < LG_COUNT(sizes) * LG_COUNT(lines); i++) {
         const double size = sizes[i / LG_COUNT(lines)];
         write_marked("far.csv", 40, 1, size, 1);
-        cli_json(fit, lines[i % LG_COUNT(lines)], "scaled_rmse >1", &result);
+        cli_json(fit, lines[i % LG_COUNT(lines)], "scaled_rmse >1");
         if (strstr(result.out, "far.csv: column y: 1 of 300 cells lies far from all others, the farthest in "
                                "line 40") == NULL)
             fail_msg("%g: %s", size, result.out);
@@ -159,18 +157,18 @@ TEST("errors that overflow are null and end with a sentence, and no table shows 
          "column y: rmse is not finite"},
     };
     write_marked("clean.csv", 0, 1, 1, 1);
-    cli_expect(fit, "train clean.csv --out clean.h5", 0, "", &result);
+    cli_expect(fit, "train clean.csv --out clean.h5", 0, "");
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         cli_write("over.csv", rows[i][0]);
-        cli_expect(fit, "evaluate clean.h5 over.csv --json", 4, rows[i][2], &result);
+        cli_expect(fit, "evaluate clean.h5 over.csv --json", 4, rows[i][2]);
         json_expect(result.out, rows[i][1]);
-        cli_expect(fit, "evaluate clean.h5 over.csv", 4, rows[i][2], &result);
+        cli_expect(fit, "evaluate clean.h5 over.csv", 4, rows[i][2]);
         if (strstr(result.out, "inf") != NULL || strstr(result.out, "nan") != NULL)
             fail_msg("%s", result.out);
     }
     cli_write("over.csv", "a,b,y\n0,1,1\n1,1,1\n");
-    cli_expect(fit, "evaluate clean.h5 over.csv", 0, " -\n", &result); /* r2 of a constant column */
-    cli_json(fit, "evaluate clean.h5 over.csv", "warnings []", &result);
+    cli_expect(fit, "evaluate clean.h5 over.csv", 0, " -\n"); /* r2 of a constant column */
+    cli_json(fit, "evaluate clean.h5 over.csv", "warnings []");
 }
 
 TEST("numbers too small to be scaled are refused before the training, with the lines") {
@@ -178,45 +176,44 @@ TEST("numbers too small to be scaled are refused before the training, with the l
     need_tables();
     for (size_t i = 0; i < LG_COUNT(units); i++) {
         write_marked("tiny.csv", 0, 1, 1, units[i]);
-        cli_expect(fit, "train tiny.csv --out tiny.h5", 3, "tiny.csv: column a: its values, from -", &result);
+        cli_expect(fit, "train tiny.csv --out tiny.h5", 3, "tiny.csv: column a: its values, from -");
         assert_non_null(strstr(result.err, " in line "));
         assert_false(cli_exists("tiny.h5"));
         assert_false(cli_exists("tiny.h5.checkpoint"));
-        cli_expect(fit, "train tiny.csv --inputs b --outputs y --out tiny.h5", 3, "column y: its values",
-                   &result);
+        cli_expect(fit, "train tiny.csv --inputs b --outputs y --out tiny.h5", 3, "column y: its values");
     }
     static const double sound[] = {1e-300, 1e300};
     for (size_t i = 0; i < LG_COUNT(sound); i++) {
         write_marked("tiny.csv", 0, 1, 1, sound[i]);
-        cli_json(fit, "train tiny.csv --out tiny.h5", "warnings []", &result);
+        cli_json(fit, "train tiny.csv --out tiny.h5", "warnings []");
         assert_true(inner(result.out, "r2", "y") > 0.999);
     }
 }
 
 TEST("predictions that are not finite are counted, and end with 4") {
     need_tables();
-    cli_json(fit, "train smooth.csv --inputs a,b,c,d --outputs y --out finite.h5", "inputs 4", &result);
+    cli_json(fit, "train smooth.csv --inputs a,b,c,d --outputs y --out finite.h5", "inputs 4");
     cli_write("huge.csv", "a,b,c,d,y\n0,3e6,0,0,1\n1e308,-1e308,1e308,1,1\n");
-    cli_expect(fit, "predict finite.h5 huge.csv", 4, "predictions of 1 of 2 rows are not finite", &result);
+    cli_expect(fit, "predict finite.h5 huge.csv", 4, "predictions of 1 of 2 rows are not finite");
     assert_string_equal(strrchr(result.out, '.') + strcspn(strrchr(result.out, '.'), "\n"), "\n\n");
-    cli_expect(fit, "predict finite.h5 huge.csv --out p.csv", 4, "predictions of 1 of 2 rows", &result);
-    cli_expect(fit, "evaluate finite.h5 huge.csv", 4, "predictions of 1 of 2 rows", &result);
+    cli_expect(fit, "predict finite.h5 huge.csv --out p.csv", 4, "predictions of 1 of 2 rows");
+    cli_expect(fit, "evaluate finite.h5 huge.csv", 4, "predictions of 1 of 2 rows");
     cli_expect(fit, "train smooth.csv --inputs a,b,c,d --outputs y --test huge.csv --out test.h5", 4,
-               "predictions of 1 of 2 rows", &result);
-    cli_expect(fit, "predict test.h5 smooth.csv", 0, "y\n", &result);
+               "predictions of 1 of 2 rows");
+    cli_expect(fit, "predict test.h5 smooth.csv", 0, "y\n");
 }
 
 TEST("the noise of a table is not learned: the priors say how large it is") {
     need_tables();
     cli_json(fit, "train noisy.csv --inputs a,b,c,d --outputs y --test clear.csv --out noisy.h5",
-             "effective_parameters <120, noise >0.2, noise <0.5", &result);
+             "effective_parameters <120, noise >0.2, noise <0.5");
     /* sqrt(25 d/300) is 1.4 for 23 parameters that the data determine. */
     assert_true(inner(result.out, "rmse", "y") < 2.5);
     print_message("priors: rmse %.3f\n", inner(result.out, "rmse", "y"));
     cli_json(fit,
              "train noisy.csv --inputs a,b,c,d --outputs y --test clear.csv --out loose.h5 --weight-decay 0 "
              "--epochs 200",
-             "evidence_evaluations 0", &result);
+             "evidence_evaluations 0");
     print_message("no priors: rmse %.3f\n", inner(result.out, "rmse", "y"));
     assert_true(inner(result.out, "rmse", "y") > 3.5);
 }
@@ -231,7 +228,7 @@ TEST("a width that is given is learned as well as the one that is chosen") {
         (void)snprintf(line, sizeof line,
                        "train many.csv --inputs a,b,c,d --outputs y --test clear.csv --out wide.h5 %s",
                        widths[i]);
-        cli_json(fit, line, "noise >0.06, noise <0.11, warnings []", &result);
+        cli_json(fit, line, "noise >0.06, noise <0.11, warnings []");
         error[i] = inner(result.out, "rmse", "y");
         print_message("%s: rmse %.4f\n", widths[i], error[i]);
         assert_true(error[i] < 2 * error[0]);
@@ -252,7 +249,7 @@ TEST("two outputs at once, all networks, and methods") {
         (void)snprintf(line, sizeof line,
                        "train smooth.csv --inputs a,b,c --outputs y,z --test other.csv --out n.h5 %s",
                        lines[i]);
-        cli_json(fit, line, "outputs 2", &result);
+        cli_json(fit, line, "outputs 2");
         if (!(inner(result.out, "r2", "y") > 0.97 && inner(result.out, "r2", "z") > 0.99))
             fail_msg("%s: %s", line, result.out);
     }
@@ -262,7 +259,7 @@ TEST("a widths' race chooses a size") {
     need_tables();
     write_smooth("few.csv", 0, 100, 0.0); /* of smooth.csv it takes a minute under sanitizers */
     cli_json(fit, "train few.csv --inputs a,b,c --outputs y --test other.csv --out n.h5 --size auto",
-             "sizes *", &result);
+             "sizes *");
     assert_true(inner(result.out, "r2", "y") > 0.99);
 }
 
@@ -281,20 +278,20 @@ TEST("a resumed training ends in the bits of one that never stopped, whatever th
         char line[512];
         static const char common[] = "train noisy.csv --inputs a,b,c,d --outputs y --validation 0.2";
         (void)snprintf(line, sizeof line, "%s %s --out whole.h5 --threads 1", common, methods[i]);
-        cli_expect(fit, line, 0, "", &result);
+        cli_expect(fit, line, 0, "");
         (void)snprintf(line, sizeof line,
                        "%s %s --out part.h5 --stop-after 3 --checkpoint part.chk --threads 2", common,
                        methods[i]);
-        cli_expect(fit, line, 0, "", &result);
+        cli_expect(fit, line, 0, "");
         (void)snprintf(line, sizeof line, "%s --out part.h5 --resume part.chk --threads 2", common);
-        cli_expect(fit, line, 0, "", &result);
+        cli_expect(fit, line, 0, "");
         const lg_table_file *a = model_of("whole.h5"), *b = model_of("part.h5");
         assert_int_equal(a->parameters, b->parameters);
         assert_memory_equal(a->theta, b->theta, a->parameters * sizeof(double));
     }
     cli_expect(fit,
                "train smooth.csv --inputs a,b,c,d --outputs y --validation 0.2 --out x.h5 --resume part.chk",
-               2, "was written from other data", &result);
+               2, "was written from other data");
 }
 
 /* ---- classification ---- */
@@ -303,12 +300,12 @@ TEST("classes with texts as names are told apart, and predicted with probabiliti
     static char text[1 << 16];
     need_tables();
     cli_json(fit, "train classes.csv --class where --test more.csv --out c.h5 --seed 3",
-             "task \"classification\", accuracy >0.93, f1 >0.93, outputs 3", &result);
-    cli_json(fit, "evaluate c.h5 more.csv", "accuracy >0.93, judged_rows 300", &result);
-    cli_json(fit, "predict c.h5 more.csv --out p.csv", "rows 300, incomplete 0", &result);
+             "task \"classification\", accuracy >0.93, f1 >0.93, outputs 3");
+    cli_json(fit, "evaluate c.h5 more.csv", "accuracy >0.93, judged_rows 300");
+    cli_json(fit, "predict c.h5 more.csv --out p.csv", "rows 300, incomplete 0");
     (void)cli_read("p.csv", text, sizeof text);
     assert_non_null(strstr(text, "where,probability_7,probability_east,\"probability_north, far\"\n"));
-    cli_expect(fit, "train classes.csv --class where --out c.h5 --method lm", 2, "lbfgs", &result);
+    cli_expect(fit, "train classes.csv --class where --out c.h5 --method lm", 2, "lbfgs");
 }
 
 /* ---- predictions ---- */
@@ -316,12 +313,11 @@ TEST("classes with texts as names are told apart, and predicted with probabiliti
 TEST("columns are found by name: swapped ones give the same numbers, missing cells give none") {
     static char first[4096], second[4096];
     need_tables();
-    cli_expect(fit, "train smooth.csv --inputs a,b,c --outputs y --out s.h5 --test other.csv", 0, "",
-               &result);
+    cli_expect(fit, "train smooth.csv --inputs a,b,c --outputs y --out s.h5 --test other.csv", 0, "");
     cli_write("some.csv", "a,b,c\n0.1,3e6,1e-8\n-0.5,2.5e6,-5e-8\n");
     cli_write("swapped.csv", "c;y;more;a;b\n1e-8;9;text;0.1;3e6\n;9;text;0.1;3e6\n-5e-8;9;text;-0.5;2.5e6\n");
-    cli_json(fit, "predict s.h5 some.csv --out p1.csv", "rows 2, incomplete 0", &result);
-    cli_json(fit, "predict s.h5 swapped.csv --out p2.csv", "rows 3, incomplete 1", &result);
+    cli_json(fit, "predict s.h5 some.csv --out p1.csv", "rows 2, incomplete 0");
+    cli_json(fit, "predict s.h5 swapped.csv --out p2.csv", "rows 3, incomplete 1");
     assert_says(result.err, "1 of 3 rows lack an input");
     (void)cli_read("p1.csv", first, sizeof first);
     (void)cli_read("p2.csv", second, sizeof second);
@@ -330,11 +326,11 @@ TEST("columns are found by name: swapped ones give the same numbers, missing cel
     memmove(missing, missing + 1, strlen(missing));
     assert_string_equal(first, second);
     cli_write("short.csv", "a,c\n1,2\n");
-    cli_expect(fit, "predict s.h5 short.csv", 3, "there is no column 'b'; the columns are: a, c", &result);
+    cli_expect(fit, "predict s.h5 short.csv", 3, "there is no column 'b'; the columns are: a, c");
     cli_write("far.csv", "a,b,c\n50,3e6,1e-8\n");
-    cli_expect(fit, "predict s.h5 far.csv", 0, "y\n", &result);
+    cli_expect(fit, "predict s.h5 far.csv", 0, "y\n");
     assert_says(result.err, "1 of 1 rows lie outside of the training range");
-    cli_expect(fit, "predict s.h5 some.csv --out some.csv", 2, "some.csv", &result);
+    cli_expect(fit, "predict s.h5 some.csv --out some.csv", 2, "some.csv");
 }
 
 /* ---- columns that are not used ---- */
@@ -350,17 +346,17 @@ TEST(
             sin(noise(2 * i)) + noise(2 * i + 1));
     cli_write("pump.csv", s->text);
     cli_expect(fit, "train pump.csv --inputs a,\"rate,kg/s\" --outputs y --out two.h5 --validation 0.2", 0,
-               "regression of 48 of 60 rows, 2 inputs", &result);
+               "regression of 48 of 60 rows, 2 inputs");
     assert_says(result.out, "validation rows (12, not learned)");
     if (strstr(result.err, "warning") != NULL) fail_msg("%s", result.err);
     cli_expect(fit, "train pump.csv --without tag --out all.h5 --validation 0.2", 0,
-               "48 of 60 rows, 2 inputs", &result);
+               "48 of 60 rows, 2 inputs");
     assert_says(result.err, "column unit is constant: it says nothing and is left out");
     cli_expect(fit,
                "train pump.csv --without tag --out part.h5 --validation 0.2 --stop-after 2 --checkpoint "
                "pump.chk",
-               0, "", &result);
-    cli_expect(fit, "train pump.csv --without tag --out part.h5 --resume pump.chk", 0, "", &result);
+               0, "");
+    cli_expect(fit, "train pump.csv --without tag --out part.h5 --resume pump.chk", 0, "");
     const lg_table_file *two = model_of("two.h5");
     static const char *const others[] = {"all.h5", "part.h5"};
     for (size_t i = 0; i < LG_COUNT(others); i++) {
@@ -369,27 +365,27 @@ TEST(
         assert_memory_equal(two->theta, other->theta, two->parameters * sizeof(double));
     }
     cli_write("bare.csv", "\"rate,kg/s\",a,y\n0.1,0.2,0.3\n-0.1,0.4,0.2\n");
-    cli_expect(fit, "predict all.h5 bare.csv", 0, "y\n", &result);
-    cli_json(fit, "evaluate all.h5 bare.csv", "judged_rows 2", &result);
+    cli_expect(fit, "predict all.h5 bare.csv", 0, "y\n");
+    cli_json(fit, "evaluate all.h5 bare.csv", "judged_rows 2");
     /* The header says which rows were learned, and how, in words that a shell takes. */
-    cli_expect("lg-export", "two.h5 --out two --name two", 0, "", &result);
+    cli_expect("lg-export", "two.h5 --out two --name two", 0, "");
     (void)cli_read("two/two.h", header, sizeof header);
     assert_says(header, ", 48 rows");
     assert_says(header, "'a,\"rate,kg/s\"'");
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [2, 4]}\nfixed: {epochs: 3}\n");
     cli_expect(fit,
                "search ranges.yaml pump.csv --outputs \"rate,kg/s\" --without tag --trials 1 --out p.csv", 0,
-               "train pump.csv --outputs '\"rate,kg/s\"' --without tag --epochs 3", &result);
+               "train pump.csv --outputs '\"rate,kg/s\"' --without tag --epochs 3");
     assert_says(result.err, "column unit is constant: it says nothing and is left out");
     cli_expect(fit, "train pump.csv --class \"tag\" --inputs a,y --out tag.h5 --epochs 3", 0,
-               "classification", &result);
-    cli_expect(fit, "evaluate tag.h5 pump.csv", 0, "accuracy", &result);
+               "classification");
+    cli_expect(fit, "evaluate tag.h5 pump.csv", 0, "accuracy");
 }
 
 TEST("the help says what --plot draws and where its data are, and how the width is chosen") {
     static char text[1 << 17];
     size_t used = 0;
-    cli_expect(fit, "train --help", 0, "", &result);
+    cli_expect(fit, "train --help", 0, "");
     for (const char *c = result.out; *c != '\0' && used + 1 < sizeof text; c++) /* one line, single blanks */
         if (strchr(" \n", *c) == NULL || (used > 0 && text[used - 1] != ' '))
             text[used++] = *c == '\n' ? ' ' : *c;
@@ -479,11 +475,10 @@ TEST("HDF5 files have columns as data sets and as columns of one") {
         assert_string_equal(data->class_name[data->label[1]], "dog");
         assert_true(data->label[0] == data->label[2]);
     }
-    cli_expect(fit, "train named.h5 --inputs left --outputs kind --out k.h5", 3, "does not hold numbers",
-               &result);
-    cli_expect(fit, "train named.h5 --inputs left --outputs short --out k.h5", 3, "has 2 rows", &result);
+    cli_expect(fit, "train named.h5 --inputs left --outputs kind --out k.h5", 3, "does not hold numbers");
+    cli_expect(fit, "train named.h5 --inputs left --outputs short --out k.h5", 3, "has 2 rows");
     cli_expect(fit, "train named.h5 --inputs left --outputs gone --out k.h5", 3,
-               "the columns are: kind, left, right, short, whole", &result);
+               "the columns are: kind, left, right, short, whole");
 }
 
 /* ---- odd tables ---- */
@@ -579,11 +574,11 @@ TEST("odd tables get a sentence and an exit code, never a crash") {
         cli_write("odd.csv", o->text);
         const char *line = test_text("train odd.csv %s --out m.h5", o->arguments);
         if (o->code >= 0) {
-            cli_expect(fit, line, o->code, o->words, &result);
+            cli_expect(fit, line, o->code, o->words);
             assert_false(cli_exists("m.h5"));
             continue;
         }
-        cli_run_limited(fit, line, 0, &result);
+        cli_run_limited(fit, line, 0);
         if ((result.code != 0 && result.code != 4) || strstr(result.err, o->words) == NULL)
             fail_msg("table %zu: %s: %d\n%s%s", i, line, result.code, result.out, result.err);
         if (cli_exists("m.h5")) cli_unlink("m.h5");
@@ -608,13 +603,13 @@ TEST("files that are no tables get a sentence and an exit code, too") {
     static const double infinite[] = {1, 2, INFINITY, 4};
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         write_npy("odd.npy", arrays[i].header, infinite, sizeof infinite);
-        cli_expect(fit, "train odd.npy --out m.h5", 3, arrays[i].words, &result);
+        cli_expect(fit, "train odd.npy --out m.h5", 3, arrays[i].words);
     }
     write_npy("odd.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }\n", infinite,
               sizeof infinite);
-    cli_expect(fit, "train odd.npy --out m.h5", 3, "row 2: column c0: is infinite", &result);
+    cli_expect(fit, "train odd.npy --out m.h5", 3, "row 2: column c0: is infinite");
     cli_write("cut.npy", "\x93NUMPY\x01");
-    cli_expect(fit, "train cut.npy --out m.h5", 3, "ends within the header", &result);
+    cli_expect(fit, "train cut.npy --out m.h5", 3, "ends within the header");
     static const cli_bad others[] = {
         {"train gone.csv --out m.h5", 3, "No such file"},
         {"train . --out m.h5", 3, "is not a regular file"},
@@ -625,12 +620,12 @@ TEST("files that are no tables get a sentence and an exit code, too") {
         {"train foreign.h5", 2, "--out FILE is missing"},
         {"train", 2, ""},
     };
-    cli_expect_refused(fit, others, LG_COUNT(others), &result);
+    cli_expect_refused(fit, others, LG_COUNT(others));
     cli_write("x.csv", "a,y\n1,2\n2,3\n3,5\n");
     static const char *const same[] = {"train x.csv --out x.csv", "train x.csv --out m.h5 --test m.h5",
                                        "train x.csv --out m.h5 --plot m.txt"};
-    for (size_t i = 0; i < LG_COUNT(same); i++) cli_expect(fit, same[i], 2, "", &result);
-    cli_expect(fit, test_text("train x.csv --out no/folder/m.h5"), 3, "no/folder", &result);
+    for (size_t i = 0; i < LG_COUNT(same); i++) cli_expect(fit, same[i], 2, "");
+    cli_expect(fit, test_text("train x.csv --out no/folder/m.h5"), 3, "no/folder");
 }
 
 /* Every byte of a good file changed in turn, and every length: it ends with one of the exit codes. */
@@ -647,7 +642,7 @@ TEST("damaged tables do not crash the program") {
         const size_t bytes = i < length ? length : i - length;
         assert_int_equal(fwrite(text, 1, bytes, file), bytes);
         assert_int_equal(fclose(file), 0);
-        cli_run_limited(fit, "train damaged.csv --class k --out d.h5 --epochs 3", 0, &result);
+        cli_run_limited(fit, "train damaged.csv --class k --out d.h5 --epochs 3", 0);
         if (result.code > 5) fail_msg("byte %zu: exit code %d\n%s", i, result.code, result.err);
     }
 }
@@ -708,10 +703,10 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     memcpy(numbers + 6, weight2, sizeof weight2);
     memcpy(numbers + 8, bias2, sizeof bias2);
     write_tensors("w.safetensors", header, numbers, sizeof numbers);
-    cli_json(fit, "import w.safetensors --out w.h5", shape, &result);
+    cli_json(fit, "import w.safetensors --out w.h5", shape);
     check_imported("w.h5");
-    cli_expect("lg-export", "w.h5 --target safetensors --out back --name w", 0, "", &result);
-    cli_json(fit, "import back/w.safetensors --out w2.h5", shape, &result);
+    cli_expect("lg-export", "w.h5 --target safetensors --out back --name w", 0, "");
+    cli_json(fit, "import back/w.safetensors --out w2.h5", shape);
     check_imported("w2.h5");
     write_npy("w1.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }\n", weight1,
               sizeof weight1);
@@ -719,18 +714,18 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     write_npy("w2.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (1, 2), }\n", weight2,
               sizeof weight2);
     write_npy("b2.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }\n", bias2, sizeof bias2);
-    cli_json(fit, "import w1.npy b1.npy w2.npy b2.npy --out w3.h5", shape, &result);
+    cli_json(fit, "import w1.npy b1.npy w2.npy b2.npy --out w3.h5", shape);
     check_imported("w3.h5");
-    cli_expect(fit, "import w2.npy b2.npy w1.npy b1.npy --out w4.h5", 3, "another order of files", &result);
+    cli_expect(fit, "import w2.npy b2.npy w1.npy b1.npy --out w4.h5", 3, "another order of files");
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
         write_tensors("bad.safetensors", bad[i].header, numbers, sizeof numbers);
-        cli_expect(fit, "import bad.safetensors --out bad.h5", 3, bad[i].words, &result);
+        cli_expect(fit, "import bad.safetensors --out bad.h5", 3, bad[i].words);
     }
     write_tensors("bad.safetensors", "{}", numbers, 0);
-    cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "no weight", &result);
+    cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "no weight");
     cli_write("bad.safetensors", "short");
-    cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "is not a safetensors file", &result);
-    cli_expect(fit, "import w.safetensors", 2, "--out MODEL.h5 is missing", &result);
+    cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "is not a safetensors file");
+    cli_expect(fit, "import w.safetensors", 2, "--out MODEL.h5 is missing");
 }
 
 TEST("the order of imported layers is printed, can be given, and is doubted where the sizes fit others") {
@@ -752,28 +747,26 @@ TEST("the order of imported layers is printed, can be given, and is doubted wher
     memcpy(numbers + 6, weight2, sizeof weight2);
     memcpy(numbers + 8, bias2, sizeof bias2);
     write_tensors("named.safetensors", header, numbers, sizeof numbers);
-    cli_expect(fit, "import named.safetensors --out n.h5", 3, "--layers", &result);
+    cli_expect(fit, "import named.safetensors --out n.h5", 3, "--layers");
     cli_expect(fit, "import named.safetensors --layers mlp.0,head --out n.h5", 0,
-               "layers: mlp.0 2 -> 2, head 2 -> 1", &result);
+               "layers: mlp.0 2 -> 2, head 2 -> 1");
     check_imported("n.h5");
     static const char *const wrong[] = {"mlp.0", "mlp.0,mlp.0", "mlp.0,head,head", "mlp.0,tail"};
     for (size_t i = 0; i < LG_COUNT(wrong); i++) {
         cli_expect(fit, test_text("import named.safetensors --layers %s --out n.h5", wrong[i]), 2,
-                   "does not name each layer once", &result);
+                   "does not name each layer once");
     }
     write_tensors("square.safetensors", test_text(square, "head"), numbers, 64);
-    cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: head 2 -> 2, layers.0 2 -> 2",
-               &result);
+    cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: head 2 -> 2, layers.0 2 -> 2");
     assert_non_null(strstr(result.err, "order of their names, head,layers.0"));
     cli_expect(fit, "import square.safetensors --layers layers.0,head --out s.h5", 0,
-               "layers: layers.0 2 -> 2, head 2 -> 2", &result);
+               "layers: layers.0 2 -> 2, head 2 -> 2");
     assert_null(strstr(result.err, "warning"));
     write_tensors("square.safetensors", test_text(square, "layers.10"), numbers, 64);
-    cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: layers.0 2 -> 2, layers.10 2",
-               &result);
+    cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: layers.0 2 -> 2, layers.10 2");
     assert_null(strstr(result.err, "warning"));
     write_tensors("table.safetensors", table, numbers, 64);
-    cli_expect(fit, "import table.safetensors --out t.h5", 3, "no chain of layers", &result);
+    cli_expect(fit, "import table.safetensors --out t.h5", 3, "no chain of layers");
 }
 
 TEST("an import of more layers than a network may have is refused") {
@@ -786,15 +779,14 @@ TEST("an import of more layers than a network may have is refused") {
     put(header, "}");
     write_tensors("deep.safetensors", header->text, numbers, sizeof numbers);
     cli_write("one.csv", "w\n1\n");
-    cli_json(fit, "import deep.safetensors one.csv --out deep.h5", "layers 64, parameters 65", &result);
-    cli_expect(fit, "import deep.safetensors one.csv one.csv --out d.h5", 3, "one more layer than the 64",
-               &result);
+    cli_json(fit, "import deep.safetensors one.csv --out deep.h5", "layers 64, parameters 65");
+    cli_expect(fit, "import deep.safetensors one.csv one.csv --out d.h5", 3, "one more layer than the 64");
 }
 
 TEST("a search finds the better width") {
     need_tables();
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [1, 12]}\nfixed: {epochs: 20}\n");
-    cli_expect(fit, "search ranges.yaml smooth.csv --trials 3 --out trials.csv", 0, "", &result);
+    cli_expect(fit, "search ranges.yaml smooth.csv --trials 3 --out trials.csv", 0, "");
     assert_true(cli_exists("trials.csv"));
 }
 
@@ -802,17 +794,17 @@ TEST("a search takes columns and classes as train does, and goes on with the sam
     need_tables();
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [4, 8]}\nfixed: {epochs: 5}\n");
     cli_expect(fit, "search ranges.yaml classes.csv --class where --trials 2 --out classes-trials.csv", 0,
-               "train classes.csv --class where --epochs 5", &result);
+               "train classes.csv --class where --epochs 5");
     cli_expect(fit, "search ranges.yaml smooth.csv --inputs a,b,c --outputs y --trials 1 --out columns.csv",
-               0, "", &result);
+               0, "");
     cli_expect(fit,
                "search ranges.yaml smooth.csv --inputs a,b,c --outputs z --trials 2 --out columns.csv "
                "--resume",
-               2, "trials with other", &result);
+               2, "trials with other");
     cli_expect(fit,
                "search ranges.yaml smooth.csv --inputs a,b,c --outputs y --trials 2 --out columns.csv "
                "--resume",
-               0, "", &result);
+               0, "");
 }
 
 TEST_GROUP(setup, cli_end)

@@ -2,8 +2,6 @@
  * ctest-labels: apps/lg-identify src/machine */
 #include "identify_support.h"
 
-static cli result;
-
 /* ---- a log: x = sin t, y = .5 cos 3t, theta = .8 sin 2t, an attitude about e3 by t ---- */
 
 enum { ROWS = 200, COLUMNS = 14 };
@@ -70,8 +68,7 @@ TEST("check reports files, rows, steps, gaps and the range of each column") {
     s->cells[50][X] = (double)NAN;
     for (size_t i = 100; i < ROWS; i++) s->cells[i][T] += 5 * DT; /* a gap; the motion goes on as if none */
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv", "files 1, runs 1, rows 200, parts 2, gaps 1, delay 0",
-             &result);
+    cli_json(identify, "check machine.yaml log.csv", "files 1, runs 1, rows 200, parts 2, gaps 1, delay 0");
     assert_close(json_number(result.out, "dt_median"), DT, 1e-9, 0);
     assert_close(json_number(result.out, "dt_max"), 6 * DT, 1e-9, 0);
     const char *columns = json_find(result.out, "columns");
@@ -81,19 +78,19 @@ TEST("check reports files, rows, steps, gaps and the range of each column") {
     json_expect(json_find(columns, "u"), "min <-1, max >1");
     assert_null(json_find(columns, "t"));
     json_expect(result.out, "parts 2");
-    cli_expect(identify, "check machine.yaml log.csv", 0, " 2  without a gap", &result);
+    cli_expect(identify, "check machine.yaml log.csv", 0, " 2  without a gap");
     assert_says(result.out, "column ");
 }
 
 TEST("check finds the noise of a column, and what velocities leave of the motion") {
     sheet *s = good_sheet();
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv", "warnings []", &result);
+    cli_json(identify, "check machine.yaml log.csv", "warnings []");
     const char *motion = json_find(result.out, "kinematics");
     json_expect(motion, "x <1e-3, y <1e-2, theta <1e-2, body <1e-3");
     for (size_t i = 0; i < ROWS; i++) s->cells[i][X] += 0.01 * noise(i);
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    cli_json(identify, "check machine.yaml log.csv", "files 1");
     assert_close(json_number(json_find(json_find(result.out, "columns"), "x"), "noise"), 0.01, 0.2, 0);
     /* a step of .02 against the difference of two numbers that are off by .01 */
     assert_close(json_number(json_find(result.out, "kinematics"), "x"), sqrt(2) * 0.01 / (0.02 * 0.71), 0.5,
@@ -102,7 +99,7 @@ TEST("check finds the noise of a column, and what velocities leave of the motion
 
 TEST("check draws every column of the first run") {
     write_sheet("log.csv", good_sheet());
-    cli_json(identify, "check machine.yaml log.csv --plot log.svg", "rows 200", &result);
+    cli_json(identify, "check machine.yaml log.csv --plot log.svg", "rows 200");
     char text[16384];
     (void)cli_read("log.gp", text, sizeof text);
     for (int k = 1; k < COLUMNS; k++) assert_says(text, names[k]);
@@ -115,7 +112,7 @@ static void expect_hopeless(const char *yaml, const sheet *s, const char *const 
     static const char *const commands[] = {"check %s bad.csv", "fit %s bad.csv --out never.h5"};
     write_sheet("bad.csv", s);
     for (size_t i = 0; i < LG_COUNT(commands); i++) {
-        cli_expect(identify, test_text(commands[i], yaml), 3, "bad.csv: ", &result);
+        cli_expect(identify, test_text(commands[i], yaml), 3, "bad.csv: ");
         for (const char *const *word = words; *word != NULL; word++) assert_says(result.err, *word);
         assert_string_equal(result.out, "");
         assert_false(cli_exists("never.h5"));
@@ -242,7 +239,7 @@ TEST("of several files the sentence names the one with the fault, once, and no o
                 write_sheet(files[f], s);
             }
             for (size_t k = 0; k < LG_COUNT(lines); k++) {
-                cli_expect(identify, lines[k], 3, files[bad], &result);
+                cli_expect(identify, lines[k], 3, files[bad]);
                 assert_says(result.err, faults[i].word);
                 for (size_t f = 0; f < LG_COUNT(files); f++)
                     assert_int_equal(times(result.err, files[f]), f == bad);
@@ -250,9 +247,9 @@ TEST("of several files the sentence names the one with the fault, once, and no o
         }
     write_sheet("first.csv", good_sheet());
     cli_write("second.csv", "t,x\n1,2\n");
-    cli_expect(identify, "check machine.yaml first.csv second.csv", 3, "second.csv: line 1", &result);
+    cli_expect(identify, "check machine.yaml first.csv second.csv", 3, "second.csv: line 1");
     assert_null(strstr(result.err, "first.csv"));
-    cli_expect(identify, "check machine.yaml first.csv none.csv", 3, "none.csv", &result);
+    cli_expect(identify, "check machine.yaml first.csv none.csv", 3, "none.csv");
     assert_null(strstr(result.err, "first.csv"));
 }
 
@@ -263,7 +260,7 @@ TEST("a file of which nothing is left is told, where others are read") {
     write_sheet("second.csv", s);
     cli_write("short.yaml", "columns: {time: t, max_step: 0.1}\ncoordinates:\n  - {name: x, kind: line}\n"
                             "measured: positions\nmass: {kind: known, values: [1]}\n");
-    cli_json(identify, "check short.yaml first.csv second.csv", "rows_kept 200", &result);
+    cli_json(identify, "check short.yaml first.csv second.csv", "rows_kept 200");
     assert_says(result.err, "second.csv: nothing of it is used");
     assert_null(strstr(result.err, "first.csv: nothing"));
 }
@@ -273,7 +270,7 @@ TEST("the same warning is told once, on standard error and in JSON") {
     for (size_t i = 0; i < ROWS; i++) s->u[i] = 2;
     s->cells[50][T] = (double)NAN;
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv log.csv log.csv", "files 3", &result);
+    cli_json(identify, "check machine.yaml log.csv log.csv log.csv", "files 3");
     static const char *const sentences[] = {"log.csv: 1 rows without a time were left out",
                                             "column u: the input is always 2"};
     for (size_t i = 0; i < LG_COUNT(sentences); i++) {
@@ -297,7 +294,7 @@ TEST("wrong calls are refused") {
         {"generate machine.yaml", 2, "--out"},
     };
     write_sheet("log.csv", good_sheet());
-    cli_expect_refused(identify, rows, LG_COUNT(rows), &result);
+    cli_expect_refused(identify, rows, LG_COUNT(rows));
     assert_false(cli_exists("g.csv") || cli_exists("p.csv"));
 }
 
@@ -307,20 +304,20 @@ TEST("constant inputs, feedback, coordinates that never move and a free scale ar
     sheet *s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->u[i] = 2;
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    cli_json(identify, "check machine.yaml log.csv", "files 1");
     assert_says(result.err, "column u: the input is always 2");
     for (size_t i = 0; i < ROWS; i++) s->u[i] = 3 * s->cells[i][Y] - 0.5 * s->cells[i][VX] + 1;
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    cli_json(identify, "check machine.yaml log.csv", "files 1");
     assert_says(result.err, "column u: the input is a linear function of the state");
     s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][Y] = 4, s->cells[i][VY] = 0;
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    cli_json(identify, "check machine.yaml log.csv", "files 1");
     assert_says(result.err, "coordinate y never moves");
     cli_write("free.yaml", "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
                            "inputs: {columns: [u]}\n");
-    cli_json(identify, "check free.yaml log.csv", "files 1", &result);
+    cli_json(identify, "check free.yaml log.csv", "files 1");
     assert_says(result.err, "scale of the forces");
 }
 
@@ -413,7 +410,7 @@ TEST("a jump of an input and back is told with file, line and column, and steps,
             cases[i].make(s);
             for (size_t row = 0; row < ROWS; row++) s->u[row] *= units[k];
             write_sheet("second.csv", s);
-            cli_json(identify, "check input.yaml first.csv second.csv", "files 2", &result);
+            cli_json(identify, "check input.yaml first.csv second.csv", "files 2");
             assert_int_equal(strstr(result.err, "such jumps") != NULL, cases[i].told != NULL);
             if (cases[i].told != NULL && k == 0) assert_says(result.err, cases[i].told);
             if (cases[i].told != NULL) assert_says(result.err, "second.csv: line ");
@@ -421,7 +418,7 @@ TEST("a jump of an input and back is told with file, line and column, and steps,
     sheet *s = good_sheet();
     one_jump(s);
     write_sheet("second.csv", s);
-    cli_json(identify, "fit input.yaml first.csv second.csv --out m.h5 --epochs 2", "loss >0", &result);
+    cli_json(identify, "fit input.yaml first.csv second.csv --out m.h5 --epochs 2", "loss >0");
     assert_int_equal(times(result.err, "second.csv: line 72: column u: jumps to 10966"), 1);
     cli_write("place.yaml",
               "columns: {time: t}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
@@ -429,7 +426,7 @@ TEST("a jump of an input and back is told with file, line and column, and steps,
     s = good_sheet();
     s->cells[70][X] = 40;
     write_sheet("second.csv", s);
-    cli_json(identify, "check place.yaml first.csv second.csv", "files 2", &result);
+    cli_json(identify, "check place.yaml first.csv second.csv", "files 2");
     assert_says(result.err, "second.csv: line 72: column x: jumps to 40");
 }
 
@@ -455,13 +452,12 @@ TEST("a cell so large that the others are lost in its rounding is refused with f
                 write_sheet("second.csv", s);
                 cli_expect(
                     identify, commands[c], 3,
-                    test_text("second.csv: line 72: column %s: %g is so large", spoiled[column], values[k]),
-                    &result);
+                    test_text("second.csv: line 72: column %s: %g is so large", spoiled[column], values[k]));
             }
     sheet *s = good_sheet();
     s->cells[70][X] = 1e308;
     write_sheet("second.csv", s);
-    cli_expect(identify, "check place.yaml second.csv", 3, "line 72: column x: 1e+308 is so large", &result);
+    cli_expect(identify, "check place.yaml second.csv", 3, "line 72: column x: 1e+308 is so large");
 }
 
 TEST("positions that are late are told with their lag, noisy or not, and a sensor that is stuck with its "
@@ -472,14 +468,14 @@ TEST("positions that are late are told with their lag, noisy or not, and a senso
         for (size_t i = 0; i < ROWS; i++)
             s->cells[i][Y] = 0.5 * cos(3 * DT * ((double)i - 4)) + sizes[k] * noise(i);
         write_sheet("log.csv", s);
-        cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+        cli_json(identify, "check machine.yaml log.csv", "files 1");
         assert_says(result.err, "y: its positions are 4 rows (0.08 s) later than its velocities");
         assert_null(strstr(result.err, "x: its positions"));
     }
     sheet *s = good_sheet();
     for (size_t i = 75; i < 84; i++) s->cells[i][THETA] = s->cells[75][THETA];
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    cli_json(identify, "check machine.yaml log.csv", "files 1");
     assert_says(result.err, "column theta: stands at ");
     assert_says(result.err, "for 9 rows from 1.5 s on while w moves");
 }
@@ -491,11 +487,11 @@ TEST("rows that jitter are told from gaps by a warning that names max_step") {
     cli_write("line.yaml",
               "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line}\nmeasured: positions\n"
               "mass: {kind: known, values: [1]}\n");
-    cli_json(identify, "check line.yaml log.csv", "gaps >4", &result);
+    cli_json(identify, "check line.yaml log.csv", "gaps >4");
     assert_says(result.err, "columns: {max_step: ...}");
     cli_write("line.yaml", "columns: {time: t, max_step: 0.04}\ncoordinates:\n  - {name: x, kind: line}\n"
                            "measured: positions\nmass: {kind: known, values: [1]}\n");
-    cli_json(identify, "check line.yaml log.csv", "gaps 0, parts 1, warnings []", &result);
+    cli_json(identify, "check line.yaml log.csv", "gaps 0, parts 1, warnings []");
 }
 
 TEST("momenta are refused where velocities are needed, and are not taken for them") {
@@ -504,8 +500,8 @@ TEST("momenta are refused where velocities are needed, and are not taken for the
         "momenta.yaml",
         "columns: {time: t}\nmeasured: momenta\ncoordinates:\n"
         "  - {name: x, kind: line, velocity: vx}\nmass: {kind: known, values: [3]}\ndamping: diagonal\n");
-    cli_json(identify, "check momenta.yaml log.csv", "rows 200", &result);
-    cli_expect(identify, "fit momenta.yaml log.csv --out never.h5", 2, "measured: momenta", &result);
+    cli_json(identify, "check momenta.yaml log.csv", "rows 200");
+    cli_expect(identify, "fit momenta.yaml log.csv --out never.h5", 2, "measured: momenta");
 }
 
 TEST("both signs of a quaternion are one rotation, which is said") {
@@ -513,7 +509,7 @@ TEST("both signs of a quaternion are one rotation, which is said") {
     for (size_t i = 40; i < 90; i++)
         for (int k = QW; k <= QZ; k++) s->cells[i][k] *= -1;
     write_sheet("log.csv", s);
-    cli_json(identify, "check machine.yaml log.csv", "files 1", &result);
+    cli_json(identify, "check machine.yaml log.csv", "files 1");
     assert_says(result.err, "q and -q are one rotation");
     json_expect(json_find(result.out, "kinematics"), "body <1e-3");
 }
@@ -545,7 +541,7 @@ TEST("a delay of the inputs is estimated, and what is wrong with the log is told
                              "inputs: {columns: [u, k], delay: estimate}\n");
     for (size_t i = 0; i < LG_COUNT(late); i++) {
         write_driven("driven.csv", late[i]);
-        cli_json(identify, "check driven.yaml driven.csv", expected[i], &result);
+        cli_json(identify, "check driven.yaml driven.csv", expected[i]);
         const char *told = strstr(result.err, "the input is always");
         assert_non_null(told);
         assert_null(strstr(told + 1, "the input is always"));

@@ -3,18 +3,6 @@
  * determined, the demo. */
 #include "identify_support.h"
 
-static cli result;
-
-static void run(const char *format, ...) __attribute__((format(printf, 1, 2)));
-static void run(const char *format, ...) {
-    char line[1024];
-    va_list arguments;
-    va_start(arguments, format);
-    (void)vsnprintf(line, sizeof line, format, arguments);
-    va_end(arguments);
-    cli_expect(identify, line, 0, "", &result);
-}
-
 static const char network_machine[] =
     OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: network, of: x, hidden: [6]}\ndamping: diagonal\n"
                        "input_map: {kind: known, values: [[1]]}\n";
@@ -24,8 +12,8 @@ static int setup(void **state) {
     cli_write("scene.yaml", oscillator_scene);
     cli_write("machine.yaml", oscillator_machine);
     cli_write("network.yaml", network_machine);
-    run("generate scene.yaml --runs 6 --t-end 6 --out train.csv");
-    run("generate scene.yaml --runs 10 --t-end 10 --noise 0.01 --out noisy.csv");
+    cli_run(identify, "generate scene.yaml --runs 6 --t-end 6 --out train.csv");
+    cli_run(identify, "generate scene.yaml --runs 10 --t-end 10 --noise 0.01 --out noisy.csv");
     return 0;
 }
 
@@ -49,9 +37,9 @@ static void expect_numbers(double errors, double part, double floor) {
 }
 
 TEST("generate, then fit: the numbers of a linear oscillator, within their stated errors") {
-    cli_json(identify, "fit machine.yaml train.csv --out m.h5", "windows >100, parameters 3", &result);
+    cli_json(identify, "fit machine.yaml train.csv --out m.h5", "windows >100, parameters 3");
     expect_numbers(0, 1e-4, 1e-5);
-    cli_json(identify, "fit machine.yaml noisy.csv --out m.h5", "windows >100, parameters 3", &result);
+    cli_json(identify, "fit machine.yaml noisy.csv --out m.h5", "windows >100, parameters 3");
     expect_numbers(4, 0.02, 0);
     /* The errors are no larger than they need be: at least one number is off by a quarter of its own. */
     const char *numbers = json_find(result.out, "identified");
@@ -67,7 +55,7 @@ TEST("generate, then fit: the numbers of a linear oscillator, within their state
 TEST("a residual explains what the other terms leave, a polynomial too: it takes nothing from them") {
     cli_write("residual.yaml",
               test_text("%sresidual: {kind: polynomial, degree: 3, of: [x, vx, u]}\n", oscillator_machine));
-    cli_json(identify, "fit residual.yaml train.csv --out m.h5 --epochs 20", "parameters 22", &result);
+    cli_json(identify, "fit residual.yaml train.csv --out m.h5 --epochs 20", "parameters 22");
     for (size_t i = 0; i < LG_COUNT(truths); i++) {
         const char *number = json_find(json_find(result.out, "identified"), truths[i].name);
         assert_close(json_number(number, "value"), truths[i].truth, 1e-3, 0);
@@ -75,26 +63,26 @@ TEST("a residual explains what the other terms leave, a polynomial too: it takes
 }
 
 TEST("logs for validation are not trained on, and are reported") {
-    run("generate scene.yaml --runs 2 --t-end 6 --seed 8 --out other.csv");
+    cli_run(identify, "generate scene.yaml --runs 2 --t-end 6 --seed 8 --out other.csv");
     cli_json(identify, "fit network.yaml train.csv --validation other.csv --out m.h5 --epochs 60",
-             "validation >0", &result);
+             "validation >0");
     const double windows = json_number(result.out, "windows");
-    cli_json(identify, "fit network.yaml train.csv --out m.h5 --epochs 5", "validation null", &result);
+    cli_json(identify, "fit network.yaml train.csv --out m.h5 --epochs 5", "validation null");
     assert_close(json_number(result.out, "windows"), windows, 0, 0);
 }
 
 TEST("variational steps fit long windows, stay in the model's file, and are refused with a mass that moves") {
     cli_json(identify,
              "fit machine.yaml train.csv --integrator variational --window 40 --substeps 2 --out v.h5",
-             "parameters 3", &result);
+             "parameters 3");
     expect_numbers(0, 0.01, 0.02);
     assert_string_equal(cli_machine_model("v.h5")->run.scheme->name, "variational");
-    run("evaluate v.h5 train.csv --horizons 1");
-    run("predict v.h5 train.csv --out run.csv");
+    cli_run(identify, "evaluate v.h5 train.csv --horizons 1");
+    cli_run(identify, "predict v.h5 train.csv --out run.csv");
     cli_write("moving.yaml",
               OSCILLATOR_COLUMNS "mass: {kind: network, of: x}\ninput_map: {kind: known, values: [[1]]}\n");
     cli_expect(identify, "fit moving.yaml train.csv --integrator variational --out w.h5", 2,
-               "masses that do not depend on the state", &result);
+               "masses that do not depend on the state");
     assert_false(cli_exists("w.h5"));
 }
 
@@ -113,25 +101,26 @@ TEST("the same seed gives the same bits on any threads, in one run or resumed, a
                                           "--method adam:20"};
     for (size_t i = 0; i < LG_COUNT(options); i++) {
         char line[256];
-        run("fit network.yaml train.csv --epochs 20 --threads 1 --seed 4 --out one.h5 %s", options[i]);
-        run("fit network.yaml train.csv --epochs 20 --threads 2 --seed 4 --out two.h5 %s", options[i]);
-        run("fit network.yaml train.csv --epochs 20 --threads 2 --seed 5 --out other.h5 %s", options[i]);
+        cli_run(identify, "fit network.yaml train.csv --epochs 20 --threads 1 --seed 4 --out one.h5 %s",
+                options[i]);
+        cli_run(identify, "fit network.yaml train.csv --epochs 20 --threads 2 --seed 4 --out two.h5 %s",
+                options[i]);
+        cli_run(identify, "fit network.yaml train.csv --epochs 20 --threads 2 --seed 5 --out other.h5 %s",
+                options[i]);
         (void)snprintf(
             line, sizeof line,
             "fit network.yaml train.csv --epochs 20 --seed 4 --stop-after 7 --checkpoint c.h5 --out "
             "half.h5 %s",
             options[i]);
-        cli_json(identify, line, "epochs 7", &result);
-        cli_json(identify, "fit network.yaml train.csv --resume c.h5 --out resumed.h5", "epochs 20", &result);
+        cli_json(identify, line, "epochs 7");
+        cli_json(identify, "fit network.yaml train.csv --resume c.h5 --out resumed.h5", "epochs 20");
         expect_theta("one.h5", "two.h5", true);
         expect_theta("one.h5", "resumed.h5", true);
         expect_theta("one.h5", "other.h5", false);
         expect_theta("one.h5", "half.h5", false);
     }
-    cli_expect(identify, "fit network.yaml noisy.csv --resume c.h5 --out r.h5", 2, "from other data",
-               &result);
-    cli_expect(identify, "fit network.yaml train.csv --resume c.h5 --window 9 --out r.h5", 2, "window",
-               &result);
+    cli_expect(identify, "fit network.yaml noisy.csv --resume c.h5 --out r.h5", 2, "from other data");
+    cli_expect(identify, "fit network.yaml train.csv --resume c.h5 --window 9 --out r.h5", 2, "window");
     assert_false(cli_exists("r.h5"));
 }
 
@@ -140,17 +129,17 @@ TEST("Ctrl-C saves the state of a fit, and leaves no model") {
         identify,
         "fit network.yaml train.csv --method adam --epochs 1000000 --checkpoint-every 1 --out never.h5", 0);
     cli_wait_for("never.h5.checkpoint");
-    cli_interrupt(child, &result);
+    cli_interrupt(child);
     assert_says(result.err, "--resume never.h5.checkpoint");
     assert_false(cli_exists("never.h5"));
     cli_json(identify, "fit network.yaml train.csv --resume never.h5.checkpoint --stop-after 1 --out now.h5",
-             "epochs >0", &result);
+             "epochs >0");
 }
 
 TEST("a full disk is told, and no part of a model is left") {
-    cli_expect_limited(identify, "fit machine.yaml train.csv --out big.h5", 4096, 3, "big.h5", &result);
+    cli_expect_limited(identify, "fit machine.yaml train.csv --out big.h5", 4096, 3, "big.h5");
     assert_false(cli_exists("big.h5"));
-    cli_expect_limited(identify, "generate scene.yaml --out big.csv", 4096, 3, "big.csv", &result);
+    cli_expect_limited(identify, "generate scene.yaml --out big.csv", 4096, 3, "big.csv");
     assert_false(cli_exists("big.csv"));
     assert_int_equal(cli_count_files("tmp"), 0);
 }
@@ -160,8 +149,8 @@ TEST("a full disk is told, and no part of a model is left") {
 TEST("constant inputs leave their map undetermined, which is said") {
     cli_write("map.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
                                              "potential: {kind: quadratic, of: x}\ndamping: diagonal\n");
-    run("generate scene.yaml --inputs none --runs 3 --t-end 6 --out still.csv");
-    cli_json(identify, "fit map.yaml still.csv --out m.h5", "loss <1e-8", &result);
+    cli_run(identify, "generate scene.yaml --inputs none --runs 3 --t-end 6 --out still.csv");
+    cli_json(identify, "fit map.yaml still.csv --out m.h5", "loss <1e-8");
     assert_says(result.err, "column u: the input is always 0");
     assert_says(result.err, "input_map.1.1");
 }
@@ -171,12 +160,11 @@ TEST("a common factor is told where networks have it too, and a known map of an 
     cli_write("factor.yaml",
               OSCILLATOR_COLUMNS "mass: {kind: network, of: x}\npotential: {kind: network, of: x}\n"
                                  "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
-    run("generate scene.yaml --inputs none --runs 3 --t-end 6 --out still.csv");
-    cli_json(identify, "fit factor.yaml still.csv --epochs 40 --out m.h5", "gauge \"nothing: learning left",
-             &result);
+    cli_run(identify, "generate scene.yaml --inputs none --runs 3 --t-end 6 --out still.csv");
+    cli_json(identify, "fit factor.yaml still.csv --epochs 40 --out m.h5", "gauge \"nothing: learning left");
     assert_says(result.err, "mass.1.1 and damping.x appear only as a ratio");
     json_expect(json_find(json_find(result.out, "identified"), "mass.1.1"), "error null");
-    cli_json(identify, "fit factor.yaml train.csv --epochs 40 --out m.h5", "gauge \"the values", &result);
+    cli_json(identify, "fit factor.yaml train.csv --epochs 40 --out m.h5", "gauge \"the values");
     json_expect(json_find(json_find(result.out, "identified"), "mass.1.1"), "error <1");
 }
 
@@ -201,34 +189,35 @@ TEST("the mass of a network is told where the logs are, and where that is") {
                                               "input_map: {kind: known, values: [[1]]}\n");
     cli_write("moving.yaml",
               OSCILLATOR_COLUMNS "mass: {kind: network, of: x}\ninput_map: {kind: known, values: [[1]]}\n");
-    run("generate push.yaml --runs 8 --t-end 4 --amplitude 4 --noise 0.002,0.01 --out near.csv");
+    cli_run(identify,
+            "generate push.yaml --runs 8 --t-end 4 --amplitude 4 --noise 0.002,0.01 --out near.csv");
     shift_log("near.csv", "away.csv");
-    cli_json(identify, "fit moving.yaml near.csv --out m.h5 --epochs 200", "loss <4, expected_loss <4",
-             &result);
+    cli_json(identify, "fit moving.yaml near.csv --out m.h5 --epochs 200", "loss <4, expected_loss <4");
     json_expect(json_find(result.out, "mass_at"), "x [0]");
     cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 200 --seed 2",
-             "loss <4, expected_loss <4", &result);
+             "loss <4, expected_loss <4");
     const double at = strtod(strchr(json_find(json_find(result.out, "mass_at"), "x"), '[') + 1, NULL);
     assert_close(at, 30, 0, 3);
     const char *number = json_find(json_find(result.out, "identified"), "mass.1.1");
     assert_close(json_number(number, "value"), 2, 0.05, 0);
     assert_true(json_number(number, "error") < 0.2);
     assert_null(strstr(result.err, "do not determine"));
-    run("fit moving.yaml away.csv --out m.h5 --epochs 20");
+    cli_run(identify, "fit moving.yaml away.csv --out m.h5 --epochs 20");
     assert_says(result.out, "mass: of a network, at x ");
     assert_says(result.out, "noise and steps leave 1.9e+00 at most");
-    run("generate push.yaml --inputs none --runs 8 --t-end 4 --start-spread 1,0 --noise 0.002,0.01 --out "
-        "rest.csv");
+    cli_run(identify,
+            "generate push.yaml --inputs none --runs 8 --t-end 4 --start-spread 1,0 --noise 0.002,0.01 --out "
+            "rest.csv");
     shift_log("rest.csv", "away.csv");
-    cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 20", "loss <4", &result);
+    cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 20", "loss <4");
     assert_says(result.err, "the logs do not determine mass.1.1 at x ");
     /* nothing pulls a mass that the logs leave open away from its start, 1 */
     assert_close(json_number(json_find(json_find(result.out, "identified"), "mass.1.1"), "value"), 1, 0.3, 0);
 }
 
 TEST("rows of parts that are shorter than a window are told, and the tail of a longer part is learned from") {
-    run("generate scene.yaml --runs 1 --t-end 24.84 --out long.csv"); /* 1243 rows */
-    run("generate scene.yaml --runs 3 --t-end 0.8 --out short.csv");
+    cli_run(identify, "generate scene.yaml --runs 1 --t-end 24.84 --out long.csv"); /* 1243 rows */
+    cli_run(identify, "generate scene.yaml --runs 3 --t-end 0.8 --out short.csv");
     static const struct {
         const char *line, *told;
     } rows[] = {{"fit machine.yaml long.csv --window 500 --stride 499 --epochs 2 --out m.h5", NULL},
@@ -236,16 +225,16 @@ TEST("rows of parts that are shorter than a window are told, and the tail of a l
                 {"fit machine.yaml long.csv short.csv --window 42 --epochs 2 --out m.h5",
                  "123 of 1366 rows are in no window of 42 rows"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        cli_json(identify, rows[i].line, i == 0 ? "windows 3" : "windows >3", &result);
+        cli_json(identify, rows[i].line, i == 0 ? "windows 3" : "windows >3");
         assert_int_equal(strstr(result.err, "in no window") != NULL, rows[i].told != NULL);
         if (rows[i].told != NULL) assert_says(result.err, rows[i].told);
     }
 }
 
 TEST("a fit has no option that its networks cannot take: --size") {
-    run("fit --help");
+    cli_run(identify, "fit --help");
     assert_null(strstr(result.out, "--size"));
-    cli_expect(identify, "fit machine.yaml train.csv --out m.h5 --size auto", 2, "--size", &result);
+    cli_expect(identify, "fit machine.yaml train.csv --out m.h5 --size auto", 2, "--size");
 }
 
 /* A log of 2 x'' = -5 x - .3 x' + u by another program: RK4, or symplectic Euler, with `digits` decimals. */
@@ -313,7 +302,7 @@ TEST("logs that contradict the machine are told from those that it explains: smo
                 const char *text = test_text("%s%s", heads[h], machines[m].terms);
                 cli_write("tried.yaml", text);
                 cli_json(identify, test_text("fit tried.yaml %s --out m.h5", logs[l]),
-                         "loss >0, expected_loss >0", &result);
+                         "loss >0, expected_loss >0");
                 const bool told = strstr(result.err, "does not explain the logs") != NULL;
                 if (told != machines[m].told)
                     fail_msg("%s %s: %s: loss %g of %g", told ? "told" : "not told", logs[l], text,
@@ -420,7 +409,7 @@ static void expect_lacking(size_t row, bool velocities, double noise, int digits
     cli_write("tried.yaml", test_text("columns: {time: t, run: run}\n%scoordinates:\n%s%s%s",
                                       velocities ? "" : "measured: positions\n", lines[velocities][0],
                                       lacking[row].columns > 1 ? lines[velocities][1] : "", terms));
-    cli_json(identify, "fit tried.yaml motion.csv --out m.h5", "loss >0", &result);
+    cli_json(identify, "fit tried.yaml motion.csv --out m.h5", "loss >0");
     const bool told = strstr(result.err, "does not explain the logs") != NULL;
     if (told != wrong)
         fail_msg("%s of row %zu, %s, noise %g, %d decimals, was %stold: loss %g of %g: %s",
@@ -469,8 +458,9 @@ TEST("steps that are too long for a stiff machine are told, and do not excuse it
     cli_write("stiff-scene.yaml", OSCILLATOR_COLUMNS
               "mass: {kind: known, values: [1]}\npotential: {kind: known, form: quadratic, of: "
               "x, values: [1000]}\ndamping: {kind: known, values: [300]}\n" MAP);
-    run("generate stiff-scene.yaml --runs 4 --t-end 4 --amplitude 500 --start-spread 0.1,0.1 --out "
-        "stiff.csv");
+    cli_run(identify,
+            "generate stiff-scene.yaml --runs 4 --t-end 4 --amplitude 500 --start-spread 0.1,0.1 --out "
+            "stiff.csv");
     static const struct {
         const char *line;
         bool told;
@@ -478,7 +468,7 @@ TEST("steps that are too long for a stiff machine are told, and do not excuse it
                 {"fit machine.yaml stiff.csv --out m.h5 --substeps 1", true},
                 {"fit machine.yaml stiff.csv --out m.h5 --substeps 20", false}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        cli_json(identify, rows[i].line, "loss >0", &result);
+        cli_json(identify, rows[i].line, "loss >0");
         assert_int_equal(strstr(result.err, "the steps are too long") != NULL, rows[i].told);
         assert_int_equal(strstr(result.err, "does not explain the logs") != NULL, rows[i].told);
         const double off =
@@ -516,10 +506,12 @@ TEST("the loss of a direction is the one that its noise leaves: anywhere, fast a
                            rows[i].position, rows[i].position, rows[i].position, rows[i].velocity,
                            rows[i].velocity, rows[i].velocity);
             cli_write("bob.yaml", yaml);
-            run("generate bob-scene.yaml --noise %g,%g --runs 8 --t-end 6 --start-spread %s --seed %d --out "
+            cli_run(
+                identify,
+                "generate bob-scene.yaml --noise %g,%g --runs 8 --t-end 6 --start-spread %s --seed %d --out "
                 "bob.csv",
                 rows[i].position, rows[i].velocity, rows[i].spread, seed);
-            run("fit bob.yaml bob.csv --out m.h5 --json %s", rows[i].options);
+            cli_run(identify, "fit bob.yaml bob.csv --out m.h5 --json %s", rows[i].options);
             const double ratio = json_number(result.out, "loss") / json_number(result.out, "expected_loss");
             if (!(fabs(ratio - 1) < 0.04))
                 fail_msg("row %zu, seed %d: %.3f of what is expected", i, seed, ratio);
@@ -533,12 +525,14 @@ TEST("noise of positions counts however far the machine travels") {
                                                 "input_map: {kind: known, values: [[1]]}\n");
     cli_write("slide.yaml", OSCILLATOR_COLUMNS "mass: diagonal\ndamping: diagonal\n"
                                                "input_map: {kind: known, values: [[1]]}\n");
-    run("generate sledge.yaml --runs 4 --t-end 8 --amplitude 2 --start-spread 1,20 --noise 0.002,0.002 --out "
+    cli_run(
+        identify,
+        "generate sledge.yaml --runs 4 --t-end 8 --amplitude 2 --start-spread 1,20 --noise 0.002,0.002 --out "
         "far.csv");
-    cli_json(identify, "fit slide.yaml far.csv --out m.h5", "loss >0.5, loss <4, starts \"estimated\"",
-             &result);
-    run("generate sledge.yaml --runs 4 --t-end 8 --amplitude 2 --start-spread 1,20 --out far.csv");
-    cli_json(identify, "fit slide.yaml far.csv --out m.h5", "loss <1e-8, starts \"measured\"", &result);
+    cli_json(identify, "fit slide.yaml far.csv --out m.h5", "loss >0.5, loss <4, starts \"estimated\"");
+    cli_run(identify,
+            "generate sledge.yaml --runs 4 --t-end 8 --amplitude 2 --start-spread 1,20 --out far.csv");
+    cli_json(identify, "fit slide.yaml far.csv --out m.h5", "loss <1e-8, starts \"measured\"");
 }
 
 TEST("a coordinate that never moves is named") {
@@ -552,7 +546,7 @@ TEST("a coordinate that never moves is named") {
     cli_write("y.yaml", "coordinates:\n  - {name: x, kind: line, velocity: vx}\n"
                         "  - {name: y, kind: line, velocity: vy}\nmass: diagonal\n"
                         "potential: {kind: quadratic, of: x}\n");
-    cli_json(identify, "fit y.yaml y.csv --out m.h5", "loss <1e-6", &result);
+    cli_json(identify, "fit y.yaml y.csv --out m.h5", "loss <1e-6");
     assert_says(result.err, "coordinate y never moves");
 }
 
@@ -569,14 +563,14 @@ TEST("logs without accelerations are refused: at rest, and with constant velocit
                                      1 + speeds[k] * i / 64.0, speeds[k]);
         cli_write("x.csv", text);
         cli_expect(identify, "fit x.yaml x.csv --out m.h5", 3,
-                   k == 0 ? "nothing moves in the logs" : "all velocities are constant in the logs", &result);
+                   k == 0 ? "nothing moves in the logs" : "all velocities are constant in the logs");
     }
 }
 
 TEST("a free mass with a free input map is fitted in a gauge that is told") {
     cli_write("free.yaml", OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: quadratic, of: x}\n"
                                               "damping: diagonal\ninput_map: constant\n");
-    cli_json(identify, "fit free.yaml train.csv --out m.h5", "loss <1e-8, gauge \"", &result);
+    cli_json(identify, "fit free.yaml train.csv --out m.h5", "loss <1e-8, gauge \"");
     assert_says(result.err, "factor");
     const char *numbers = json_find(result.out, "identified");
     assert_close(json_number(json_find(numbers, "mass.1.1"), "value"), 1, 1e-12, 0);
@@ -607,14 +601,13 @@ TEST("generate and fit a heavy top by name: its numbers with errors, what the lo
                           "  chi: {start: [0, 1, 0], unknown: true}}\ndamping: diagonal\n");
     cli_write("open.yaml", TOP_COLUMNS "parameters: {mass: {start: 1}, length: {start: 0.5}, inertia: [0.3, "
                                        "0.4, 0.2], chi: [0, 0.6, 0.8]}\ndamping: diagonal\n");
-    run("generate top.yaml --runs 6 --t-end 3 --out top.csv");
-    run("generate top.yaml --runs 6 --t-end 3 --noise 0.002,0.02 --out shaken.csv");
-    cli_json(identify, "fit learn.yaml top.csv --out top.h5", "loss <1e-8, parameters 8, gauge \"the values",
-             &result);
+    cli_run(identify, "generate top.yaml --runs 6 --t-end 3 --out top.csv");
+    cli_run(identify, "generate top.yaml --runs 6 --t-end 3 --noise 0.002,0.02 --out shaken.csv");
+    cli_json(identify, "fit learn.yaml top.csv --out top.h5", "loss <1e-8, parameters 8, gauge \"the values");
     const char *numbers = json_find(result.out, "identified");
     for (size_t i = 0; i < LG_COUNT(expected); i++)
         assert_close(json_number(json_find(numbers, expected[i].name), "value"), expected[i].truth, 1e-6, 0);
-    cli_json(identify, "fit learn.yaml shaken.csv --out top.h5", "loss <10", &result);
+    cli_json(identify, "fit learn.yaml shaken.csv --out top.h5", "loss <10");
     numbers = json_find(result.out, "identified");
     for (size_t i = 0; i < LG_COUNT(expected); i++) {
         const double error = json_number(json_find(numbers, expected[i].name), "error");
@@ -624,20 +617,19 @@ TEST("generate and fit a heavy top by name: its numbers with errors, what the lo
     }
     const char *correlations = json_find(result.out, "correlations");
     assert_close(json_number(correlations, "chi2,chi3"), -1, 1e-3, 0); /* chi has length 1 */
-    cli_json(identify, "evaluate top.h5 shaken.csv --horizons 1", "", &result);
-    run("predict top.h5 top.csv --out again.csv");
-    cli_json(identify, "fit open.yaml shaken.csv --out open.h5", "loss <10, gauge \"nothing: learning left",
-             &result);
+    cli_json(identify, "evaluate top.h5 shaken.csv --horizons 1", "");
+    cli_run(identify, "predict top.h5 top.csv --out again.csv");
+    cli_json(identify, "fit open.yaml shaken.csv --out open.h5", "loss <10, gauge \"nothing: learning left");
     assert_says(result.err, "m and L appear only as a product: give one of them as known");
     assert_null(strstr(result.err, "do not determine m"));
     cli_write("far.yaml", TOP_COLUMNS "parameters: {length: unknown, inertia: [0.3, unknown, unknown], chi: "
                                       "unknown}\ndamping: diagonal\n"); /* of 15 kg */
-    cli_json(identify, "fit far.yaml top.csv --out far.h5", "loss <1e-8", &result);
+    cli_json(identify, "fit far.yaml top.csv --out far.h5", "loss <1e-8");
     numbers = json_find(result.out, "identified");
     assert_close(json_number(json_find(numbers, "L"), "value"), 0.25 * 0.8 / 15, 1e-6, 0);
     assert_close(json_number(json_find(numbers, "I2"), "value"), 0.4, 1e-6, 0);
     cli_write("known.yaml", TOP_COLUMNS);
-    cli_expect(identify, "fit known.yaml top.csv --out k.h5", 2, "everything is known", &result);
+    cli_expect(identify, "fit known.yaml top.csv --out k.h5", 2, "everything is known");
 }
 
 TEST("an oscillator of 5 mg is learned from masses and springs of 1") {
@@ -647,9 +639,11 @@ TEST("an oscillator of 5 mg is learned from masses and springs of 1") {
     cli_write("far.yaml",
               OSCILLATOR_COLUMNS "system: oscillator\nparameters: {mass: unknown, stiffness: unknown}\n"
                                  "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
-    run("generate tiny.yaml --runs 4 --t-end 2 --dt 0.005 --amplitude 1e-6 --start-spread 1e-3,1e-2 --out "
+    cli_run(
+        identify,
+        "generate tiny.yaml --runs 4 --t-end 2 --dt 0.005 --amplitude 1e-6 --start-spread 1e-3,1e-2 --out "
         "tiny.csv");
-    cli_json(identify, "fit far.yaml tiny.csv --out tiny.h5 --substeps 4", "parameters 3", &result);
+    cli_json(identify, "fit far.yaml tiny.csv --out tiny.h5 --substeps 4", "parameters 3");
     const char *numbers = json_find(result.out, "identified");
     assert_close(json_number(json_find(numbers, "m"), "value"), 5e-6, 1e-6, 0);
     assert_close(json_number(json_find(numbers, "k"), "value"), 2e-3, 1e-6, 0);
@@ -659,7 +653,7 @@ TEST("an oscillator of 5 mg is learned from masses and springs of 1") {
 /* ---- the demo ---- */
 
 TEST("the demo learns a body from a log and controls the true one with it") {
-    run("demo --out shown --seconds 600 --epochs 40 --json");
+    cli_run(identify, "demo --out shown --seconds 600 --epochs 40 --json");
     json_expect(result.out, "starts 20, arrived 20, potential <0.1");
     const char *numbers = json_find(result.out, "identified");
     static const char *const names[] = {"mass.1.1", "mass.2.2", "mass.3.3", "damping.body.1"};
@@ -673,7 +667,7 @@ TEST("the demo learns a body from a log and controls the true one with it") {
         const char *path = test_text("shown/%s", files[i]);
         if (!cli_exists(path)) fail_msg("%s is not there", path);
     }
-    run("demo --help");
+    cli_run(identify, "demo --help");
 }
 
 static int finish(void **state) {

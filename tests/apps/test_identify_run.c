@@ -2,8 +2,6 @@
  * ctest-labels: apps/lg-identify src/machine */
 #include "identify_support.h"
 
-static cli result;
-
 enum { ROOM = 4096 };
 
 /* x'' = -x, no input that matters */
@@ -43,16 +41,6 @@ static const char crane_scene[] =
 static const char crane_machine[] = CRANE "mass: diagonal\ndamping: diagonal\n"
                                           "potential: {kind: gravity, of: s}\n";
 
-static void run(const char *format, ...) __attribute__((format(printf, 1, 2)));
-static void run(const char *format, ...) {
-    char line[1024];
-    va_list arguments;
-    va_start(arguments, format);
-    (void)vsnprintf(line, sizeof line, format, arguments);
-    va_end(arguments);
-    cli_expect(identify, line, 0, "", &result);
-}
-
 static const double *column(const char *name, const char *of, size_t *rows) {
     double *out = TEST_ARRAY(double, ROOM);
     *rows = csv_column(name, of, out, ROOM);
@@ -76,7 +64,7 @@ static int setup(void **state) {
 
 TEST("generated motions are those of the equations") {
     size_t rows;
-    run("generate scene.yaml --inputs none --runs 2 --t-end 5 --dt 0.05 --out free.csv");
+    cli_run(identify, "generate scene.yaml --inputs none --runs 2 --t-end 5 --dt 0.05 --out free.csv");
     const double *t = column("free.csv", "t", &rows), *x = column("free.csv", "x", &rows),
                  *v = column("free.csv", "vx", &rows), *u = column("free.csv", "u", &rows);
     assert_int_equal(rows, 202);
@@ -98,7 +86,8 @@ TEST("held inputs push as long as they are held") {
     cli_write("pulse.csv", "t,run,u\n0,0,0\n1,0,3\n2,0,0\n3,0,0\n4,0,0\n");
     cli_write("mass.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
                                               "input_map: {kind: known, values: [[1]]}\n");
-    run("generate mass.yaml --inputs pulse.csv --runs 1 --dt 0.125 --start-spread 0 --out pushed.csv");
+    cli_run(identify,
+            "generate mass.yaml --inputs pulse.csv --runs 1 --dt 0.125 --start-spread 0 --out pushed.csv");
     const double *t = column("pushed.csv", "t", &rows), *v = column("pushed.csv", "vx", &rows),
                  *u = column("pushed.csv", "u", &rows);
     assert_int_equal(rows, 33);
@@ -112,12 +101,12 @@ TEST("noise has the size that is asked for, the same seed gives the same bytes")
     size_t rows;
     double off = 0, slow = 0;
     char a[65536 * 2], b[65536 * 2];
-    run("generate scene.yaml --runs 4 --t-end 8 --out clean.csv");
-    run("generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out noisy.csv");
-    run("generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out again.csv --threads 1");
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --out clean.csv");
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out noisy.csv");
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out again.csv --threads 1");
     assert_true(cli_read("noisy.csv", a, sizeof a) == cli_read("again.csv", b, sizeof b));
     assert_int_equal(strcmp(a, b), 0);
-    run("generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out again.csv --seed 2");
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --noise 0.01,0.05 --out again.csv --seed 2");
     (void)cli_read("again.csv", b, sizeof b);
     assert_int_not_equal(strcmp(a, b), 0);
     const double *x = column("clean.csv", "x", &rows), *y = column("noisy.csv", "x", &rows);
@@ -129,7 +118,8 @@ TEST("noise has the size that is asked for, the same seed gives the same bytes")
 
 TEST("steps are held, and inputs are within their amplitude") {
     size_t rows, changes = 0;
-    run("generate scene.yaml --inputs steps --amplitude 4 --hold-time 0.5 --runs 1 --out s.csv");
+    cli_run(identify,
+            "generate scene.yaml --inputs steps --amplitude 4 --hold-time 0.5 --runs 1 --out s.csv");
     const double *u = column("s.csv", "u", &rows);
     for (size_t i = 0; i < rows; i++) {
         assert_true(fabs(u[i]) <= 4);
@@ -140,14 +130,13 @@ TEST("steps are held, and inputs are within their amplitude") {
 }
 
 TEST("a scene is refused when something of it is unknown, or runs cannot be told apart") {
-    cli_expect(identify, "generate machine.yaml --out g.csv", 3, "machine.yaml: mass: ", &result);
+    cli_expect(identify, "generate machine.yaml --out g.csv", 3, "machine.yaml: mass: ");
     cli_write("one.yaml",
               "coordinates:\n  - {name: x, kind: line, velocity: v}\nmass: {kind: known, values: [1]}\n");
-    cli_expect(identify, "generate one.yaml --out g.csv", 3, "--runs 1", &result);
-    run("generate one.yaml --out g.csv --runs 1");
-    cli_expect(identify, "generate scene.yaml --out g.csv --amplitude 1,2", 2, "--amplitude: 2 numbers",
-               &result);
-    cli_expect(identify, "generate scene.yaml --out g.csv --inputs none.csv", 3, "none.csv", &result);
+    cli_expect(identify, "generate one.yaml --out g.csv", 3, "--runs 1");
+    cli_run(identify, "generate one.yaml --out g.csv --runs 1");
+    cli_expect(identify, "generate scene.yaml --out g.csv --amplitude 1,2", 2, "--amplitude: 2 numbers");
+    cli_expect(identify, "generate scene.yaml --out g.csv --inputs none.csv", 3, "none.csv");
 }
 
 /* ---- predict ---- */
@@ -156,7 +145,7 @@ TEST("a scene is refused when something of it is unknown, or runs cannot be told
 static void expect_log(const char *yaml, const char *log, const char *predicted, const char *const *same,
                        const char *const *near, double tolerance) {
     size_t rows, more;
-    cli_json(identify, test_text("check %s %s", yaml, predicted), "gaps 0", &result);
+    cli_json(identify, test_text("check %s %s", yaml, predicted), "gaps 0");
     for (; *same != NULL; same++) {
         const double *a = column(log, *same, &rows), *b = column(predicted, *same, &more);
         assert_int_equal(rows, more);
@@ -169,10 +158,10 @@ static void expect_log(const char *yaml, const char *log, const char *predicted,
 }
 
 TEST("the CSV of predict reads back, in quaternions, with the inputs of the log") {
-    run("generate body-scene.yaml --runs 3 --t-end 3 --inputs steps --out train.csv");
-    run("generate body-scene.yaml --runs 2 --t-end 3 --seed 4 --out test.csv");
-    run("fit body.yaml train.csv --out body.h5");
-    cli_json(identify, "predict body.h5 test.csv --out p.csv --plot p.svg", "rows 302, runs 2", &result);
+    cli_run(identify, "generate body-scene.yaml --runs 3 --t-end 3 --inputs steps --out train.csv");
+    cli_run(identify, "generate body-scene.yaml --runs 2 --t-end 3 --seed 4 --out test.csv");
+    cli_run(identify, "fit body.yaml train.csv --out body.h5");
+    cli_json(identify, "predict body.h5 test.csv --out p.csv --plot p.svg", "rows 302, runs 2");
     expect_log("body.yaml", "test.csv", "p.csv", (const char *const[]){"t", "run", "a", "b", "c", NULL},
                (const char *const[]){"qw", "qx", "qy", "qz", "wx", "wy", "wz", NULL}, 2e-4);
     json_expect(json_find(result.out, "kinematics"), "body <1e-2");
@@ -181,10 +170,10 @@ TEST("the CSV of predict reads back, in quaternions, with the inputs of the log"
 
 TEST("predict scales columns back, and shifts delayed inputs back") {
     size_t rows, more;
-    run("generate crane-scene.yaml --runs 2 --t-end 4 --amplitude 20 --out train.csv");
-    run("fit crane.yaml train.csv --out crane.h5");
-    cli_json(identify, "check crane.yaml train.csv", "delay 2, dt_median 0.02", &result);
-    run("predict crane.h5 train.csv --out p.csv");
+    cli_run(identify, "generate crane-scene.yaml --runs 2 --t-end 4 --amplitude 20 --out train.csv");
+    cli_run(identify, "fit crane.yaml train.csv --out crane.h5");
+    cli_json(identify, "check crane.yaml train.csv", "delay 2, dt_median 0.02");
+    cli_run(identify, "predict crane.h5 train.csv --out p.csv");
     const double *a = column("train.csv", "deg", &rows), *b = column("p.csv", "deg", &more);
     const double *ta = column("train.csv", "ms", &rows), *tb = column("p.csv", "ms", &more);
     const double *ua = column("train.csv", "u", &rows), *ub = column("p.csv", "u", &more);
@@ -202,21 +191,21 @@ TEST("predict scales columns back, and shifts delayed inputs back") {
 
 TEST("runs begin at the row that is asked for, and gaps end them") {
     size_t rows;
-    run("generate scene.yaml --runs 3 --t-end 5 --noise 0 --out train.csv");
-    run("fit machine.yaml train.csv --out m.h5");
-    run("generate scene.yaml --runs 1 --t-end 4 --out one.csv --seed 3");
-    cli_json(identify, "predict m.h5 one.csv --start 40 --out p.csv", "rows 161, runs 1", &result);
+    cli_run(identify, "generate scene.yaml --runs 3 --t-end 5 --noise 0 --out train.csv");
+    cli_run(identify, "fit machine.yaml train.csv --out m.h5");
+    cli_run(identify, "generate scene.yaml --runs 1 --t-end 4 --out one.csv --seed 3");
+    cli_json(identify, "predict m.h5 one.csv --start 40 --out p.csv", "rows 161, runs 1");
     const double *t = column("p.csv", "t", &rows);
     assert_close(t[0], 0.8, 1e-12, 0);
-    cli_expect(identify, "predict m.h5 one.csv --start 200 --out p.csv", 2, "row 200", &result);
+    cli_expect(identify, "predict m.h5 one.csv --start 200 --out p.csv", 2, "row 200");
 }
 
 TEST("bands of a prediction are as wide as its errors, and models without a covariance say so") {
     size_t rows, more;
-    run("generate scene.yaml --runs 4 --t-end 8 --noise 0.02 --out train.csv");
-    run("fit machine.yaml train.csv --out m.h5");
-    run("generate scene.yaml --runs 1 --t-end 8 --noise 0 --out exact.csv --seed 7");
-    run("predict m.h5 exact.csv --bands --out p.csv --plot bands.svg");
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --noise 0.02 --out train.csv");
+    cli_run(identify, "fit machine.yaml train.csv --out m.h5");
+    cli_run(identify, "generate scene.yaml --runs 1 --t-end 8 --noise 0 --out exact.csv --seed 7");
+    cli_run(identify, "predict m.h5 exact.csv --bands --out p.csv --plot bands.svg");
     char script[16384];
     (void)cli_read("bands.gp", script, sizeof script);
     assert_says(script, "with filledcurves");
@@ -231,19 +220,20 @@ TEST("bands of a prediction are as wide as its errors, and models without a cova
         width += band[i] * band[i];
     }
     assert_true(error > 0.02 * width && width > 0.0);
-    run("fit wide.yaml train.csv --out wide.h5 --epochs 2");
-    cli_expect(identify, "predict wide.h5 exact.csv --bands --out p.csv", 2, "more than 256", &result);
+    cli_run(identify, "fit wide.yaml train.csv --out wide.h5 --epochs 2");
+    cli_expect(identify, "predict wide.h5 exact.csv --bands --out p.csv", 2, "more than 256");
 }
 
 TEST("predict and evaluate warn of columns that leave the training data, and of no others") {
-    run("generate scene.yaml --runs 4 --t-end 8 --out train.csv --start-spread 0.5");
-    run("fit machine.yaml train.csv --out m.h5");
-    identify_run_quietly("predict m.h5 train.csv --out p.csv", &result);
-    run("generate scene.yaml --runs 1 --t-end 8 --out far.csv --amplitude 1 --start-spread 9 --seed 5");
-    run("predict m.h5 far.csv --out p.csv");
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --out train.csv --start-spread 0.5");
+    cli_run(identify, "fit machine.yaml train.csv --out m.h5");
+    identify_run_quietly("predict m.h5 train.csv --out p.csv");
+    cli_run(identify,
+            "generate scene.yaml --runs 1 --t-end 8 --out far.csv --amplitude 1 --start-spread 9 --seed 5");
+    cli_run(identify, "predict m.h5 far.csv --out p.csv");
     assert_says(result.err, "column x goes to ");
     assert_says(result.err, "outside the training data");
-    run("evaluate m.h5 far.csv");
+    cli_run(identify, "evaluate m.h5 far.csv");
     assert_says(result.err, "column vx goes to ");
 }
 
@@ -269,8 +259,8 @@ static void learn_unit(void) {
               "columns: {time: t, run: run}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
               "mass: {kind: known, values: [1]}\n"
               "potential: {kind: known, form: quadratic, of: x, values: [0.5]}\n");
-    run("generate unit-scene.yaml --runs 3 --t-end 8 --dt 0.05 --out train.csv");
-    run("fit unit.yaml train.csv --out unit.h5 --substeps 4");
+    cli_run(identify, "generate unit-scene.yaml --runs 3 --t-end 8 --dt 0.05 --out train.csv");
+    cli_run(identify, "fit unit.yaml train.csv --out unit.h5 --substeps 4");
 }
 
 TEST("errors of free runs and of a machine that stands still are those computed here") {
@@ -278,7 +268,7 @@ TEST("errors of free runs and of a machine that stands still are those computed 
     learn_unit();
     write_wrong("wrong.csv");
     cli_json(identify, "evaluate unit.h5 wrong.csv --horizons 10 --every 1000 --metric relative",
-             "window_loss >0", &result);
+             "window_loss >0");
     const char *runs = json_find(result.out, "free_run");
     assert_close(json_number(runs, "x"), OFF * sqrt(100.0 / POINTS), 1e-5, 0);
     assert_true(json_number(runs, "vx") < 1e-6);
@@ -300,7 +290,7 @@ TEST("errors of free runs and of a machine that stands still are those computed 
     }
     assert_close(json_number(result.out, "relative"), exp(mean), 0.5,
                  0); /* the rounding of rows without error */
-    cli_expect(identify, "evaluate unit.h5 wrong.csv", 0, "free run", &result);
+    cli_expect(identify, "evaluate unit.h5 wrong.csv", 0, "free run");
 }
 
 TEST("relative errors are geometric means over time, then over parts") {
@@ -320,19 +310,19 @@ TEST("relative errors are geometric means over time, then over parts") {
             mean[part] += log(off / sqrt((2 * x + off) * (2 * x + off) + 4 * v * v) + 1e-8) / 41;
         }
     cli_write("two.csv", text);
-    cli_json(identify, "evaluate unit.h5 two.csv --horizons 1 --metric relative", "relative >0", &result);
+    cli_json(identify, "evaluate unit.h5 two.csv --horizons 1 --metric relative", "relative >0");
     assert_close(json_number(result.out, "relative"), exp((mean[0] + mean[1]) / 2), 1e-3, 0);
     assert_close(json_number(result.out, "relative_worst"), exp(fmax(mean[0], mean[1])), 1e-3, 0);
-    cli_json(identify, "evaluate unit.h5 two.csv --horizons 1", "window_loss >0", &result);
+    cli_json(identify, "evaluate unit.h5 two.csv --horizons 1", "window_loss >0");
     assert_null(json_find(result.out, "relative"));
 }
 
 TEST("the energy balance adds up, and finds the true change, work and damping") {
     size_t rows;
-    run("generate scene.yaml --runs 1 --t-end 10 --out log.csv");
-    run("generate scene.yaml --runs 4 --t-end 10 --out train.csv --seed 2");
-    run("fit machine.yaml train.csv --out m.h5");
-    cli_json(identify, "evaluate m.h5 log.csv --plot e.svg", "window_loss <1e-10", &result);
+    cli_run(identify, "generate scene.yaml --runs 1 --t-end 10 --out log.csv");
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --out train.csv --seed 2");
+    cli_run(identify, "fit machine.yaml train.csv --out m.h5");
+    cli_json(identify, "evaluate m.h5 log.csv --plot e.svg", "window_loss <1e-10");
     const char *energy = json_find(result.out, "energy");
     const double *x = column("log.csv", "x", &rows), *v = column("log.csv", "vx", &rows),
                  *u = column("log.csv", "u", &rows);
@@ -353,10 +343,10 @@ TEST("the energy balance adds up, and finds the true change, work and damping") 
 }
 
 TEST("the noise of rows makes neighbouring residuals of one step opposite, a wrong model makes them alike") {
-    run("generate scene.yaml --runs 4 --t-end 10 --out train.csv");
-    run("fit machine.yaml train.csv --out m.h5");
-    run("generate scene.yaml --runs 4 --t-end 10 --noise 0.02 --out noisy.csv");
-    cli_json(identify, "evaluate m.h5 noisy.csv --horizons 1", "window_loss >0", &result);
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --out train.csv");
+    cli_run(identify, "fit machine.yaml train.csv --out m.h5");
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --noise 0.02 --out noisy.csv");
+    cli_json(identify, "evaluate m.h5 noisy.csv --horizons 1", "window_loss >0");
     const char *white = json_find(json_find(result.out, "whiteness"), "x");
     json_expect(white, "lag1 <-0.4, lag1 >-0.6, probability <1e-6, rms >0.02, rms <0.04");
     /* twice the damping */
@@ -364,8 +354,8 @@ TEST("the noise of rows makes neighbouring residuals of one step opposite, a wro
         "wrong.yaml", OSCILLATOR_COLUMNS
         "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [2.5]}\n"
         "damping: {kind: known, values: [0.6]}\ninput_map: {kind: known, values: [[1]]}\n");
-    run("generate wrong.yaml --runs 4 --t-end 10 --out wrong.csv");
-    cli_json(identify, "evaluate m.h5 wrong.csv --horizons 1", "window_loss >0", &result);
+    cli_run(identify, "generate wrong.yaml --runs 4 --t-end 10 --out wrong.csv");
+    cli_json(identify, "evaluate m.h5 wrong.csv --horizons 1", "window_loss >0");
     json_expect(json_find(json_find(result.out, "whiteness"), "vx"), "lag1 >0.8, probability <1e-6");
 }
 
@@ -380,17 +370,18 @@ TEST("with positions alone starts are estimated from 50 rows that are not scored
         "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
         "inputs: {columns: [u]}\nmass: {kind: known, values: [2]}\npotential: {kind: quadratic, of: x}\n"
         "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
-    run("generate positions-scene.yaml --runs 3 --t-end 10 --out train.csv");
-    run("fit positions.yaml train.csv --out m.h5");
-    run("generate positions-scene.yaml --runs 2 --t-end 10 --out test.csv --seed 3 --noise 0.001");
-    cli_json(identify, "evaluate m.h5 test.csv --horizons 2", "energy {", &result);
+    cli_run(identify, "generate positions-scene.yaml --runs 3 --t-end 10 --out train.csv");
+    cli_run(identify, "fit positions.yaml train.csv --out m.h5");
+    cli_run(identify,
+            "generate positions-scene.yaml --runs 2 --t-end 10 --out test.csv --seed 3 --noise 0.001");
+    cli_json(identify, "evaluate m.h5 test.csv --horizons 2", "energy {");
     const double rms = json_number(json_find(result.out, "free_run"), "x");
     assert_true(rms > 0.0008 && rms < 0.0013);
     const char *horizon = strchr(json_find(result.out, "horizons"), '{');
     json_expect(horizon, "starts >10, line <0.0015, line >0.0008, velocity null");
     json_expect(json_find(json_find(result.out, "whiteness"), "x"), "lag1 <0.5, rms <0.0013");
-    cli_json(identify, "predict m.h5 test.csv --out p.csv", "rows 1002, runs 2", &result);
-    run("check positions.yaml p.csv");
+    cli_json(identify, "predict m.h5 test.csv --out p.csv", "rows 1002, runs 2");
+    cli_run(identify, "check positions.yaml p.csv");
 }
 
 TEST("a model that is no better than a simple guess is warned of") {
@@ -398,11 +389,11 @@ TEST("a model that is no better than a simple guess is warned of") {
         "stiff.yaml", OSCILLATOR_COLUMNS
         "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [90]}\n"
         "damping: {kind: known, values: [0.3]}\ninput_map: {kind: known, values: [[1]]}\n");
-    run("generate scene.yaml --runs 4 --t-end 6 --out train.csv");
-    run("fit machine.yaml train.csv --out m.h5");
-    identify_run_quietly("evaluate m.h5 train.csv", &result);
-    run("generate stiff.yaml --runs 4 --t-end 6 --out stiff.csv --start-spread 0.1,0.1");
-    cli_json(identify, "evaluate m.h5 stiff.csv --horizons 1,2", "window_loss >0", &result);
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 6 --out train.csv");
+    cli_run(identify, "fit machine.yaml train.csv --out m.h5");
+    identify_run_quietly("evaluate m.h5 train.csv");
+    cli_run(identify, "generate stiff.yaml --runs 4 --t-end 6 --out stiff.csv --start-spread 0.1,0.1");
+    cli_json(identify, "evaluate m.h5 stiff.csv --horizons 1,2", "window_loss >0");
     assert_says(result.err, "at 1 s the model's error of line");
     assert_says(result.err, "of a linear model");
     assert_null(strstr(result.err, "at 2 s"));
@@ -424,17 +415,16 @@ TEST("a free run that is not finite is told, and none of its columns counts as w
                                      starts[k] + 1e-3 * lg_rng_normal(&rng), 1e-3 * lg_rng_normal(&rng));
         cli_write(files[k], text);
     }
-    cli_json(identify, "fit quartic.yaml near.csv --out m.h5 --starts measured --window 2", "loss >0",
-             &result);
-    cli_json(identify, "evaluate m.h5 near.csv", "window_loss >0", &result);
+    cli_json(identify, "fit quartic.yaml near.csv --out m.h5 --starts measured --window 2", "loss >0");
+    cli_json(identify, "evaluate m.h5 near.csv", "window_loss >0");
     assert_null(strstr(result.err, "is not finite"));
-    cli_json(identify, "evaluate m.h5 far.csv", "window_loss >0", &result);
+    cli_json(identify, "evaluate m.h5 far.csv", "window_loss >0");
     assert_says(result.err, "the free run is not finite");
     static const char *const columns[] = {"x", "vx"};
     for (size_t c = 0; c < LG_COUNT(columns); c++) {
         json_expect(json_find(json_find(result.out, "whiteness"), columns[c]), "probability 0");
     }
-    cli_expect(identify, "evaluate m.h5 far.csv", 0, "probability", &result);
+    cli_expect(identify, "evaluate m.h5 far.csv", 0, "probability");
 }
 
 TEST("rows that estimate a start are not scored") {
@@ -451,8 +441,8 @@ TEST("rows that estimate a start are not scored") {
                                      cos(STEP * i) + (bad && i < 50 ? (i % 2 == 0 ? 0.2 : -0.2) : 0));
         cli_write(bad ? "bad.csv" : "good.csv", text);
     }
-    run("fit still.yaml good.csv --out m.h5");
-    cli_json(identify, "evaluate m.h5 bad.csv --horizons 1", "window_loss *", &result);
+    cli_run(identify, "fit still.yaml good.csv --out m.h5");
+    cli_json(identify, "evaluate m.h5 bad.csv --horizons 1", "window_loss *");
     const double rms = json_number(json_find(result.out, "free_run"), "x");
     assert_true(rms > 1e-4 && rms < 0.02); /* all rows: .063 */
 }
@@ -470,8 +460,8 @@ TEST("angles are compared modulo turns") {
     cli_write("wrapped.csv", text);
     cli_write("spin.yaml", "unwrap: false\nmeasured: positions\ncoordinates:\n  - {name: a, kind: angle}\n"
                            "mass: {kind: known, values: [1]}\ndamping: diagonal\n");
-    run("fit spin.yaml lap.csv --window 50 --out lap.h5");
-    cli_json(identify, "evaluate lap.h5 wrapped.csv --horizons 2", "window_loss *", &result);
+    cli_run(identify, "fit spin.yaml lap.csv --window 50 --out lap.h5");
+    cli_json(identify, "evaluate lap.h5 wrapped.csv --horizons 2", "window_loss *");
     json_expect(json_find(result.out, "free_run"), "a <1e-2");
 }
 
@@ -489,18 +479,17 @@ TEST("poses with velocities in space, directions and smooth inputs go through al
               FERRY "mass: {kind: known, values: [2, 2, 2, 0.5, 0.6, 0.3, 1, 1, 1]}\n"
                     "potential: {kind: known, form: linear, of: rod, values: [0, 0, 3]}\n");
     cli_write("ferry.yaml", FERRY "mass: diagonal\npotential: {kind: linear, of: rod}\n");
-    run("generate ferry-scene.yaml --runs 2 --t-end 2 --out ferry.csv");
-    cli_json(identify, "check ferry.yaml ferry.csv", "warnings []", &result);
+    cli_run(identify, "generate ferry-scene.yaml --runs 2 --t-end 2 --out ferry.csv");
+    cli_json(identify, "check ferry.yaml ferry.csv", "warnings []");
     json_expect(json_find(result.out, "kinematics"), "hull <1e-2, rod <1e-2");
-    cli_json(identify, "fit ferry.yaml ferry.csv --out ferry.h5", "loss <1e-10", &result);
+    cli_json(identify, "fit ferry.yaml ferry.csv --out ferry.h5", "loss <1e-10");
     assert_close(json_number(json_find(json_find(result.out, "identified"), "mass.4.4"), "value"), 0.5, 1e-4,
                  0);
-    cli_json(identify, "evaluate ferry.h5 ferry.csv --horizons 1 --plot ferry.svg", "window_loss <1e-10",
-             &result);
+    cli_json(identify, "evaluate ferry.h5 ferry.csv --horizons 1 --plot ferry.svg", "window_loss <1e-10");
     const char *errors = json_find(result.out, "free_run");
     json_expect(errors, "x <1e-4, qw <1e-4, vx <1e-4, wy <1e-4, dz <1e-4, ax <1e-4");
     json_expect(json_find(result.out, "energy"), "left_size <1e-3, change_size >0.1");
-    run("predict ferry.h5 ferry.csv --out run.csv");
+    cli_run(identify, "predict ferry.h5 ferry.csv --out run.csv");
     expect_log("ferry.yaml", "ferry.csv", "run.csv", (const char *const[]){"t", "run", "f", "s", NULL},
                (const char *const[]){"x", "y", "z", "vx", "vy", "vz", "wx", "dx", "ay", NULL}, 1e-3);
 }

@@ -1,8 +1,6 @@
 /* One name, one meaning: the options of all commands of all programs, as --help tells them. */
 #include "cli_support.h"
 
-static cli result;
-
 /* Names whose unit or sentence differs from command to command, and why. */
 static const char *const meanings[][2] = {
     {"activation", "of hidden layers, or between layers and of all layers of a cnn"},
@@ -114,14 +112,14 @@ static void read_options(char *help) {
 static void read_program(const char *program) {
     static char list[CLI_TEXT];
     char words[64], *save = NULL;
-    cli_expect(program, "--help", 0, "Common options:", &result);
+    cli_expect(program, "--help", 0, "Common options:");
     const char *commands = strstr(result.out, "\nCommands:\n");
     (void)snprintf(list, sizeof list, "%s", commands != NULL ? commands + 11 : "");
     read_options(result.out);
     for (char *line = strtok_r(list, "\n", &save); line != NULL && strncmp(line, "  ", 2) == 0;
          line = strtok_r(NULL, "\n", &save)) {
         (void)snprintf(words, sizeof words, "%.*s --help", (int)strcspn(line + 2, " "), line + 2);
-        cli_expect(program, words, 0, "Common options:", &result);
+        cli_expect(program, words, 0, "Common options:");
         read_options(result.out);
     }
 }
@@ -146,7 +144,7 @@ TEST("an option has one unit and meaning in all commands, and one range and defa
     for (struct dirent *entry; (entry = readdir(folder)) != NULL;)
         if (strncmp(entry->d_name, "lg-", 3) == 0) read_program(entry->d_name);
     (void)closedir(folder);
-    cli_expect("lg-simulate", "merge --help", 0, "Common options:", &result);
+    cli_expect("lg-simulate", "merge --help", 0, "Common options:");
     read_options(result.out);
     assert_int_equal(unsetenv("ARGP_HELP_FMT"), 0);
     expect_table("unit or meaning", meanings, LG_COUNT(meanings), true);

@@ -20,10 +20,8 @@ typedef struct refusal {
     const char *words;
 } refusal;
 
-static cli result;
-
 static void run(const char *program, const char *const *lines, size_t count) {
-    for (size_t i = 0; i < count; i++) cli_expect(program, lines[i], 0, "", &result);
+    for (size_t i = 0; i < count; i++) cli_expect(program, lines[i], 0, "");
 }
 #define RUN(program, ...)                                                                                    \
     run(program, (const char *const[]){__VA_ARGS__}, LG_COUNT(((const char *const[]){__VA_ARGS__})))
@@ -67,7 +65,7 @@ static void refuse(const char *program, const refusal *row, size_t from, size_t 
         replace(row->words, place, place + (row->words[place] == '%'), row->words[place] == '%' ? value : "",
                 words, sizeof words);
     }
-    cli_expect(program, line, row->code, words, &result);
+    cli_expect(program, line, row->code, words);
     if (strncmp(result.err, program, strlen(program)) != 0)
         fail_msg("%s: the message does not begin with the program: %s", line, result.err);
     assert_string_equal(result.out, "");
@@ -208,7 +206,7 @@ TEST("lg-hamiltonian refuses with exit code and word, and writes nothing") {
     REFUSE("lg-hamiltonian", hamiltonian);
     cli_expect("lg-hamiltonian",
                TRAIN "--hidden 30,30,30,30,30,30,30,30 --activation identity --dtype f32 --lr 1e3", 4,
-               "epoch 2, batch 1: the loss", &result);
+               "epoch 2, batch 1: the loss");
     static const char *const scenes[][2] = {
         {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\nmasses: [2]\ngravity: 1\n", "line 4"},
         {"system: [pendulum-chain\n", "bad.yaml"},
@@ -367,7 +365,7 @@ TEST("lg-elastica refuses with exit code and word, and writes nothing") {
         TRAIN
         "--method adam --dtype f32 --modes 0 --hidden 12 --layers 14 --batch 8 --lr 1e3 --schedule constant "
         "--activation identity --epochs 9",
-        4, "epoch", &result);
+        4, "epoch");
     refuse_texts("lg-elastica", "search bad.yaml data.h5 --out s.csv", elastica_ranges,
                  LG_COUNT(elastica_ranges));
     assert_false(cli_exists("s.csv"));
@@ -375,12 +373,11 @@ TEST("lg-elastica refuses with exit code and word, and writes nothing") {
     for (int i = 1; i < 256; i++) (void)strcat(line, ",1");
     RUN("lg-elastica", line);
     (void)strcat(line, ",1");
-    cli_expect("lg-elastica", line, 2, "--s: a list of 257 numbers is too long: at most 256; use --points\n",
-               &result);
+    cli_expect("lg-elastica", line, 2, "--s: a list of 257 numbers is too long: at most 256; use --points\n");
     (void)strcat(line, ",x");
-    cli_expect("lg-elastica", line, 2, "a list of 258 numbers", &result);
+    cli_expect("lg-elastica", line, 2, "a list of 258 numbers");
     (void)strcpy(line + sizeof "predict model.h5 --x 1 --s 0" + 300, "x");
-    cli_expect("lg-elastica", line, 2, ",1,1,...' is not a list", &result);
+    cli_expect("lg-elastica", line, 2, ",1,1,...' is not a list");
 }
 #undef TRAIN
 
@@ -523,7 +520,7 @@ TEST("lg-anomaly refuses with exit code and word, and writes nothing") {
                TRAIN
                "--filters 30,30,30,30,30,30,30,30 --kernel 1 --pooling none --activation identity --lr 1e3 "
                "--schedule constant --epochs 3",
-               4, "; the state before it is in m.h5.checkpoint", &result);
+               4, "; the state before it is in m.h5.checkpoint");
 }
 
 /* ---- lg-simulate ---- */

@@ -5,18 +5,6 @@
 
 #include "liegrad/io.h"
 
-static cli result;
-
-static void run(const char *program, const char *format, ...) __attribute__((format(printf, 2, 3)));
-static void run(const char *program, const char *format, ...) {
-    char line[1024];
-    va_list arguments;
-    va_start(arguments, format);
-    (void)vsnprintf(line, sizeof line, format, arguments);
-    va_end(arguments);
-    cli_expect(program, line, 0, "", &result);
-}
-
 /* Data are NAME.h5, other data NAME-2.h5. */
 static const struct trainer {
     const char *program, *name, *generate, *generate_other, *options;
@@ -45,9 +33,9 @@ static int setup(void **state) {
     cli_write("scene.yaml", scene);
     cli_write("start.yaml", start);
     for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
-        run(t->program, "%s --out %s.h5", t->generate, t->name);
-        run(t->program, "%s --out %s-2.h5", t->generate_other, t->name);
-        run(t->program, "train %s.h5 %s --epochs 1 --out %s-model.h5", t->name, t->options, t->name);
+        cli_run(t->program, "%s --out %s.h5", t->generate, t->name);
+        cli_run(t->program, "%s --out %s-2.h5", t->generate_other, t->name);
+        cli_run(t->program, "train %s.h5 %s --epochs 1 --out %s-model.h5", t->name, t->options, t->name);
     }
     return 0;
 }
@@ -66,16 +54,16 @@ TEST("every command has help, every executable a version") {
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         char list[128], words[64], *save = NULL;
         (void)snprintf(words, sizeof words, "%s (liegrad) ", rows[i].program);
-        cli_expect(rows[i].program, "--version", 0, words, &result);
-        cli_expect(rows[i].program, "--help", 0, rows[i].words, &result);
+        cli_expect(rows[i].program, "--version", 0, words);
+        cli_expect(rows[i].program, "--help", 0, rows[i].words);
         (void)snprintf(words, sizeof words, "Usage: %s", rows[i].program);
         (void)snprintf(list, sizeof list, "%s", rows[i].commands);
         for (char *command = strtok_r(list, " ", &save); command != NULL;
              command = strtok_r(NULL, " ", &save)) {
-            run(rows[i].program, "%s --help", command);
+            cli_run(rows[i].program, "%s --help", command);
             assert_says(result.out, words);
             assert_says(result.out, "--threads");
-            run(rows[i].program, "%s --version", command);
+            cli_run(rows[i].program, "%s --version", command);
             assert_says(result.out, "(liegrad)");
         }
     }
@@ -111,10 +99,10 @@ static void expect_not_resumed(const struct trainer *t) {
         *value = '\0';
         (void)snprintf(line, sizeof line, "train %s.h5 --resume c.h5 --out r.h5 %s %s", t->name, option,
                        value + 1);
-        cli_expect(t->program, line, 2, strrchr(option, '-') + 1, &result);
+        cli_expect(t->program, line, 2, strrchr(option, '-') + 1);
     }
     (void)snprintf(line, sizeof line, "train %s-2.h5 --resume c.h5 --out r.h5", t->name);
-    cli_expect(t->program, line, 2, "c.h5", &result);
+    cli_expect(t->program, line, 2, "c.h5");
     assert_false(cli_exists("r.h5"));
 }
 
@@ -122,15 +110,18 @@ TEST("the same seed gives the same bits on any threads, in one run or resumed, a
      "others") {
     for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
         char line[256];
-        run(t->program, "train %s.h5 %s --epochs 6 --threads 1 --seed 4 --out one.h5", t->name, t->options);
-        run(t->program, "train %s.h5 %s --epochs 6 --threads 2 --seed 4 --out two.h5", t->name, t->options);
-        run(t->program, "train %s.h5 %s --epochs 6 --threads 2 --seed 5 --out other.h5", t->name, t->options);
+        cli_run(t->program, "train %s.h5 %s --epochs 6 --threads 1 --seed 4 --out one.h5", t->name,
+                t->options);
+        cli_run(t->program, "train %s.h5 %s --epochs 6 --threads 2 --seed 4 --out two.h5", t->name,
+                t->options);
+        cli_run(t->program, "train %s.h5 %s --epochs 6 --threads 2 --seed 5 --out other.h5", t->name,
+                t->options);
         (void)snprintf(line, sizeof line,
                        "train %s.h5 %s --epochs 6 --seed 4 --stop-after 2 --checkpoint c.h5 --out half.h5",
                        t->name, t->options);
-        cli_json(t->program, line, "epochs 2", &result);
+        cli_json(t->program, line, "epochs 2");
         (void)snprintf(line, sizeof line, "train %s.h5 --resume c.h5 --out resumed.h5", t->name);
-        cli_json(t->program, line, t->resumed, &result);
+        cli_json(t->program, line, t->resumed);
         expect_weights("one.h5", "two.h5", true);
         expect_weights("one.h5", "resumed.h5", true);
         expect_weights("one.h5", "other.h5", false);
@@ -147,13 +138,13 @@ TEST("Ctrl-C saves the state of a training, and leaves no model") {
             t->name, t->options);
         const cli_child child = cli_start(t->program, line, 0);
         cli_wait_for("never.h5.checkpoint");
-        cli_interrupt(child, &result);
+        cli_interrupt(child);
         assert_says(result.err, "--resume never.h5.checkpoint");
         assert_false(cli_exists("never.h5"));
         assert_true(cli_exists("never.csv"));
         (void)snprintf(line, sizeof line,
                        "train %s.h5 --resume never.h5.checkpoint --stop-after 1 --out now.h5", t->name);
-        cli_json(t->program, line, "epochs >0", &result);
+        cli_json(t->program, line, "epochs >0");
         cli_unlink("never.h5.checkpoint");
         cli_unlink("never.csv");
     }
@@ -197,34 +188,34 @@ TEST("a search goes on where it was stopped, whatever the threads, and only as i
         (void)snprintf(line, sizeof line,
                        "search ranges.yaml %s.h5 --warm-up 2 --trials 6 --out once.csv --plot s.svg",
                        s->name);
-        cli_json(s->program, line, "trials 6, new 6, best {", &result);
+        cli_json(s->program, line, "trials 6, new 6, best {");
         const char *best = json_find(result.out, "best");
         json_expect(best, "objective >0, objective <10");
         assert_non_null(json_find(json_find(best, "values"), "lr"));
         assert_true(cli_exists("s.gp"));
-        run(s->program, "search ranges.yaml %s.h5 --warm-up 2 --trials 3 --out again.csv --threads 1",
-            s->name);
+        cli_run(s->program, "search ranges.yaml %s.h5 --warm-up 2 --trials 3 --out again.csv --threads 1",
+                s->name);
         (void)snprintf(again, sizeof again,
                        "search ranges.yaml %s.h5 --warm-up 2 --trials 6 --out again.csv --resume", s->name);
-        run(s->program, "%s --threads 2 --json", again);
+        cli_run(s->program, "%s --threads 2 --json", again);
         json_expect(result.out, "new 3");
         assert_string_equal(read_trials("once.csv"), read_trials("again.csv"));
-        run(s->program, "%s", again);
+        cli_run(s->program, "%s", again);
         assert_says(result.out, "best: trial");
         assert_says(result.out, s->best);
-        cli_json(s->program, again, "new 0", &result);
+        cli_json(s->program, again, "new 0");
         static const char *const others[][2] = {{"--seed 2", "seed"}, {"--quantile 0.3", "settings"}};
         for (size_t i = 0; i < LG_COUNT(others); i++) {
             (void)snprintf(line, sizeof line, "%s %s", again, others[i][0]);
-            cli_expect(s->program, line, 2, others[i][1], &result);
+            cli_expect(s->program, line, 2, others[i][1]);
         }
         (void)snprintf(line, sizeof line,
                        "search ranges.yaml %s-2.h5 --warm-up 2 --trials 6 --resume --out again.csv", s->name);
-        cli_expect(s->program, line, 2, "data", &result);
+        cli_expect(s->program, line, 2, "data");
         (void)snprintf(line, sizeof line, "search ranges.yaml %s-model.h5 --trials 2 --out few.csv", s->name);
-        cli_expect(s->program, line, 3, "-model.h5", &result);
-        run(s->program, "search ranges.yaml %s.h5 --trials 2 --out new-%s.csv --resume --json", s->name,
-            s->name);
+        cli_expect(s->program, line, 3, "-model.h5");
+        cli_run(s->program, "search ranges.yaml %s.h5 --trials 2 --out new-%s.csv --resume --json", s->name,
+                s->name);
         json_expect(result.out, "new 2");
         cli_unlink("again.csv");
     }
@@ -239,7 +230,7 @@ TEST("the published searches are read") {
         for (char *name = strtok_r(names, " ", &save); name != NULL; name = strtok_r(NULL, " ", &save)) {
             (void)snprintf(line, sizeof line, "search %s/../searches/%s.yaml empty.h5 --out s.csv",
                            LG_TEST_DIR, name);
-            cli_expect(s->program, line, 3, words, &result);
+            cli_expect(s->program, line, 3, words);
         }
     }
 }
@@ -250,12 +241,12 @@ TEST("Ctrl-C keeps the table of a search") {
     const cli_child child =
         cli_start("lg-elastica", "search ranges.yaml beam.h5 --trials 100000 --warm-up 2 --out long.csv", 0);
     cli_wait_for("long.csv");
-    cli_interrupt(child, &result);
+    cli_interrupt(child);
     assert_says(result.err, "continue with --resume");
     const char *finished = read_trials("long.csv");
     int trials = -2;
     for (const char *s = finished; *s != '\0'; s++) trials += *s == '\n';
-    run("lg-elastica", "search ranges.yaml beam.h5 --trials %d --warm-up 2 --out short.csv", trials);
+    cli_run("lg-elastica", "search ranges.yaml beam.h5 --trials %d --warm-up 2 --out short.csv", trials);
     assert_string_equal(finished, read_trials("short.csv"));
 }
 
@@ -298,12 +289,12 @@ static void write_table(void) {
 TEST("the command line of a training, with --resume, goes on with it") {
     write_table();
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
-        run(lines[i].program, "%s %s --stop-after 1 --out again.h5", lines[i].command, lines[i].options);
+        cli_run(lines[i].program, "%s %s --stop-after 1 --out again.h5", lines[i].command, lines[i].options);
         if (!cli_exists("again.h5.checkpoint")) fail_msg("row %zu: has no checkpoint", i);
         cli_expect(lines[i].program,
                    test_text("%s %s --stop-after 1 --out again.h5 --resume again.h5.checkpoint",
                              lines[i].command, lines[i].options),
-                   0, "", &result);
+                   0, "");
         cli_unlink("again.h5.checkpoint");
         if (cli_exists("again.h5")) cli_unlink("again.h5");
     }
@@ -313,15 +304,16 @@ TEST("a resumed preset is the stored one, and ends in the bits of one run") {
     for (size_t i = 0; i < 2; i++) {
         const char *preset = i == 0 ? "thesis" : "best";
         char line[256];
-        run("lg-hamiltonian", "train chain.h5 --preset %s --epochs 4 --hidden 9,9 --out one.h5", preset);
-        run("lg-hamiltonian", "train chain.h5 --preset %s --epochs 4 --hidden 9,9 --stop-after 2 --out p.h5",
-            preset);
+        cli_run("lg-hamiltonian", "train chain.h5 --preset %s --epochs 4 --hidden 9,9 --out one.h5", preset);
+        cli_run("lg-hamiltonian",
+                "train chain.h5 --preset %s --epochs 4 --hidden 9,9 --stop-after 2 --out p.h5", preset);
         (void)snprintf(
             line, sizeof line,
             "train chain.h5 --preset %s --epochs 4 --hidden 9,9 --out q.h5 --resume p.h5.checkpoint",
             i == 0 ? "best" : "thesis");
-        cli_expect("lg-hamiltonian", line, 2, "p.h5.checkpoint: was written with", &result);
-        run("lg-hamiltonian",
+        cli_expect("lg-hamiltonian", line, 2, "p.h5.checkpoint: was written with");
+        cli_run(
+            "lg-hamiltonian",
             "train chain.h5 --preset %s --epochs 4 --hidden 9,9 --out resumed.h5 --resume p.h5.checkpoint",
             preset);
         expect_weights("one.h5", "resumed.h5", true);
@@ -367,11 +359,11 @@ TEST("a full disk is told with the file's name, and leaves no file") {
     cli_write("ranges.yaml", searchers[0].ranges);
     const int before = cli_count_files("");
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        cli_run_limited(rows[i].program, rows[i].line, rows[i].limit, &result);
+        cli_run_limited(rows[i].program, rows[i].line, rows[i].limit);
         /* Without gnuplot there is no picture that could not be written. */
         if (result.code == 0 && strstr(rows[i].line, "--plot") != NULL &&
             strstr(result.err, "gnuplot") != NULL)
-            cli_run_limited("lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048, &result);
+            cli_run_limited("lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048);
         else if (strstr(result.err, rows[i].words) == NULL)
             fail_msg("%s: '%s' is not in %s", rows[i].line, rows[i].words, result.err);
         if (result.code != 3) fail_msg("%s: exit code %d: %s", rows[i].line, result.code, result.err);

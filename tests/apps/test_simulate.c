@@ -9,7 +9,6 @@
 #include "liegrad/io.h"
 
 static const char lg[] = "lg-simulate";
-static cli result;
 
 static const char oscillator[] = "system: oscillator\ninitial: {q: 0.6, p: -0.8}\nt_end: 3\n";
 static const char no_end[] = "system: oscillator\ninitial: {q: 0.6, p: -0.8}\n";
@@ -40,12 +39,8 @@ static double component(size_t i) {
     return y[i];
 }
 
-static void run(const char *arguments) {
-    cli_expect(lg, arguments, 0, "", &result);
-}
-
 static void json(const char *arguments, const char *members) {
-    cli_json(lg, arguments, members, &result);
+    cli_json(lg, arguments, members);
 }
 
 static double component_of(const char *arguments, size_t i) {
@@ -86,12 +81,12 @@ TEST("JSON has the shortest text of a number that reads back the same") {
                                         "7.174648137343064e-43"};
     for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++) {
         const char *line = test_text("oscillator.yaml --steps 1 --t-end %s --json", texts[i]);
-        cli_expect(lg, line, 0, test_text("\"t\": %s,", texts[i]), &result);
+        cli_expect(lg, line, 0, test_text("\"t\": %s,", texts[i]));
     }
 }
 
 TEST("every method is named in the help") {
-    run("--help");
+    cli_run(lg, "--help");
     for (size_t i = 0; i < lg_scheme_count(); i++) assert_says(result.out, lg_scheme_at(i)->name);
 }
 
@@ -140,7 +135,7 @@ TEST("a state beyond the horizon of prediction is told, with the time, in any un
             assert_says(result.err, "the result is not known at this tolerance");
             assert_int_equal(sscanf(told, "from t = %lf", &from), 1);
             assert_true(from > 15 && from < 35);
-            run(test_text("chaos.yaml --method %s --t-end %g", methods[m], 0.5 * from));
+            cli_run(lg, "chaos.yaml --method %s --t-end %g", methods[m], 0.5 * from);
             assert_string_equal(result.err, "");
         }
 }
@@ -164,7 +159,7 @@ TEST("motions that can be known are not warned of: all scenes, rest, small swing
               "initial: {q: [[0.28, 0, -0.96], [0, 0.28, -0.96]], omega: [[0, 0, 0], [0, 0, 0]]}\n"
               "t_end: 100\n");
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        run(rows[i]);
+        cli_run(lg, "%s", rows[i]);
         if (strstr(result.err, "not known") != NULL) fail_msg("%s: %s", rows[i], result.err);
     }
     assert_int_equal(glob(LG_TEST_DIR "/../scenes/*.yaml", 0, NULL, &scenes), 0);
@@ -172,7 +167,7 @@ TEST("motions that can be known are not warned of: all scenes, rest, small swing
     for (size_t i = 0; i < scenes.gl_pathc; i++) {
         if (strstr(scenes.gl_pathv[i], "/study-") != NULL || strstr(scenes.gl_pathv[i], "-ensemble.") != NULL)
             continue;
-        run(scenes.gl_pathv[i]);
+        cli_run(lg, "%s", scenes.gl_pathv[i]);
         if (strstr(result.err, "not known") != NULL) fail_msg("%s: %s", scenes.gl_pathv[i], result.err);
     }
     globfree(&scenes);
@@ -215,7 +210,7 @@ TEST("a chain is integrated by groups and without, on the manifold or with the d
     assert_all_close(state_of("chain.yaml --method cf4 --steps 4000", 12), y, 12, 0, 1e-9);
     json("chain.yaml --method rk4 --steps 40", "manifold_error >1e-9");
     json("chain.yaml --method rk4-projected --steps 40", "manifold_error <1e-14");
-    run("chain.yaml");
+    cli_run(lg, "chain.yaml");
     assert_says(result.out, "manifold_error");
     assert_says(result.out, "max_drift");
 }
@@ -265,7 +260,7 @@ TEST("schemes are read from files") {
     cli_write("verlet.yaml", "kind: splitting\norder: 2\nkick: [0.5, 0.5]\ndrift: [1, 0]\n");
     const double q = component_of("oscillator.yaml --method stormer-verlet --steps 50", 0);
     assert_close(component_of("oscillator.yaml --scheme verlet.yaml --steps 50", 0), q, 0, 0);
-    run("chain.yaml --work-precision --scheme kutta3.yaml --methods rk4 --levels 3 --json");
+    cli_run(lg, "chain.yaml --work-precision --scheme kutta3.yaml --methods rk4 --levels 3 --json");
     assert_says(result.out, "kutta3");
 }
 
@@ -311,13 +306,13 @@ TEST("a trajectory is written as it was computed") {
     read_array("t.h5", "invariants/energy", 1, dims, t);
     assert_close(t[10], t[0], 1e-7, 0);
     /* Dense output of the adaptive run, the steps of the other one: the same states. */
-    run("chain.yaml --method rkmk4 --steps 1000 --out s.h5 --points 11");
+    cli_run(lg, "chain.yaml --method rkmk4 --steps 1000 --out s.h5 --points 11");
     read_array("s.h5", "trajectory", 2, dims, s);
     assert_all_close(s, y, 132, 0, 1e-6);
-    run("oscillator.yaml --method dp54 --steps 300 --times 0.5,1.234,2 --out o.h5");
+    cli_run(lg, "oscillator.yaml --method dp54 --steps 300 --times 0.5,1.234,2 --out o.h5");
     read_array("o.h5", "trajectory", 2, three, y);
     assert_close(y[2], 0.6 * cos(1.234) - 0.8 * sin(1.234), 0, 1e-9);
-    run("oscillator.yaml --times 0,1.5,3 --out o.h5");
+    cli_run(lg, "oscillator.yaml --times 0,1.5,3 --out o.h5");
     read_array("o.h5", "trajectory", 2, three, y);
     assert_close(y[0], 0.6, 0, 0);
     assert_close(y[4], 0.6 * cos(3) - 0.8 * sin(3), 0, 1e-7);
@@ -333,7 +328,7 @@ TEST("pictures are drawn") {
         /* zero all along */
         "rigid.yaml --plot-kind manifold"};
     for (size_t i = 0; i < LG_COUNT(arguments); i++) {
-        run(test_text("%s --plot p%zu.svg", arguments[i], i));
+        cli_run(lg, "%s --plot p%zu.svg", arguments[i], i);
         assert_true(cli_exists(test_text("p%zu.gp", i)));
         if (!cli_exists(test_text("p%zu.svg", i)) && strstr(result.err, "gnuplot is not installed") == NULL)
             fail_msg("%s: no picture: %s", arguments[i], result.err);
@@ -355,7 +350,7 @@ TEST("work and precision of schemes are compared") {
     for (; s != NULL && strncmp(json_find(s, "method"), "\"rkmk54\"", 8) != 0; s = strchr(s + 1, '{'))
         continue;
     json_expect(s, "tol *, error >0, error <1");
-    run("oscillator.yaml --work-precision --levels 4");
+    cli_run(lg, "oscillator.yaml --work-precision --levels 4");
     assert_says(result.out, "stormer-verlet");
     assert_says(result.out, "the reference is dp54");
     assert_null(strstr(result.out, "rkmk4"));
@@ -419,7 +414,7 @@ TEST("weights may stand in a file, checkpoints change no number") {
     json("oscillator.yaml --tol 1e-12 --gradient 1,0", "");
     assert_int_equal(json_array(result.out, "dJ_dy0", dy0, 2), 2);
     assert_all_close(dy0, ((const double[]){cos(3), sin(3)}), 2, 0, 1e-9);
-    run("chain.yaml --gradient " WEIGHTS);
+    cli_run(lg, "chain.yaml --gradient " WEIGHTS);
     assert_says(result.out, "and in the parameters:");
 }
 
@@ -434,7 +429,7 @@ TEST("Ctrl-C ends a run") {
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         const cli_child child = cli_start(lg, lines[i], 0);
         (void)nanosleep(&(struct timespec){0, 150000000}, NULL);
-        cli_interrupt(child, &result);
+        cli_interrupt(child);
         assert_string_equal(result.out, "");
         assert_says(result.err, "stopped by Ctrl-C");
     }

@@ -293,7 +293,6 @@ static size_t read_value(const char *json, const char *path, double *out) {
 
 /* False, with a message: a command failed. */
 static bool run_row(const units_row *row, units in, units_values *out) {
-    static cli result;
     char text[4096], program[32];
     for (size_t i = 0; i < LG_COUNT(row->files) && row->files[i][0] != NULL; i++) {
         expand(row->files[i][1], in, text, sizeof text);
@@ -303,7 +302,7 @@ static bool run_row(const units_row *row, units in, units_values *out) {
         const size_t length = strcspn(row->data[i].command, " ");
         (void)snprintf(program, sizeof program, "%.*s", (int)length, row->data[i].command);
         (void)snprintf(text, sizeof text, "%s --out %s", row->data[i].command + length, row->data[i].made);
-        cli_expect(program, text, 0, "", &result);
+        cli_expect(program, text, 0, "");
         if (row->data[i].columns != NULL)
             convert_table(row->data[i].made, row->data[i].name, row->data[i].columns, in);
         else
@@ -314,7 +313,7 @@ static bool run_row(const units_row *row, units in, units_values *out) {
         (void)snprintf(program, sizeof program, "%.*s", (int)length, row->commands[c]);
         expand(row->commands[c] + length, in, text, sizeof text - 8);
         (void)strcat(text, " --json");
-        cli_run_limited(program, text, 0, &result);
+        cli_run_limited(program, text, 0);
         if (result.code != 0) {
             print_error("%s, units %g %g %g: %s%s: exit code %d: %s", row->name, in.mass, in.length, in.time,
                         program, text, result.code, result.err);
