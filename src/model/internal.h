@@ -40,6 +40,13 @@ void lg_model_drift(const lg_model *model, const double *state, const double *in
 /* y', and its Jacobian (d, d) in the state y, in ambient coordinates. */
 void lg_model_velocity(const lg_model *model, const double *state, const double *input, double *velocity,
                        double *jacobian, void *work);
+/* For liegrad_io, therefore exported: a copy of the model's program. Where the model moves and has no
+ * function `step` (x, u, h -> next), the copy gets one of `scheme`, NULL: the usual one of the space. Errors:
+ * LG_UNSUPPORTED (a scheme is asked for and the program has its own step), and errors of recording. */
+LG_API lg_status lg_model_copy_program(const lg_model *model, const lg_scheme *scheme, lg_program **out,
+                                       lg_error *error);
+/* The scheme of the step that a copy gets unless another one is asked for; NULL: it gets none. */
+LG_API const lg_scheme *lg_model_usual_scheme(const lg_model *model);
 /* Zeros for an input that is NULL. */
 const double *lg_model_no_input(const lg_model *model, void *work);
 

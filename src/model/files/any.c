@@ -7,6 +7,7 @@
 #include "liegrad/machine_model.h"
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"
+#include "model/internal.h"
 
 /* ---- the recipes ---- */
 
@@ -147,14 +148,13 @@ const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe)
 lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
                                 lg_error *error) {
     LG_NEEDS(error, file, out);
-    if (file->recipe == NULL)
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "the file's kind has no recipe: take the functions that it holds");
+    if (file->recipe == NULL) return lg_model_copy_program(file->model, scheme, out, error);
     return file->recipe->program(file->context, file->contents, scheme, out, error);
 }
 
 const lg_scheme *lg_model_file_scheme(const lg_model_file *file) {
-    return file->recipe != NULL && file->recipe->scheme != NULL ? file->recipe->scheme(file->contents) : NULL;
+    if (file->recipe == NULL) return lg_model_usual_scheme(file->model);
+    return file->recipe->scheme != NULL ? file->recipe->scheme(file->contents) : NULL;
 }
 
 bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out,
