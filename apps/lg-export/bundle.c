@@ -21,16 +21,17 @@ lg_status export_round_parameters(export_source *source, lg_program *program) {
     return status;
 }
 
-/* The declarations behind the first two, each of which begins with an empty line and a comment. */
-static const char *other_declarations(const char *declarations) {
-    for (int skipped = 0; declarations != NULL && skipped < 2; skipped++)
+/* The declarations behind the first `skip`, each of which begins with an empty line and a comment. */
+static const char *other_declarations(const char *declarations, int skip) {
+    for (int skipped = 0; declarations != NULL && skipped < skip; skipped++)
         declarations = strstr(declarations + 1, "\n/*");
     return declarations != NULL ? declarations : "";
 }
 
 static void take_texts(export_source *source, const lg_c_source *c) {
     source->written = true;
-    lg_text_add(&source->declarations, "%s", other_declarations(c->declarations));
+    lg_text_add(&source->declarations, "%s",
+                other_declarations(c->declarations, source->outputs > 0 ? 2 : 0));
     lg_text_add(&source->arrays, "%s", c->arrays);
     lg_text_add(&source->code, "%s\n", c->code);
     lg_text_add(&source->weights, "%s", c->weights);

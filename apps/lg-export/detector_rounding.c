@@ -15,16 +15,23 @@ enum { ROUNDING_STREAM = 0x726f756e };
  * derivative. */
 #define MOVE 0x1p-26
 
-void detector_draw_window(const export_source *source, const exported_detector *model, lg_rng *rng,
-                          double *x) {
-    const lg_scaler *scaler = &model->scaler;
-    const lg_cnn *net = &model->detector.net;
+static const lg_detector_file *file_of(const export_model *m) {
+    return m->file->contents;
+}
+
+static size_t channel_of(const export_model *m, size_t i) {
+    return i / file_of(m)->run.model.net.length;
+}
+
+void detector_draw_window(const export_model *m, lg_rng *rng, double *x) {
+    const lg_scaler *scaler = &file_of(m)->scaler;
+    const lg_cnn *net = &file_of(m)->run.model.net;
     const size_t length = net->length;
     for (size_t c = 0; c < net->channels; c++) {
-        const double offset = model->detector.centred ? scaler->scale[c] * lg_rng_normal(rng) : 0;
+        const double offset = file_of(m)->run.model.centred ? scaler->scale[c] * lg_rng_normal(rng) : 0;
         for (size_t i = c * length; i < (c + 1) * length; i++)
-            x[i] = (double)export_window_number(source, scaler->mean[c] + offset +
-                                                            scaler->scale[c] * lg_rng_normal(rng));
+            x[i] = (double)export_window_number(m->source, scaler->mean[c] + offset +
+                                                               scaler->scale[c] * lg_rng_normal(rng));
     }
 }
 
@@ -68,25 +75,25 @@ static double sign_of(lg_rng *rng) {
 
 /* Weights off by a relative MOVE each, and windows off by one of the scale: the growth of value and gradient.
  * A gradient with kinks may jump and is left out. */
-static double growth_of_moves(const export_source *source, const exported_detector *model, lg_rng *rng) {
-    const size_t n = source->inputs, outputs = source->outputs, parameters = source->parameters;
+static double growth_of_moves(const export_model *m, lg_rng *rng) {
+    const lg_detector_file *file = file_of(m);
+    const export_golden *golden = &m->source->golden;
+    const size_t n = m->source->inputs, outputs = m->source->outputs, parameters = m->source->parameters;
     double *x = app_alloc(2 * n, sizeof *x), *theta = app_alloc(parameters, sizeof *theta);
     double *here = app_alloc(2 * outputs * (n + 1), sizeof *here), *there = here + outputs * (n + 1);
-    void *work = app_alloc(lg_model_work_size(model->learned), 1);
-    const bool kinks = detector_has_kinks(&model->detector.net);
+    const bool kinks = detector_has_kinks(&file->run.model.net);
     spread value = {.size = outputs}, gradient = {.size = kinks ? 0 : outputs * n};
     for (int v = 0; v < DETECTOR_WINDOWS; v++) {
-        detector_draw_window(source, model, rng, x);
-        for (size_t i = 0; i < n; i++)
-            x[n + i] = x[i] + model->scaler.scale[i / model->detector.net.length] * sign_of(rng);
-        for (size_t i = 0; i < parameters; i++) theta[i] = model->theta[i] * (1 + sign_of(rng));
-        lg_model_jacobian(model->learned, x, here, here + outputs, work);
+        detector_draw_window(m, rng, x);
+        for (size_t i = 0; i < n; i++) x[n + i] = x[i] + file->scaler.scale[channel_of(m, i)] * sign_of(rng);
+        for (size_t i = 0; i < parameters; i++) theta[i] = file->theta[i] * (1 + sign_of(rng));
+        lg_model_jacobian(m->file->model, x, here, here + outputs, m->work);
         lg_model *moved = NULL;
         lg_program *program;
-        if (lg_detector_program(NULL, &model->detector, &model->scaler, theta, &program, NULL) != LG_OK ||
+        if (lg_detector_program(NULL, &file->run.model, &file->scaler, theta, &program, NULL) != LG_OK ||
             lg_model_create(NULL, program, NULL, &moved, NULL) != LG_OK)
             continue;
-        lg_model_jacobian(moved, x + n, there, there + outputs, work);
+        lg_model_jacobian(moved, x + n, there, there + outputs, m->work);
         lg_model_destroy(moved);
         note(&value, here, there);
         note(&gradient, here + outputs, there + outputs);
@@ -94,70 +101,19 @@ static double growth_of_moves(const export_source *source, const exported_detect
     free(x);
     free(theta);
     free(here);
-    free(work);
-    return fmax(growth(&value, MOVE, source->golden.y, source->golden.count),
-                growth(&gradient, MOVE, source->golden.jacobian, source->golden.count));
-}
-
-/* A plan of the network's values and gradients, with memory for it. */
-typedef struct rounded {
-    lg_plan *plan;
-    lg_dtype dtype;
-    void *x, *out, *work; /* numbers of dtype; out: y (outputs), then g (outputs, channels, length) */
-} rounded;
-
-static lg_status prepare(const lg_program *program, lg_dtype dtype, rounded *r) {
-    lg_plan_options options;
-    size_t function = 0;
-    lg_plan_options_init(&options);
-    options.dtype = dtype;
-    *r = (rounded){.dtype = dtype};
-    lg_status status = lg_program_find(program, "grad", &function);
-    if (status == LG_OK) status = lg_plan_create(program, function, &options, &r->plan, NULL);
-    if (status != LG_OK) return status;
-    r->x = app_alloc(lg_plan_input_count(r->plan, 0), sizeof(double));
-    r->out = app_alloc(lg_plan_output_count(r->plan, 0) + lg_plan_output_count(r->plan, 1), sizeof(double));
-    r->work = app_alloc(lg_plan_work_size(r->plan), 1);
-    return LG_OK;
-}
-
-static void finish(rounded *r) {
-    lg_plan_destroy(r->plan);
-    free(r->x);
-    free(r->out);
-    free(r->work);
-}
-
-/* y (outputs) and the gradient (outputs, channels, length) by the window, in the plan's precision. */
-static void evaluate(const rounded *r, const exported_detector *model, const double *x, double *out) {
-    const size_t n = lg_plan_input_count(r->plan, 0), m = lg_plan_output_count(r->plan, 0);
-    const size_t length = model->detector.net.length;
-    float *x_single = r->x, *single = r->out;
-    double *x_full = r->x, *full = r->out;
-    for (size_t i = 0; i < n; i++) {
-        if (r->dtype == LG_F32)
-            x_single[i] = (float)x[i];
-        else
-            x_full[i] = x[i];
-    }
-    void *const outputs[2] = {r->out, r->dtype == LG_F32 ? (void *)(single + m) : (void *)(full + m)};
-    lg_plan_eval(r->plan, (const void *const[]){r->x}, outputs, r->work);
-    for (size_t i = 0; i < m + m * n; i++) out[i] = r->dtype == LG_F32 ? (double)single[i] : full[i];
-    for (size_t i = 0; i < m * n; i++) out[m + i] /= model->scaler.scale[i % n / length];
+    return fmax(growth(&value, MOVE, golden->y, golden->count),
+                growth(&gradient, MOVE, golden->jacobian, golden->count));
 }
 
 /* The network alone, which reads windows that are scaled already. */
-static lg_status network_program(const exported_detector *model, lg_program **out) {
-    lg_detector alone = model->detector;
+static lg_status network_program(const export_model *m, lg_program **out) {
+    lg_detector alone = file_of(m)->run.model;
     const size_t channels = alone.net.channels;
     double *scale = app_alloc(2 * channels, sizeof *scale);
-    for (size_t c = 0; c < channels; c++) {
-        scale[c] = 1;
-        scale[channels + c] = 0;
-    }
+    for (size_t c = 0; c < channels; c++) scale[c] = 1;
     const lg_scaler scaler = {.channels = alone.net.channels, .mean = scale + channels, .scale = scale};
     alone.centred = false;
-    const lg_status status = lg_detector_program(NULL, &alone, &scaler, model->theta, out, NULL);
+    const lg_status status = lg_detector_program(NULL, &alone, &scaler, file_of(m)->theta, out, NULL);
     free(scale);
     return status;
 }
@@ -168,46 +124,55 @@ static void draw_scaled(const lg_cnn *net, lg_rng *rng, double *x) {
         for (size_t c = 0; c < net->channels; c++) x[c * net->length + t] = (double)(float)lg_rng_normal(rng);
 }
 
+/* y (outputs) and the gradient (outputs, channels, length) by the window as recorded. */
+static void evaluate(const export_model *m, const export_evaluation *e, const double *x, double *out) {
+    const size_t outputs = m->source->outputs, n = m->source->inputs;
+    export_evaluate(e, x, out);
+    for (size_t i = 0; i < outputs * n; i++)
+        out[outputs + i] /= file_of(m)->scaler.scale[channel_of(m, i % n)];
+}
+
 /* The library in single precision against itself in double precision, on the same scaled windows: the growth
  * of value and gradient. */
-static lg_status growth_of_sums(const export_source *source, const exported_detector *model, lg_rng *rng,
-                                double *out) {
-    const size_t n = source->inputs, outputs = source->outputs;
-    spread value = {.size = outputs},
-           gradient = {.size = detector_has_kinks(&model->detector.net) ? 0 : outputs * n};
+static lg_status growth_of_sums(const export_model *m, lg_rng *rng, double *out, lg_error *error) {
+    const lg_cnn *net = &file_of(m)->run.model.net;
+    const export_golden *golden = &m->source->golden;
+    const size_t n = m->source->inputs, outputs = m->source->outputs;
+    spread value = {.size = outputs}, gradient = {.size = detector_has_kinks(net) ? 0 : outputs * n};
     lg_program *program = NULL;
-    rounded full = {.plan = NULL}, single = {.plan = NULL};
-    lg_status status = network_program(model, &program);
-    if (status == LG_OK) status = prepare(program, LG_F64, &full);
-    if (status == LG_OK) status = prepare(program, LG_F32, &single);
+    export_evaluation wide = {.plan = NULL}, narrow = {.plan = NULL};
+    size_t grad = 0;
+    lg_status status = network_program(m, &program);
+    if (status == LG_OK) status = lg_program_find(program, "grad", &grad);
+    if (status == LG_OK) status = export_evaluation_open(program, grad, LG_F64, 0, &wide, error);
+    if (status == LG_OK) status = export_evaluation_open(program, grad, LG_F32, 0, &narrow, error);
     double *x = app_alloc(n, sizeof *x), *here = app_alloc(2 * outputs * (n + 1), sizeof *here);
     double *there = here + outputs * (n + 1);
     for (int v = 0; status == LG_OK && v < DETECTOR_WINDOWS; v++) {
-        draw_scaled(&model->detector.net, rng, x);
-        evaluate(&full, model, x, here);
-        evaluate(&single, model, x, there);
+        draw_scaled(net, rng, x);
+        evaluate(m, &wide, x, here);
+        evaluate(m, &narrow, x, there);
         note(&value, here, there);
         note(&gradient, here + outputs, there + outputs);
     }
-    finish(&full);
-    finish(&single);
+    export_evaluation_close(&wide);
+    export_evaluation_close(&narrow);
     lg_program_destroy(program);
     free(x);
     free(here);
-    *out = fmax(growth(&value, (double)FLT_EPSILON, source->golden.y, source->golden.count),
-                growth(&gradient, (double)FLT_EPSILON, source->golden.jacobian, source->golden.count));
+    *out = fmax(growth(&value, (double)FLT_EPSILON, golden->y, golden->count),
+                growth(&gradient, (double)FLT_EPSILON, golden->jacobian, golden->count));
     return status;
 }
 
 /* Rounded up to two digits: the last ones of growth_of_sums depend on the processor. */
-lg_status detector_condition(const export_source *source, const exported_detector *model, double *out) {
+lg_status detector_condition(export_model *m, lg_error *error) {
     lg_rng rng;
     double sums;
-    lg_rng_seed(&rng, source->options->seed, ROUNDING_STREAM);
-    const double moves = growth_of_moves(source, model, &rng);
-    const lg_status status = growth_of_sums(source, model, &rng, &sums);
-    if (status != LG_OK) return status;
-    const double condition = 4 * fmax(moves, sums) / (20 * (double)source->depth);
-    *out = condition > 1 ? ceil(10 * condition) / 10 : 1;
+    lg_rng_seed(&rng, m->source->options->seed, ROUNDING_STREAM);
+    const double moves = growth_of_moves(m, &rng);
+    LG_TRY(growth_of_sums(m, &rng, &sums, error));
+    const double condition = 4 * fmax(moves, sums) / (20 * (double)m->source->depth);
+    m->source->condition = condition > 1 ? ceil(10 * condition) / 10 : 1;
     return LG_OK;
 }

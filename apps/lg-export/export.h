@@ -86,6 +86,7 @@ typedef struct export_source {
                    units, order, data, error */
     text state, input;        /* words for the numbers of x and u, or empty */
     text places, inputs_each; /* a name for each of their numbers, each followed by a newline, or empty */
+    text range;               /* lines on the range of the data, or empty */
     text delay;               /* "inputs act 2 rows of the log, ... later than they are logged", or empty */
     text sizes;               /* #define NAME_LINKS 1 ... for NAME.h */
     text declarations;        /* prototypes with comments, beside NAME_eval and NAME_grad */
@@ -150,6 +151,8 @@ void export_units(export_source *source, const char *otherwise);
 /* Lines for `about`: command line, seed, CPU and version of the training, SHA-256 of its data ("": unknown).
  */
 void export_provenance(export_source *source, const lg_provenance *provenance, const char *sha256);
+/* The same of a file of any kind. */
+void export_file_provenance(const app *self, export_source *source, const char *path);
 /* Empty texts, no files. */
 void export_source_begin(export_source *source, const export_options *options);
 void export_source_free(export_source *source);
@@ -181,47 +184,40 @@ int export_bundle(const app *self, export_source *source, lg_program *program, b
 /* Replaces all parameters of the program by their rounded values. */
 lg_status export_round_parameters(export_source *source, lg_program *program);
 
-/* ---- what Hamiltonians and machines share (hamiltonian.c) ---- */
+/* ---- what models are (motion.c, machine_words.c) ---- */
 
 /* Schemes without an explicit step on the space: a sentence and APP_EXIT_USAGE. */
 int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme);
-/* The end of a step on the space; `factors`: a table of the factors is needed for more than that. */
-void export_arrive(export_source *source, const lg_space *space, bool factors);
-/* "state (6)     words" */
-void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
-void export_tell_scheme(text *about, const lg_scheme *scheme, size_t evaluations, const char *what);
-/* NAME_hamiltonian, NAME_field, NAME_step. */
-extern const char export_motion_declarations[];
-/* The training data's dt, halved until no golden state moves by more than its own length: a model that is too
- * fast for dt would be compared where steps multiply rounding. The first `field` numbers of each golden extra
- * are the field. */
-double export_golden_step(const export_source *source, double dt, size_t field);
-/* Step and input (m) of the self-test, and its fragment. */
-void export_write_motion(export_source *source, const double *input, size_t m, double h,
-                         const char *fragment);
-
-/* What the numbers of a model are: state, input and delay of `source`. */
-void export_tell_machine(export_source *source, const lg_machine_model_run *run);
-void export_tell_hamiltonian(export_source *source, const lg_hamiltonian *model);
-/* The range of a machine's data. */
-void export_tell_range(text *about, const lg_machine_model_run *run);
 /* A warning where inputs act later. */
 void export_warn_delay(const app *self, const export_source *source);
 
+/* ---- the library's own results (program.c) ---- */
+
+/* A plan of a function with memory for it. */
+typedef struct export_evaluation {
+    lg_plan *plan;
+    void *work;
+    const lg_port *in, *out;
+    size_t ins, outs;
+    bool single;
+} export_evaluation;
+/* `most`: lg_plan_options.most_work, 0: the default. Errors: those of lg_plan_create. */
+lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,
+                                 export_evaluation *e, lg_error *error);
+/* All inputs one behind the other, all outputs likewise. */
+void export_evaluate(const export_evaluation *e, const double *x, double *y);
+void export_evaluation_close(export_evaluation *e);
+/* Numbers within the range of a port, or from -1 to 1; returns how many. */
+size_t export_draw_port(const lg_port *port, lg_rng *rng, double *x);
 /* By how much a function of the program multiplies rounding, seen in the library's own single precision at
  * `points` inputs, one behind the other, numbers of single precision: the largest error over its eps times
- * the depth; infinite or NaN where single precision cannot hold the results. (program.c) */
+ * the depth; infinite or NaN where single precision cannot hold the results. */
 lg_status export_amplification(lg_program *program, size_t function, const double *x, size_t points,
                                size_t depth, double *out, lg_error *error);
 
-/* ---- kinds (one file each; golden vectors included) ---- */
+/* ---- files without faces (golden vectors included) ---- */
 
 /* These return an exit code; on failure a message has been printed. The caller sets `source->options`. */
-int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source);
-int export_surrogate(const app *self, const lg_model_file *file, export_source *source);
-int export_table(const app *self, const lg_model_file *file, export_source *source);
-int export_detector(const app *self, const lg_model_file *file, export_source *source);
-int export_machine(const app *self, const lg_model_file *file, export_source *source);
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
 /* Functions of a program (a list with commas; NULL: all) under their own names, with source->prefix. `path`:

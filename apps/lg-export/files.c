@@ -129,12 +129,13 @@ static void add_header(const export_source *source, text *to) {
                 source->options->sha256[0] != '\0' ? source->options->sha256 : "unknown");
     export_add_lines(to, source->about.data);
     lg_text_add_named(to, name, usage);
-    lg_text_add_named(to, name, source->bundle ? unfit_bundle : unfit_inputs);
+    if (source->bundle || source->outputs > 0)
+        lg_text_add_named(to, name, source->bundle ? unfit_bundle : unfit_inputs);
     lg_text_add(to, "%s", flags);
     lg_text_add(to, "#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", name,
                 name);
     add_sizes(source, to);
-    if (!source->bundle)
+    if (!source->bundle && source->outputs > 0)
         lg_text_add_named(to, name,
                           "/* x (NAME_INPUTS) -> y (NAME_OUTPUTS) */\n"
                           "void NAME_eval(const NAME_real *x, NAME_real *y, NAME_real *work);\n");
@@ -199,7 +200,9 @@ static void add_test(const export_source *source, text *to) {
     }
     export_golden_write(source, to);
     lg_text_add(to, "%s\n", or_nothing(&source->test));
-    lg_text_add_named(to, name, export_fragment_text("test_main"));
+    lg_text_add_named(to, name, export_fragment_text("test_check"));
+    lg_text_add(to, "\n");
+    lg_text_add_named(to, name, export_fragment_text(source->outputs > 0 ? "test_main" : "test_extra"));
 }
 
 static const char makefile[] =

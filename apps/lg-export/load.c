@@ -1,10 +1,8 @@
 /* A model of any kind as a program, and functions of it for a target. */
-#include "lg-export/export.h"
-
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/machine_model.h"
+#include "lg-export/faces.h"
 
 /* ---- a start ---- */
 
@@ -17,39 +15,28 @@ static void add_factor(const lg_space_factor *factor, double *y) {
     }
 }
 
-static void make_start(const lg_space *space, export_source *source) {
-    double *y = source->start = app_alloc(space->dim, sizeof *y);
-    source->starts = space->dim;
+void export_rest(const lg_space *space, double *y) {
     for (size_t i = 0; i < space->factors; i++) {
         add_factor(&space->factor[i], y);
         y += lg_space_kind_entry(space->factor[i].kind)->state * space->factor[i].count;
     }
 }
 
-/* ---- words: what the numbers of a state are ---- */
-
-static void tell_hamiltonian(const void *contents, export_source *source) {
-    const lg_hamiltonian_run *run = &((const lg_hamiltonian_file *)contents)->run;
-    source->step = run->dt;
-    export_tell_hamiltonian(source, &run->model);
-    export_tell_words(source, &source->about);
+static void make_start(const lg_space *space, export_source *source) {
+    source->start = app_alloc(space->dim, sizeof *source->start);
+    source->starts = space->dim;
+    export_rest(space, source->start);
 }
 
-static void tell_machine(const void *contents, export_source *source) {
-    const lg_machine_model_run *run = &((const lg_machine_model_file *)contents)->run;
-    source->step = run->dt;
-    export_tell_machine(source, run);
+/* ---- a model of any kind ---- */
+
+static void tell_words(const lg_model_file *file, export_source *source) {
+    const export_kind *kind = export_kind_of(file->recipe);
+    if (kind->words == NULL) return;
+    kind->words(file->contents, source);
     export_tell_words(source, &source->about);
-    export_tell_range(&source->about, run);
-    lg_text_add(&source->about, "\n");
+    if (source->range.length > 0) lg_text_add(&source->about, "%s\n", source->range.data);
 }
-
-static const struct {
-    const lg_recipe *recipe;
-    void (*tell)(const void *contents, export_source *source);
-} moving[] = {{&lg_recipe_hamiltonian, tell_hamiltonian}, {&lg_recipe_machine_model, tell_machine}};
-
-/* ---- a model of any recipe ---- */
 
 static lg_status load_model(const app *self, const char *path, export_source *source, lg_program **out,
                             lg_error *error) {
@@ -61,8 +48,7 @@ static lg_status load_model(const app *self, const char *path, export_source *so
     const lg_space *space = lg_model_space(file.model);
     if (status == LG_OK && space != NULL) {
         make_start(space, source);
-        for (size_t i = 0; i < LG_COUNT(moving); i++)
-            if (file.recipe == moving[i].recipe) moving[i].tell(file.contents, source);
+        tell_words(&file, source);
         export_warn_delay(self, source);
     }
     lg_model_file_destroy(&file);
@@ -72,9 +58,10 @@ static lg_status load_model(const app *self, const char *path, export_source *so
 int export_load(const app *self, const char *path, const char *kind, export_source *source,
                 lg_program **out) {
     lg_error error = {LG_OK, ""};
-    const lg_status status = strcmp(kind, "program") == 0
-                                 ? lg_program_load(self->context, path, NULL, out, &error)
-                                 : load_model(self, path, source, out, &error);
+    lg_status status = LG_UNSUPPORTED;
+    if (strcmp(kind, "program") != 0) status = load_model(self, path, source, out, &error);
+    if (status != LG_OK && lg_recipe_find(kind) == NULL)
+        status = lg_program_load(self->context, path, NULL, out, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 

@@ -1,8 +1,7 @@
 /* What the numbers of a machine's state and input are, whatever the target. */
-#include "lg-export/export.h"
-
 #include <stdlib.h>
 
+#include "lg-export/faces.h"
 #include "liegrad/machine_model.h"
 
 /* ---- the state ---- */
@@ -76,30 +75,10 @@ static void tell_state(export_source *source, const lg_machine *machine) {
     tell_each(source, machine, tell_momenta);
 }
 
-/* ---- inputs ---- */
-
-void export_tell_machine(export_source *source, const lg_machine_model_run *run) {
-    const lg_machine *machine = &run->machine;
-    tell_state(source, machine);
-    for (uint32_t i = 0; i < machine->input_count; i++) {
-        lg_text_add(&source->input, "%s%s", i > 0 ? " " : "", machine->inputs[i]);
-        lg_text_add(&source->inputs_each, "%s\n", machine->inputs[i]);
-    }
-    if (run->delay == 0) return;
-    lg_text_add(&source->delay, "inputs act %u rows of the log, %g in time, later than they are logged",
-                run->delay, run->delay * run->dt);
-}
-
-void export_warn_delay(const app *self, const export_source *source) {
-    if (source->delay.length > 0)
-        app_warn(self, "the model's %s; what is exported takes them at once: delay them yourself",
-                 source->delay.data);
-}
-
 /* ---- the range ---- */
 
 /* The range of the data; positions of directions and rotations are anywhere. */
-void export_tell_range(text *about, const lg_machine_model_run *run) {
+static void tell_range(text *about, const lg_machine_model_run *run) {
     const lg_machine *machine = &run->machine;
     const lg_machine_range *range = &run->range;
     uint32_t q = 0, v = machine->positions;
@@ -115,4 +94,27 @@ void export_tell_range(text *about, const lg_machine_model_run *run) {
     }
     for (uint32_t i = 0; i < machine->input_count; i++, v++)
         lg_text_add(about, "  input       %s %g to %g\n", machine->inputs[i], range->low[v], range->high[v]);
+}
+
+/* ---- inputs ---- */
+
+void export_machine_words(const void *contents, export_source *source) {
+    const lg_machine_model_run *run = &((const lg_machine_model_file *)contents)->run;
+    const lg_machine *machine = &run->machine;
+    source->step = run->dt;
+    tell_range(&source->range, run);
+    tell_state(source, machine);
+    for (uint32_t i = 0; i < machine->input_count; i++) {
+        lg_text_add(&source->input, "%s%s", i > 0 ? " " : "", machine->inputs[i]);
+        lg_text_add(&source->inputs_each, "%s\n", machine->inputs[i]);
+    }
+    if (run->delay == 0) return;
+    lg_text_add(&source->delay, "inputs act %u rows of the log, %g in time, later than they are logged",
+                run->delay, run->delay * run->dt);
+}
+
+void export_warn_delay(const app *self, const export_source *source) {
+    if (source->delay.length > 0)
+        app_warn(self, "the model's %s; what is exported takes them at once: delay them yourself",
+                 source->delay.data);
 }

@@ -1,11 +1,9 @@
 /* lg-export: a trained model as C sources for control code. */
-#include "lg-export/export.h"
-
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/machine_model.h"
+#include "lg-export/faces.h"
 
 typedef struct export_values {
     const char *out, *name, *scheme, *functions;
@@ -49,7 +47,7 @@ static const lg_field options[] = {
     LG_OPTION(export_values, functions, STRING, "NAMES",
               "Programs, and all models for another target than c: functions to export, separated by "
               "commas (default: "
-              "all; of models value, field, velocity, step). Machines in C: linearise adds "
+              "all; of models value, field, velocity, step). Models that move, in C: linearise adds "
               "NAME_linearise, which takes "
               "several times the code and work memory"),
     LG_OPTION(export_values, compact, SWITCH, NULL,
@@ -136,44 +134,68 @@ static void hash_model(job *j) {
 
 /* ---- kinds ---- */
 
-static const struct {
-    const lg_recipe *recipe;
-    int (*build)(const app *self, const lg_model_file *file, export_source *source);
-} builders[] = {{&lg_recipe_hamiltonian, export_hamiltonian},
-                {&lg_recipe_surrogate, export_surrogate},
-                {&lg_recipe_detector, export_detector},
-                {&lg_recipe_table, export_table},
-                {&lg_recipe_machine_model, export_machine}};
-
 static int refuse_scheme(const job *j) {
     return app_usage(j->self, "--scheme is for Hamiltonians and machines; %s is a %s", j->path, j->kind);
 }
 
-static int build_model(job *j) {
-    lg_error error = {LG_OK, ""};
-    const lg_status status = lg_model_load(j->self->context, j->path, NULL, &j->file, &error);
-    if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
-    size_t i = 0;
-    while (builders[i].recipe != j->file.recipe) i++;
-    j->kind = lg_recipe_name(j->file.recipe);
-    j->source.parameters = lg_model_parameters(j->file.model);
-    const lg_scheme *usual = lg_model_file_scheme(&j->file);
-    if (usual != NULL && j->options.scheme == NULL) j->options.scheme = usual;
-    const int code = usual == NULL && given.scheme != NULL ? refuse_scheme(j)
-                                                           : builders[i].build(j->self, &j->file, &j->source);
-    lg_model_file_destroy(&j->file);
-    return code;
+static int refuse_functions(const job *j) {
+    return app_usage(j->self, "--functions and --compact are for programs; %s is a %s", j->path, j->kind);
 }
 
-/* What is exported of a file of this kind: recipes and classifiers have code of their kind, all other files
- * with functions are programs. NULL: the file has no functions. */
-static const char *kind_of(const job *j, const char *kind) {
+/* --functions: of a model that moves linearise alone. */
+static int check_functions(const job *j) {
+    const bool moves = lg_model_space(j->file.model) != NULL;
+    if (given.compact || (given.functions != NULL && !moves)) return refuse_functions(j);
+    if (given.functions == NULL || strcmp(given.functions, "linearise") == 0) return APP_EXIT_OK;
+    return app_usage(
+        j->self,
+        "--functions: '%s'; of a model that moves only linearise can be had beside what it always has",
+        given.functions);
+}
+
+/* The C of the faces; *none: the model has no face. */
+static int build_faces(job *j, bool *none) {
+    const int code = j->file.recipe != NULL ? check_functions(j) : APP_EXIT_OK;
+    if (code != APP_EXIT_OK) return code;
+    if (given.scheme != NULL && lg_model_space(j->file.model) == NULL) return refuse_scheme(j);
+    if (j->options.scheme == NULL) j->options.scheme = lg_model_file_scheme(&j->file);
+    return export_faces(j->self, &j->file, &j->source, none);
+}
+
+static int build_program(job *j) {
+    j->kind = "program";
+    return given.scheme != NULL ? refuse_scheme(j) : export_program(j->self, j->path, &j->source);
+}
+
+/* What the options ask for is what faces have. */
+static bool wants_faces(void) {
+    return !given.compact && (given.functions == NULL || strcmp(given.functions, "linearise") == 0);
+}
+
+/* A model by its faces; a file of an unknown kind that has none, or of which something else is asked, is a
+ * program. */
+static int build_model(job *j, const char *kind) {
+    lg_error error = {LG_OK, ""};
+    bool none = false;
+    const bool known = lg_recipe_find(kind) != NULL;
+    const lg_status status = lg_model_load(j->self->context, j->path, NULL, &j->file, &error);
+    if (status != LG_OK && known) return app_fail_file(j->self, status, &error, j->path);
+    if (status != LG_OK || (!known && !wants_faces())) {
+        if (status == LG_OK) lg_model_file_destroy(&j->file);
+        return build_program(j);
+    }
+    j->kind = kind;
+    const int code = build_faces(j, &none);
+    lg_model_file_destroy(&j->file);
+    return none ? build_program(j) : code;
+}
+
+/* Whether the file holds functions that can be exported, whatever its kind. */
+static bool has_functions(const job *j) {
     lg_program *program;
-    if (lg_recipe_find(kind) != NULL || strcmp(kind, "classifier") == 0 || strcmp(kind, "program") == 0)
-        return kind;
-    if (lg_program_load(j->self->context, j->path, NULL, &program, NULL) != LG_OK) return NULL;
+    if (lg_program_load(j->self->context, j->path, NULL, &program, NULL) != LG_OK) return false;
     lg_program_destroy(program);
-    return "program";
+    return true;
 }
 
 static int refuse_kind(const job *j, const char *kind) {
@@ -198,7 +220,7 @@ static int build_target(job *j, const char *kind) {
     int code = scene ? export_load_scene(j->self, j->path, target->tunable, &j->source, &program)
                      : export_load(j->self, j->path, kind, &j->source, &program);
     if (code != APP_EXIT_OK) return code;
-    const bool steps = scene || j->source.step > 0;
+    const bool steps = scene || j->source.start != NULL;
     code = given.scheme != NULL && !steps ? refuse_scheme(j)
                                           : target->build(j->self, j->path, program, &j->source);
     lg_program_destroy(program);
@@ -217,19 +239,15 @@ static int build(job *j) {
         return export_targets[given.target].build != NULL ? build_target(j, "scene") : refuse_scene(j);
     const lg_status status = lg_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
-    const char *kind = kind_of(j, own);
-    if (kind == NULL) return refuse_kind(j, own);
+    const bool classifier = strcmp(own, "classifier") == 0;
+    if (lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) return refuse_kind(j, own);
     export_read_units(j->self, j->path, &j->options);
-    if (export_targets[given.target].build != NULL) return build_target(j, kind);
-    const bool program = strcmp(kind, "program") == 0;
-    const bool machine = strcmp(kind, lg_recipe_name(&lg_recipe_machine_model)) == 0;
-    if ((!program && given.compact) || (!program && !machine && given.functions != NULL))
-        return app_usage(j->self, "--functions and --compact are for programs; %s is a %s", j->path, kind);
-    if (!program && strcmp(kind, "classifier") != 0) return build_model(j);
-    j->kind = program ? "program" : "classifier";
-    if (given.scheme != NULL) return refuse_scheme(j);
-    if (program) return export_program(j->self, j->path, &j->source);
-    return export_classifier(j->self, j->path, &j->source);
+    if (export_targets[given.target].build != NULL) return build_target(j, own);
+    if (strcmp(own, "program") == 0) return build_program(j);
+    if (!classifier) return build_model(j, own);
+    j->kind = own;
+    if (given.functions != NULL || given.compact) return refuse_functions(j);
+    return given.scheme != NULL ? refuse_scheme(j) : export_classifier(j->self, j->path, &j->source);
 }
 
 /* A shared library of the C, for programs that load it; none where the compiler has no operating system. */
@@ -349,8 +367,8 @@ int main(int argc, char **argv) {
              "functions with order and units.\n\nAll models except programs: NAME_eval, NAME_grad (gradient "
              "or Jacobian by the inputs). Hamiltonians and machines: NAME_hamiltonian, NAME_field, "
              "NAME_step; "
-             "machines also NAME_state, NAME_positions, NAME_velocities, with --functions linearise "
-             "NAME_linearise. Surrogates of beams: NAME_curve. "
+             "with --functions linearise NAME_linearise; machines also NAME_state, NAME_positions, "
+             "NAME_velocities. Surrogates of beams: NAME_curve. "
              "Detectors, classifiers and classifications of tables: NAME_classify, NAME_class_names; "
              "classifiers "
              "also NAME_features. Programs: NAME_<function> for each of their functions.\n\nIn the folder, "

@@ -28,13 +28,17 @@ static int failed(const job *j, lg_status status, const lg_error *error) {
 
 /* ---- numbers that go in ---- */
 
-static size_t draw(const job *j, const lg_port *port, lg_rng *rng, double *x) {
+size_t export_draw_port(const lg_port *port, lg_rng *rng, double *x) {
     const bool open = port->low == 0 && port->high == 0;
     const size_t count = lg_shape_count(port->shape);
-    for (size_t i = 0; i < count; i++) {
-        const double low = open ? -1 : port->low, high = open ? 1 : port->high;
-        x[i] = export_round(j->source->options, lg_rng_uniform_in(rng, low, high));
-    }
+    for (size_t i = 0; i < count; i++)
+        x[i] = lg_rng_uniform_in(rng, open ? -1 : port->low, open ? 1 : port->high);
+    return count;
+}
+
+static size_t draw(const job *j, const lg_port *port, lg_rng *rng, double *x) {
+    const size_t count = export_draw_port(port, rng, x);
+    for (size_t i = 0; i < count; i++) x[i] = export_round(j->source->options, x[i]);
     return count;
 }
 
@@ -46,21 +50,13 @@ static size_t total(const lg_port *ports, size_t count) {
 
 /* ---- the library's results ---- */
 
-typedef struct evaluation {
-    lg_plan *plan;
-    void *work;
-    const lg_port *in, *out;
-    size_t ins, outs;
-    bool single;
-} evaluation;
-
-static lg_status open_evaluation(const lg_program *program, size_t function, lg_dtype dtype, evaluation *e,
-                                 lg_error *error) {
+lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,
+                                 export_evaluation *e, lg_error *error) {
     lg_plan_options options;
     lg_plan_options_init(&options);
     options.dtype = dtype;
-    options.most_work = SELF_TEST_WORK;
-    *e = (evaluation){.single = dtype == LG_F32};
+    if (most > 0) options.most_work = most;
+    *e = (export_evaluation){.single = dtype == LG_F32};
     e->in = lg_program_inputs(program, function, &e->ins);
     e->out = lg_program_outputs(program, function, &e->outs);
     const lg_status status = lg_plan_create(program, function, &options, &e->plan, error);
@@ -68,7 +64,7 @@ static lg_status open_evaluation(const lg_program *program, size_t function, lg_
     return status;
 }
 
-static void close_evaluation(evaluation *e) {
+void export_evaluation_close(export_evaluation *e) {
     lg_plan_destroy(e->plan);
     free(e->work);
 }
@@ -84,8 +80,7 @@ static void *to_type(bool single, const double *x, size_t count) {
     return out;
 }
 
-/* All inputs one behind the other, all outputs likewise. */
-static void evaluate(const evaluation *e, const double *x, double *y) {
+void export_evaluate(const export_evaluation *e, const double *x, double *y) {
     const size_t size = e->single ? sizeof(float) : sizeof(double);
     const size_t ins = total(e->in, e->ins), outs = total(e->out, e->outs);
     const void **in = app_alloc(e->ins, sizeof *in);
@@ -115,13 +110,13 @@ static double norm_of(const double *a, const double *b, size_t count) {
 
 /* The largest error of single precision in the outputs of some points, in units of its eps times the depth.
  */
-static double amplification(const evaluation *wide, const evaluation *narrow, const double *x, size_t points,
-                            size_t depth) {
+static double amplification(const export_evaluation *wide, const export_evaluation *narrow, const double *x,
+                            size_t points, size_t depth) {
     const size_t ins = total(wide->in, wide->ins), outs = total(wide->out, wide->outs);
     double *y = app_alloc(points * outs, sizeof *y), *z = app_alloc(points * outs, sizeof *z), worst = 0;
     for (size_t p = 0; p < points; p++) {
-        evaluate(wide, x + p * ins, y + p * outs);
-        evaluate(narrow, x + p * ins, z + p * outs);
+        export_evaluate(wide, x + p * ins, y + p * outs);
+        export_evaluate(narrow, x + p * ins, z + p * outs);
     }
     for (size_t o = 0, at = 0; o < wide->outs; at += lg_shape_count(wide->out[o++].shape)) {
         const size_t count = lg_shape_count(wide->out[o].shape);
@@ -142,14 +137,15 @@ static double amplification(const evaluation *wide, const evaluation *narrow, co
 
 lg_status export_amplification(lg_program *program, size_t function, const double *x, size_t points,
                                size_t depth, double *out, lg_error *error) {
-    evaluation wide, narrow;
-    LG_TRY(open_evaluation(program, function, LG_F64, &wide, error));
-    const lg_status status = open_evaluation(program, function, LG_F32, &narrow, error);
+    export_evaluation wide, narrow;
+    LG_TRY(export_evaluation_open(program, function, LG_F64, SELF_TEST_WORK, &wide, error));
+    const lg_status status =
+        export_evaluation_open(program, function, LG_F32, SELF_TEST_WORK, &narrow, error);
     if (status == LG_OK) {
         *out = amplification(&wide, &narrow, x, points, depth);
-        close_evaluation(&narrow);
+        export_evaluation_close(&narrow);
     }
-    close_evaluation(&wide);
+    export_evaluation_close(&wide);
     return status;
 }
 
@@ -190,7 +186,7 @@ static void add_golden(job *j, const char *name, const char *what, const double 
 }
 
 /* A function of one vector in and one out for the self-test. */
-static void add_run(job *j, const evaluation *e, const char *name) {
+static void add_run(job *j, const export_evaluation *e, const char *name) {
     text *to = &j->source->test;
     lg_text_add(to, "static void run_%s(const real *x, real *y, int only, real *work) {\n    %s_%s%s(", name,
                 j->source->options->name, j->source->prefix, name);
@@ -201,7 +197,7 @@ static void add_run(job *j, const evaluation *e, const char *name) {
     lg_text_add(to, "work);\n}\n");
 }
 
-static void add_outputs(job *j, const evaluation *e, const char *name) {
+static void add_outputs(job *j, const export_evaluation *e, const char *name) {
     text *to = &j->source->test;
     lg_text_add(to, "static const result outputs_of_%s[] = {\n", name);
     for (size_t o = 0, at = 0; o < e->outs; at += lg_shape_count(e->out[o++].shape))
@@ -215,19 +211,19 @@ static int add_function(job *j, size_t index, text *table, size_t *largest) {
     const size_t function = j->c->function[index], depth = j->c->depth[index] > 0 ? j->c->depth[index] : 1;
     const export_options *options = j->source->options;
     const char *name = lg_program_function_name(j->program, function);
-    evaluation e;
+    export_evaluation e;
     lg_error error = {LG_OK, ""};
     lg_rng rng;
     int code = find_condition(j, function, depth);
     if (code != APP_EXIT_OK) return code;
-    const lg_status status = open_evaluation(j->program, function, LG_F64, &e, &error);
+    const lg_status status = export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error);
     if (status != LG_OK) return failed(j, status, &error);
     const size_t ins = total(e.in, e.ins), outs = total(e.out, e.outs), golden = (size_t)options->golden;
     double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);
     lg_rng_seed(&rng, options->seed, GOLDEN_STREAM);
     for (size_t g = 0, at = 0; g < golden; g++) {
         for (size_t i = 0; i < e.ins; i++) at += draw(j, &e.in[i], &rng, x + at);
-        evaluate(&e, x + g * ins, y + g * outs);
+        export_evaluate(&e, x + g * ins, y + g * outs);
     }
     lg_text_add(&j->source->test, "\n");
     add_golden(j, name, "golden_x", x, golden * ins);
@@ -240,7 +236,7 @@ static int add_function(job *j, size_t index, text *table, size_t *largest) {
     if (j->condition > j->source->condition) j->source->condition = j->condition;
     free(y);
     free(x);
-    close_evaluation(&e);
+    export_evaluation_close(&e);
     return code;
 }
 
@@ -283,13 +279,13 @@ static void add_about(const job *j) {
         j->source->condition);
 }
 
-static void add_provenance(const job *j, const char *path) {
+void export_file_provenance(const app *self, export_source *source, const char *path) {
     lg_file_reader *reader = NULL;
     lg_provenance provenance;
-    if (app_had_memory(lg_file_reader_create(j->self->context, path, NULL, NULL, &reader, NULL)) != LG_OK)
+    if (app_had_memory(lg_file_reader_create(self->context, path, NULL, NULL, &reader, NULL)) != LG_OK)
         return;
     lg_file_reader_provenance(reader, &provenance);
-    export_provenance(j->source, &provenance, NULL);
+    export_provenance(source, &provenance, NULL);
     lg_file_reader_destroy(reader);
 }
 
@@ -386,7 +382,7 @@ int export_whole(const app *self, const char *path, lg_program *program, const c
     }
     if (code == APP_EXIT_OK) {
         add_about(&j);
-        add_provenance(&j, path);
+        export_file_provenance(self, source, path);
     }
     lg_c_source_destroy(j.c);
     return code;

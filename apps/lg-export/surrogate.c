@@ -1,52 +1,27 @@
-/* Surrogates of the elastica: constants, network, words and golden vectors. The functions themselves are
- * code/surrogate. */
+/* Surrogates of the elastica: their face, which is the curve (code/surrogate), golden inputs, words. */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "lg-export/export.h"
+#include "lg-export/faces.h"
 #include "liegrad/networks.h"
-#include "liegrad/random.h"
 #include "liegrad/surrogate.h"
 
 /* Places of the curve in a golden vector, each with q and v. */
-enum { PLACES = 5, NUMBERS = 8, GOLDEN_STREAM = 0x676f6c64 };
+enum { PLACES = 5, NUMBERS = 8 };
 
-/* Functions of the program that the code needs, the fragment of the curve, reals of work that this one needs
- * beside theirs, and whether s is the first input. */
-enum { FUNCTIONS = 4, CURVE_STACK = 2048, CURVE_CALLS = 6 };
-typedef struct surrogate_form {
-    export_function functions[FUNCTIONS];
-    size_t count;
-    const char *fragment;
-    size_t work;
-    bool place;
-} surrogate_form;
+static const lg_surrogate_file *file_of(const export_model *m) {
+    return lg_model_file_of(m->file, &lg_recipe_surrogate);
+}
 
-static const surrogate_form forms[LG_SURROGATE_KIND_COUNT] = {
-    [LG_SURROGATE_DISCRETE] = {{{"value", "eval", 0, false, false}, {"grad", "grad", 0, false, false}},
-                               2,
-                               "curve_discrete",
-                               0,
-                               false},
-    [LG_SURROGATE_CONTINUOUS] = {{{"value", "eval", 0, false, false},
-                                  {"grad", "grad", 0, false, false},
-                                  {"point", "point", 0, false, false},
-                                  {"place", "place", 0, false, false}},
-                                 4,
-                                 "curve_continuous",
-                                 0,
-                                 true},
-    [LG_SURROGATE_ANGLE] = {{{"value", "eval", 0, false, false},
-                             {"grad", "grad", 0, false, false},
-                             {"ends", "ends", 0, false, false},
-                             {"point", "point", 0, false, false}},
-                            4,
-                            "curve_angle",
-                            8,
-                            true},
-};
+static bool is_beam(const export_model *m) {
+    return file_of(m) != NULL;
+}
+
+static bool has_place(const lg_surrogate *model) {
+    return model->options.kind != LG_SURROGATE_DISCRETE;
+}
 
 static const char *const boundary_names[NUMBERS] = {"q0x", "q0y", "v0x", "v0y", "qNx", "qNy", "vNx", "vNy"};
 
@@ -68,30 +43,34 @@ static void add_constants(export_source *source, const lg_surrogate *model) {
     }
 }
 
-static int add_code(const app *self, export_source *source, const lg_surrogate *model, const double *theta) {
-    surrogate_form form = forms[model->options.kind];
-    lg_program *program = NULL;
-    lg_error error = {LG_OK, ""};
-    const lg_status status = lg_surrogate_program(self->context, model, theta, &program, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
-    const int code = export_bundle(self, source, program, true, form.functions, form.count);
-    lg_program_destroy(program);
-    if (code != APP_EXIT_OK) return code;
-    add_constants(source, model);
-    export_code(source, "curve_mark");
-    export_code(source, form.fragment);
-    size_t least = form.work;
-    if (model->options.kind == LG_SURROGATE_DISCRETE) least = 4 * (2 * (size_t)model->intervals);
-    for (size_t i = model->options.kind == LG_SURROGATE_DISCRETE ? 0 : 2; i < form.count; i++)
-        if (i != 1 && least + form.functions[i].work > source->work)
-            source->work = least + form.functions[i].work;
-    source->stack += CURVE_STACK;
-    source->calls += CURVE_CALLS;
-    return APP_EXIT_OK;
+/* The fragment of the curve, and reals of work that it needs beside its functions. */
+static const struct {
+    const char *fragment;
+    size_t work;
+    const char *functions[2];
+} forms[LG_SURROGATE_KIND_COUNT] = {
+    [LG_SURROGATE_DISCRETE] = {"curve_discrete", 0, {"value", NULL}},
+    [LG_SURROGATE_CONTINUOUS] = {"curve_continuous", 0, {"point", "place"}},
+    [LG_SURROGATE_ANGLE] = {"curve_angle", 8, {"point", "ends"}},
+};
+
+static void curve_code(export_model *m) {
+    const lg_surrogate *model = &file_of(m)->run.model;
+    const lg_surrogate_kind kind = model->options.kind;
+    size_t least = forms[kind].work;
+    add_constants(m->source, model);
+    export_code(m->source, "curve_mark");
+    export_code(m->source, forms[kind].fragment);
+    if (kind == LG_SURROGATE_DISCRETE) least = 4 * (2 * (size_t)model->intervals);
+    for (size_t i = 0; i < 2 && forms[kind].functions[i] != NULL; i++) {
+        const size_t work = least + export_work_of(m, forms[kind].functions[i]);
+        if (work > m->source->work) m->source->work = work;
+    }
 }
 
 /* Dense layers one after another, and what is done to the last one's numbers. */
-static size_t depth_of(const lg_surrogate *model) {
+static size_t depth_of(const void *contents) {
+    const lg_surrogate *model = &((const lg_surrogate_file *)contents)->run.model;
     const lg_net *net = &model->net;
     const size_t steps = net->kind == LG_NET_RESNET || net->kind == LG_NET_MULT_AFFINE ? 2 : 1;
     return (net->embedding > 0) + 1 + steps * net->layers + 1 + 1 + (model->options.modes > 0) +
@@ -114,7 +93,7 @@ static void add_kind(text *to, const lg_surrogate *model) {
 }
 
 static void add_inputs(text *to, const lg_surrogate *model) {
-    const bool place = forms[model->options.kind].place;
+    const bool place = has_place(model);
     lg_text_add(to, "inputs x (%d):\n", NUMBERS + place);
     if (place) lg_text_add(to, "  %-24s  arc length from q0, 0 to L, unit of length of L\n", "s");
     lg_text_add(to,
@@ -191,7 +170,9 @@ static void add_training(text *to, const lg_surrogate_file *file) {
     if (isfinite(file->test_mse)) lg_text_add(to, "test MSE      %.6g\n", file->test_mse);
 }
 
-static void add_words(export_source *source, const lg_surrogate_file *file) {
+static void tell(export_model *m) {
+    const lg_surrogate_file *file = m->file->contents;
+    export_source *source = m->source;
     static const char *const how[LG_SURROGATE_KIND_COUNT] = {
         " * Between nodes: the cubic through them with their tangents, and its derivative; an s beyond an "
         "end is\n"
@@ -226,14 +207,9 @@ static void add_words(export_source *source, const lg_surrogate_file *file) {
 
 /* ---- golden vectors ---- */
 
-static double rounded(const export_source *source, double value) {
-    return export_round(source->options, value);
-}
-
 /* Near trained ones or, where none are known, any two tangents and a gap between a third of L and L; on
  * either side of the mirror; every other one moved. */
-static void draw_boundary(const export_source *source, const lg_surrogate_file *file, lg_rng *rng, size_t i,
-                          double *x) {
+static void draw_boundary(const lg_surrogate_file *file, lg_rng *rng, size_t i, double *x) {
     const double length = file->run.model.length;
     if (file->trained_count > 0) {
         const double *trained = file->trained + NUMBERS * (size_t)lg_rng_below(rng, file->trained_count);
@@ -250,15 +226,23 @@ static void draw_boundary(const export_source *source, const lg_surrogate_file *
     for (size_t c = 0; c < NUMBERS; c++) {
         if (c % 2 == 1) x[c] *= sign;
         if (i % 2 == 1 && c % 4 < 2) x[c] += shift[c % 2];
-        x[c] = rounded(source, x[c]);
     }
+}
+
+static void draw(export_model *m, double *x, size_t v) {
+    const lg_surrogate_file *file = m->file->contents;
+    const bool place = has_place(&file->run.model);
+    if (place) x[0] = file->run.model.length * lg_rng_uniform(&m->rng);
+    draw_boundary(file, &m->rng, v, x + place);
 }
 
 /* What tangents of the curve are multiplied with before they are compared: of the discrete network they are
  * differences of nodes divided by L/N, whose rounding is that of the nodes divided by L/N. */
 static double tangent_scale(const export_source *source, const lg_surrogate *model) {
     const double interval = model->length / model->intervals;
-    return model->options.kind == LG_SURROGATE_DISCRETE && interval < 1 ? rounded(source, interval) : 1;
+    return model->options.kind == LG_SURROGATE_DISCRETE && interval < 1
+               ? export_round(source->options, interval)
+               : 1;
 }
 
 static void write_places(export_source *source, const double *places, bool place, double scale) {
@@ -271,53 +255,56 @@ static void write_places(export_source *source, const double *places, bool place
     export_test_code(source, "test_surrogate");
 }
 
+static size_t curve_extras(const export_model *m) {
+    (void)m;
+    return 4 * (size_t)PLACES;
+}
+
 /* Both ends, a node, and places within the first and a later interval. */
-static int add_golden(const app *self, export_source *source, const lg_model_file *file) {
-    const lg_surrogate_file *trained = lg_model_file_of(file, &lg_recipe_surrogate);
-    const lg_surrogate *model = &trained->run.model;
-    const bool place = forms[model->options.kind].place;
+static lg_status curve_golden(export_model *m, size_t at) {
+    export_source *source = m->source;
+    const lg_surrogate *model = &file_of(m)->run.model;
     const double length = model->length, interval = length / model->intervals;
     const double share[PLACES] = {0, 0.3 * interval, floor(0.5 * model->intervals) * interval,
                                   (model->intervals - 0.7) * interval, length};
     const double scale = tangent_scale(source, model);
+    const bool place = has_place(model);
     double places[PLACES];
-    lg_rng rng;
     lg_surrogate_curves *curves = NULL;
-    lg_error error = {LG_OK, ""};
-    const lg_status status =
-        lg_surrogate_curves_create(self->context, model, trained->theta, LG_F64, PLACES, &curves, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
-    void *work = app_alloc(lg_model_work_size(file->model), 1);
-    void *curve = app_alloc(lg_surrogate_curves_work_size(curves), 1);
-    lg_rng_seed(&rng, source->options->seed, GOLDEN_STREAM);
-    for (size_t i = 0; i < PLACES; i++) places[i] = rounded(source, share[i]);
+    LG_TRY(lg_surrogate_curves_create(m->self->context, model, file_of(m)->theta, LG_F64, PLACES, &curves,
+                                      NULL));
+    void *work = app_alloc(lg_surrogate_curves_work_size(curves), 1);
+    for (size_t i = 0; i < PLACES; i++) places[i] = export_round(source->options, share[i]);
     write_places(source, places, place, scale);
-    export_golden_make(source, true, 4 * PLACES, "curve");
-    export_golden *golden = &source->golden;
-    for (size_t i = 0; i < golden->count; i++) {
-        double *x = golden->x + source->inputs * i, *extra = golden->extra + golden->extras * i;
-        if (place) x[0] = rounded(source, length * lg_rng_uniform(&rng));
-        draw_boundary(source, trained, &rng, i, x + place);
-        lg_model_jacobian(file->model, x, golden->y + source->outputs * i,
-                          golden->jacobian + source->outputs * source->inputs * i, work);
-        lg_surrogate_curve(curves, x + place, places, PLACES, extra, extra + 2 * PLACES, curve);
+    for (size_t i = 0; i < source->golden.count; i++) {
+        double *extra = export_extra(m, at, i);
+        lg_surrogate_curve(curves, source->golden.x + source->inputs * i + place, places, PLACES, extra,
+                           extra + 2 * PLACES, work);
         for (size_t k = 0; k < 2 * PLACES; k++) extra[2 * PLACES + k] *= scale;
     }
     lg_surrogate_curves_destroy(curves);
-    free(curve);
     free(work);
-    return APP_EXIT_OK;
+    return LG_OK;
 }
 
-int export_surrogate(const app *self, const lg_model_file *file, export_source *source) {
-    const lg_surrogate_file *trained = lg_model_file_of(file, &lg_recipe_surrogate);
-    source->inputs = lg_model_inputs(file->model);
-    source->outputs = lg_model_outputs(file->model);
-    source->parameters = lg_model_parameters(file->model);
-    const int code = add_code(self, source, &trained->run.model, trained->theta);
-    if (code != APP_EXIT_OK) return code;
-    source->depth = depth_of(&trained->run.model);
-    source->condition = 1;
-    add_words(source, trained);
-    return add_golden(self, source, file);
+/* ---- the rows ---- */
+
+static bool has_nodes(const export_model *m) {
+    return is_beam(m) && !has_place(&file_of(m)->run.model);
 }
+
+#define CURVE(its_fits, ...)                                                                                 \
+    {                                                                                                        \
+        .functions = {__VA_ARGS__}, .fits = its_fits, .code = curve_code, .extras = curve_extras,            \
+        .golden = curve_golden, .extra_name = "curve", .stack = 2048, .calls = 6                             \
+    }
+const export_face export_face_points = CURVE(is_beam, {"point", "point", false}, {"place", "place", false});
+const export_face export_face_angle = CURVE(is_beam, {"ends", "ends", false}, {"point", "point", false});
+const export_face export_face_nodes = CURVE(has_nodes, {"value", "eval", false});
+
+const export_kind export_kind_surrogate = {.recipe = &lg_recipe_surrogate,
+                                           .stream = 0x676f6c64,
+                                           .draw = draw,
+                                           .depth = depth_of,
+                                           .condition = export_keep_condition,
+                                           .tell = tell};

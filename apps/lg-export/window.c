@@ -1,35 +1,55 @@
-/* Windows of sensor data: what detectors and classical classifiers say of them. */
-#include "lg-export/window.h"
-
+/* Classes: what detectors, classifications of tables and classical classifiers say of a window or a row. */
 #include <math.h>
 #include <string.h>
 
+#include "lg-export/faces.h"
+#include "liegrad/metrics.h"
+
 /* ---- code ---- */
 
-void export_window_code(export_source *source, const export_window *window) {
+static void add_names(export_source *source, const export_window *window) {
     const char *name = source->options->name;
-    export_size(source, "CHANNELS", window->channels, "signals of a window");
-    export_size(source, "LENGTH", window->length, "samples of each");
-    export_size(source, "CLASSES", window->classes, NULL);
-    lg_text_add(&source->sizes, "#define %s_RATE ", name);
-    lg_text_add_real(&source->sizes, LG_F64, window->rate);
-    lg_text_add(&source->sizes, " /* samples a second of the training data%s */\n",
-                window->rate > 0 ? "" : ", not known");
     lg_text_add(&source->code, "\nconst char *const %s_class_names[%s_CLASSES] = {\n", name, name);
     for (uint32_t i = 0; i < window->classes; i++) {
+        char number[16];
+        (void)snprintf(number, sizeof number, "%u", i);
         lg_text_add(&source->code, "    ");
-        lg_text_add_literal(&source->code, window->class_name[i]);
+        lg_text_add_literal(&source->code, window->class_name != NULL ? window->class_name[i] : number);
         lg_text_add(&source->code, ",\n");
     }
     lg_text_add(&source->code, "};\n");
+}
+
+static void add_window(export_source *source, const export_window *window) {
+    export_size(source, "CHANNELS", window->channels, "signals of a window");
+    export_size(source, "LENGTH", window->length, "samples of each");
+    export_size(source, "CLASSES", window->classes, NULL);
+    lg_text_add(&source->sizes, "#define %s_RATE ", source->options->name);
+    lg_text_add_real(&source->sizes, LG_F64, window->rate);
+    lg_text_add(&source->sizes, " /* samples a second of the training data%s */\n",
+                window->rate > 0 ? "" : ", not known");
+}
+
+void export_window_code(export_source *source, const export_window *window) {
+    const char *name = source->options->name, *what = window->channels > 0 ? "window" : "row";
+    if (window->channels > 0)
+        add_window(source, window);
+    else
+        export_size(source, "CLASSES", window->classes, NULL);
+    add_names(source, window);
     lg_text_add(&source->declarations,
-                "/* The class of a window, a number below %s_CLASSES, with the %s of all classes\n"
-                " * (%s_CLASSES) or NULL; -1, and NaN, where a number of the window is not finite, or the "
-                "scores overflow.\n * %s */\n",
-                name, window->scores, name, window->score_words);
+                "/* The class of a %s, a number below %s_CLASSES, with the %s of all classes\n"
+                " * (%s_CLASSES) or NULL; -1, and NaN, where a number of the %s is not finite, or the "
+                "scores overflow.\n * %s */\n"
+                "int %s_classify(const %s_real *%s, %s_real *probability, %s_real *work);\n",
+                what, name, window->scores != NULL ? window->scores : "probabilities", name, what,
+                window->score_words != NULL
+                    ? window->score_words
+                    : "It is the one of the largest probability: of two equal ones class 1,\n"
+                      " * of more the first.",
+                name, name, what, name, name);
     lg_text_add_named(&source->declarations, name,
-                      "int NAME_classify(const NAME_real *window, NAME_real *probability, NAME_real "
-                      "*work);\n/* Names of the classes, UTF-8. */\nextern const char *const "
+                      "/* Names of the classes, UTF-8. */\nextern const char *const "
                       "NAME_class_names[NAME_CLASSES];\n");
 }
 
@@ -101,3 +121,44 @@ bool export_window_clear(const double *score, uint32_t classes) {
         if (i != best && !(score[best] - score[i] > 1e-3)) return false;
     return true;
 }
+
+/* ---- the face ---- */
+
+static bool has_classes(const export_model *m) {
+    return m->window.classes > 1 && export_has(m, &export_face_value);
+}
+
+static void classes_code(export_model *m) {
+    export_source *source = m->source;
+    const size_t scores = ((size_t)m->window.classes + 7) / 8 * 8,
+                 classify = scores + export_work_of(m, "probability"), value = export_work_of(m, "value"),
+                 most = value > classify ? value : classify;
+    if (most > source->work) source->work = most;
+    if (m->window.channels > 0)
+        export_size(source, "EVAL_WORK_SIZE", most, "numbers of work that suffice for all but the gradient");
+    export_constant(source, "AT_NET", scores);
+    export_code(source, "detector_class");
+    export_code(source, "detector_main");
+    export_window_code(source, &m->window);
+    export_test_code(source, "test_detector");
+}
+
+static size_t classes_extras(const export_model *m) {
+    return (size_t)m->window.classes + 1;
+}
+
+/* Probabilities and class. False where rounding could give another class. */
+static bool draw_classes(export_model *m, size_t v, double *extra) {
+    export_evaluate(&m->probability, m->source->golden.x + v * m->source->inputs, extra);
+    extra[m->window.classes] = lg_class_of(extra, m->window.classes);
+    return export_window_clear(extra, m->window.classes);
+}
+
+const export_face export_face_classes = {.functions = {{"probability", "probability", false}},
+                                         .fits = has_classes,
+                                         .code = classes_code,
+                                         .extras = classes_extras,
+                                         .draw = draw_classes,
+                                         .extra_name = "probabilities, class",
+                                         .stack = 1024,
+                                         .calls = 2};

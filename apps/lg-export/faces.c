@@ -1,0 +1,295 @@
+/* The C of a model: the faces for which its program has functions. */
+#include "lg-export/faces.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ATTEMPTS = 20 };
+
+/* ---- the tables ---- */
+
+static bool has_value(const export_model *m) {
+    return m->source->outputs > 0;
+}
+
+const export_face export_face_value = {.functions = {{"value", "eval", false}, {"grad", "grad", false}},
+                                       .fits = has_value};
+
+#define FACE(name) &export_face_##name,
+static const export_face *const faces[] = {EXPORT_FACE_LIST(FACE)};
+#define KIND(name) &export_kind_##name,
+static const export_kind *const kinds[] = {EXPORT_KIND_LIST(KIND)};
+
+const export_kind *export_kind_of(const lg_recipe *recipe) {
+    size_t i = 0;
+    while (kinds[i]->recipe != NULL && kinds[i]->recipe != recipe) i++;
+    return kinds[i];
+}
+
+/* ---- which faces ---- */
+
+static bool has_function(const lg_program *program, const char *name) {
+    return lg_program_find(program, name, &(size_t){0}) == LG_OK;
+}
+
+bool export_has(const export_model *m, const export_face *face) {
+    size_t i = 0;
+    while (i < m->face_count && m->faces[i] != face) i++;
+    return i < m->face_count;
+}
+
+/* The place of a function in the code; m->count: it is not there. */
+static size_t place_of(const export_model *m, const char *function) {
+    size_t i = 0;
+    while (i < m->count && strcmp(m->functions[i].function, function) != 0) i++;
+    return i;
+}
+
+size_t export_work_of(const export_model *m, const char *function) {
+    const size_t at = place_of(m, function);
+    return at < m->count ? m->functions[at].work : 0;
+}
+
+static size_t functions_of(const export_face *face) {
+    size_t count = 0;
+    while (count < EXPORT_MOST_FUNCTIONS && face->functions[count].function != NULL) count++;
+    return count;
+}
+
+static bool is_there(const export_model *m, const export_face *face) {
+    bool all = true;
+    for (size_t i = 0; i < functions_of(face); i++)
+        all = all && has_function(m->program, face->functions[i].function);
+    return all && face->fits(m);
+}
+
+static void choose(export_model *m) {
+    for (size_t i = 0; i < LG_COUNT(faces); i++) {
+        const export_face *face = faces[i];
+        if (!is_there(m, face)) continue;
+        m->faces[m->face_count++] = face;
+        m->extras += face->extras != NULL ? face->extras(m) : 0;
+        for (size_t k = 0; k < functions_of(face); k++)
+            if (place_of(m, face->functions[k].function) == m->count)
+                m->functions[m->count++] = (export_function){.function = face->functions[k].function,
+                                                             .name = face->functions[k].name,
+                                                             .hidden = face->functions[k].hidden};
+    }
+}
+
+/* ---- code ---- */
+
+/* A step's depth is not that of its rounding, since h is small. */
+static size_t depth_of(const export_model *m) {
+    size_t depth = 1;
+    if (m->kind->depth != NULL) return m->kind->depth(m->file->contents);
+    for (size_t i = 0; i < m->count; i++)
+        if (strcmp(m->functions[i].function, "step") != 0 && m->functions[i].depth > depth)
+            depth = m->functions[i].depth;
+    return depth;
+}
+
+static int add_code(export_model *m) {
+    export_source *source = m->source;
+    const int code = export_bundle(m->self, source, m->program, true, m->functions, m->count);
+    if (code != APP_EXIT_OK) return code;
+    source->depth = depth_of(m);
+    for (size_t i = 0; i < m->face_count; i++) {
+        if (m->faces[i]->code != NULL) m->faces[i]->code(m);
+        source->stack += m->faces[i]->stack;
+        source->calls += m->faces[i]->calls;
+    }
+    return APP_EXIT_OK;
+}
+
+/* ---- golden vectors ---- */
+
+/* A state anywhere: a random element acts on the state at rest, with random numbers where the space is flat. */
+static void draw_state(export_model *m, double *x) {
+    double *element = app_alloc(m->algebra, sizeof *element), *at = x;
+    memset(x, 0, m->dim * sizeof *x);
+    export_rest(m->space, x);
+    for (size_t f = 0; f < m->space->factors; f++) {
+        const lg_space_entry *entry = lg_space_kind_entry(m->space->factor[f].kind);
+        const size_t numbers = entry->state * m->space->factor[f].count;
+        for (size_t i = 0; entry->lift == NULL && i < numbers; i++) at[i] = lg_rng_normal(&m->rng);
+        at += numbers;
+    }
+    for (size_t k = 0; k < m->algebra; k++) element[k] = lg_rng_normal(&m->rng);
+    lg_space_act(m->space, element, x, x);
+    free(element);
+}
+
+/* A start on the space, or what the program's ports allow. */
+static void draw_start(export_model *m, double *x) {
+    size_t function = 0, count;
+    if (m->space != NULL) {
+        if (lg_space_start(m->space, NULL, &m->rng, x) != LG_OK) draw_state(m, x);
+        return;
+    }
+    (void)lg_program_find(m->program, "value", &function);
+    export_draw_port(lg_program_inputs(m->program, function, &count), &m->rng, x);
+}
+
+static bool draw(export_model *m, size_t v) {
+    export_source *source = m->source;
+    double *x = source->golden.x + v * source->inputs;
+    bool clear = true;
+    if (m->kind->draw != NULL)
+        m->kind->draw(m, x, v);
+    else
+        draw_start(m, x);
+    for (size_t i = 0; i < source->inputs; i++) x[i] = export_round(source->options, x[i]);
+    if (export_has(m, &export_face_value))
+        lg_model_jacobian(m->file->model, x, source->golden.y + v * source->outputs,
+                          source->golden.jacobian + v * source->outputs * source->inputs, m->work);
+    for (size_t i = 0, at = 0; i < m->face_count && clear; i++) {
+        const export_face *face = m->faces[i];
+        if (face->draw != NULL) clear = face->draw(m, v, export_extra(m, at, v));
+        at += face->extras != NULL ? face->extras(m) : 0;
+    }
+    return clear && (m->kind->is_smooth == NULL || m->kind->is_smooth(m, v));
+}
+
+static void make_golden(export_model *m) {
+    const char *name = NULL;
+    for (size_t i = 0; i < m->face_count; i++)
+        if (m->faces[i]->extra_name != NULL) name = m->faces[i]->extra_name;
+    if (m->window.channels > 0)
+        export_window_golden(m->source, m->extras, name);
+    else
+        export_golden_make(m->source, export_has(m, &export_face_value), m->extras, name);
+}
+
+static lg_status add_golden(export_model *m) {
+    lg_status status = LG_OK;
+    size_t function;
+    if (export_has(m, &export_face_classes) && lg_program_find(m->program, "probability", &function) == LG_OK)
+        LG_TRY(export_evaluation_open(m->program, function, LG_F64, 0, &m->probability, NULL));
+    lg_rng_seed(&m->rng, m->source->options->seed, m->kind->stream);
+    make_golden(m);
+    for (size_t v = 0; v < m->source->golden.count; v++)
+        for (int attempt = 0; attempt < ATTEMPTS && !draw(m, v); attempt++) continue;
+    for (size_t i = 0, at = 0; i < m->face_count && status == LG_OK; i++) {
+        const export_face *face = m->faces[i];
+        if (face->golden != NULL) status = face->golden(m, at);
+        at += face->extras != NULL ? face->extras(m) : 0;
+    }
+    return status;
+}
+
+/* ---- condition ---- */
+
+lg_status export_keep_condition(export_model *m, lg_error *error) {
+    (void)m, (void)error;
+    return LG_OK;
+}
+
+/* By how much value, gradient, field and step multiply rounding at the golden vectors: the largest, of models
+ * that do not move a whole number. */
+static lg_status measure_condition(export_model *m, lg_error *error) {
+    static const char *const names[] = {"value", "grad", "field", "step"};
+    const export_golden *golden = &m->source->golden;
+    const size_t n = m->source->inputs;
+    double *x = app_alloc(golden->count * (n + m->forces + 1), sizeof *x);
+    lg_status status = LG_OK;
+    for (size_t f = m->space != NULL; f < LG_COUNT(names) && status == LG_OK; f++) {
+        size_t function, at = 0;
+        double found = 1.0;
+        if (place_of(m, names[f]) == m->count) continue;
+        for (size_t i = 0; i < golden->count; i++) {
+            for (size_t k = 0; k < n; k++) x[at++] = (double)(float)golden->x[i * n + k];
+            for (size_t k = 0; k < m->forces && f > 1; k++) x[at++] = (double)(float)m->input[k];
+            if (f == 3) x[at++] = (double)(float)m->h;
+        }
+        status = lg_program_find(m->program, names[f], &function);
+        if (status == LG_OK)
+            status =
+                export_amplification(m->program, function, x, golden->count, m->source->depth, &found, error);
+        if (m->space == NULL) found = ceil(found);
+        if (status == LG_OK && isfinite(found)) m->source->condition = fmax(m->source->condition, found);
+    }
+    free(x);
+    return status;
+}
+
+/* ---- all together ---- */
+
+static size_t parameters_of(const lg_program *program) {
+    size_t sum = 0;
+    for (size_t i = 0; i < lg_program_parameters(program); i++)
+        sum += lg_shape_count(lg_program_parameter(program, i).shape);
+    return sum;
+}
+
+static int write_model(export_model *m) {
+    lg_error error = {LG_OK, ""};
+    int code = add_code(m);
+    if (code != APP_EXIT_OK) return code;
+    lg_status status = add_golden(m);
+    if (status != LG_OK)
+        return app_fail(m->self, status, "%s: golden vectors of its field and step: %s",
+                        m->source->options->file, lg_status_sentence(status));
+    status = m->kind->condition != NULL ? m->kind->condition(m, &error) : measure_condition(m, &error);
+    if (status != LG_OK) return app_fail_file(m->self, status, &error, m->source->options->file);
+    m->kind->tell(m);
+    export_warn_delay(m->self, m->source);
+    return APP_EXIT_OK;
+}
+
+/* Sizes of what the library knows of the model. */
+static void measure(export_model *m) {
+    const lg_model *model = m->file->model;
+    const lg_program *program = lg_model_program(model);
+    size_t at, count;
+    m->source->inputs = lg_model_inputs(model);
+    m->source->outputs = lg_model_outputs(model);
+    m->source->parameters = m->kind->recipe != NULL ? lg_model_parameters(model) : parameters_of(program);
+    m->space = lg_model_space(model);
+    if (m->space != NULL) {
+        m->dim = m->space->dim;
+        m->algebra = m->space->algebra_dim;
+        m->forces = lg_model_input_dim(model);
+        m->tangent = lg_model_tangent_dim(model);
+    }
+    if (lg_program_find(program, "momenta", &at) == LG_OK) {
+        const lg_port *in = lg_program_inputs(program, at, &count);
+        m->positions = lg_shape_count(in[0].shape);
+        m->velocities = count > 1 ? lg_shape_count(in[1].shape) : 0;
+    }
+    if (m->kind->window != NULL) m->kind->window(m->file->contents, &m->window);
+    if (lg_program_find(program, "probability", &at) == LG_OK)
+        m->window.classes = (uint32_t)lg_shape_count(lg_program_outputs(program, at, &count)[0].shape);
+}
+
+/* Before the program is made: a scheme that fits, a model that can be exported. */
+static int check(export_model *m) {
+    const lg_scheme *scheme = m->source->options->scheme;
+    int code = APP_EXIT_OK;
+    if (m->space != NULL && scheme != NULL)
+        code = export_check_scheme(m->self, m->space, has_function(lg_model_program(m->file->model), "force"),
+                                   scheme);
+    return code == APP_EXIT_OK && m->kind->begin != NULL ? m->kind->begin(m) : code;
+}
+
+int export_faces(const app *self, const lg_model_file *file, export_source *source, bool *none) {
+    export_model m = {.self = self, .file = file, .kind = export_kind_of(file->recipe), .source = source};
+    lg_error error = {LG_OK, ""};
+    measure(&m);
+    int code = check(&m);
+    if (code != APP_EXIT_OK) return code;
+    if (m.kind->words != NULL) m.kind->words(file->contents, source);
+    const lg_status status = lg_model_file_program(file, source->options->scheme, &m.program, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
+    choose(&m);
+    *none = m.face_count == 0;
+    m.input = app_alloc(m.forces + 1, sizeof *m.input);
+    m.work = app_alloc(lg_model_work_size(file->model), 1);
+    if (!*none) code = write_model(&m);
+    export_evaluation_close(&m.probability);
+    free(m.work);
+    free(m.input);
+    lg_program_destroy(m.program);
+    return code;
+}

@@ -1,0 +1,338 @@
+/* Faces of models that move: field and step, states from what a log has, the linearisation. These are
+ * functions of the model's program; code/hamiltonian and code/machine have the code around them. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-export/faces.h"
+
+/* ---- what a step needs of the space ---- */
+
+static const char *scheme_name(const lg_scheme *scheme) {
+    return scheme->name != NULL ? scheme->name : "a scheme without a name";
+}
+
+int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme) {
+    lg_error error = {LG_OK, ""};
+    if (lg_scheme_check(scheme, &error) != LG_OK) return app_usage(self, "%s", error.message);
+    const bool flat = lg_space_is_abelian(space);
+    const bool lie = scheme->kind == LG_SCHEME_RKMK || scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
+    if ((lie && (flat || !scheme->ambient)) || (scheme->kind == LG_SCHEME_SPLITTING && separable))
+        return APP_EXIT_OK;
+    return app_usage(
+        self,
+        flat ? "%s is not explicit: rk4, cf4 and other rows or files of the kinds runge-kutta, rkmk and "
+               "commutator-free can be had%s"
+             : "%s is no explicit Lie group scheme, which a step of this model needs: cf4, rkmk4, lie-euler "
+               "and other rows or files of the kinds rkmk and commutator-free can be had%s",
+        scheme_name(scheme), separable ? ", or stormer-verlet and other splittings" : "");
+}
+
+/* Numbers of a copy, and copies; SE(3) is a rotation and three numbers. */
+static void add_factor(export_source *source, const lg_space_factor *factor) {
+    const size_t numbers = lg_space_kind_entry(factor->kind)->state;
+    if (factor->kind == LG_SPACE_TS2 || factor->kind == LG_SPACE_SO3)
+        lg_text_add(&source->code, "{%zu, %zu}, ", numbers, factor->count);
+    else if (factor->kind != LG_SPACE_SE3)
+        lg_text_add(&source->code, "{1, %zu}, ", numbers * factor->count);
+    for (size_t i = 0; factor->kind == LG_SPACE_SE3 && i < factor->count; i++)
+        lg_text_add(&source->code, "{9, 1}, {1, 3}, ");
+}
+
+/* The end of a step; `factors`: their table is needed for more than that. */
+static void add_arrival(export_source *source, const lg_space *space, bool factors) {
+    bool flat = true;
+    for (size_t f = 0; f < space->factors; f++)
+        flat = flat && lg_space_kind_entry(space->factor[f].kind)->lift == NULL;
+    if (!flat || factors) {
+        lg_text_add(&source->code, "/* Numbers of a copy, and copies, of each factor of the state. */\n"
+                                   "static const int factors[][2] = {");
+        for (size_t f = 0; f < space->factors; f++) add_factor(source, &space->factor[f]);
+        lg_text_add(&source->code, "};\nenum { FACTORS = sizeof factors / sizeof *factors, DIRECTION = 6, "
+                                   "ROTATION = 9 };\n");
+    }
+    if (!flat) export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
+    export_code(source, flat ? "arrive" : "arrive_manifold");
+}
+
+/* ---- field and step ---- */
+
+static const char energy_declaration[] =
+    "/* H(state) = NAME_eval */\n"
+    "NAME_real NAME_hamiltonian(const NAME_real *state, NAME_real *work);\n\n";
+static const char motion_declarations[] =
+    "/* The field of the flow with an input, or NULL; both as said at the top. */\n"
+    "void NAME_field(const NAME_real *state, const NAME_real *input, NAME_real *field, NAME_real *work);\n"
+    "\n"
+    "/* One step of length h, which may be negative, the input held constant over it, or NULL. next may be\n"
+    " * state; h = 0 copies it. Differences from the library stay below NAME_TOLERANCE\n"
+    " * NAME_STEP_EVALUATIONS relative to the state while rotations are a few turns a step and less. */\n"
+    "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
+    "               NAME_real *work);\n";
+
+/* Numbers of an input of a function, in all 0 beyond. */
+static size_t numbers_of(const lg_port *ports, size_t count, size_t index) {
+    return index < count ? lg_shape_count(ports[index].shape) : 0;
+}
+
+/* The step takes the state, the input of the field, and h. */
+static bool moves(const export_model *m) {
+    size_t step, ins = 0, outs = 0;
+    if (m->space == NULL || lg_program_find(m->program, "step", &step) != LG_OK) return false;
+    const lg_port *in = lg_program_inputs(m->program, step, &ins),
+                  *out = lg_program_outputs(m->program, step, &outs);
+    const bool forced = m->forces > 0;
+    return ins == 2 + (size_t)forced && outs == 1 && numbers_of(in, ins, 0) == m->dim &&
+           numbers_of(in, ins, ins - 1) == 1 && numbers_of(out, outs, 0) == m->dim &&
+           (!forced || numbers_of(in, ins, 1) == m->forces);
+}
+
+/* The field has as many numbers as the state, and nothing but field and step follows from the state. */
+static bool is_plain(const export_model *m) {
+    return m->dim == m->algebra && !export_has(m, &export_face_states) &&
+           !export_has(m, &export_face_linearise);
+}
+
+/* Of the field, or the force, in a step. */
+static size_t evaluations_of(const export_model *m) {
+    static const char *const callees[] = {"field", "force"};
+    size_t step, callee, count = 0;
+    if (lg_program_find(m->program, "step", &step) != LG_OK) return 0;
+    for (size_t i = 0; i < LG_COUNT(callees); i++)
+        if (lg_program_find(m->program, callees[i], &callee) == LG_OK)
+            count += lg_program_calls(m->program, step, callee);
+    return count;
+}
+
+static void add_evaluations(export_model *m) {
+    export_size(m->source, "STEP_EVALUATIONS", evaluations_of(m),
+                m->kind->gradient ? "of the network's gradient in a step" : "of the field in a step");
+}
+
+static void motion_code(export_model *m) {
+    export_source *source = m->source;
+    const char *name = source->options->name;
+    const bool energy = export_has(m, &export_face_value) && source->outputs == 1;
+    lg_text_add(&source->code, "\n");
+    export_constant(source, "STATE", m->dim);
+    if (m->forces > 0) export_constant(source, "INPUT", m->forces);
+    add_arrival(source, m->space, export_has(m, &export_face_linearise));
+    export_code(source, m->forces > 0 ? "forced" : "unforced");
+    lg_text_add(&source->code, "\n");
+    if (energy) export_code(source, "hamiltonian");
+    export_code(source, "motion");
+    source->work += m->dim;
+    export_size(source, "STATE_SIZE", m->dim,
+                is_plain(m) ? "numbers in state, next and field" : "numbers in state and next");
+    if (!is_plain(m)) export_size(source, "FIELD_SIZE", m->algebra, "numbers in field");
+    export_size(source, "INPUT_SIZE", m->forces, "numbers in an input");
+    if (!export_has(m, &export_face_states)) add_evaluations(m);
+    if (energy) lg_text_add_named(&source->declarations, name, energy_declaration);
+    lg_text_add_named(&source->declarations, name, motion_declarations);
+}
+
+static void states_code(export_model *m) {
+    export_size(m->source, "POSITIONS", m->positions, "in the order of the log");
+    export_size(m->source, "VELOCITIES", m->velocities, "likewise");
+    add_evaluations(m);
+}
+
+/* ---- the linearisation ---- */
+
+static const char linearise_declaration[] =
+    "\n/* The linearisation c' = A c + B du at (state, input), or NULL for no input: A (TANGENT, TANGENT), B "
+    "(TANGENT,\n"
+    " * INPUT_SIZE); each may be NULL. Coordinates c: places; of each direction with e_1, e_2 orthogonal to "
+    "q those of\n"
+    " * dq and of dp (e_1: the axis of the smallest |q_i| made orthogonal, e_2 = q x e_1); of each rotation "
+    "a with\n"
+    " * dR = R hat(a); momenta. The frames are held fixed. */\n"
+    "void NAME_linearise(const NAME_real *state, const NAME_real *input, NAME_real *A, NAME_real *B,\n"
+    "                    NAME_real *work);\n";
+
+static void linearise_code(export_model *m) {
+    export_source *source = m->source;
+    const size_t work = export_work_of(m, "jac_velocity") + m->dim * (m->dim + m->forces + 1) + m->tangent;
+    if (m->forces == 0) export_constant(source, "INPUT", 0);
+    export_constant(source, "TANGENT", m->tangent);
+    export_code(source, m->forces > 0 ? "linear_forced" : "linear_unforced");
+    lg_text_add(&source->code, "\n");
+    export_code(source, "linearise");
+    if (work > source->work) source->work = work;
+    export_size(source, "TANGENT", m->tangent, "coordinates of the linearisation");
+    lg_text_add_named(&source->declarations, source->options->name, linearise_declaration);
+}
+
+/* ---- golden vectors ---- */
+
+static size_t motion_extras(const export_model *m) {
+    return m->algebra + m->dim;
+}
+
+static size_t states_extras(const export_model *m) {
+    return m->positions + m->velocities + m->dim;
+}
+
+static size_t linearise_extras(const export_model *m) {
+    return m->tangent * (m->tangent + m->forces);
+}
+
+static double norm(const double *x, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
+    return sqrt(sum);
+}
+
+/* The training data's dt, halved until no golden state moves by more than its own length: a model that is too
+ * fast for dt would be compared where steps multiply rounding. */
+static double golden_step(const export_model *m, size_t at) {
+    const export_golden *golden = &m->source->golden;
+    const double dt = m->source->step;
+    double h = dt > 0.0 && dt <= 1.0 ? dt : 0.01;
+    for (int halved = 0; halved < 60; halved++) {
+        bool fits = true;
+        for (size_t i = 0; i < golden->count; i++)
+            fits =
+                fits && h * norm(export_extra(m, at, i), m->algebra) <= norm(golden->x + m->dim * i, m->dim);
+        if (fits) break;
+        h *= 0.5;
+    }
+    return export_round(m->source->options, h);
+}
+
+/* By the library's integrator where the scheme is known, otherwise by the program's step. */
+static lg_status take_steps(export_model *m, size_t at) {
+    const lg_scheme *scheme = m->source->options->scheme;
+    const export_golden *golden = &m->source->golden;
+    lg_stepper *stepper = NULL;
+    const size_t bytes = scheme != NULL ? lg_model_stepper_size(m->file->model, scheme) : 0;
+    void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
+    lg_status status =
+        scheme != NULL ? lg_model_stepper_init(m->file->model, scheme, &stepper, memory, bytes) : LG_OK;
+    for (size_t i = 0; i < golden->count && status == LG_OK; i++) {
+        const double *const x[] = {golden->x + i * m->dim, m->forces > 0 ? m->input : &m->h, &m->h};
+        double *next = export_extra(m, at, i) + m->algebra;
+        status = scheme != NULL ? lg_step(stepper, 0.0, m->h, x[0], m->input, next)
+                                : lg_program_eval(m->self->context, m->program, "step", 1, x, &next, NULL);
+    }
+    free(memory);
+    return status;
+}
+
+static double draw_input(export_model *m, size_t k) {
+    const double drawn =
+        m->kind->draw_input != NULL ? m->kind->draw_input(m, k) : lg_rng_uniform_in(&m->rng, -1.0, 1.0);
+    return export_round(m->source->options, drawn);
+}
+
+static void write_golden(const export_model *m) {
+    export_source *source = m->source;
+    const lg_dtype dtype = source->options->dtype;
+    const size_t n = m->forces > 0 ? m->forces : 1;
+    lg_text_add(&source->test, "static const real golden_step = ");
+    lg_text_add_real(&source->test, dtype, m->h);
+    lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", n);
+    lg_text_add_reals(&source->test, dtype, 4, m->input, n);
+    lg_text_add(&source->test, "};\n");
+    if (is_plain(m)) {
+        export_test_code(source, "test_hamiltonian");
+        return;
+    }
+    const bool states = export_has(m, &export_face_states);
+    export_test_code(source, states ? "test_machine" : "test_motion");
+    export_test_code(source, !export_has(m, &export_face_linearise) ? "test_plain"
+                             : states                               ? "test_linearise"
+                                                                    : "test_linearise_motion");
+}
+
+static lg_status motion_golden(export_model *m, size_t at) {
+    const export_golden *golden = &m->source->golden;
+    lg_status status = LG_OK;
+    for (size_t k = 0; k < m->forces; k++) m->input[k] = draw_input(m, k);
+    for (size_t i = 0; i < golden->count && status == LG_OK; i++)
+        status =
+            lg_model_field(m->file->model, golden->x + i * m->dim, m->input, export_extra(m, at, i), m->work);
+    m->h = golden_step(m, at);
+    if (status == LG_OK) status = take_steps(m, at);
+    if (status == LG_OK) write_golden(m);
+    return status;
+}
+
+static lg_status states_golden(export_model *m, size_t at) {
+    const lg_model *model = m->file->model;
+    for (size_t i = 0; i < m->source->golden.count; i++) {
+        const double *x = m->source->golden.x + i * m->dim;
+        double *q = export_extra(m, at, i), *v = q + m->positions;
+        LG_TRY(lg_model_machine_positions(model, x, q, m->work));
+        LG_TRY(lg_model_machine_velocities(model, x, v, m->work));
+        LG_TRY(lg_model_machine_state(model, q, v, v + m->velocities, m->work));
+    }
+    return LG_OK;
+}
+
+static lg_status linearise_golden(export_model *m, size_t at) {
+    for (size_t i = 0; i < m->source->golden.count; i++) {
+        double *A = export_extra(m, at, i);
+        LG_TRY(lg_model_linearise(m->file->model, m->source->golden.x + i * m->dim, m->input, A,
+                                  A + m->tangent * m->tangent, NULL, m->work));
+    }
+    return LG_OK;
+}
+
+/* ---- the rows ---- */
+
+static bool has_states(const export_model *m) {
+    return export_has(m, &export_face_motion) && m->positions > 0;
+}
+
+static bool wants_linearise(const export_model *m) {
+    return export_has(m, &export_face_motion) && m->source->options->functions != NULL;
+}
+
+const export_face export_face_motion = {.functions = {{"field", "flow", true}, {"step", "advance", true}},
+                                        .fits = moves,
+                                        .code = motion_code,
+                                        .extras = motion_extras,
+                                        .golden = motion_golden,
+                                        .extra_name = "field and step",
+                                        .stack = 1024,
+                                        .calls = 3};
+
+const export_face export_face_states = {.functions = {{"momenta", "state", false},
+                                                      {"velocities", "velocities", false},
+                                                      {"positions", "positions", false}},
+                                        .fits = has_states,
+                                        .code = states_code,
+                                        .extras = states_extras,
+                                        .golden = states_golden,
+                                        .extra_name = "field, step, states",
+                                        .calls = 1};
+
+const export_face export_face_linearise = {.functions = {{"jac_velocity", "linear", true}},
+                                           .fits = wants_linearise,
+                                           .code = linearise_code,
+                                           .extras = linearise_extras,
+                                           .golden = linearise_golden,
+                                           .stack = 1024};
+
+/* ---- words ---- */
+
+void export_tell_numbers(text *about, const char *what, size_t count, const char *words) {
+    char label[32];
+    (void)snprintf(label, sizeof label, "%s (%zu)", what, count);
+    lg_text_add(about, "%-12s  %s\n", label, words != NULL ? words : "");
+}
+
+/* What the steps are made of, and the condition. */
+void export_tell_motion(const export_model *m, const char *what, const char *condition) {
+    const lg_scheme *scheme = m->source->options->scheme;
+    const size_t evaluations = evaluations_of(m);
+    text *about = &m->source->about;
+    if (scheme != NULL)
+        lg_text_add(about, "step          %s, order %d: %zu evaluation%s of the %s\n", scheme_name(scheme),
+                    scheme->order, evaluations, evaluations == 1 ? "" : "s", what);
+    else
+        lg_text_add(about, "step          as the file holds it\n");
+    if (m->source->condition > 1.0)
+        lg_text_add(about, "condition     %.1f: %s\n", m->source->condition, condition);
+}

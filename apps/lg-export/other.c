@@ -1,0 +1,39 @@
+/* Models of kinds that have no row: words from the file and the program's ports. */
+#include <stdlib.h>
+
+#include "lg-export/faces.h"
+
+/* "x, u" */
+static void tell_ports(const export_model *m, const char *function, text *about) {
+    size_t at, count;
+    if (lg_program_find(m->program, function, &at) != LG_OK) return;
+    for (int outputs = 0; outputs < 2; outputs++) {
+        const lg_port *port =
+            outputs ? lg_program_outputs(m->program, at, &count) : lg_program_inputs(m->program, at, &count);
+        for (size_t i = 0; i < count; i++) {
+            char *words = app_format("%s of %s%s%s", port[i].name, function,
+                                     port[i].unit != NULL && port[i].unit[0] != '\0' ? ", in " : "",
+                                     port[i].unit != NULL ? port[i].unit : "");
+            export_tell_numbers(about, outputs ? "output" : "input", lg_shape_count(port[i].shape), words);
+            free(words);
+        }
+    }
+}
+
+static void tell(export_model *m) {
+    text *about = &m->source->about;
+    const char *description = lg_program_description(m->program);
+    char space[LG_SPACE_TEXT];
+    lg_text_add(about, "%s\n\n", description[0] != '\0' ? description : "A model of functions.");
+    if (m->space != NULL) {
+        lg_space_text(m->space, space);
+        lg_text_add(about, "space         %s\n", space);
+    }
+    for (size_t i = 0; i < m->count; i++) tell_ports(m, m->functions[i].function, about);
+    export_units(m->source, "as the functions say");
+    if (export_has(m, &export_face_motion))
+        export_tell_motion(m, "field", "by how much the model multiplies rounding, and the tolerance");
+    export_file_provenance(m->self, m->source, m->self->arguments[0]);
+}
+
+const export_kind export_kind_other = {.recipe = NULL, .tell = tell};
