@@ -1,6 +1,6 @@
 /* Declarations that the commands of lg-anomaly share: labelled data, models of both kinds, judging, pictures.
- * Functions that return int return an exit code, and have printed a message when it is not APP_EXIT_OK.
- * Functions that return a status explain a failure in `error`. */
+ * A function that returns int returns an exit code, and has printed a message when it is not APP_EXIT_OK; one
+ * that returns a status explains a failure in `error`; others end the command where they fail. */
 #ifndef LG_APPS_ANOMALY_H
 #define LG_APPS_ANOMALY_H
 
@@ -53,8 +53,8 @@ typedef struct well_model {
 /* `file` is borrowed: destroy the plan of *out, no more. */
 lg_status well_model_of_detector(const app *app, const lg_detector_file *file, well_model *out,
                                  lg_error *error);
-int well_model_load(const app *app, const char *path, well_model *out);
-void well_model_free(well_model *model); /* a zeroed one may be freed */
+void well_model_load(const app *app, const char *path, well_model *out);
+void well_model_destroy(well_model *model); /* a zeroed one may be destroyed */
 /* Bytes of work memory for well_model_score. */
 size_t well_model_work(const well_model *model);
 /* A window (channels, window), as recorded -> score (classes); the class is lg_class_of(score). plane: as
@@ -74,7 +74,7 @@ lg_status well_model_save(const app *app, const char *path, const well_model *mo
 /* `like`: NULL, or a series read before that determines the classes. */
 int read_series(const app *app, const char *path, const lg_series *like, lg_series_data *out);
 /* The same with the classes of a model, or of a novelty with any classes; channels must be the model's. */
-int read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
+void read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
 /* For a novelty: labels become 0 for the class that is named `first`, 1 for all others; classes that have no
  * window are no classes. */
 void merge_classes(lg_series *series, const char *first);
@@ -117,8 +117,10 @@ size_t count_novel(const app *app, const well_model *model, const lg_series *ser
 /* False alarms a day: the false positive rate times the number of windows a day, one every `hop` samples. NaN
  * when the rate is unknown. */
 double false_alarms_per_day(const judgement *judged, uint64_t hop, double rate);
-/* accuracy, precision, recall, f1, auc, confusion, false_alarms_per_day. */
+/* accuracy, precision, recall, f1, auc, confusion, false_alarms_per_day; the counts for JSON alone. */
 void json_metrics(app_json *json, const judgement *judged, uint64_t hop, double rate);
+/* The counts for people; nothing where there are many classes. */
+void print_confusion(FILE *stream, const judgement *judged, const well_model *model);
 void print_metrics(const judgement *judged, const well_model *model);
 
 /* ---- pictures (pictures.c): FILE.svg or FILE.png ---- */

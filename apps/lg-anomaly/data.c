@@ -1,6 +1,5 @@
 /* Labelled series, and the parts that they are split into. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-anomaly/anomaly.h"
@@ -39,8 +38,8 @@ static void order_channels(lg_series *series, char (*name)[LG_SERIES_NAME]) {
     const uint32_t m = series->channels;
     const size_t n = series->length;
     if (name == NULL || series->channel_name == NULL) return;
-    uint32_t *from = app_alloc(m, sizeof *from);
-    float *window = app_alloc(m * n, sizeof *window);
+    APP_FREE uint32_t *from = app_alloc(m, sizeof *from);
+    APP_FREE float *window = app_alloc(m * n, sizeof *window);
     const bool all = find_channels(series, name, from);
     for (size_t i = 0; i < series->count && all; i++) {
         float *x = series->x + i * m * n;
@@ -48,29 +47,24 @@ static void order_channels(lg_series *series, char (*name)[LG_SERIES_NAME]) {
         for (uint32_t c = 0; c < m; c++) memcpy(x + c * n, window + from[c] * n, n * sizeof *x);
     }
     if (all) memcpy(series->channel_name, name, m * sizeof *name);
-    free(window);
-    free(from);
 }
 
-int read_series_of(const app *self, const char *path, const well_model *model, lg_series_data *out) {
+void read_series_of(const app *self, const char *path, const well_model *model, lg_series_data *out) {
     const lg_series like = {
         .classes = model->classes, .class_name = model->class_name, .class_label = model->class_label};
-    const int code = read_series(self, path, model->sort == WELL_NOVELTY ? NULL : &like, out);
-    if (code != APP_EXIT_OK) return code;
     const lg_series *series = &out->series;
+    APP_MUST_FILE(
+        self, path,
+        lg_series_read(self->context, path, NULL, model->sort == WELL_NOVELTY ? NULL : &like, out, &error));
     if (model->sort == WELL_NOVELTY) merge_classes(&out->series, model->class_name[0]);
-    if (series->channels != model->channels) {
-        const int failed = app_fail(self, LG_SHAPE, "%s: %u channels, the model was trained on %u", path,
-                                    series->channels, model->channels);
-        lg_series_data_destroy(out);
-        return failed;
-    }
+    if (series->channels != model->channels)
+        app_stop(self, LG_SHAPE, "%s: %u channels, the model was trained on %u", path, series->channels,
+                 model->channels);
     order_channels(&out->series, model->channel_name);
     warn_of_names(self, path, series, model->channels, model->channel_name);
     if (model->rate > 0 && series->rate > 0 && fabs(series->rate / model->rate - 1) > 1e-3)
         app_warn(self, "%s: %g samples a second, the model was trained on %g", path, series->rate,
                  model->rate);
-    return APP_EXIT_OK;
 }
 
 void merge_classes(lg_series *series, const char *first) {

@@ -27,8 +27,8 @@ static const lg_field evaluate_options[] = {
               "report time to detection and false alarms a day",
               .low = 1, .high = MAX_VOTES),
     LG_OPTION(evaluate_values, scores, STRING, "FILE.csv",
-              "Write one row for each window: run, group, truth, class, scores"),
-    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png", "Draw a picture"),
+              "Write one row for each window: run, group, truth, class, scores", .file = LG_FILE_WRITTEN),
+    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png", "Draw a picture", .file = LG_FILE_DRAWN),
     LG_OPTION(evaluate_values, picture, NAME, NULL, EVALUATE_VIEW_HELP, .names = evaluate_view_names),
     LG_FIELD_END};
 
@@ -55,35 +55,32 @@ typedef struct evaluation {
 
 /* ---- which windows ---- */
 
-static int choose_part(evaluation *e) {
-    const well_cut *cut = &e->model->cut;
-    const bool same =
-        strcmp(cut->data_sha256, e->from.data.sha256) == 0 && cut->windows == e->from.windows.count;
+static void choose_part(evaluation *e) {
     static const lg_part wanted[] = {
         [PART_TRAIN] = LG_PART_TRAIN, [PART_VALIDATION] = LG_PART_VALIDATION, [PART_TEST] = LG_PART_TEST};
+    const well_cut *cut = &e->model->cut;
+    const size_t windows = e->from.windows.count;
+    const char *model = e->app->arguments[0];
+    const bool same = strcmp(cut->data_sha256, e->from.data.sha256) == 0 && cut->windows == windows;
     int part = values.part;
     if (part == PART_AUTO) part = same && cut->test_fraction > 0 ? PART_TEST : PART_ALL;
     e->part_name = part_names[part];
     if (part == PART_ALL) {
         if (same && values.part == PART_AUTO)
-            app_warn(e->app, "%s was trained on %s without a test part: these are training errors",
-                     e->app->arguments[0], e->path);
-        e->part = part_all(e->from.windows.count);
-        return APP_EXIT_OK;
+            app_warn(e->app, "%s was trained on %s without a test part: these are training errors", model,
+                     e->path);
+        e->part = part_all(windows);
+        return;
     }
     if (!same)
-        return app_usage(e->app, "--part %s: %s was trained on other data than %s", part_names[part],
-                         e->app->arguments[0], e->path);
-    lg_error error = {LG_OK, ""};
-    uint8_t *parts = app_alloc(e->from.windows.count, 1);
-    const lg_status status =
-        lg_series_split(e->app->context, &e->from.data.series, &e->from.windows, cut->split,
-                        cut->test_fraction, cut->validation_fraction, cut->seed, parts, &error);
-    if (status == LG_OK) e->part = part_of(parts, e->from.windows.count, wanted[part]);
-    free(parts);
-    if (status != LG_OK) return app_fail_file(e->app, status, &error, e->path);
-    if (e->part.count > 0) return APP_EXIT_OK;
-    return app_usage(e->app, "--part %s: the model has no windows in it", part_names[part]);
+        app_stop_usage(e->app, "--part %s: %s was trained on other data than %s", e->part_name, model,
+                       e->path);
+    APP_FREE uint8_t *parts = app_alloc(windows, 1);
+    APP_MUST_FILE(e->app, e->path,
+                  lg_series_split(e->app->context, &e->from.data.series, &e->from.windows, cut->split,
+                                  cut->test_fraction, cut->validation_fraction, cut->seed, parts, &error));
+    e->part = part_of(parts, windows, wanted[part]);
+    if (e->part.count == 0) app_stop_usage(e->app, "--part %s: the model has no windows in it", e->part_name);
 }
 
 /* ---- voting ---- */
@@ -144,8 +141,8 @@ static void vote(evaluation *e) {
     const lg_series *series = &e->from.data.series;
     const lg_windows *windows = &e->from.windows;
     voting *out = &e->votes;
-    uint32_t *begins = run_begins(series);
-    double *times = app_alloc(e->judged.count, sizeof *times);
+    APP_FREE uint32_t *begins = run_begins(series);
+    APP_FREE double *times = app_alloc(e->judged.count, sizeof *times);
     watching state = {.damaged = false};
     *out = (voting){.largest = NAN};
     for (size_t i = 0; i < e->judged.count; i++) {
@@ -161,8 +158,6 @@ static void vote(evaluation *e) {
     out->a_day = e->model->rate > 0 && out->intact_time > 0
                      ? (double)out->false_alarms * 86400 / out->intact_time
                      : (double)NAN;
-    free(times);
-    free(begins);
 }
 
 /* ---- groups ---- */
@@ -204,151 +199,94 @@ static double part_or_nan(size_t a, size_t b) {
     return b > 0 ? (double)a / (double)b : (double)NAN;
 }
 
-static void json_groups(app_json *json, const evaluation *e) {
+static void add_groups(app_json *out, const evaluation *e) {
     size_t count;
     if (e->from.data.series.group == NULL) return;
-    group_row *rows = group_rows(e, &count);
-    app_json_open(json, "groups", '[');
-    for (size_t i = 0; i < count; i++) {
-        app_json_open(json, NULL, '{');
-        app_json_size(json, "group", rows[i].group);
-        app_json_size(json, "windows", rows[i].windows);
-        app_json_real(json, "accuracy", part_or_nan(rows[i].right, rows[i].windows));
-        app_json_real(json, "false_positive_rate", part_or_nan(rows[i].false_positive, rows[i].first_class));
-        app_json_close(json, '}');
+    APP_FREE group_row *rows = group_rows(e, &count);
+    const size_t shown = out->people && count > SHOWN_GROUPS ? SHOWN_GROUPS : count;
+    app_result_rows(out, "groups");
+    for (size_t i = 0; i < shown; i++) {
+        app_json_open(out, NULL, '{');
+        app_json_size(out, "group", rows[i].group);
+        app_json_size(out, "windows", rows[i].windows);
+        app_json_real(out, "accuracy", part_or_nan(rows[i].right, rows[i].windows));
+        app_json_real(out, "false_positive_rate", part_or_nan(rows[i].false_positive, rows[i].first_class));
+        app_json_close(out, '}');
     }
-    app_json_close(json, ']');
-    free(rows);
-}
-
-static void print_groups(const evaluation *e) {
-    size_t count;
-    app_table table;
-    if (e->from.data.series.group == NULL) return;
-    group_row *rows = group_rows(e, &count);
-    app_table_begin(&table, 4);
-    static const char *const heads[] = {"group", "windows", "accuracy", "false positives"};
-    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
-    for (size_t i = 0; i < count && i < SHOWN_GROUPS; i++) {
-        app_table_cell(&table, "%u", rows[i].group);
-        app_table_cell(&table, "%zu", rows[i].windows);
-        app_table_cell(&table, "%.4f", part_or_nan(rows[i].right, rows[i].windows));
-        if (rows[i].first_class > 0)
-            app_table_cell(&table, "%.4f", part_or_nan(rows[i].false_positive, rows[i].first_class));
-        else
-            app_table_cell(&table, "-");
-    }
-    app_table_end(&table, stdout);
-    if (count > SHOWN_GROUPS) (void)printf("and %zu groups more\n", count - SHOWN_GROUPS);
-    free(rows);
+    app_result_rows_end(out);
+    if (shown < count) app_result_line(out, "and %zu groups more", count - shown);
 }
 
 /* ---- results ---- */
 
-static void json_votes(app_json *json, const evaluation *e) {
-    const voting *votes = &e->votes;
-    if (values.votes.count == 0) return;
-    app_json_open(json, "votes", '{');
-    app_json_size(json, "k", values.votes.values[0]);
-    app_json_size(json, "n", values.votes.values[1]);
-    app_json_size(json, "damaged_runs", votes->damaged);
-    app_json_size(json, "detected_runs", votes->detected);
-    app_json_real(json, "probability_of_detection", part_or_nan(votes->detected, votes->damaged));
-    app_json_text(json, "unit", e->model->rate > 0 ? "s" : "samples");
-    app_json_real(json, "median_time_to_detection", votes->median);
-    app_json_real(json, "largest_time_to_detection", votes->largest);
-    app_json_real(json, "intact_time", votes->intact_time);
-    app_json_size(json, "false_alarms", votes->false_alarms);
-    app_json_real(json, "false_alarms_per_day", votes->a_day);
-    app_json_close(json, '}');
-}
-
-static void json_evaluation(app_json *json, const evaluation *e) {
-    app_json_text(json, "data", e->path);
-    app_json_text(json, "part", e->part_name);
-    app_json_size(json, "windows", e->judged.count);
-    json_metrics(json, &e->judged, e->model->cut.hop, e->model->rate);
-    app_json_real(json, "mse", e->judged.mse);
-    app_json_real(json, "test_seconds", e->judged.seconds);
-    app_json_real(json, "noise", e->from.data.noise);
-    app_json_real(json, "severity", e->from.data.severity);
-    app_json_size(json, "unlike", e->unlike);
-    json_votes(json, e);
-    json_groups(json, e);
-    app_json_text(json, "method", e->model->method);
-    app_json_open(json, "classes", '[');
-    for (uint32_t c = 0; c < e->model->classes; c++) app_json_text(json, NULL, e->model->class_name[c]);
-    app_json_close(json, ']');
-    app_json_size(json, "threads", e->app->threads);
-}
-
-static void print_votes(const evaluation *e) {
+static void add_votes(app_json *out, const evaluation *e) {
     const voting *votes = &e->votes;
     const char *unit = e->model->rate > 0 ? "s" : "samples";
     if (values.votes.count == 0) return;
-    (void)printf("%u of %u windows: %zu of %zu damaged recordings detected", values.votes.values[0],
-                 values.votes.values[1], votes->detected, votes->damaged);
-    if (votes->detected > 0)
-        (void)printf(", after %.6g %s in the median, %.6g %s at most", votes->median, unit, votes->largest,
-                     unit);
-    (void)printf("; %zu false alarms", votes->false_alarms);
-    if (isfinite(votes->a_day)) (void)printf(", %.3g a day", votes->a_day);
-    (void)printf("\n");
+    app_json_open(out, "votes", '{');
+    app_json_size(out, "k", values.votes.values[0]);
+    app_json_size(out, "n", values.votes.values[1]);
+    app_result_size(out, "damaged_runs", votes->damaged, NULL);
+    app_result_size(out, "detected_runs", votes->detected, "by votes");
+    app_json_real(out, "probability_of_detection", part_or_nan(votes->detected, votes->damaged));
+    app_json_text(out, "unit", unit);
+    app_result_real(out, "median_time_to_detection", votes->median, unit);
+    app_result_real(out, "largest_time_to_detection", votes->largest, unit);
+    app_json_real(out, "intact_time", votes->intact_time);
+    app_result_size(out, "false_alarms", votes->false_alarms, "by votes");
+    app_result_real(out, "false_alarms_per_day", votes->a_day, "by votes");
+    app_json_close(out, '}');
 }
 
-static void print_evaluation(const evaluation *e) {
-    (void)printf("%s (%s), %s\n", e->path, e->part_name, e->model->method);
-    print_metrics(&e->judged, e->model);
-    print_votes(e);
-    print_groups(e);
+static void add_evaluation(app_json *out, const evaluation *e) {
+    app_result_text(out, "data", e->path, NULL);
+    app_result_text(out, "part", e->part_name, NULL);
+    app_result_size(out, "windows", e->judged.count, NULL);
+    json_metrics(out, &e->judged, e->model->cut.hop, e->model->rate);
+    if (out->people) print_confusion(out->stream, &e->judged, e->model);
+    app_json_real(out, "mse", e->judged.mse);
+    app_json_real(out, "test_seconds", e->judged.seconds);
+    app_json_real(out, "noise", e->from.data.noise);
+    app_json_real(out, "severity", e->from.data.severity);
+    app_json_size(out, "unlike", e->unlike);
+    add_votes(out, e);
+    add_groups(out, e);
+    app_result_text(out, "method", e->model->method, NULL);
+    app_json_open(out, "classes", '[');
+    for (uint32_t c = 0; c < e->model->classes; c++) app_json_text(out, NULL, e->model->class_name[c]);
+    app_json_close(out, ']');
+    app_json_size(out, "threads", e->app->threads);
 }
 
 /* One row for each of several files, for the probability of detection against severity or noise. */
-static void print_files(const evaluation *list, size_t count) {
-    app_table table;
-    const bool votes = values.votes.count > 0;
-    static const char *const heads[] = {"data",     "part",   "noise", "severity",         "windows",
-                                        "accuracy", "recall", "F1",    "false alarms/day", "detected"};
-    app_table_begin(&table, votes ? LG_COUNT(heads) : LG_COUNT(heads) - 1);
-    for (size_t c = 0; c < LG_COUNT(heads) - !votes; c++) app_table_cell(&table, "%s", heads[c]);
-    for (size_t i = 0; i < count; i++) {
-        const evaluation *e = &list[i];
-        app_table_cell(&table, "%s", e->path);
-        app_table_cell(&table, "%s", e->part_name);
-        app_table_cell(&table, "%g", e->from.data.noise);
-        app_table_cell(&table, "%g", e->from.data.severity);
-        app_table_cell(&table, "%zu", e->judged.count);
-        app_table_cell(&table, "%.4f", e->judged.metrics.accuracy);
-        app_table_cell(&table, "%.4f", e->judged.metrics.recall);
-        app_table_cell(&table, "%.4f", e->judged.metrics.f1);
-        app_table_cell(&table, "%.3g", false_alarms_per_day(&e->judged, e->model->cut.hop, e->model->rate));
-        if (votes) app_table_cell(&table, "%zu/%zu", e->votes.detected, e->votes.damaged);
-    }
-    app_table_end(&table, stdout);
+static void add_row(app_json *out, const evaluation *e) {
+    app_json_text(out, "data", e->path);
+    app_json_text(out, "part", e->part_name);
+    app_json_real(out, "noise", e->from.data.noise);
+    app_json_real(out, "severity", e->from.data.severity);
+    app_json_size(out, "windows", e->judged.count);
+    app_json_real(out, "accuracy", e->judged.metrics.accuracy);
+    app_json_real(out, "recall", e->judged.metrics.recall);
+    app_json_real(out, "F1", e->judged.metrics.f1);
+    app_json_real(out, "false alarms/day",
+                  false_alarms_per_day(&e->judged, e->model->cut.hop, e->model->rate));
+    if (values.votes.count == 0) return;
+    app_json_size(out, "damaged", e->votes.damaged);
+    app_json_size(out, "detected", e->votes.detected);
 }
 
 static void report(const app *self, const evaluation *list, size_t count) {
-    if (!self->json) {
-        if (count == 1)
-            print_evaluation(&list[0]);
-        else
-            print_files(list, count);
-        return;
+    app_json out;
+    app_result_begin(&out, self);
+    if (count == 1) add_evaluation(&out, list);
+    if (count > 1) app_result_rows(&out, "files");
+    for (size_t i = 0; i < count && count > 1; i++) {
+        app_json_open(&out, NULL, '{');
+        (out.people ? add_row : add_evaluation)(&out, &list[i]);
+        app_json_close(&out, '}');
     }
-    app_json json;
-    app_json_begin(&json);
-    if (count == 1) {
-        json_evaluation(&json, &list[0]);
-    } else {
-        app_json_open(&json, "files", '[');
-        for (size_t i = 0; i < count; i++) {
-            app_json_open(&json, NULL, '{');
-            json_evaluation(&json, &list[i]);
-            app_json_close(&json, '}');
-        }
-        app_json_close(&json, ']');
-    }
-    app_json_end(&json);
+    if (count > 1) app_result_rows_end(&out);
+    app_json_end(&out);
 }
 
 /* A name as a field of CSV. */
@@ -365,7 +303,7 @@ static void csv_text(FILE *stream, const char *text) {
     (void)fputc('"', stream);
 }
 
-static lg_status write_scores(const evaluation *e, lg_error *error) {
+static void write_scores(const evaluation *e) {
     const lg_series *series = &e->from.data.series;
     const judgement *judged = &e->judged;
     app_file file;
@@ -390,7 +328,7 @@ static lg_status write_scores(const evaluation *e, lg_error *error) {
             (void)fprintf(file.stream, ",%.17g", judged->score[i * judged->classes + c]);
         (void)fputc('\n', file.stream);
     }
-    return app_file_end(&file, error);
+    APP_MUST_FILE(e->app, values.scores, app_file_end(&file, &error));
 }
 
 /* ---- the command ---- */
@@ -410,108 +348,88 @@ static void tell_unlike(evaluation *e) {
 }
 
 /* A window whose numbers overflow in the model has no class. */
-static int refuse_infinite(const evaluation *e) {
+static void refuse_infinite(const evaluation *e) {
     const judgement *judged = &e->judged;
     size_t infinite = 0, first = 0;
     for (size_t i = judged->count * judged->classes; i-- > 0;)
         if (!isfinite(judged->score[i])) infinite++, first = i / judged->classes;
-    if (infinite == 0) return APP_EXIT_OK;
-    return app_fail(e->app, LG_NOT_FINITE,
-                    "%s: %zu scores of %zu windows are not finite, the first of window %u (from 0): its "
-                    "numbers are too large for the model",
-                    e->path, infinite, judged->count, judged->window[first]);
+    if (infinite > 0)
+        app_stop(e->app, LG_NOT_FINITE,
+                 "%s: %zu scores of %zu windows are not finite, the first of window %u (from 0): its "
+                 "numbers are too large for the model",
+                 e->path, infinite, judged->count, judged->window[first]);
 }
 
-static int evaluate(evaluation *e) {
-    const app *self = e->app;
-    const lg_series *series = &e->from.data.series;
-    lg_error error = {LG_OK, ""};
-    int code = read_series_of(self, e->path, e->model, &e->from.data);
-    if (code != APP_EXIT_OK) return code;
-    lg_status status = lg_windows_create(self->context, series, e->model->window, (size_t)e->model->cut.hop,
-                                         &e->from.windows, &error);
-    if (status == LG_OUT_OF_MEMORY) return app_fail(self, status, "out of memory");
-    if (status != LG_OK) return app_fail_file(self, status, &error, e->path);
-    code = choose_part(e);
-    if (code != APP_EXIT_OK) return code;
-    if (values.votes.count > 0 && series->run == NULL)
-        return app_usage(self, "--votes: %s has no recordings (/run)", e->path);
-    if (values.votes.count > 0 && e->part.count < e->from.windows.count &&
-        e->model->cut.split == LG_SPLIT_RANDOM)
-        app_warn(self,
+static void check_votes(const evaluation *e) {
+    if (e->from.data.series.run == NULL)
+        app_stop_usage(e->app, "--votes: %s has no recordings (/run)", e->path);
+    if (e->part.count < e->from.windows.count && e->model->cut.split == LG_SPLIT_RANDOM)
+        app_warn(e->app,
                  "--votes: the %s part of a random split holds single windows of the recordings, not the "
                  "recordings: times to detection are too long",
                  e->part_name);
-    status = judge_windows(self, e->model, series, &e->from.windows, &e->part, &e->judged, &error);
-    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
-    if (status != LG_OK) return app_fail(self, status, "%s: %s", e->path, error.message);
-    code = refuse_infinite(e);
-    if (code != APP_EXIT_OK) return code;
+}
+
+static void evaluate(evaluation *e) {
+    const app *self = e->app;
+    const lg_series *series = &e->from.data.series;
+    lg_error why = {LG_OK, ""};
+    read_series_of(self, e->path, e->model, &e->from.data);
+    APP_MUST_FILE(self, e->path,
+                  lg_windows_create(self->context, series, e->model->window, (size_t)e->model->cut.hop,
+                                    &e->from.windows, &error));
+    choose_part(e);
+    if (values.votes.count > 0) check_votes(e);
+    const lg_status status =
+        judge_windows(self, e->model, series, &e->from.windows, &e->part, &e->judged, &why);
+    if (status != LG_OK && status != LG_CANCELLED) app_stop(self, status, "%s: %s", e->path, why.message);
+    app_must(self, status, &why);
+    refuse_infinite(e);
     if (values.votes.count > 0) vote(e);
     if (e->model->sort != WELL_NOVELTY && e->model->novelty.channels > 0) tell_unlike(e);
-    return APP_EXIT_OK;
 }
 
-static int write_outputs(const evaluation *e) {
-    lg_error error = {LG_OK, ""};
-    lg_status status = LG_OK;
-    const char *path = values.scores;
-    if (path != NULL) status = write_scores(e, &error);
-    if (status == LG_OK && values.plot != NULL) {
-        path = values.plot;
-        status = draw_view(e->app, path, view_of(e->model, evaluate_views[values.picture], false), e->model,
-                           &e->from.data.series, &e->from.windows, &e->judged, &error);
-    }
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(e->app, status, &error, path);
-}
-
-static int evaluate_all(const app *self, const well_model *model) {
-    const size_t count = (size_t)self->argument_count - 1;
-    evaluation *list = app_alloc(count, sizeof *list);
-    int code = APP_EXIT_OK;
-    for (size_t i = 0; i < count && code == APP_EXIT_OK; i++) {
-        list[i].app = self;
-        list[i].model = model;
-        list[i].path = self->arguments[i + 1];
-        code = evaluate(&list[i]);
-    }
-    if (code == APP_EXIT_OK) code = write_outputs(&list[0]);
-    if (code == APP_EXIT_OK) report(self, list, count);
-    for (size_t i = 0; i < count; i++) {
-        judgement_free(&list[i].judged);
-        free(list[i].part.list);
-        lg_windows_destroy(&list[i].from.windows);
-        lg_series_data_destroy(&list[i].from.data);
-    }
-    free(list);
-    return code;
-}
-
-static int check_options(const app *self) {
-    const app_path paths[] = {{"scores", values.scores, LG_FILE_WRITTEN},
-                              {"plot", values.plot, LG_FILE_DRAWN}};
+static void check_options(const app *self) {
     const lg_wholes *votes = &values.votes;
-    if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
-        return app_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
-    if (app_given(self, "picture") && values.plot == NULL)
-        return app_usage(self, "--picture: needs --plot FILE");
-    if ((values.plot != NULL || values.scores != NULL) && self->argument_count > 2)
-        return app_usage(self, "--plot and --scores take one data file only");
-    return app_check_outputs(self, paths, LG_COUNT(paths));
-}
-
-static int run(app *self) {
-    well_model model;
     if (self->argument_count > MAX_FILES + 1)
         app_stop_usage(self, "too many arguments: '%s'; expected: %s", self->arguments[MAX_FILES + 1],
                        self->command->arguments);
-    int code = check_options(self);
-    if (code == APP_EXIT_OK) code = well_model_load(self, self->arguments[0], &model);
-    if (code != APP_EXIT_OK) return code;
-    if (values.plot != NULL) code = check_view(self, &model, evaluate_views[values.picture], false);
-    if (code == APP_EXIT_OK) code = evaluate_all(self, &model);
-    well_model_free(&model);
-    return code;
+    if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
+        app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
+    if (app_given(self, "picture") && values.plot == NULL)
+        app_stop_usage(self, "--picture: needs --plot FILE");
+    if ((values.plot != NULL || values.scores != NULL) && self->argument_count > 2)
+        app_stop_usage(self, "--plot and --scores take one data file only");
+}
+
+static void evaluation_destroy(evaluation *e) {
+    judgement_free(&e->judged);
+    free(e->part.list);
+    lg_windows_destroy(&e->from.windows);
+    lg_series_data_destroy(&e->from.data);
+}
+
+static int run(app *self) {
+    APP_CLEAN(well_model_destroy) well_model model = {.method = NULL};
+    const size_t count = (size_t)self->argument_count - 1;
+    evaluation list[MAX_FILES];
+    check_options(self);
+    well_model_load(self, self->arguments[0], &model);
+    const int picture = evaluate_views[values.picture];
+    if (values.plot != NULL && check_view(self, &model, picture, false) != APP_EXIT_OK)
+        app_end(APP_EXIT_USAGE);
+    for (size_t i = 0; i < count; i++) {
+        list[i] = (evaluation){.app = self, .model = &model, .path = self->arguments[i + 1]};
+        evaluate(&list[i]);
+    }
+    if (values.scores != NULL) write_scores(&list[0]);
+    if (values.plot != NULL)
+        APP_MUST_FILE(self, values.plot,
+                      draw_view(self, values.plot, view_of(&model, picture, false), &model,
+                                &list[0].from.data.series, &list[0].from.windows, &list[0].judged, &error));
+    report(self, list, count);
+    for (size_t i = 0; i < count; i++) evaluation_destroy(&list[i]);
+    return APP_EXIT_OK;
 }
 
 const app_command evaluate_command = {

@@ -22,25 +22,23 @@ static void score_bundle(void *user, size_t index) {
     const well_model *model = self->model;
     judgement *out = self->out;
     const size_t begin = index * BUNDLE, end = begin + BUNDLE < out->count ? begin + BUNDLE : out->count;
-    float *x = app_alloc((size_t)model->channels * model->window, sizeof *x);
-    void *work = app_alloc(well_model_work(model), 1);
+    APP_FREE float *x = app_alloc((size_t)model->channels * model->window, sizeof *x);
+    APP_FREE void *work = app_alloc(well_model_work(model), 1);
     for (size_t i = begin; i < end && self->status[index] == LG_OK && !app_interrupted(); i++) {
         lg_windows_copy(self->series, self->windows, out->window[i], x);
         self->status[index] = well_model_score(model, x, out->score + i * out->classes,
                                                out->plane != NULL ? out->plane + 2 * i : NULL, work);
     }
-    free(work);
-    free(x);
 }
 
 static lg_status score_all(const app *self, const well_model *model, const lg_series *series,
                            const lg_windows *windows, judgement *out) {
     const size_t tasks = (out->count + BUNDLE - 1) / BUNDLE;
-    scoring what = {model, series, windows, out, app_alloc(tasks, sizeof *what.status)};
+    APP_FREE lg_status *each = app_alloc(tasks, sizeof *each);
+    scoring what = {model, series, windows, out, each};
     app_parallel(self->threads, tasks, score_bundle, &what);
     lg_status status = app_interrupted() ? LG_CANCELLED : LG_OK;
-    for (size_t i = 0; i < tasks && status == LG_OK; i++) status = what.status[i];
-    free(what.status);
+    for (size_t i = 0; i < tasks && status == LG_OK; i++) status = each[i];
     return status;
 }
 
@@ -104,13 +102,12 @@ lg_status judge_rows(const app *self, const well_model *model, const lg_series *
                      lg_error *error) {
     const lg_classifier *classifier = &model->classifier;
     *out = judgement_create(model, series, windows, part, false);
-    double *work = app_alloc(lg_classifier_work_size(classifier), 1);
+    APP_FREE double *work = app_alloc(lg_classifier_work_size(classifier), 1);
     const double begin = app_seconds();
     for (size_t i = 0; i < out->count; i++)
         lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,
                             out->score + i * out->classes, work);
     out->seconds = app_seconds() - begin;
-    free(work);
     const lg_status status = conclude(self, model, out, error);
     if (status != LG_OK) judgement_free(out);
     return status;
@@ -140,27 +137,25 @@ static void measure_bundle(void *user, size_t index) {
     const novelty_task *self = user;
     const lg_novelty *novelty = &self->model->novelty;
     const size_t begin = index * BUNDLE, count = self->judged->count;
-    float *x = app_alloc((size_t)novelty->channels * novelty->length, sizeof *x);
-    void *work = app_alloc(lg_novelty_work_size(novelty), 1);
+    APP_FREE float *x = app_alloc((size_t)novelty->channels * novelty->length, sizeof *x);
+    APP_FREE void *work = app_alloc(lg_novelty_work_size(novelty), 1);
     for (size_t i = begin; i < begin + BUNDLE && i < count && !app_interrupted(); i++) {
         lg_windows_copy(self->series, self->windows, self->judged->window[i], x);
         lg_novelty_eval(novelty, x, &self->result[i], NULL, work);
     }
-    free(work);
-    free(x);
 }
 
 size_t count_novel(const app *self, const well_model *model, const lg_series *series,
                    const lg_windows *windows, const judgement *judged, lg_novelty_result *farthest) {
-    novelty_task task = {model, series, windows, judged, app_alloc(judged->count, sizeof *task.result)};
+    APP_FREE lg_novelty_result *result = app_alloc(judged->count, sizeof *result);
+    novelty_task task = {model, series, windows, judged, result};
     size_t novel = 0;
     app_parallel(self->threads, (judged->count + BUNDLE - 1) / BUNDLE, measure_bundle, &task);
     *farthest = (lg_novelty_result){.distance = 0};
     for (size_t i = 0; i < judged->count; i++) {
-        novel += task.result[i].novel;
-        if (task.result[i].distance > farthest->distance) *farthest = task.result[i];
+        novel += result[i].novel;
+        if (result[i].distance > farthest->distance) *farthest = result[i];
     }
-    free(task.result);
     return novel;
 }
 
@@ -172,13 +167,15 @@ double false_alarms_per_day(const judgement *judged, uint64_t hop, double rate) 
 
 void json_metrics(app_json *json, const judgement *judged, uint64_t hop, double rate) {
     const lg_metrics *metrics = &judged->metrics;
-    app_json_real(json, "accuracy", metrics->accuracy);
-    app_json_real(json, "precision", metrics->precision);
-    app_json_real(json, "recall", metrics->recall);
-    app_json_real(json, "f1", metrics->f1);
-    app_json_real(json, "auc", judged->auc);
-    app_json_real(json, "false_positive_rate", metrics->false_positive_rate);
-    app_json_real(json, "false_alarms_per_day", false_alarms_per_day(judged, hop, rate));
+    const char *mean = judged->classes == 2 ? NULL : "mean over the classes";
+    app_result_real(json, "accuracy", metrics->accuracy, NULL);
+    app_result_real(json, "precision", metrics->precision, mean);
+    app_result_real(json, "recall", metrics->recall, mean);
+    app_result_real(json, "f1", metrics->f1, mean);
+    app_result_real(json, "auc", judged->auc, NULL);
+    app_result_real(json, "false_positive_rate", metrics->false_positive_rate, NULL);
+    app_result_real(json, "false_alarms_per_day", false_alarms_per_day(judged, hop, rate),
+                    "window by window");
     if (judged->count == 0) {
         app_json_text(json, "confusion", NULL);
         return;
@@ -195,6 +192,21 @@ void json_metrics(app_json *json, const judgement *judged, uint64_t hop, double 
 
 enum { SHOWN_CLASSES = 12 };
 
+void print_confusion(FILE *stream, const judgement *judged, const well_model *model) {
+    app_table table;
+    if (judged->classes > SHOWN_CLASSES) return;
+    app_table_begin(&table, judged->classes + 1);
+    app_table_cell(&table, "true class / given");
+    for (uint32_t j = 0; j < judged->classes; j++) app_table_cell(&table, "%s", model->class_name[j]);
+    for (uint32_t i = 0; i < judged->classes; i++) {
+        app_table_cell(&table, "%s", model->class_name[i]);
+        for (uint32_t j = 0; j < judged->classes; j++)
+            app_table_cell(&table, "%llu",
+                           (unsigned long long)judged->confusion[(size_t)i * judged->classes + j]);
+    }
+    app_table_end(&table, stream);
+}
+
 void print_metrics(const judgement *judged, const well_model *model) {
     const lg_metrics *metrics = &judged->metrics;
     if (judged->count == 0) {
@@ -208,16 +220,5 @@ void print_metrics(const judgement *judged, const well_model *model) {
                  model->classes == 2 ? "" : " (precision, recall and F1: mean over the classes)");
     const double alarms = false_alarms_per_day(judged, model->cut.hop, model->rate);
     if (isfinite(alarms)) (void)printf("false alarms a day: %.3g\n", alarms);
-    if (judged->classes > SHOWN_CLASSES) return;
-    app_table table;
-    app_table_begin(&table, judged->classes + 1);
-    app_table_cell(&table, "true class / given");
-    for (uint32_t j = 0; j < judged->classes; j++) app_table_cell(&table, "%s", model->class_name[j]);
-    for (uint32_t i = 0; i < judged->classes; i++) {
-        app_table_cell(&table, "%s", model->class_name[i]);
-        for (uint32_t j = 0; j < judged->classes; j++)
-            app_table_cell(&table, "%llu",
-                           (unsigned long long)judged->confusion[(size_t)i * judged->classes + j]);
-    }
-    app_table_end(&table, stdout);
+    print_confusion(stdout, judged, model);
 }

@@ -1,13 +1,10 @@
 /* Models of both kinds: reading, writing, and scores of a window. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-anomaly/anomaly.h"
 #include "common/classifier_file.h"
 #include "common/train.h"
-
-static const char *const kinds[] = {"detector", "classifier"};
 
 /* ---- networks ---- */
 
@@ -38,12 +35,10 @@ lg_status well_model_of_detector(const app *self, const lg_detector_file *file, 
                                    run->training.dtype, &out->plan, error);
 }
 
-static int load_detector(const app *self, const char *path, well_model *out) {
-    lg_error error = {LG_OK, ""};
+static void load_detector(const app *self, const char *path, well_model *out) {
     lg_detector_file file;
-    lg_status status = lg_model_load_detector(self->context, path, NULL, &file, &error);
-    if (status == LG_OK) status = well_model_of_detector(self, &file, out, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+    APP_MUST_FILE(self, path, lg_model_load_detector(self->context, path, NULL, &file, &error));
+    APP_MUST_FILE(self, path, well_model_of_detector(self, &file, out, &error));
 }
 
 /* ---- classical classifiers ---- */
@@ -72,11 +67,9 @@ lg_status well_model_save(const app *self, const char *path, const well_model *m
     return classifier_file_save(self->context, path, &file, error);
 }
 
-static int load_classifier(const app *self, const char *path, well_model *out) {
-    lg_error error = {LG_OK, ""};
+static void load_classifier(const app *self, const char *path, well_model *out) {
     classifier_file file;
-    const lg_status status = classifier_file_load(self->context, path, &file, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    APP_MUST_FILE(self, path, classifier_file_load(self->context, path, &file, &error));
     const bool alone = classifier_file_is_novelty(&file);
     const lg_features *features = &file.classifier.features;
     *out = (well_model){.sort = alone ? WELL_NOVELTY : WELL_CLASSICAL,
@@ -99,23 +92,23 @@ static int load_classifier(const app *self, const char *path, well_model *out) {
                           .window = file.window,
                           .hop = file.hop};
     memcpy(out->cut.data_sha256, file.data_sha256, sizeof out->cut.data_sha256);
-    return APP_EXIT_OK;
 }
 
 /* ---- either ---- */
 
-int well_model_load(const app *self, const char *path, well_model *out) {
-    lg_error error = {LG_OK, ""};
+void well_model_load(const app *self, const char *path, well_model *out) {
     char kind[64];
-    const lg_status status = lg_file_kind(self->context, path, NULL, kind, sizeof kind, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    if (strcmp(kind, kinds[0]) == 0) return load_detector(self, path, out);
-    if (strcmp(kind, kinds[1]) == 0) return load_classifier(self, path, out);
-    return app_fail(self, LG_FORMAT, "%s: holds %s%s%s, not a detector or classifier written by train", path,
-                    kind[0] != '\0' ? "a '" : "no model of liegrad", kind, kind[0] != '\0' ? "'" : "");
+    APP_MUST_FILE(self, path, lg_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
+    if (strcmp(kind, "detector") == 0)
+        load_detector(self, path, out);
+    else if (strcmp(kind, "classifier") == 0)
+        load_classifier(self, path, out);
+    else
+        app_stop(self, LG_FORMAT, "%s: holds %s%s%s, not a detector or classifier written by train", path,
+                 kind[0] != '\0' ? "a '" : "no model of liegrad", kind, kind[0] != '\0' ? "'" : "");
 }
 
-void well_model_free(well_model *model) {
+void well_model_destroy(well_model *model) {
     lg_detector_plan_destroy(model->plan);
     if (model->sort == WELL_NETWORK) {
         lg_detector_file_destroy(&model->detector);
@@ -124,7 +117,6 @@ void well_model_free(well_model *model) {
         lg_classifier_destroy(&model->classifier);
         lg_novelty_destroy(&model->novelty);
     }
-    *model = (well_model){.method = NULL};
 }
 
 size_t well_model_work(const well_model *model) {

@@ -26,7 +26,8 @@ typedef struct watch_values {
 } watch_values;
 
 static const lg_field watch_options[] = {
-    LG_OPTION(watch_values, input, STRING, "FILE", "File of samples (default: standard input)"),
+    LG_OPTION(watch_values, input, STRING, "FILE", "File of samples (default: standard input)",
+              .file = LG_FILE_READ),
     LG_OPTION(watch_values, votes, U64, "K",
               "Raise an alarm when K of the last windows are not of the first class", .low = 1, .high = 64,
               .value = "3"),
@@ -49,7 +50,8 @@ static const lg_field watch_options[] = {
               "for trials with a known truth",
               LG_ANY_REAL),
     LG_OPTION(watch_values, log, STRING, "FILE",
-              "Append the verdicts to FILE instead of printing them; SIGHUP opens it again (log rotation)"),
+              "Append the verdicts to FILE instead of printing them; SIGHUP opens it again (log rotation)",
+              .file = LG_FILE_STREAMED),
     LG_OPTION(watch_values, quiet, SWITCH, NULL, "Print changes of the alarm only"),
     LG_FIELD_END};
 
@@ -567,19 +569,13 @@ static int watch_with(const app *self, const well_model *model, int file) {
 }
 
 static int run(app *self) {
-    well_model model;
+    APP_CLEAN(well_model_destroy) well_model model = {.method = NULL};
     int file = STDIN_FILENO;
-    const app_path paths[] = {{"input", values.input, LG_FILE_READ}, {"log", values.log, LG_FILE_STREAMED}};
-    int code = app_check_outputs(self, paths, LG_COUNT(paths));
-    if (code == APP_EXIT_OK) code = well_model_load(self, self->arguments[0], &model);
-    if (code != APP_EXIT_OK) return code;
+    well_model_load(self, self->arguments[0], &model);
     if (values.input != NULL) file = open(values.input, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-    if (file < 0)
-        code = app_fail(self, LG_FILE, "%s: %s", values.input, strerror(errno));
-    else
-        code = watch_with(self, &model, file);
-    if (values.input != NULL && file >= 0) (void)close(file);
-    well_model_free(&model);
+    if (file < 0) app_stop(self, LG_FILE, "%s: %s", values.input, strerror(errno));
+    const int code = watch_with(self, &model, file);
+    if (values.input != NULL) (void)close(file);
     return code;
 }
 

@@ -285,7 +285,7 @@ TEST("data of every shape are learned") {
     json("train tiny.h5 --epochs 1 --test-fraction 0.5 --out t.h5", "");
     json("train three.h5 --test-fraction 0 --method tree --out t.h5",
          "accuracy null, confusion null, train_windows 60");
-    cli_expect(lg, "evaluate t.h5 three.h5", 0, "three.h5 (all)");
+    json("evaluate t.h5 three.h5", "part \"all\"");
     assert_says(result.err, "without a test part");
 }
 
