@@ -16,6 +16,8 @@
 extern const app_command generate_command, feed_command, train_command, evaluate_command, search_command,
     watch_command;
 
+extern const char *const housing_names[]; /* generate.c; in the order of lg_housing */
+
 /* ---- models (model.c) ---- */
 
 /* How the data of a model were cut and split. With the same data the same windows are tested again. */

@@ -20,8 +20,6 @@ typedef struct feed_values {
     double hours, crack_at, severity, gaps, gap_seconds, nan, noise;
 } feed_values;
 
-static const char *const housings[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
-
 static const lg_field feed_options[] = {
     LG_OPTION(feed_values, hours, REAL, "H", "Length of the feed", .low = 1e-4, .high = 1e6, .value = "24"),
     LG_OPTION(feed_values, crack_at, REAL, "HOURS",
@@ -39,8 +37,9 @@ static const lg_field feed_options[] = {
               .high = 432000),
     LG_OPTION(feed_values, noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",
               .high = 1e6, .value = "1"),
-    LG_OPTION(feed_values, housing, NAME, NULL, "slack (default) or tight", .names = housings),
-    LG_OPTION(feed_values, out, STRING, "FILE.csv", "File for the feed (default: standard output)"),
+    LG_OPTION(feed_values, housing, NAME, NULL, "slack (default) or tight", .names = housing_names),
+    LG_OPTION(feed_values, out, STRING, "FILE.csv", "File for the feed (default: standard output)",
+              .file = LG_FILE_STREAMED),
     LG_FIELD_END};
 
 static feed_values values = {.crack_at = NAN};
@@ -103,7 +102,8 @@ typedef struct feeding {
     const app *app;
     hour *hours; /* (crew) */
     size_t crew;
-    uint64_t first, samples, rate; /* number of hours[0]; samples of the whole feed */
+    uint64_t first, samples, rate;     /* number of hours[0]; samples of the whole feed */
+    uint64_t lines, gaps, nans, bytes; /* written so far */
     app_progress progress;
 } feeding;
 
@@ -213,84 +213,73 @@ static bool sink_write(const sink *to, const char *text, size_t bytes) {
     return true;
 }
 
-/* `keep`: the file is complete. False with errno when it could not be finished. */
-static bool sink_close(sink *to, const char *path, bool keep) {
-    if (path == NULL) return true;
-    if (to->direct) return close(to->fd) == 0 || !keep;
-    const bool whole = !keep || (fsync(to->fd) == 0 && rename(to->temporary.name, path) == 0);
-    const int number = whole ? 0 : errno;
-    if (!keep || !whole) (void)unlink(to->temporary.name);
+/* LG_FILE with errno's sentence, or LG_CANCELLED where a signal ended the call. */
+static lg_status file_failed(lg_error *error) {
+    if (app_interrupted()) return LG_CANCELLED;
+    return app_error(error, LG_FILE, "%s: %s", values.out != NULL ? values.out : "standard output",
+                     strerror(errno));
+}
+
+/* `status`: of what was written; the file appears after LG_OK alone. */
+static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
+    if (values.out == NULL) return status;
+    if (to->direct) return close(to->fd) != 0 && status == LG_OK ? file_failed(error) : status;
+    if (status == LG_OK && (fsync(to->fd) != 0 || rename(to->temporary.name, values.out) != 0))
+        status = file_failed(error);
+    if (status != LG_OK) (void)unlink(to->temporary.name);
     lg_temporary_end(&to->temporary);
-    errno = number;
-    return whole;
+    return status;
 }
 
 /* ---- the command ---- */
 
-typedef struct totals {
-    uint64_t lines, gaps, nans, bytes;
-} totals;
-
-static void report(const app *self, const feeding *feed, const totals *sum, double seconds) {
-    if (values.out == NULL) return;
-    if (!self->json) {
-        (void)printf("%s: %g h, %llu samples of %llu, %llu gaps, %llu with nan (%.1f s)\n", values.out,
-                     values.hours, (unsigned long long)sum->lines, (unsigned long long)feed->samples,
-                     (unsigned long long)sum->gaps, (unsigned long long)sum->nans, seconds);
-        return;
-    }
-    app_json json;
-    app_json_begin(&json);
-    app_json_real(&json, "hours", values.hours);
-    app_json_size(&json, "samples", feed->samples);
-    app_json_size(&json, "lines", sum->lines);
-    app_json_size(&json, "gaps", sum->gaps);
-    app_json_size(&json, "nan", sum->nans);
-    app_json_size(&json, "bytes", sum->bytes);
-    app_json_real(&json, "rate", (double)feed->rate);
-    app_json_real(&json, "crack_at", values.crack_at);
-    app_json_real(&json, "severity", values.severity);
-    app_json_real(&json, "noise", values.noise);
-    app_json_size(&json, "seed", self->seed);
-    app_json_text(&json, "out", values.out);
-    app_json_real(&json, "seconds", seconds);
-    app_json_end(&json);
+static void report(const feeding *feed, double seconds) {
+    app_json out;
+    app_result_begin(&out, feed->app);
+    app_result_real(&out, "hours", values.hours, NULL);
+    app_result_size(&out, "samples", feed->samples, NULL);
+    app_result_size(&out, "lines", feed->lines, "samples that are there");
+    app_result_size(&out, "gaps", feed->gaps, NULL);
+    app_result_size(&out, "nan", feed->nans, "samples with a value nan");
+    app_json_size(&out, "bytes", feed->bytes);
+    app_json_real(&out, "rate", (double)feed->rate);
+    app_json_real(&out, "crack_at", values.crack_at);
+    app_json_real(&out, "severity", values.severity);
+    app_json_real(&out, "noise", values.noise);
+    app_json_size(&out, "seed", feed->app->seed);
+    app_result_text(&out, "out", values.out, NULL);
+    app_result_real(&out, "seconds", seconds, NULL);
+    app_json_end(&out);
 }
 
-static int write_failed(const app *self) {
-    const int number = errno;
-    if (app_interrupted()) return app_fail(self, LG_CANCELLED, "stopped by %s", app_stopper());
-    return app_fail(self, LG_FILE, "%s: %s", values.out != NULL ? values.out : "standard output",
-                    strerror(number));
+static lg_status write_hour(feeding *feed, uint64_t index, const hour *h, const sink *to, lg_error *error) {
+    if (app_interrupted()) return LG_CANCELLED;
+    if (h->status != LG_OK)
+        return app_error(error, h->status, "hour %llu: %s", (unsigned long long)index,
+                         app_sentence(h->status, &h->error));
+    if (!sink_write(to, h->text, h->bytes)) return file_failed(error);
+    feed->lines += h->lines;
+    feed->gaps += h->gaps;
+    feed->nans += h->nans;
+    feed->bytes += h->bytes;
+    return LG_OK;
 }
 
 /* Rounds of `crew` hours; the hours of a round are simulated in parallel and written in order. */
-static int write_hours(feeding *feed, const sink *to, totals *sum) {
-    const app *self = feed->app;
+static lg_status write_hours(feeding *feed, const sink *to, lg_error *error) {
     const uint64_t whole = HOUR * feed->rate, hours = (feed->samples + whole - 1) / whole;
+    lg_status status = LG_OK;
     if (values.out != NULL) app_progress_begin(&feed->progress, 0, hours);
-    for (feed->first = 0; feed->first < hours; feed->first += feed->crew) {
+    for (feed->first = 0; feed->first < hours && status == LG_OK; feed->first += feed->crew) {
         const uint64_t left = hours - feed->first;
         const size_t count = left < feed->crew ? (size_t)left : feed->crew;
-        app_parallel(self->threads, count, make_hour, feed);
+        app_parallel(feed->app->threads, count, make_hour, feed);
         if (values.out != NULL) app_progress_show(&feed->progress, feed->first, "hours of the feed");
-        for (size_t i = 0; i < count; i++) {
-            hour *h = &feed->hours[i];
-            if (h->status != LG_OK || app_interrupted()) app_progress_end(&feed->progress);
-            if (h->status == LG_CANCELLED || app_interrupted())
-                return app_fail(self, LG_CANCELLED, "stopped by %s", app_stopper());
-            if (h->status != LG_OK)
-                return app_fail(self, h->status, "hour %llu: %s", (unsigned long long)(feed->first + i),
-                                h->error.message[0] != '\0' ? h->error.message
-                                                            : lg_status_sentence(h->status));
-            if (!sink_write(to, h->text, h->bytes)) return write_failed(self);
-            sum->lines += h->lines;
-            sum->gaps += h->gaps;
-            sum->nans += h->nans;
-            sum->bytes += h->bytes;
-        }
+        for (size_t i = 0; i < count && status == LG_OK; i++)
+            status = write_hour(feed, feed->first + i, &feed->hours[i], to, error);
     }
-    return APP_EXIT_OK;
+    app_progress_end(&feed->progress);
+    return status;
 }
 
 static bool write_header(const sink *to) {
@@ -300,38 +289,41 @@ static bool write_header(const sink *to) {
     return sink_write(to, text, (size_t)(at - text));
 }
 
-static int run(app *self) {
-    const app_path path = {"out", values.out, LG_FILE_STREAMED};
+static void feeding_destroy(feeding *feed) {
+    for (size_t i = 0; i < feed->crew; i++) {
+        free(feed->hours[i].samples);
+        free(feed->hours[i].text);
+    }
+    free(feed->hours);
+}
+
+static void feeding_create(const app *self, feeding *out) {
     lg_riser_run defaults;
-    totals sum = {0, 0, 0, 0};
+    lg_riser_run_init(&defaults);
+    *out = (feeding){.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
+    out->samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
+    if (out->samples == 0) app_stop_usage(self, "--hours %g: is shorter than a sample", values.hours);
+    out->hours = app_alloc(out->crew, sizeof *out->hours);
+    for (size_t i = 0; i < out->crew; i++) {
+        out->hours[i].samples = app_alloc(HOUR * out->rate * LG_RISER_CHANNELS, sizeof(float));
+        out->hours[i].text = app_alloc(HOUR * out->rate, LINE_BYTES);
+    }
+}
+
+static int run(app *self) {
+    APP_CLEAN(feeding_destroy) feeding feed = {.crew = 0};
     lg_error error = {LG_OK, ""};
     sink to;
     if (values.out == NULL && self->json)
-        return app_usage(self, "--json: the feed would also go to standard output; give --out FILE.csv");
-    const int checked = app_check_outputs(self, &path, 1);
-    if (checked != APP_EXIT_OK) return checked;
-    lg_riser_run_init(&defaults);
-    feeding feed = {.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
-    feed.samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
-    if (feed.samples == 0) return app_usage(self, "--hours %g: is shorter than a sample", values.hours);
-    const lg_status opened = sink_open(self, values.out, &to, &error);
-    if (opened != LG_OK) return app_fail(self, opened, "%s", error.message);
+        app_stop_usage(self, "--json: the feed would also go to standard output; give --out FILE.csv");
+    feeding_create(self, &feed);
+    app_must(self, sink_open(self, values.out, &to, &error), &error);
     const double begin = app_seconds();
-    feed.hours = app_alloc(feed.crew, sizeof *feed.hours);
-    for (size_t i = 0; i < feed.crew; i++) {
-        feed.hours[i].samples = app_alloc(HOUR * feed.rate * LG_RISER_CHANNELS, sizeof(float));
-        feed.hours[i].text = app_alloc(HOUR * feed.rate, LINE_BYTES);
-    }
-    int code = write_header(&to) ? write_hours(&feed, &to, &sum) : write_failed(self);
-    app_progress_end(&feed.progress);
-    if (!sink_close(&to, values.out, code == APP_EXIT_OK) && code == APP_EXIT_OK) code = write_failed(self);
-    if (code == APP_EXIT_OK) report(self, &feed, &sum, app_seconds() - begin);
-    for (size_t i = 0; i < feed.crew; i++) {
-        free(feed.hours[i].samples);
-        free(feed.hours[i].text);
-    }
-    free(feed.hours);
-    return code;
+    lg_status status = write_header(&to) ? write_hours(&feed, &to, &error) : file_failed(&error);
+    status = sink_close(&to, status, &error);
+    app_must(self, status, &error);
+    if (values.out != NULL) report(&feed, app_seconds() - begin);
+    return APP_EXIT_OK;
 }
 
 const app_command feed_command = {

@@ -1,7 +1,5 @@
 /* lg-anomaly generate: the standard runs of the riser scene, cut in windows, into a data file. */
 #include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "common/pieces.h"
 #include "lg-anomaly/anomaly.h"
@@ -17,13 +15,13 @@ typedef struct generate_values {
     board_values board;
 } generate_values;
 
-static const char *const housings[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
+const char *const housing_names[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
 
 enum { PICTURE_STATES, PICTURE_HOUSINGS };
 static const char *const pictures[] = {"states", "housings", NULL};
 
 static const lg_field generate_options[] = {
-    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write"),
+    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .required = true),
     LG_OPTION(generate_values, noise, REAL, "F",
               "Noise of the sensors as a multiple of the data sheet's (default 1)", .high = 1e6),
     LG_OPTION(
@@ -33,7 +31,7 @@ static const lg_field generate_options[] = {
         .low = 1, .high = MAX_RUNS),
     LG_OPTION(generate_values, hours, REAL, "H", "Length of a recording (default 1)", .low = 1e-3,
               .high = 1000),
-    LG_OPTION(generate_values, housing, NAME, NULL, "slack (default) or tight", .names = housings),
+    LG_OPTION(generate_values, housing, NAME, NULL, "slack (default) or tight", .names = housing_names),
     LG_OPTION(generate_values, severity, REAL, "R",
               "Remaining fraction of the broken casing's rotational stiffness: 1 is intact (default 0.58)",
               .low = 1e-3, .high = 1),
@@ -85,42 +83,41 @@ static lg_status generate_run(void *user, size_t index, lg_error *error) {
     uint32_t label, sea_state;
     lg_error why = {LG_OK, ""};
     scene_of(self->app, index, (lg_housing)values.housing, &parameters, &run, &label, &sea_state);
-    float *samples = app_try_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
+    APP_FREE float *samples = app_try_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
     if (samples == NULL) return app_error(error, LG_OUT_OF_MEMORY, "run %zu: out of memory", index);
     const lg_status status = lg_riser_simulate(self->app->context, &parameters, &run, count, samples, &why);
     if (status == LG_OK)
         transpose(samples, windows, series->channels, series->length,
                   series->x + first * series->channels * series->length);
-    free(samples);
     for (size_t w = first; w < first + windows; w++) {
         series->label[w] = label;
         series->group[w] = sea_state;
         series->run[w] = (uint32_t)index;
     }
     return status == LG_OK ? LG_OK
-                           : app_error(error, status, "run %zu: %s", index,
-                                       why.message[0] != '\0' ? why.message : lg_status_sentence(status));
+                           : app_error(error, status, "run %zu: %s", index, app_sentence(status, &why));
 }
 
 /* Set while the series lives; not freed with it. */
 static char channel_names[LG_RISER_CHANNELS][LG_SERIES_NAME];
 
-static lg_status create_series(const app *self, uint32_t length, size_t windows, lg_series *out) {
+static void create_series(const app *self, uint32_t length, size_t windows, lg_series *out) {
     lg_riser_run run;
     lg_riser_run_init(&run);
     *out = (lg_series){.count = windows, .channels = LG_RISER_CHANNELS, .length = length, .classes = 2};
     const lg_status status = lg_series_allocate(self->context, out, true, true);
-    if (status != LG_OK) return status;
+    if (status == LG_OUT_OF_MEMORY)
+        app_stop(self, status, "out of memory: %zu windows of %u samples", windows, length);
+    app_must(self, status, NULL);
     out->rate = run.rate;
     (void)snprintf(out->class_name[0], LG_SERIES_NAME, "intact");
     (void)snprintf(out->class_name[1], LG_SERIES_NAME, "broken");
     for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++)
         (void)snprintf(channel_names[c], LG_SERIES_NAME, "%s", lg_riser_channel(c));
     out->channel_name = channel_names;
-    return LG_OK;
 }
 
-static void free_data(lg_series_data *data) {
+static void data_destroy(lg_series_data *data) {
     data->series.channel_name = NULL;
     lg_series_data_destroy(data);
 }
@@ -135,23 +132,20 @@ static lg_status draw(const app *self, double rate, lg_error *error) {
     const double seconds = fmin(values.hours * 3600, SHOWN_SECONDS);
     const size_t count = (size_t)(seconds * rate);
     static const char *const names[][2] = {{"intact", "broken"}, {"slack, broken", "tight, broken"}};
-    float *samples = app_alloc(2 * count * LG_RISER_CHANNELS, sizeof *samples);
+    APP_FREE float *samples = app_alloc(2 * count * LG_RISER_CHANNELS, sizeof *samples);
     recording runs[2];
-    lg_status status = LG_OK;
-    for (uint64_t i = 0; i < 2 && status == LG_OK; i++) {
+    for (uint64_t i = 0; i < 2; i++) {
         lg_riser_parameters parameters;
         lg_riser_run run;
         uint32_t label, sea_state;
         const lg_housing housing = states ? (lg_housing)values.housing : (lg_housing)i;
         scene_of(self, states ? i : 1, housing, &parameters, &run, &label, &sea_state);
-        runs[i] = (recording){names[values.picture][i], samples + i * count * LG_RISER_CHANNELS, count};
-        status = lg_riser_simulate(self->context, &parameters, &run, count,
-                                   samples + i * count * LG_RISER_CHANNELS, error);
+        float *of_run = samples + i * count * LG_RISER_CHANNELS;
+        runs[i] = (recording){names[values.picture][i], of_run, count};
+        const lg_status status = lg_riser_simulate(self->context, &parameters, &run, count, of_run, error);
+        if (status != LG_OK) return status;
     }
-    if (status == LG_OK)
-        status = draw_recordings(self, values.plot, runs, 2, LG_RISER_CHANNELS, channel_names, rate, error);
-    free(samples);
-    return status;
+    return draw_recordings(self, values.plot, runs, 2, LG_RISER_CHANNELS, channel_names, rate, error);
 }
 
 /* ---- the command ---- */
@@ -160,45 +154,36 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
     const lg_series *series = &data->series;
     size_t broken = 0;
     for (size_t i = 0; i < series->count; i++) broken += series->label[i] == 1;
-    if (!self->json) {
-        (void)printf("%s: %zu windows of %g s (%u channels, %g samples a second) from %llu runs of %g h; "
-                     "%zu intact, %zu broken; noise %g, %s housing (%.1f s)\n",
-                     values.out, series->count, series->length / series->rate, series->channels, series->rate,
-                     (unsigned long long)values.runs, values.hours, series->count - broken, broken,
-                     values.noise, data->housing, seconds);
-        return;
-    }
-    app_json json;
-    app_json_begin(&json);
-    app_json_size(&json, "runs", values.runs);
-    app_json_real(&json, "hours", values.hours);
-    app_json_size(&json, "windows", series->count);
-    app_json_size(&json, "intact", series->count - broken);
-    app_json_size(&json, "broken", broken);
-    app_json_size(&json, "channels", series->channels);
-    app_json_size(&json, "length", series->length);
-    app_json_real(&json, "rate", series->rate);
-    app_json_real(&json, "noise", values.noise);
-    app_json_text(&json, "housing", data->housing);
-    app_json_real(&json, "severity", values.severity);
-    app_json_size(&json, "seed", self->seed);
-    app_json_size(&json, "threads", self->threads);
-    app_json_text(&json, "sha256", data->sha256);
-    app_json_text(&json, "out", values.out);
-    app_json_real(&json, "seconds", seconds);
-    app_json_end(&json);
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_size(&out, "runs", values.runs, NULL);
+    app_result_real(&out, "hours", values.hours, "of a run");
+    app_result_size(&out, "windows", series->count, NULL);
+    app_result_size(&out, "intact", series->count - broken, NULL);
+    app_result_size(&out, "broken", broken, NULL);
+    app_result_size(&out, "channels", series->channels, NULL);
+    app_result_size(&out, "length", series->length, "samples of a window");
+    app_result_real(&out, "rate", series->rate, "samples a second");
+    app_result_real(&out, "noise", values.noise, NULL);
+    app_result_text(&out, "housing", data->housing, NULL);
+    app_result_real(&out, "severity", values.severity, NULL);
+    app_json_size(&out, "seed", self->seed);
+    app_json_size(&out, "threads", self->threads);
+    app_json_text(&out, "sha256", data->sha256);
+    app_result_text(&out, "out", values.out, NULL);
+    app_result_real(&out, "seconds", seconds, NULL);
+    app_json_end(&out);
 }
 
-/* All runs, of all processes. *complete: they are there. An exit code. */
-static int simulate(const app *self, size_t windows, lg_series *series, pieces *made, bool *complete) {
+/* All runs, of all processes. False: another process writes the file. */
+static bool simulate(const app *self, size_t windows, lg_series *series, pieces *made) {
     const size_t runs = (size_t)values.runs, window = (size_t)series->channels * series->length;
     generating what = {.app = self, .series = series, .windows_of_run = windows};
-    char label[LG_SHA256_TEXT],
-        *text = app_format("%llu %.17g %.17g %.17g %d %.17g %llu", (unsigned long long)values.runs,
-                           values.hours, values.window, values.noise, values.housing, values.severity,
-                           (unsigned long long)self->seed);
+    char label[LG_SHA256_TEXT];
+    APP_FREE char *text = app_format("%llu %.17g %.17g %.17g %d %.17g %llu", (unsigned long long)values.runs,
+                                     values.hours, values.window, values.noise, values.housing,
+                                     values.severity, (unsigned long long)self->seed);
     board_label(text, NULL, label);
-    free(text);
     *made = (pieces){.app = self,
                      .board = &values.board,
                      .out = values.out,
@@ -215,67 +200,51 @@ static int simulate(const app *self, size_t windows, lg_series *series, pieces *
         made->arrays[k] = arrays[k];
         made->arrays[k].total = runs * arrays[k].each;
     }
-    *complete = pieces_make(made);
-    return APP_EXIT_OK;
+    return pieces_make(made);
 }
 
-/* A recording must have whole windows, a window whole samples. */
-static int cut(const app *self, double rate, uint32_t *length, size_t *windows) {
-    const double samples = values.window * rate, whole = floor(samples + 0.5);
+/* Samples of a window, windows of a recording: a recording must have whole windows, a window whole samples. */
+static void cut(const app *self, uint32_t *length, size_t *windows) {
+    lg_riser_run defaults;
+    lg_riser_run_init(&defaults);
+    const double samples = values.window * defaults.rate, whole = floor(samples + 0.5);
     if (fabs(samples - whole) > 1e-6 * samples)
-        return app_usage(self, "--window %g: is %g samples at %g a second, not a whole number", values.window,
-                         samples, rate);
-    const double count = floor(values.hours * 3600 * rate / whole + 1e-9);
+        app_stop_usage(self, "--window %g: is %g samples at %g a second, not a whole number", values.window,
+                       samples, defaults.rate);
+    const double count = floor(values.hours * 3600 * defaults.rate / whole + 1e-9);
     if (!(count >= 1))
-        return app_usage(self, "--window %g: a recording of %g h is shorter than one window", values.window,
-                         values.hours);
+        app_stop_usage(self, "--window %g: a recording of %g h is shorter than one window", values.window,
+                       values.hours);
     if (count * (double)values.runs > 4e9)
-        return app_usage(self, "%g windows are more than a file may hold: reduce --runs or --hours",
-                         count * (double)values.runs);
+        app_stop_usage(self, "%g windows are more than a file may hold: reduce --runs or --hours",
+                       count * (double)values.runs);
     *length = (uint32_t)whole;
     *windows = (size_t)count;
-    return APP_EXIT_OK;
 }
 
 static int run(app *self) {
     const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
-    lg_error error = {LG_OK, ""};
-    lg_series_data data = {.noise = values.noise, .severity = values.severity};
-    lg_riser_run defaults;
-    uint32_t length = 0;
-    size_t windows = 0;
-    bool complete = false;
+    APP_CLEAN(data_destroy) lg_series_data data = {.noise = values.noise, .severity = values.severity};
+    uint32_t length;
+    size_t windows;
     pieces made;
-    lg_riser_run_init(&defaults);
-    if (values.out == NULL) return app_usage(self, "--out FILE is missing");
     if (app_given(self, "picture") && values.plot == NULL)
-        return app_usage(self, "--picture: needs --plot FILE");
+        app_stop_usage(self, "--picture: needs --plot FILE");
     (void)board_wanted(self, &values.board, values.out);
-    int code = app_check_outputs(self, paths, LG_COUNT(paths));
-    if (code == APP_EXIT_OK) code = cut(self, defaults.rate, &length, &windows);
+    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
+    cut(self, &length, &windows);
     const double begin = app_seconds();
-    lg_status status = create_series(self, length, windows * (size_t)values.runs, &data.series);
-    if (status == LG_OUT_OF_MEMORY)
-        return app_fail(self, status, "out of memory: %llu windows of %u samples",
-                        (unsigned long long)(windows * values.runs), length);
-    if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
-    code = simulate(self, windows, &data.series, &made, &complete);
+    create_series(self, length, windows * (size_t)values.runs, &data.series);
+    if (!simulate(self, windows, &data.series, &made)) return APP_EXIT_OK;
     const double seconds = app_seconds() - begin;
-    (void)snprintf(data.housing, sizeof data.housing, "%s", housings[values.housing]);
+    (void)snprintf(data.housing, sizeof data.housing, "%s", housing_names[values.housing]);
     data.provenance = app_provenance(self, self->seed);
-    if (complete) {
-        status = lg_series_write(self->context, values.out, &data, &error);
-        app_must_file(self, status, &error, values.out);
-        pieces_end(&made);
-    }
-    if (code == APP_EXIT_OK && complete && values.plot != NULL) {
-        status = draw(self, data.series.rate, &error);
-        if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
-    }
-    if (code == APP_EXIT_OK && complete) report(self, &data, seconds);
-    free_data(&data);
-    return code;
+    APP_MUST_FILE(self, values.out, lg_series_write(self->context, values.out, &data, &error));
+    pieces_end(&made);
+    if (values.plot != NULL) APP_MUST_FILE(self, values.plot, draw(self, data.series.rate, &error));
+    report(self, &data, seconds);
+    return APP_EXIT_OK;
 }
 
 const app_command generate_command = {
