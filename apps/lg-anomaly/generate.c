@@ -203,7 +203,7 @@ static bool simulate(const app *self, size_t windows, lg_series *series, pieces 
     return pieces_make(made);
 }
 
-/* Samples of a window, windows of a recording: a recording must have whole windows, a window whole samples. */
+/* Samples of a window, windows of a recording; both are whole numbers. */
 static void cut(const app *self, uint32_t *length, size_t *windows) {
     lg_riser_run defaults;
     lg_riser_run_init(&defaults);

@@ -192,18 +192,15 @@ static bool split_line(sample_reader *reader, const char *p, const char *end, bo
 }
 
 static sample_kind refuse_count(sample_reader *reader) {
-    const uint32_t c = reader->channels;
+    const uint32_t c = reader->channels, timed = reader->layout == LAYOUT_TIMED;
+    const bool more = reader->fields > c + 1;
+    char wanted[64];
     if (reader->layout == LAYOUT_UNKNOWN)
-        (void)snprintf(reader->problem, sizeof reader->problem, "%s%u number%s, not %u, or %u with a time",
-                       reader->fields > c + 1 ? "more than " : "",
-                       reader->fields > c + 1 ? c + 1 : reader->fields, reader->fields == 1 ? "" : "s", c,
-                       c + 1);
+        (void)snprintf(wanted, sizeof wanted, "%u, or %u with a time", c, c + 1);
     else
-        (void)snprintf(reader->problem, sizeof reader->problem, "%s%u number%s, not %u%s",
-                       reader->fields > c + 1 ? "more than " : "",
-                       reader->fields > c + 1 ? c + 1 : reader->fields, reader->fields == 1 ? "" : "s",
-                       c + (reader->layout == LAYOUT_TIMED),
-                       reader->layout == LAYOUT_TIMED ? " with the time" : "");
+        (void)snprintf(wanted, sizeof wanted, "%u%s", c + timed, timed != 0 ? " with the time" : "");
+    (void)snprintf(reader->problem, sizeof reader->problem, "%s%u number%s, not %s", more ? "more than " : "",
+                   more ? c + 1 : reader->fields, reader->fields == 1 ? "" : "s", wanted);
     return SAMPLE_MALFORMED;
 }
 
@@ -355,11 +352,10 @@ static bool set_places(sample_reader *reader, const uint32_t *column, uint32_t c
 static bool take_names(sample_reader *reader, const char *from, const char *to) {
     uint32_t columns, found;
     if (reader->names == NULL || reader->named) return true;
-    uint32_t *column = app_alloc(reader->channels, sizeof *column);
+    APP_FREE uint32_t *column = app_alloc(reader->channels, sizeof *column);
     bool fits = find_columns(reader, from, to, column, &columns, &found);
     if (fits && found == 0) reader->unnamed = columns == reader->channels || columns == reader->channels + 1;
     if (fits && found > 0) fits = set_places(reader, column, columns);
-    free(column);
     return fits;
 }
 
@@ -462,8 +458,6 @@ static bool elect(sample_reader *reader, election *e, const char *from, const ch
     }
     return vote != LAYOUT_UNKNOWN && ++e->votes[vote] == LAYOUT_VOTES;
 }
-
-static bool fill(sample_reader *reader);
 
 /* Examines the first lines in the buffer without consuming them; they are read again. */
 static void look_ahead(sample_reader *reader) {

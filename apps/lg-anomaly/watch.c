@@ -181,38 +181,37 @@ static void listen(watching *self, uint32_t missing) {
 
 /* ---- verdicts ---- */
 
-static void print_json_novelty(const watching *self, const lg_verdict *v) {
-    FILE *out = self->log.stream;
-    char text[REASON];
-    const char *reason = reason_of(self, v, text);
-    (void)fprintf(out, ", \"unlike\": %s, \"distance\": ", v->answer == LG_ANSWER_NOVEL ? "true" : "false");
-    app_print_real(out, v->judged && self->bench.novelty_work != NULL ? self->bench.novelty.distance : NAN);
-    (void)fputs(", \"reason\": ", out);
-    if (reason[0] != '\0')
-        app_json_quote(out, reason);
-    else
-        (void)fputs("null", out);
-    (void)fprintf(out, ", \"unlike_votes\": %u, \"unlike_alarm\": %s", v->novel_votes,
-                  v->novel ? "true" : "false");
+/* An object on a line of the log; end_object ends it. */
+static app_json begin_object(const watching *self) {
+    (void)fputc('{', self->log.stream);
+    return (app_json){.stream = self->log.stream};
+}
+
+static void end_object(const app_json *json) {
+    (void)fputs("}\n", json->stream);
 }
 
 static void print_json_verdict(const watching *self, const lg_verdict *v) {
-    FILE *out = self->log.stream;
-    (void)fputs("{\"time\": ", out);
-    app_print_real(out, self->now);
-    (void)fprintf(out, ", \"window\": %llu, \"first_sample\": %llu, \"judged\": %s, \"class\": ",
-                  (unsigned long long)v->window, (unsigned long long)v->first_sample,
-                  v->judged ? "true" : "false");
-    if (v->judged || v->answer == LG_ANSWER_NOVEL)
-        app_json_quote(out, class_name(self, v));
-    else
-        (void)fputs("null", out);
-    (void)fputs(", \"score\": ", out);
-    app_print_real(out, v->judged ? v->score : NAN);
-    (void)fprintf(out, ", \"missing\": %u, \"positive_votes\": %u, \"votes\": %u, \"alarm\": %s", v->missing,
-                  v->positive_votes, v->votes, v->alarm ? "true" : "false");
-    print_json_novelty(self, v);
-    (void)fputs("}\n", out);
+    char text[REASON];
+    const char *reason = reason_of(self, v, text);
+    const bool unlike = v->answer == LG_ANSWER_NOVEL, measured = self->bench.novelty_work != NULL;
+    app_json json = begin_object(self);
+    app_json_real(&json, "time", self->now);
+    app_json_size(&json, "window", v->window);
+    app_json_size(&json, "first_sample", v->first_sample);
+    app_json_bool(&json, "judged", v->judged);
+    app_json_text(&json, "class", v->judged || unlike ? class_name(self, v) : NULL);
+    app_json_real(&json, "score", v->judged ? v->score : NAN);
+    app_json_size(&json, "missing", v->missing);
+    app_json_size(&json, "positive_votes", v->positive_votes);
+    app_json_size(&json, "votes", v->votes);
+    app_json_bool(&json, "alarm", v->alarm);
+    app_json_bool(&json, "unlike", unlike);
+    app_json_real(&json, "distance", v->judged && measured ? self->bench.novelty.distance : NAN);
+    app_json_text(&json, "reason", reason[0] != '\0' ? reason : NULL);
+    app_json_size(&json, "unlike_votes", v->novel_votes);
+    app_json_bool(&json, "unlike_alarm", v->novel);
+    end_object(&json);
 }
 
 /* Before the first verdict, and in each new log. */
@@ -270,21 +269,20 @@ static bool left_out(watching *self, const lg_verdict *v) {
 }
 
 void watch_end_gap(watching *self) {
-    FILE *out = self->log.stream;
     const unsigned long long count =
         self->gap_windows > TOLD_NOT_JUDGED ? self->gap_windows - TOLD_NOT_JUDGED : 0;
     self->gap_windows = 0;
     if (count == 0 || values.quiet) return;
     watch_log_turn(&self->log);
     if (self->app->json) {
-        (void)fprintf(out, "{\"not_judged\": %llu, \"first_time\": ", count);
-        app_print_real(out, self->gap_first);
-        (void)fputs(", \"time\": ", out);
-        app_print_real(out, self->now);
-        (void)fputs("}\n", out);
+        app_json json = begin_object(self);
+        app_json_size(&json, "not_judged", count);
+        app_json_real(&json, "first_time", self->gap_first);
+        app_json_real(&json, "time", self->now);
+        end_object(&json);
     } else
-        (void)fprintf(out, "# not judged: %llu window%s more, the last ends before %.15g s\n", count,
-                      count == 1 ? "" : "s", self->now + 1 / self->rate);
+        (void)fprintf(self->log.stream, "# not judged: %llu window%s more, the last ends before %.15g s\n",
+                      count, count == 1 ? "" : "s", self->now + 1 / self->rate);
     watch_log_put(&self->log);
 }
 
@@ -417,7 +415,7 @@ static bool samples_of(double seconds, double rate, double least, double most, u
     return true;
 }
 
-static int set_options(const app *self, const well_model *model, watching *w, lg_monitor_options *o) {
+static void set_options(const app *self, const well_model *model, watching *w, lg_monitor_options *o) {
     w->rate_known = app_given(self, "rate") || model->rate > 0;
     w->rate = app_given(self, "rate") ? values.rate : model->rate > 0 ? model->rate : 1.0;
     if (!w->rate_known)
@@ -432,15 +430,14 @@ static int set_options(const app *self, const well_model *model, watching *w, lg
     o->votes = (uint32_t)values.votes;
     o->votes_of = (uint32_t)values.votes_of;
     if (values.votes > values.votes_of)
-        return app_usage(self, "--votes %llu of --votes-of %llu", (unsigned long long)values.votes,
-                         (unsigned long long)values.votes_of);
+        app_stop_usage(self, "--votes %llu of --votes-of %llu", (unsigned long long)values.votes,
+                       (unsigned long long)values.votes_of);
     if (app_given(self, "hop") && !samples_of(values.hop, w->rate, 1, model->window, &o->hop))
-        return app_usage(self, "--hop %.6g: allowed are one sample (%.6g s) to a window (%.6g s)", values.hop,
-                         1 / w->rate, model->window / w->rate);
+        app_stop_usage(self, "--hop %.6g: allowed are one sample (%.6g s) to a window (%.6g s)", values.hop,
+                       1 / w->rate, model->window / w->rate);
     if (!samples_of(values.bridge, w->rate, 0, 4e9, &o->bridge))
-        return app_usage(self, "--bridge %.6g: at most 4e9 samples", values.bridge);
+        app_stop_usage(self, "--bridge %.6g: at most 4e9 samples", values.bridge);
     w->hop = o->hop == 0 ? o->window : o->hop;
-    return APP_EXIT_OK;
 }
 
 static const char *feed_name(void) {
@@ -455,38 +452,38 @@ static const char **names_of(const well_model *model) {
     return names;
 }
 
-static int read_feed(watching *self, sample_reader *reader, float *sample) {
-    double time;
-    for (;;) {
+static void refuse_feed(const app *self, const sample_reader *reader, sample_kind kind) {
+    if (kind == SAMPLE_READ && reader->unnamed && !reader->named)
+        app_stop(self, LG_FILE,
+                 "%s: no name of the feed's columns is a channel of the model (%s, ...): rename them, or "
+                 "leave the line of names out, and they are taken in their order",
+                 feed_name(), reader->names[0]);
+    if (kind == SAMPLE_REFUSED)
+        app_stop(self, LG_FILE, "%s: line %llu: %s", feed_name(), (unsigned long long)reader->line,
+                 reader->problem);
+    if (kind == SAMPLE_FAILED) app_stop(self, LG_FILE, "%s: %s", feed_name(), strerror(reader->failure));
+}
+
+/* To its end, a signal, or the end of the output, which app_main reports. */
+static void read_feed(watching *self, sample_reader *reader, float *sample) {
+    while (!app_interrupted() && !self->refused && !ferror(stdout)) {
+        double time;
         const sample_kind kind = sample_next(reader, sample, &time);
-        if (kind == SAMPLE_READ && reader->unnamed && !reader->named)
-            return app_fail(
-                self->app, LG_FILE,
-                "%s: no name of the feed's columns is a channel of the model (%s, ...): rename them, or "
-                "leave the line of names out, and they are taken in their order",
-                feed_name(), reader->names[0]);
-        if (kind == SAMPLE_READ) {
+        refuse_feed(self->app, reader, kind);
+        if (kind == SAMPLE_MALFORMED) {
+            watch_take_malformed(self, reader, sample, time);
+        } else if (kind == SAMPLE_READ) {
             watch_take(self, sample, time, reader->line);
             self->malformed_in_row = 0;
-        } else if (kind == SAMPLE_MALFORMED)
-            watch_take_malformed(self, reader, sample, time);
-        else if (kind == SAMPLE_REFUSED)
-            return app_fail(self->app, LG_FILE, "%s: line %llu: %s", feed_name(),
-                            (unsigned long long)reader->line, reader->problem);
-        else if (kind == SAMPLE_FAILED)
-            return app_fail(self->app, LG_FILE, "%s: %s", feed_name(), strerror(reader->failure));
-        else
+        } else {
             break;
-        if (app_interrupted() || self->refused) break;
-        if (ferror(stdout)) break; /* the output is closed; app_main reports it */
+        }
     }
     watch_settle(self);
-    if (self->refused) return APP_EXIT_FILE;
-    if (app_interrupted()) return APP_EXIT_INTERRUPTED;
-    if (reader->layout == LAYOUT_UNKNOWN && reader->line > 0)
-        return app_fail(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time", feed_name(),
-                        reader->channels, reader->channels + 1);
-    return APP_EXIT_OK;
+    if (self->refused) app_end(APP_EXIT_FILE);
+    if (!app_interrupted() && reader->layout == LAYOUT_UNKNOWN && reader->line > 0)
+        app_stop(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time", feed_name(),
+                 reader->channels, reader->channels + 1);
 }
 
 static void on_idle(void *user) {
@@ -494,34 +491,30 @@ static void on_idle(void *user) {
     watch_log_turn(&self->log);
 }
 
-static int watch_feed(watching *self, int file, size_t watch_bytes) {
-    sample_reader reader;
-    float *sample = app_alloc(self->bench.model->channels, sizeof *sample);
+static void watch_feed(watching *self, int file, size_t watch_bytes) {
+    const uint32_t channels = self->bench.model->channels;
+    APP_FREE float *sample = app_alloc(channels, sizeof *sample);
+    APP_FREE const char **names = names_of(self->bench.model);
+    APP_CLEAN(sample_reader_close) sample_reader reader = {.file = -1};
     watch_time_open(self);
-    const char **names = names_of(self->bench.model);
-    sample_reader_open(file, self->bench.model->channels, names, &reader);
+    sample_reader_open(file, channels, names, &reader);
     reader.idle = on_idle;
     reader.user = self;
     const uint64_t start_rss = max_rss_kb();
     const double start = app_seconds();
-    const int code = read_feed(self, &reader, sample);
+    read_feed(self, &reader, sample);
     totals all = total(self, app_seconds() - start);
     all.start_rss = start_rss;
     all.watch_bytes = watch_bytes;
-    sample_reader_close(&reader);
-    free(names);
     watch_time_close(self);
-    free(sample);
-    if (code == APP_EXIT_OK && self->started && values.crack_at > self->now)
+    if (!app_interrupted() && self->started && values.crack_at > self->now)
         app_warn(self->app,
                  "--crack-at %.15g s is after the last sample, at %.15g s (seconds here, hours for `feed`)",
                  values.crack_at, self->now);
-    if (code != APP_EXIT_OK && code != APP_EXIT_INTERRUPTED) return code;
     if (self->app->json)
-        print_json_summary(self, &all, code == APP_EXIT_INTERRUPTED);
+        print_json_summary(self, &all, app_interrupted());
     else
         print_summary(self, &all);
-    return code;
 }
 
 static void open_novelty(watching *self) {
@@ -540,32 +533,31 @@ static void open_novelty(watching *self) {
     self->noise.sum = app_alloc(novelty->channels, sizeof *self->noise.sum);
 }
 
-static int watch_with(const app *self, const well_model *model, int file) {
+static void watching_destroy(watching *w) {
+    free(w->bench.score);
+    free(w->bench.work);
+    free(w->bench.features);
+    free(w->bench.novelty_work);
+    free(w->noise.sum);
+    free(w->silence.without);
+}
+
+static void watch_with(const app *self, const well_model *model, int file) {
+    APP_CLEAN(watching_destroy)
     watching w = {.app = self,
                   .bench = {.model = model},
                   .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
     lg_monitor_options options;
-    lg_error error = {LG_OK, ""};
-    int code = set_options(self, model, &w, &options);
-    if (code != APP_EXIT_OK) return code;
-    if (watch_log_open(&w.log, self, values.log, &error) != LG_OK)
-        return app_fail_file(self, LG_FILE, &error, values.log);
-    const size_t bytes = lg_monitor_size(&options), work = well_model_work(model);
-    void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
+    set_options(self, model, &w, &options);
+    watch_log_open(&w.log, self, values.log);
+    const size_t bytes = lg_monitor_size(&options);
+    APP_FREE void *memory = app_alloc(bytes, 1);
     w.bench.score = app_alloc(model->classes, sizeof *w.bench.score);
-    w.bench.work = app_alloc(work > 0 ? work : 1, 1);
+    w.bench.work = app_alloc(well_model_work(model), 1);
     open_novelty(&w);
-    const lg_status status = lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error);
-    code = status == LG_OK ? watch_feed(&w, file, bytes) : app_fail(self, status, "%s", error.message);
-    code = watch_log_close(&w.log, code);
-    free(memory);
-    free(w.bench.score);
-    free(w.bench.work);
-    free(w.bench.features);
-    free(w.bench.novelty_work);
-    free(w.noise.sum);
-    free(w.silence.without);
-    return code;
+    APP_MUST(self, lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error));
+    watch_feed(&w, file, bytes);
+    watch_log_close(&w.log);
 }
 
 static int run(app *self) {
@@ -574,9 +566,9 @@ static int run(app *self) {
     well_model_load(self, self->arguments[0], &model);
     if (values.input != NULL) file = open(values.input, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (file < 0) app_stop(self, LG_FILE, "%s: %s", values.input, strerror(errno));
-    const int code = watch_with(self, &model, file);
+    watch_with(self, &model, file);
     if (values.input != NULL) (void)close(file);
-    return code;
+    return app_interrupted() ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
 }
 
 const app_command watch_command = {
@@ -585,28 +577,25 @@ const app_command watch_command = {
     .summary = "Judge a feed of samples window by window, in fixed memory",
     .details =
         "A line of the feed is a sample: one number for each channel of the model, separated by commas, "
-        "semicolons or blanks. A first column of seconds is optional; the first lines show whether there is "
-        "one. Later lines with another number of columns are malformed. Blank lines, lines of names and "
+        "semicolons or blanks. A first column of seconds is optional; the first lines show whether there "
+        "is one. Later lines with another number of columns are malformed. Blank lines, lines of names and "
         "comments (#) are skipped. Names of the model's channels tell which column is which; a feed that "
         "lacks one of them is refused. Empty fields and nan are lost samples. Without times an unreadable "
-        "line is a lost sample too. With times it is skipped, and the times show which samples are missing. "
-        "A "
-        "last line without a line end may be cut; its sample is lost.\nA time that jumps is accepted when "
-        "three more samples continue from it; otherwise its line is malformed. A feed whose times do not "
-        "have the model's sampling rate is refused. --rate HZ accepts it unchanged: windows have the same "
-        "number of samples, on a grid of HZ.\nA verdict is printed as soon as its window is complete: time "
-        "of its last sample, class, score, votes for an alarm among the last windows, samples missing, "
-        "alarm, reason. The class is \"unlike\" where the window is unlike those of training, or a sensor "
-        "sends no "
-        "numbers: such a window has no vote for the alarm; the state is UNLIKE when K of the last N are so. "
-        "For a long gap only the first windows are printed; the others are counted. The summary "
-        "follows at the end, also after Ctrl-C (exit code 130). With --json each verdict and the summary is "
-        "one object on its own line.\nWith --log verdicts are appended to a file, one write a line; the "
-        "summary "
-        "stays on standard output. logrotate: rename and SIGHUP loses no line; copytruncate loses those "
-        "written between its copy and its cut.\nWith --crack-at the time to detection runs from T to the end "
-        "of the "
-        "first window that is not of the first class while the alarm is on (the time of its last sample "
-        "plus one interval). Alarms that begin before T are false; days before T count judged windows only.",
+        "line is a lost sample too. With times it is skipped, and the times show which samples are "
+        "missing. A last line without a line end may be cut; its sample is lost.\nA time that jumps is "
+        "accepted when three more samples continue from it; otherwise its line is malformed. A feed whose "
+        "times do not have the model's sampling rate is refused. --rate HZ accepts it unchanged: windows "
+        "have the same number of samples, on a grid of HZ.\nA verdict is printed as soon as its window is "
+        "complete: time of its last sample, class, score, votes for an alarm among the last windows, "
+        "samples missing, alarm, reason. The class is \"unlike\" where the window is unlike those of "
+        "training, or a sensor sends no numbers: such a window has no vote for the alarm; the state is "
+        "UNLIKE when K of the last N are so. For a long gap only the first windows are printed; the others "
+        "are counted. The summary follows at the end, also after Ctrl-C (exit code 130). With --json each "
+        "verdict and the summary is one object on its own line.\nWith --log verdicts are appended to a "
+        "file, one write a line; the summary stays on standard output. logrotate: rename and SIGHUP loses "
+        "no line; copytruncate loses those written between its copy and its cut.\nWith --crack-at the time "
+        "to detection runs from T to the end of the first window that is not of the first class while the "
+        "alarm is on (the time of its last sample plus one interval). Alarms that begin before T are "
+        "false; days before T count judged windows only.",
     .settings = APP_SETTINGS(APP_GIVEN(watch_options, values)),
     .run = run};

@@ -84,7 +84,7 @@ typedef struct watching {
     uint64_t since; /* samples after it */
     double now;     /* time of the last sample: origin + since/rate */
     timing timing;
-    bool in_gap, refused;
+    bool in_gap, refused;      /* refused: the rate of the feed; a sentence has said so */
     uint64_t gap_windows;      /* not judged, of this gap */
     double gap_first;          /* time of the first that is not printed */
     uint64_t malformed_in_row; /* lines */
@@ -103,15 +103,15 @@ void watch_end_gap(watching *self);
 
 /* `path` NULL: standard output, for which the other functions do nothing. An unfinished last line is cut
  * off. */
-lg_status watch_log_open(watch_log *log, const app *app, const char *path, lg_error *error);
+void watch_log_open(watch_log *log, const app *app, const char *path);
 /* Opens the file again when SIGHUP asked for it; the old one goes on where that fails. Before a line is made,
  * which begins with the names where the file is empty, and while no sample comes. */
 void watch_log_turn(watch_log *log);
 bool watch_log_is_empty(const watch_log *log);
 /* Writes what was printed to the stream: wholly, or a warning says that it is lost, and it is counted. */
 void watch_log_put(watch_log *log);
-/* `code`, or that of lines that were lost. */
-int watch_log_close(watch_log *log, int code);
+/* The command ends here when lines were lost. */
+void watch_log_close(watch_log *log);
 
 /* ---- samples and their times (watch_time.c) ---- */
 

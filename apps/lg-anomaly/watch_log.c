@@ -14,7 +14,7 @@ enum { LONGEST_LINE = 1 << 16 };
 /* Cuts off what a killed process wrote of a last line. LG_FORMAT: the file is none of lines. */
 static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
     struct stat about;
-    char *text = app_alloc(LONGEST_LINE, 1);
+    APP_FREE char *text = app_alloc(LONGEST_LINE, 1);
     lg_status status = LG_OK;
     if (fstat(fd, &about) == 0 && about.st_size > 0) {
         const off_t from = about.st_size > LONGEST_LINE ? about.st_size - LONGEST_LINE : 0;
@@ -25,7 +25,6 @@ static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
         else if (n >= 0 && from + n < about.st_size && ftruncate(fd, from + n) != 0)
             status = app_error(error, LG_FILE, "%s: %s", log->path, strerror(errno));
     }
-    free(text);
     return status;
 }
 
@@ -40,15 +39,13 @@ static lg_status open_file(const watch_log *log, int *out, lg_error *error) {
     return status;
 }
 
-lg_status watch_log_open(watch_log *log, const app *self, const char *path, lg_error *error) {
+void watch_log_open(watch_log *log, const app *self, const char *path) {
     *log = (watch_log){.app = self, .path = path, .fd = -1, .stream = stdout};
-    if (path == NULL) return LG_OK;
-    const lg_status status = open_file(log, &log->fd, error);
-    if (status != LG_OK) return status;
+    if (path == NULL) return;
+    APP_MUST_FILE(self, path, open_file(log, &log->fd, &error));
     log->stream = open_memstream(&log->text, &log->length);
     if (log->stream == NULL) app_out_of_memory();
     app_reopen_on_hangup();
-    return LG_OK;
 }
 
 void watch_log_turn(watch_log *log) {
@@ -97,16 +94,13 @@ void watch_log_put(watch_log *log) {
     if (fseeko(log->stream, 0, SEEK_SET) != 0) app_out_of_memory();
 }
 
-int watch_log_close(watch_log *log, int code) {
-    if (log->fd < 0) return code;
+void watch_log_close(watch_log *log) {
+    if (log->fd < 0) return;
     (void)fclose(log->stream);
     free(log->text);
-    const bool whole = close(log->fd) == 0 || errno == EINTR;
-    const int number = errno;
-    log->fd = -1;
-    if (code != APP_EXIT_OK && code != APP_EXIT_INTERRUPTED) return code;
+    if (close(log->fd) != 0 && errno != EINTR)
+        app_stop(log->app, LG_FILE, "%s: %s", log->path, strerror(errno));
     if (log->lost > 0)
-        return app_fail(log->app, LG_FILE, "%s: %llu verdicts could not be written", log->path,
-                        (unsigned long long)log->lost);
-    return whole ? code : app_fail(log->app, LG_FILE, "%s: %s", log->path, strerror(number));
+        app_stop(log->app, LG_FILE, "%s: %llu verdicts could not be written", log->path,
+                 (unsigned long long)log->lost);
 }

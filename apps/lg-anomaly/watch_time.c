@@ -218,11 +218,6 @@ static void take_timed(watching *self, const float *sample, double time, uint64_
 
 /* ---- the feed's own rate ---- */
 
-static int compare_reals(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Mean of the differences near their median, which gaps, wrong times and rounded times do not disturb. *blur:
  * bound on its relative error. False: too few differences. */
 static bool measure_interval(const timing *t, double *interval, double *blur) {
@@ -233,7 +228,7 @@ static bool measure_interval(const timing *t, double *interval, double *blur) {
         if (d > 0 && isfinite(d)) difference[count++] = d;
     }
     if (count < LEAST_DIFFERENCES) return false;
-    qsort(difference, count, sizeof *difference, compare_reals);
+    qsort(difference, count, sizeof *difference, app_compare_doubles);
     const double median = difference[count / 2];
     for (uint32_t i = 0; i < count; i++) {
         if (difference[i] < 0.5 * median || difference[i] > 1.5 * median) continue;
