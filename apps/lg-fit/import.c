@@ -57,26 +57,8 @@ typedef struct network {
 /* ---- layers from tensors ---- */
 
 /* "net.10.weight" behind "net.2.weight". */
-static int compare_names(const char *a, const char *b) {
-    while (*a != '\0' && *b != '\0') {
-        if (isdigit((unsigned char)*a) && isdigit((unsigned char)*b)) {
-            char *end_a, *end_b;
-            const unsigned long long x = strtoull(a, &end_a, 10), y = strtoull(b, &end_b, 10);
-            if (x != y) return x < y ? -1 : 1;
-            a = end_a;
-            b = end_b;
-        } else if (*a != *b) {
-            return *a < *b ? -1 : 1;
-        } else {
-            a++;
-            b++;
-        }
-    }
-    return (*a != '\0') - (*b != '\0');
-}
-
 static int compare_layers(const void *a, const void *b) {
-    return compare_names(((const layer *)a)->name, ((const layer *)b)->name);
+    return strverscmp(((const layer *)a)->name, ((const layer *)b)->name);
 }
 
 /* "net.2" of "net.2.weight", "2" of "weight2". */

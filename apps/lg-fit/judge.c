@@ -203,26 +203,19 @@ static void print_confusion(const lg_table_file *file, const judgement *j) {
     app_table_end(&table, stdout);
 }
 
-static void put_result(app_table *table, const char *format, double value) {
-    app_table_cell(table, isfinite(value) ? format : "-", value);
-}
-
 void judgement_print(const lg_table_file *file, const judgement *j) {
-    app_table table;
+    app_table table = {0};
     if (j->rows == 0) return;
     if (!is_regression(file)) {
         (void)printf("accuracy %.4f, f1 %.4f on %zu rows\n", j->accuracy, j->f1, j->rows);
         print_confusion(file, j);
         return;
     }
-    app_table_begin(&table, 3);
-    app_table_cell(&table, "column");
-    app_table_cell(&table, "rmse");
-    app_table_cell(&table, "r2");
+    app_table_row(&table, "column\trmse\tr2");
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
         app_table_cell(&table, "%s", file->output_name[o]);
-        put_result(&table, "%.4g", j->rmse[o]);
-        put_result(&table, "%.4f", j->r2[o]);
+        app_table_cell(&table, isfinite(j->rmse[o]) ? "%.4g" : "-", j->rmse[o]);
+        app_table_cell(&table, isfinite(j->r2[o]) ? "%.4f" : "-", j->r2[o]);
     }
     app_table_end(&table, stdout);
 }

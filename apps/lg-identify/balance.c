@@ -9,9 +9,9 @@
 
 /* ---- the model's terms at rows, on a tape ---- */
 
-enum { CHUNK = 512, INPUTS = 0, DAMPING, RESIDUAL, POWERS };
-static const lg_machine_part powered[POWERS] = {
-    [INPUTS] = LG_MACHINE_INPUT_MAP, [DAMPING] = LG_MACHINE_DAMPING, [RESIDUAL] = LG_MACHINE_RESIDUAL};
+enum { CHUNK = 512, DAMPING = 1, POWERS = 3 }; /* as ENERGY_INPUTS and the next ones */
+static const lg_machine_part powered[POWERS] = {LG_MACHINE_INPUT_MAP, LG_MACHINE_DAMPING,
+                                                LG_MACHINE_RESIDUAL};
 
 /* Rows in the order of logs, and what is asked of them; NULL: not. */
 typedef struct asked {
@@ -179,24 +179,23 @@ static void run_intervals(const app *self, const identify_model *model, const in
 
 /* ---- energy ---- */
 
-static void add_interval(const double *energy, const double *power, double h, identify_energy *out) {
-    double work[POWERS];
-    for (int k = 0; k < POWERS; k++) /* Simpson */
-        work[k] = h / 6 * (power[k] + 4 * power[POWERS + k] + power[2 * POWERS + k]);
-    const double change = energy[2] - energy[0],
-                 left = change - work[INPUTS] - work[DAMPING] - work[RESIDUAL];
-    out->change += change;
-    out->inputs += work[INPUTS];
-    out->damping += work[DAMPING];
-    out->residual += work[RESIDUAL];
-    out->left += left;
-    out->left_size += fabs(left);
-    out->moved += fabs(change);
+static void add_interval(const double *energy, const double *power, double h, double *out) {
+    const double change = energy[2] - energy[0];
+    double left = change;
+    for (int k = 0; k < POWERS; k++) {
+        const double work = h / 6 * (power[k] + 4 * power[POWERS + k] + power[2 * POWERS + k]); /* Simpson */
+        out[ENERGY_INPUTS + k] += work;
+        left -= work;
+    }
+    out[ENERGY_CHANGE] += change;
+    out[ENERGY_LEFT] += left;
+    out[ENERGY_LEFT_SIZE] += fabs(left);
+    out[ENERGY_CHANGE_SIZE] += fabs(change);
 }
 
 /* Powers along the model's run of each interval, energies at the logged states. */
 static void balance(const app *self, const identify_model *model, const lg_machine_log *log, intervals *all,
-                    identify_energy *out) {
+                    double *out) {
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
                  points = 3 * all->count;
@@ -290,14 +289,12 @@ void identify_run_whiteness(const identify_given *given, const double *q, const 
     whiteness_of(&given->data, &all, out);
 }
 
-void identify_balance(const app *self, const identify_given *given, identify_energy *energy,
+void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],
                       identify_whiteness *whiteness) {
-    const double none = (double)NAN;
     const lg_machine_log *log = &given->data.logs.log;
     APP_CLEAN(intervals_end) intervals all = {.count = 0};
     cut(given->model.machine, log, &all);
-    *energy = (identify_energy){.change = 0};
-    if (all.count == 0) *energy = (identify_energy){none, none, none, none, none, none, none};
+    for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = all.count > 0 ? 0 : (double)NAN;
     run_intervals(self, &given->model, &all);
     whiteness_of(&given->data, &all, whiteness);
     balance(self, &given->model, log, &all, energy);

@@ -77,6 +77,22 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
     }
 }
 
+void identify_put_number(FILE *stream, double value) {
+    if (isfinite(value)) (void)fprintf(stream, "%.17g", value);
+}
+
+void identify_put_columns(FILE *stream, const lg_machine_file *file, const double *columns) {
+    for (uint32_t c = 0; c < file->column_count; c++) {
+        if (c > 0) (void)fputc(',', stream);
+        identify_put_number(stream, c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
+    }
+}
+
+void identify_put_names(FILE *stream, const lg_machine_file *file) {
+    for (uint32_t c = 0; c < file->column_count; c++)
+        (void)fprintf(stream, "%s%s", c > 0 ? "," : "", file->columns[c].name);
+}
+
 /* ---- errors ---- */
 
 void identify_column_errors(const identify_given *given, const double *q, const double *v, double *out) {
@@ -111,13 +127,14 @@ typedef struct number {
     bool angle, used;
 } number;
 
-/* Whether a term sees the position of the coordinate. */
-static bool is_seen(const lg_machine *machine, uint32_t coordinate) {
+bool identify_sees(const lg_machine *machine, int part, uint32_t coordinate) {
     for (uint32_t i = 0; i < machine->term_count; i++)
         for (uint32_t k = 0; k < machine->terms[i].of_count; k++) {
             const lg_machine_feature *of = &machine->terms[i].of[k];
             const bool position = of->kind != LG_FEATURE_VELOCITY && of->kind != LG_FEATURE_INPUT;
-            if (position && of->index == coordinate) return true;
+            if (position && of->index == coordinate &&
+                (part == LG_MACHINE_PART_COUNT || part == (int)machine->terms[i].part))
+                return true;
         }
     return false;
 }
@@ -133,7 +150,7 @@ static void name_numbers(const lg_machine_file *file, number *out) {
         for (uint32_t k = 0; k < count; k++, position++) {
             const bool same = k < at->places || at->attitudes != 4;
             const uint32_t column = k < at->places ? at->place + k : at->attitude + k - at->places;
-            position->used = is_seen(machine, i);
+            position->used = identify_sees(machine, LG_MACHINE_PART_COUNT, i);
             position->angle = c->kind == LG_COORDINATE_ANGLE;
             if (same)
                 (void)snprintf(position->name, sizeof position->name, "column %s",

@@ -140,29 +140,26 @@ static bool is_confirmed(const identify_data *data, uint32_t coordinate) {
            identify_position_noise(data, coordinate) > 0.5 * found->noise;
 }
 
+static void find_noise(const identify_data *data, uint32_t coordinate, bool confirmed, double least,
+                       double *position, double *velocity) {
+    const lg_log_coordinate *at = &data->file.coordinates[coordinate];
+    *position = fmax(noise_of(data, at->place, at->places, confirmed, least),
+                     noise_of(data, at->attitude, at->attitudes, false, least));
+    *velocity = noise_of(data, at->velocity, at->velocities, confirmed, least);
+    if (at->attitudes == 4) *position *= 2.0; /* a quaternion changes by half of the angle */
+}
+
 /* What is less than 2e-4 of a range is left to the loss: starts need not be unknown for it, and uneven steps
  * and held inputs can feign it. */
 void identify_noise(const identify_data *data, double *position, double *velocity) {
-    static const double least = 2e-4;
-    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
-        const lg_log_coordinate *at = &data->file.coordinates[i];
-        const bool confirmed = is_confirmed(data, i);
-        position[i] = fmax(noise_of(data, at->place, at->places, confirmed, least),
-                           noise_of(data, at->attitude, at->attitudes, false, least));
-        velocity[i] = noise_of(data, at->velocity, at->velocities, confirmed, least);
-        /* A quaternion changes by half of the angle. */
-        if (at->attitudes == 4) position[i] *= 2.0;
-    }
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
+        find_noise(data, i, is_confirmed(data, i), 2e-4, &position[i], &velocity[i]);
 }
 
 void identify_traces(const identify_data *data, double *position, double *velocity) {
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
-        const lg_log_coordinate *at = &data->file.coordinates[i];
-        position[i] = fmax(noise_of(data, at->place, at->places, false, 0.0),
-                           noise_of(data, at->attitude, at->attitudes, false, 0.0));
-        velocity[i] = noise_of(data, at->velocity, at->velocities, false, 0.0);
-        if (at->attitudes == 4) position[i] *= 2.0;
-        if (at->attitudes == 0 && data->file.measured == LG_MEASURED_VELOCITIES)
+        find_noise(data, i, false, 0.0, &position[i], &velocity[i]);
+        if (data->file.coordinates[i].attitudes == 0 && data->file.measured == LG_MEASURED_VELOCITIES)
             position[i] = fmin(position[i], identify_position_noise(data, i));
     }
 }

@@ -17,7 +17,7 @@ static const char *const metrics[] = {"horizons", "relative", NULL};
 
 static const lg_field options[] = {
     LG_OPTION(evaluate_values, horizons, REALS, "S,S,...", "Lengths of free runs in seconds (default 1,2,5)",
-              LG_ANY_REAL),
+              LG_POSITIVE),
     LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next", .low = 1, .high = 1e9,
               .value = "25"),
     LG_OPTION(evaluate_values, window, U64, "M", "Points of the windows of window_loss (default the model's)",
@@ -41,7 +41,7 @@ typedef struct verdict {
     size_t horizon_count;
     identify_horizon horizons[MOST_HORIZONS], linear[MOST_HORIZONS];
     double free_run[LG_LOG_COLUMNS]; /* root mean squares */
-    identify_energy energy;
+    double energy[IDENTIFY_ENERGIES];
     identify_whiteness whiteness[LG_LOG_COLUMNS];
     double relative, relative_worst; /* NaN: not asked for */
     double *q, *v;                   /* of the free run, as the log's rows; owned */
@@ -158,23 +158,12 @@ static void put_columns(app_json *out, const lg_machine_file *file, const verdic
                           "best that a run can have.");
 }
 
-/* Names and places of the parts of a balance. */
-static const struct {
-    const char *name, *words;
-    size_t offset;
-} balance_rows[] = {{"change", "change of the energy", offsetof(identify_energy, change)},
-                    {"inputs", "work of the inputs", offsetof(identify_energy, inputs)},
-                    {"damping", "work of damping and friction", offsetof(identify_energy, damping)},
-                    {"residual", "work of the residual", offsetof(identify_energy, residual)},
-                    {"left", "left over", offsetof(identify_energy, left)},
-                    {"left_size", "left over, sizes added", offsetof(identify_energy, left_size)},
-                    {"change_size", "changes, sizes added", offsetof(identify_energy, moved)}};
-
-static double balance_of(const identify_energy *energy, size_t row) {
-    double value;
-    memcpy(&value, (const char *)energy + balance_rows[row].offset, sizeof value);
-    return value;
-}
+static const char *const energy_names[IDENTIFY_ENERGIES] = {"change", "inputs",    "damping",    "residual",
+                                                            "left",   "left_size", "change_size"};
+static const char *const energy_words[IDENTIFY_ENERGIES] = {
+    "change of the energy", "work of the inputs", "work of damping and friction",
+    "work of the residual", "left over",          "left over, sizes added",
+    "changes, sizes added"};
 
 static void report(const app *self, const lg_machine_file *file, const verdict *v) {
     app_json out;
@@ -186,8 +175,8 @@ static void report(const app *self, const lg_machine_file *file, const verdict *
     if (out.people) show_horizons(out.stream, v);
     put_columns(&out, file, v);
     app_json_open(&out, "energy", '{');
-    for (size_t i = 0; i < LG_COUNT(balance_rows); i++)
-        app_result_real(&out, balance_rows[i].name, balance_of(&v->energy, i), balance_rows[i].words);
+    for (int k = 0; k < IDENTIFY_ENERGIES; k++)
+        app_result_real(&out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(&out, '}');
     if (values.metric == METRIC_RELATIVE) {
         app_result_real(&out, "relative", v->relative, NULL);
@@ -315,7 +304,7 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     if (model->positions) leave_out(machine, log, start, count, out);
     identify_column_errors(given, out->q, out->v, out->free_run);
     warn_of_runs(self, file, out);
-    identify_balance(self, given, &out->energy, out->whiteness);
+    identify_balance(self, given, out->energy, out->whiteness);
     if (model->positions) identify_run_whiteness(given, out->q, out->v, out->whiteness);
     deny_whiteness(file, out);
 }
@@ -351,8 +340,6 @@ static int run(app *self) {
     APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
     APP_CLEAN(verdict_destroy) verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
     if (values.horizons.count > MOST_HORIZONS) app_stop_usage(self, "--horizons: at most %d", MOST_HORIZONS);
-    for (size_t i = 0; i < values.horizons.count; i++)
-        if (!(values.horizons.values[i] > 0)) app_stop_usage(self, "--horizons: seconds are above 0");
     identify_load(self, values.substeps, &given);
     v.window_loss = window_loss(self, &given);
     judge_run(self, &given, &v);

@@ -29,7 +29,7 @@ static const lg_field options[] = {
     LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
               "Standard deviation of the noise of positions (radians), and of velocities (default the same); "
               "not given: the machine's `noise`",
-              LG_ANY_REAL),
+              .high = 1e300),
     LG_OPTION(generate_values, spread, REALS, "S[,S]",
               "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
               .option = "start-spread", LG_ANY_REAL),
@@ -346,13 +346,11 @@ static void put_row(FILE *stream, const making *m, size_t run, size_t row, doubl
                         m->run_v + at * file->machine.velocities, row > 0 ? columns : NULL, columns);
     columns[file->time] = values.dt * (double)row;
     if (file->run < file->column_count) columns[file->run] = (double)run;
-    for (uint32_t c = 0; c < file->column_count; c++) {
-        const lg_log_column *column = &file->columns[c];
-        if (column->role == LG_LOG_INPUT) /* what is logged acts `delay` rows later */
-            columns[c] = m->given[(run * (m->rows + m->delay) + row + m->delay) * inputs + column->index];
-        (void)fprintf(stream, "%s%.17g", c > 0 ? "," : "",
-                      column->role == LG_LOG_RUN ? columns[c] : columns[c] / column->scale);
-    }
+    for (uint32_t c = 0; c < file->column_count; c++)
+        if (file->columns[c].role == LG_LOG_INPUT) /* what is logged acts `delay` rows later */
+            columns[c] =
+                m->given[(run * (m->rows + m->delay) + row + m->delay) * inputs + file->columns[c].index];
+    identify_put_columns(stream, file, columns);
     (void)fputc('\n', stream);
 }
 
@@ -360,8 +358,7 @@ static void write_log(const app *self, const making *m) {
     app_file file;
     double columns[LG_LOG_COLUMNS];
     app_file_begin(&file, values.out);
-    for (uint32_t c = 0; c < m->file.column_count; c++)
-        (void)fprintf(file.stream, "%s%s", c > 0 ? "," : "", m->file.columns[c].name);
+    identify_put_names(file.stream, &m->file);
     (void)fputc('\n', file.stream);
     for (size_t run = 0; run < m->runs; run++)
         for (size_t row = 0; row < m->rows; row++) put_row(file.stream, m, run, row, columns);
@@ -410,8 +407,6 @@ static void check_options(const app *self, const lg_machine_file *file) {
                        file->machine.input_count);
     if (values.noise.count > 2) app_stop_usage(self, "--noise: one number or two");
     if (values.spread.count > 2) app_stop_usage(self, "--start-spread: one number or two");
-    for (size_t i = 0; i < values.noise.count; i++)
-        if (values.noise.values[i] < 0) app_stop_usage(self, "--noise: a standard deviation is not negative");
 }
 
 static void begin(const app *self, making *m) {

@@ -161,14 +161,6 @@ typedef struct axis {
     double low, high, slow, fast; /* ranges of both in the log */
 } axis;
 
-static bool potential_sees(const lg_machine *machine, uint32_t coordinate) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        for (uint32_t k = 0; k < machine->terms[i].of_count; k++)
-            if (machine->terms[i].part == LG_MACHINE_POTENTIAL && machine->terms[i].of[k].index == coordinate)
-                return true;
-    return false;
-}
-
 static size_t find_axes(const lg_machine *machine, axis *axes) {
     size_t n = 0;
     uint32_t position = 0;
@@ -178,7 +170,7 @@ static size_t find_axes(const lg_machine *machine, axis *axes) {
         for (uint32_t k = 0; k < rates; k++, n++) {
             axes[n] = (axis){.scalar = rates == 1,
                              .angle = c->kind == LG_COORDINATE_ANGLE,
-                             .seen = rates == 1 && potential_sees(machine, i),
+                             .seen = rates == 1 && identify_sees(machine, LG_MACHINE_POTENTIAL, i),
                              .position = position,
                              .velocity = (uint32_t)n};
             if (rates == 1)

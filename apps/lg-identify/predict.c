@@ -67,16 +67,10 @@ static void predict(const app *self, prediction *p) {
 /* ---- the file ---- */
 
 static void put_head(FILE *stream, const lg_machine_file *file) {
-    bool first = true;
-    for (uint32_t c = 0; c < file->column_count; c++, first = false)
-        (void)fprintf(stream, "%s%s", first ? "" : ",", file->columns[c].name);
+    identify_put_names(stream, file);
     for (uint32_t c = 0; c < file->column_count && values.bands; c++)
         if (identify_is_state(&file->columns[c])) (void)fprintf(stream, ",%s.sd", file->columns[c].name);
     (void)fputc('\n', stream);
-}
-
-static void put_number(FILE *stream, double value) {
-    if (isfinite(value)) (void)fprintf(stream, "%.17g", value);
 }
 
 /* The input that acts from a row on was logged `delay` rows before. */
@@ -95,20 +89,17 @@ static void put_row(FILE *stream, prediction *p, size_t row, size_t end, uint32_
     identify_to_columns(file, p->q + row * machine->positions, p->v + row * machine->velocities, before,
                         columns);
     columns[file->time] = logs->log.t[row];
+    if (file->run < file->column_count) columns[file->run] = run;
     for (uint32_t c = 0; c < file->column_count; c++) {
         const lg_log_column *column = &file->columns[c];
         if (column->role == LG_LOG_INPUT) columns[c] = input_of(logs, machine, row, end, column->index);
-        if (c > 0) (void)fputc(',', stream);
-        if (column->role == LG_LOG_RUN)
-            (void)fprintf(stream, "%u", run);
-        else
-            put_number(stream, columns[c] / column->scale);
         if (identify_is_state(column)) p->finite = p->finite && isfinite(columns[c]);
     }
+    identify_put_columns(stream, file, columns);
     for (uint32_t c = 0; c < file->column_count && values.bands; c++) {
         if (!identify_is_state(&file->columns[c])) continue;
         (void)fputc(',', stream);
-        put_number(stream, p->bands[row * file->column_count + c] / fabs(file->columns[c].scale));
+        identify_put_number(stream, p->bands[row * file->column_count + c] / fabs(file->columns[c].scale));
     }
     (void)fputc('\n', stream);
     p->rows++;

@@ -12,8 +12,14 @@
  * sign is kept (may be `columns`), or NULL. */
 void identify_to_columns(const lg_machine_file *file, const double *q, const double *v, const double *before,
                          double *columns);
+/* Columns as cells of a line of CSV, in the units of the log, and their names: without the line's end. */
+void identify_put_columns(FILE *stream, const lg_machine_file *file, const double *columns);
+void identify_put_names(FILE *stream, const lg_machine_file *file);
+void identify_put_number(FILE *stream, double value);                   /* nothing where it is not finite */
 bool identify_is_wrapped(const lg_machine_file *file, uint32_t column); /* an angle in radians */
 bool identify_is_state(const lg_log_column *column);                    /* a position or velocity */
+/* Whether a term of the part (LG_MACHINE_PART_COUNT: any) sees the position of the coordinate. */
+bool identify_sees(const lg_machine *machine, int part, uint32_t coordinate);
 double identify_wrap(double angle);
 
 /* Root mean squares of predicted minus logged columns, from the rows at which `q` is not NaN; NaN: nothing to
@@ -91,10 +97,15 @@ identify_runner identify_linear_run; /* of an identify_linear */
 
 /* Sums over all intervals of the log, in the unit of energy: H at the end minus H at the start of each
  * interval is the work of the inputs, of damping and residual, and what the model does not explain. */
-typedef struct identify_energy {
-    double change, inputs, damping, residual, left;
-    double left_size; /* sum of absolute values */
-    double moved;     /* sum of absolute values of the change */
+typedef enum identify_energy {
+    ENERGY_CHANGE,
+    ENERGY_INPUTS,
+    ENERGY_DAMPING,
+    ENERGY_RESIDUAL,
+    ENERGY_LEFT,
+    ENERGY_LEFT_SIZE,   /* of absolute values */
+    ENERGY_CHANGE_SIZE, /* likewise */
+    IDENTIFY_ENERGIES
 } identify_energy;
 
 /* Residuals of one interval's prediction, for each column: correlation of neighbours, the Ljung-Box statistic
@@ -103,7 +114,7 @@ typedef struct identify_whiteness {
     double rms, lag1, ljung_box, probability;
 } identify_whiteness;
 
-void identify_balance(const app *self, const identify_given *given, identify_energy *energy,
+void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],
                       identify_whiteness *whiteness);
 
 /* The same of a run, where it is predicted. */
