@@ -69,9 +69,9 @@ typedef struct judgement {
     uint64_t *confusion;        /* (classes, classes): truth by rows */
     double log_loss;
 } judgement;
-/* Over the rows `chosen` (count; NULL: all) of a table. */
 /* The model of a file; the caller destroys it. */
 lg_status table_model(const app *self, const lg_table_file *file, lg_model **out, lg_error *error);
+/* Over the rows `chosen` (count; NULL: all) of a table. */
 lg_status judge_rows(const app *self, const lg_table_file *file, const fit_table *table,
                      const uint32_t *chosen, size_t count, judgement *out, lg_error *error);
 void judgement_free(judgement *j);

@@ -186,22 +186,17 @@ typedef struct extent {
     double beyond[LG_MACHINE_RANGE], at[LG_MACHINE_RANGE];
 } extent;
 
-static void look(const lg_machine_range *range, const number *numbers, const double *values, size_t count,
-                 size_t first, extent *out) {
-    for (size_t k = 0; k < count; k++) {
-        const size_t i = first + k;
-        if (!numbers[i].used || !isfinite(values[k]) || !(range->low[i] <= range->high[i])) continue;
-        const double by = outside(values[k], range->low[i], range->high[i], numbers[i].angle);
-        if (by > out->beyond[i]) out->beyond[i] = by, out->at[i] = values[k];
+/* At rows of values (rows, stride), the first `count` of each: those of the range from `first` on. NULL:
+ * none. */
+static void look(const lg_machine_range *range, const number *numbers, const double *values, size_t rows,
+                 size_t stride, size_t count, size_t first, extent *out) {
+    for (size_t at = 0; values != NULL && at < rows * count; at++) {
+        const size_t i = first + at % count;
+        const double value = values[at / count * stride + at % count];
+        if (!numbers[i].used || !isfinite(value) || !(range->low[i] <= range->high[i])) continue;
+        const double by = outside(value, range->low[i], range->high[i], numbers[i].angle);
+        if (by > out->beyond[i]) out->beyond[i] = by, out->at[i] = value;
     }
-}
-
-static void look_at_rows(const lg_machine_range *range, const number *numbers, const lg_machine *machine,
-                         size_t rows, const double *q, const double *v, extent *out) {
-    for (size_t row = 0; row < rows && q != NULL; row++)
-        look(range, numbers, q + row * machine->positions, machine->positions, 0, out);
-    for (size_t row = 0; row < rows && v != NULL; row++)
-        look(range, numbers, v + row * machine->velocities, machine->velocities, machine->positions, out);
 }
 
 void identify_warn_range(const app *self, const identify_given *given, const double *q, const double *v) {
@@ -209,14 +204,16 @@ void identify_warn_range(const app *self, const identify_given *given, const dou
     const lg_machine_range *range = &given->file.run.range;
     const lg_machine *machine = &given->data.file.machine;
     const lg_machine_log *log = &given->data.logs.log;
-    const size_t states = machine->positions + machine->velocities, total = states + machine->input_count;
+    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
+                 total = nq + nv + m;
     APP_FREE number *numbers = app_alloc(total, sizeof *numbers);
     APP_FREE extent *found = app_alloc(1, sizeof *found);
     name_numbers(&given->data.file, numbers);
-    look_at_rows(range, numbers, machine, log->rows, log->q, log->v, found);
-    look_at_rows(range, numbers, machine, log->rows, q, v, found);
-    for (size_t row = 0; row < log->rows && machine->input_count > 0; row++)
-        look(range, numbers, log->u + row * 4 * machine->input_count, machine->input_count, states, found);
+    look(range, numbers, log->q, log->rows, nq, nq, 0, found);
+    look(range, numbers, q, log->rows, nq, nq, 0, found);
+    look(range, numbers, log->v, log->rows, nv, nv, nq, found);
+    look(range, numbers, v, log->rows, nv, nv, nq, found);
+    look(range, numbers, log->u, log->rows, 4 * m, m, nq + nv, found);
     for (size_t i = 0; i < total; i++) {
         const double low = range->low[i], high = range->high[i];
         if (!(found->beyond[i] > 0) || !(found->beyond[i] > tolerated * (high - low))) continue;

@@ -108,16 +108,8 @@ static void put_horizon(app_json *json, const identify_horizon *h, const identif
 }
 
 /* Without velocities there is no linear model. */
-static bool has_linear(const verdict *v) {
-    bool there = false;
-    for (size_t i = 0; i < v->horizon_count; i++)
-        for (int e = 0; e < IDENTIFY_ERRORS; e++) there = there || !isnan(v->linear[i].pooled[e]);
-    return there;
-}
-
-static void show_horizons(FILE *stream, const verdict *v) {
+static void show_horizons(FILE *stream, const verdict *v, bool linear) {
     app_table table = {0};
-    const bool linear = has_linear(v);
     app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged%s", linear ? "\tlinear" : "");
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < IDENTIFY_ERRORS; e++) {
@@ -172,7 +164,7 @@ static void report(const app *self, const lg_machine_file *file, const verdict *
     app_json_open(&out, "horizons", '[');
     for (size_t i = 0; i < v->horizon_count; i++) put_horizon(&out, &v->horizons[i], &v->linear[i]);
     app_json_close(&out, ']');
-    if (out.people) show_horizons(out.stream, v);
+    if (out.people) show_horizons(out.stream, v, file->measured != LG_MEASURED_POSITIONS);
     put_columns(&out, file, v);
     app_json_open(&out, "energy", '{');
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)

@@ -230,41 +230,47 @@ static void find_middle(drawing *d, axis *axes, size_t count) {
     }
 }
 
+/* What is drawn along an axis: a number of the log's rows from low to high, and what was learned of it. */
+typedef struct curve {
+    const char *title, *label;
+    const double *x, *y; /* of the log's rows; (GRID) learned */
+    size_t x_stride, y_stride;
+    double low, high;
+    bool angle, level; /* level: from the least value on */
+} curve;
+
 /* The share of rows in each bin, as a strip along the axis. */
-static void put_density(FILE *stream, const double *x, size_t rows, size_t stride, double low, double high,
-                        bool angle) {
+static void put_density(FILE *stream, const curve *c, size_t rows) {
     size_t bins[BINS] = {0}, most = 1;
+    const double middle = 0.5 * (c->low + c->high);
     for (size_t i = 0; i < rows; i++) {
-        const double value =
-            angle ? identify_wrap(x[i * stride] - 0.5 * (low + high)) + 0.5 * (low + high) : x[i * stride];
-        if (!(value >= low && value <= high)) continue;
-        const size_t bin = (size_t)fmin(BINS - 1, (value - low) / (high - low) * BINS);
+        const double x = c->x[i * c->x_stride], value = c->angle ? identify_wrap(x - middle) + middle : x;
+        if (!(value >= c->low && value <= c->high)) continue;
+        const size_t bin = (size_t)fmin(BINS - 1, (value - c->low) / (c->high - c->low) * BINS);
         if (++bins[bin] > most) most = bins[bin];
     }
     for (int i = 0; i < BINS; i++)
-        (void)fprintf(stream, "%.7g %.7g\n", low + (high - low) * (i + 0.5) / BINS,
+        (void)fprintf(stream, "%.7g %.7g\n", c->low + (c->high - c->low) * (i + 0.5) / BINS,
                       (double)bins[i] / (double)most);
     (void)fputs("\n\n", stream);
 }
 
-/* A curve (GRID) over low..high, from its value in the middle of what is `level`led. */
-static void put_curve(FILE *stream, double low, double high, const double *y, size_t stride, bool level) {
+static void put_curve(drawing *d, const curve *c) {
+    FILE *stream = d->plot.data.stream;
     double least = INFINITY;
-    for (size_t i = 0; i < GRID; i++) least = fmin(least, y[i * stride]);
+    put_density(stream, c, d->log->rows);
+    for (size_t i = 0; i < GRID; i++) least = fmin(least, c->y[i * c->y_stride]);
     for (size_t i = 0; i < GRID; i++)
-        (void)fprintf(stream, "%.7g %.7g\n", low + (high - low) * (double)i / (GRID - 1),
-                      y[i * stride] - (level ? least : 0));
+        (void)fprintf(stream, "%.7g %.7g\n", c->low + (c->high - c->low) * (double)i / (GRID - 1),
+                      c->y[i * c->y_stride] - (c->level ? least : 0));
     (void)fputs("\n\n", stream);
-}
-
-static void put_learned(drawing *d, const char *title, const char *xlabel) {
     (void)fprintf(
         d->plot.script.stream,
         "set title '%s'\nset xlabel '%s'\nset ylabel ''\nset y2range [0:6]\n"
         "plot datafile index %zu using 1:2 axes x1y2 with boxes fs solid 1 noborder lc rgb '#c8d6c8' "
         "title 'rows of the log', datafile index %zu using 1:2 with lines lw 2 lc rgb '#d1641f' title "
         "'learned'\nunset y2range\n",
-        title, xlabel, d->blocks, d->blocks + 1);
+        c->title, c->label, d->blocks, d->blocks + 1);
     d->blocks += 2;
 }
 
@@ -281,25 +287,23 @@ static void fill_slice(const drawing *d, double *x, size_t n, size_t index, doub
 static void put_potential(const app *self, drawing *d, const axis *a) {
     const size_t nq = d->given->model.machine->positions;
     char title[LG_MACHINE_NAME + 64];
+    (void)snprintf(title, sizeof title, "potential along %.43s, from its least", a->name);
     fill_slice(d, d->at_q, nq, a->position, a->low, a->high);
     identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, d->y, NULL);
-    put_density(d->plot.data.stream, d->log->q + a->position, d->log->rows, nq, a->low, a->high, a->angle);
-    put_curve(d->plot.data.stream, a->low, a->high, d->y, 1, true);
-    (void)snprintf(title, sizeof title, "potential along %.43s, from its least", a->name);
-    put_learned(d, title, a->name);
+    put_curve(
+        d, &(curve){title, a->name, d->log->q + a->position, d->y, nq, 1, a->low, a->high, a->angle, true});
 }
 
 static void put_friction(const app *self, drawing *d, const axis *a) {
     const size_t nv = d->given->model.machine->velocities;
-    char title[LG_MACHINE_NAME + 64], xlabel[LG_MACHINE_NAME + 32];
+    const double *v = d->given->model.positions ? d->v : d->log->v;
+    char title[LG_MACHINE_NAME + 64], label[LG_MACHINE_NAME + 32];
+    (void)snprintf(title, sizeof title, "friction force on %.43s", a->name);
+    (void)snprintf(label, sizeof label, "velocity of %.43s", a->name);
     fill_slice(d, d->at_v, nv, a->velocity, a->slow, a->fast);
     identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, NULL, d->y);
-    put_density(d->plot.data.stream, (d->given->model.positions ? d->v : d->log->v) + a->velocity,
-                d->log->rows, nv, a->slow, a->fast, false);
-    put_curve(d->plot.data.stream, a->slow, a->fast, d->y + a->velocity, nv, false);
-    (void)snprintf(title, sizeof title, "friction force on %.43s", a->name);
-    (void)snprintf(xlabel, sizeof xlabel, "velocity of %.43s", a->name);
-    put_learned(d, title, xlabel);
+    put_curve(d, &(curve){title, label, v + a->velocity, d->y + a->velocity, nv, nv, a->slow, a->fast, false,
+                          false});
 }
 
 static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
