@@ -65,17 +65,21 @@ int app_fail(const app *self, lg_status status, const char *format, ...) {
 void app_stop(const app *self, lg_status status, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    APP_FREE char *sentence = app_format_list(format, arguments);
+    char *sentence = app_format_list(format, arguments);
     va_end(arguments);
-    app_end(app_fail(self, status, "%s", sentence));
+    const int code = app_fail(self, status, "%s", sentence);
+    free(sentence);
+    app_end(code);
 }
 
 void app_stop_usage(const app *self, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    APP_FREE char *sentence = app_format_list(format, arguments);
+    char *sentence = app_format_list(format, arguments);
     va_end(arguments);
-    app_end(app_usage(self, "%s", sentence));
+    const int code = app_usage(self, "%s", sentence);
+    free(sentence);
+    app_end(code);
 }
 
 static void stop_if_asked(const app *self, lg_status status) {
