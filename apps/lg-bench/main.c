@@ -164,33 +164,26 @@ static const lg_field options[] = {
 
 /* ---- list ---- */
 
-static void list_json(void) {
-    app_json json;
-    app_json_begin(&json);
-    app_json_open(&json, "cases", '[');
+static int list(app *self) {
+    app_json out;
+    app_result_begin(&out, self);
+    app_json_open(&out, "cases", '[');
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         double batches[LG_COUNT(cases[i].batches)];
         size_t n = 0;
         for (; n < LG_COUNT(batches) && cases[i].batches[n] > 0; n++)
             batches[n] = (double)cases[i].batches[n];
-        app_json_open(&json, NULL, '{');
-        app_json_text(&json, "case", cases[i].name);
-        app_json_text(&json, "what", cases[i].summary);
-        app_json_text(&json, "dtype", cases[i].dtype == LG_F64 ? "f64" : "f32");
-        app_json_reals(&json, "batches", batches, n);
-        app_json_size(&json, "width", cases[i].width);
-        app_json_close(&json, '}');
+        app_result_line(&out, "%-20s %s", cases[i].name, cases[i].summary);
+        app_json_open(&out, NULL, '{');
+        app_json_text(&out, "case", cases[i].name);
+        app_json_text(&out, "what", cases[i].summary);
+        app_json_text(&out, "dtype", cases[i].dtype == LG_F64 ? "f64" : "f32");
+        app_json_reals(&out, "batches", batches, n);
+        app_json_size(&out, "width", cases[i].width);
+        app_json_close(&out, '}');
     }
-    app_json_close(&json, ']');
-    app_json_end(&json);
-}
-
-static int list(app *self) {
-    if (self->json) {
-        list_json();
-        return APP_EXIT_OK;
-    }
-    for (size_t i = 0; i < LG_COUNT(cases); i++) (void)printf("%-20s %s\n", cases[i].name, cases[i].summary);
+    app_json_close(&out, ']');
+    app_json_end(&out);
     return APP_EXIT_OK;
 }
 
@@ -212,83 +205,57 @@ static void processor_name(char *name, size_t size) {
     if (file != NULL) (void)fclose(file);
 }
 
-static void row_json(app_json *json, const bench_row *row) {
-    app_json_real(json, "median_us", row->median_us);
-    app_json_real(json, "min_us", row->min_us);
-    app_json_real(json, "p10_us", row->p10_us);
-    app_json_real(json, "p90_us", row->p90_us);
-    app_json_real(json, "error", row->error);
-    app_json_text(json, "error_is", row->error_is);
-    app_json_size(json, "samples", row->samples);
-    app_json_size(json, "inner", row->inner);
-    if (row->batch > 0) app_json_size(json, "batch", row->batch);
-    if (row->width > 0) app_json_size(json, "width", row->width);
-    if (row->unit != NULL) {
-        app_json_real(json, "rate", row->rate);
-        app_json_text(json, "unit", row->unit);
+/* For people a row of the table, whose rows have the same members. */
+static void put_row(app_json *out, const bench_row *row) {
+    const bool all = !out->people;
+    app_json_real(out, "median_us", row->median_us);
+    app_json_real(out, "min_us", row->min_us);
+    app_json_real(out, "p10_us", row->p10_us);
+    app_json_real(out, "p90_us", row->p90_us);
+    app_json_real(out, "error", row->error);
+    if (all) app_json_text(out, "error_is", row->error_is);
+    if (all) app_json_size(out, "samples", row->samples);
+    if (all) app_json_size(out, "inner", row->inner);
+    if (all && row->batch > 0) app_json_size(out, "batch", row->batch);
+    if (all && row->width > 0) app_json_size(out, "width", row->width);
+    if (!all || row->unit != NULL) {
+        app_json_real(out, "rate", row->unit != NULL ? row->rate : (double)NAN);
+        app_json_text(out, "unit", row->unit);
     }
-    for (size_t i = 0; i < row->notes; i++) app_json_real(json, row->note[i].name, row->note[i].value);
-    if (row->series != NULL) app_json_reals(json, row->series_is, row->series, row->series_count);
+    for (size_t i = 0; all && i < row->notes; i++) app_json_real(out, row->note[i].name, row->note[i].value);
+    if (all && row->series != NULL) app_json_reals(out, row->series_is, row->series, row->series_count);
 }
 
-/* The first row's numbers stand at the top too: a case of one row needs no search. */
-static void report_json(const bench *b) {
+/* The first row's numbers stand at the top of JSON too: a case of one row needs no search. */
+static void report(const bench *b) {
     char processor[256], kernels[256];
-    app_json json;
+    app_json out;
     processor_name(processor, sizeof processor);
     (void)lg_cpu_describe(kernels, sizeof kernels);
-    app_json_begin(&json);
-    app_json_text(&json, "case", b->what->name);
-    app_json_text(&json, "name", b->row[0].name);
-    row_json(&json, &b->row[0]);
-    app_json_text(&json, "dtype", b->dtype == LG_F64 ? "f64" : "f32");
-    app_json_size(&json, "threads", (uint64_t)b->threads);
-    if (b->core >= 0) app_json_size(&json, "core", (uint64_t)b->core);
-    app_json_text(&json, "cpu", processor);
-    app_json_text(&json, "kernels", kernels);
-    app_json_text(&json, "version", lg_version());
-    app_json_open(&json, "rows", '[');
+    app_result_begin(&out, b->app);
+    app_result_text(&out, "case", b->what->name, b->what->summary);
+    app_json_text(&out, "name", b->row[0].name);
+    put_row(&out, &b->row[0]);
+    app_result_text(&out, "dtype", b->dtype == LG_F64 ? "f64" : "f32", NULL);
+    app_result_size(&out, "threads", (uint64_t)b->threads, NULL);
+    if (b->core >= 0) app_result_size(&out, "core", (uint64_t)b->core, NULL);
+    app_result_text(&out, "cpu", processor, NULL);
+    app_result_text(&out, "kernels", kernels, NULL);
+    app_json_text(&out, "version", lg_version());
+    app_result_rows(&out, "rows");
     for (size_t i = 0; i < b->rows; i++) {
-        app_json_open(&json, NULL, '{');
-        app_json_text(&json, "name", b->row[i].name);
-        row_json(&json, &b->row[i]);
-        app_json_close(&json, '}');
+        app_json_open(&out, NULL, '{');
+        app_json_text(&out, "name", b->row[i].name);
+        put_row(&out, &b->row[i]);
+        app_json_close(&out, '}');
     }
-    app_json_close(&json, ']');
-    app_json_end(&json);
-}
-
-static void report_table(const bench *b) {
-    static const char *const head[] = {"row", "median us", "min", "10 %", "90 %", "error", "rate"};
-    char processor[256], kernels[256];
-    app_table table;
-    processor_name(processor, sizeof processor);
-    (void)lg_cpu_describe(kernels, sizeof kernels);
-    (void)printf("%s: %s\n%s; %s; %s, %d thread%s", b->what->name, b->what->summary, processor, kernels,
-                 b->dtype == LG_F64 ? "f64" : "f32", b->threads, b->threads == 1 ? "" : "s");
-    if (b->core >= 0) (void)printf(", core %d", b->core);
-    (void)printf("\n\n");
-    app_table_begin(&table, LG_COUNT(head));
-    for (size_t i = 0; i < LG_COUNT(head); i++) app_table_cell(&table, "%s", head[i]);
-    for (size_t i = 0; i < b->rows; i++) {
-        const bench_row *row = &b->row[i];
-        app_table_cell(&table, "%s", row->name);
-        const double times[] = {row->median_us, row->min_us, row->p10_us, row->p90_us};
-        for (size_t k = 0; k < LG_COUNT(times); k++) app_table_cell(&table, "%.4g", times[k]);
-        if (isnan(row->error))
-            app_table_cell(&table, "-");
-        else
-            app_table_cell(&table, "%.2g", row->error);
-        if (row->unit != NULL)
-            app_table_cell(&table, "%.4g %s", row->rate, row->unit);
-        else
-            app_table_cell(&table, "%s", "");
-    }
-    app_table_end(&table, stdout);
+    app_result_rows_end(&out);
     for (size_t i = 0; i < b->rows; i++)
         for (size_t k = 0; k < b->row[i].notes; k++)
-            (void)printf("%s: %s %.6g\n", b->row[i].name, b->row[i].note[k].name, b->row[i].note[k].value);
-    if (b->row[0].error_is != NULL) (void)printf("error: %s\n", b->row[0].error_is);
+            app_result_line(&out, "%s: %s %.6g", b->row[i].name, b->row[i].note[k].name,
+                            b->row[i].note[k].value);
+    if (b->row[0].error_is != NULL) app_result_line(&out, "error: %s", b->row[0].error_is);
+    app_json_end(&out);
 }
 
 /* ---- running ---- */
@@ -327,12 +294,9 @@ static int run(app *self) {
     if (b.threads == 1) b.core = bench_pin();
     b.what->run(&b);
     if (app_interrupted()) return APP_EXIT_INTERRUPTED;
-    if (b.rows == 0 && given.only != NULL) return app_usage(self, "no row's name contains '%s'", given.only);
-    if (b.rows == 0) return app_usage(self, "nothing to measure with these options");
-    if (self->json)
-        report_json(&b);
-    else
-        report_table(&b);
+    if (b.rows == 0 && given.only != NULL) app_stop_usage(self, "no row's name contains '%s'", given.only);
+    if (b.rows == 0) app_stop_usage(self, "nothing to measure with these options");
+    report(&b);
     for (size_t i = 0; i < b.rows; i++) free(b.row[i].series);
     return APP_EXIT_OK;
 }

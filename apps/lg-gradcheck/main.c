@@ -1,6 +1,5 @@
 /* lg-gradcheck: are all derivatives right, and would the check notice if they were not? */
 #include <ctype.h>
-#include <math.h>
 #include <string.h>
 
 #include "autodiff/cases/cases.h"
@@ -80,39 +79,21 @@ static lg_status count_row(void *user, const lg_gradcheck_case *row) {
 typedef struct run {
     app *app;
     lg_gradcheck_options options;
-    app_table table;
-    app_json json;
+    app_json out;
     const char *row; /* the one at work, for messages */
     size_t failures, checks, programs, refused, caught, excluded, missed;
 } run;
 
 /* ---- checking ---- */
 
-static const char *verdict_of(const lg_gradcheck_order *order) {
-    return order->passed ? "ok" : "WRONG";
-}
-
-static void report_order(run *r, const char *name, int order, const lg_gradcheck_order *found) {
-    char slope[32] = "-";
-    if (isfinite(found->slope))
-        (void)snprintf(slope, sizeof slope, "%.3f", found->slope);
-    else if (found->passed)
-        (void)snprintf(slope, sizeof slope, "rounding");
-    if (r->app->json) {
-        app_json_open(&r->json, NULL, '{');
-        app_json_text(&r->json, "name", name);
-        app_json_size(&r->json, "order", (uint64_t)order);
-        app_json_real(&r->json, "slope", found->slope);
-        app_json_real(&r->json, "error", found->error);
-        app_json_bool(&r->json, "passed", found->passed);
-        app_json_close(&r->json, '}');
-        return;
-    }
-    app_table_cell(&r->table, "%s", name);
-    app_table_cell(&r->table, "%d", order);
-    app_table_cell(&r->table, "%s", slope);
-    app_table_cell(&r->table, "%.1e", found->error);
-    app_table_cell(&r->table, "%s", verdict_of(found));
+static void report_order(app_json *out, const char *name, int order, const lg_gradcheck_order *found) {
+    app_json_open(out, NULL, '{');
+    app_json_text(out, "name", name);
+    app_json_size(out, "order", (uint64_t)order);
+    app_json_real(out, "slope", found->slope);
+    app_json_real(out, "error", found->error);
+    app_json_bool(out, "passed", found->passed);
+    app_json_close(out, '}');
 }
 
 static lg_status check_row(void *user, const lg_gradcheck_case *row) {
@@ -122,7 +103,8 @@ static lg_status check_row(void *user, const lg_gradcheck_case *row) {
     lg_status status = lg_gradcheck_run(r->app->context, row, &r->options, &result);
     if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
     for (int order = 0; order < LG_GRADCHECK_ORDERS; order++)
-        if (result.order[order].checked) report_order(r, row->function.name, order + 1, &result.order[order]);
+        if (result.order[order].checked)
+            report_order(&r->out, row->function.name, order + 1, &result.order[order]);
     r->checks++;
     if (status != LG_OK) {
         r->failures++;
@@ -131,27 +113,15 @@ static lg_status check_row(void *user, const lg_gradcheck_case *row) {
     return LG_OK;
 }
 
-static void report_program(run *r, const char *name, const lg_gradcheck_program_result *found) {
-    if (r->app->json) {
-        app_json_open(&r->json, NULL, '{');
-        app_json_text(&r->json, "name", name);
-        app_json_bool(&r->json, "refused", found->refused);
-        app_json_real(&r->json, "value", found->value);
-        app_json_real(&r->json, "forward", found->forward);
-        app_json_real(&r->json, "adjoint", found->adjoint);
-        app_json_bool(&r->json, "passed", found->passed);
-        app_json_close(&r->json, '}');
-        return;
-    }
-    app_table_cell(&r->table, "%s", name);
-    const double errors[] = {found->value, found->forward, found->adjoint};
-    for (size_t i = 0; i < LG_COUNT(errors); i++) {
-        if (found->refused)
-            app_table_cell(&r->table, "-");
-        else
-            app_table_cell(&r->table, "%.1e", errors[i]);
-    }
-    app_table_cell(&r->table, "%s", !found->passed ? "WRONG" : found->refused ? "refused" : "ok");
+static void report_program(app_json *out, const char *name, const lg_gradcheck_program_result *found) {
+    app_json_open(out, NULL, '{');
+    app_json_text(out, "name", name);
+    app_json_bool(out, "refused", found->refused);
+    app_json_real(out, "value", found->value);
+    app_json_real(out, "forward", found->forward);
+    app_json_real(out, "adjoint", found->adjoint);
+    app_json_bool(out, "passed", found->passed);
+    app_json_close(out, '}');
 }
 
 static lg_status check_program(void *user, const lg_gradcheck_case *row) {
@@ -160,7 +130,7 @@ static lg_status check_program(void *user, const lg_gradcheck_case *row) {
     r->row = row->function.name;
     const lg_status status = lg_gradcheck_program(r->app->context, row, &r->options, &result);
     if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
-    report_program(r, row->function.name, &result);
+    report_program(&r->out, row->function.name, &result);
     r->programs += !result.refused;
     r->refused += result.refused;
     if (status != LG_OK) {
@@ -170,38 +140,21 @@ static lg_status check_program(void *user, const lg_gradcheck_case *row) {
     return LG_OK;
 }
 
-/* The same functions as programs. */
-static lg_status check_programs(run *r) {
-    static const char *const head[] = {"program", "value", "forward", "adjoint", "verdict"};
-    if (r->app->json) app_json_open(&r->json, "programs", '[');
-    if (!r->app->json) app_table_begin(&r->table, LG_COUNT(head));
-    for (size_t i = 0; i < LG_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
-    const lg_status status = each_row(check_program, r);
-    if (r->app->json) app_json_close(&r->json, ']');
-    if (!r->app->json) app_table_end(&r->table, stdout);
-    return status;
-}
-
 static lg_status check_all(run *r) {
-    static const char *const head[] = {"function", "order", "slope", "error", "verdict"};
-    if (r->app->json) app_json_open(&r->json, "checks", '[');
-    if (!r->app->json) app_table_begin(&r->table, LG_COUNT(head));
-    for (size_t i = 0; i < LG_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
+    app_json *out = &r->out;
+    app_result_rows(out, "checks");
     lg_status status = each_row(check_row, r);
-    if (r->app->json) app_json_close(&r->json, ']');
-    if (!r->app->json) app_table_end(&r->table, stdout);
-    if (!r->app->json) printf("\n");
-    if (status == LG_OK) status = check_programs(r);
-    if (r->app->json) {
-        app_json_size(&r->json, "functions", r->checks);
-        app_json_size(&r->json, "equal_programs", r->programs);
-        app_json_size(&r->json, "refused_programs", r->refused);
-        app_json_size(&r->json, "wrong", r->failures);
-        app_json_bool(&r->json, "passed", r->failures == 0 && status == LG_OK);
-    } else {
-        printf("\n%zu functions, %zu of them programs, %zu refused as programs, %zu wrong.\n", r->checks,
-               r->programs, r->refused, r->failures);
-    }
+    app_result_rows_end(out);
+    app_result_rows(out, "programs");
+    if (status == LG_OK) status = each_row(check_program, r);
+    app_result_rows_end(out);
+    app_result_line(out, "\n%zu functions, %zu of them programs, %zu refused as programs, %zu wrong.",
+                    r->checks, r->programs, r->refused, r->failures);
+    app_json_size(out, "functions", r->checks);
+    app_json_size(out, "equal_programs", r->programs);
+    app_json_size(out, "refused_programs", r->refused);
+    app_json_size(out, "wrong", r->failures);
+    app_json_bool(out, "passed", r->failures == 0 && status == LG_OK);
     return status;
 }
 
@@ -213,24 +166,15 @@ static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradc
     run *r = user;
     size_t *const counts[] = {&r->caught, &r->missed, &r->excluded};
     ++*counts[outcome];
-    if (r->app->json) {
-        app_json_open(&r->json, NULL, '{');
-        app_json_text(&r->json, "name", row->function.name);
-        app_json_text(&r->json, "operation", plant->operation);
-        app_json_text(&r->json, "direction", lg_plant_direction_name(plant->direction));
-        app_json_text(&r->json, "mutation", lg_plant_mutation_name(plant->mutation));
-        app_json_size(&r->json, "input", plant->input);
-        app_json_text(&r->json, "outcome", names[outcome]);
-        app_json_text(&r->json, "reason", reason);
-        app_json_close(&r->json, '}');
-        return;
-    }
-    app_table_cell(&r->table, "%s", row->function.name);
-    app_table_cell(&r->table, "%s %s of %s, input %u", plant->operation,
-                   lg_plant_direction_name(plant->direction), lg_plant_mutation_name(plant->mutation),
-                   plant->input);
-    app_table_cell(&r->table, "%s", names[outcome]);
-    app_table_cell(&r->table, "%s", outcome == LG_PLANT_EXCLUDED ? reason : "");
+    app_json_open(&r->out, NULL, '{');
+    app_json_text(&r->out, "name", row->function.name);
+    app_json_text(&r->out, "operation", plant->operation);
+    app_json_text(&r->out, "direction", lg_plant_direction_name(plant->direction));
+    app_json_text(&r->out, "mutation", lg_plant_mutation_name(plant->mutation));
+    app_json_size(&r->out, "input", plant->input);
+    app_json_text(&r->out, "outcome", names[outcome]);
+    app_json_text(&r->out, "reason", r->out.people && outcome != LG_PLANT_EXCLUDED ? NULL : reason);
+    app_json_close(&r->out, '}');
 }
 
 static lg_status plant_row(void *user, const lg_gradcheck_case *row) {
@@ -240,23 +184,16 @@ static lg_status plant_row(void *user, const lg_gradcheck_case *row) {
 }
 
 static lg_status plant_all(run *r) {
-    static const char *const head[] = {"function", "mutation", "outcome", "why excluded"};
-    if (r->app->json) app_json_open(&r->json, "plants", '[');
-    if (!r->app->json) app_table_begin(&r->table, LG_COUNT(head));
-    for (size_t i = 0; i < LG_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
-    lg_status status = each_row(plant_row, r);
+    app_result_rows(&r->out, "plants");
+    const lg_status status = each_row(plant_row, r);
+    app_result_rows_end(&r->out);
     r->failures = r->missed;
-    if (r->app->json) {
-        app_json_close(&r->json, ']');
-        app_json_size(&r->json, "caught", r->caught);
-        app_json_size(&r->json, "excluded", r->excluded);
-        app_json_size(&r->json, "missed", r->missed);
-        app_json_bool(&r->json, "passed", r->missed == 0 && status == LG_OK);
-    } else {
-        app_table_end(&r->table, stdout);
-        printf("\n%zu mutations caught, %zu excluded (cannot be seen), %zu missed.\n", r->caught, r->excluded,
-               r->missed);
-    }
+    app_result_line(&r->out, "\n%zu mutations caught, %zu excluded (cannot be seen), %zu missed.", r->caught,
+                    r->excluded, r->missed);
+    app_json_size(&r->out, "caught", r->caught);
+    app_json_size(&r->out, "excluded", r->excluded);
+    app_json_size(&r->out, "missed", r->missed);
+    app_json_bool(&r->out, "passed", r->missed == 0 && status == LG_OK);
     return status;
 }
 
@@ -264,20 +201,19 @@ static int gradcheck(struct app *program) {
     run r = {.app = program};
     extent found = {0, 0};
     (void)each_row(count_row, &found);
-    if (found.rows == 0) return app_usage(program, "--only: nothing is called '%s'", given.only);
+    if (found.rows == 0) app_stop_usage(program, "--only: nothing is called '%s'", given.only);
     if (given.plant && found.operations == 0)
-        return app_usage(
-            program,
-            "--plant: none of the %zu functions that '%s' chooses has a registered derivative of "
-            "its own: there is nothing to plant",
-            found.rows, given.only);
+        app_stop_usage(program,
+                       "--plant: none of the %zu functions that '%s' chooses has a registered derivative of "
+                       "its own: there is nothing to plant",
+                       found.rows, given.only);
     lg_gradcheck_options_init(&r.options);
     if (program->seed_given) r.options.seed = program->seed;
     r.options.order = (int)given.order;
-    if (program->json) app_json_begin(&r.json);
-    lg_status status = given.plant ? plant_all(&r) : check_all(&r);
-    if (program->json) app_json_end(&r.json);
-    if (status != LG_OK) return app_fail(program, status, "%s: %s", r.row, lg_status_sentence(status));
+    app_result_begin(&r.out, program);
+    const lg_status status = given.plant ? plant_all(&r) : check_all(&r);
+    app_json_end(&r.out);
+    if (status != LG_OK) app_stop(program, status, "%s: %s", r.row, lg_status_sentence(status));
     return r.failures == 0 ? APP_EXIT_OK : APP_EXIT_CHECK;
 }
 
@@ -285,12 +221,11 @@ int main(int argc, char **argv) {
     const app_command commands[] = {
         {.name = NULL,
          .summary = "Checks the derivatives of every operation, layer, integrator and system",
-         .details = "A function passes when the remainder of its Taylor expansion falls like h^2 (slope >= "
-                    "1.9) or is "
-                    "at rounding level, forward and reverse mode agree with each other and with difference "
-                    "quotients, at first and second order, and when its plans as a program (value, forward, "
-                    "adjoint) "
-                    "equal the tape.",
+         .details =
+             "A function passes when the remainder of its Taylor expansion falls like h^2 (slope >= "
+             "1.9) or is at rounding level, forward and reverse mode agree with each other and with "
+             "difference quotients, at first and second order, and when its plans as a program (value, "
+             "forward, adjoint) equal the tape.",
          .settings = APP_SETTINGS(APP_GIVEN(options, given)),
          .run = gradcheck},
         {.run = NULL}};

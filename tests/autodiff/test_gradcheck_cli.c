@@ -17,9 +17,9 @@ static const struct {
     int code;
     const char *says[4], *not [2];
 } runs[] = {
-    {"", 0, {" 0 wrong."}, {"WRONG"}},
+    {"", 0, {" 0 wrong."}, {" no\n"}},
     {"--seed 77", 0, {" 0 wrong."}, {NULL}},
-    {"--only implicit-euler --order 1", 0, {"refused"}, {NULL}},
+    {"--only implicit-euler --order 1", 0, {" 4 refused as programs"}, {NULL}},
     {"--only custom --json", 0, {"\"refused\": true"}, {NULL}},
     {"--only cross --json",
      0,
