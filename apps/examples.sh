@@ -96,6 +96,27 @@ lg-elastica predict beam.h5 --x 3 --points 200 --out curve.csv
 #: lg-elastica search
 lg-elastica search searches/elastica-discrete.yaml curves.h5 --trials 1 --out trials.csv
 
+#: lg-learn
+# A model of any recipe, here of curves of a beam: learned, judged, asked. A recipe of your own needs no program.
+lg-learn list
+lg-learn train --recipe surrogate curves.h5 --epochs 20 --out learned.h5
+lg-learn evaluate learned.h5 curves.h5
+
+#: lg-learn train
+lg-learn train --recipe hamiltonian data.h5 --epochs 20 --out learned.h5
+
+#: lg-learn search
+lg-learn search --recipe surrogate searches/elastica-discrete.yaml curves.h5 --trials 1 --out trials.csv
+
+#: lg-learn evaluate
+lg-learn evaluate learned.h5 data.h5
+
+#: lg-learn predict
+lg-learn predict learned.h5 --initial 1,0,0,0,0.5,0 --t-end 2
+
+#: lg-learn list
+lg-learn list
+
 #: lg-anomaly
 # A detector of damage, trained on simulated recordings, watches a feed.
 lg-anomaly generate --noise 10 --runs 36 --out well.h5

@@ -105,7 +105,8 @@ static int add_code(export_model *m) {
 
 /* ---- golden vectors ---- */
 
-/* A state anywhere: a random element acts on the state at rest, with random numbers where the space is flat. */
+/* A state anywhere: a random element acts on the state at rest, with random numbers where the space is
+ * flat. */
 static void draw_state(export_model *m, double *x) {
     double *element = app_alloc(m->algebra, sizeof *element), *at = x;
     memset(x, 0, m->dim * sizeof *x);

@@ -136,8 +136,9 @@ static const lg_field predict_options[] = {
               .value = "1"),
     LG_OPTION(predict_values, points, U64, "M", "Equidistant points of the trajectory, the start included",
               .low = 2, .high = 1e8, .value = "101"),
-    LG_OPTION(predict_values, tolerance, REAL, "TOL", "Tolerance of the adaptive integration", .low = 1e-14,
-              .high = 1e-2, .value = "1e-10"),
+    LG_OPTION(predict_values, tolerance, REAL, "TOL",
+              "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
+              .value = "1e-10"),
     LG_OPTION(predict_values, out, STRING, "FILE.csv", "Write the trajectory: the time, then the state",
               .file = LG_FILE_WRITTEN),
     LG_FIELD_END};

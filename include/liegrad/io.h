@@ -649,8 +649,8 @@ LG_API const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *
  * holds its own step takes no other scheme: LG_UNSUPPORTED. The caller destroys the program. */
 LG_API lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
                                        lg_error *error);
-/* The scheme of the model's steps unless another one is chosen; NULL: the model has no steps, or the file of a
- * kind without recipe holds its own step. */
+/* The scheme of the model's steps unless another one is chosen; NULL: the model has no steps, or the file of
+ * a kind without recipe holds its own step. */
 LG_API const lg_scheme *lg_model_file_scheme(const lg_model_file *file);
 /* Part number `index` = 0, 1, ... of the parameters, as it lies below /model in the file: name, shape, and
  * its numbers (borrowed). False beyond the last. */

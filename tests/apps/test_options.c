@@ -17,6 +17,7 @@ static const char *const meanings[][2] = {
     {"layers", "a number, or the layers of an import by name"},
     {"loss", "the losses of detectors and surrogates"},
     {"method", "of training, of classification, of integration"},
+    {"initial", "a state of known layout, or any state and any inputs"},
     {"metric", "over trajectories, over parts"},
     {"network", "kind of surrogate, architecture"},
     {"noise", "of sensors by the data sheet, of states, of columns"},
@@ -58,6 +59,7 @@ static const char *const defaults[][2] = {
     {"q0", "the default problem, the training data"},
     {"schedule", "presets"},
     {"shards", "presets"},
+    {"tolerance", "linear potentials of lg-hamiltonian have a smaller one"},
     {"substeps", "of data, of a machine, of its model"},
     {"weight-decay", "presets"},
 };
