@@ -11,8 +11,16 @@
 
 /* ---- the recipes ---- */
 
+/* One more row for who compiles this file with -DLG_OWN_RECIPE=NAME. */
+#ifdef LG_OWN_RECIPE
+extern const lg_recipe LG_OWN_RECIPE;
+#define OWN_ROW &LG_OWN_RECIPE,
+#else
+#define OWN_ROW
+#endif
+
 const lg_recipe *const lg_recipes[] = {&lg_recipe_hamiltonian, &lg_recipe_surrogate,     &lg_recipe_detector,
-                                       &lg_recipe_table,       &lg_recipe_machine_model, NULL};
+                                       &lg_recipe_table,       &lg_recipe_machine_model, OWN_ROW NULL};
 
 const lg_recipe *lg_recipe_find(const char *name) {
     size_t i = 0;
@@ -136,7 +144,7 @@ lg_status lg_model_load(const lg_context *context, const char *path, const lg_re
 void lg_model_file_destroy(lg_model_file *file) {
     if (file == NULL) return;
     lg_model_destroy(file->model);
-    if (file->contents != NULL) file->recipe->release(file->contents);
+    if (file->contents != NULL) lg_run_release(file->recipe, file->contents);
     lg_free(file->context, file->contents);
     memset(file, 0, sizeof *file);
 }

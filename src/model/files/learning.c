@@ -145,6 +145,37 @@ lg_status lg_learning_hold_out(lg_learning *self, double part, lg_error *error) 
     return learner->prepare != NULL ? learner->prepare(self, error) : LG_OK;
 }
 
+/* ---- the loss ---- */
+
+/* The part of `count` samples from `first` on. */
+static lg_status part_of_loss(const lg_fit_problem *problem, lg_tape *tape, const double *theta, size_t first,
+                              size_t count, double *part) {
+    uint32_t samples[LG_FIT_CHUNK];
+    lg_var loss;
+    lg_tape_reset(tape);
+    for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
+    const lg_var weights = lg_parameter(tape, lg_shape1((uint32_t)problem->parameters), theta);
+    LG_TRY(problem->loss(problem->user, tape, weights, samples, count, problem->samples, &loss));
+    return lg_read(tape, loss, 1, part);
+}
+
+lg_status lg_learning_loss(const lg_learning *self, const double *theta, double *loss, lg_error *error) {
+    const lg_fit_problem *problem = &self->problem;
+    lg_tape *tape;
+    double part = 0, sum = 0;
+    lg_status status = lg_tape_create(self->context, NULL, &tape);
+    if (status != LG_OK) return status;
+    for (size_t i = 0; i < problem->samples && status == LG_OK; i += LG_FIT_CHUNK) {
+        const size_t left = problem->samples - i;
+        status = part_of_loss(problem, tape, theta, i, left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK, &part);
+        sum += part;
+    }
+    if (status == LG_OK) *loss = sum;
+    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
+    lg_tape_destroy(tape);
+    return status;
+}
+
 /* ---- the fit, the file ---- */
 
 lg_status lg_learning_create_fit(lg_learning *self, lg_error *error) {

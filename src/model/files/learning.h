@@ -127,6 +127,8 @@ const lg_result *lg_result_find(const lg_learning *self, const char *name);
 /* The hooks of the learner, or their defaults. */
 double lg_learning_objective(lg_learning *self);
 lg_status lg_learning_hold_out(lg_learning *self, double part, lg_error *error);
+/* The loss of the problem over all samples, in double precision. */
+lg_status lg_learning_loss(const lg_learning *self, const double *theta, double *loss, lg_error *error);
 /* Data are read, the run is described and the problem made; the fit is created. */
 lg_status lg_learning_create_fit(lg_learning *self, lg_error *error);
 /* Writes the model with these parameters and the state of the fit. */

@@ -170,7 +170,7 @@ static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, c
     LG_TRY(put_space(h5, kind, view.run, error));
     for (uint32_t i = 0; slice_at(kind, view.run, i, &s); i++)
         LG_TRY(put_slice(h5, &s, training_of(kind, view.run)->dtype, *view.theta, error));
-    LG_TRY(kind->put_rest(h5, file, fit != NULL, error));
+    if (kind->put_rest != NULL) LG_TRY(kind->put_rest(h5, file, fit != NULL, error));
     LG_TRY(put_functions(h5, kind, file, view.run, error));
     if (fit != NULL) return put_fit(h5, fit, error);
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
@@ -295,7 +295,7 @@ lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error
     LG_TRY(get_weights(h5, kind, &view, error));
     LG_TRY(check_space(h5, kind, view.run, error));
     LG_TRY(get_history(h5, &view, error));
-    LG_TRY(kind->get_rest(h5, file, error));
+    if (kind->get_rest != NULL) LG_TRY(kind->get_rest(h5, file, error));
     lg_h5_provenance(h5, view.provenance);
     return LG_OK;
 }
@@ -314,7 +314,7 @@ lg_status lg_run_load(const lg_context *context, const char *path, const lg_read
                       const lg_recipe *kind, void *file, lg_error *error) {
     load_call call = {kind, file};
     const lg_status status = lg_h5_read(context, path, options, load_file, &call, error);
-    if (status != LG_OK) kind->release(file);
+    if (status != LG_OK) lg_run_release(kind, file);
     return status;
 }
 
@@ -349,6 +349,18 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
 
 void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]) {
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) lg_free(context, history[i]);
+}
+
+void lg_run_release(const lg_recipe *kind, void *file) {
+    const model_view view = view_of(kind, file);
+    const lg_context *context = *(const lg_context **)(void *)((char *)file + kind->file_context);
+    if (kind->release != NULL) {
+        kind->release(file);
+        return;
+    }
+    lg_free(context, *view.theta);
+    lg_history_destroy(context, view.history);
+    memset(file, 0, kind->file_size);
 }
 
 /* ---- checkpoints ---- */

@@ -48,7 +48,7 @@ lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run,
 lg_status lg_run_put(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     const lg_field *r;
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++) LG_TRY(lg_field_write(h5, r, run, error));
-    return kind->describe(h5, run, error);
+    return kind->describe != NULL ? kind->describe(h5, run, error) : LG_OK;
 }
 
 lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run, lg_error *error) {
@@ -60,7 +60,7 @@ lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run,
         LG_TRY(lg_missing_is_format(lg_field_read(h5, r, run, error), error));
         LG_TRY(check_row(h5->path, kind, r, run, LG_FORMAT, error));
     }
-    return kind->build(h5, run, error);
+    return kind->build != NULL ? kind->build(h5, run, error) : LG_OK;
 }
 
 /* ---- comparing ---- */

@@ -24,9 +24,11 @@ struct lg_recipe {
     const lg_field *facts, *fields;
     size_t run_size, training; /* offset of its lg_training */
     const void *defaults;      /* a run with the values for attributes that a file lacks */
-    lg_status (*build)(lg_h5 *h5, void *run, lg_error *error); /* rows read: the model is made from them */
-    lg_status (*check)(const void *run);                       /* the model is one that init would make */
-    lg_status (*describe)(lg_h5 *h5, const void *run, lg_error *error); /* attributes for people */
+    lg_status (*build)(lg_h5 *h5, void *run,
+                       lg_error *error); /* rows read: the model is made from them; may be NULL */
+    lg_status (*check)(const void *run); /* the model is one that init would make */
+    lg_status (*describe)(lg_h5 *h5, const void *run,
+                          lg_error *error); /* attributes for people; may be NULL */
     /* Parameters: slice number `index`, named below /model; false beyond the last. */
     size_t (*parameters)(const void *run);
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
@@ -39,10 +41,10 @@ struct lg_recipe {
     /* The file structure: its size, offsets of what all kinds have. */
     size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
         file_provenance;
-    /* The rest of the file; `fitted`: lg_fit_save writes optimizer and generator. */
+    /* The rest of the file, may be NULL; `fitted`: lg_fit_save writes optimizer and generator. */
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
-    void (*release)(void *file);
+    void (*release)(void *file);      /* NULL: theta and history are all that it owns */
     const struct lg_learner *learner; /* the training half (model/files/learning.h) */
 };
 
@@ -70,18 +72,25 @@ lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error
 
 /* An optional, finite number of the root. */
 lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error);
+void lg_run_release(const lg_recipe *kind, void *file);
 void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]);
 
 /* ---- a kind and its public functions ---- */
 
 /* Defines, in a file that has facts, defaults, build, check, describe, parameters, slice, program, put_rest
- * and get_rest of a kind: lg_recipe_kind, and the functions that take its structures: lg_model_save_kind,
- * lg_model_load_kind. Every file structure names the members alike that all kinds have;
+ * and get_rest of a kind: lg_recipe_kind, and the functions that take its structures: lg_model_save_kind, lg_model_load_kind. Every file structure names the members alike that all kinds have;
  * lg_kind_file_destroy is the kind's own. More members of the row may follow. */
+/* The names of a row and the offsets of its structures, lg_kind_run and lg_kind_file. */
+#define LG_RECIPE_LAYOUT(kind)                                                                               \
+    .name = #kind, .fields = lg_##kind##_fields, .run_size = sizeof(lg_##kind##_run),                        \
+    .training = offsetof(lg_##kind##_run, training), .file_size = sizeof(lg_##kind##_file),                  \
+    .file_context = offsetof(lg_##kind##_file, context), .file_run = offsetof(lg_##kind##_file, run),        \
+    .file_parameters = offsetof(lg_##kind##_file, parameters),                                               \
+    .file_theta = offsetof(lg_##kind##_file, theta), .file_epochs = offsetof(lg_##kind##_file, epochs_done), \
+    .file_history = offsetof(lg_##kind##_file, history),                                                     \
+    .file_provenance = offsetof(lg_##kind##_file, provenance)
+
 #define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
-    static void release(void *file) {                                                                        \
-        lg_##kind##_file_destroy(file);                                                                      \
-    }                                                                                                        \
     lg_status lg_model_save_##kind(const lg_context *context, const char *path,                              \
                                    const lg_##kind##_file *file, const lg_fit *fit, lg_error *error) {       \
         return lg_run_save(context, path, &lg_recipe_##kind, file, fit, error);                              \
@@ -96,30 +105,15 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
         *out = made;                                                                                         \
         return LG_OK;                                                                                        \
     }                                                                                                        \
-    const lg_recipe lg_recipe_##kind = {.name = #kind,                                                       \
-                                        .checkpoint = checkpoint_name,                                       \
-                                        .facts = facts,                                                      \
-                                        .fields = lg_##kind##_fields,                                        \
-                                        .run_size = sizeof(lg_##kind##_run),                                 \
-                                        .training = offsetof(lg_##kind##_run, training),                     \
-                                        .defaults = &defaults,                                               \
-                                        .build = build,                                                      \
-                                        .check = check,                                                      \
-                                        .describe = describe,                                                \
-                                        .parameters = parameters,                                            \
-                                        .slice = slice,                                                      \
-                                        .program = program,                                                  \
-                                        .file_size = sizeof(lg_##kind##_file),                               \
-                                        .file_context = offsetof(lg_##kind##_file, context),                 \
-                                        .file_run = offsetof(lg_##kind##_file, run),                         \
-                                        .file_parameters = offsetof(lg_##kind##_file, parameters),           \
-                                        .file_theta = offsetof(lg_##kind##_file, theta),                     \
-                                        .file_epochs = offsetof(lg_##kind##_file, epochs_done),              \
-                                        .file_history = offsetof(lg_##kind##_file, history),                 \
-                                        .file_provenance = offsetof(lg_##kind##_file, provenance),           \
-                                        .put_rest = put_rest,                                                \
-                                        .get_rest = get_rest,                                                \
-                                        .release = release,                                                  \
-                                        __VA_ARGS__}
+    static void release(void *file) {                                                                        \
+        lg_##kind##_file_destroy(file);                                                                      \
+    }                                                                                                        \
+    const lg_recipe lg_recipe_##kind = {LG_RECIPE_LAYOUT(kind), .checkpoint = checkpoint_name,               \
+                                        .facts = facts,         .defaults = &defaults,                       \
+                                        .build = build,         .check = check,                              \
+                                        .describe = describe,   .parameters = parameters,                    \
+                                        .slice = slice,         .program = program,                          \
+                                        .put_rest = put_rest,   .get_rest = get_rest,                        \
+                                        .release = release,     __VA_ARGS__}
 
 #endif
