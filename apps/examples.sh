@@ -46,6 +46,29 @@ lg-hamiltonian study scenes/study-small.yaml --stop-after 2 --out study.csv
 #: lg-hamiltonian demo
 lg-hamiltonian demo --epochs 50 --out demo
 
+#: lg-learn
+# Which recipes there are; then one of them from data to a motion.
+lg-learn list
+lg-learn train data.h5 --recipe hamiltonian --method lbfgs --hidden 8 --epochs 200 --out recipe.h5
+lg-learn evaluate recipe.h5 test.h5
+lg-learn predict recipe.h5 --initial 1,0,0,0,0.5,0 --t-end 2 --out motion.csv
+
+#: lg-learn train
+lg-learn train data.h5 --recipe hamiltonian --hidden 8 --epochs 20 --history loss.csv --out recipe.h5
+
+#: lg-learn search
+printf 'ranges:\n  hidden: {integer: [4, 12]}\nfixed: {epochs: 20, method: lbfgs}\n' > widths.yaml
+lg-learn search widths.yaml data.h5 --recipe hamiltonian --trials 2 --out widths.csv
+
+#: lg-learn evaluate
+lg-learn evaluate recipe.h5 test.h5 --json
+
+#: lg-learn predict
+lg-learn predict recipe.h5 --initial 1,0,0,0,0.5,0 --t-end 2 --points 21 --out motion.csv
+
+#: lg-learn list
+lg-learn list --json
+
 #: lg-identify
 # From the log of a machine to a controller in 100 evaluations of the loss; all files are in the folder machine.
 lg-identify demo --epochs 100 --seconds 60 --out machine
@@ -95,27 +118,6 @@ lg-elastica predict beam.h5 --x 3 --points 200 --out curve.csv
 
 #: lg-elastica search
 lg-elastica search searches/elastica-discrete.yaml curves.h5 --trials 1 --out trials.csv
-
-#: lg-learn
-# A model of any recipe, here of curves of a beam: learned, judged, asked. A recipe of your own needs no program.
-lg-learn list
-lg-learn train --recipe surrogate curves.h5 --epochs 20 --out learned.h5
-lg-learn evaluate learned.h5 curves.h5
-
-#: lg-learn train
-lg-learn train --recipe hamiltonian data.h5 --epochs 20 --out learned.h5
-
-#: lg-learn search
-lg-learn search --recipe surrogate searches/elastica-discrete.yaml curves.h5 --trials 1 --out trials.csv
-
-#: lg-learn evaluate
-lg-learn evaluate learned.h5 data.h5
-
-#: lg-learn predict
-lg-learn predict learned.h5 --initial 1,0,0,0,0.5,0 --t-end 2
-
-#: lg-learn list
-lg-learn list
 
 #: lg-anomaly
 # A detector of damage, trained on simulated recordings, watches a feed.

@@ -20,6 +20,7 @@ typedef struct train_recipe {
 
 /* A learning of the recipe with the command's arguments from number `argument` on. */
 void learn_begin(train_recipe *self, const app *app, int argument);
+/* A part of the results, as a part of a command's. */
 void learn_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end);
 int train_recipe_main(app *app, train_recipe *self);
 /* Arguments RANGES.yaml DATA; `train` is the command whose options are searched. */

@@ -130,8 +130,8 @@ typedef struct predict_values {
 static predict_values values;
 
 static const lg_field predict_options[] = {
-    LG_OPTION(predict_values, initial, REALS, "X,X,...",
-              "The state to start from, or the inputs of the model", LG_ANY_REAL),
+    LG_OPTION(predict_values, initial, REALS, "X,X,...", "The start, in the layout of the model's state",
+              LG_ANY_REAL),
     LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point, for a model that moves", LG_POSITIVE,
               .value = "1"),
     LG_OPTION(predict_values, points, U64, "M", "Equidistant points of the trajectory, the start included",
@@ -239,6 +239,7 @@ int main(int argc, char **argv) {
         {.name = "predict",
          .arguments = "MODEL.h5",
          .summary = "What the functions of a model give: its value, and its flow where it moves",
+         .details = "A model that does not move takes its inputs as --initial.",
          .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
          .run = run_predict},
         {.name = "list", .summary = "The recipes that there are", .run = run_list},

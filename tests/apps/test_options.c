@@ -59,8 +59,8 @@ static const char *const defaults[][2] = {
     {"q0", "the default problem, the training data"},
     {"schedule", "presets"},
     {"shards", "presets"},
-    {"tolerance", "linear potentials of lg-hamiltonian have a smaller one"},
     {"substeps", "of data, of a machine, of its model"},
+    {"tolerance", "of any model, of Hamiltonians, where linear potentials have another"},
     {"weight-decay", "presets"},
 };
 

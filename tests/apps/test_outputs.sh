@@ -47,7 +47,7 @@ for program in $programs; do
             case "$program $verb" in 'lg-export ' | *demo | 'lg-elastica solve') continue ;; esac # folders; a case is asked for
             out=
             [ $option = out ] || out='--out=x.h5'
-            case "$program $verb" in 'lg-learn train' | 'lg-learn search') out="$out --recipe=surrogate" ;; esac
+            case $help in *--recipe=*) out+=' --recipe=hamiltonian' ;; esac
             for inputs in '' absent1 'absent1 absent2'; do # as many as the command takes
                 said=$(timeout 60 "$run" $verb $inputs --$option=/dev/null $out 2>&1 </dev/null)
                 found=$?

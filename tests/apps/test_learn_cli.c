@@ -1,0 +1,138 @@
+/* lg-learn: what it does with a recipe is what the program of this recipe does.
+ * ctest-labels: apps/lg-learn apps/common src/model */
+#include "cli_files.h"
+#include "liegrad/io.h"
+
+OWNED(lg_model_file, lg_model_file_destroy)
+
+static const char learn[] = "lg-learn";
+
+/* Recipes that are learned: another program's data, options of train that end soon, a range of a search. */
+static const struct learned {
+    const char *recipe, *program, *generate, *train, *range;
+    const char *initial; /* of a prediction */
+} rows[] = {
+    {"hamiltonian", "lg-hamiltonian", "generate " LG_TEST_DIR "/../scenes/pendulum.yaml --trajectories 20",
+     "--method adam --hidden 6 --epochs 20", "hidden: {integer: [4, 8]}", "1,0,0,0,0.5,0"},
+    {"surrogate", "lg-elastica", "generate --case both-ends --count 30 --intervals 10",
+     "--method lbfgs --hidden 6 --epochs 60", "hidden: {integer: [4, 8]}", "0,0,1,0,3,0,1,0"},
+};
+
+static lg_model_file *load(const char *name) {
+    lg_model_file file;
+    assert_ok(lg_model_load(NULL, cli_at(name), NULL, &file, NULL));
+    return own_lg_model_file(file);
+}
+
+static void make_data(const struct learned *row) {
+    cli_expect(row->program, test_text("%s --out data.h5", row->generate), 0, "");
+}
+
+TEST("each recipe with a learner has a row here, and lg-learn lists it") {
+    cli_expect(learn, "list --json", 0, "\"recipes\"");
+    size_t found = 0;
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *words = test_text("{\"name\": \"%s\"", rows[i].recipe);
+        assert_non_null(strstr(result.out, words));
+    }
+    for (const char *at = result.out; (at = strstr(at, "{\"name\": ")) != NULL; at++) found++;
+    assert_int_equal(found, LG_COUNT(rows));
+}
+
+TEST("train finds the parameters that the recipe's program finds, to the last bit") {
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const struct learned *row = &rows[i];
+        make_data(row);
+        cli_expect(row->program, test_text("train data.h5 %s --out theirs.h5", row->train), 0, "");
+        cli_expect(learn, test_text("train data.h5 --recipe %s %s --out ours.h5", row->recipe, row->train), 0,
+                   "");
+        lg_model_file *theirs = load("theirs.h5"), *ours = load("ours.h5");
+        lg_slice_info slice;
+        const double *a, *b;
+        uint32_t slices = 0;
+        for (; lg_model_file_slice(ours, slices, &slice, &b); slices++) {
+            assert_true(lg_model_file_slice(theirs, slices, &slice, &a));
+            assert_memory_equal(a, b, slice.count * sizeof *a);
+        }
+        assert_true(slices > 0);
+    }
+}
+
+TEST("a training that is stopped goes on to the same loss") {
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const struct learned *row = &rows[i];
+        make_data(row);
+        const char *train = test_text("train data.h5 --recipe %s", row->recipe);
+        cli_expect(learn, test_text("%s %s --out whole.h5 --json", train, row->train), 0, "");
+        const double loss = json_number(result.out, "loss");
+        cli_expect(learn, test_text("%s %s --out part.h5 --stop-after 7", train, row->train), 0, "");
+        cli_expect(learn, test_text("%s --resume part.h5.checkpoint --out part.h5 --json", train), 0, "");
+        assert_true(json_number(result.out, "loss") == loss);
+    }
+}
+
+TEST("evaluate, search and predict take what they do from the file and the recipe") {
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const struct learned *row = &rows[i];
+        make_data(row);
+        cli_expect(learn, test_text("train data.h5 --recipe %s %s --out m.h5", row->recipe, row->train), 0,
+                   "");
+        cli_json(learn, "evaluate m.h5 data.h5", "recipe *, seconds *, warnings *");
+        cli_json(learn, test_text("predict m.h5 --initial %s", row->initial), "value *");
+        cli_write("ranges.yaml", test_text("fixed: {epochs: 4}\nranges:\n  %s\n", row->range));
+        cli_json(learn,
+                 test_text("search ranges.yaml data.h5 --recipe %s --trials 2 --out t.csv", row->recipe),
+                 "trials 2, done >0, best *");
+        assert_int_equal(remove(cli_at("t.csv")), 0);
+    }
+}
+
+TEST("a prediction is the motion that the recipe's program finds, and its table has every point") {
+    static const char start[] = "predict m.h5 --initial 1,0,0,0,0.5,0 --t-end 2 --points 11";
+    double ours[6], theirs[6];
+    make_data(&rows[0]);
+    cli_expect(learn, test_text("train data.h5 --recipe hamiltonian %s --out m.h5", rows[0].train), 0, "");
+    cli_expect("lg-hamiltonian", test_text("%s --json", start), 0, "");
+    assert_int_equal(json_array(result.out, "y", theirs, 6), 6);
+    cli_expect(learn, test_text("%s --out p.csv --json", start), 0, "");
+    assert_int_equal(json_array(result.out, "y", ours, 6), 6);
+    assert_memory_equal(ours, theirs, sizeof ours);
+    double first = 0, last = 1;
+    assert_int_equal(json_array(result.out, "value", &first, 1), 1);
+    cli_json(learn,
+             test_text("predict m.h5 --initial %.17g,%.17g,%.17g,%.17g,%.17g,%.17g", ours[0], ours[1],
+                       ours[2], ours[3], ours[4], ours[5]),
+             "value *");
+    assert_int_equal(json_array(result.out, "value", &last, 1), 1);
+    assert_close(first, last, 1e-8, 0);
+    char table[4096];
+    size_t lines = 0;
+    (void)cli_read("p.csv", table, sizeof table);
+    for (const char *at = table; (at = strchr(at, '\n')) != NULL; at++) lines++;
+    assert_int_equal(lines, 12);
+}
+
+TEST("what is wrong with a command line or a file is told") {
+    static const cli_bad bad[] = {
+        {"train data.h5 --out m.h5", 2, "--recipe NAME is missing"},
+        {"train data.h5 --recipe potato --out m.h5", 2, "--recipe: 'potato' is not one of hamiltonian, "},
+        {"train data.h5 --recipe=table --out m.h5", 2, "--recipe: 'table' is not one of"},
+        {"train data.h5 --recipe surrogate --out other.h5", 3, "data.h5: attribute kind is 'trajectories'"},
+        {"train data.h5 --recipe hamiltonian --out other.h5 --modes 3", 2, "--modes"},
+        {"evaluate data.h5 data.h5", 3, "it holds data, trajectories"},
+        {"evaluate m.h5 foreign.h5", 3, "foreign.h5"},
+        {"predict m.h5", 2, "--initial: 0 numbers, but the model takes 6"},
+        {"predict m.h5 --initial 1,0,0", 2, "--initial: 3 numbers, but the model takes 6"},
+        {"predict m.h5 --initial 1,1,0,0,0,0", 2, "the start is off the manifold by 0.29"},
+        {"evaluate " LG_TEST_DIR "/format_1/table.h5 data.h5", 3, "no recipe learns models of its kind"},
+    };
+    make_data(&rows[0]);
+    cli_expect(learn, test_text("train data.h5 --recipe hamiltonian %s --out m.h5", rows[0].train), 0, "");
+    cli_expect_refused(learn, bad, LG_COUNT(bad));
+}
+
+static int setup(void **state) {
+    return cli_begin();
+}
+
+TEST_GROUP(setup, cli_end)
