@@ -278,7 +278,8 @@ int train_judge(const train_session *self, const char *what, double error, const
                 double guessed) {
     const uint64_t done = lg_fit_epochs_done(self->fit), epoch = model_epoch(self);
     const double *loss = lg_fit_history(self->fit, LG_FIT_LOSS);
-    const bool adam = lg_ends_with_adam(self->task->training), looked = done >= (adam ? LOOK : FULL_LOOK);
+    const bool adam = lg_fit_plan_ends_in_batches(&self->task->training->plan),
+               looked = done >= (adam ? LOOK : FULL_LOOK);
     const bool useless = guessed > 0 && !(error < learned * guessed);
     const bool risen = epoch > 1 && !(loss[epoch - 1] < loss[0]);
     if (useless)
@@ -342,11 +343,6 @@ static int compare(const app *self, const train_task *task, const stored_run *st
     return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
 }
 
-/* Adam takes part in the plan. */
-static bool has_adam(const lg_fit_plan *plan) {
-    return lg_fit_plan_batches(plan);
-}
-
 static bool is_plan(const app_slot *slot) {
     return slot->row->type == LG_FIELD_PHRASE;
 }
@@ -355,7 +351,7 @@ static bool asks_adam(const app *self, const lg_training *training) {
     bool adam = training->dtype == LG_F32;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        if (slot->given && is_plan(slot)) return lg_ends_with_adam(training);
+        if (slot->given && is_plan(slot)) return lg_fit_plan_ends_in_batches(&training->plan);
         adam = adam || (slot->given && slot->row->adam);
     }
     return adam;
@@ -397,7 +393,7 @@ static int check_method(const app *self, const train_task *task) {
     if (prior && !takes_prior(&task->training->plan))
         return app_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option",
                          plan);
-    if (has_adam(&task->training->plan)) return APP_EXIT_OK;
+    if (lg_fit_plan_batches(&task->training->plan)) return APP_EXIT_OK;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
         if (slot->given && slot->row->adam)
@@ -410,7 +406,7 @@ static int check_method(const app *self, const train_task *task) {
 uint64_t train_epochs(const app *self, const lg_training *training) {
     enum { NO_LIMIT = 1000000 };
     const bool limited = files->resume != NULL || app_given(self, "epochs") || !(files->seconds > 0);
-    return lg_ends_with_adam(training) || limited ? training->epochs : NO_LIMIT;
+    return lg_fit_plan_ends_in_batches(&training->plan) || limited ? training->epochs : NO_LIMIT;
 }
 
 /* The data are compared before they are split, too: others need not be split in the same way. */

@@ -150,12 +150,8 @@ static lg_status choose_width(training *state, const app *self, size_t rows, dou
 
 /* ---- the priors ---- */
 
-static bool has_adam(const lg_fit_plan *plan) {
-    return lg_fit_plan_batches(plan);
-}
-
 bool seeks_evidence(const training *state, const app *self) {
-    return is_regression(state) && !state->resumed && !has_adam(&state->run->training.plan) &&
+    return is_regression(state) && !state->resumed && !lg_fit_plan_batches(&state->run->training.plan) &&
            !app_given(self, "decay") && !app_given(self, "weight-decay") && !app_given(self, "prior") &&
            lg_table_parameters(&state->run->model) <= MOST_LM;
 }

@@ -79,17 +79,12 @@ void lg_learning_adopt(lg_learning *self, const void *from, bool preset) {
         if (!is_given(self, row) && !(preset && row->value != NULL)) lg_field_copy(row, from, self->run);
 }
 
-bool lg_ends_with_adam(const lg_training *training) {
-    const lg_fit_plan *plan = &training->plan;
-    return lg_fit_plan_ends_in_batches(plan);
-}
-
 static bool asks_adam(const lg_learning *self) {
     const lg_training *training = lg_learning_training(self);
     bool adam = training->dtype == LG_F32;
     for (const lg_field *row = self->recipe->fields; row->name != NULL; row++) {
         if (!is_given(self, row)) continue;
-        if (row->type == LG_FIELD_PHRASE) return lg_ends_with_adam(training);
+        if (row->type == LG_FIELD_PHRASE) return lg_fit_plan_ends_in_batches(&training->plan);
         adam = adam || row->adam;
     }
     return adam;

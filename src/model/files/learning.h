@@ -117,7 +117,6 @@ void lg_learning_adopt(lg_learning *self, const void *from, bool preset);
  * with it or, without a method, by an option of Adam's alone (a rate, a batch) or by single precision. */
 const char *lg_learning_preset(const lg_learning *self);
 const char *lg_preset_name(uint32_t value); /* NULL beyond the last */
-bool lg_ends_with_adam(const lg_training *training);
 /* Results are kept in the order in which they are told. */
 void lg_result_real(lg_learning *self, const char *name, double value, const char *label);
 void lg_result_whole(lg_learning *self, const char *name, uint64_t value, const char *label);
