@@ -28,12 +28,12 @@ static const char *other_declarations(const char *declarations, int skip) {
     return declarations != NULL ? declarations : "";
 }
 
-static void take_texts(export_source *source, const lg_c_source *c) {
+/* `skip`: declarations that NAME.h has itself. */
+static void take_texts(export_source *source, const lg_c_source *c, int skip) {
     source->written = true;
-    lg_text_add(&source->declarations, "%s",
-                other_declarations(c->declarations, source->outputs > 0 ? 2 : 0));
+    lg_text_add(&source->declarations, "%s", other_declarations(c->declarations, skip));
     lg_text_add(&source->arrays, "%s", c->arrays);
-    lg_text_add(&source->code, "%s\n", c->code);
+    lg_text_add(&source->code, "%s", c->code);
     lg_text_add(&source->weights, "%s", c->weights);
     source->stack += c->stack_size;
     source->calls += c->stack_calls;
@@ -43,8 +43,18 @@ static void take_texts(export_source *source, const lg_c_source *c) {
     if (c->work_size > source->work) source->work = c->work_size;
 }
 
-int export_bundle(const app *self, export_source *source, lg_program *program, bool compact,
-                  export_function *functions, size_t count) {
+lg_status export_c(export_source *source, lg_program *program, const lg_c_options *how, int skip,
+                   lg_c_source **out, lg_error *error) {
+    lg_c_options all = *how;
+    all.name = source->options->name;
+    all.dtype = source->options->dtype;
+    LG_TRY(lg_program_write_c(program, &all, out, error));
+    take_texts(source, *out, skip);
+    return LG_OK;
+}
+
+int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
+                  size_t count) {
     size_t *chosen = app_alloc(count, sizeof *chosen);
     const char **names = app_alloc(count, sizeof *names);
     bool *hidden = app_alloc(count, sizeof *hidden);
@@ -52,31 +62,26 @@ int export_bundle(const app *self, export_source *source, lg_program *program, b
     lg_c_options how;
     lg_c_source *c = NULL;
     lg_c_options_init(&how);
-    how.name = source->options->name;
-    how.dtype = source->options->dtype;
     how.functions = chosen;
     how.names = names;
     how.hidden = hidden;
-    how.compact = compact;
+    how.compact = true;
     how.function_count = count;
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
+    for (size_t i = 0; i < count; i++) {
         names[i] = functions[i].name;
         hidden[i] = functions[i].hidden;
-        status = lg_program_find(program, functions[i].function, &chosen[i]);
+        (void)lg_program_find(program, functions[i].function, &chosen[i]);
     }
-    if (status == LG_OK) status = lg_program_write_c(program, &how, &c, &error);
-    if (status == LG_OK) {
-        for (size_t i = 0; i < count; i++) functions[i].work = c->work[i], functions[i].depth = c->depth[i];
-        take_texts(source, c);
-    }
+    const lg_status status = export_c(source, program, &how, source->outputs > 0 ? 2 : 0, &c, &error);
+    for (size_t i = 0; status == LG_OK && i < count; i++)
+        functions[i].work = c->work[i], functions[i].depth = c->depth[i];
+    if (status == LG_OK) lg_text_add(&source->code, "\n");
+    if (status == LG_NOT_FINITE) source->weights.unfit = true; /* export_write says so */
     lg_c_source_destroy(c);
     free(hidden);
     free((void *)names);
     free(chosen);
-    if (status == LG_NOT_FINITE) { /* export_write says so */
-        source->weights.unfit = true;
-        return APP_EXIT_OK;
-    }
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, source->options->file);
+    return status == LG_OK || status == LG_NOT_FINITE
+               ? APP_EXIT_OK
+               : app_fail_file(self, status, &error, source->options->file);
 }

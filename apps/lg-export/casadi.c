@@ -379,17 +379,12 @@ static size_t split(char *list, char **names, size_t most) {
     return count;
 }
 
-int export_casadi(const app *self, const char *path, lg_program *program, export_source *source) {
+static int build(const app *self, const char *path, lg_program *program, export_source *source) {
     static const char *const usual[] = {"value", "field", "velocity", "step", NULL};
     const size_t most = lg_program_functions(program);
     job j = {.self = self, .program = program, .source = source, .symbols = app_text()};
     char *chosen = export_choose(self, source->options, program, usual);
     if (chosen == NULL) return APP_EXIT_USAGE;
-    if (source->options->dtype != LG_F64) {
-        free(chosen);
-        return app_usage(self,
-                         "--target casadi: CasADi computes in double precision, --dtype f32 is not for it");
-    }
     char **functions = app_alloc(most, sizeof *functions);
     char *(*derived)[DERIVATIVES] = app_alloc(most, sizeof *derived);
     const size_t count = split(chosen, functions, most);
@@ -411,3 +406,5 @@ int export_casadi(const app *self, const char *path, lg_program *program, export
     free(chosen);
     return code;
 }
+
+const export_target export_target_casadi = {.build = build, .wide = "CasADi computes"};

@@ -21,8 +21,6 @@ typedef struct classifier_linear {
 } classifier_linear;
 
 bool classifier_is_linear(const lg_classifier *c);
-/* eps of the exported type. */
-double classifier_eps(const classifier_job *j);
 /* Feature i is accurate to about eps times this number, at the training mean (classifier_rounding.c). */
 double classifier_size_of(const classifier_job *j, size_t i);
 /* Factor of the rounding of decisions on windows, beside 20 eps depth; w is read when decisions are

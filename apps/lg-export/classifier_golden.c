@@ -103,7 +103,7 @@ static bool is_decided(const classifier_job *j, const double *p) {
     if (j->c->method != LG_METHOD_TREE) return true;
     for (size_t i = 0; i < j->d; i++)
         margin = fmax(margin, 1 + classifier_size_of(j, i) / j->c->pca.scale[i]);
-    margin *= 64 * classifier_eps(j) * sqrt((double)j->d);
+    margin *= 64 * export_eps(j->source->options) * sqrt((double)j->d);
     for (uint32_t i = 0; tree->node[i].left != 0;) {
         const lg_tree_node *node = &tree->node[i];
         if (fabs(p[node->feature] - node->threshold) <= margin * (1 + fabs(node->threshold))) return false;

@@ -2,23 +2,12 @@
  * of an exported classifier is multiplied by. */
 #include "lg-export/classifier.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 bool classifier_is_linear(const lg_classifier *c) {
     return c->method == LG_METHOD_LOGISTIC || c->method == LG_METHOD_SVM_LINEAR;
-}
-
-double classifier_eps(const classifier_job *j) {
-    return j->source->options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
-}
-
-static double norm_of(const double *a, size_t n) {
-    double sum = 0;
-    for (size_t i = 0; i < n; i++) sum += a[i] * a[i];
-    return sqrt(sum);
 }
 
 /* The logarithm of a power P of a channel whose mean power is A: amplitudes are accurate to eps A^(1/2), P to
@@ -41,7 +30,7 @@ double classifier_size_of(const classifier_job *j, size_t i) {
     case LG_FEATURES_STD:
         return fabs(mean[i]);
     case LG_FEATURES_COV:
-        return sqrt(2) * norm_of(mean, j->d);
+        return sqrt(2) * export_norm(mean, NULL, j->d);
     case LG_FEATURES_SPECTRUM:
         return size_of_power(&j->c->features, mean, i);
     default:
@@ -76,13 +65,14 @@ static double vectors_condition(const classifier_job *j, const classifier_linear
     double sum = 0;
     if (j->c->method != LG_METHOD_SVM_LINEAR || j->source->options->dtype == LG_F32) return 0;
     for (size_t v = 0; v < svm->vectors; v++) {
-        const double size = norm_of(svm->vector + v * svm->inputs, svm->inputs);
+        const double size = export_norm(svm->vector + v * svm->inputs, NULL, svm->inputs);
         for (size_t r = 0; r + 1 < svm->classes; r++) {
             const double c = svm->coefficient[r * svm->vectors + v];
             sum += c * c * size * size;
         }
     }
-    const double plain = hypot(norm_of(w->weight, j->k * j->outputs), norm_of(w->bias, j->outputs));
+    const double plain =
+        hypot(export_norm(w->weight, NULL, j->k * j->outputs), export_norm(w->bias, NULL, j->outputs));
     return plain > 0 ? sqrt(sum) / plain : 0;
 }
 

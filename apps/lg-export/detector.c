@@ -1,5 +1,4 @@
 /* Detectors: golden windows like the data, and words. */
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -107,7 +106,7 @@ static bool is_smooth(export_model *m, size_t v) {
     const lg_detector_file *file = m->file->contents;
     const size_t n = source->inputs, all = n * source->outputs;
     const double *x = source->golden.x + v * n, *jacobian = source->golden.jacobian + v * all;
-    const double eps = source->options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
+    const double eps = export_eps(source->options);
     double *near = app_alloc(all + n, sizeof *near), *moved = near + all, sum = 0, change = 0;
     for (int side = 0; side < 2 && detector_has_kinks(&file->run.model.net); side++) {
         for (size_t i = 0; i < n; i++)

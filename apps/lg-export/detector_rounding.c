@@ -47,25 +47,16 @@ typedef struct spread {
     double squares, change; /* the sum of |here|^2, and the largest |there - here| */
 } spread;
 
-static double square_of(const double *a, const double *b, size_t size) {
-    double sum = 0;
-    for (size_t i = 0; i < size; i++) {
-        const double d = a[i] - (b != NULL ? b[i] : 0);
-        sum += d * d;
-    }
-    return sum;
-}
-
 static void note(spread *s, const double *here, const double *there) {
-    s->squares += square_of(here, NULL, s->size);
-    s->change = fmax(s->change, sqrt(square_of(there, here, s->size)));
+    s->squares += pow(export_norm(here, NULL, s->size), 2);
+    s->change = fmax(s->change, export_norm(there, here, s->size));
 }
 
 /* The largest change in units of `eps` beside the root mean square, over these windows or the golden vectors:
  * the smaller one. */
 static double growth(const spread *s, double eps, const double *golden, size_t count) {
-    const double mean =
-        fmin(s->squares / DETECTOR_WINDOWS, square_of(golden, NULL, count * s->size) / (double)count);
+    const double mean = fmin(s->squares / DETECTOR_WINDOWS,
+                             pow(export_norm(golden, NULL, count * s->size), 2) / (double)count);
     return mean > 0 ? s->change / sqrt(mean) / eps : 0;
 }
 

@@ -142,6 +142,9 @@ void export_integers(export_source *source, const char *array, const char *comme
                      size_t count);
 /* To the exported type and back. */
 double export_round(const export_options *options, double value);
+double export_eps(const export_options *options); /* of the exported type */
+/* |a - b| of `count` numbers; b NULL: |a|. */
+double export_norm(const double *a, const double *b, size_t count);
 /* NAME_TOLERANCE: 20 eps depth condition. */
 double export_tolerance(const export_source *source);
 /* input_units and output_units from the attributes of /model in the file, "" where there are none. */
@@ -177,10 +180,14 @@ typedef struct export_function {
     size_t work, depth; /* out: reals of work memory that it needs; operations one after another */
     bool hidden;        /* static: for the fragments after it */
 } export_function;
-/* Adds the code, arrays and weights of the functions; `compact` as in lg_c_options. Returns an exit code; on
- * failure a message has been printed. */
-int export_bundle(const app *self, export_source *source, lg_program *program, bool compact,
-                  export_function *functions, size_t count);
+/* Adds code, arrays, weights and all declarations but the first `skip` of a program's functions; `source` has
+ * name and type. Errors: those of lg_program_write_c. */
+lg_status export_c(export_source *source, lg_program *program, const lg_c_options *how, int skip,
+                   lg_c_source **out, lg_error *error);
+/* The same of functions with loops, all of which the program has. A number that does not fit the type is left
+ * to export_write. Returns an exit code; on failure a message has been printed. */
+int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
+                  size_t count);
 /* Replaces all parameters of the program by their rounded values. */
 lg_status export_round_parameters(export_source *source, lg_program *program);
 
@@ -241,25 +248,19 @@ char *export_choose(const app *self, const export_options *options, const lg_pro
  * cannot be had, and a warning says why. */
 char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function);
 
-/* Names as of --target, ending with NULL; the first one is C. */
-extern const char *const export_target_names[];
+/* A target: a row in a file that has what it writes, and its name in the list. */
 typedef struct export_target {
-    const char *name;
-    /* Fills the files from the model's program; NULL: the C of its kind. Returns an exit code; on failure a
+    /* Fills the files from the model's program; NULL: the C of its faces. Returns an exit code; on failure a
      * message has been printed. */
     int (*build)(const app *self, const char *path, lg_program *program, export_source *source);
     void (*add)(export_source *source); /* files beside those of C, or NULL */
     bool tunable;                       /* parameters of a scene are inputs */
+    const char *wide; /* "an FMU computes": it is in double precision, --dtype f32 is refused; or NULL */
 } export_target;
-extern const export_target export_targets[];
-/* To the five files of C: CMakeLists.txt and package.xml. */
-void export_add_package(export_source *source);
-int export_casadi(const app *self, const char *path, lg_program *program, export_source *source);
-int export_fmu2(const app *self, const char *path, lg_program *program, export_source *source);
-int export_fmu3(const app *self, const char *path, lg_program *program, export_source *source);
-int export_simulink(const app *self, const char *path, lg_program *program, export_source *source);
-int export_onnx(const app *self, const char *path, lg_program *program, export_source *source);
-int export_safetensors(const app *self, const char *path, lg_program *program, export_source *source);
+#define EXPORT_TARGET_LIST(ROW)                                                                              \
+    ROW(c) ROW(casadi) ROW(fmu2) ROW(fmu3) ROW(simulink) ROW(onnx) ROW(safetensors) ROW(package)
+#define EXPORT_TARGET_ROW(name) extern const export_target export_target_##name;
+EXPORT_TARGET_LIST(EXPORT_TARGET_ROW)
 
 /* ---- the model's name in C (name.c) ---- */
 

@@ -92,7 +92,7 @@ static size_t depth_of(const export_model *m) {
 
 static int add_code(export_model *m) {
     export_source *source = m->source;
-    const int code = export_bundle(m->self, source, m->program, true, m->functions, m->count);
+    const int code = export_bundle(m->self, source, m->program, m->functions, m->count);
     if (code != APP_EXIT_OK) return code;
     source->depth = depth_of(m);
     for (size_t i = 0; i < m->face_count; i++) {
@@ -105,8 +105,7 @@ static int add_code(export_model *m) {
 
 /* ---- golden vectors ---- */
 
-/* A state anywhere: a random element acts on the state at rest, with random numbers where the space is
- * flat. */
+/* A state anywhere: a random element acts on the state at rest, with random numbers where that is flat. */
 static void draw_state(export_model *m, double *x) {
     double *element = app_alloc(m->algebra, sizeof *element), *at = x;
     memset(x, 0, m->dim * sizeof *x);

@@ -332,12 +332,7 @@ static int export_fmu(const app *self, const char *path, lg_program *program, ex
     job *j = app_alloc(1, sizeof *j);
     *j = (job){.b = {.self = self, .program = program, .source = source, .list = app_text()},
                .version = version};
-    int code =
-        source->options->dtype != LG_F64
-            ? app_usage(self,
-                        "--target fmu%d: an FMU computes in double precision, --dtype f32 is not for it",
-                        version)
-            : block_collect(&j->b, true);
+    int code = block_collect(&j->b, true);
     source->prefix = "c_";
     if (code == APP_EXIT_OK) code = export_whole(self, path, program, j->b.list.data, source);
     if (code == APP_EXIT_OK) {
@@ -353,10 +348,13 @@ static int export_fmu(const app *self, const char *path, lg_program *program, ex
     return code;
 }
 
-int export_fmu2(const app *self, const char *path, lg_program *program, export_source *source) {
+static int build2(const app *self, const char *path, lg_program *program, export_source *source) {
     return export_fmu(self, path, program, source, 2);
 }
 
-int export_fmu3(const app *self, const char *path, lg_program *program, export_source *source) {
+static int build3(const app *self, const char *path, lg_program *program, export_source *source) {
     return export_fmu(self, path, program, source, 3);
 }
+
+const export_target export_target_fmu2 = {.build = build2, .tunable = true, .wide = "an FMU computes"};
+const export_target export_target_fmu3 = {.build = build3, .tunable = true, .wide = "an FMU computes"};

@@ -14,6 +14,13 @@ typedef struct export_values {
 
 static export_values given;
 
+/* Names as of --target; the first one is C. */
+#define NAME(name)   #name,
+#define TARGET(name) &export_target_##name,
+static const char *const target_names[] = {EXPORT_TARGET_LIST(NAME) NULL};
+static const export_target *const targets[] = {EXPORT_TARGET_LIST(TARGET)};
+const export_target export_target_c = {.build = NULL};
+
 static const char *const dtypes[] = {"f64", "f32", NULL};
 
 static const lg_field options[] = {
@@ -39,7 +46,7 @@ static const lg_field options[] = {
         "function (default value); safetensors, the weights; package, C with CMakeLists.txt and package.xml "
         "for CMake and "
         "ROS 2",
-        .names = export_target_names),
+        .names = target_names),
     LG_OPTION(
         export_values, scheme, STRING, "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
@@ -210,11 +217,14 @@ static int refuse_kind(const job *j, const char *kind) {
 /* For other targets than C every model is a program, and so is a scene, whose parameters an FMU can tune. */
 static int build_target(job *j, const char *kind) {
     lg_program *program;
-    const export_target *target = &export_targets[given.target];
+    const export_target *target = targets[given.target];
     const bool scene = strcmp(kind, "scene") == 0;
     if (strcmp(kind, "classifier") == 0)
         return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone",
-                         target->name, j->path);
+                         target_names[given.target], j->path);
+    if (target->wide != NULL && j->options.dtype != LG_F64)
+        return app_usage(j->self, "--target %s: %s in double precision, --dtype f32 is not for it",
+                         target_names[given.target], target->wide);
     j->kind = kind;
     j->options.compact = true;
     int code = scene ? export_load_scene(j->self, j->path, target->tunable, &j->source, &program)
@@ -236,13 +246,13 @@ static int build(job *j) {
     static char own[64];
     lg_error error = {LG_OK, ""};
     if (is_text(j->path))
-        return export_targets[given.target].build != NULL ? build_target(j, "scene") : refuse_scene(j);
+        return targets[given.target]->build != NULL ? build_target(j, "scene") : refuse_scene(j);
     const lg_status status = lg_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
     const bool classifier = strcmp(own, "classifier") == 0;
     if (lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) return refuse_kind(j, own);
     export_read_units(j->self, j->path, &j->options);
-    if (export_targets[given.target].build != NULL) return build_target(j, own);
+    if (targets[given.target]->build != NULL) return build_target(j, own);
     if (strcmp(own, "program") == 0) return build_program(j);
     if (!classifier) return build_model(j, own);
     j->kind = own;
@@ -257,11 +267,11 @@ static const char library[] =
 
 static int build_files(job *j) {
     const int code = build(j);
-    if (code != APP_EXIT_OK || export_targets[given.target].build != NULL) return code;
+    if (code != APP_EXIT_OK || targets[given.target]->build != NULL) return code;
     export_add_rules(&j->source, "$(if $(findstring -none-,$(shell $(CC) -dumpmachine)),,libNAME_.so)",
                      library);
     export_compose(&j->source);
-    if (export_targets[given.target].add != NULL) export_targets[given.target].add(&j->source);
+    if (targets[given.target]->add != NULL) targets[given.target]->add(&j->source);
     return code;
 }
 

@@ -177,12 +177,6 @@ static size_t linearise_extras(const export_model *m) {
     return m->tangent * (m->tangent + m->forces);
 }
 
-static double norm(const double *x, size_t n) {
-    double sum = 0.0;
-    for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
-    return sqrt(sum);
-}
-
 /* The training data's dt, halved until no golden state moves by more than its own length: a model that is too
  * fast for dt would be compared where steps multiply rounding. */
 static double golden_step(const export_model *m, size_t at) {
@@ -192,8 +186,8 @@ static double golden_step(const export_model *m, size_t at) {
     for (int halved = 0; halved < 60; halved++) {
         bool fits = true;
         for (size_t i = 0; i < golden->count; i++)
-            fits =
-                fits && h * norm(export_extra(m, at, i), m->algebra) <= norm(golden->x + m->dim * i, m->dim);
+            fits = fits && h * export_norm(export_extra(m, at, i), NULL, m->algebra) <=
+                               export_norm(golden->x + m->dim * i, NULL, m->dim);
         if (fits) break;
         h *= 0.5;
     }

@@ -116,7 +116,7 @@ static void choose_type(const app *self, const graph *g, export_source *source, 
     source->single = true;
 }
 
-int export_onnx(const app *self, const char *path, lg_program *program, export_source *source) {
+static int build(const app *self, const char *path, lg_program *program, export_source *source) {
     static const char *const usual[] = {"value", NULL};
     char *chosen = export_choose(self, source->options, program, usual);
     size_t function;
@@ -145,3 +145,5 @@ int export_onnx(const app *self, const char *path, lg_program *program, export_s
     (void)path;
     return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
 }
+
+const export_target export_target_onnx = {.build = build};

@@ -64,7 +64,7 @@ static void add_named(text *to, const char *name, const char *s) {
 }
 
 /* Names of ROS packages have small letters. */
-void export_add_package(export_source *source) {
+static void add_package(export_source *source) {
     const char *name = source->options->name;
     char *small = app_format("%s", name);
     for (char *s = small; *s != '\0'; s++) *s = (char)tolower((unsigned char)*s);
@@ -72,3 +72,5 @@ void export_add_package(export_source *source) {
     lg_text_add(export_add_file(source, "package.xml"), manifest, small, lg_version());
     free(small);
 }
+
+const export_target export_target_package = {.add = add_package};

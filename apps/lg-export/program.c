@@ -99,15 +99,6 @@ void export_evaluate(const export_evaluation *e, const double *x, double *y) {
 
 /* ---- condition ---- */
 
-static double norm_of(const double *a, const double *b, size_t count) {
-    double sum = 0;
-    for (size_t i = 0; i < count; i++) {
-        const double d = a[i] - (b != NULL ? b[i] : 0);
-        sum += d * d;
-    }
-    return sqrt(sum);
-}
-
 /* The largest error of single precision in the outputs of some points, in units of its eps times the depth.
  */
 static double amplification(const export_evaluation *wide, const export_evaluation *narrow, const double *x,
@@ -122,11 +113,11 @@ static double amplification(const export_evaluation *wide, const export_evaluati
         const size_t count = lg_shape_count(wide->out[o].shape);
         double mean = 0;
         for (size_t p = 0; p < points; p++)
-            mean += pow(norm_of(y + p * outs + at, NULL, count), 2) / (double)points;
+            mean += pow(export_norm(y + p * outs + at, NULL, count), 2) / (double)points;
         for (size_t p = 0; p < points; p++) {
             const double *want = y + p * outs + at;
-            const double scale = fmax(norm_of(want, NULL, count), sqrt(mean));
-            const double error = norm_of(z + p * outs + at, want, count) / (scale > 0 ? scale : 1);
+            const double scale = fmax(export_norm(want, NULL, count), sqrt(mean));
+            const double error = export_norm(z + p * outs + at, want, count) / (scale > 0 ? scale : 1);
             if (!isnan(worst) && !(error <= worst)) worst = error; /* a NaN stays */
         }
     }
@@ -322,16 +313,13 @@ static char **prefixed(const job *j, const lg_c_options *how) {
 }
 
 static int write_code(job *j, const char *functions) {
-    const export_options *options = j->source->options;
     const size_t all = lg_program_functions(j->program);
     size_t *chosen = app_alloc(all, sizeof *chosen);
     lg_error error = {LG_OK, ""};
     lg_c_options how;
     int code = APP_EXIT_OK;
     lg_c_options_init(&how);
-    how.name = options->name;
-    how.dtype = options->dtype;
-    how.compact = options->compact;
+    how.compact = j->source->options->compact;
     how.functions = chosen;
     for (size_t i = 0; i < all; i++) chosen[i] = i;
     how.function_count = all;
@@ -339,31 +327,13 @@ static int write_code(job *j, const char *functions) {
     char **names = prefixed(j, &how);
     how.names = (const char *const *)names;
     if (code == APP_EXIT_OK) {
-        const lg_status status = lg_program_write_c(j->program, &how, &j->c, &error);
+        const lg_status status = export_c(j->source, j->program, &how, 0, &j->c, &error);
         if (status != LG_OK) code = failed(j, status, &error);
     }
     for (size_t i = 0; i < how.function_count; i++) free(names[i]);
     free(names);
     free(chosen);
     return code;
-}
-
-static void take_texts(job *j) {
-    export_source *source = j->source;
-    source->bundle = source->written = true;
-    lg_text_add(&source->sizes, "%s", j->c->sizes);
-    lg_text_add(&source->declarations, "%s", j->c->declarations);
-    lg_text_add(&source->arrays, "%s", j->c->arrays);
-    lg_text_add(&source->code, "%s", j->c->code);
-    lg_text_add(&source->weights, "%s", j->c->weights);
-    source->work = j->c->work_size;
-    source->stack = j->c->stack_size;
-    source->calls = j->c->stack_calls;
-    source->depth = j->c->most_depth > 0 ? j->c->most_depth : 1;
-    source->numbers = j->c->numbers;
-    source->integers = j->c->integers;
-    source->lost += j->c->lost;
-    source->functions = j->c->functions;
 }
 
 int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
@@ -377,7 +347,10 @@ int export_whole(const app *self, const char *path, lg_program *program, const c
     const lg_status status = export_round_parameters(source, program);
     int code = status != LG_OK ? failed(&j, status, &error) : write_code(&j, functions);
     if (code == APP_EXIT_OK) {
-        take_texts(&j);
+        source->bundle = true;
+        source->functions = j.c->functions;
+        source->depth = j.c->most_depth > 0 ? j.c->most_depth : 1;
+        lg_text_add(&source->sizes, "%s", j.c->sizes);
         code = add_test(&j);
     }
     if (code == APP_EXIT_OK) {

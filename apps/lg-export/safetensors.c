@@ -66,7 +66,7 @@ static void write_file(job *j, export_source *source) {
     source->lost += j->data.lost;
 }
 
-int export_safetensors(const app *self, const char *path, lg_program *program, export_source *source) {
+static int build(const app *self, const char *path, lg_program *program, export_source *source) {
     job j = {.options = source->options, .header = app_text(), .data = app_text()};
     lg_model_file file;
     lg_text_add(
@@ -83,3 +83,5 @@ int export_safetensors(const app *self, const char *path, lg_program *program, e
     lg_text_destroy(&j.data);
     return j.tensors > 0 ? APP_EXIT_OK : app_usage(self, "--target safetensors: %s has no parameters", path);
 }
+
+const export_target export_target_safetensors = {.build = build};

@@ -82,14 +82,10 @@ static void add_sfunction(const block *b) {
 static const char rules[] = "NAME_simulink.o: NAME_simulink.c NAME_simulink.h NAME_.h\n"
                             "\t$(CC) $(CFLAGS) -c NAME_simulink.c -o NAME_simulink.o\n";
 
-int export_simulink(const app *self, const char *path, lg_program *program, export_source *source) {
+static int build(const app *self, const char *path, lg_program *program, export_source *source) {
     block *b = app_alloc(1, sizeof *b);
     *b = (block){.self = self, .program = program, .source = source, .list = app_text()};
-    int code =
-        source->options->dtype != LG_F64
-            ? app_usage(self,
-                        "--target simulink: the blocks are in double precision, --dtype f32 is not for it")
-            : block_collect(b, false);
+    int code = block_collect(b, false);
     source->prefix = "c_";
     if (code == APP_EXIT_OK) code = export_whole(self, path, program, b->list.data, source);
     if (code == APP_EXIT_OK) {
@@ -102,3 +98,5 @@ int export_simulink(const app *self, const char *path, lg_program *program, expo
     free(b);
     return code;
 }
+
+const export_target export_target_simulink = {.build = build, .wide = "the blocks are"};

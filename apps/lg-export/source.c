@@ -2,6 +2,7 @@
 #include "lg-export/export.h"
 
 #include <float.h>
+#include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
@@ -97,9 +98,21 @@ double export_round(const export_options *options, double value) {
     return options->dtype == LG_F32 ? (double)(float)value : value;
 }
 
+double export_eps(const export_options *options) {
+    return options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
+}
+
+double export_norm(const double *a, const double *b, size_t count) {
+    double sum = 0;
+    for (size_t i = 0; i < count; i++) {
+        const double d = a[i] - (b != NULL ? b[i] : 0);
+        sum += d * d;
+    }
+    return sqrt(sum);
+}
+
 double export_tolerance(const export_source *source) {
-    const double eps = source->options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
-    return 20 * eps * (double)source->depth * source->condition;
+    return 20 * export_eps(source->options) * (double)source->depth * source->condition;
 }
 
 static void read_units(const lg_archive_reader *archive, const char *name, char *units) {

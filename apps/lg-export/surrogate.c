@@ -1,5 +1,4 @@
 /* Surrogates of the elastica: their face, which is the curve (code/surrogate), golden inputs, words. */
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,7 +29,7 @@ static const char *const boundary_names[NUMBERS] = {"q0x", "q0y", "v0x", "v0y", 
 static void add_constants(export_source *source, const lg_surrogate *model) {
     const double length = model->length;
     const size_t n = model->intervals, panels = n * ((50 + n - 1) / n);
-    const double eps = source->options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
+    const double eps = export_eps(source->options);
     if (model->options.kind == LG_SURROGATE_DISCRETE) {
         export_real(source, "LENGTH", length);
         export_constant(source, "INTERVALS", n);
