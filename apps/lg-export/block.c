@@ -6,18 +6,6 @@
 
 /* ---- variables ---- */
 
-static const lg_port *inputs_of(const block *b, const char *function, size_t *count) {
-    size_t at = 0;
-    (void)lg_program_find(b->program, function, &at);
-    return lg_program_inputs(b->program, at, count);
-}
-
-static const lg_port *outputs_of(const block *b, const char *function, size_t *count) {
-    size_t at = 0;
-    (void)lg_program_find(b->program, function, &at);
-    return lg_program_outputs(b->program, at, count);
-}
-
 static bool add_variable(block *b, const char *name, const lg_port *like, causality kind, size_t *at) {
     if (b->count + 1 >= MOST_PORTS) return false;
     variable *v = &b->variables[b->count];
@@ -57,7 +45,8 @@ static void add_derivatives(block *b, part *p) {
 /* State and derivative come first, whatever the order of what follows. */
 static bool add_rate(block *b, const char *function) {
     size_t ins, outs;
-    const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);
+    const lg_port *in = export_ports(b->program, function, false, &ins),
+                  *out = export_ports(b->program, function, true, &outs);
     part *p = &b->parts[b->part_count++];
     char name[160];
     *p = (part){.name = app_format("%s", function), .ins = ins, .outs = 1};
@@ -75,7 +64,8 @@ static bool add_rate(block *b, const char *function) {
 /* False: too many variables, or a name that means two things. */
 static bool add_outputs(block *b, const char *function) {
     size_t ins, outs;
-    const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);
+    const lg_port *in = export_ports(b->program, function, false, &ins),
+                  *out = export_ports(b->program, function, true, &outs);
     part *p = &b->parts[b->part_count++];
     bool fits = ins <= MOST_PORTS && outs <= MOST_PORTS;
     *p = (part){.name = app_format("%s", function), .ins = ins, .outs = outs};
@@ -100,7 +90,8 @@ static bool has(const block *b, const char *function) {
 static bool is_rate(const block *b, const char *function) {
     if (!has(b, function)) return false;
     size_t ins, outs;
-    const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);
+    const lg_port *in = export_ports(b->program, function, false, &ins),
+                  *out = export_ports(b->program, function, true, &outs);
     return ins >= 1 && outs == 1 && !in[0].shared && !out[0].shared &&
            lg_shape_count(in[0].shape) == lg_shape_count(out[0].shape);
 }
@@ -109,8 +100,8 @@ static bool is_rate(const block *b, const char *function) {
 static bool fits_step(const block *b) {
     if (!has(b, "step")) return false;
     size_t ins, outs;
-    const lg_port *in = inputs_of(b, "step", &ins);
-    (void)outputs_of(b, "step", &outs);
+    const lg_port *in = export_ports(b->program, "step", false, &ins);
+    (void)export_ports(b->program, "step", true, &outs);
     const part *rate = &b->parts[0];
     bool fits = ins == rate->ins + 1 && outs == 1 && lg_shape_count(in[ins - 1].shape) == 1;
     for (size_t i = 0; i + 1 < ins && fits; i++)
@@ -122,7 +113,8 @@ static bool fits_step(const block *b) {
  * alone. */
 static bool is_usual(const block *b, const char *function) {
     size_t ins, outs;
-    const lg_port *in = inputs_of(b, function, &ins), *out = outputs_of(b, function, &outs);
+    const lg_port *in = export_ports(b->program, function, false, &ins),
+                  *out = export_ports(b->program, function, true, &outs);
     bool usual = true;
     for (size_t o = 0; o < outs; o++) usual = usual && !out[o].shared;
     for (size_t i = 0; i < ins; i++) {

@@ -37,12 +37,6 @@ typedef struct job {
 
 /* ---- arguments and results ---- */
 
-static size_t find(const job *j, const char *function) {
-    size_t at = 0;
-    (void)lg_program_find(j->program, function, &at);
-    return at;
-}
-
 static int port_named(const lg_port *ports, size_t count, const char *name) {
     for (size_t i = 0; i < count; i++)
         if (strcmp(ports[i].name, name) == 0) return (int)i;
@@ -67,9 +61,10 @@ static void add_columns(slot *slots, size_t *count, const char *begin, const lg_
 static unsigned char *pattern_of(const job *j, const char *function, const char *output, const char *input,
                                  size_t size) {
     size_t ins, outs;
-    const size_t at = find(j, function);
-    const lg_port *in = lg_program_inputs(j->program, at, &ins),
-                  *out = lg_program_outputs(j->program, at, &outs);
+    size_t at = 0;
+    (void)lg_program_find(j->program, function, &at);
+    const lg_port *in = export_ports(j->program, function, false, &ins),
+                  *out = export_ports(j->program, function, true, &outs);
     const int i = port_named(in, ins, input), o = port_named(out, outs, output);
     if (i < 0 || o < 0) return NULL;
     unsigned char *pattern = app_alloc(size, 1);
@@ -84,7 +79,7 @@ static unsigned char *pattern_of(const job *j, const char *function, const char 
 static void add_blocks(const job *j, entry *e, const char *of, const slot *out, size_t outs, const slot *in,
                        size_t ins) {
     size_t count;
-    const lg_port *ports = lg_program_outputs(j->program, find(j, e->function), &count);
+    const lg_port *ports = export_ports(j->program, e->function, true, &count);
     for (size_t o = 0; o < outs; o++)
         for (size_t i = 0; i < ins; i++) {
             slot *s = &e->out[e->outs++];
@@ -158,9 +153,8 @@ static void write_slots(job *j, const char *what, const slot *slots, size_t coun
 /* Passes arguments and results to the function of the code. */
 static void write_call(job *j, const entry *e) {
     size_t ins, outs;
-    const size_t at = find(j, e->function);
-    (void)lg_program_inputs(j->program, at, &ins);
-    (void)lg_program_outputs(j->program, at, &outs);
+    (void)export_ports(j->program, e->function, false, &ins);
+    (void)export_ports(j->program, e->function, true, &outs);
     lg_text_add(
         j->to,
         "static void call_%zu(const casadi_real *const *x, casadi_real *const *y, casadi_real *work) {\n"
@@ -209,9 +203,8 @@ typedef struct ports {
 
 static ports ports_of(const job *j, const char *function) {
     ports p;
-    const size_t at = find(j, function);
-    p.in = lg_program_inputs(j->program, at, &p.ins);
-    p.out = lg_program_outputs(j->program, at, &p.outs);
+    p.in = export_ports(j->program, function, false, &p.ins);
+    p.out = export_ports(j->program, function, true, &p.outs);
     return p;
 }
 

@@ -239,6 +239,8 @@ int export_load(const app *self, const char *path, const char *kind, export_sour
 /* A scene of lg-simulate as a program; `tunable`: its parameters are inputs (scene.c). */
 int export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
                       lg_program **out);
+/* Inputs or outputs of a function of a program; NULL and 0: it has no such function. */
+const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count);
 /* The functions that a target offers, a list with commas to be freed: those of --functions, or else those of
  * `usual` (ends with NULL) that the program has; of a program that has none of them all but derivatives.
  * NULL: a message has been printed. */
@@ -281,6 +283,8 @@ void export_add_lines(text *to, const char *lines);
 /* What the numbers of x and u are, and the delay: as lines, and inside of a comment. */
 void export_tell_words(const export_source *source, text *to);
 void export_add_words(const export_source *source, text *to);
+/* Text of a Makefile: NAME_. and NAME_x become the model's name with . and _x, %NAME% the name. */
+void export_add_named(const export_source *source, const char *lines, text *to);
 /* Adds to the Makefile: what `all` makes and `clean` removes, and rules for it. NAME_. and NAME_x become the
  * model's name. Before export_compose. */
 void export_add_rules(export_source *source, const char *products, const char *rules);

@@ -123,13 +123,12 @@ static void draw_state(export_model *m, double *x) {
 
 /* A start on the space, or what the program's ports allow. */
 static void draw_start(export_model *m, double *x) {
-    size_t function = 0, count;
+    size_t count;
     if (m->space != NULL) {
         if (lg_space_start(m->space, NULL, &m->rng, x) != LG_OK) draw_state(m, x);
         return;
     }
-    (void)lg_program_find(m->program, "value", &function);
-    export_draw_port(lg_program_inputs(m->program, function, &count), &m->rng, x);
+    export_draw_port(export_ports(m->program, "value", false, &count), &m->rng, x);
 }
 
 static bool draw(export_model *m, size_t v) {
@@ -242,7 +241,7 @@ static int write_model(export_model *m) {
 static void measure(export_model *m) {
     const lg_model *model = m->file->model;
     const lg_program *program = lg_model_program(model);
-    size_t at, count;
+    size_t count;
     m->source->inputs = lg_model_inputs(model);
     m->source->outputs = lg_model_outputs(model);
     m->source->parameters = m->kind->recipe != NULL ? lg_model_parameters(model) : parameters_of(program);
@@ -253,14 +252,12 @@ static void measure(export_model *m) {
         m->forces = lg_model_input_dim(model);
         m->tangent = lg_model_tangent_dim(model);
     }
-    if (lg_program_find(program, "momenta", &at) == LG_OK) {
-        const lg_port *in = lg_program_inputs(program, at, &count);
-        m->positions = lg_shape_count(in[0].shape);
-        m->velocities = count > 1 ? lg_shape_count(in[1].shape) : 0;
-    }
+    const lg_port *in = export_ports(program, "momenta", false, &count);
+    m->positions = count > 1 ? lg_shape_count(in[0].shape) : 0;
+    m->velocities = count > 1 ? lg_shape_count(in[1].shape) : 0;
     if (m->kind->window != NULL) m->kind->window(m->file->contents, &m->window);
-    if (lg_program_find(program, "probability", &at) == LG_OK)
-        m->window.classes = (uint32_t)lg_shape_count(lg_program_outputs(program, at, &count)[0].shape);
+    const lg_port *chances = export_ports(program, "probability", true, &count);
+    m->window.classes = count > 0 ? (uint32_t)lg_shape_count(chances[0].shape) : 0;
 }
 
 /* Before the program is made: a scheme that fits, a model that can be exported. */

@@ -253,43 +253,37 @@ static const char makefile[] =
     "\n"
     ".PHONY: all test stack size clean\n";
 
-/* NAME_. is the name with a dot, NAME_x the name with _x. */
-static void add_make(const export_source *source, const char *rules, text *to) {
-    for (const char *s = rules; *s != '\0'; s++) {
-        if (strncmp(s, "NAME_.", 6) == 0) {
-            lg_text_add(to, "%s.", source->options->name);
-            s += 5;
-        } else if (strncmp(s, "NAME_", 5) == 0) {
-            lg_text_add(to, "%s_", source->options->name);
-            s += 4;
-        } else if (strncmp(s, "%STACK%", 7) == 0) {
-            lg_text_add(to, "%zu", source->stack);
-            s += 6;
-        } else if (strncmp(s, "%ALL%", 5) == 0) {
-            lg_text_add(to, "%s", or_nothing(&source->products));
-            s += 4;
-        } else if (strncmp(s, "%CALLS%", 7) == 0) {
-            lg_text_add(to, "%zu", source->calls);
-            s += 6;
-        } else {
-            lg_text_add(to, "%c", *s);
+void export_add_named(const export_source *source, const char *lines, text *to) {
+    const struct {
+        const char *token, *text;
+        size_t number; /* where text is NULL */
+    } rows[] = {{"NAME_.", source->options->name, 0}, {"NAME_", source->options->name, 0},
+                {"%NAME%", source->options->name, 0}, {"%ALL%", or_nothing(&source->products), 0},
+                {"%STACK%", NULL, source->stack},     {"%CALLS%", NULL, source->calls}};
+    for (const char *s = lines; *s != '\0'; s++) {
+        size_t i = 0;
+        while (i < LG_COUNT(rows) && strncmp(s, rows[i].token, strlen(rows[i].token)) != 0) i++;
+        if (i == LG_COUNT(rows)) {
+            lg_text_append(to, s, 1);
+            continue;
         }
+        if (rows[i].text != NULL)
+            lg_text_add(to, "%s%s", rows[i].text, i == 0 ? "." : i == 1 ? "_" : "");
+        else
+            lg_text_add(to, "%zu", rows[i].number);
+        s += strlen(rows[i].token) - 1;
     }
-}
-
-static void add_makefile(const export_source *source, text *to) {
-    add_make(source, makefile, to);
 }
 
 void export_add_rules(export_source *source, const char *products, const char *rules) {
     lg_text_add(&source->products, " ");
-    add_make(source, products, &source->products);
-    add_make(source, rules, &source->rules);
+    export_add_named(source, products, &source->products);
+    export_add_named(source, rules, &source->rules);
 }
 
 /* The Makefile, and the target's rules behind it. */
 static void add_rules(const export_source *source, text *to) {
-    add_makefile(source, to);
+    export_add_named(source, makefile, to);
     if (source->rules.length > 0) lg_text_add(to, "\n%s", source->rules.data);
 }
 

@@ -67,6 +67,12 @@ int export_load(const app *self, const char *path, const char *kind, export_sour
 
 /* ---- functions ---- */
 
+const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count) {
+    size_t at = SIZE_MAX;
+    (void)lg_program_find(program, function, &at);
+    return outputs ? lg_program_outputs(program, at, count) : lg_program_inputs(program, at, count);
+}
+
 static bool is_derivative(const char *name) {
     static const char *const begins[] = {"fwd1_", "adj1_", "jac_"};
     bool is = false;

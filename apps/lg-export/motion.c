@@ -77,12 +77,11 @@ static size_t numbers_of(const lg_port *ports, size_t count, size_t index) {
 
 /* The step takes the state, the input of the field, and h. */
 static bool moves(const export_model *m) {
-    size_t step, ins = 0, outs = 0;
-    if (m->space == NULL || lg_program_find(m->program, "step", &step) != LG_OK) return false;
-    const lg_port *in = lg_program_inputs(m->program, step, &ins),
-                  *out = lg_program_outputs(m->program, step, &outs);
+    size_t ins, outs;
+    const lg_port *in = export_ports(m->program, "step", false, &ins),
+                  *out = export_ports(m->program, "step", true, &outs);
     const bool forced = m->forces > 0;
-    return ins == 2 + (size_t)forced && outs == 1 && numbers_of(in, ins, 0) == m->dim &&
+    return m->space != NULL && ins == 2 + (size_t)forced && outs == 1 && numbers_of(in, ins, 0) == m->dim &&
            numbers_of(in, ins, ins - 1) == 1 && numbers_of(out, outs, 0) == m->dim &&
            (!forced || numbers_of(in, ins, 1) == m->forces);
 }

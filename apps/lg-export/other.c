@@ -5,11 +5,9 @@
 
 /* "x, u" */
 static void tell_ports(const export_model *m, const char *function, text *about) {
-    size_t at, count;
-    if (lg_program_find(m->program, function, &at) != LG_OK) return;
+    size_t count;
     for (int outputs = 0; outputs < 2; outputs++) {
-        const lg_port *port =
-            outputs ? lg_program_outputs(m->program, at, &count) : lg_program_inputs(m->program, at, &count);
+        const lg_port *port = export_ports(m->program, function, outputs, &count);
         for (size_t i = 0; i < count; i++) {
             char *words = app_format("%s of %s%s%s", port[i].name, function,
                                      port[i].unit != NULL && port[i].unit[0] != '\0' ? ", in " : "",

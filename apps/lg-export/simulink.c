@@ -4,19 +4,13 @@
 
 #include "lg-export/block.h"
 
-static const lg_port *ports_of(const block *b, const char *function, bool outputs, size_t *count) {
-    size_t at = 0;
-    (void)lg_program_find(b->program, function, &at);
-    return outputs ? lg_program_outputs(b->program, at, count) : lg_program_inputs(b->program, at, count);
-}
-
 /* "void NAME_field(const double x[6], const double u[3], double f[6])" */
 static void add_prototype(const block *b, const char *function, text *to) {
     const char *comma = "";
     lg_text_add(to, "void %s_%s(", b->source->options->name, function);
     for (int out = 0; out < 2; out++) {
         size_t count;
-        const lg_port *ports = ports_of(b, function, out, &count);
+        const lg_port *ports = export_ports(b->program, function, out, &count);
         for (size_t i = 0; i < count; i++, comma = ", ")
             lg_text_add(to, "%s%sdouble %s[%zu]", comma, out ? "" : "const ", ports[i].name,
                         lg_shape_count(ports[i].shape));
@@ -30,7 +24,7 @@ static void add_call(const block *b, const char *function, text *to) {
                 function, name, b->source->prefix, function);
     for (int out = 0; out < 2; out++) {
         size_t count;
-        const lg_port *ports = ports_of(b, function, out, &count);
+        const lg_port *ports = export_ports(b->program, function, out, &count);
         for (size_t i = 0; i < count; i++) lg_text_add(to, "%s, ", ports[i].name);
     }
     lg_text_add(to, "work);\n}\n\n");
