@@ -33,26 +33,22 @@ bool classifier_file_is_novelty(const classifier_file *file) {
 }
 
 static lg_status write_models(const lg_archive_writer *to, const classifier_file *file, lg_error *error) {
-    lg_status status = LG_OK;
-    if (!classifier_file_is_novelty(file)) status = lg_classifier_save(&file->classifier, to, error);
-    if (status == LG_OK && file->novelty.channels > 0) status = lg_novelty_save(&file->novelty, to, error);
-    return status;
+    if (!classifier_file_is_novelty(file)) LG_TRY(lg_classifier_save(&file->classifier, to, error));
+    return file->novelty.channels > 0 ? lg_novelty_save(&file->novelty, to, error) : LG_OK;
 }
 
 static lg_status write_run(const lg_archive_writer *to, const classifier_file *file) {
     classifier_file copy = *file;
     stored rows[STORED];
-    lg_status status = LG_OK;
     list_stored(&copy, rows);
-    for (size_t i = 0; i < STORED && status == LG_OK; i++)
+    for (size_t i = 0; i < STORED; i++)
         if (i < NEEDED || isfinite(*(const double *)rows[i].value))
-            status = to->array(to->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value);
+            LG_TRY(to->array(to->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
     const char *const texts[][2] = {{"run/method", file->method},
                                     {"run/split", lg_split_name(file->split)},
                                     {"run/data_sha256", file->data_sha256}};
-    for (size_t i = 0; i < LG_COUNT(texts) && status == LG_OK; i++)
-        status = to->text(to->user, texts[i][0], texts[i][1]);
-    return status;
+    for (size_t i = 0; i < LG_COUNT(texts); i++) LG_TRY(to->text(to->user, texts[i][0], texts[i][1]));
+    return LG_OK;
 }
 
 lg_status classifier_file_save(const lg_context *context, const char *path, const classifier_file *file,
@@ -82,11 +78,9 @@ static const char *known_method(const char *name) {
 
 static lg_status read_texts(const lg_archive_reader *from, classifier_file *out, lg_error *error) {
     char method[32], split[32];
-    lg_status status = from->text(from->user, "run/method", method, sizeof method);
-    if (status == LG_OK) status = from->text(from->user, "run/split", split, sizeof split);
-    if (status == LG_OK)
-        status = from->text(from->user, "run/data_sha256", out->data_sha256, sizeof out->data_sha256);
-    if (status != LG_OK) return status;
+    LG_TRY(from->text(from->user, "run/method", method, sizeof method));
+    LG_TRY(from->text(from->user, "run/split", split, sizeof split));
+    LG_TRY(from->text(from->user, "run/data_sha256", out->data_sha256, sizeof out->data_sha256));
     out->method = known_method(method);
     if (out->method == NULL || lg_split_parse(split, &out->split) != LG_OK)
         return app_error(error, LG_FORMAT, "/run: a classifier has no such method or split");
@@ -96,22 +90,18 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
 static lg_status read_models(const lg_context *context, const lg_archive_reader *from, classifier_file *out,
                              lg_error *error) {
     const bool alone = classifier_file_is_novelty(out);
-    if (!alone) {
-        const lg_status status = lg_classifier_load(context, from, &out->classifier, error);
-        if (status != LG_OK) return status;
-    }
+    if (!alone) LG_TRY(lg_classifier_load(context, from, &out->classifier, error));
     const lg_status status = lg_novelty_load(context, from, &out->novelty, error);
     const lg_features *f = &out->classifier.features;
     if (status == LG_NOT_FOUND && !alone) return LG_OK;
-    if (status != LG_OK) return status;
+    LG_TRY(status);
     if (!alone && (out->novelty.channels != f->channels || out->novelty.length != f->length))
         return app_error(error, LG_FORMAT, "novelty is of other windows than the classifier");
     return LG_OK;
 }
 
 static lg_status read_names(lg_file_reader *reader, classifier_file *out, lg_error *error) {
-    const lg_status status = lg_file_reader_names(reader, &out->names, error);
-    if (status != LG_OK) return status;
+    LG_TRY(lg_file_reader_names(reader, &out->names, error));
     const uint32_t classes = classifier_file_is_novelty(out) ? 2 : out->classifier.classes;
     if (out->names.classes != classes)
         return app_error(error, LG_FORMAT, "the file names %u classes, its classifier has %u",
@@ -121,11 +111,9 @@ static lg_status read_names(lg_file_reader *reader, classifier_file *out, lg_err
 
 static lg_status read_run(const lg_archive_reader *from, classifier_file *out, lg_error *error) {
     stored rows[STORED];
-    lg_status status = LG_OK;
     list_stored(out, rows);
-    for (size_t i = 0; i < NEEDED && status == LG_OK; i++)
-        status = from->array(from->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value);
-    if (status != LG_OK) return status;
+    for (size_t i = 0; i < NEEDED; i++)
+        LG_TRY(from->array(from->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
     const uint32_t length =
         classifier_file_is_novelty(out) ? out->novelty.length : out->classifier.features.length;
     if (out->window != length || out->hop < 1 || !(out->test_fraction >= 0 && out->test_fraction < 1))
@@ -139,22 +127,21 @@ static lg_status read_run(const lg_archive_reader *from, classifier_file *out, l
 static lg_status read_all(const lg_context *context, lg_file_reader *reader, classifier_file *out,
                           lg_error *error) {
     lg_archive_reader archive;
-    lg_status status = lg_file_reader_archive(reader, "", &archive);
-    if (status == LG_OK) status = read_texts(&archive, out, error);
-    if (status == LG_OK) status = read_models(context, &archive, out, error);
-    if (status == LG_OK) status = read_names(reader, out, error);
-    if (status == LG_OK) status = read_run(&archive, out, error);
-    if (status == LG_OK) lg_file_reader_provenance(reader, &out->provenance);
-    return status;
+    LG_TRY(lg_file_reader_archive(reader, "", &archive));
+    LG_TRY(read_texts(&archive, out, error));
+    LG_TRY(read_models(context, &archive, out, error));
+    LG_TRY(read_names(reader, out, error));
+    LG_TRY(read_run(&archive, out, error));
+    lg_file_reader_provenance(reader, &out->provenance);
+    return LG_OK;
 }
 
 lg_status classifier_file_load(const lg_context *context, const char *path, classifier_file *out,
                                lg_error *error) {
     lg_file_reader *reader = NULL;
     *out = (classifier_file){.method = NULL};
-    lg_status status = lg_file_reader_create(context, path, "classifier", NULL, &reader, error);
-    if (status != LG_OK) return status;
-    status = read_all(context, reader, out, error);
+    LG_TRY(lg_file_reader_create(context, path, "classifier", NULL, &reader, error));
+    const lg_status status = read_all(context, reader, out, error);
     if (status != LG_OK && error->message[0] == '\0')
         (void)app_error(error, status, "%s", lg_file_reader_message(reader));
     lg_file_reader_destroy(reader);

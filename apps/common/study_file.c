@@ -113,20 +113,18 @@ static lg_status parse_text(study_file *file, char *text, lg_error *error) {
     return LG_OK;
 }
 
+/* NULL: it cannot be read. Freed with free. */
 static char *read_whole(int fd, size_t *size) {
     struct stat information;
     if (fstat(fd, &information) != 0 || !S_ISREG(information.st_mode)) return NULL;
     char *text = app_alloc((size_t)information.st_size + 1, 1);
-    *size = 0;
-    while (*size < (size_t)information.st_size) {
-        const ssize_t n = read(fd, text + *size, (size_t)information.st_size - *size);
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0) {
-            free(text);
-            return NULL;
-        }
-        if (n == 0) break;
-        *size += (size_t)n;
+    ssize_t n = 1;
+    for (*size = 0; *size < (size_t)information.st_size && n != 0;) {
+        n = read(fd, text + *size, (size_t)information.st_size - *size);
+        if (n > 0) *size += (size_t)n;
+        if (n >= 0 || errno == EINTR) continue;
+        free(text);
+        return NULL;
     }
     return text;
 }
@@ -154,37 +152,35 @@ static lg_status append(study_file *file, const char *text, lg_error *error) {
     return app_error(error, LG_FILE, "%s: a row cannot be written: %s", file->path, strerror(number));
 }
 
-lg_status study_file_open(const char *path, const study_plan *plan, study_file *out, lg_error *error) {
+/* The rows that are there; an unfinished last one is cut off, and a new table gets its header. */
+static lg_status read_table(study_file *file, lg_error *error) {
+    const char *path = file->path;
     char header[512];
+    size_t size = 0;
+    header_of(file->plan, header, sizeof header);
+    APP_FREE char *text = read_whole(file->fd, &size);
+    if (text == NULL) return app_error(error, LG_FILE, "%s: cannot be read", path);
+    if (strlen(text) != size)
+        return app_error(error, LG_FORMAT, "%s: this is not the table of a study", path);
+    const char *last = strrchr(text, '\n');
+    const size_t whole = last != NULL ? (size_t)(last - text) + 1 : 0;
+    if (whole == 0 && strncmp(header, text, size) != 0)
+        return app_error(error, LG_FORMAT, "%s: line 1: this is not the table of a study", path);
+    LG_TRY(parse_text(file, text, error));
+    if (whole < size && ftruncate(file->fd, (off_t)whole) != 0)
+        return app_error(error, LG_FILE, "%s: the unfinished last row cannot be removed: %s", path,
+                         strerror(errno));
+    if (whole > 0) return LG_OK;
+    APP_FREE char *first = app_format("%s\n", header);
+    return append(file, first, error);
+}
+
+lg_status study_file_open(const char *path, const study_plan *plan, study_file *out, lg_error *error) {
     study_file file = {
         .path = path, .plan = plan, .fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666)};
     if (file.fd < 0)
         return app_error(error, LG_FILE, "%s: cannot be opened for writing: %s", path, strerror(errno));
-    header_of(plan, header, sizeof header);
-    size_t size = 0;
-    char *text = read_whole(file.fd, &size);
-    lg_status status = LG_OK;
-    if (text == NULL) {
-        status = app_error(error, LG_FILE, "%s: cannot be read", path);
-    } else if (strlen(text) != size) {
-        status = app_error(error, LG_FORMAT, "%s: this is not the table of a study", path);
-    } else {
-        const char *last = strrchr(text, '\n');
-        const size_t whole = last != NULL ? (size_t)(last - text) + 1 : 0;
-        const bool unfinished_header = whole == 0 && strncmp(header, text, size) == 0;
-        if (whole == 0 && !unfinished_header)
-            status = app_error(error, LG_FORMAT, "%s: line 1: this is not the table of a study", path);
-        if (status == LG_OK) status = parse_text(&file, text, error);
-        if (status == LG_OK && whole < size && ftruncate(file.fd, (off_t)whole) != 0)
-            status = app_error(error, LG_FILE, "%s: the unfinished last row cannot be removed: %s", path,
-                               strerror(errno));
-        if (status == LG_OK && whole == 0) {
-            char *first = app_format("%s\n", header);
-            status = append(&file, first, error);
-            free(first);
-        }
-    }
-    free(text);
+    const lg_status status = read_table(&file, error);
     if (status != LG_OK)
         study_file_close(&file);
     else
@@ -230,11 +226,10 @@ static char *row_text(const study_file *file, const study_row *row) {
 }
 
 lg_status study_file_append(study_file *file, const study_row *row, lg_error *error) {
-    char *text = row_text(file, row);
-    const lg_status status = append(file, text, error);
-    free(text);
-    if (status == LG_OK) keep(file, row);
-    return status;
+    APP_FREE char *text = row_text(file, row);
+    LG_TRY(append(file, text, error));
+    keep(file, row);
+    return LG_OK;
 }
 
 const study_row *study_file_find(const study_file *file, const study_row *key) {

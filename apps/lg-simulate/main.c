@@ -231,51 +231,37 @@ static int run(app *self) {
 
 /* ---- the methods, for --help ---- */
 
-static bool is_ambient(const lg_scheme *scheme) {
-    return scheme->ambient;
-}
+enum { AMBIENT, SPLITTING, VARIATIONAL, LIE, COTANGENT, ADAPTIVE, GROUPS };
 
-static bool is_splitting(const lg_scheme *scheme) {
-    return scheme->kind == LG_SCHEME_SPLITTING;
-}
-
-static bool is_variational(const lg_scheme *scheme) {
-    return scheme->kind == LG_SCHEME_VARIATIONAL;
-}
-
-static bool is_cotangent(const lg_scheme *scheme) {
-    return scheme->kind == LG_SCHEME_SLGI;
-}
-
-static bool is_lie(const lg_scheme *scheme) {
-    return !is_ambient(scheme) && !is_splitting(scheme) && !is_variational(scheme) && !is_cotangent(scheme);
-}
-
-static bool is_adaptive(const lg_scheme *scheme) {
-    return scheme->embedded_order > 0;
+static bool belongs(const lg_scheme *scheme, int group) {
+    const bool splitting = scheme->kind == LG_SCHEME_SPLITTING, cotangent = scheme->kind == LG_SCHEME_SLGI,
+               variational = scheme->kind == LG_SCHEME_VARIATIONAL;
+    const bool does[GROUPS] = {
+        [AMBIENT] = scheme->ambient, [SPLITTING] = splitting,
+        [VARIATIONAL] = variational, [LIE] = !scheme->ambient && !splitting && !variational && !cotangent,
+        [COTANGENT] = cotangent,     [ADAPTIVE] = scheme->embedded_order > 0};
+    return does[group];
 }
 
 static char *describe_methods(void) {
-    static const struct {
-        bool (*belongs)(const lg_scheme *scheme);
-        const char *what;
-    } groups[] = {{is_ambient, " in the ambient space; "},
-                  {is_splitting, " for separable systems; "},
-                  {is_variational, " for the oscillator and chains; "},
-                  {is_lie, " on the manifold itself; "},
-                  {is_cotangent, " for the heavy top as cotangent or quadratic. Adaptive: "},
-                  {is_adaptive, "; they take --steps too.\nThe default tolerance fits states in any units; "
-                                "--atol is in the units of the state."}};
+    static const char *const what[GROUPS] = {
+        [AMBIENT] = " in the ambient space; ",
+        [SPLITTING] = " for separable systems; ",
+        [VARIATIONAL] = " for the oscillator and chains; ",
+        [LIE] = " on the manifold itself; ",
+        [COTANGENT] = " for the heavy top as cotangent or quadratic. Adaptive: ",
+        [ADAPTIVE] = "; they take --steps too.\nThe default tolerance fits states in any units; "
+                     "--atol is in the units of the state."};
     lg_text text = app_text();
     lg_text_add(&text, "Methods: ");
-    for (size_t k = 0; k < LG_COUNT(groups); k++) {
+    for (int group = 0; group < GROUPS; group++) {
         const char *between = "";
         for (size_t i = 0; i < lg_scheme_count(); i++) {
-            if (!groups[k].belongs(lg_scheme_at(i))) continue;
+            if (!belongs(lg_scheme_at(i), group)) continue;
             lg_text_add(&text, "%s%s", between, lg_scheme_at(i)->name);
             between = ", ";
         }
-        lg_text_add(&text, "%s", groups[k].what);
+        lg_text_add(&text, "%s", what[group]);
     }
     return text.data;
 }

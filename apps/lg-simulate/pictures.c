@@ -28,7 +28,7 @@ static const char *unit_of(const simulation *sim, const char *key) {
 
 const char *colour(size_t i) {
     static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2f8f4e", "#8e3fa8", "#b8242f",
-                                          "#7a5c2e", "#12909a", "#555555", "#c49a00"};
+                                          "#7a5c2e", "#12909a", "#555555", "#c49a00", "#e377c2"};
     return colours[i % LG_COUNT(colours)];
 }
 

@@ -16,7 +16,7 @@ size_t end_block(drawing *to);
 /* The state at point i of the trajectory, and its time. */
 const double *state_at(const drawing *from, size_t i);
 double time_at(const drawing *from, size_t i);
-/* Number i of a list of colours. */
+/* Number i of a list of 10 colours. */
 const char *colour(size_t i);
 
 typedef struct space_picture {

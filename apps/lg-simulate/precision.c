@@ -1,6 +1,6 @@
 /* --work-precision: error at the final time against CPU time and evaluations. Each method runs with steps in
  * powers of two, or with tolerances in powers of ten where it estimates its error. */
-#include "lg-simulate/simulate.h"
+#include "lg-simulate/pictures.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -219,8 +219,6 @@ static void report_diagram(const diagram *d) {
 /* ---- the picture ---- */
 
 static void put_panel(FILE *script, const diagram *d, const char *label, int column, bool key) {
-    static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2f8f4e", "#8e3fa8", "#b8242f",
-                                          "#7a5c2e", "#12909a", "#555555", "#c49a00", "#e377c2"};
     const char *separator = "plot ";
     (void)fprintf(script, "set xlabel '%s'\n%s\n", label,
                   key ? "set key bottom left samplen 2 spacing 1.1 box lc rgb '#cccccc' opaque"
@@ -231,8 +229,8 @@ static void put_panel(FILE *script, const diagram *d, const char *label, int col
         (void)fprintf(
             script,
             "%sdatafile index %zu using %d:3 with linespoints lw 1.6 pt %zu ps 0.6 lc rgb '%s' %s title '%s'",
-            separator, index++, column, 5 + c % 10, colours[c % LG_COUNT(colours)],
-            c >= LG_COUNT(colours) ? "dt 2" : "dt 1", d->curves[c].what.scheme.name);
+            separator, index++, column, 5 + c % 10, colour(c), c >= 10 ? "dt 2" : "dt 1",
+            d->curves[c].what.scheme.name);
         separator = ", \\\n  ";
     }
     (void)fputc('\n', script);

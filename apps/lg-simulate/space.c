@@ -55,10 +55,6 @@ typedef struct bounds {
     double low[3], high[3];
 } bounds;
 
-static void bounds_begin(bounds *of) {
-    *of = (bounds){{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
-}
-
 static void bounds_add(bounds *of, const double x[3]) {
     for (int i = 0; i < 3; i++) {
         of->low[i] = fmin(of->low[i], x[i]);
@@ -78,58 +74,82 @@ static void bounds_end(bounds *of) {
     }
 }
 
-static void put_metre_labels(FILE *script) {
-    (void)fputs("set xlabel 'x [m]'\nset ylabel 'y [m]'\nset zlabel 'z [m]' rotate\n", script);
+/* What moves in space: the path of a point, and some positions of all of it, darker with time. */
+typedef struct motion {
+    const char *title, *axes; /* axes: commands for their labels */
+    const char *path, *path_width;
+    /* The point of the path, and all that is to be seen of a state, within the box. */
+    void (*point)(const simulation *sim, const double *y, bounds *box, double x[3]);
+    void (*put)(drawing *to, const double *y, bounds *box); /* rows of a block */
+    char style[64];                                         /* of the block */
+} motion;
+
+static void draw_motion(drawing *to, const motion *what) {
+    const size_t count = snapshot_count(to);
+    FILE *script = to->plot.script.stream;
+    bounds box = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
+    for (size_t i = 0; i < to->what->path->kept; i++) {
+        double x[3];
+        what->point(to->what->sim, state_at(to, i), &box, x);
+        put_point(to, x);
+    }
+    const size_t path = end_block(to);
+    for (size_t k = 0; k < count; k++) {
+        what->put(to, state_at(to, snapshot(to, k)), &box);
+        (void)end_block(to);
+    }
+    bounds_end(&box);
+    put_axes(script, what->title, box.low, box.high);
+    (void)fprintf(script, "%ssplot datafile index %zu using 1:2:3 with lines lw %s lc rgb '%s' title '%s'",
+                  what->axes, path, what->path_width, colour(1), what->path);
+    for (size_t k = 0; k < count; k++) {
+        char dark[8];
+        shade(count > 1 ? (double)k / (double)(count - 1) : 1, dark);
+        (void)fprintf(script, ", \\\n  datafile index %zu using %s lc rgb '%s' title 't = %.3g s'",
+                      path + 1 + k, what->style, dark, time_at(to, snapshot(to, k)));
+    }
+    (void)fputc('\n', script);
 }
 
 /* ---- chains ---- */
 
-/* x of mass j, 0 the suspension. */
-static void mass_positions(const simulation *sim, const double *y, double *x) {
-    size_t count = 0;
-    const double *lengths = parameter_values(sim, "lengths", &count);
-    for (int c = 0; c < 3; c++) x[c] = 0;
-    for (size_t i = 0; i < count; i++) {
+/* x of mass j, 0 the suspension. Freed with free. */
+static double *mass_positions(const simulation *sim, const double *y, size_t *count) {
+    const double *lengths = parameter_values(sim, "lengths", count);
+    double *x = app_alloc(3 * (*count + 1), sizeof *x);
+    for (size_t i = 0; i < *count; i++) {
         const double *q = y + find_block(sim, "q", i + 1)->offset;
         for (size_t c = 0; c < 3; c++) x[3 * (i + 1) + c] = x[3 * i + c] + lengths[i] * q[c];
     }
+    return x;
+}
+
+static void last_mass(const simulation *sim, const double *y, bounds *box, double last[3]) {
+    size_t links = 0;
+    APP_FREE double *x = mass_positions(sim, y, &links);
+    for (size_t j = 0; j <= links; j++) bounds_add(box, x + 3 * j);
+    memcpy(last, x + 3 * links, 3 * sizeof *last);
+}
+
+static void put_masses(drawing *to, const double *y, bounds *box) {
+    size_t links = 0;
+    APP_FREE double *x = mass_positions(to->what->sim, y, &links);
+    (void)box;
+    for (size_t j = 0; j <= links; j++) put_point(to, x + 3 * j);
 }
 
 static void draw_chain(drawing *to) {
-    const simulation *sim = to->what->sim;
-    const size_t links = lg_system_links(sim->system), count = snapshot_count(to);
-    double *x = app_alloc(3 * (links + 1), sizeof *x);
-    bounds box;
-    FILE *script = to->plot.script.stream;
-    bounds_begin(&box);
-    for (size_t i = 0; i < to->what->path->kept; i++) {
-        mass_positions(sim, state_at(to, i), x);
-        put_point(to, x + 3 * links);
-        for (size_t j = 0; j <= links; j++) bounds_add(&box, x + 3 * j);
-    }
-    const size_t path = end_block(to);
-    for (size_t k = 0; k < count; k++) {
-        mass_positions(sim, state_at(to, snapshot(to, k)), x);
-        for (size_t j = 0; j <= links; j++) put_point(to, x + 3 * j);
-        (void)end_block(to);
-    }
-    bounds_end(&box);
-    put_axes(script, links > 1 ? "the chain, and the path of its last mass" : "the pendulum and its path",
-             box.low, box.high);
-    put_metre_labels(script);
-    (void)fprintf(script, "splot datafile index %zu using 1:2:3 with lines lw 0.8 lc rgb '%s' title 'path'",
-                  path, colour(1));
-    for (size_t k = 0; k < count; k++) {
-        char dark[8];
-        shade(count > 1 ? (double)k / (double)(count - 1) : 1, dark);
-        (void)fprintf(
-            script,
-            ", \\\n  datafile index %zu using 1:2:3 with linespoints lw 2 pt 7 ps %g lc rgb '%s' title 't = "
-            "%.3g s'",
-            path + 1 + k, links > 10 ? 0.4 : 0.8, dark, time_at(to, snapshot(to, k)));
-    }
-    (void)fputc('\n', script);
-    free(x);
+    const size_t links = lg_system_links(to->what->sim->system);
+    motion chain = {.title =
+                        links > 1 ? "the chain, and the path of its last mass" : "the pendulum and its path",
+                    .axes = "set xlabel 'x [m]'\nset ylabel 'y [m]'\nset zlabel 'z [m]' rotate\n",
+                    .path = "path",
+                    .path_width = "0.8",
+                    .point = last_mass,
+                    .put = put_masses};
+    (void)snprintf(chain.style, sizeof chain.style, "1:2:3 with linespoints lw 2 pt 7 ps %g",
+                   links > 10 ? 0.4 : 0.8);
+    draw_motion(to, &chain);
 }
 
 /* ---- curves on the unit sphere ---- */
@@ -263,40 +283,17 @@ static void put_quadrotors(drawing *to, const double *y, bounds *box) {
     }
 }
 
+static void payload(const simulation *sim, const double *y, bounds *box, double x[3]) {
+    turned(y + find_block(sim, "y", 1)->offset, x);
+    bounds_add(box, x);
+}
+
 static void draw_quadrotors(drawing *to) {
-    const simulation *sim = to->what->sim;
-    const size_t offset = find_block(sim, "y", 1)->offset, count = snapshot_count(to);
-    FILE *script = to->plot.script.stream;
-    bounds box;
-    bounds_begin(&box);
-    for (size_t i = 0; i < to->what->path->kept; i++) {
-        double x[3];
-        turned(state_at(to, i) + offset, x);
-        put_point(to, x);
-        bounds_add(&box, x);
-    }
-    const size_t path = end_block(to);
-    for (size_t k = 0; k < count; k++) {
-        put_quadrotors(to, state_at(to, snapshot(to, k)), &box);
-        (void)end_block(to);
-    }
-    bounds_end(&box);
-    put_axes(script, "payload, links and quadrotors; up is -e_{3}", box.low, box.high);
-    (void)fputs("set xlabel 'e_{1}  [m]'\nset ylabel '-e_{2}  [m]'\nset zlabel '-e_{3}  [m]' rotate\nset "
-                "view 75,20,1.15\n",
-                script);
-    (void)fprintf(script,
-                  "splot datafile index %zu using 1:2:3 with lines lw 1.2 lc rgb '%s' title 'payload'", path,
-                  colour(1));
-    for (size_t k = 0; k < count; k++) {
-        char dark[8];
-        shade(count > 1 ? (double)k / (double)(count - 1) : 1, dark);
-        (void)fprintf(script,
-                      ", \\\n  datafile index %zu using 1:2:3:4:5:6 with vectors nohead lw 2 lc rgb '%s' "
-                      "title 't = %.3g s'",
-                      path + 1 + k, dark, time_at(to, snapshot(to, k)));
-    }
-    (void)fputc('\n', script);
+    draw_motion(to,
+                &(motion){"payload, links and quadrotors; up is -e_{3}",
+                          "set xlabel 'e_{1}  [m]'\nset ylabel '-e_{2}  [m]'\nset zlabel '-e_{3}  [m]' "
+                          "rotate\nset view 75,20,1.15\n",
+                          "payload", "1.2", payload, put_quadrotors, "1:2:3:4:5:6 with vectors nohead lw 2"});
 }
 
 /* ---- which ---- */
