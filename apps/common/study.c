@@ -175,8 +175,8 @@ static void collect_pending(study *self) {
         self->pending_count = (size_t)study_given.stop_after;
 }
 
-/* Calls task(self, i) for i < count, `jobs` at a time; `finished` runs are in `where` then. Ctrl-C and failures
- * end the command. */
+/* Calls task(self, i) for i < count, `jobs` at a time; `finished` runs are in `where` then. Ctrl-C and
+ * failures end the command. */
 static void run_jobs(study *self, uint64_t jobs, size_t count, void (*task)(void *user, size_t index),
                      const char *where, size_t (*finished)(const study *self)) {
     self->threads_each = self->app->threads / jobs > 0 ? self->app->threads / jobs : 1;

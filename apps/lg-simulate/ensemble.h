@@ -34,8 +34,8 @@ char *rows_path(const char *path);
 /* Of the members first, first + 1, ... those below `saved`. */
 uint64_t rows_among(uint64_t saved, uint64_t first, uint64_t members);
 
-/* What a process does, and the files that it writes: of a task the files of its part alone. A single run is the
- * whole. */
+/* What a process does, and the files that it writes: of a task the files of its part alone. A single run is
+ * the whole. */
 typedef struct ensemble_files {
     ensemble_task task;
     char *out, *trajectories; /* NULL: not written */
