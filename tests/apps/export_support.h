@@ -350,7 +350,7 @@ static inline void export_check_ways(const char *folder, const char *name) {
     static const export_way ways[] = {
         {"gcc", "-O0"},
         {"gcc", "-O3 -march=native -ffp-contract=fast"},
-        {"gcc", "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"},
+        {"gcc", "-O1 -g1 -fsanitize=address,undefined -fno-sanitize-recover=all"},
         {"clang", "-O0"},
         {"clang", "-O2"},
         {"clang", "-O3 -march=native -ffp-contract=fast"},
@@ -370,7 +370,7 @@ static inline void export_check_all_ways(const char *folder, const char *name) {
         {"clang", "-O3"},   {"g++", "-O0"},
         {"g++", "-O2"},     {"g++", "-O3"},
         {"clang++", "-O0"}, {"clang++", "-O2"},
-        {"clang++", "-O3"}, {"clang", "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"}};
+        {"clang++", "-O3"}, {"clang", "-O1 -g1 -fsanitize=address,undefined -fno-sanitize-recover=all"}};
     export_check_ways(folder, name);
     export_check_each(folder, name, ways, LG_COUNT(ways));
 }
