@@ -38,6 +38,12 @@ void lg_test_enter(lg_suite *suite, const char *claim, lg_test_body body);
 /* The running test owns `object`: release(object) is called when it ends or fails, the last object first. */
 void lg_test_owns(void *object, void (*release)(void *));
 
+/* name(object) is destroy(object), for lg_test_owns. */
+#define RELEASES(name, destroy)                                                                              \
+    static inline void name(void *object) {                                                                  \
+        destroy(object);                                                                                     \
+    }
+
 /* Gives back what the test has come to own since lg_test_owned() was `mark`: for rounds that take much. */
 size_t lg_test_owned(void);
 void lg_test_give_back(size_t mark);

@@ -504,9 +504,7 @@ static void check_edges(exported *e) {
 
 /* ---- scores and classes ---- */
 
-static void release_plan(void *plan) {
-    lg_plan_destroy(plan);
-}
+RELEASES(release_plan, lg_plan_destroy)
 
 /* The library's scores of x: probabilities of detectors, softmax of a table's logits. */
 static void scores_of(const exported *e, lg_plan *probability, const double *x, uint32_t classes,

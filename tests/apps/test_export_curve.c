@@ -136,9 +136,7 @@ typedef struct library {
     void *work;
 } library;
 
-static void release_curves(void *curves) {
-    lg_surrogate_curves_destroy(curves);
-}
+RELEASES(release_curves, lg_surrogate_curves_destroy)
 
 static library curves_of(const exported *e, size_t points) {
     library of;

@@ -153,9 +153,7 @@ typedef struct motion {
     size_t d, a, m, nq, nv; /* numbers of state, field, input, and of a log's positions and velocities */
 } motion;
 
-static void release_scheme(void *scheme) {
-    lg_scheme_destroy(scheme);
-}
+RELEASES(release_scheme, lg_scheme_destroy)
 
 static motion motion_of(const exported *e) {
     motion s = {.e = e, .of = (const example *)e->row, .space = lg_model_space(e->model)};

@@ -25,9 +25,7 @@ static bool in_every_way(size_t i) {
 #endif
 }
 
-static void release_program(void *program) {
-    lg_program_destroy(program);
-}
+RELEASES(release_program, lg_program_destroy)
 
 /* NAME.h5: a trained program with the derivatives of its function. */
 static void make(size_t i) {

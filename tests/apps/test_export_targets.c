@@ -13,9 +13,7 @@
 static lg_program *program;
 static training how;
 
-static void release_program(void *made) {
-    lg_program_destroy(made);
-}
+RELEASES(release_program, lg_program_destroy)
 
 /* NAME.h5, and `program`. */
 static void make_model(const char *name, lg_status (*make)(lg_program **out, training *t, lg_error *error)) {

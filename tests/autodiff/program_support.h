@@ -15,9 +15,7 @@
     }                                                                                                        \
     static void name##_on_tape(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y)
 
-static inline void release_program(void *program) {
-    lg_program_destroy(program);
-}
+RELEASES(release_program, lg_program_destroy)
 
 static inline lg_program_spec spec_of(const lg_parameter_spec *parameters, size_t parameter_count,
                                       const lg_function_spec *functions, size_t function_count) {

@@ -74,9 +74,7 @@ static void by_tape(const lg_program *program, size_t function, size_t rows, con
 
 /* ---- running ---- */
 
-static void release_plan(void *plan) {
-    lg_plan_destroy(plan);
-}
+RELEASES(release_plan, lg_plan_destroy)
 
 /* A plan of the running test; options NULL: one row. */
 static lg_plan *test_plan(const lg_program *program, size_t function, const lg_plan_options *options) {

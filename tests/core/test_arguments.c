@@ -257,9 +257,7 @@ TEST("steps") {
     REFUSES(lg_adjoint_gradient(NULL, NEEDED(&problem), NEEDED(numbers), NULL, NULL, NULL, NULL, NULL));
 }
 
-static void release_system(void *system) {
-    lg_system_destroy(system);
-}
+RELEASES(release_system, lg_system_destroy)
 
 static lg_system *test_system(const char *name, const char *form) {
     lg_system_options options;
@@ -402,9 +400,7 @@ TEST("networks and fits") {
     lg_fit_destroy(fit);
 }
 
-static void release_model(void *model) {
-    lg_model_destroy(model);
-}
+RELEASES(release_model, lg_model_destroy)
 
 TEST("Hamiltonians, models and control") {
     const lg_hamiltonian_family *family = lg_hamiltonian_family_find("separable");

@@ -5,13 +5,8 @@
 
 /* ---- machines and logs of a test ---- */
 
-static void release_file(void *file) {
-    lg_machine_file_destroy(file);
-}
-
-static void release_logs(void *logs) {
-    lg_logs_destroy(logs);
-}
+RELEASES(release_file, lg_machine_file_destroy)
+RELEASES(release_logs, lg_logs_destroy)
 
 static const lg_machine_file *machine(const char *text) {
     lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);

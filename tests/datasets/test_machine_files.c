@@ -2,9 +2,7 @@
 #include "io_test.h"
 #include "liegrad/logs.h"
 
-static void release_file(void *file) {
-    lg_machine_file_destroy(file);
-}
+RELEASES(release_file, lg_machine_file_destroy)
 
 static lg_machine_file *parse(const char *text) {
     lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);

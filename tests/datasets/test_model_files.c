@@ -472,9 +472,7 @@ static lg_status square_loss(void *user, lg_tape *tape, lg_var theta, const uint
     return lg_tape_status(tape);
 }
 
-static void release_fit(void *fit) {
-    lg_fit_destroy(fit);
-}
+RELEASES(release_fit, lg_fit_destroy)
 
 /* Three epochs at a time, five in all, trained as the bad example is. */
 static lg_fit *make_fit(const kind_row *k, const double *theta, size_t parameters) {

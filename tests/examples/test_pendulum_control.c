@@ -38,9 +38,7 @@ static fixture *make(const double *w, double mass, double torque_max, bool fits)
     return self;
 }
 
-static void release_plant(void *of) {
-    plant_destroy(of);
-}
+RELEASES(release_plant, plant_destroy)
 
 static plant *make_plant(void) {
     plant *truth = TEST_ARRAY(plant, 1);

@@ -9,9 +9,7 @@
 
 enum { SYSTEM_MAX_DIM = 128 };
 
-static inline void release_system(void *system) {
-    lg_system_destroy(system);
-}
+RELEASES(release_system, lg_system_destroy)
 
 /* A system of the running test. */
 static inline lg_system *make_system_with(const char *name, const lg_system_options *options) {

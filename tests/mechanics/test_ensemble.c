@@ -582,9 +582,7 @@ TEST("exact sums do not depend on order, and cancel without loss") {
     assert_true(lg_exact_value(&least) == -0x1p-1074);
 }
 
-static void release_statistics(void *statistics) {
-    lg_statistics_destroy(statistics);
-}
+RELEASES(release_statistics, lg_statistics_destroy)
 
 static lg_statistics *make_statistics(size_t bins, const double *values, size_t count) {
     static const bool logarithmic[] = {false, true};

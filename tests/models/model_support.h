@@ -19,9 +19,7 @@ typedef struct built {
     void *work;
 } built;
 
-static inline void release_model(void *model) {
-    lg_model_destroy(model);
-}
+RELEASES(release_model, lg_model_destroy)
 
 /* After the description and the parameters: owns the model and gives it work memory. */
 static inline built ready_to_run(built b) {

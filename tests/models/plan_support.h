@@ -12,13 +12,8 @@ typedef struct ready {
     size_t bytes;
 } ready;
 
-static inline void release_plan(void *plan) {
-    lg_plan_destroy(plan);
-}
-
-static inline void release_program(void *program) {
-    lg_program_destroy(program);
-}
+RELEASES(release_plan, lg_plan_destroy)
+RELEASES(release_program, lg_program_destroy)
 
 /* Function `name` that marks what is not finite. */
 static inline ready make_ready(const lg_program *program, const char *name, size_t rows, lg_dtype dtype) {

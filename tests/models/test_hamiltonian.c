@@ -16,9 +16,7 @@ typedef struct data {
     double t[M], *y, H[N];
 } data;
 
-static void release_system(void *system) {
-    lg_system_destroy(system);
-}
+RELEASES(release_system, lg_system_destroy)
 
 static data make_data(const char *name, size_t links) {
     data set;

@@ -132,9 +132,7 @@ typedef struct training {
     size_t d;
 } training;
 
-static void release_system(void *system) {
-    lg_system_destroy(system);
-}
+RELEASES(release_system, lg_system_destroy)
 
 /* Of a chain q has no unit. */
 static training make_training(const system_row *r, units in) {

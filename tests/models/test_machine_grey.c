@@ -36,9 +36,7 @@ struct system_case {
     double factor;          /* starts are so many times the truth */
 };
 
-static void release_system(void *system) {
-    lg_system_destroy(system);
-}
+RELEASES(release_system, lg_system_destroy)
 
 static lg_system *system_of(const system_case *c) {
     lg_system_options options;

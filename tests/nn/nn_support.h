@@ -21,9 +21,7 @@ static inline lg_context *cancelled_by(const volatile int *cancel) {
 
 /* ---- fits ---- */
 
-static inline void release_fit(void *fit) {
-    lg_fit_destroy(fit);
-}
+RELEASES(release_fit, lg_fit_destroy)
 
 static inline lg_fit *test_fit(const lg_context *context, const lg_fit_problem *problem,
                                const lg_fit_options *options, const double *theta) {

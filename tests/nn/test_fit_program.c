@@ -10,9 +10,7 @@
 
 enum { ROWS = 300 };
 
-static void release_program(void *program) {
-    lg_program_destroy(program);
-}
+RELEASES(release_program, lg_program_destroy)
 
 /* y = x W + b */
 static lg_var line(lg_tape *tape, const lg_var *theta, lg_var x) {

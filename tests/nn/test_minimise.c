@@ -637,9 +637,7 @@ TEST("a search that ends at values that are not finite says so, not rounding") {
 
 /* ---- states ---- */
 
-static void release_minimiser(void *minimiser) {
-    lg_minimiser_destroy(minimiser);
-}
+RELEASES(release_minimiser, lg_minimiser_destroy)
 
 static lg_minimiser *test_minimiser(const function *f, lg_minimise_method method) {
     lg_minimise_options options;

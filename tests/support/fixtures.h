@@ -65,13 +65,8 @@
         return copy;                                                                                         \
     }
 
-static inline void release_context(void *context) {
-    lg_context_destroy(context);
-}
-
-static inline void release_tape(void *tape) {
-    lg_tape_destroy(tape);
-}
+RELEASES(release_context, lg_context_destroy)
+RELEASES(release_tape, lg_tape_destroy)
 
 static inline lg_tape *test_tape(lg_dtype dtype) {
     lg_tape_options options;
@@ -99,9 +94,7 @@ static inline double *test_numbers(uint64_t seed, size_t n, double low, double h
     return x;
 }
 
-static inline void release_stepper(void *stepper) {
-    lg_stepper_destroy(stepper);
-}
+RELEASES(release_stepper, lg_stepper_destroy)
 
 static inline lg_stepper *test_stepper(const lg_scheme *scheme, const lg_ode *ode) {
     lg_stepper *stepper = NULL;

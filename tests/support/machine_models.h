@@ -9,9 +9,7 @@
 #include "liegrad/model.h"
 
 /* A machine of the running test, of a description and scales that are not 1. */
-static inline void release_machine_model(void *file) {
-    lg_machine_model_file_destroy(file);
-}
+RELEASES(release_machine_model, lg_machine_model_file_destroy)
 
 /* Ranges of positions, velocities and inputs: -1 to 2. */
 static inline lg_machine_model_file *make_machine_model(const char *yaml, uint64_t seed) {
