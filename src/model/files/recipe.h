@@ -78,7 +78,8 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
 /* ---- a kind and its public functions ---- */
 
 /* Defines, in a file that has facts, defaults, build, check, describe, parameters, slice, program, put_rest
- * and get_rest of a kind: lg_recipe_kind, and the functions that take its structures: lg_model_save_kind, lg_model_load_kind. Every file structure names the members alike that all kinds have;
+ * and get_rest of a kind: lg_recipe_kind, and the functions that take its structures: lg_model_save_kind,
+ * lg_model_load_kind. Every file structure names the members alike that all kinds have;
  * lg_kind_file_destroy is the kind's own. More members of the row may follow. */
 /* The names of a row and the offsets of its structures, lg_kind_run and lg_kind_file. */
 #define LG_RECIPE_LAYOUT(kind)                                                                               \
