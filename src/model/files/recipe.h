@@ -77,10 +77,6 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
 
 /* ---- a kind and its public functions ---- */
 
-/* Defines, in a file that has facts, defaults, build, check, describe, parameters, slice, program, put_rest
- * and get_rest of a kind: lg_recipe_kind, and the functions that take its structures: lg_model_save_kind,
- * lg_model_load_kind. Every file structure names the members alike that all kinds have;
- * lg_kind_file_destroy is the kind's own. More members of the row may follow. */
 /* The names of a row and the offsets of its structures, lg_kind_run and lg_kind_file. */
 #define LG_RECIPE_LAYOUT(kind)                                                                               \
     .name = #kind, .fields = lg_##kind##_fields, .run_size = sizeof(lg_##kind##_run),                        \
@@ -91,6 +87,10 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
     .file_history = offsetof(lg_##kind##_file, history),                                                     \
     .file_provenance = offsetof(lg_##kind##_file, provenance)
 
+/* Defines, in a file that has facts, defaults, build, check, describe, parameters, slice, program, put_rest
+ * and get_rest of a kind: lg_recipe_kind, and the functions that take its structures: lg_model_save_kind,
+ * lg_model_load_kind. Every file structure names the members alike that all kinds have;
+ * lg_kind_file_destroy is the kind's own. More members of the row may follow. */
 #define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
     lg_status lg_model_save_##kind(const lg_context *context, const char *path,                              \
                                    const lg_##kind##_file *file, const lg_fit *fit, lg_error *error) {       \
