@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "common/search.h"
+#include "table/files/recipe.h"
 
 /* ---- settings ---- */
 
@@ -110,15 +111,26 @@ static lg_status hold_out(void *user, app *self, double validation, lg_error *er
 
 /* ---- the fit ---- */
 
-/* Priors and parameters to start from (freed with free). */
+/* Whether the evidence of the data gives the priors. */
+static bool seeks_evidence(const app *self) {
+    return is_regression(&state) && !state.resumed && !lg_fit_plan_batches(&run.training.plan) &&
+           !app_given(self, "decay") && !app_given(self, "weight-decay") && !app_given(self, "prior") &&
+           lg_table_parameters(&run.model) <= LG_TABLE_MOST_LM;
+}
+
+/* Priors and parameters to start from (freed with lg_free). */
 static lg_status find_start(const app *self, double **theta, lg_error *error) {
-    if (seeks_evidence(&state, self)) return find_evidence(&state, self, theta, error);
-    const uint32_t given = run.decay.count, slices = slices_of(&run.model);
+    const uint32_t given = run.decay.count, slices = lg_table_slices(&run.model);
+    lg_table_start start = {.context = self->context, .run = &run, .problem = &state.problem};
+    if (seeks_evidence(self)) {
+        const lg_status status = lg_table_find_start(&start, !app_given(self, "hidden"), theta, error);
+        state.evidence = start.evidence;
+        return status;
+    }
     if (given != 0 && given != slices)
         return app_error(error, LG_INVALID_ARGUMENT,
                          "--decay: %u numbers; the model has %u arrays of parameters", given, slices);
-    *theta = first_parameters(&state);
-    return *theta != NULL ? LG_OK : train_no_room(lg_table_parameters(&run.model), error);
+    return lg_table_first_parameters(self->context, &run, theta, error);
 }
 
 /* The decay of each parameter from that of its slice. */
@@ -135,11 +147,11 @@ static void spread_decay(void) {
 static void choose_method(const app *self, lg_fit_options *options) {
     enum { LEAST = 5, MOST = 60, OTHERS = 300 };
     static const double WORK = 8e9;
-    const bool large = lg_table_parameters(&run.model) > MOST_LM;
+    const bool large = lg_table_parameters(&run.model) > LG_TABLE_MOST_LM;
     if (state.resumed || !is_regression(&state) || app_given(self, "method")) return;
     if (large) run.training.plan.phase[0].method = LG_FIT_LBFGS;
     if (!app_given(self, "epochs") && !app_given(self, "seconds")) {
-        const double evaluations = WORK / work_of(&state, (double)state.trained);
+        const double evaluations = WORK / lg_table_work(&run.model, (double)state.trained);
         run.training.epochs = large ? OTHERS : (uint64_t)fmin(fmax(evaluations, LEAST), MOST);
         options->epochs = run.training.epochs;
     }
@@ -162,7 +174,7 @@ static lg_status create(void *user, app *self, const lg_fit_options *options, lg
         chosen.keep_best = state.trained < state.samples.count;
         status = lg_fit_create(self->context, &state.fit_problem, &chosen, theta, &state.fit, error);
     }
-    free(theta);
+    lg_free(self->context, theta);
     *fit = state.fit;
     return status;
 }

@@ -46,22 +46,6 @@ lg_status split_rows(training *state, const app *self, lg_error *error);
 /* Equal rows, and whether they stand on both sides of the split. */
 void warn_duplicates(const app *self, const training *state);
 
-/* ---- width and priors (train_evidence.c) ---- */
-
-/* Beyond this many parameters the matrix of Levenberg-Marquardt takes too long. */
-enum { MOST_LM = 1500 };
-
-/* Multiplications in an evaluation of residuals, Jacobian and matrix, with what it costs beside them. */
-double work_of(const training *state, double rows);
-/* Parameters as they are drawn; NULL: no memory. */
-double *first_parameters(const training *state);
-/* Arrays of parameters. */
-uint32_t slices_of(const lg_table *model);
-/* Whether the evidence of the data gives the priors. */
-bool seeks_evidence(const training *state, const app *self);
-/* Width, priors and parameters to start from (freed with free). */
-lg_status find_evidence(training *state, const app *self, double **theta, lg_error *error);
-
 /* ---- result (train_result.c) ---- */
 
 /* Judges, writes the model, draws and reports; `finish` of a train_task. */

@@ -6,6 +6,7 @@
 #include "settings/names.h"
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"
+#include "table/files/recipe.h"
 
 /* ---- the run ---- */
 
@@ -23,15 +24,8 @@ static const lg_field facts[] = {FACT("model", "task", NAME, model.options.task,
 
 static const lg_table_run defaults; /* zeros */
 
-static uint32_t slices_of(const lg_table *model) {
-    lg_slice_info info;
-    uint32_t slices = 0;
-    while (lg_table_slice(model, slices, &info)) slices++;
-    return slices;
-}
-
 static bool decay_fits(const lg_table_run *run) {
-    return run->decay.count == 0 || run->decay.count == slices_of(&run->model);
+    return run->decay.count == 0 || run->decay.count == lg_table_slices(&run->model);
 }
 
 static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
@@ -44,7 +38,7 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
                        reason.message);
     if (!decay_fits(run))
         return lg_fail(error, LG_FORMAT, "%s: /run: attribute decay: %u numbers, the model has %u arrays",
-                       shown, run->decay.count, slices_of(&run->model));
+                       shown, run->decay.count, lg_table_slices(&run->model));
     return LG_OK;
 }
 
