@@ -17,7 +17,6 @@ static const char *const meanings[][2] = {
     {"layers", "a number, or the layers of an import by name"},
     {"loss", "the losses of detectors and surrogates"},
     {"method", "of training, of classification, of integration"},
-    {"initial", "a state of known layout, or any state and any inputs"},
     {"metric", "over trajectories, over parts"},
     {"network", "kind of surrogate, architecture"},
     {"noise", "of sensors by the data sheet, of states, of columns"},
