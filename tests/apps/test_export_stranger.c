@@ -58,6 +58,12 @@ static lg_status euler(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
+static lg_status decay(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_scale(tape, x[0], -1.0);
+    return lg_tape_status(tape);
+}
+
 /* Logits 3 x and -3 x of two classes, their derivatives, their probabilities. */
 static lg_status logits(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     (void)user, (void)theta;
@@ -245,12 +251,12 @@ TEST("a stranger's model without gradient, or with a step of other numbers, is a
     const lg_port x = {.name = "x", .shape = lg_shape1(2)}, f = {.name = "f"},
                   in[] = {x, {.name = "h", .shape = lg_shape1(1)}};
     const lg_function_spec functions[] = {{"value", &x, 1, &f, 1, energy, NULL},
-                                          {"field", &x, 1, &f, 1, energy, NULL},
+                                          {"field", &x, 1, &f, 1, decay, NULL},
                                           {"step", in, 2, &f, 1, energy, NULL}};
     save("value.h5", NULL, functions, 1);
     export_run("value.h5 --out value --name m");
     export_expect("grep -q 'void m_value(' value/m.h && ! grep -q m_eval value/m.h");
-    save("other.h5", NULL, functions, 3);
+    save("other.h5", "R^2", functions, 3);
     export_run("other.h5 --out other --name m");
     export_expect("grep -q 'void m_step(const m_real \\*x, const m_real \\*h' other/m.h");
 }
