@@ -3,51 +3,9 @@
 #ifndef LG_GRADCHECK_ROWS_H
 #define LG_GRADCHECK_ROWS_H
 
+#include "autodiff/cases/shapes.h"
 #include "autodiff/cases/cases.h"
 #include "autodiff/tape/tape_internal.h"
-
-#define S0                                                                                                   \
-    {                                                                                                        \
-        0, {                                                                                                 \
-            0, 0, 0, 0                                                                                       \
-        }                                                                                                    \
-    }
-#define S1(a)                                                                                                \
-    {                                                                                                        \
-        1, {                                                                                                 \
-            a, 0, 0, 0                                                                                       \
-        }                                                                                                    \
-    }
-#define S2(a, b)                                                                                             \
-    {                                                                                                        \
-        2, {                                                                                                 \
-            a, b, 0, 0                                                                                       \
-        }                                                                                                    \
-    }
-#define S3(a, b, c)                                                                                          \
-    {                                                                                                        \
-        3, {                                                                                                 \
-            a, b, c, 0                                                                                       \
-        }                                                                                                    \
-    }
-#define S4(a, b, c, d)                                                                                       \
-    {                                                                                                        \
-        4, {                                                                                                 \
-            a, b, c, d                                                                                       \
-        }                                                                                                    \
-    }
-
-#define IN(...)                                                                                              \
-    { .shape = __VA_ARGS__ }
-#define IN_RANGE(a, b, ...)                                                                                  \
-    { .shape = __VA_ARGS__, .low = a, .high = b }
-#define IN_VALUES(v, ...)                                                                                    \
-    { .shape = __VA_ARGS__, .values = v }
-#define INPUTS(...)                                                                                          \
-    .inputs = (uint32_t)(sizeof((lg_gradcheck_argument[]){__VA_ARGS__}) / sizeof(lg_gradcheck_argument)),    \
-    .arguments = (const lg_gradcheck_argument[]) {                                                           \
-        __VA_ARGS__                                                                                          \
-    }
 
 /* What a build function is told besides its inputs. */
 typedef struct settings {

@@ -19,8 +19,12 @@ extern const lg_recipe LG_OWN_RECIPE;
 #define OWN_ROW
 #endif
 
-const lg_recipe *const lg_recipes[] = {&lg_recipe_hamiltonian, &lg_recipe_surrogate,     &lg_recipe_detector,
-                                       &lg_recipe_table,       &lg_recipe_machine_model, OWN_ROW NULL};
+/* X(name) of the row lg_recipe_<name>. */
+#define RECIPES(X)    X(hamiltonian) X(surrogate) X(detector) X(table) X(machine_model)
+#define DECLARE(name) extern const lg_recipe lg_recipe_##name;
+#define LIST(name)    &lg_recipe_##name,
+RECIPES(DECLARE)
+const lg_recipe *const lg_recipes[] = {RECIPES(LIST) OWN_ROW NULL};
 
 const lg_recipe *lg_recipe_find(const char *name) {
     size_t i = 0;
