@@ -64,7 +64,7 @@ static void put_numbers(const lg_archive_writer *to, const result *what) {
 }
 
 static lg_archive_writer archive_of(lg_file_writer *writer, const char *prefix) {
-    lg_archive_writer to = {NULL};
+    lg_archive_writer to = {.user = NULL};
     (void)app_had_memory(lg_file_writer_archive(writer, prefix, &to));
     return to;
 }
