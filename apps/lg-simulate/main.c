@@ -250,8 +250,8 @@ static char *describe_methods(void) {
         [VARIATIONAL] = " for the oscillator and chains; ",
         [LIE] = " on the manifold itself; ",
         [COTANGENT] = " for the heavy top as cotangent or quadratic. Adaptive: ",
-        [ADAPTIVE] = "; they take --steps too.\nThe default tolerance fits states in any units; "
-                     "--atol is in the units of the state."};
+        [ADAPTIVE] = ("; they take --steps too.\nThe default tolerance fits states in any units; "
+                      "--atol is in the units of the state.")};
     lg_text text = app_text();
     lg_text_add(&text, "Methods: ");
     for (int group = 0; group < GROUPS; group++) {
