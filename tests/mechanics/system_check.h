@@ -14,7 +14,10 @@ RELEASES(release_system, lg_system_destroy)
 /* A system of the running test. */
 static inline lg_system *make_system_with(const char *name, const lg_system_options *options) {
     lg_system *system = NULL;
-    assert_told(lg_system_create(NULL, name, options, &system, &told));
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_system_create(NULL, name, options, &system, &error);
+    assert_string_equal(error.message, "");
+    assert_int_equal(status, LG_OK);
     lg_test_owns(system, release_system);
     return system;
 }
