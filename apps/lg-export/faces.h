@@ -1,6 +1,6 @@
 /* Faces: the C of a model that stands around functions of its program. A model has the faces whose functions
- * its program has, whatever its kind: a face is a row. What is known of a kind beside its functions, in order
- * to draw inputs like the data and to say what they are, is a row too. */
+ * its program has, whatever its kind: a face is a row. A row of export_kind says more about a known kind: how
+ * golden inputs are drawn, and what its numbers are. */
 #ifndef LG_EXPORT_FACES_H
 #define LG_EXPORT_FACES_H
 

@@ -44,7 +44,7 @@ typedef enum lg_file_use {
     LG_FILE_NOT,      /* the text names no file, or the command looks after it alone */
     LG_FILE_READ,     /* an input */
     LG_FILE_WRITTEN,  /* the file is replaced */
-    LG_FILE_STREAMED, /* likewise, or it is a pipe or a device, which is written to */
+    LG_FILE_STREAMED, /* the file is replaced; a pipe or a device is written to */
     LG_FILE_DRAWN     /* a picture, .svg or .png: its data and script, next to it, are replaced too */
 } lg_file_use;
 
