@@ -100,7 +100,7 @@ static int run_gnuplot(const char *script, FILE *picture) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/* The picture, or a warning that says why there is none. */
+/* Draws the picture, or warns why it cannot be drawn. */
 static lg_status draw(const app *self, const app_plot *plot, lg_error *error) {
     app_file picture;
     app_file_begin(&picture, plot->picture);

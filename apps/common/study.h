@@ -2,7 +2,7 @@
  * the table is one run. It is appended when the run has ended, so that the same command goes on after Ctrl-C
  * or a crash.
  *
- * A command gives a study_task to study_main. */
+ * A command fills a study_task and calls study_main with it. */
 #ifndef LG_APPS_STUDY_DRIVER_H
 #define LG_APPS_STUDY_DRIVER_H
 

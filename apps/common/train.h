@@ -123,7 +123,7 @@ struct train_session {
     lg_fit *fit;
     double seconds; /* wall time of the training */
     train_race race;
-    double floor; /* the integrator's truncation error in units of the loss; NaN: there is none */
+    double floor; /* the integrator's truncation error in units of the loss; NaN: not known */
     /* The driver's own. */
     app_progress progress;
     lg_status checkpoint_status;

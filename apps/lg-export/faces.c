@@ -1,4 +1,4 @@
-/* The C of a model: the faces for which its program has functions. */
+/* Writes the C of a model: every face whose functions the model's program has. */
 #include "lg-export/faces.h"
 
 #include <math.h>
@@ -105,7 +105,7 @@ static int add_code(export_model *m) {
 
 /* ---- golden vectors ---- */
 
-/* A state anywhere: a random element acts on the state at rest, with random numbers where that is flat. */
+/* Draws a random state: a random group element acts on the state at rest; flat factors get random numbers. */
 static void draw_state(export_model *m, double *x) {
     double *element = app_alloc(m->algebra, sizeof *element), *at = x;
     memset(x, 0, m->dim * sizeof *x);

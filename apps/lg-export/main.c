@@ -154,10 +154,10 @@ static int check_functions(const job *j) {
     const bool moves = lg_model_space(j->file.model) != NULL;
     if (given.compact || (given.functions != NULL && !moves)) return refuse_functions(j);
     if (given.functions == NULL || strcmp(given.functions, "linearise") == 0) return APP_EXIT_OK;
-    return app_usage(
-        j->self,
-        "--functions: '%s'; of a model that moves only linearise can be had beside what it always has",
-        given.functions);
+    return app_usage(j->self,
+                     "--functions: '%s'; a model that moves is exported with its usual functions; only "
+                     "linearise can be added",
+                     given.functions);
 }
 
 /* The C of the faces; *none: the model has no face. */

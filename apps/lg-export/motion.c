@@ -39,7 +39,7 @@ static void add_factor(export_source *source, const lg_space_factor *factor) {
         lg_text_add(&source->code, "{9, 1}, {1, 3}, ");
 }
 
-/* The end of a step; `factors`: their table is needed for more than that. */
+/* Adds the code that ends a step. `factors`: other code needs the table of factors, too. */
 static void add_arrival(export_source *source, const lg_space *space, bool factors) {
     bool flat = true;
     for (size_t f = 0; f < space->factors; f++)

@@ -42,7 +42,7 @@ static void add_constants(export_source *source, const lg_surrogate *model) {
     }
 }
 
-/* The fragment of the curve, and reals of work that it needs beside its functions. */
+/* The code fragment of the curve, and the work memory (reals) that the fragment adds to its functions. */
 static const struct {
     const char *fragment;
     size_t work;

@@ -8,7 +8,7 @@ typedef struct evaluate_values {
 static const lg_field evaluate_options[] = {
     LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
               "Draw predicted against true values, or the table of confusion; its data and script stay "
-              "beside it, as FILE.dat and FILE.gp",
+              "next to it, as FILE.dat and FILE.gp",
               .file = LG_FILE_DRAWN),
     LG_FIELD_END};
 

@@ -114,8 +114,8 @@ static void take_biases(const app *self, const char *path, const lg_tensors *ten
             if (strcmp(n->layers[k].name, stem) == 0) of = &n->layers[k];
         if (of == NULL || of->bias != NULL || t->count != of->out)
             app_stop(self, LG_FORMAT,
-                     "%s: tensor '%s' is the bias of no layer: expected is STEM.bias beside "
-                     "STEM.weight, with a number for each output",
+                     "%s: tensor '%s' is the bias of no layer: STEM.bias needs a STEM.weight and one number "
+                     "for each output",
                      path, t->name);
         of->bias = transposed(t->values, 1, t->count);
     }
@@ -126,8 +126,8 @@ static void check_weight(const app *self, const char *path, const lg_tensors *te
                          size_t layers) {
     if (tensors->inputs_first && strcmp(t->name, "linear.weight") == 0)
         app_stop(self, LG_FORMAT,
-                 "%s: was written by lg-export from a table network, whose linear part '%s' stands beside "
-                 "its layers: it is no chain of layers; use the model itself",
+                 "%s: was written by lg-export from a table network, which adds the linear part '%s' to "
+                 "its layers: it is no chain of layers, and cannot be imported; use the model itself",
                  path, t->name);
     if (t->rank != 2 || t->count == 0 || layers == MOST_LAYERS)
         app_stop(self, LG_FORMAT, "%s: tensor '%s' is no weight of a dense layer (rank 2, at most %d layers)",

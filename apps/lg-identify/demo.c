@@ -275,7 +275,7 @@ static void control_all(const demo *d, control *c) {
 static void report(const app *self, const comparison *learned, const control *c, double seconds) {
     app_json out;
     app_result_begin(&out, self);
-    app_result_line(&out, "\nWhat was learned, beside the true machine:");
+    app_result_line(&out, "\nLearned numbers and the numbers of the true machine:");
     app_result_named(&out, "identified", "number");
     for (int k = 0; k < COMPARED; k++) {
         app_json_open(&out, learned->name[k], '{');

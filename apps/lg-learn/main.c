@@ -244,9 +244,8 @@ int main(int argc, char **argv) {
          .run = run_predict},
         {.name = "list", .summary = "The recipes that there are", .run = run_list},
         {.run = NULL}};
-    return app_main(
-        argc, argv, "lg-learn",
-        "Models of any recipe: learned, searched, judged, predicted. A new recipe needs no program "
-        "of its own.",
-        commands);
+    return app_main(argc, argv, "lg-learn",
+                    "Models of any recipe: learned, searched, judged, predicted. A new recipe can be used "
+                    "without another program.",
+                    commands);
 }

@@ -11,7 +11,7 @@ void lg_matrix_multiply_tn(size_t m, size_t n, size_t k, const double *a, const 
 void lg_matrix_transpose(size_t m, size_t n, const double *a, double *c);
 /* y += c x */
 void lg_matrix_add(size_t count, double c, const double *x, double *y);
-/* In place: (x + x^T)/2 of x (n, n). */
+/* Replaces x (n, n) by (x + x^T)/2. */
 void lg_matrix_symmetrise(size_t n, double *x);
 /* A matrix in twice the digits, high + low. */
 typedef struct lg_matrix_pair {

@@ -57,7 +57,7 @@ struct lg_learning {
     lg_result results[LG_RESULTS_MOST];
     size_t result_count, first_count; /* first_count: before what every training tells */
     lg_verdict verdict;
-    double floor; /* the integrator's truncation error in units of the loss; NaN: there is none */
+    double floor; /* the integrator's truncation error in units of the loss; NaN: not known */
     struct lg_learning_block *blocks; /* of lg_learning_alloc */
 };
 

@@ -41,7 +41,7 @@ struct lg_recipe {
     /* The file structure: its size, offsets of what all kinds have. */
     size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
         file_provenance;
-    /* The rest of the file, may be NULL; `fitted`: lg_fit_save writes optimizer and generator. */
+    /* Writes the rest of the file; may be NULL. `fitted`: lg_fit_save writes optimizer and generator. */
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
     void (*release)(void *file);      /* NULL: theta and history are all that it owns */
