@@ -58,10 +58,11 @@ static lg_status describe(void *user, app *self, const void *stored, lg_error *e
 
 static int prepare(void *user, app *self) {
     lg_learning *learning = &of(user)->learning;
+    const lg_learner *learner = learning->recipe->learner;
     lg_error error = {LG_OK, ""};
-    if (learning->recipe->learner->prepare == NULL) return APP_EXIT_OK;
-    const lg_status status = learning->recipe->learner->prepare(learning, &error);
-    return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
+    const lg_status status = learner->prepare != NULL ? learner->prepare(learning, &error) : LG_OK;
+    if (status != LG_OK) return fail(self, status, &error);
+    return of(user)->check != NULL ? of(user)->check(self, learning) : APP_EXIT_OK;
 }
 
 static lg_status hold_out(void *user, app *self, double validation, lg_error *error) {
@@ -100,12 +101,26 @@ static bool has_width(void *user) {
 
 /* ---- the result ---- */
 
+static void put_value(app_json *out, const lg_result *result) {
+    if (result->type == LG_FIELD_REAL) app_result_real(out, result->name, result->real, result->label);
+    if (result->type == LG_FIELD_U64) app_result_size(out, result->name, result->whole, result->label);
+    if (result->type == LG_FIELD_STRING) app_result_text(out, result->name, result->text, result->label);
+}
+
 void learn_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end) {
+    size_t depth = 0;
+    if (learning->results_lost) app_out_of_memory();
     for (size_t i = first; i < end; i++) {
         const lg_result *result = &learning->results[i];
-        if (result->type == LG_FIELD_REAL) app_result_real(out, result->name, result->real, result->label);
-        if (result->type == LG_FIELD_U64) app_result_size(out, result->name, result->whole, result->label);
-        if (result->type == LG_FIELD_STRING) app_result_text(out, result->name, result->text, result->label);
+        if (result->bracket == '[' || result->bracket == '{') {
+            app_json_open(out, result->name, result->bracket);
+            depth++;
+        } else if (result->bracket != 0) {
+            app_json_close(out, result->bracket);
+            depth--;
+        } else if (depth == 0 || !out->people) {
+            put_value(out, result);
+        }
     }
 }
 
@@ -129,6 +144,7 @@ static int conclude(train_recipe *task, train_session *session, double *theta) {
     const app *self = session->app;
     const char *out = train_given_files.out;
     lg_error error = {LG_OK, ""};
+    learning->seconds = session->seconds;
     lg_fit_parameters(learning->fit, theta);
     lg_status status = learning->recipe->learner->judge(learning, theta, &error);
     if (status != LG_OK)
@@ -188,6 +204,14 @@ int train_recipe_main(app *self, train_recipe *task) {
     const int code = train_main(self, &hooks);
     lg_learning_close(&task->learning);
     return code;
+}
+
+int train_recipe_read(app *self, train_recipe *task) {
+    char sha256[LG_SHA256_TEXT];
+    learn_begin(task, self, 0);
+    const train_task hooks = task_of(task);
+    const int code = train_check(self, &hooks);
+    return code == APP_EXIT_OK ? read_data(task, self, self->arguments[0], sha256) : code;
 }
 
 int search_recipe_main(app *self, const app_command *train, train_recipe *task) {

@@ -12,6 +12,8 @@ typedef struct train_recipe {
     const char *only;             /* a search takes this method alone; NULL: any */
     const char *kept;             /* the option that names one more file to be read; may be NULL */
     void *state;                  /* of the learner; NULL: it is made */
+    /* An exit code: with the data split, before training; may be NULL. */
+    int (*check)(const app *app, const lg_learning *learning);
     /* For people; NULL: the results, a line each. */
     void (*print)(const train_session *session, const lg_learning *learning);
     int (*draw)(const train_session *session, const lg_learning *learning); /* NULL: the loss */
@@ -23,6 +25,9 @@ void learn_begin(train_recipe *self, const app *app, int argument);
 /* A part of the results, as a part of a command's. */
 void learn_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end);
 int train_recipe_main(app *app, train_recipe *self);
+/* The beginning of train_recipe_main, for a command that also trains without a recipe: options and files are
+ * checked, the data are read. An exit code; then lg_learning_close, whatever it is. */
+int train_recipe_read(app *app, train_recipe *self);
 /* Arguments RANGES.yaml DATA; `train` is the command whose options are searched. */
 int search_recipe_main(app *app, const app_command *train, train_recipe *self);
 

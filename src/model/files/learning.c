@@ -51,9 +51,11 @@ void lg_learning_release(lg_learning *self) {
         lg_free(self->context, self->blocks);
         self->blocks = next;
     }
+    lg_free(self->context, self->results);
     self->fit = NULL;
     self->theta = NULL;
-    self->result_count = self->first_count = 0;
+    self->results = NULL;
+    self->result_count = self->result_room = self->first_count = 0;
 }
 
 void lg_learning_close(lg_learning *self) {
@@ -102,9 +104,21 @@ const char *lg_learning_preset(const lg_learning *self) {
 
 /* ---- results ---- */
 
+static bool make_room(lg_learning *self) {
+    const size_t room = 2 * self->result_room + 32;
+    lg_result *longer = lg_alloc(self->context, room, sizeof *longer);
+    if (longer == NULL) return false;
+    if (self->result_count > 0) memcpy(longer, self->results, self->result_count * sizeof *longer);
+    lg_free(self->context, self->results);
+    self->results = longer;
+    self->result_room = room;
+    return true;
+}
+
 static lg_result *add_result(lg_learning *self, const char *name, lg_field_type type, const char *label) {
-    static lg_result none; /* a list of ours is too long */
-    lg_result *out = self->result_count < LG_RESULTS_MOST ? &self->results[self->result_count++] : &none;
+    static lg_result none;
+    self->results_lost = self->results_lost || (self->result_count == self->result_room && !make_room(self));
+    lg_result *out = self->results_lost ? &none : &self->results[self->result_count++];
     *out = (lg_result){.name = name, .type = type, .label = label};
     return out;
 }
@@ -121,9 +135,22 @@ void lg_result_text(lg_learning *self, const char *name, const char *value, cons
     add_result(self, name, LG_FIELD_STRING, label)->text = value;
 }
 
+void lg_result_open(lg_learning *self, const char *name, char bracket) {
+    add_result(self, name, LG_FIELD_NODE, NULL)->bracket = bracket;
+}
+
+void lg_result_close(lg_learning *self, char bracket) {
+    add_result(self, NULL, LG_FIELD_NODE, NULL)->bracket = bracket;
+}
+
 const lg_result *lg_result_find(const lg_learning *self, const char *name) {
-    for (size_t i = 0; i < self->result_count; i++)
-        if (strcmp(self->results[i].name, name) == 0) return &self->results[i];
+    size_t depth = 0;
+    for (size_t i = 0; i < self->result_count; i++) {
+        const lg_result *result = &self->results[i];
+        const bool opens = result->bracket == '[' || result->bracket == '{', closes = result->bracket != 0;
+        if (depth == 0 && !closes && strcmp(result->name, name) == 0) return result;
+        depth = opens ? depth + 1 : closes ? depth - 1 : depth;
+    }
     return NULL;
 }
 
@@ -208,6 +235,7 @@ lg_status lg_learning_evaluate(lg_learning *self, const void *file, lg_error *er
     const lg_recipe *recipe = self->recipe;
     memcpy(self->run, (const char *)file + recipe->file_run, recipe->run_size);
     self->stored = (const char *)file + recipe->file_run;
+    self->file = file;
     LG_TRY(recipe->learner->read(self, error));
     return recipe->learner->evaluate != NULL ? recipe->learner->evaluate(self, file, error)
                                              : judge_again(self, file, error);

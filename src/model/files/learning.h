@@ -11,16 +11,16 @@
 #include "core/core.h"
 #include "model/files/recipe.h"
 
-/* One number or text of a result. */
+/* One number or text of a result; or where a list or an object begins or ends. */
 typedef struct lg_result {
-    const char *name;   /* in JSON; static */
+    const char *name;   /* in JSON; static; NULL in a list and where one ends */
     const char *label;  /* what it is, for people; static, may be NULL */
     lg_field_type type; /* LG_FIELD_REAL, LG_FIELD_U64 or LG_FIELD_STRING */
     double real;
     uint64_t whole;
     const char *text; /* borrowed; NULL: unknown */
+    char bracket;     /* [ { ] }, or 0: a number or a text */
 } lg_result;
-enum { LG_RESULTS_MOST = 48 };
 
 /* How good the model is on the data that it learned: its `error`, the `what` ("mean squared error"), and the
  * error of a simple guess ("the mean curve"). what NULL: not known. */
@@ -43,7 +43,8 @@ struct lg_learning {
     /* A stored run is resumed; `stored` is this run while it has the last word about the facts. */
     bool resumed;
     const void *stored;
-    const char *preset;                                         /* that was asked for; NULL: none */
+    const void *file;   /* the contents of the model file that is evaluated; NULL while a model is trained */
+    const char *preset; /* that was asked for; NULL: none */
     bool (*given)(const lg_learning *self, const char *option); /* by the user */
     const void *user;                                           /* of `given` */
     /* Filled by `read`. */
@@ -51,11 +52,13 @@ struct lg_learning {
     /* Filled by `problem`; the options are filled before, and may be changed. */
     lg_fit_problem problem;
     lg_fit_options options;
-    double *theta; /* (problem.parameters) to start from */
-    lg_fit *fit;   /* the driver's */
+    double *theta;  /* (problem.parameters) to start from */
+    lg_fit *fit;    /* the driver's */
+    double seconds; /* the driver's: wall time of the training */
     /* Filled by `judge` and `evaluate`. */
-    lg_result results[LG_RESULTS_MOST];
-    size_t result_count, first_count; /* first_count: before what every training tells */
+    lg_result *results;
+    size_t result_count, result_room, first_count; /* first_count: before what every training tells */
+    bool results_lost;                             /* there was no memory for them */
     lg_verdict verdict;
     double floor; /* the integrator's truncation error in units of the loss; NaN: not known */
     struct lg_learning_block *blocks; /* of lg_learning_alloc */
@@ -121,7 +124,10 @@ const char *lg_preset_name(uint32_t value); /* NULL beyond the last */
 void lg_result_real(lg_learning *self, const char *name, double value, const char *label);
 void lg_result_whole(lg_learning *self, const char *name, uint64_t value, const char *label);
 void lg_result_text(lg_learning *self, const char *name, const char *value, const char *label);
-/* NULL: there is no such result. */
+/* A list '[' or an object '{' begins, whose members are told until it ends; they are in JSON alone. */
+void lg_result_open(lg_learning *self, const char *name, char bracket);
+void lg_result_close(lg_learning *self, char bracket);
+/* NULL: there is no such result, or it is a member of another one. */
 const lg_result *lg_result_find(const lg_learning *self, const char *name);
 /* The hooks of the learner, or their defaults. */
 double lg_learning_objective(lg_learning *self);
