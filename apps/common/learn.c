@@ -30,6 +30,7 @@ void learn_begin(train_recipe *task, const app *self, int argument) {
     task->learning = lg_learning_of(self->context, recipe, task->settings[0].values, task->state);
     task->learning.paths = self->arguments + argument;
     task->learning.path_count = (size_t)(self->argument_count - argument);
+    task->learning.model = train_given_files.out;
     task->learning.threads = self->threads;
     task->learning.given = given;
     task->learning.user = self;
@@ -43,7 +44,8 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
     learning->resumed = train_given_files.resume != NULL;
     const lg_status status = learning->recipe->learner->read(learning, &error);
     if (is_usage(status, &error)) return fail(self, status, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    if (status != LG_OK)
+        return app_fail_file(self, status, &error, learning->failed != NULL ? learning->failed : path);
     memcpy(sha256, learning->sha256, LG_SHA256_TEXT);
     return APP_EXIT_OK;
 }
@@ -174,6 +176,16 @@ static int finish(void *user, train_session *session) {
 
 /* ---- commands ---- */
 
+int learn_evaluate(train_recipe *task, const app *self, const void *file) {
+    lg_learning *learning = &task->learning;
+    lg_error error = {LG_OK, ""};
+    learn_begin(task, self, 1);
+    learning->model = self->arguments[0];
+    const lg_status status = lg_learning_evaluate(learning, file, &error);
+    app_must_file(self, status, &error, learning->failed != NULL ? learning->failed : learning->paths[0]);
+    return learning->verdict.failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
+}
+
 static train_task task_of(train_recipe *task) {
     const lg_learner *learner = task->recipe->learner;
     return (train_task){.kind = task->recipe,
@@ -182,7 +194,7 @@ static train_task task_of(train_recipe *task) {
                         .method = learner->method,
                         .only = task->only,
                         .held_out = learner->held_out,
-                        .kept = task->kept,
+                        .kept = learner->kept,
                         .user = task,
                         .read = read_data,
                         .describe = describe,

@@ -10,7 +10,6 @@ typedef struct train_recipe {
     const lg_recipe *recipe;
     const app_settings *settings; /* of the command; the first one is the run */
     const char *only;             /* a search takes this method alone; NULL: any */
-    const char *kept;             /* the option that names one more file to be read; may be NULL */
     void *state;                  /* of the learner; NULL: it is made */
     /* An exit code: with the data split, before training; may be NULL. */
     int (*check)(const app *app, const lg_learning *learning);
@@ -24,6 +23,9 @@ typedef struct train_recipe {
 void learn_begin(train_recipe *self, const app *app, int argument);
 /* A part of the results, as a part of a command's. */
 void learn_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end);
+/* Results of a model file's contents on the arguments from the second on; the command ends where there are
+ * none. APP_EXIT_NUMERIC: they are of no use, and a warning said why. */
+int learn_evaluate(train_recipe *self, const app *app, const void *file);
 int train_recipe_main(app *app, train_recipe *self);
 /* The beginning of train_recipe_main, for a command that also trains without a recipe: options and files are
  * checked, the data are read. An exit code; then lg_learning_close, whatever it is. */

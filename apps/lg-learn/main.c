@@ -105,8 +105,7 @@ static int run_evaluate(app *self) {
     train_recipe task = {.recipe = file.recipe, .settings = settings};
     app_json out;
     const double begin = app_seconds();
-    learn_begin(&task, self, 1);
-    APP_MUST_FILE(self, self->arguments[1], lg_learning_evaluate(&task.learning, file.contents, &error));
+    const int code = learn_evaluate(&task, self, file.contents);
     app_result_begin(&out, self);
     learn_put_results(&out, &task.learning, 0, task.learning.result_count);
     app_json_text(&out, "recipe", file.recipe->name);
@@ -115,7 +114,7 @@ static int run_evaluate(app *self) {
     app_json_end(&out);
     lg_learning_close(&task.learning);
     free(task.state);
-    return APP_EXIT_OK;
+    return code;
 }
 
 /* ---- predict ---- */

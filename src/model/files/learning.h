@@ -39,6 +39,7 @@ struct lg_learning {
         *state; /* (learner->state_size bytes) the learner's own; zero at the beginning but for its options */
     const char *const *paths; /* the arguments of the command; the first one is the data */
     size_t path_count;
+    const char *model; /* the path of the model, which is written or evaluated; NULL: there is none */
     uint64_t threads;
     /* A stored run is resumed; `stored` is this run while it has the last word about the facts. */
     bool resumed;
@@ -49,6 +50,7 @@ struct lg_learning {
     const void *user;                                           /* of `given` */
     /* Filled by `read`. */
     char sha256[LG_SHA256_TEXT];
+    const char *failed; /* the file that a failure is about; NULL: paths[0] */
     /* Filled by `problem`; the options are filled before, and may be changed. */
     lg_fit_problem problem;
     lg_fit_options options;
@@ -69,13 +71,14 @@ typedef struct lg_learner {
     const lg_field *options;  /* of the state: what a user says and no file stores; may be NULL */
     const char *method;       /* the row whose value the other rows' `methods` are about; NULL: none */
     const char *held_out;     /* the row whose place --validation of a search takes; may be NULL */
+    const char *kept;         /* the option that names one more file to be read; may be NULL */
     const char *const *sizes; /* values of the row "hidden" that --size auto compares, from small to large,
                                * ended by NULL; NULL: it has no such row */
     bool prior;               /* its loss is the square of noise, which --prior takes */
     bool presets;             /* it has the presets "thesis" and "best" */
     bool (*has_width)(const lg_learning *self); /* NULL: always */
 
-    /* Reads the data; a failure is told of paths[0] where the sentence does not name another file. */
+    /* Reads the data; a sentence about a failure begins with the path of the file where it lacks one. */
     lg_status (*read)(lg_learning *self, lg_error *error);
     /* Completes the run: what the data say, and without `stored` what a preset says (lg_learning_adopt). The
      * hyperparameters of a stored run are adopted already. */
