@@ -1,4 +1,4 @@
-/* Measures of a classifier's quality. Library `liegrad_classify`. */
+/* Measures of the quality of a classifier. */
 #ifndef LIEGRAD_METRICS_H
 #define LIEGRAD_METRICS_H
 
