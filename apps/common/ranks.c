@@ -58,7 +58,7 @@ uint64_t app_processors(void) {
 /* ---- liegrad_mpi ---- */
 
 static struct {
-    lg_status (*begin)(lg_ranks *out, lg_error *error);
+    lg_status (*begin)(const void *communicator, lg_ranks *out, lg_error *error);
     void (*end)(lg_ranks *ranks);
     void (*abort)(int code);
     lg_ranks ranks;
@@ -91,7 +91,7 @@ int app_join_ranks(app *self) {
                          "mpirun started %u ranks, but there is no liegrad_mpi (%s): install it, or build "
                          "with MPI",
                          self->rank_count, dlerror());
-    const lg_status status = mpi.begin(&mpi.ranks, &error);
+    const lg_status status = mpi.begin(NULL, &mpi.ranks, &error);
     if (status != LG_OK) return app_fail(self, status, "%s", error.message);
     self->ranks = &mpi.ranks;
     return APP_EXIT_OK;

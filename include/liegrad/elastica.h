@@ -169,10 +169,6 @@ LG_API void lg_elastica_sampling_init(lg_elastica_sampling *sampling); /* both-e
  * solver, with the x of the curve; LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_sampling *sampling,
                                       lg_elastica_curves *out, lg_error *error);
-/* Allocates boundary, q and v, with `optional` the other arrays too; numbers are zero. LG_INVALID_ARGUMENT,
- * LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uint32_t intervals,
-                                           bool optional, lg_elastica_curves *out);
 LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves); /* leaves it zeroed */
 
 LG_END_DECLS

@@ -330,10 +330,6 @@ LG_API lg_status lg_step(lg_stepper *stepper, double t, double h, const double *
 /* Forget field values kept from earlier steps. */
 LG_API void lg_stepper_reset(lg_stepper *stepper);
 
-/* The estimated local error of the last step as an ambient vector (dim numbers); NULL when the scheme has no
- * embedded solution. RKMK: h sum (b_i - embedded_i) k_i, mapped by the generator at y_next. Commutator-free
- * schemes: the difference of the two solutions. */
-LG_API const double *lg_stepper_error(const lg_stepper *stepper);
 /* The largest rotation angle among all exponents of the last step. */
 LG_API double lg_stepper_angle(const lg_stepper *stepper);
 /* Dense output: the state at t + s h inside the last step, 0 <= s <= 1. It lies on the manifold. Errors:
@@ -408,11 +404,6 @@ typedef struct lg_step_decision {
  * not finite; the next one is then at most half as long. */
 LG_API lg_step_decision lg_step_controller_decide(const lg_step_controller *control, double exponent,
                                                   double error, const lg_step_history *history);
-
-/* Root mean square of error_i / (atol_i + rtol max(|y_i|, |y_next_i|)); 0/0 counts as 0. All arrays have dim
- * numbers. */
-LG_API double lg_error_norm(double rtol, const double *atol, const double *error, const double *y,
-                            const double *y_next, size_t dim);
 
 /* Integrates from (t0, y0) to each of times[0..count-1]; out (count, dim). The times are monotone in either
  * direction from t0, and neighbours may be equal. control->dense says how times between steps are reached.

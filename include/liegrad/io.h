@@ -581,7 +581,6 @@ LG_API extern const lg_recipe lg_recipe_hamiltonian, lg_recipe_surrogate, lg_rec
 LG_API extern const lg_recipe *const lg_recipes[];
 /* Finds the recipe with this name, the attribute `kind` of its model files. NULL: no recipe has the name. */
 LG_API const lg_recipe *lg_recipe_find(const char *name);
-LG_API const char *lg_recipe_name(const lg_recipe *recipe);
 
 /* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
  *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->

@@ -45,8 +45,6 @@ typedef enum lg_log_measured {
 typedef enum lg_input_hold { LG_HOLD_ZERO, LG_HOLD_LINEAR, LG_HOLD_CUBIC } lg_input_hold;
 #define LG_LOG_MEASURED_COUNT 3
 #define LG_INPUT_HOLD_COUNT   3
-LG_API const char *lg_log_measured_name(lg_log_measured measured); /* "velocities"; NULL: none */
-LG_API const char *lg_input_hold_name(lg_input_hold hold);         /* "zero", "linear", "cubic"; NULL: none */
 
 typedef struct lg_machine_file {
     lg_machine machine; /* lg_machine_init has been called, with scales of 1 */

@@ -59,8 +59,6 @@ typedef enum lg_minimise_method {
     LG_MINIMISE_LM
 } lg_minimise_method;
 #define LG_MINIMISE_METHOD_COUNT 3
-LG_API const char *
-lg_minimise_method_name(lg_minimise_method method); /* "ssbroyden", "lbfgs", "lm"; else NULL */
 
 /* Why a run ended. */
 typedef enum lg_minimise_end {

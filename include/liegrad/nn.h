@@ -354,7 +354,6 @@ LG_API lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_er
 /* The result as `parameters` doubles: with keep_best those of the best epoch (when one is finished), else the
  * current ones. */
 LG_API void lg_fit_parameters(const lg_fit *fit, double *theta);
-LG_API void lg_fit_current_parameters(const lg_fit *fit, double *theta);
 LG_API uint64_t lg_fit_epochs_done(const lg_fit *fit);
 LG_API uint64_t lg_fit_steps_done(const lg_fit *fit); /* Adam's steps and evaluations of other methods */
 LG_API uint64_t lg_fit_best_epoch(const lg_fit *fit); /* counted from 1; 0: none finished */
@@ -384,12 +383,6 @@ LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
 #define LG_NEWTON_MAX_PARAMETERS 512
 
-typedef struct lg_newton_options {
-    uint64_t max_iterations;   /* 200 */
-    double gradient_tolerance; /* 1e-15: stop when max |gradient| <= this times max |Hessian entry| */
-} lg_newton_options;
-LG_API void lg_newton_options_init(lg_newton_options *options);
-
 typedef struct lg_newton_result {
     uint64_t iterations;
     double loss, gradient_norm; /* at the last point where derivatives were taken */
@@ -397,13 +390,13 @@ typedef struct lg_newton_result {
 
 /* Minimises the full-batch loss from theta (`parameters` doubles, in/out) by Newton's method with Levenberg's
  * damping: (H + mu I) s = -g. A step is taken when it lowers the loss; H is exact, by forward over reverse
- * differentiation. Returns LG_OK at the tolerance, when no step lowers the loss any more because of rounding,
- * and after max_iterations (see result->iterations). The whole batch lies on one f64 tape.
- * `options` NULL: defaults; `result` may be NULL. Errors, theta untouched: LG_INVALID_ARGUMENT (a NULL, no
+ * differentiation. Returns LG_OK when max |gradient| <= 1e-15 max |Hessian entry|, when no step lowers the
+ * loss any more because of rounding, and after 200 iterations. The whole batch lies on one f64 tape.
+ * `result` may be NULL. Errors, theta untouched: LG_INVALID_ARGUMENT (a NULL, no
  * samples, parameters outside 1..LG_NEWTON_MAX_PARAMETERS), LG_OUT_OF_MEMORY, LG_NOT_FINITE, LG_CANCELLED,
  * the loss callback's. */
-LG_API lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem,
-                               const lg_newton_options *options, double *theta, lg_newton_result *result);
+LG_API lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem, double *theta,
+                               lg_newton_result *result);
 
 LG_END_DECLS
 

@@ -113,11 +113,8 @@ LG_API lg_var lg_rownorm2(lg_tape *tape, lg_var a);         /* squared norm, (..
 LG_API lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b);  /* (..., 3) */
 
 /* Solves sym(A) X = B for a batch: A (n, k, k) with symmetric part positive definite, B (n, k, m) -> (n, k,
- * m). The derivative with respect to A is symmetric. A row whose factorisation fails becomes NaN and is
- * counted. */
+ * m). The derivative with respect to A is symmetric. A row whose factorisation fails becomes NaN. */
 LG_API lg_var lg_spd_solve(lg_tape *tape, lg_var a, lg_var b);
-/* Failed factorisations since creation or the last reset of the tape. */
-LG_API size_t lg_tape_spd_failures(const lg_tape *tape);
 
 /* ---- functions of the rotation angle, w = |u|^2 of any shape (..., 1) ---- */
 /* Stumpff functions c_0..c_K, (..., 1) -> (..., K + 1): c_k(w) = sum_j (-w)^j / (k + 2j)!, 0 <= K <= 8;

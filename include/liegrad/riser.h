@@ -49,8 +49,6 @@ typedef struct lg_riser_parameters {
     lg_housing housing;
     double severity; /* r of the broken casing: 1 is intact, 0.58 the standard crack */
 } lg_riser_parameters;
-/* The standard scene, intact, slack. */
-LG_API void lg_riser_parameters_init(lg_riser_parameters *out);
 /* LG_INVALID_ARGUMENT with a sentence that names the parameter, or for a structure that cannot stand: the
  * mass or stiffness matrix (with the soil's initial spring, and the housing beyond its gap) is not positive
  * definite or overflows. A structure that is stable only beyond the gap passes; it leans. */
@@ -64,21 +62,6 @@ typedef struct lg_sea_state {
     double period;    /* Tp, s */
     double direction; /* rad, from x to y */
 } lg_sea_state;
-
-/* One Airy component: elevation amplitude cos(frequency t - wavenumber (x cos direction + y sin direction)
- * + phase). The riser stands at x = y = 0, and t = 0 is `discard` seconds before the first sample. */
-typedef struct lg_wave {
-    double amplitude, frequency, wavenumber, direction, phase; /* m, rad/s, 1/m, rad, rad */
-} lg_wave;
-/* The waves of a run with this seed, by rising frequency. All n have the amplitude Hs/sqrt(8 n), so the
- * variance of the elevation is Hs^2/16. The spectrum is cut into n parts of equal energy, and one frequency
- * is drawn from each. Directions are drawn from cos^12 and phases uniformly; wavenumbers k solve
- * frequency^2 = g k tanh(k depth). Errors, with waves untouched: LG_INVALID_ARGUMENT
- * - a sea state that is not finite, a negative height
- * - a period or depth that is not positive (in a calm sea the period does not matter)
- * - a period, depth or gravity for which a frequency or wavenumber is zero or infinite */
-LG_API lg_status lg_sea_components(const lg_sea_state *sea, double depth, double gravity, uint64_t seed,
-                                   lg_wave waves[LG_RISER_COMPONENTS]);
 
 #define LG_SEA_STATES 18 /* Hs {1.5, 2, 2.5, 3, 3.5, 4.5} x directions {20, 45, 70} degrees */
 /* Standard sea state `index` (modulo 18); the direction changes fastest. The rng draws the period
@@ -109,16 +92,6 @@ LG_API void lg_riser_run_init(lg_riser_run *out);
  * large). */
 LG_API lg_status lg_riser_simulate(const lg_context *context, const lg_riser_parameters *parameters,
                                    const lg_riser_run *run, size_t count, float *samples, lg_error *error);
-
-/* The same piece by piece: a feed of any length in constant memory. The size of the pieces does not change
- * the samples. */
-typedef struct lg_riser_stream lg_riser_stream;
-LG_API lg_status lg_riser_stream_create(const lg_context *context, const lg_riser_parameters *parameters,
-                                        const lg_riser_run *run, lg_riser_stream **out, lg_error *error);
-LG_API void lg_riser_stream_destroy(lg_riser_stream *stream); /* NULL is fine */
-/* The next `count` samples (count, LG_RISER_CHANNELS); allocates nothing. After LG_NOT_FINITE or
- * LG_CANCELLED some of them are written, and the stream may only be destroyed. */
-LG_API lg_status lg_riser_stream_next(lg_riser_stream *stream, size_t count, float *samples, lg_error *error);
 
 /* ---- the standard set of runs ---- */
 

@@ -85,12 +85,10 @@ LG_API bool lg_table_is_far(const lg_table_far *far, double x);
  */
 typedef struct lg_table_samples {
     size_t count, training;
-    double *x;                 /* (count, inputs) */
-    double *y;                 /* regression: (count, outputs); else NULL */
-    uint32_t *label;           /* classification: (count); else NULL */
-    const lg_context *context; /* whose memory the arrays are in */
+    double *x;       /* (count, inputs) */
+    double *y;       /* regression: (count, outputs); else NULL */
+    uint32_t *label; /* classification: (count); else NULL */
 } lg_table_samples;
-LG_API void lg_table_samples_destroy(lg_table_samples *samples); /* NULL or zeros are fine */
 
 /* Borrowed. decay (lg_table_parameters) or NULL: decay_i/2 theta_i^2 is added to the loss, by methods other
  * than Adam. */

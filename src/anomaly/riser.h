@@ -16,6 +16,9 @@
 #define LG_RISER_MATRIX (LG_RISER_DOF * LG_RISER_DOF)
 #define LG_RISER_STATE  (2 * LG_RISER_ROW)
 
+/* The standard scene, intact, slack. */
+void lg_riser_parameters_init(lg_riser_parameters *out);
+
 double lg_riser_segment(const lg_riser_parameters *p);                /* length, m */
 double lg_riser_height(const lg_riser_parameters *p, size_t station); /* above the sea floor, m */
 
@@ -45,6 +48,21 @@ double lg_soil_energy(double stiffness, double strength, double r);
 
 /* Returns the k > 0 with frequency^2 = gravity k tanh(k depth). */
 double lg_dispersion(double frequency, double depth, double gravity);
+
+/* One Airy component: elevation amplitude cos(frequency t - wavenumber (x cos direction + y sin direction)
+ * + phase). The riser stands at x = y = 0, and t = 0 is `discard` seconds before the first sample. */
+typedef struct lg_wave {
+    double amplitude, frequency, wavenumber, direction, phase; /* m, rad/s, 1/m, rad, rad */
+} lg_wave;
+/* The waves of a run with this seed, by rising frequency. All n have the amplitude Hs/sqrt(8 n), so the
+ * variance of the elevation is Hs^2/16. The spectrum is cut into n parts of equal energy, and one frequency
+ * is drawn from each. Directions are drawn from cos^12 and phases uniformly; wavenumbers k solve
+ * frequency^2 = g k tanh(k depth). Errors, with waves untouched: LG_INVALID_ARGUMENT
+ * - a sea state that is not finite, a negative height
+ * - a period or depth that is not positive (in a calm sea the period does not matter)
+ * - a period, depth or gravity for which a frequency or wavenumber is zero or infinite */
+lg_status lg_sea_components(const lg_sea_state *sea, double depth, double gravity, uint64_t seed,
+                            lg_wave waves[LG_RISER_COMPONENTS]);
 
 #define LG_WATER_BLOCK 256 /* steps computed together */
 #define LG_WATER_HALF  (LG_WATER_BLOCK / 2)
@@ -116,5 +134,17 @@ lg_status lg_riser_periods(const lg_riser_parameters *parameters, bool locked, d
 lg_status lg_riser_free_motion(const lg_context *context, const lg_riser_parameters *parameters, double dt,
                                size_t steps, bool damped, double *q, double *v, double *energy,
                                lg_error *error);
+
+/* ---- streams ---- */
+
+/* The same piece by piece: a feed of any length in constant memory. The size of the pieces does not change
+ * the samples. */
+typedef struct lg_riser_stream lg_riser_stream;
+lg_status lg_riser_stream_create(const lg_context *context, const lg_riser_parameters *parameters,
+                                 const lg_riser_run *run, lg_riser_stream **out, lg_error *error);
+void lg_riser_stream_destroy(lg_riser_stream *stream); /* NULL is fine */
+/* The next `count` samples (count, LG_RISER_CHANNELS); allocates nothing. After LG_NOT_FINITE or
+ * LG_CANCELLED some of them are written, and the stream may only be destroyed. */
+lg_status lg_riser_stream_next(lg_riser_stream *stream, size_t count, float *samples, lg_error *error);
 
 #endif

@@ -149,4 +149,9 @@ void lg_collocation_export(const lg_collocation *collocation, const lg_elastica 
 lg_status lg_beam_next(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
                        lg_beam_end *end);
 
+/* Allocates boundary, q and v, with `optional` the other arrays too; numbers are zero. LG_INVALID_ARGUMENT,
+ * LG_OUT_OF_MEMORY. */
+lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uint32_t intervals,
+                                    bool optional, lg_elastica_curves *out);
+
 #endif

@@ -117,4 +117,13 @@ void lg_tolerance_accept(lg_stepper *s);
 bool lg_all_finite(size_t n, const double *x);
 bool lg_step_controller_valid(const lg_step_controller *control);
 
+/* The estimated local error of the last step as an ambient vector (dim numbers); NULL when the scheme has no
+ * embedded solution. RKMK: h sum (b_i - embedded_i) k_i, mapped by the generator at y_next. Commutator-free
+ * schemes: the difference of the two solutions. */
+const double *lg_stepper_error(const lg_stepper *stepper);
+/* Root mean square of error_i / (atol_i + rtol max(|y_i|, |y_next_i|)); 0/0 counts as 0. All arrays have dim
+ * numbers. */
+double lg_error_norm(double rtol, const double *atol, const double *error, const double *y,
+                     const double *y_next, size_t dim);
+
 #endif

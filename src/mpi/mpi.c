@@ -100,11 +100,16 @@ static lg_status compare(const lg_ranks *ranks, lg_error *error) {
     return lg_ranks_agree(ranks, status, error);
 }
 
-lg_status lg_mpi_ranks(const void *communicator, lg_ranks *out, lg_error *error) {
-    int initialised = 0, rank, count;
-    (void)MPI_Initialized(&initialised);
-    if (!initialised || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "MPI has not been initialised, or there is no output");
+static void release(lg_ranks *ranks) {
+    link *l = ranks->user;
+    (void)MPI_Comm_free(&l->comm);
+    lg_free(NULL, l->counts);
+    lg_free(NULL, l);
+    *ranks = (lg_ranks){.size = sizeof *ranks};
+}
+
+static lg_status join(const void *communicator, lg_ranks *out, lg_error *error) {
+    int rank, count;
     link *l = lg_alloc(NULL, 1, sizeof *l);
     if (l == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the ranks");
     MPI_Comm from = MPI_COMM_WORLD;
@@ -115,41 +120,35 @@ lg_status lg_mpi_ranks(const void *communicator, lg_ranks *out, lg_error *error)
     l->counts = lg_alloc(NULL, 2 * (size_t)count, sizeof *l->counts);
     lg_ranks made = {sizeof made, (uint32_t)rank, (uint32_t)count, l, gather, collect};
     if (l->counts == NULL) {
-        lg_mpi_release(&made);
+        release(&made);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %d ranks", count);
     }
     l->offsets = l->counts + count;
     const lg_status status = compare(&made, error);
     if (status != LG_OK) {
-        lg_mpi_release(&made);
+        release(&made);
         return status;
     }
     *out = made;
     return LG_OK;
 }
 
-void lg_mpi_release(lg_ranks *ranks) {
-    link *l = ranks->user;
-    if (l == NULL) return;
-    (void)MPI_Comm_free(&l->comm);
-    lg_free(NULL, l->counts);
-    lg_free(NULL, l);
-    *ranks = (lg_ranks){.size = sizeof *ranks};
-}
-
-lg_status lg_mpi_begin(lg_ranks *out, lg_error *error) {
+lg_status lg_mpi_begin(const void *communicator, lg_ranks *out, lg_error *error) {
     int initialised = 0, provided = 0;
     (void)MPI_Initialized(&initialised);
+    if (out == NULL || (communicator != NULL && !initialised))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there is no output, or MPI has not been initialised");
     if (!initialised && MPI_Init_thread(NULL, NULL, MPI_THREAD_FUNNELED, &provided) != MPI_SUCCESS)
         return lg_fail(error, LG_FILE, "MPI could not be initialised");
-    LG_TRY(lg_mpi_ranks(NULL, out, error));
+    LG_TRY(join(communicator, out, error));
     ((link *)out->user)->finalise = !initialised;
     return LG_OK;
 }
 
 void lg_mpi_end(lg_ranks *ranks) {
-    const bool finalise = ranks->user != NULL && ((const link *)ranks->user)->finalise;
-    lg_mpi_release(ranks);
+    if (ranks->user == NULL) return;
+    const bool finalise = ((const link *)ranks->user)->finalise;
+    release(ranks);
     if (finalise) (void)MPI_Finalize();
 }
 

@@ -195,4 +195,7 @@ static inline double lg_fit_criterion(const lg_fit *fit, uint64_t epoch) {
     return fit->state.history[series][epoch - 1];
 }
 
+/* The parameters (`parameters` numbers) as they are now, whatever the best epoch was. */
+void lg_fit_current_parameters(const lg_fit *fit, double *theta);
+
 #endif

@@ -46,11 +46,6 @@ static const struct {
     [LG_MINIMISE_LIMIT] = {LG_NO_CONVERGENCE, "10000 evaluations did not find a minimum"},
 };
 
-const char *lg_minimise_method_name(lg_minimise_method method) {
-    const lg_minimise_row *row = lg_minimise_row_at((size_t)method);
-    return row != NULL ? row->name : NULL;
-}
-
 const char *lg_minimise_end_sentence(lg_minimise_end end) {
     return (int)end >= 0 && (int)end < LG_MINIMISE_END_COUNT ? ends[end].sentence : "";
 }
@@ -72,7 +67,7 @@ static lg_status check_options(size_t n, const lg_minimise_options *o, lg_error 
                        o->size, sizeof *o);
     if (n == 0 || n > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu variables; 1 to 2^32 - 1 are possible", n);
-    if (lg_minimise_method_name(o->method) == NULL)
+    if (lg_minimise_row_at((size_t)o->method) == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the method of minimisation is unknown");
     if (o->block > 0 && o->blocks > n / o->block)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu blocks of %zu are more than %zu variables", o->blocks,

@@ -7,6 +7,9 @@
 #include "liegrad/nn.h"
 #include "nn/minimise_internal.h"
 
+enum { MAX_ITERATIONS = 200 };
+static const double GRADIENT_TOLERANCE = 1e-15;
+
 typedef struct newton {
     const lg_context *context;
     const lg_fit_problem *problem;
@@ -93,16 +96,16 @@ static lg_status descend(newton *w, double value, double scale, double *damping,
     return LG_OK;
 }
 
-static lg_status iterate(newton *w, const lg_newton_options *options, lg_newton_result *result) {
+static lg_status iterate(newton *w, lg_newton_result *result) {
     double damping = 1e-3;
-    for (result->iterations = 0; result->iterations < options->max_iterations; result->iterations++) {
+    for (result->iterations = 0; result->iterations < MAX_ITERATIONS; result->iterations++) {
         if (lg_cancelled(w->context)) return LG_CANCELLED;
         LG_TRY(derivatives(w, &result->loss));
         result->gradient_norm = lg_largest(w->gradient, w->n);
         const double scale = lg_largest(w->hessian, w->n * w->n);
         if (!isfinite(result->loss) || !isfinite(result->gradient_norm) || !isfinite(scale))
             return LG_NOT_FINITE;
-        if (result->gradient_norm <= options->gradient_tolerance * scale) break;
+        if (result->gradient_norm <= GRADIENT_TOLERANCE * scale) break;
         bool moved;
         LG_TRY(descend(w, result->loss, scale, &damping, &moved));
         if (!moved) break;
@@ -110,15 +113,8 @@ static lg_status iterate(newton *w, const lg_newton_options *options, lg_newton_
     return LG_OK;
 }
 
-void lg_newton_options_init(lg_newton_options *options) {
-    *options = (lg_newton_options){.max_iterations = 200, .gradient_tolerance = 1e-15};
-}
-
-lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem,
-                        const lg_newton_options *options, double *theta, lg_newton_result *result) {
-    lg_newton_options chosen;
-    lg_newton_options_init(&chosen);
-    if (options != NULL) chosen = *options;
+lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem, double *theta,
+                        lg_newton_result *result) {
     if (problem == NULL || problem->loss == NULL || theta == NULL) return LG_INVALID_ARGUMENT;
     if (problem->parameters == 0 || problem->parameters > LG_NEWTON_MAX_PARAMETERS || problem->samples == 0 ||
         problem->samples > UINT32_MAX)
@@ -128,7 +124,7 @@ lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem
     lg_status status = create(&w);
     if (status == LG_OK) {
         memcpy(w.theta, theta, w.n * sizeof *theta);
-        status = iterate(&w, &chosen, &found);
+        status = iterate(&w, &found);
     }
     if (status == LG_OK) {
         memcpy(theta, w.theta, w.n * sizeof *theta);

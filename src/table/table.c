@@ -116,14 +116,6 @@ lg_status lg_table_scaler_fit(const lg_context *context, const double *values, u
     return status;
 }
 
-void lg_table_samples_destroy(lg_table_samples *samples) {
-    if (samples == NULL) return;
-    lg_free(samples->context, samples->x);
-    lg_free(samples->context, samples->y);
-    lg_free(samples->context, samples->label);
-    *samples = (lg_table_samples){0};
-}
-
 /* ---- on a tape ---- */
 
 lg_var lg_table_record(lg_tape *tape, const lg_table *model, lg_var theta, lg_var z, lg_net_tap *taps) {

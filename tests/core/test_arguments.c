@@ -396,7 +396,7 @@ TEST("networks and fits") {
     REFUSES(lg_fit_run(NEEDED(fit), NULL));
     REFUSES(lg_fit_save(NEEDED(fit), NEEDED(&writer), NULL));
     REFUSES(lg_fit_load(NEEDED(fit), NEEDED(&reader), NULL));
-    REFUSES(lg_newton_fit(NULL, NEEDED(&problem), NULL, NEEDED(others), NULL));
+    REFUSES(lg_newton_fit(NULL, NEEDED(&problem), NEEDED(others), NULL));
     lg_fit_destroy(fit);
 }
 
@@ -522,7 +522,6 @@ TEST("elastica and surrogates") {
     REFUSES(lg_elastica_branches(NULL, NEEDED(&problem), NULL, false, 2, NEEDED(others), NEEDED(solutions),
                                  NEEDED(&count), NULL));
     REFUSES(lg_elastica_generate(NULL, NEEDED(&sampling), NEEDED(&made), NULL));
-    REFUSES(lg_elastica_curves_create(NULL, 2, 10, false, NEEDED(&made)));
 
     lg_surrogate_options how = {.architecture = LG_NET_MLP,
                                 .embedding = 3,
@@ -786,19 +785,12 @@ static lg_status gather(void *user, void *all, const size_t *bytes) {
 TEST("risers, searches and ranks") {
     lg_riser_parameters riser;
     lg_riser_run run;
-    lg_riser_stream *stream = NULL, *made;
-    lg_riser_parameters_init(&riser);
-    lg_riser_run_init(&run);
+    uint32_t label, sea_state;
+    lg_riser_standard_run(0, 1, 1.0, &riser, &run, &label, &sea_state);
     run.discard = run.ramp = 0.0;
     float samples[LG_RISER_CHANNELS];
-    lg_wave waves[LG_RISER_COMPONENTS];
-    assert_ok(lg_riser_stream_create(NULL, &riser, &run, &stream, &error));
     REFUSES(lg_riser_parameters_check(NEEDED(&riser), NULL));
-    REFUSES(lg_sea_components(NEEDED(&run.sea), 100.0, 9.81, 1, NEEDED(waves)));
     REFUSES(lg_riser_simulate(NULL, NEEDED(&riser), NEEDED(&run), 1, NEEDED(samples), NULL));
-    REFUSES(lg_riser_stream_create(NULL, NEEDED(&riser), NEEDED(&run), NEEDED(&made), NULL));
-    REFUSES(lg_riser_stream_next(NEEDED(stream), 1, NEEDED(samples), NULL));
-    lg_riser_stream_destroy(stream);
 
     const lg_search_space space = {.count = 1, .ranges = {{.name = "lr", .low = 1.0, .high = 2.0}}};
     const lg_search_problem problem = {.run = run_trial};
@@ -889,7 +881,6 @@ TEST("machines") {
 /* What the tests above leave out: it has no pointer, needs MPI, or needs more than a few lines of files. */
 static const char *const left_out[] = {
     "lg_minimise_end_status",
-    "lg_mpi_ranks",
     "lg_mpi_begin",
     "lg_file_writer_archive",
     "lg_file_writer_commit",

@@ -2,7 +2,7 @@
  * input. */
 #include "io_test.h"
 
-#include "liegrad/elastica.h"
+#include "elastica/elastica.h"
 
 enum { CURVES = 6, INTERVALS = 10, NODES = INTERVALS + 1 };
 

@@ -4,6 +4,8 @@
 #include "fields.h"
 #include "support/fixtures.h"
 
+#include "integrators/stepper.h"
+
 /* ---- problems, and their solutions in long double ---- */
 
 typedef void (*rhs)(real t, const real *y, real *out);

@@ -2,7 +2,7 @@
  * space as a product of two factors still uses, and do not depend on where a copy stands. */
 #include "support/fixtures.h"
 
-#include "liegrad/integrators.h"
+#include "integrators/stepper.h"
 
 enum { MOST = 17, DIM = 6 * MOST };
 

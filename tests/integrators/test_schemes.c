@@ -5,6 +5,7 @@
 #include "support/fixtures.h"
 
 #include "core/core.h"
+#include "integrators/stepper.h"
 
 /* ---- se(3)^2 by matrices ---- */
 

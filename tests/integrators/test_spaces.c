@@ -7,6 +7,7 @@
 
 #include "liegrad/adjoint.h"
 #include "liegrad/geometry.h"
+#include "integrators/stepper.h"
 
 #define PI 3.14159265358979323846
 

@@ -2,7 +2,7 @@
 #include "support/fixtures.h"
 
 #include "liegrad/geometry.h"
-#include "liegrad/integrators.h"
+#include "integrators/stepper.h"
 
 #define PI 3.14159265358979323846
 

@@ -1,5 +1,5 @@
 /* Branches of the elastica: the documented hard cases, saddles, generated curves, memory. */
-#include "liegrad/elastica.h"
+#include "elastica/elastica.h"
 #include "support/fixtures.h"
 #include "test_support.h"
 /* ctest-labels: threads */

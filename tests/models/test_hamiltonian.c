@@ -864,13 +864,13 @@ TEST("Newton reaches the same floor from two starts") {
     lg_newton_result result[2];
     for (int i = 0; i < 2; i++) {
         const double before = loss_of(&problem, theta[i]);
-        assert_ok(lg_newton_fit(NULL, &fit, NULL, theta[i], &result[i]));
+        assert_ok(lg_newton_fit(NULL, &fit, theta[i], &result[i]));
         assert_true(result[i].loss < 1e-9 * before);
     }
     assert_close(result[0].loss, result[1].loss, 1e-6, 0.0);
     for (int j = 0; j < 3; j++) assert_close(theta[0][j], theta[1][j], 0.0, 1e-10);
     fit.parameters = LG_NEWTON_MAX_PARAMETERS + 1;
-    assert_status(lg_newton_fit(NULL, &fit, NULL, theta[0], NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_newton_fit(NULL, &fit, theta[0], NULL), LG_INVALID_ARGUMENT);
 }
 
 TEST("bad problems and models are refused") {

@@ -10,7 +10,11 @@
 #include "table/internal.h"
 #include "support/fixtures.h"
 
-OWNED(lg_table_samples, lg_table_samples_destroy)
+static void samples_destroy(lg_table_samples *samples) {
+    lg_free(NULL, samples->x);
+    lg_free(NULL, samples->y);
+}
+OWNED(lg_table_samples, samples_destroy)
 
 enum { ROWS = 40 };
 

@@ -3,6 +3,7 @@
 #include "nn_support.h"
 
 #include "core/core.h"
+#include "nn/fit_internal.h"
 #include "support/rank_team.h"
 
 enum { RANKS = 3 }; /* 1 to 3 */

@@ -2,7 +2,7 @@
  * ctest-labels: src/nn */
 #include "nn_support.h"
 
-#include "liegrad/minimise.h"
+#include "nn/minimise_internal.h"
 
 /* ---- objectives ---- */
 
@@ -132,8 +132,8 @@ TEST("both methods find known minima to rounding within their evaluations") {
             double *x = start_of(f.n);
             const lg_minimise_result r = minimise(&f, (lg_minimise_method)method, x, LG_OK);
             print_message("%s, n = %zu: %s after %llu evaluations, f = %.1e\n",
-                          lg_minimise_method_name((lg_minimise_method)method), f.n,
-                          lg_minimise_end_sentence(r.end), (unsigned long long)r.evaluations, r.value);
+                          lg_minimise_row_at((size_t)method)->name, f.n, lg_minimise_end_sentence(r.end),
+                          (unsigned long long)r.evaluations, r.value);
             assert_true(r.end == LG_MINIMISE_GRADIENT || r.end == LG_MINIMISE_ROUNDING);
             assert_true(r.evaluations <= cases[c].most[method]);
             assert_true(r.value <= 1e-20);
@@ -157,8 +157,8 @@ TEST("steps that leave the value as it is end a run") {
             function f = FUNCTION(parabola, n);
             const lg_minimise_result r = minimise(&f, (lg_minimise_method)method, start_of(n), LG_OK);
             print_message("%s, n = %zu: %llu evaluations, |g| = %.1e\n",
-                          lg_minimise_method_name((lg_minimise_method)method), n,
-                          (unsigned long long)r.evaluations, r.gradient);
+                          lg_minimise_row_at((size_t)method)->name, n, (unsigned long long)r.evaluations,
+                          r.gradient);
             assert_true(r.evaluations < 500 && r.gradient < 1e-90);
         }
 }
@@ -234,7 +234,7 @@ TEST("a saddle is left") {
         function f = FUNCTION(two_wells, 2);
         double x[2] = {1, 0};
         const lg_minimise_result r = minimise(&f, (lg_minimise_method)method, x, LG_OK);
-        print_message("%s: f = %g\n", lg_minimise_method_name((lg_minimise_method)method), r.value);
+        print_message("%s: f = %g\n", lg_minimise_row_at((size_t)method)->name, r.value);
         assert_true(r.value < 1e-12);
     }
 }
@@ -308,7 +308,7 @@ TEST("saddles and tops of any number of variables are left, minima are not") {
         const bool slow = r.end == LG_MINIMISE_EVALUATIONS && rotated && n >= 100 && down > 1;
         if (slow ? r.value > -0.24 * (double)down : status != LG_OK || !there)
             fail_msg("%s, n %zu, %zu down%s%s: f %g after %llu evaluations: %s",
-                     lg_minimise_method_name(options.method), n, down, rotated ? ", rotated" : "",
+                     lg_minimise_row_at(options.method)->name, n, down, rotated ? ", rotated" : "",
                      at_rest ? ", at rest" : "", r.value, (unsigned long long)r.evaluations,
                      lg_minimise_end_sentence(r.end));
     }
@@ -379,7 +379,7 @@ static lg_minimise_result minimise_landscape(landscape f, int method, double *x)
     options.method = (lg_minimise_method)method;
     const lg_status status = lg_minimise(NULL, f.n, landscape_value, &f, &options, x, &r, NULL);
     if (status != LG_OK)
-        fail_msg("%s, n %zu, a %g: f %g after %llu evaluations: %s", lg_minimise_method_name(options.method),
+        fail_msg("%s, n %zu, a %g: f %g after %llu evaluations: %s", lg_minimise_row_at(options.method)->name,
                  f.n, f.a, r.value, (unsigned long long)r.evaluations, lg_minimise_end_sentence(r.end));
     return r;
 }

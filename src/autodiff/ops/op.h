@@ -44,10 +44,8 @@ typedef struct lg_evaluation {
     const lg_shape *shape;     /* of the output */
     size_t count;              /* its elements */
     void *y;
-    void *kept;      /* second output, `kept` bytes; NULL: nobody will ask for a vjp */
-    void *scratch;   /* `scratch` bytes, 64-byte aligned */
-    size_t failures; /* out: rows that could not be computed and are NaN; whoever evaluates sets it to 0
-                        before */
+    void *kept;    /* second output, `kept` bytes; NULL: nobody will ask for a vjp */
+    void *scratch; /* `scratch` bytes, 64-byte aligned */
 } lg_evaluation;
 
 struct lg_reverse;

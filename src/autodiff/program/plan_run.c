@@ -58,8 +58,7 @@ static void run_tensor(const running *r, const lg_tensor_step *s) {
                        .count = s->count,
                        .y = to(r, &s->y),
                        .kept = NULL,
-                       .scratch = to(r, &s->scratch),
-                       .failures = 0};
+                       .scratch = to(r, &s->scratch)};
     (void)s->op->forward(&e);
 }
 

@@ -58,10 +58,6 @@ size_t lg_tape_size(const lg_tape *tape) {
     return tape->bytes;
 }
 
-size_t lg_tape_spd_failures(const lg_tape *tape) {
-    return tape->spd_failures;
-}
-
 /* ---- shapes ---- */
 
 lg_shape lg_shape_of(uint32_t rank, const uint32_t *dims) {
@@ -118,7 +114,6 @@ void lg_tape_reset(lg_tape *tape) {
     tape->status = LG_OK;
     tape->message[0] = '\0';
     tape->scope_depth = 0;
-    tape->spd_failures = 0;
 }
 
 /* ---- errors ---- */
@@ -274,7 +269,6 @@ static lg_status evaluate(lg_tape *tape, const lg_op *op, const lg_var *in, lg_e
     if (!take_extras(tape, op, in, e, &scratch)) return tape->status;
     const lg_status status = op->forward(e);
     if (scratch > 0) lg_pool_give(tape, e->scratch, scratch);
-    tape->spd_failures += e->failures;
     return status;
 }
 

@@ -89,8 +89,7 @@ struct lg_tape {
     uint32_t watch; /* 1 + a node at whose recording the scope is written down; 0: none */
     char watched[160];
     struct lg_calls *calls; /* while a function of a program is recorded (program_call.h), else NULL */
-    size_t spd_failures;
-    lg_exchange exchange; /* of the derivatives of one operation */
+    lg_exchange exchange;   /* of the derivatives of one operation */
 };
 
 /* ---- the interface of an operation ---- */

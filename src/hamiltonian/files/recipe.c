@@ -238,7 +238,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     const bool newton = s->newton && lg_fit_finished(self->fit);
     lg_newton_result found = {0};
     double loss = 0;
-    if (newton) LG_TRY(lg_newton_fit(self->context, &self->problem, NULL, theta, &found));
+    if (newton) LG_TRY(lg_newton_fit(self->context, &self->problem, theta, &found));
     LG_TRY(lg_hamiltonian_mean_squared_error(self->context, problem, theta, &loss, error));
     if (!isfinite(loss)) return LG_NOT_FINITE;
     LG_TRY(lg_hamiltonian_floor(self->context, problem, theta, &self->floor, error));

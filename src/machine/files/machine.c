@@ -15,20 +15,12 @@ typedef lg_machine_reading reading;
 static const char *const measured_names[] = {"velocities", "momenta", "positions"};
 static const char *const hold_names[] = {"zero", "linear", "cubic"};
 
-const char *lg_log_measured_name(lg_log_measured measured) {
-    return (unsigned)measured < LG_LOG_MEASURED_COUNT ? measured_names[measured] : NULL;
-}
-
-const char *lg_input_hold_name(lg_input_hold hold) {
-    return (unsigned)hold < LG_INPUT_HOLD_COUNT ? hold_names[hold] : NULL;
-}
-
 static const char *name_measured(uint32_t value) {
-    return lg_log_measured_name((lg_log_measured)value);
+    return value < LG_LOG_MEASURED_COUNT ? measured_names[value] : NULL;
 }
 
 static const char *name_hold(uint32_t value) {
-    return lg_input_hold_name((lg_input_hold)value);
+    return value < LG_INPUT_HOLD_COUNT ? hold_names[value] : NULL;
 }
 
 static const char *name_kind(uint32_t value) {

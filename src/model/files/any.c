@@ -32,10 +32,6 @@ const lg_recipe *lg_recipe_find(const char *name) {
     return lg_recipes[i];
 }
 
-const char *lg_recipe_name(const lg_recipe *recipe) {
-    return recipe->name;
-}
-
 /* ---- what is no model ---- */
 
 /* Words for the sentence; the last row is for any other kind. */
