@@ -1,5 +1,5 @@
 /* programs FOLDER: makes every model of this folder, derives from it, saves it as FOLDER/<name>.h5, loads
- * that and trains it on. */
+ * that and trains it on; `driven` also as a model that moves. */
 #include <stdio.h>
 
 #include <liegrad/io.h>
@@ -9,10 +9,11 @@
 static const struct {
     const char *name, *function; /* the one that is differentiated */
     lg_status (*make)(lg_program **out, training *how, lg_error *error);
-} models[] = {{"throw", "value", make_throw},
-              {"driven", "step", make_driven},
-              {"attitude", "step", make_attitude},
-              {"waveforms", "value", make_waveforms}};
+    int (*also)(const char *folder, lg_program *program); /* or NULL */
+} models[] = {{"throw", "value", make_throw, NULL},
+              {"driven", "step", make_driven, moves},
+              {"attitude", "step", make_attitude, NULL},
+              {"waveforms", "value", make_waveforms, NULL}};
 
 /* What is loaded can be run, trained on, differentiated and exported as what was made. */
 static int save_load_and_train(const char *path, const lg_program *program, const char *function,
@@ -52,8 +53,9 @@ int main(int argc, char **argv) {
             return 1;
         }
         (void)printf("%s: %s\n", models[i].name, lg_program_description(program));
-        good =
-            use(program, models[i].function) && save_load_and_train(path, program, models[i].function, how);
+        good = use(program, models[i].function) &&
+               save_load_and_train(path, program, models[i].function, how) &&
+               (models[i].also == NULL || models[i].also(argv[1], program));
         lg_program_destroy(program);
     }
     return good ? 0 : 1;

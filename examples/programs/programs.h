@@ -26,5 +26,7 @@ lg_status make_waveforms(lg_program **out, training *how, lg_error *error); /* c
 int use(lg_program *program, const char *function);
 /* Whether two programs give the same bits at a random input (use.c). */
 int same(const lg_program *a, const lg_program *b, const char *function);
+/* Saves `driven` as the model FOLDER/driven-model.h5, and takes steps with it (moves.c). */
+int moves(const char *folder, lg_program *driven);
 
 #endif

@@ -1,0 +1,54 @@
+/* A program as a model that moves: saved with the space of its states, it is loaded like a trained one. */
+#include "programs.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <liegrad/io.h>
+
+enum { STEPS = 10 };
+
+/* next (2) of `function` at x, u, h; next may be x. */
+static lg_status evaluate(const lg_model *model, const char *function, double *x, double *u, double *h,
+                          double *next, lg_error *error) {
+    lg_plan *plan;
+    lg_status status = lg_model_find(model, function, NULL, &plan, error);
+    if (status != LG_OK) return status;
+    double y[2] = {NAN, NAN};
+    void *work = aligned_alloc(64, (lg_plan_work_size(plan) + 63) / 64 * 64 + 64);
+    if (work != NULL) lg_plan_eval(plan, (const void *[]){x, u, h}, (void *[]){y}, work);
+    memcpy(next, y, sizeof y);
+    free(work);
+    lg_plan_destroy(plan);
+    return work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+/* Adds `steps`, STEPS steps with the input held: a loop, in memory and in exported C. */
+static lg_status save(const char *path, lg_program *driven, lg_error *error) {
+    const lg_carry carry = {"y", "x"};
+    lg_space space;
+    lg_status status = lg_program_add_loop(driven, "steps", "step", STEPS, &carry, 1, error);
+    if (status == LG_OK) status = lg_space_init_rn(&space, 2);
+    return status == LG_OK ? lg_model_save(NULL, path, "driven", driven, &space, NULL, error) : status;
+}
+
+int moves(const char *folder, lg_program *driven) {
+    char path[1024];
+    lg_model_file file;
+    lg_error error;
+    double loop[2], x[2] = {1, 0}, u = 0.2, h = 0.1;
+    (void)snprintf(path, sizeof path, "%s/driven-model.h5", folder);
+    lg_status status = save(path, driven, &error);
+    if (status == LG_OK) status = lg_model_load(NULL, path, NULL, &file, &error);
+    if (status != LG_OK) return (void)fprintf(stderr, "%s\n", error.message), 0;
+    status = evaluate(file.model, "steps", x, &u, &h, loop, &error);
+    for (int i = 0; i < STEPS && status == LG_OK; i++)
+        status = evaluate(file.model, "step", x, &u, &h, x, &error);
+    if (status != LG_OK) (void)fprintf(stderr, "%s\n", error.message);
+    (void)printf("  saved as a model with %zu input: (%.6f, %.6f) after %d steps\n",
+                 lg_model_input_dim(file.model), loop[0], loop[1], STEPS);
+    lg_model_file_destroy(&file);
+    return status == LG_OK && fabs(loop[0] - x[0]) + fabs(loop[1] - x[1]) < 1e-14;
+}
