@@ -1,8 +1,9 @@
 /* attitude_control --log LOG.csv [--seed S]
- * attitude_control MODEL.h5 [--starts N] [--seed S] [--duration T]
+ * attitude_control MODEL.h5 [--starts N] [--seed S] [--duration T] [--noise SIGMA]
  *
  * The first writes a log of the true body (plant.h) for lg-identify. The second holds an attitude at 1 kHz by
- * the learned machine (controller.h) against the true body, from random starts. Exit codes: 0; 1 a run does
+ * the learned machine (controller.h) against the true body, from random starts; with --noise it sees the body
+ * by sensors and a filter (observer.h). Exit codes: 0; 1 a run does
  * not end at the set point; 2 usage; 3 a file that cannot be read or written, a model that is not one of a
  * body; 5 memory. */
 #include <math.h>
@@ -23,7 +24,7 @@ static const double set_point[3] = {1.1, -0.7, 0.5}; /* rotation vector */
 
 typedef struct settings {
     const char *model, *log;
-    double starts, seed, duration;
+    double starts, seed, duration, noise;
 } settings;
 
 /* ---- what a step takes ---- */
@@ -46,8 +47,10 @@ static void print_latency(samples *s) {
 /* ---- runs ---- */
 
 /* Prints the table; how many runs do not hold the set point. */
-static int run_all(const settings *set, plant *truth, controller *control, samples *times, double *rate) {
+static int run_all(const settings *set, plant *truth, controller *control, observer *by, samples *times,
+                   double *rate) {
     int failed = 0;
+    double measured = 0.0;
     lg_rng rng;
     lg_rng_seed(&rng, (uint64_t)set->seed, 1);
     (void)printf("\n%3s %10s %10s %12s %10s %12s\n", "", "start, deg", "rate there", "arrived at", "torque",
@@ -58,15 +61,20 @@ static int run_all(const settings *set, plant *truth, controller *control, sampl
         plant_start(&rng, 1.0, state);
         const double first = trial_norm(state + ATTITUDE);
         const trial_options options = {period, set->duration, hold, tolerance};
-        const trial_result r = trial_run(&options, truth, control, state, times);
+        const trial_result r = trial_run(&options, truth, control, by, state, times);
         const bool held = r.finite && r.worst <= tolerance && r.torque <= torque_max;
         (void)printf("%3d %10.1f %10.2f %12.2f %10.2f %12.1e%s\n", i + 1, r.angle * 57.29577951308232, first,
                      r.arrived, r.torque, r.worst, held ? "" : "  NOT HELD");
         *rate = fmax(*rate, r.rate);
+        measured = fmax(measured, r.measured);
         failed += !held;
     }
     (void)printf("%d of %d reached the set point and held it within %g rad for the last %g s of %g s\n",
                  (int)set->starts - failed, (int)set->starts, tolerance, hold, set->duration);
+    if (by != NULL)
+        (void)printf(
+            "measured attitudes were off by up to %.3f rad; the filter's deviation of an angle is %.4f rad\n",
+            measured, by->worst);
     return failed;
 }
 
@@ -97,6 +105,7 @@ static void print_range(const lg_model_file *file, double rate) {
 
 static int control_with(const settings *set, const lg_model_file *file, void *work, samples *times) {
     controller control;
+    observer by, *seen = set->noise > 0.0 ? &by : NULL;
     plant truth;
     double Rd[ATTITUDE], rate = 0.0;
     char why[256];
@@ -105,12 +114,14 @@ static int control_with(const settings *set, const lg_model_file *file, void *wo
         (void)fprintf(stderr, "%s: %s\n", set->model, why);
         return 3;
     }
+    if (seen != NULL && !observer_create(seen, file->model, work, set->noise, (uint64_t)set->seed)) return 5;
     if (!plant_create(&truth)) return 5;
     print_learned(file->model, work);
-    const int failed = run_all(set, &truth, &control, times, &rate);
+    const int failed = run_all(set, &truth, &control, seen, times, &rate);
     print_range(file, rate);
     print_latency(times);
     plant_destroy(&truth);
+    if (seen != NULL) observer_destroy(seen);
     return failed > 0 ? 1 : 0;
 }
 
@@ -138,9 +149,10 @@ static int control(const settings *set) {
 /* ---- the command line ---- */
 
 static int usage(void) {
-    (void)fputs("usage: attitude_control --log LOG.csv [--seed S]\n"
-                "       attitude_control MODEL.h5 [--starts N] [--seed S] [--duration SECONDS]\n",
-                stderr);
+    (void)fputs(
+        "usage: attitude_control --log LOG.csv [--seed S]\n"
+        "       attitude_control MODEL.h5 [--starts N] [--seed S] [--duration SECONDS] [--noise RAD]\n",
+        stderr);
     return 2;
 }
 
@@ -165,6 +177,8 @@ static bool parse(int argc, char **argv, settings *to) {
             good = number(value, 0.0, 1e15, &to->seed);
         } else if (strcmp(given, "--duration") == 0) {
             good = number(value, 3.0, 100.0, &to->duration);
+        } else if (strcmp(given, "--noise") == 0) {
+            good = number(value, 0.0, 0.1, &to->noise);
         } else {
             good = false;
         }

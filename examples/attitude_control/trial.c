@@ -28,18 +28,29 @@ static void judge(const trial_options *options, double t, double angle, trial_re
     if (t > options->duration - options->hold) r->worst = fmax(r->worst, angle);
 }
 
-trial_result trial_run(const trial_options *options, plant *truth, controller *control, double *state,
-                       samples *times) {
+/* Of what the observer has; `state` itself where there is none. */
+static const double *look(observer *by, const double *state, trial_result *r) {
+    if (by == NULL) return state;
+    r->finite = observer_look(by, state);
+    r->measured = fmax(r->measured, trial_angle(state, by->measured));
+    return by->seen;
+}
+
+trial_result trial_run(const trial_options *options, plant *truth, controller *control, observer *by,
+                       double *state, samples *times) {
     const size_t steps = (size_t)(options->duration / options->period + 0.5);
     trial_result r = {.finite = true, .angle = trial_angle(state, control->target), .arrived = NAN};
+    if (by != NULL) r.finite = observer_start(by, state);
     for (size_t n = 0; n < steps && r.finite; n++) {
         double torque[TORQUE];
         const int64_t begin = now();
-        controller_step(control, state, state + ATTITUDE, torque);
+        const double *seen = look(by, state, &r);
+        controller_step(control, seen, seen + ATTITUDE, torque);
         if (times->count < times->room) times->ns[times->count++] = now() - begin;
         r.torque = fmax(r.torque, trial_norm(torque));
         r.rate = fmax(r.rate, trial_norm(state + ATTITUDE));
-        r.finite = plant_advance(truth, options->period, torque, state);
+        r.finite = plant_advance(truth, options->period, torque, state) &&
+                   (by == NULL || observer_wait(by, options->period, torque));
         judge(options, (double)(n + 1) * options->period, trial_angle(state, control->target), &r);
     }
     return r;

@@ -5,8 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "controller.h"
-#include "plant.h"
+#include "observer.h"
 
 typedef struct trial_options {
     double period, duration; /* of control, of the whole run; s */
@@ -20,6 +19,7 @@ typedef struct trial_result {
     double arrived;      /* when the angle was below the tolerance for good, s; NaN: never */
     double worst;        /* largest angle in the last `hold` seconds */
     double torque, rate; /* the largest, N m and rad/s */
+    double measured;     /* the largest error of a measured attitude, rad */
 } trial_result;
 
 /* Durations of control steps, in memory that is there before the loop. */
@@ -28,9 +28,10 @@ typedef struct samples {
     size_t count, room;
 } samples;
 
-/* `state` is the start and becomes the end. Nothing is allocated here. */
-trial_result trial_run(const trial_options *options, plant *truth, controller *control, double *state,
-                       samples *times);
+/* `state` is the start and becomes the end. `by` (NULL: the controller sees the state itself) gives the
+ * controller its estimates. Nothing is allocated here. */
+trial_result trial_run(const trial_options *options, plant *truth, controller *control, observer *by,
+                       double *state, samples *times);
 
 /* The angle between two attitudes. */
 double trial_angle(const double *A, const double *B);
