@@ -4,12 +4,6 @@
 
 #include "autodiff/cases/cases.h"
 #include "common/app.h"
-#include "lg-gradcheck/tables.h"
-
-/* The tables that are checked beside the library's operations. A new room adds its own here. */
-typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
-static const table_fn tables[] = {layer_rows,       integrator_rows, system_rows,
-                                  hamiltonian_rows, surrogate_rows,  machine_rows};
 
 typedef struct values {
     const char *only;
@@ -53,13 +47,8 @@ static lg_status visit_wanted(visit_fn visit, void *user, const lg_gradcheck_cas
 static lg_status each_row(visit_fn visit, void *user) {
     const lg_gradcheck_case *row;
     lg_status status = LG_OK;
-    for (size_t i = 0; status == LG_OK && (row = lg_gradcheck_operation(i)) != NULL; i++)
+    for (size_t i = 0; status == LG_OK && (row = lg_gradcheck_case_at(i)) != NULL; i++)
         status = visit_wanted(visit, user, row);
-    for (size_t t = 0; t < LG_COUNT(tables); t++) {
-        size_t count;
-        const lg_gradcheck_case *table = tables[t](&count);
-        for (size_t i = 0; i < count && status == LG_OK; i++) status = visit_wanted(visit, user, &table[i]);
-    }
     return status;
 }
 

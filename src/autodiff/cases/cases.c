@@ -1,18 +1,36 @@
 /* The registry: every operation of the table in the variants of shapes and attributes that matter, a family
- * after the other. */
-#include "autodiff/cases/rows.h"
+ * after the other, then the tables of the rooms. */
+#include <stdio.h>
+#include <stdlib.h>
 
-typedef const lg_gradcheck_case *(*family_fn)(size_t *count);
-static const family_fn families[] = {
-    lg_gradcheck_elementwise, lg_gradcheck_products, lg_gradcheck_convolutions, lg_gradcheck_arrays,
-    lg_gradcheck_geometry,    lg_gradcheck_losses,   lg_gradcheck_custom};
+#include "autodiff/cases/table.h"
 
-const lg_gradcheck_case *lg_gradcheck_operation(size_t index) {
-    for (size_t f = 0; f < LG_COUNT(families); f++) {
+typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
+#define LIST(name) lg_gradcheck_##name,
+static const table_fn operations[] = {LG_GRADCHECK_OPERATIONS(LIST) NULL};
+static const table_fn all[] = {LG_GRADCHECK_OPERATIONS(LIST) LG_GRADCHECK_ROOMS(LIST) NULL};
+
+static const lg_gradcheck_case *at(const table_fn *table, size_t index) {
+    for (; *table != NULL; table++) {
         size_t count;
-        const lg_gradcheck_case *rows = families[f](&count);
+        const lg_gradcheck_case *rows = (*table)(&count);
         if (index < count) return &rows[index];
         index -= count;
     }
     return NULL;
+}
+
+const lg_gradcheck_case *lg_gradcheck_operation(size_t index) {
+    return at(operations, index);
+}
+
+const lg_gradcheck_case *lg_gradcheck_case_at(size_t index) {
+    return at(all, index);
+}
+
+void *lg_gradcheck_alloc(size_t count, size_t size) {
+    void *memory = calloc(count, size);
+    if (memory != NULL) return memory;
+    (void)fputs("no memory for the cases of the gradient check\n", stderr);
+    exit(5);
 }

@@ -1,10 +1,8 @@
-/* How the rows of the registry are written: a file a family of operations (gradcheck_<family>.c), builders
- * and rows beside each other. */
+/* How rows of operations are written: a file a family, builders and rows next to each other. */
 #ifndef LG_GRADCHECK_ROWS_H
 #define LG_GRADCHECK_ROWS_H
 
-#include "autodiff/cases/shapes.h"
-#include "autodiff/cases/cases.h"
+#include "autodiff/cases/table.h"
 #include "autodiff/tape/tape_internal.h"
 
 /* What a build function is told besides its inputs. */
@@ -66,20 +64,5 @@ static const double quarters[5] = {0.25, 0.25, -0.25, 0.25, -0.25};
 #define POSITIVE(...) IN_RANGE(0.5, 2.0, __VA_ARGS__)
 #define APART(...)    IN_VALUES(apart, __VA_ARGS__)
 #define BETWEEN(...)  IN_VALUES(between, __VA_ARGS__)
-
-/* The end of a family's file: rows becomes lg_gradcheck_<family>. */
-#define FAMILY(family)                                                                                       \
-    const lg_gradcheck_case *lg_gradcheck_##family(size_t *count) {                                          \
-        *count = LG_COUNT(rows);                                                                             \
-        return rows;                                                                                         \
-    }
-
-const lg_gradcheck_case *lg_gradcheck_elementwise(size_t *count);
-const lg_gradcheck_case *lg_gradcheck_products(size_t *count);
-const lg_gradcheck_case *lg_gradcheck_convolutions(size_t *count);
-const lg_gradcheck_case *lg_gradcheck_arrays(size_t *count);
-const lg_gradcheck_case *lg_gradcheck_geometry(size_t *count);
-const lg_gradcheck_case *lg_gradcheck_losses(size_t *count);
-const lg_gradcheck_case *lg_gradcheck_custom(size_t *count);
 
 #endif

@@ -1,7 +1,5 @@
 /* The training losses of the elastica's surrogates, with respect to all parameters. */
-#include "lg-gradcheck/tables.h"
-
-#include "common/app.h"
+#include "autodiff/cases/table.h"
 #include "liegrad/surrogate.h"
 
 enum { CURVES = 2, INTERVALS = 3, NODES = INTERVALS + 1, MAX_SAMPLES = CURVES * NODES };
@@ -82,7 +80,4 @@ static const lg_gradcheck_case rows[] = {
         .architecture = LG_NET_MULT_AFFINE, .embedding = 2, .mirror = true, .boundary = true),
 };
 
-const lg_gradcheck_case *surrogate_rows(size_t *count) {
-    *count = LG_COUNT(rows);
-    return rows;
-}
+FAMILY(elastica)

@@ -1,8 +1,31 @@
-/* Shapes and arguments of a case of the gradient check, as initialisers: S2(3, 4) is a matrix (3, 4). */
-#ifndef LG_GRADCHECK_SHAPES_H
-#define LG_GRADCHECK_SHAPES_H
+/* How tables of cases are written. A family of operations is a file of this folder; src/ROOM/cases.c has the
+ * cases of what a room makes of operations. */
+#ifndef LG_GRADCHECK_TABLE_H
+#define LG_GRADCHECK_TABLE_H
 
-#include "liegrad/gradcheck.h"
+#include "autodiff/cases/cases.h"
+#include "core/count.h"
+
+/* X(name) of the table lg_gradcheck_<name>. */
+#define LG_GRADCHECK_OPERATIONS(X)                                                                           \
+    X(elementwise) X(products) X(convolutions) X(arrays) X(geometry) X(losses) X(custom)
+#define LG_GRADCHECK_ROOMS(X) X(nn) X(integrators) X(mechanics) X(hamiltonian) X(elastica) X(machine)
+
+#define LG_GRADCHECK_DECLARE(name) const lg_gradcheck_case *lg_gradcheck_##name(size_t *count);
+LG_GRADCHECK_OPERATIONS(LG_GRADCHECK_DECLARE)
+LG_GRADCHECK_ROOMS(LG_GRADCHECK_DECLARE)
+
+/* The end of a file: its array `rows` is the table. */
+#define FAMILY(name)                                                                                         \
+    const lg_gradcheck_case *lg_gradcheck_##name(size_t *count) {                                            \
+        *count = LG_COUNT(rows);                                                                             \
+        return rows;                                                                                         \
+    }
+
+/* Memory of rows that are made: zeros, never NULL, kept to the end. */
+void *lg_gradcheck_alloc(size_t count, size_t size);
+
+/* ---- shapes and arguments, as initialisers: S2(3, 4) is a matrix (3, 4) ---- */
 
 #define S0                                                                                                   \
     {                                                                                                        \

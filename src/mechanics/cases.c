@@ -5,8 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/app.h"
-#include "lg-gradcheck/tables.h"
+#include "autodiff/cases/table.h"
 #include "liegrad/geometry.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/ops.h"
@@ -144,7 +143,7 @@ static void add(lg_system *system, part which, const double *y) {
     const char *form = lg_system_form(system);
     const size_t half = which == FORCE || which == VELOCITY ? 2 : 1, dim = lg_system_dim(system) / half;
     if (used == capacity) return;
-    made_row *own = app_alloc(1, sizeof *own);
+    made_row *own = lg_gradcheck_alloc(1, sizeof *own);
     char links[16] = "";
     if (lg_system_links(system) > 0) (void)snprintf(links, sizeof links, " k = %zu", lg_system_links(system));
     (void)snprintf(own->name, sizeof own->name, "system %s%s%s%s, %s", lg_system_name(system),
@@ -168,8 +167,8 @@ static void add_system(const char *name, const char *form, size_t links) {
     lg_system_taped_user bound;
     lg_taped_ode ode;
     lg_system *system = system_of(name, form, links);
-    if (system == NULL) exit(APP_EXIT_CHECK);
-    double *y = app_alloc(lg_system_dim(system), sizeof *y);
+    if (system == NULL) exit(1);
+    double *y = lg_gradcheck_alloc(lg_system_dim(system), sizeof *y);
     draw_state(lg_system_space(system), y);
     add(system, FIELD, y);
     if (lg_system_constrained(system) &&
@@ -181,13 +180,13 @@ static void add_system(const char *name, const char *form, size_t links) {
 }
 
 /* Made once, kept to the end: every row of the table of systems, chains of one link and of three. */
-const lg_gradcheck_case *system_rows(size_t *count) {
+const lg_gradcheck_case *lg_gradcheck_mechanics(size_t *count) {
     const char *name, *form;
     size_t systems = 0;
     while (lg_system_at(systems, &name, &form)) systems++;
     if (rows == NULL) {
         capacity = 2 * PARTS * systems;
-        rows = app_alloc(capacity, sizeof *rows);
+        rows = lg_gradcheck_alloc(capacity, sizeof *rows);
         for (size_t i = 0; lg_system_at(i, &name, &form); i++) {
             add_system(name, form, 1);
             if (strcmp(name, "pendulum-chain") == 0) add_system(name, form, 3);

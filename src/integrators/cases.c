@@ -2,12 +2,10 @@
  * parameters of the field, and one step with respect to those and to step size, time and input, one a row of
  * the batch; on T*S^2 the start is moved along the manifold by SE(3). Then a step on every space, from
  * numbers anywhere, and the maps of the spaces. */
-#include "lg-gradcheck/tables.h"
-
 #include <stdio.h>
 #include <string.h>
 
-#include "common/app.h"
+#include "autodiff/cases/table.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
@@ -308,14 +306,14 @@ static lg_gradcheck_case row_of_extra(const extra_row *extra, made_row *own) {
 }
 
 /* Made once, kept to the end. */
-const lg_gradcheck_case *integrator_rows(size_t *count) {
+const lg_gradcheck_case *lg_gradcheck_integrators(size_t *count) {
     static lg_gradcheck_case *rows;
     static made_row *own;
     static size_t used;
     if (rows == NULL) {
         const size_t most = 2 * lg_scheme_count() + LG_COUNT(extras);
-        rows = app_alloc(most, sizeof *rows);
-        own = app_alloc(most, sizeof *own);
+        rows = lg_gradcheck_alloc(most, sizeof *rows);
+        own = lg_gradcheck_alloc(most, sizeof *own);
         for (size_t i = 0; i < lg_scheme_count(); i++) {
             const lg_scheme *scheme = lg_scheme_at(i);
             if (scheme->kind == LG_SCHEME_VARIATIONAL) continue; /* not on the tape */

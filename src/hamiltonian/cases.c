@@ -1,10 +1,9 @@
 /* Learned Hamiltonians, every family of the table: value, gradient and field with respect to the state, the
  * parameters and the input; the training loss through integrators, with respect to all parameters. */
-#include "lg-gradcheck/tables.h"
-
+#include <stdio.h>
 #include <string.h>
 
-#include "common/app.h"
+#include "autodiff/cases/table.h"
 #include "liegrad/hamiltonian.h"
 
 enum { TRAJECTORIES = 2, POINTS = 3, BATCH = 2, MOST_NUMBERS = 64, MOST_ROWS = 256, MOST_COPIES = 2 };
@@ -189,7 +188,7 @@ static void add_family(const lg_hamiltonian_family *family) {
              lg_first_integral_find("oscillator"));
 }
 
-const lg_gradcheck_case *hamiltonian_rows(size_t *count) {
+const lg_gradcheck_case *lg_gradcheck_hamiltonian(size_t *count) {
     static bool made;
     for (size_t i = 0; !made && i < lg_hamiltonian_family_count(); i++)
         add_family(lg_hamiltonian_family_at(i));

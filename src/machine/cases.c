@@ -1,9 +1,8 @@
 /* Machines, every kind of term and every system of the tables: energy and field with respect to state,
  * parameters and input; the training loss with starts measured and estimated. */
-#include <string.h>
+#include <stdio.h>
 
-#include "common/app.h"
-#include "lg-gradcheck/tables.h"
+#include "autodiff/cases/table.h"
 #include "liegrad/machine.h"
 #include "liegrad/ops.h"
 
@@ -229,7 +228,7 @@ static void add_all(void) {
     add_row(&machine, LOSS, LG_MACHINE_STARTS_ESTIMATED, "loss with estimated starts");
 }
 
-const lg_gradcheck_case *machine_rows(size_t *count) {
+const lg_gradcheck_case *lg_gradcheck_machine(size_t *count) {
     static bool made;
     if (!made) add_all();
     made = true;

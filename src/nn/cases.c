@@ -1,8 +1,6 @@
 /* Networks: value and recorded input gradient or directional derivative, with respect to inputs, direction
  * and parameters. */
-#include "lg-gradcheck/tables.h"
-
-#include "common/app.h"
+#include "autodiff/cases/table.h"
 #include "liegrad/convolution.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
@@ -159,7 +157,4 @@ static const lg_gradcheck_case rows[] = {
     CNN_ROW("leaky-relu, max pooling", LG_LEAKY_RELU, LG_POOL_MAX, 3, 0.03),
 };
 
-const lg_gradcheck_case *layer_rows(size_t *count) {
-    *count = LG_COUNT(rows);
-    return rows;
-}
+FAMILY(nn)
