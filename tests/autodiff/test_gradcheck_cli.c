@@ -1,7 +1,8 @@
 /* lg-gradcheck (in LG_BIN_DIR) from outside: exit codes, table, JSON. Its rows are the library's registry and
  * every layer, integrator, system, learned Hamiltonian and surrogate: each has derivatives of first and
  * second order that are differences, a sweep that is the recorded gradient, and plans that are the tape.
- * ctest-labels: slow apps/lg-gradcheck src/autodiff src/kernels src/integrators src/nn */
+ * ctest-labels: slow apps/lg-gradcheck src/autodiff src/kernels src/integrators src/nn
+ * ctest-labels: src/mechanics src/hamiltonian src/elastica src/machine */
 #include "apps/cli_support.h"
 
 static const char program[] = "lg-gradcheck";
