@@ -129,6 +129,7 @@ struct lg_op {
      * sigma, an lg_activation in attr->i[0]. */
     bool (*begins_layer)(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr);
     bool ends_layer;
+    bool calls; /* lg_op_call (program/program_call.h), which only programs have */
     /* The evaluation as C (op_c.h); it sees shapes and attributes, no values. NULL: as `element` says. */
     void (*write_c)(struct lg_c *c, const lg_evaluation *e);
 };

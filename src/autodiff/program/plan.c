@@ -16,7 +16,7 @@ static size_t bits(size_t n) {
 /* What an operation adds to the longest path: 1, and log2 of the terms of its longest sum. */
 static size_t own_depth(const lg_graph *g, const lg_graph_node *n) {
     const lg_shape *shapes[LG_MAX_INPUTS];
-    if (n->op == &lg_op_call) return ((const lg_plan *)n->attr.pointer)->depth;
+    if (lg_is_call(n->op)) return ((const lg_plan *)n->attr.pointer)->depth;
     if (n->op->terms == NULL) return 1;
     lg_graph_shapes(g, n, shapes);
     const size_t terms = n->op->terms(shapes, &n->attr, &n->shape);
@@ -33,7 +33,7 @@ static lg_status find_depth(lg_planning *p) {
         if (n->sort == LG_GRAPH_OPERATION) {
             depth[i] += own_depth(&p->g, n);
             p->plan->work +=
-                n->op == &lg_op_call ? ((const lg_plan *)n->attr.pointer)->work : lg_graph_work(&p->g, n);
+                lg_is_call(n->op) ? ((const lg_plan *)n->attr.pointer)->work : lg_graph_work(&p->g, n);
         }
         if (depth[i] > p->plan->depth) p->plan->depth = depth[i];
     }
@@ -55,7 +55,7 @@ static lg_status plan_calls(lg_planning *p, const lg_program *program, const lg_
     lg_plan *plan = p->plan;
     for (uint32_t i = 0; i < p->g.count; i++) {
         lg_graph_node *n = &p->g.node[i];
-        if (n->op != &lg_op_call) continue;
+        if (!lg_is_call(n->op)) continue;
         if (plan->callee == NULL) {
             plan->callee = lg_planning_keep(p, program->functions, sizeof *plan->callee);
             if (p->failed) return LG_OUT_OF_MEMORY;

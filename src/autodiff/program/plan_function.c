@@ -86,7 +86,7 @@ static lg_status write_out(making *m, const lg_program_node *call, const uint32_
 
 /* Loops stay. */
 static bool writes_out(const making *m, const lg_program_node *n) {
-    return n->op == &lg_op_call && !m->calls && m->program->function[lg_called(n)].times == 0;
+    return lg_is_call(n->op) && !m->calls && m->program->function[lg_called(n)].times == 0;
 }
 
 static lg_status node(making *m, uint32_t i, lg_error *error) {

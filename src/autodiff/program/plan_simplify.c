@@ -13,7 +13,7 @@ enum { SMALL = 1024, GROWTH = 2 };
 
 static bool folds(const lg_graph *g, const lg_graph_node *n) {
     size_t in = 0;
-    if (n->op == &lg_op_call) return false; /* a graph has no plan of what is called */
+    if (lg_is_call(n->op)) return false; /* a graph has no plan of what is called */
     for (uint32_t k = 0; k < n->inputs; k++) {
         if (n->in[k] == LG_GRAPH_NONE) continue;
         if (g->node[n->in[k]].sort != LG_GRAPH_CONSTANT) return false;

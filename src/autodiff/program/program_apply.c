@@ -77,7 +77,7 @@ static bool keep_payload(lg_tape *tape, const lg_program_node *node, lg_attr *at
 
 static lg_var record(const applying *a, const lg_program_node *node, const lg_var *in, lg_shape shape) {
     lg_attr attr;
-    if (node->op == &lg_op_call) {
+    if (lg_is_call(node->op)) {
         lg_var out[LG_PROGRAM_MAX_PORTS];
         return lg_program_record(a->tape, a->program, lg_called(node), a->parameters, in, out) == LG_OK
                    ? out[lg_called_output(node)]

@@ -45,14 +45,14 @@ static void write_c(lg_c *c, const lg_evaluation *e) {
 }
 
 const lg_op lg_op_call = {LG_OP("call", ~0u, 1, LG_MAX_INPUTS, shape, forward, lg_no_vjp, lg_zero_jvp),
-                          .given = true, .scratch = scratch, .write_c = write_c};
+                          .given = true, .calls = true, .scratch = scratch, .write_c = write_c};
 
 size_t lg_program_calls(const lg_program *program, size_t function, size_t callee) {
     size_t calls = 0;
     if (function >= program->functions) return 0;
     const lg_function *f = &program->function[function];
     for (uint32_t i = 0; i < f->nodes; i++)
-        calls += f->node[i].op == &lg_op_call && lg_called(&f->node[i]) == callee;
+        calls += lg_is_call(f->node[i].op) && lg_called(&f->node[i]) == callee;
     return calls;
 }
 

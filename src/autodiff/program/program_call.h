@@ -10,6 +10,10 @@
 
 extern const lg_op lg_op_call;
 
+static inline bool lg_is_call(const lg_op *op) {
+    return op != NULL && op->calls;
+}
+
 static inline uint32_t lg_called(const lg_program_node *call) {
     return (uint32_t)call->i[0].base;
 }

@@ -145,7 +145,7 @@ static bool affine_within(lg_affine a) {
 
 static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    if (node->op == NULL || (node->op != &lg_op_call && lg_op_place(node->op) == LG_OPS_MOST))
+    if (node->op == NULL || (!lg_is_call(node->op) && lg_op_place(node->op) == LG_OPS_MOST))
         return bad_node(f, i, "there is no such operation", error);
     const lg_op *op = node->op;
     if (node->rank > LG_MAX_RANK) return bad_node(f, i, "its rank is too high", error);
@@ -159,7 +159,7 @@ static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t 
     for (int k = 0; k < 4; k++) within = within && affine_within(node->dims[k]) && affine_within(node->i[k]);
     if (!within) return bad_node(f, i, "a dimension or attribute is too large", error);
     if (node->op == &lg_op_leaf) LG_TRY(check_leaf(p, f, i, error));
-    if (node->op == &lg_op_call) LG_TRY(check_call(p, f, i, error));
+    if (lg_is_call(node->op)) LG_TRY(check_call(p, f, i, error));
     LG_TRY(check_payload(f, i, error));
     return check_shapes(f, i, error);
 }
