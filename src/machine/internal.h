@@ -211,7 +211,7 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
 /* One row of scaled numbers in the units of the log. */
 void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities);
 
-/* ---- windows (machine/starts.c, machine/train.c, machine/jacobian.c) ---- */
+/* ---- windows (machine/windows.c, machine/starts.c, machine/train.c, machine/jacobian.c) ---- */
 
 static inline bool lg_machine_starts_estimated(const lg_machine_problem *problem) {
     return problem->starts == LG_MACHINE_STARTS_ESTIMATED;

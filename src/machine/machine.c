@@ -5,63 +5,6 @@
 #include "core/core.h"
 #include "machine/internal.h"
 
-/* ---- coordinates ---- */
-
-static const lg_coordinate_row coordinate_rows[LG_COORDINATE_KIND_COUNT] = {
-    [LG_COORDINATE_LINE] = {"line", 1, 0, 0, 1},
-    [LG_COORDINATE_ANGLE] = {"angle", 1, 0, 0, 1},
-    [LG_COORDINATE_DIRECTION] = {"direction", 0, 1, 0, 3},
-    [LG_COORDINATE_ROTATION] = {"rotation", 0, 0, 1, 3},
-    [LG_COORDINATE_POSE] = {"pose", 3, 0, 1, 6},
-};
-
-const lg_coordinate_row *lg_coordinate_row_of(lg_coordinate_kind kind) {
-    return (uint32_t)kind < LG_COORDINATE_KIND_COUNT ? &coordinate_rows[kind] : NULL;
-}
-
-uint32_t lg_coordinate_positions(lg_coordinate_kind kind) {
-    const lg_coordinate_row *row = &coordinate_rows[kind];
-    return row->places + 3 * row->directions + 9 * row->rotations;
-}
-
-lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate) {
-    lg_machine_offsets at = {0};
-    for (uint32_t i = 0; i < coordinate; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const lg_coordinate_row *row = &coordinate_rows[kind];
-        at.place += row->places;
-        at.direction += row->directions;
-        at.rotation += row->rotations;
-        at.momentum += row->directions > 0 ? 0 : row->velocities;
-        at.position += lg_coordinate_positions(kind);
-        at.velocity += row->velocities;
-    }
-    return at;
-}
-
-lg_machine_places lg_machine_parts(const lg_machine *machine) {
-    int next = 0;
-    lg_machine_places at = {-1, -1, -1, -1, -1};
-    if (machine->places > 0) at.x = next++;
-    if (machine->directions > 0) at.q = next++, at.p = next++;
-    if (machine->rotations > 0) at.R = next++;
-    if (machine->momenta > 0) at.m = next++;
-    return at;
-}
-
-lg_status lg_machine_space(const lg_machine *machine, lg_space *space) {
-    LG_NEEDS(NULL, machine, space);
-    lg_space_factor factors[4];
-    size_t count = 0;
-    if (machine->places > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->places};
-    if (machine->directions > 0) factors[count++] = (lg_space_factor){LG_SPACE_TS2, machine->directions};
-    if (machine->rotations > 0) factors[count++] = (lg_space_factor){LG_SPACE_SO3, machine->rotations};
-    if (machine->momenta > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->momenta};
-    return lg_space_init(space, factors, count);
-}
-
-/* ---- terms ---- */
-
 const char *lg_machine_part_name(lg_machine_part part) {
     static const char *const names[LG_MACHINE_PART_COUNT] = {"mass",      "potential", "damping",
                                                              "input_map", "residual",  "bias"};
@@ -220,12 +163,6 @@ static lg_status set_term(const lg_machine *machine, lg_machine_term *term, lg_e
 static bool has_part(const lg_machine *machine, lg_machine_part part) {
     for (uint32_t i = 0; i < machine->term_count; i++)
         if (machine->terms[i].part == part) return true;
-    return false;
-}
-
-bool lg_machine_mass_moves(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].kind->moving != NULL && machine->terms[i].kind->moving(machine)) return true;
     return false;
 }
 

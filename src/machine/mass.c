@@ -5,22 +5,6 @@
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list) {
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        if ((row->directions > 0) != directions) continue;
-        for (uint32_t k = 0; k < (directions ? 1 : row->velocities); k++) list[count++] = first + k;
-    }
-    return count;
-}
-
-double lg_machine_unit_mass(const lg_machine *machine, uint32_t i, uint32_t j) {
-    const lg_machine_scales *s = &machine->scales;
-    return s->velocity[i] * s->velocity[j] / (s->energy * s->time * s->time);
-}
-
 /* ---- known ---- */
 
 static double known_mass(const lg_machine *machine, const lg_machine_term *term, uint32_t i, uint32_t j) {

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
@@ -118,33 +117,6 @@ void lg_numbers_constant_mass(lg_number_list *l, const lg_machine *machine, cons
             lg_numbers_put(l, product(L, n, i, j) * mass_unit(machine, at[i], at[j]), "mass.%u.%u", at[i] + 1,
                            at[j] + 1);
     direction_masses(l, machine, theta, lg_triangle(n));
-}
-
-/* A mass that is a network, with the other masses. */
-static lg_status moving_mass(lg_tape *tape, const lg_machine *machine, const double *theta,
-                             const double *positions, double *m) {
-    lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    const lg_var parameters = lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta);
-    LG_TRY(lg_machine_bind(tape, machine, parameters, &vars));
-    LG_TRY(lg_machine_record_rest(tape, &vars, positions, parts));
-    return lg_read(tape, lg_machine_record_mass(tape, &vars, parts),
-                   (size_t)machine->momenta * machine->momenta, m);
-}
-
-static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const double *theta,
-                            const double *positions) {
-    uint32_t at[LG_MACHINE_VELOCITIES];
-    double m[LG_MACHINE_VALUES] = {0.0};
-    lg_tape *tape = NULL;
-    const uint32_t n = lg_machine_mass_velocities(machine, false, at);
-    lg_status status = lg_tape_create(NULL, NULL, &tape);
-    if (status == LG_OK) status = moving_mass(tape, machine, theta, positions, m);
-    lg_tape_destroy(tape);
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = i; j < n; j++)
-            lg_numbers_put(l, status == LG_OK ? m[i * n + j] * mass_unit(machine, at[i], at[j]) : (double)NAN,
-                           "mass.%u.%u", at[i] + 1, at[j] + 1);
 }
 
 /* ---- potentials ---- */
@@ -266,31 +238,4 @@ void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const
         for (uint32_t j = 0; j < m; j++)
             lg_numbers_put(l, theta[i * m + j] * drag_unit(machine, i, i, 0) / machine->scales.input[j],
                            "input_map.%u.%u", i + 1, j + 1);
-}
-
-/* ---- all ---- */
-
-bool lg_machine_mass_learned(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->outputs != NULL) return true;
-    return false;
-}
-
-/* Of masses with a network beside them M at one place tells, but for the numbers of a system. */
-size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
-                             size_t room, lg_identified *out) {
-    lg_number_list l = {0, room, out};
-    const bool network = lg_machine_mass_learned(machine);
-    if (network && theta != NULL) put_moving_mass(&l, machine, theta, positions);
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
-        if (network && term->part == LG_MACHINE_MASS && term->kind != &lg_grey_mass_kind) continue;
-        if (term->value_count == 0 && term->kind->numbers != NULL)
-            term->kind->numbers(&l, machine, term, theta + term->offset);
-    }
-    return l.count;
-}
-
-size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room, lg_identified *out) {
-    return lg_machine_numbers_at(machine, theta, NULL, room, out);
 }

@@ -46,6 +46,12 @@ static lg_var grey_theta(const lg_machine_vars *vars) {
     return vars->theta[i];
 }
 
+bool lg_machine_mass_moves(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].kind->moving != NULL && machine->terms[i].kind->moving(machine)) return true;
+    return false;
+}
+
 lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta, lg_machine_vars *vars) {
     LG_TRY(lg_tape_needs(tape, "machine", machine != NULL && vars != NULL));
     *vars = (lg_machine_vars){.machine = machine};

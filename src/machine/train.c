@@ -1,91 +1,10 @@
-/* Machines: windows of logs and their loss. */
+/* Machines: predictions of windows and their loss. */
 #include <math.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
-
-/* ---- windows ---- */
-
-/* The start of the next window among rows first .. end - 1: the first complete one, unless that is behind
- * `most`, up to which windows cover all rows; then the last complete one before. `end`: none. */
-static size_t next_start(const lg_machine *machine, const lg_machine_log *log, bool positions_only,
-                         size_t before, size_t first, size_t most, size_t end) {
-    size_t row = first;
-    while (row < end && !lg_machine_log_complete(machine, log, row, positions_only)) row++;
-    if (row <= most && row < end) return row;
-    for (size_t back = (most < end ? most + 1 : end); back-- > before;)
-        if (lg_machine_log_complete(machine, log, back, positions_only)) return back;
-    return row < end ? row : end;
-}
-
-size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, uint32_t window,
-                          uint32_t stride, bool positions_only, size_t *out) {
-    const size_t covered = stride > window ? stride : window;
-    size_t count = 0;
-    for (size_t p = 0; p < log->parts; p++) {
-        size_t before = log->first[p], first = before, most = SIZE_MAX;
-        if (log->first[p + 1] < before + window) continue;
-        const size_t end = log->first[p + 1] - window + 1;
-        for (;;) {
-            const size_t row = next_start(machine, log, positions_only, before, first, most, end);
-            if (row == end) break;
-            if (out != NULL) out[count] = row;
-            count++;
-            before = row + 1;
-            first = row + stride;
-            most = row + covered;
-        }
-    }
-    return count;
-}
-
-size_t lg_machine_problem_parameters(const lg_machine_problem *problem) {
-    const size_t starts = lg_machine_starts_estimated(problem)
-                              ? problem->windows * lg_machine_start_numbers(problem->machine)
-                              : 0;
-    return lg_machine_shared(problem) + starts;
-}
-
-static bool positive(const double *x, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++)
-        if (!(x[i] > 0.0 && isfinite(x[i]))) return false;
-    return true;
-}
-
-lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *error) {
-    LG_NEEDS(error, problem);
-    const lg_machine *machine = problem->machine;
-    lg_space space;
-    if (problem->windows == 0 || problem->windows > UINT32_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no window of %u rows without a gap is in the logs",
-                       problem->window);
-    if (problem->window < 2 || problem->window > LG_MACHINE_WINDOW || problem->substeps == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "a window has 2 to %d rows, and there is 1 substep at least", LG_MACHINE_WINDOW);
-    if (problem->validation >= problem->windows)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no windows are left for training");
-    if (lg_machine_problem_parameters(problem) == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "everything is known: there is nothing to learn");
-    if (!positive(problem->position_scale, machine->coordinate_count) ||
-        !positive(problem->velocity_scale, machine->coordinate_count))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the scales of the loss must be above 0");
-    LG_TRY(lg_machine_space(machine, &space));
-    if (problem->scheme->kind == LG_SCHEME_VARIATIONAL) {
-        const char *fault = lg_machine_variational_fault(machine);
-        return fault == NULL ? LG_OK : lg_fail(error, LG_UNSUPPORTED, "%s", fault);
-    }
-    const bool lie =
-        problem->scheme->kind == LG_SCHEME_RKMK || problem->scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
-    if (!lie || (problem->scheme->ambient && !lg_space_is_abelian(&space)))
-        return lg_fail(
-            error, LG_UNSUPPORTED,
-            "%s does not stay on the manifold of this machine; take cf4, rkmk4 or another explicit "
-            "Lie group scheme, or variational",
-            problem->scheme->name);
-    return LG_OK;
-}
 
 /* ---- what is given ---- */
 
@@ -101,45 +20,11 @@ static size_t row_of(const points *p, uint32_t point, size_t sample) {
     return p->problem->start[p->samples[sample]] + point;
 }
 
-void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
-                          double *velocities) {
-    const lg_machine *machine = problem->machine;
-    const lg_machine_scales *s = &machine->scales;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const lg_coordinate_row *is = lg_coordinate_row_of(kind);
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const double *q = problem->log.q + row * machine->positions,
-                     *v = problem->log.v + row * machine->velocities;
-        for (uint32_t k = at.position; k < at.position + lg_coordinate_positions(kind); k++) {
-            const uint32_t place = k - at.position;
-            const double unit = place < is->places  ? s->place[at.place + place]
-                                : is->rotations > 0 ? sqrt(0.5)
-                                                    : 1.0;
-            positions[k] = isnan(q[k]) ? 0.0 : factor * unit / problem->position_scale[i];
-        }
-        for (uint32_t k = at.velocity; k < at.velocity + is->velocities; k++)
-            velocities[k] =
-                isnan(v[k]) ? 0.0 : factor * s->velocity[k] / (s->time * problem->velocity_scale[i]);
-    }
-}
-
 /* Given positions and velocities of all points, and their weights. */
 typedef struct given {
     lg_var positions, velocities, position_weights, velocity_weights;
     lg_var along; /* as velocities: logged directions, else 0; of machines with directions */
 } given;
-
-void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double *along) {
-    const lg_machine *machine = problem->machine;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *is = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const double *q = problem->log.q + row * machine->positions + at.position;
-        for (uint32_t k = 0; k < is->velocities; k++)
-            along[at.velocity + k] = is->directions > 0 && !isnan(q[k]) ? q[k] : 0.0;
-    }
-}
 
 static lg_status put_given(lg_tape *tape, const points *p, double factor, given *out) {
     const lg_machine_problem *problem = p->problem;

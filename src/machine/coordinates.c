@@ -1,0 +1,72 @@
+/* Machines: kinds of coordinates, and where the numbers of each stand. */
+#include "core/core.h"
+#include "machine/internal.h"
+
+static const lg_coordinate_row coordinate_rows[LG_COORDINATE_KIND_COUNT] = {
+    [LG_COORDINATE_LINE] = {"line", 1, 0, 0, 1},
+    [LG_COORDINATE_ANGLE] = {"angle", 1, 0, 0, 1},
+    [LG_COORDINATE_DIRECTION] = {"direction", 0, 1, 0, 3},
+    [LG_COORDINATE_ROTATION] = {"rotation", 0, 0, 1, 3},
+    [LG_COORDINATE_POSE] = {"pose", 3, 0, 1, 6},
+};
+
+const lg_coordinate_row *lg_coordinate_row_of(lg_coordinate_kind kind) {
+    return (uint32_t)kind < LG_COORDINATE_KIND_COUNT ? &coordinate_rows[kind] : NULL;
+}
+
+uint32_t lg_coordinate_positions(lg_coordinate_kind kind) {
+    const lg_coordinate_row *row = &coordinate_rows[kind];
+    return row->places + 3 * row->directions + 9 * row->rotations;
+}
+
+lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate) {
+    lg_machine_offsets at = {0};
+    for (uint32_t i = 0; i < coordinate; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *row = &coordinate_rows[kind];
+        at.place += row->places;
+        at.direction += row->directions;
+        at.rotation += row->rotations;
+        at.momentum += row->directions > 0 ? 0 : row->velocities;
+        at.position += lg_coordinate_positions(kind);
+        at.velocity += row->velocities;
+    }
+    return at;
+}
+
+lg_machine_places lg_machine_parts(const lg_machine *machine) {
+    int next = 0;
+    lg_machine_places at = {-1, -1, -1, -1, -1};
+    if (machine->places > 0) at.x = next++;
+    if (machine->directions > 0) at.q = next++, at.p = next++;
+    if (machine->rotations > 0) at.R = next++;
+    if (machine->momenta > 0) at.m = next++;
+    return at;
+}
+
+lg_status lg_machine_space(const lg_machine *machine, lg_space *space) {
+    LG_NEEDS(NULL, machine, space);
+    lg_space_factor factors[4];
+    size_t count = 0;
+    if (machine->places > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->places};
+    if (machine->directions > 0) factors[count++] = (lg_space_factor){LG_SPACE_TS2, machine->directions};
+    if (machine->rotations > 0) factors[count++] = (lg_space_factor){LG_SPACE_SO3, machine->rotations};
+    if (machine->momenta > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->momenta};
+    return lg_space_init(space, factors, count);
+}
+
+uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        if ((row->directions > 0) != directions) continue;
+        for (uint32_t k = 0; k < (directions ? 1 : row->velocities); k++) list[count++] = first + k;
+    }
+    return count;
+}
+
+double lg_machine_unit_mass(const lg_machine *machine, uint32_t i, uint32_t j) {
+    const lg_machine_scales *s = &machine->scales;
+    return s->velocity[i] * s->velocity[j] / (s->energy * s->time * s->time);
+}

@@ -1,0 +1,125 @@
+/* Machines: starts of windows of a machine that is known. */
+#include <string.h>
+
+#include "core/core.h"
+#include "machine/internal.h"
+
+typedef struct estimate {
+    const lg_context *context;
+    lg_tape *tape;
+    double *numbers; /* (LG_FIT_CHUNK, numbers of a start) */
+} estimate;
+
+static void scales_of_machine(lg_machine_problem *problem) {
+    const lg_machine *machine = problem->machine;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const bool places = lg_coordinate_row_of(machine->coordinates[i].kind)->places > 0;
+        problem->position_scale[i] = places ? machine->scales.place[at.place] : 1.0;
+        problem->velocity_scale[i] = machine->scales.velocity[at.velocity] / machine->scales.time;
+    }
+}
+
+/* The numbers of the starts; 0 where the runs are not finite. */
+static lg_status fit_starts(const estimate *e, const lg_machine_problem *problem, lg_error *error) {
+    enum { MOST_EVALUATIONS = 40 };
+    lg_fit_problem fit;
+    lg_fit_options options;
+    lg_fit *made = NULL;
+    LG_TRY(lg_machine_problem_check(problem, error));
+    lg_machine_fit_problem(problem, &fit);
+    lg_fit_options_init(&options);
+    options.plan.phases = 1;
+    options.plan.phase[0].method = LG_FIT_LM;
+    options.epochs = MOST_EVALUATIONS;
+    options.shards = 1;
+    memset(e->numbers, 0, fit.parameters * sizeof *e->numbers);
+    LG_TRY(lg_fit_create(e->context, &fit, &options, e->numbers, &made, error));
+    const lg_status status = lg_fit_run(made, error);
+    if (status == LG_OK) lg_fit_parameters(made, e->numbers);
+    lg_fit_destroy(made);
+    return status;
+}
+
+/* Positions (windows, positions) and velocities (windows, velocities) of the starts. */
+static lg_status read_starts(const estimate *e, const lg_machine_problem *problem, double *q, double *v) {
+    const lg_machine *machine = problem->machine;
+    const uint32_t rows = (uint32_t)problem->windows, nq = machine->positions, nv = machine->velocities;
+    lg_tape *tape = e->tape;
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    lg_tape_reset(tape);
+    LG_TRY(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, problem->theta), &vars));
+    lg_machine_scaled_rows(machine, &problem->log, problem->start, rows, q, v);
+    const lg_var numbers = lg_input_f64(tape, lg_shape2(rows, lg_machine_start_numbers(machine)), e->numbers),
+                 positions = lg_input_f64(tape, lg_shape2(rows, nq), q),
+                 velocities = lg_input_f64(tape, lg_shape2(rows, nv), v);
+    LG_TRY(lg_machine_move_starts(tape, problem, &vars, numbers, positions, velocities, parts));
+    LG_TRY(lg_read(tape, lg_machine_record_positions(tape, &vars, parts), (size_t)rows * nq, q));
+    LG_TRY(lg_read(tape, lg_machine_record_velocities(tape, &vars, parts), (size_t)rows * nv, v));
+    for (uint32_t i = 0; i < rows; i++) lg_machine_unscale_row(machine, q + i * nq, v + i * nv);
+    return LG_OK;
+}
+
+/* A window whose run is not finite spoils the fit of all: its half is parted again until it is alone. */
+static lg_status estimate_group(const estimate *e, const lg_machine_problem *problem, double *q, double *v,
+                                lg_error *error) {
+    const lg_machine *machine = problem->machine;
+    const size_t half = problem->windows / 2;
+    lg_status status = fit_starts(e, problem, error);
+    if (status == LG_NOT_FINITE && half > 0) {
+        lg_machine_problem first = *problem, second = *problem;
+        first.windows = half;
+        second.windows -= half;
+        second.start += half;
+        LG_TRY(estimate_group(e, &first, q, v, error));
+        return estimate_group(e, &second, q + half * machine->positions, v + half * machine->velocities,
+                              error);
+    }
+    if (status == LG_NOT_FINITE) status = lg_fail(error, LG_OK, "%s", "");
+    LG_TRY(status);
+    status = read_starts(e, problem, q, v);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_tape_message(e->tape));
+}
+
+static uint32_t rows_of(const lg_machine_log *log, size_t row, uint32_t window) {
+    const size_t left = log->first[lg_machine_log_part(log, row) + 1] - row;
+    return left < window ? (uint32_t)left : window;
+}
+
+/* The first windows among `count` that have one length. */
+static void next_group(lg_machine_problem *problem, const size_t *start, size_t count, uint32_t window) {
+    problem->start = start;
+    problem->window = rows_of(&problem->log, start[0], window);
+    problem->windows = 1;
+    while (problem->windows < count && problem->windows < LG_FIT_CHUNK &&
+           rows_of(&problem->log, start[problem->windows], window) == problem->window)
+        problem->windows++;
+}
+
+lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine *machine,
+                                     const double *theta, const lg_scheme *scheme, uint32_t substeps,
+                                     const lg_machine_log *log, const size_t *start, size_t count,
+                                     uint32_t window, double *positions, double *velocities,
+                                     lg_error *error) {
+    LG_NEEDS(error, machine, scheme, log, start, positions, velocities);
+    lg_machine_problem problem = {.machine = machine,
+                                  .scheme = scheme,
+                                  .substeps = substeps,
+                                  .starts = LG_MACHINE_STARTS_ESTIMATED,
+                                  .theta = theta,
+                                  .log = *log};
+    estimate e = {.context = context};
+    scales_of_machine(&problem);
+    e.numbers = lg_alloc(context, LG_FIT_CHUNK * lg_machine_start_numbers(machine), sizeof *e.numbers);
+    lg_status status = e.numbers != NULL ? lg_tape_create(context, NULL, &e.tape) : LG_OUT_OF_MEMORY;
+    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
+    for (size_t first = 0; first < count && status == LG_OK; first += problem.windows) {
+        next_group(&problem, start + first, count - first, window);
+        status = estimate_group(&e, &problem, positions + first * machine->positions,
+                                velocities + first * machine->velocities, error);
+    }
+    lg_tape_destroy(e.tape);
+    lg_free(context, e.numbers);
+    return status;
+}
