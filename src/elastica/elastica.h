@@ -116,7 +116,7 @@ lg_status lg_elastica_options_take(const lg_elastica_options *options, lg_elasti
 lg_status lg_elastica_no_minimum(lg_beam_end end, const lg_beam *beam, const lg_beam_work *work,
                                  lg_error *error);
 
-/* ---- the continuous problem ---- */
+/* ---- the continuous problem (elastica_collocation.c) ---- */
 
 /* Solution of the continuous problem of a beam; create once, solve many. */
 typedef struct lg_collocation lg_collocation;
@@ -126,6 +126,9 @@ void lg_collocation_destroy(const lg_context *context, lg_collocation *collocati
  * LG_CANCELLED, LG_OUT_OF_MEMORY. */
 lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam, const double *theta,
                                const double force[2], double tolerance);
+/* Starts from its own solution of another problem: the angles times `factor`, under the same force. */
+lg_status lg_collocation_solve_scaled(lg_collocation *collocation, const lg_beam *beam, double factor,
+                                      double tolerance);
 typedef struct lg_collocation_result {
     double force[2], energy, defect, gradient;
     uint32_t iterations;
@@ -133,6 +136,8 @@ typedef struct lg_collocation_result {
 void lg_collocation_result_get(const lg_collocation *collocation, lg_collocation_result *out);
 /* At n + 1 equidistant nodes: angles (n + 1), nodes from (0, 0) (n + 1, 2); q may be NULL. */
 void lg_collocation_sample(const lg_collocation *collocation, size_t n, double *theta, double *q);
+
+/* ---- from the discrete solution (elastica_continuous.c) ---- */
 
 /* Intervals of the discrete problem that the collocation starts from. */
 size_t lg_collocation_grid(const lg_beam *beam);
