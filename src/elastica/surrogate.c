@@ -18,6 +18,10 @@ const char *lg_surrogate_loss_name(lg_surrogate_loss loss) {
     return (unsigned)loss < LG_SURROGATE_LOSS_COUNT ? names[loss] : "unknown";
 }
 
+uint32_t lg_surrogate_outputs(const lg_surrogate *model) {
+    return model->options.kind == LG_SURROGATE_DISCRETE ? 4 * (model->intervals - 1) : model->net.outputs;
+}
+
 /* ---- description ---- */
 
 static bool positive(double x) {

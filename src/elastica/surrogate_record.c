@@ -3,10 +3,6 @@
 #include "liegrad/ops.h"
 #include "elastica/surrogate_internal.h"
 
-uint32_t lg_surrogate_outputs(const lg_surrogate *model) {
-    return model->options.kind == LG_SURROGATE_DISCRETE ? 4 * (model->intervals - 1) : model->net.outputs;
-}
-
 /* ---- angles ---- */
 
 static lg_var column(lg_tape *tape, lg_var x, uint32_t at, uint32_t count) {

@@ -1,4 +1,4 @@
-/* The table of families, and functions that need a row only. */
+/* The table of families. */
 #include <string.h>
 
 #include "core/core.h"
@@ -25,11 +25,4 @@ const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, 
     for (size_t i = 0; i < LG_COUNT(families); i++)
         if (families[i]->learns(system, n)) return families[i];
     return NULL;
-}
-
-lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space) {
-    LG_NEEDS(NULL, family, space);
-    lg_space_factor factors[LG_HAMILTONIAN_MAX_PARTS];
-    for (uint32_t i = 0; i < family->factors; i++) factors[i] = (lg_space_factor){family->factor[i], n};
-    return lg_space_init(space, factors, family->factors);
 }

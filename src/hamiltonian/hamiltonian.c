@@ -2,6 +2,13 @@
 #include "core/core.h"
 #include "hamiltonian/internal.h"
 
+lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space) {
+    LG_NEEDS(NULL, family, space);
+    lg_space_factor factors[LG_HAMILTONIAN_MAX_PARTS];
+    for (uint32_t i = 0; i < family->factors; i++) factors[i] = (lg_space_factor){family->factor[i], n};
+    return lg_space_init(space, factors, family->factors);
+}
+
 lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                               lg_potential_kind potential, const uint32_t *hidden, uint32_t hidden_layers,
                               lg_activation activation) {

@@ -3,6 +3,7 @@
 #define LG_HAMILTONIAN_INTERNAL_H
 
 #include "liegrad/hamiltonian.h"
+#include "liegrad/ops.h"
 
 /* The table: X(name) stands for the row lg_hamiltonian_<name>. Data that do not name their system belong to
  * the first row that they fit. */
@@ -15,7 +16,9 @@ LG_HAMILTONIAN_FAMILIES(LG_HAMILTONIAN_DECLARE)
 enum { LG_HAMILTONIAN_LARGEST = 6 * LG_HAMILTONIAN_MAX_COPIES }; /* numbers of a state */
 
 /* x times a number; x itself for 1. */
-lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by);
+static inline lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by) {
+    return by == 1.0 ? x : lg_scale(tape, x, by);
+}
 /* The unit of energy inside, E. */
 double lg_hamiltonian_energy_scale(const lg_hamiltonian *model);
 /* -dH/dq + input and dH/dp in the units of the data; the family's functions are inside. */

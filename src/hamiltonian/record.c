@@ -7,10 +7,6 @@
 
 /* ---- scales ---- */
 
-lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by) {
-    return by == 1.0 ? x : lg_scale(tape, x, by);
-}
-
 double lg_hamiltonian_energy_scale(const lg_hamiltonian *model) {
     double action = 1.0;
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) action *= model->scales.part[i];

@@ -4,10 +4,6 @@
 
 /* ---- the field ---- */
 
-size_t lg_model_input_dim(const lg_model *model) {
-    return lg_model_moves(model) ? lg_plan_input_count(model->plan[LG_MODEL_FIELD], 1) : 0;
-}
-
 lg_status lg_model_field(const lg_model *model, const double *state, const double *input, double *field,
                          void *work) {
     LG_NEEDS(NULL, model, state, field, work);

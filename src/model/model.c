@@ -192,19 +192,3 @@ size_t lg_model_outputs(const lg_model *model) {
 size_t lg_model_work_size(const lg_model *model) {
     return model != NULL ? model->work : 0;
 }
-
-/* ---- value and Jacobian ---- */
-
-void lg_model_run(const lg_model *model, lg_model_function function, const double *const *x, double *const *y,
-                  void *work) {
-    lg_plan_eval(model->plan[function], (const void *const *)x, (void *const *)y, work);
-}
-
-void lg_model_eval(const lg_model *model, const double *x, double *y, void *work) {
-    if (model->plan[LG_MODEL_VALUE] != NULL) lg_model_run(model, LG_MODEL_VALUE, &x, &y, work);
-}
-
-void lg_model_jacobian(const lg_model *model, const double *x, double *y, double *jacobian, void *work) {
-    double *const out[] = {y, jacobian};
-    if (model->plan[LG_MODEL_GRADIENT] != NULL) lg_model_run(model, LG_MODEL_GRADIENT, &x, out, work);
-}
