@@ -405,6 +405,8 @@ static void check_options(const app *self, const lg_machine_file *file) {
     if (n > 1 && n != file->machine.input_count)
         app_stop_usage(self, "--amplitude: %zu numbers, but the machine has %u inputs", n,
                        file->machine.input_count);
+    if (file->machine.input_count == 0 && find_form() == LG_COUNT(forms))
+        app_stop_usage(self, "--inputs: '%s' is a file, but the machine has no inputs", values.inputs);
     if (values.noise.count > 2) app_stop_usage(self, "--noise: one number or two");
     if (values.spread.count > 2) app_stop_usage(self, "--start-spread: one number or two");
 }
@@ -412,7 +414,7 @@ static void check_options(const app *self, const lg_machine_file *file) {
 static void begin(const app *self, making *m) {
     const lg_machine *machine = &m->file.machine;
     m->t_end = values.t_end > 0 ? values.t_end : 10;
-    if (machine->input_count > 0 && find_form() == LG_COUNT(forms)) read_inputs(self, m);
+    if (find_form() == LG_COUNT(forms)) read_inputs(self, m);
     m->rows = (size_t)floor(m->t_end / values.dt + 1 + 1e-9);
     m->runs = (size_t)values.runs;
     m->delay = m->file.delay;
