@@ -191,18 +191,6 @@ static inline void cli_run(const char *program, const char *format, ...) {
     cli_expect(program, line, 0, "");
 }
 
-/* Command lines that are refused; those of all executables: test_refused. */
-typedef struct cli_bad {
-    const char *arguments;
-    int code;
-    const char *words;
-} cli_bad;
-
-static inline void cli_expect_refused(const char *program, const cli_bad *rows, size_t count) {
-    for (size_t i = 0; i < count; i++) cli_expect(program, rows[i].arguments, rows[i].code, rows[i].words);
-    assert_int_equal(cli_count_files("tmp"), 0);
-}
-
 /* ---- a strict JSON reader (RFC 8259): position after the value, NULL when there is none ---- */
 
 static inline const char *json_value(const char *s);

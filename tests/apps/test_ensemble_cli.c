@@ -1,5 +1,5 @@
 /* lg-simulate --ensemble and merge from outside: distributions, statistics with known answers, parts of an
- * ensemble against the whole, trajectories, what is refused.
+ * ensemble against the whole, trajectories; what is refused: test_refused.
  * ctest-labels: apps/lg-simulate src/mechanics */
 #include "cli_support.h"
 
@@ -61,6 +61,7 @@ TEST("distributions have their means and deviations") {
          "");
     assert_close(at_end("q", "deviation"), 0.1 / sqrt(3), 0.02, 0);
     assert_close(at_end("p", "deviation"), 0.5, 0.02, 0);
+    cli_run(lg, "circles.yaml --ensemble 2 --vary q=within:0");
 }
 
 TEST("directions, cones and rotations are where they belong") {
@@ -414,38 +415,7 @@ TEST("trajectories that cannot be written do not take the statistics with them")
     json("merge found.h5 lost.h5", "members 400000");
 }
 
-/* ---- refusals ---- */
-
-TEST("what is refused") {
-    static const struct {
-        const char *arguments;
-        int code;
-        const char *words;
-    } rows[] = {
-        {"circles.yaml --vary q=sphere", 2, "--vary: needs --ensemble"},
-        {"circles.yaml --ensemble 5 --gradient 1,0", 2, "cannot be given together"},
-        {"circles.yaml --ensemble 5 --vary q", 2, "expected NAME = DISTRIBUTION"},
-        {"circles.yaml --ensemble 5 --vary x=normal:0:1", 2, "'x' is neither a parameter"},
-        {"circles.yaml --ensemble 5 --vary q=gauss:0:1", 2, "'gauss' is not one of"},
-        {"circles.yaml --ensemble 5 --vary q=normal:0", 2, "expected 'normal MEAN DEVIATION'"},
-        {"circles.yaml --ensemble 5 --vary q=normal:0:-1", 2, "sizes from 0 on"},
-        {"circles.yaml --ensemble 5 --vary q=uniform:2:1", 2, "LOW <= HIGH"},
-        {"circles.yaml --ensemble 5 --vary q=sphere", 2, "blocks of 3 numbers"},
-        {"circles.yaml --ensemble 5 --event q", 2, "expected NAME=VALUE"},
-        {"circles.yaml --ensemble 5 --event z=1", 2, "'z' is no number of the state"},
-        {"circles.yaml --ensemble 5 --task 1/2", 2, "give --out"},
-        {"circles.yaml --ensemble 5 --task 2/2 --out a.h5", 2, "0 <= i < n"},
-        {"circles.yaml --ensemble 5 --save all", 2, "give --out"},
-        {"circles.yaml --ensemble 5 --save some --out a.h5", 2, "`all` or a number"},
-        {"circles.yaml --ensemble 5 --method rk4", 2, "needs --steps"},
-        {"circles.yaml --ensemble 5 --method rk4 --steps 7 --points 3", 2, "multiple of the step"},
-        {"circles.yaml --ensemble 5 --starts missing.csv", 3, "missing.csv"},
-    };
-    for (size_t i = 0; i < LG_COUNT(rows); i++)
-        cli_expect(lg, rows[i].arguments, rows[i].code, rows[i].words);
-    assert_false(cli_exists("a.h5"));
-    cli_expect(lg, "circles.yaml --ensemble 2 --vary q=within:0", 0, "");
-}
+/* ---- what ends badly ---- */
 
 TEST("Ctrl-C ends an ensemble and leaves no file") {
     const cli_child child =

@@ -610,22 +610,6 @@ TEST("files that are no tables get a sentence and an exit code, too") {
     cli_expect(fit, "train odd.npy --out m.h5", 3, "row 2: column c0: is infinite");
     cli_write("cut.npy", "\x93NUMPY\x01");
     cli_expect(fit, "train cut.npy --out m.h5", 3, "ends within the header");
-    static const cli_bad others[] = {
-        {"train gone.csv --out m.h5", 3, "No such file"},
-        {"train . --out m.h5", 3, "is not a regular file"},
-        {"train empty.h5 --out m.h5", 3, "is empty"},
-        {"train foreign.h5 --out m.h5", 3, "no rows"},
-        {"evaluate foreign.h5 foreign.h5", 3, "foreign.h5"},
-        {"predict gone.h5 foreign.h5", 3, "gone.h5"},
-        {"train foreign.h5", 2, "--out FILE is missing"},
-        {"train", 2, ""},
-    };
-    cli_expect_refused(fit, others, LG_COUNT(others));
-    cli_write("x.csv", "a,y\n1,2\n2,3\n3,5\n");
-    static const char *const same[] = {"train x.csv --out x.csv", "train x.csv --out m.h5 --test m.h5",
-                                       "train x.csv --out m.h5 --plot m.txt"};
-    for (size_t i = 0; i < LG_COUNT(same); i++) cli_expect(fit, same[i], 2, "");
-    cli_expect(fit, test_text("train x.csv --out no/folder/m.h5"), 3, "no/folder");
 }
 
 /* Every byte of a good file changed in turn, and every length: it ends with one of the exit codes. */
@@ -725,7 +709,6 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "no weight");
     cli_write("bad.safetensors", "short");
     cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "is not a safetensors file");
-    cli_expect(fit, "import w.safetensors", 2, "--out MODEL.h5 is missing");
 }
 
 TEST("the order of imported layers is printed, can be given, and is doubted where the sizes fit others") {

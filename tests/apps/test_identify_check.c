@@ -1,4 +1,4 @@
-/* lg-identify check: what is in logs, what is refused, what is a warning.
+/* lg-identify check: what is in logs, what is refused, what is a warning. Wrong calls: test_refused.
  * ctest-labels: apps/lg-identify src/machine */
 #include "identify_support.h"
 
@@ -277,25 +277,6 @@ TEST("the same warning is told once, on standard error and in JSON") {
         assert_int_equal(times(result.err, sentences[i]), 1);
         assert_int_equal(times(result.out, sentences[i]), 1);
     }
-}
-
-TEST("wrong calls are refused") {
-    static const cli_bad rows[] = {
-        {"check", 2, "lg-identify check"},
-        {"check machine.yaml", 2, "lg-identify check"},
-        {"check machine.yaml none.csv", 3, "none.csv"},
-        {"check none.yaml log.csv", 3, "none.yaml"},
-        {"check machine.yaml log.csv --plot picture.pdf", 2, "picture.pdf"},
-        {"predict empty.h5 log.csv --out p.csv", 3, "empty.h5"},
-        {"predict empty.h5 log.csv", 2, "--out"},
-        {"evaluate empty.h5 log.csv --horizons=-1", 2, "horizons"},
-        {"evaluate foreign.h5 log.csv", 3, "foreign.h5"},
-        {"generate machine.yaml --out g.csv", 3, "mass"},
-        {"generate machine.yaml", 2, "--out"},
-    };
-    write_sheet("log.csv", good_sheet());
-    cli_expect_refused(identify, rows, LG_COUNT(rows));
-    assert_false(cli_exists("g.csv") || cli_exists("p.csv"));
 }
 
 /* ---- what is merely not determined: a warning ---- */

@@ -234,7 +234,6 @@ TEST("rows of parts that are shorter than a window are told, and the tail of a l
 TEST("a fit has no option that its networks cannot take: --size") {
     cli_run(identify, "fit --help");
     assert_null(strstr(result.out, "--size"));
-    cli_expect(identify, "fit machine.yaml train.csv --out m.h5 --size auto", 2, "--size");
 }
 
 /* A log of 2 x'' = -5 x - .3 x' + u by another program: RK4, or symplectic Euler, with `digits` decimals. */

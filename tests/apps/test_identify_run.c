@@ -129,16 +129,6 @@ TEST("steps are held, and inputs are within their amplitude") {
     assert_int_equal(changes, 20);
 }
 
-TEST("a scene is refused when something of it is unknown, or runs cannot be told apart") {
-    cli_expect(identify, "generate machine.yaml --out g.csv", 3, "machine.yaml: mass: ");
-    cli_write("one.yaml",
-              "coordinates:\n  - {name: x, kind: line, velocity: v}\nmass: {kind: known, values: [1]}\n");
-    cli_expect(identify, "generate one.yaml --out g.csv", 3, "--runs 1");
-    cli_run(identify, "generate one.yaml --out g.csv --runs 1");
-    cli_expect(identify, "generate scene.yaml --out g.csv --amplitude 1,2", 2, "--amplitude: 2 numbers");
-    cli_expect(identify, "generate scene.yaml --out g.csv --inputs none.csv", 3, "none.csv");
-}
-
 /* ---- predict ---- */
 
 /* The predicted file is a log of the machine, with the times and inputs of the other one. */

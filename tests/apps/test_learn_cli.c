@@ -112,25 +112,6 @@ TEST("a prediction is the motion that the recipe's program finds, and its table 
     assert_int_equal(lines, 12);
 }
 
-TEST("what is wrong with a command line or a file is told") {
-    static const cli_bad bad[] = {
-        {"train data.h5 --out m.h5", 2, "--recipe NAME is missing"},
-        {"train data.h5 --recipe potato --out m.h5", 2, "--recipe: 'potato' is not one of hamiltonian, "},
-        {"train data.h5 --recipe=table --out m.h5", 2, "--recipe: 'table' is not one of"},
-        {"train data.h5 --recipe surrogate --out other.h5", 3, "data.h5: attribute kind is 'trajectories'"},
-        {"train data.h5 --recipe hamiltonian --out other.h5 --modes 3", 2, "--modes"},
-        {"evaluate data.h5 data.h5", 3, "it holds data, trajectories"},
-        {"evaluate m.h5 foreign.h5", 3, "foreign.h5"},
-        {"predict m.h5", 2, "--initial: 0 numbers, but the model takes 6"},
-        {"predict m.h5 --initial 1,0,0", 2, "--initial: 3 numbers, but the model takes 6"},
-        {"predict m.h5 --initial 1,1,0,0,0,0", 2, "the start is off the manifold by 0.29"},
-        {"evaluate " LG_TEST_DIR "/format_1/table.h5 data.h5", 3, "no recipe learns models of its kind"},
-    };
-    make_data(&rows[0]);
-    cli_expect(learn, test_text("train data.h5 --recipe hamiltonian %s --out m.h5", rows[0].train), 0, "");
-    cli_expect_refused(learn, bad, LG_COUNT(bad));
-}
-
 static int setup(void **state) {
     return cli_begin();
 }

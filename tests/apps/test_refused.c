@@ -136,6 +136,11 @@ static const refusal hamiltonian[] = {
     {TRAIN "--method {adam lm adam:2,lm} --prior 0.1", 2,
      "--prior: is for ssbroyden and lbfgs; training by %"},
     {TRAIN "--newton", 2, "--newton"},
+    {TRAIN "--starts estimated --newton --potential linear", 2, "--newton"},
+    {TRAIN "--method lbfgs --lr 1e-2", 2, "--lr: is for adam"},
+    {TRAIN "--size 7 --hidden 7", 2, "say the same"},
+    {TRAIN "--size seven", 2, "--size: 'seven'"},
+    {TRAIN "--potential dictionary --size 8", 2, "--size: this model has no network"},
     {"train {missing.h5 empty.h5 foreign.h5 model.h5 .} --out m.h5", 3, "%"},
     {"train nan.h5 --out m.h5", 3, "nan.h5: /trajectories: NaN at index (1, 1, 1)"},
     {"evaluate model.h5 nan.h5", 3, "NaN"},
@@ -274,6 +279,8 @@ static const refusal elastica[] = {
     {"train data.h5 --out model.h5 --resume model.h5", 2, "--out: model.h5 is an input of --resume"},
     {TRAIN "--resume {data.h5 missing.h5 model.h5}", 3, "%"},
     {TRAIN "--resume data.h5 --checkpoint data.h5", 2, "--checkpoint: data.h5 is an input"},
+    {TRAIN "--modes 40", 2, "40 modes"},
+    {TRAIN "--loss energy --angles false", 2, "angles alone"},
     {TRAIN "--network angle --gamma 1", 2, "--gamma: --network angle has no such option"},
     {"evaluate model.h5 link.dat --plot link.svg", 2, "--plot: link.dat is an input"},
     {"predict model.h5 --x 1 --out model.h5", 2, "--out: model.h5 is an input"},
@@ -581,6 +588,24 @@ static const refusal simulate[] = {
     {"chain.yaml --work-precision --methods rk4,leapfrog", 2, "--methods: 'leapfrog' is not one of"},
     {"chain.yaml --work-precision --methods stormer-verlet", 2, "not separable"},
     {"chain.yaml --methods rk4", 2, "--methods: needs --work-precision"},
+    {"oscillator.yaml --vary q=sphere", 2, "--vary: needs --ensemble"},
+    {"oscillator.yaml --ensemble 5 --gradient 1,0", 2, "cannot be given together"},
+    {"oscillator.yaml --ensemble 5 --vary q", 2, "expected NAME = DISTRIBUTION"},
+    {"oscillator.yaml --ensemble 5 --vary x=normal:0:1", 2, "'x' is neither a parameter"},
+    {"oscillator.yaml --ensemble 5 --vary q=gauss:0:1", 2, "'gauss' is not one of"},
+    {"oscillator.yaml --ensemble 5 --vary q=normal:0", 2, "expected 'normal MEAN DEVIATION'"},
+    {"oscillator.yaml --ensemble 5 --vary q=normal:0:-1", 2, "sizes from 0 on"},
+    {"oscillator.yaml --ensemble 5 --vary q=uniform:2:1", 2, "LOW <= HIGH"},
+    {"oscillator.yaml --ensemble 5 --vary q=sphere", 2, "blocks of 3 numbers"},
+    {"oscillator.yaml --ensemble 5 --event q", 2, "expected NAME=VALUE"},
+    {"oscillator.yaml --ensemble 5 --event z=1", 2, "'z' is no number of the state"},
+    {"oscillator.yaml --ensemble 5 --task 1/2", 2, "give --out"},
+    {"oscillator.yaml --ensemble 5 --task 2/2 --out a.h5", 2, "0 <= i < n"},
+    {"oscillator.yaml --ensemble 5 --save all", 2, "give --out"},
+    {"oscillator.yaml --ensemble 5 --save some --out a.h5", 2, "`all` or a number"},
+    {"oscillator.yaml --ensemble 5 --method rk4", 2, "needs --steps"},
+    {"oscillator.yaml --ensemble 5 --method rk4 --steps 7 --points 3", 2, "multiple of the step"},
+    {"oscillator.yaml --ensemble 5 --starts missing.csv", 3, "missing.csv"},
     {"oscillator.yaml --t-end 1e18", 4, "the step size fell below the rounding of time at t = 0"},
     {"chain.yaml --max-steps 5", 4, "in 5 steps (--max-steps)"},
     {"chain.yaml --method euler --steps 40 --t-end 1e6", 4, "not finite"},
@@ -647,6 +672,90 @@ TEST("lg-simulate refuses with exit code and word, and writes nothing") {
     }
     REFUSE("lg-simulate", simulate);
     refuse_texts("lg-simulate", "chain.yaml --scheme bad.yaml --steps 10", schemes, LG_COUNT(schemes));
+}
+
+/* ---- lg-fit ---- */
+
+/* Tables whose text is wrong: test_fit_cli. */
+static const refusal fit[] = {
+    {"train", 2, "missing argument"},
+    {"train x.csv", 2, "--out FILE is missing"},
+    {"train gone.csv --out m.h5", 3, "No such file"},
+    {"train . --out m.h5", 3, "is not a regular file"},
+    {"train empty.h5 --out m.h5", 3, "is empty"},
+    {"train foreign.h5 --out m.h5", 3, "no rows"},
+    {"train x.csv --out no/folder/m.h5", 3, "no/folder"},
+    {"train x.csv --out x.csv", 2, "--out: x.csv is an input"},
+    {"train x.csv --out m.h5 --test m.h5", 2, "--out: m.h5 is an input of --test"},
+    {"train x.csv --out m.h5 --plot m.txt", 2, "m.txt"},
+    {"evaluate foreign.h5 foreign.h5", 3, "foreign.h5"},
+    {"predict gone.h5 foreign.h5", 3, "gone.h5"},
+    {"import x.csv", 2, "--out MODEL.h5 is missing"},
+};
+
+TEST("lg-fit refuses with exit code and word, and writes nothing") {
+    cli_test_folder();
+    cli_write("x.csv", "a,y\n1,2\n2,3\n3,5\n");
+    REFUSE("lg-fit", fit);
+}
+
+/* ---- lg-identify ---- */
+
+static const refusal identify[] = {
+    {"{check fit}", 2, "lg-identify %"},
+    {"check machine.yaml", 2, "lg-identify check"},
+    {"check machine.yaml none.csv", 3, "none.csv"},
+    {"check none.yaml log.csv", 3, "none.yaml"},
+    {"check machine.yaml log.csv --plot picture.pdf", 2, "picture.pdf"},
+    {"fit machine.yaml log.csv --out m.h5 --size auto", 2, "--size"},
+    {"predict empty.h5 log.csv --out p.csv", 3, "empty.h5"},
+    {"predict empty.h5 log.csv", 2, "--out"},
+    {"evaluate empty.h5 log.csv --horizons=-1", 2, "horizons"},
+    {"evaluate foreign.h5 log.csv", 3, "foreign.h5"},
+    {"generate machine.yaml", 2, "--out"},
+    {"generate machine.yaml --out g.csv --runs 1", 3, "machine.yaml: potential: a term of kind 'quadratic'"},
+    {"generate one.yaml --out g.csv", 3, "--runs 1"},
+    {"generate one.yaml --out g.csv --runs 1 --inputs log.csv", 2, "the machine has no inputs"},
+    {"generate driven.yaml --out g.csv --inputs none.csv", 3, "none.csv"},
+    {"generate driven.yaml --out g.csv --amplitude 1,2", 2, "--amplitude: 2 numbers"},
+};
+
+TEST("lg-identify refuses with exit code and word, and writes nothing") {
+    static const char line[] = "coordinates:\n  - {name: x, kind: line, velocity: v}\n";
+    static const char known[] = "mass: {kind: known, values: [1]}\n";
+    cli_test_folder();
+    cli_write("machine.yaml", test_text("%spotential: {kind: quadratic, of: x}\n", line));
+    cli_write("one.yaml", test_text("%s%s", line, known));
+    cli_write("driven.yaml", test_text("columns: {run: run}\n%s%sinputs: {columns: [u]}\n"
+                                       "input_map: {kind: known, values: [[1]]}\n",
+                                       line, known));
+    RUN("lg-identify", "generate one.yaml --out log.csv --runs 1");
+    REFUSE("lg-identify", identify);
+}
+
+/* ---- lg-learn ---- */
+
+static const refusal learn[] = {
+    {"train data.h5 --out m.h5", 2, "--recipe NAME is missing"},
+    {"train data.h5 --recipe potato --out m.h5", 2, "--recipe: 'potato' is not one of hamiltonian, "},
+    {"train data.h5 --recipe=table --out m.h5", 2, "--recipe: 'table' is not one of"},
+    {"train data.h5 --recipe surrogate --out m.h5", 3, "data.h5: attribute kind is 'trajectories'"},
+    {"train data.h5 --recipe hamiltonian --out m.h5 --modes 3", 2, "--modes"},
+    {"evaluate data.h5 data.h5", 3, "it holds data, trajectories"},
+    {"evaluate model.h5 foreign.h5", 3, "foreign.h5"},
+    {"evaluate table.h5 data.h5", 3, "no recipe learns models of its kind"},
+    {"predict model.h5", 2, "--initial: 0 numbers, but the model takes 6"},
+    {"predict model.h5 --initial 1,0,0", 2, "--initial: 3 numbers, but the model takes 6"},
+    {"predict model.h5 --initial 1,1,0,0,0,0", 2, "the start is off the manifold by 0.29"},
+};
+
+TEST("lg-learn refuses with exit code and word, and writes nothing") {
+    cli_test_folder();
+    cli_link(LG_TEST_DIR "/format_1/chain.h5", "model.h5");
+    cli_link(LG_TEST_DIR "/format_1/table.h5", "table.h5");
+    RUN("lg-hamiltonian",
+        "generate " LG_TEST_DIR "/../scenes/pendulum.yaml --trajectories 4 --points 2 --out data.h5");
+    REFUSE("lg-learn", learn);
 }
 
 /* ---- lg-export ---- */
