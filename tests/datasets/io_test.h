@@ -244,6 +244,21 @@ static inline void replace_text(const char *path, const char *object, const char
     assert_true(H5Tclose(type) >= 0);
 }
 
+/* A list of equal texts. */
+static inline void replace_texts(const char *path, const char *object, const char *name, const char *text,
+                                 size_t count) {
+    const size_t size = strlen(text) + 1;
+    char *list = lg_test_memory(count * size);
+    for (size_t i = 0; i < count; i++) memcpy(list + i * size, text, size);
+    const hsize_t dims[1] = {count};
+    delete_attribute(path, object, name);
+    hid_t file = open_for_change(path), type = H5Tcopy(H5T_C_S1), space = H5Screate_simple(1, dims, NULL);
+    assert_true(H5Tset_size(type, size) >= 0);
+    hid_t at = H5Acreate_by_name(file, object, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(at >= 0 && H5Awrite(at, type, list) >= 0 && H5Aclose(at) >= 0);
+    assert_true(H5Sclose(space) >= 0 && H5Tclose(type) >= 0 && H5Fclose(file) >= 0);
+}
+
 static inline void replace_integer(const char *path, const char *object, const char *name, int64_t value) {
     replace_attribute(path, object, name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
 }
@@ -266,7 +281,7 @@ static inline void declare_dataset(const char *path, const char *name, hid_t typ
 typedef const char *(*fresh_fn)(void);
 
 typedef struct change {
-    enum { IS_GONE, IS_TEXT, IS_REAL, IS_WHOLE, IS_ARRAY, IS_DECLARED } what;
+    enum { IS_GONE, IS_TEXT, IS_TEXTS, IS_REAL, IS_WHOLE, IS_ARRAY, IS_DECLARED } what;
     const char *text;
     double real;
     int64_t whole;
@@ -278,6 +293,8 @@ typedef struct change {
     { .what = IS_GONE }
 #define TEXT(value)                                                                                          \
     { .what = IS_TEXT, .text = value }
+#define TEXTS(value, count)                                                                                  \
+    { .what = IS_TEXTS, .text = value, .whole = count }
 #define REAL(value)                                                                                          \
     { .what = IS_REAL, .real = value }
 #define WHOLE(value)                                                                                         \
@@ -306,6 +323,7 @@ typedef struct damage {
 static inline void change_attribute(const char *path, const char *object, const char *name, const change *c) {
     if (c->what == IS_GONE) delete_attribute(path, object, name);
     if (c->what == IS_TEXT) replace_text(path, object, name, c->text);
+    if (c->what == IS_TEXTS) replace_texts(path, object, name, c->text, (size_t)c->whole);
     if (c->what == IS_WHOLE) replace_integer(path, object, name, c->whole);
     if (c->what == IS_REAL)
         replace_attribute(path, object, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &c->real);

@@ -1,8 +1,12 @@
 /* Model files of any kind as one handle: each kind, what is no model, damage, failing memory. */
-#include "support/models.h"
 #include "model_kinds.h"
 
 #include "liegrad/machine_model.h"
+#include "model/files/program_file.h"
+
+#define EACH_EXAMPLE(kind, which)                                                                            \
+    (size_t kind = 0, which = 0; kind < KIND_COUNT;                                                          \
+     which + 1 < examples_of(&kinds[kind]) ? which++ : (kind++, which = 0))
 
 static const char *fresh(model_kind kind) {
     return good_model(kind, kinds[kind].bad);
@@ -35,43 +39,49 @@ static void assert_same_model(const lg_model *model, const lg_model *expected) {
     lg_model_eval(expected, x, again, test_work(lg_model_work_size(expected)));
     for (size_t i = 0; i < outputs; i++) assert_true(isfinite(y[i]));
     assert_memory_equal(y, again, outputs * sizeof *y);
+    const size_t inputs = lg_model_input_dim(model), tangents = lg_model_tangent_dim(model);
+    assert_true(inputs == lg_model_input_dim(expected) && tangents == lg_model_tangent_dim(expected));
+    if (tangents == 0) return;
+    const double *u = inputs > 0 ? test_numbers(4, inputs, -1, 1) : NULL;
+    double *f = TEST_ARRAY(double, n), *g = TEST_ARRAY(double, n);
+    assert_ok(lg_model_field(model, x, u, f, test_work(lg_model_work_size(model))));
+    assert_ok(lg_model_field(expected, x, u, g, test_work(lg_model_work_size(expected))));
+    assert_memory_equal(f, g, n * sizeof *f);
 }
 
-static lg_model *model_of(const any_file *file) {
-    lg_model *model = NULL;
-    if (file->kind == KIND_HAMILTONIAN)
-        assert_ok(test_hamiltonian_model(NULL, &file->hamiltonian.run.model, file->hamiltonian.theta, &model,
-                                         NULL));
-    if (file->kind == KIND_SURROGATE)
-        assert_ok(
-            test_surrogate_model(NULL, &file->surrogate.run.model, file->surrogate.theta, &model, NULL));
-    if (file->kind == KIND_DETECTOR)
-        assert_ok(test_detector_model(NULL, &file->detector.run.model, &file->detector.scaler,
-                                      file->detector.theta, &model, NULL));
-    if (file->kind == KIND_TABLE)
-        assert_ok(test_table_model(NULL, &file->table.run.model, &file->table.inputs, &file->table.outputs,
-                                   file->table.theta, &model, NULL));
+/* Of the functions that the recipe records anew. */
+static lg_model *model_of(any_file *file) {
+    const lg_recipe *recipe = kinds[file->kind].recipe;
+    lg_program *program;
+    lg_space space;
+    lg_model *model;
+    assert_ok(recipe->program(NULL, file->bytes, NULL, &program, NULL));
+    if (recipe->space != NULL) assert_ok(recipe->space(common_of(file).run, &space));
+    assert_ok(lg_model_create(NULL, program, recipe->space != NULL ? &space : NULL, &model, NULL));
     return model;
 }
 
 TEST("a file of any kind loads as a model and as what its own loader reads") {
-    for (int kind = 0; kind < KIND_COUNT; kind++) {
-        const char *path = fresh((model_kind)kind);
-        lg_model_file file;
-        any_file own = {.kind = (model_kind)kind}, loaded = own;
-        assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
-        assert_ok(kinds[kind].load(NULL, path, NULL, &own, NULL));
-        memcpy(&loaded.hamiltonian, lg_model_file_of(&file, kinds[kind].run), kinds[kind].size);
-        const common a = kinds[kind].common(&loaded), b = kinds[kind].common(&own);
-        lg_model *expected = model_of(&own);
-        assert_true(file.recipe == kinds[kind].run);
-        assert_same_model(file.model, expected);
-        assert_memory_equal(a.theta, b.theta, b.parameters * sizeof(double));
-        kinds[kind].same(&loaded, &own);
-        lg_model_destroy(expected);
-        lg_model_file_destroy(&file);
-        kinds[kind].destroy(&own);
-    }
+    for
+        EACH_EXAMPLE(kind, which) {
+            const char *path = good_model((model_kind)kind, which);
+            const lg_recipe *recipe = kinds[kind].recipe;
+            lg_model_file file;
+            any_file own, loaded = {.kind = (model_kind)kind};
+            assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
+            assert_ok(kinds[kind].load(NULL, path, NULL, &own, NULL));
+            assert_true(file.recipe == recipe);
+            memcpy(loaded.bytes, lg_model_file_of(&file, recipe), recipe->file_size);
+            assert_null(lg_model_file_of(&file, kinds[(kind + 1) % KIND_COUNT].recipe));
+            lg_model *expected = model_of(&own);
+            assert_same_model(file.model, expected);
+            assert_memory_equal(common_of(&loaded).theta, common_of(&own).theta,
+                                common_of(&own).parameters * sizeof(double));
+            kinds[kind].same(&loaded, &own);
+            lg_model_destroy(expected);
+            lg_model_file_destroy(&file);
+            destroy(&own);
+        }
 }
 
 /* ---- the attribute space ---- */
@@ -115,7 +125,7 @@ TEST("files of version 1.0.0 have no space and load; saved again they have one")
 
 TEST("models that do not move have no space") {
     for (int kind = 0; kind < KIND_COUNT; kind++)
-        if (kind != KIND_HAMILTONIAN) assert_space(fresh((model_kind)kind), "");
+        if (kinds[kind].recipe->space == NULL) assert_space(fresh((model_kind)kind), "");
 }
 
 TEST("a structure that was moved still finds its numbers") {
@@ -205,6 +215,7 @@ TEST("files that say that they are another kind are refused, whatever is in them
         {"checkpoint", "checkpoint of an unfinished training"},
         {"surrogate-checkpoint", "checkpoint of an unfinished training"},
         {"detector-checkpoint", "checkpoint of an unfinished training"},
+        {"machine-checkpoint", "checkpoint of an unfinished training"},
         {"classifier", "lg_classifier_load"},
         {"trajectories", "data"},
         {"trajectory", "data"},
@@ -242,13 +253,39 @@ TEST("files of other programs, and one kind that says that it is another, are re
         refuse_damage(read_any, kinds[kind].fresh, rows, LG_COUNT(rows));
         for (int other = 0; other < KIND_COUNT; other++) {
             const char *path = fresh((model_kind)kind);
-            replace_text(path, "/", "kind", kinds[other].name);
+            replace_text(path, "/", "kind", kinds[other].recipe->name);
             if (kind == other)
                 assert_ok(read_any(NULL, path, NULL, NULL));
             else
                 assert_refused(read_any, path, LG_FORMAT, "", "");
         }
     }
+}
+
+TEST("functions and parameters that are missing or wrong are refused by name, of every kind") {
+    static const damage rows[] = {
+        {"functions@order", GONE, LG_FORMAT, ""},
+        {"functions@order", WHOLE(3), LG_FORMAT, ""},
+        {"functions@order", TEXT("nothing"), LG_FORMAT, "~functions/nothing"},
+        {"functions@order", TEXT("../value"), LG_FORMAT, "~plain"},
+        {"functions/value", GONE, LG_FORMAT, ""},
+        {"functions/value", ARRAY(1, 100), LG_FORMAT, "integers"},
+        {"functions/value", SCALAR(1), LG_FORMAT, "bytes"},
+        {"parameters", GONE, LG_FORMAT, ""},
+        {"parameters@order", GONE, LG_FORMAT, ""},
+        {"parameters@order", TEXT("nothing"), LG_FORMAT, "~parameters/nothing"},
+        {"parameters@theta", GONE, LG_FORMAT, ""},
+        {"parameters@theta", TEXT("model/nothing"), LG_FORMAT, "~model/nothing"},
+        {"parameters@theta", TEXT("../theta"), LG_FORMAT, "~path"},
+        {"parameters@theta", WHOLE(3), LG_FORMAT, ""},
+        {"parameters@theta", TEXTS("model/nothing", LG_PROGRAM_MOST_NAMES), LG_FORMAT, "~model/nothing"},
+        {"parameters@theta", TEXTS("model/nothing", LG_PROGRAM_MOST_NAMES + 1), LG_FORMAT,
+         "~/parameters: has more entries than may be"},
+        {"functions@order", TEXTS("value", LG_PROGRAM_MOST_NAMES + 1), LG_FORMAT,
+         "~/functions: has more entries than may be"},
+    };
+    for (int kind = 0; kind < KIND_COUNT; kind++)
+        refuse_damage(read_any, kinds[kind].fresh, rows, LG_COUNT(rows));
 }
 
 TEST("a missing file or argument is refused") {

@@ -560,27 +560,43 @@ static lg_status first_numbers(void *user, lg_tape *tape, const lg_var *theta, c
 
 TEST("functions that do not fit together or the space are refused") {
     static const struct {
-        const char *name;
-        uint32_t in, out; /* numbers of x and of the result */
+        struct {
+            const char *name;
+            uint32_t in, out; /* numbers of x and of the result */
+        } of[2];
         lg_status status;
-    } rows[] = {{"field", 6, 6, LG_OK},
-                {"field", 6, 5, LG_SHAPE},
-                {"field", 5, 6, LG_SHAPE},
-                {"value", 6, 1, LG_NOT_FOUND}, /* a space and no field */
-                {"other", 6, 6, LG_NOT_FOUND}};
+    } rows[] = {{{{"field", 6, 6}}, LG_OK},
+                {{{"field", 6, 5}}, LG_SHAPE},
+                {{{"field", 5, 6}}, LG_SHAPE},
+                {{{"value", 6, 1}}, LG_NOT_FOUND}, /* a space and no field */
+                {{{"other", 6, 6}}, LG_NOT_FOUND},
+                {{{"field", 6, 6}, {"drift", 3, 3}}, LG_OK},
+                {{{"field", 6, 6}, {"drift", 2, 3}}, LG_SHAPE},
+                {{{"field", 6, 6}, {"drift", 3, 2}}, LG_SHAPE}};
     const lg_space_factor factor = {LG_SPACE_TS2, 1};
     lg_space space;
     assert_ok(lg_space_init(&space, &factor, 1));
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        const lg_port in = {.name = "x", .shape = lg_shape1(rows[i].in)}, out = {.name = "y"};
-        const lg_function_spec function = {
-            rows[i].name, &in, 1, &out, 1, first_numbers, (void *)(uintptr_t)&rows[i].out};
+        const lg_port out = {.name = "y"};
+        lg_port in[2];
+        lg_function_spec functions[2];
+        size_t count = 0;
+        for (; count < 2 && rows[i].of[count].name != NULL; count++) {
+            in[count] = (lg_port){.name = "x", .shape = lg_shape1(rows[i].of[count].in)};
+            functions[count] = (lg_function_spec){rows[i].of[count].name,
+                                                  &in[count],
+                                                  1,
+                                                  &out,
+                                                  1,
+                                                  first_numbers,
+                                                  (void *)(uintptr_t)&rows[i].of[count].out};
+        }
         lg_program_spec spec;
         lg_program *program;
         lg_model *model = NULL;
         lg_program_spec_init(&spec);
-        spec.functions = &function;
-        spec.function_count = 1;
+        spec.functions = functions;
+        spec.function_count = count;
         assert_ok(lg_program_build(NULL, &spec, &program, NULL));
         assert_status(lg_model_create(NULL, program, &space, &model, NULL), rows[i].status);
         lg_model_destroy(model);

@@ -53,7 +53,9 @@ lg_status lg_program_get_texts(lg_program_reading *r, const char *path, const ch
     lg_status status = attribute == NULL ? lg_h5_each_text(r->h5, path, keep_text, &l, r->error)
                                          : lg_h5_each_attribute_text(r->h5, path, attribute, &words,
                                                                      keep_text, &l, r->error);
-    if (!words) status = lg_program_bad(r, path, "has no attribute order with names");
+    char what[LG_PROGRAM_NAME + 32];
+    (void)snprintf(what, sizeof what, "has no attribute %s with names", attribute != NULL ? attribute : "");
+    if (!words) status = lg_program_bad(r, path, what);
     if (status == LG_OK) return LG_OK;
     lg_free(r->h5->context, out->text);
     out->text = NULL;
