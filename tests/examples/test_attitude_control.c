@@ -5,6 +5,7 @@
 
 #include "../../examples/attitude_control/controller.c"
 #include "../../examples/attitude_control/log.c"
+#include "../../examples/attitude_control/observer.c"
 #include "../../examples/attitude_control/plant.c"
 #include "../../examples/attitude_control/trial.c"
 #include "support/malloc_count.h"
@@ -225,7 +226,7 @@ TEST("a run reaches the set point, allocates nothing and takes no lock") {
         plant_start(&rng, 1.0, y);
         kept.count = 0;
         lg_count_begin();
-        r = trial_run(&options, &self->truth, &self->control, y, &kept);
+        r = trial_run(&options, &self->truth, &self->control, NULL, y, &kept);
         used = lg_count_end();
     }
     if (lg_count_available()) {
