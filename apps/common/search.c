@@ -410,11 +410,14 @@ static void print_given(const app *self) {
 /* The best trial's settings as words of a command line. */
 static void print_best(const searching *search, size_t best) {
     const lg_search_file *file = search->file;
-    char text[64], *data = app_quote(search->app->arguments[1]);
-    (void)printf("best: trial %llu, objective %.4e; %s train %s",
+    char text[64];
+    (void)printf("best: trial %llu, objective %.4e; %s train",
                  (unsigned long long)search->trials[best].number, search->trials[best].objective,
-                 search->app->program, data);
-    free(data);
+                 search->app->program);
+    for (int i = 1; i < search->app->argument_count; i++) {
+        APP_FREE char *data = app_quote(search->app->arguments[i]);
+        (void)printf(" %s", data);
+    }
     print_given(search->app);
     for (size_t i = 0; i < file->fixed_count; i++)
         (void)printf(" --%s %s", file->fixed_name[i], file->fixed_value[i]);

@@ -56,7 +56,7 @@ static lg_status read_force(lg_tape *tape, const lg_machine *machine, lg_var f, 
     return LG_OK;
 }
 
-static lg_status ask_chunk(lg_tape *tape, const identify_model *model, const asked *a, size_t first,
+static lg_status ask_chunk(lg_tape *tape, const lg_learned_machine *model, const asked *a, size_t first,
                            size_t count) {
     const lg_machine *machine = model->machine;
     const uint32_t rows = (uint32_t)count, n = (uint32_t)machine->parameters, nv = machine->velocities;
@@ -89,7 +89,7 @@ static lg_status ask_chunk(lg_tape *tape, const identify_model *model, const ask
     return LG_OK;
 }
 
-static void ask(const app *self, const identify_model *model, const asked *a) {
+static void ask(const app *self, const lg_learned_machine *model, const asked *a) {
     lg_tape *tape = NULL;
     app_must(self, lg_tape_create(self->context, NULL, &tape), NULL);
     for (size_t first = 0; first < a->count; first += CHUNK) {
@@ -100,7 +100,7 @@ static void ask(const app *self, const identify_model *model, const asked *a) {
     lg_tape_destroy(tape);
 }
 
-void identify_values(const app *self, const identify_model *model, size_t count, const double *q,
+void identify_values(const app *self, const lg_learned_machine *model, size_t count, const double *q,
                      const double *v, double *potential, double *damping) {
     APP_FREE double *still = app_alloc(count * model->machine->velocities, sizeof *still);
     if (potential != NULL)
@@ -167,7 +167,7 @@ static void cut(const lg_machine *machine, const lg_machine_log *log, intervals 
     }
 }
 
-static void run_intervals(const app *self, const identify_model *model, const intervals *all) {
+static void run_intervals(const app *self, const lg_learned_machine *model, const intervals *all) {
     enum { MOST = 8192 };
     const lg_machine *machine = model->machine;
     for (size_t first = 0; first < all->count; first += MOST)
@@ -194,8 +194,8 @@ static void add_interval(const double *energy, const double *power, double h, do
 }
 
 /* Powers along the model's run of each interval, energies at the logged states. */
-static void balance(const app *self, const identify_model *model, const lg_machine_log *log, intervals *all,
-                    double *out) {
+static void balance(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
+                    intervals *all, double *out) {
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
                  points = 3 * all->count;
@@ -257,7 +257,7 @@ static void judge_whiteness(const double *x, const size_t *row, size_t n, identi
     out->probability = chi_square_above(out->ljung_box);
 }
 
-static void whiteness_of(const identify_data *data, const intervals *all, identify_whiteness *out) {
+static void whiteness_of(const lg_machine_data *data, const intervals *all, identify_whiteness *out) {
     const lg_machine_file *file = &data->file;
     const lg_machine_log *log = &data->logs.log;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;

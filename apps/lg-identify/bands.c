@@ -16,7 +16,7 @@ static void draw(const double *theta, const double *W, size_t n, lg_rng *rng, do
 }
 
 /* Adds the squares of the differences of two predictions, (rows, columns of the file). */
-static void add_squares(const identify_data *data, const double *q, const double *v, const double *other_q,
+static void add_squares(const lg_machine_data *data, const double *q, const double *v, const double *other_q,
                         const double *other_v, double *out) {
     const lg_machine_file *file = &data->file;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;
@@ -27,7 +27,7 @@ static void add_squares(const identify_data *data, const double *q, const double
         for (uint32_t c = 0; c < file->column_count; c++) {
             if (!identify_is_state(&file->columns[c])) continue;
             const double error = other[c] - columns[c];
-            const double wrapped = identify_is_wrapped(file, c) ? identify_wrap(error) : error;
+            const double wrapped = identify_is_wrapped(file, c) ? lg_machine_wrap(error) : error;
             out[row * file->column_count + c] += wrapped * wrapped;
         }
     }
@@ -41,7 +41,7 @@ void identify_bands(const app *self, const identify_given *given, const size_t *
     APP_FREE double *theta = app_alloc(n + 1, sizeof *theta);
     APP_FREE double *other_q = app_alloc(log->rows * machine->positions, sizeof *other_q);
     APP_FREE double *other_v = app_alloc(log->rows * machine->velocities, sizeof *other_v);
-    identify_model drawn = given->model;
+    lg_learned_machine drawn = given->model;
     lg_rng rng;
     lg_rng_seed(&rng, 1, 0);
     drawn.theta = theta;

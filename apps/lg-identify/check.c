@@ -63,7 +63,7 @@ static double own_part(const lg_machine *machine, const lg_machine_log *log, boo
     return solved ? sqrt(fmax(0, (square - explained) / variance)) : (double)NAN;
 }
 
-static void warn_of_inputs(const app *self, const identify_data *data) {
+static void warn_of_inputs(const app *self, const lg_machine_data *data) {
     static const double least = 1e-3;
     const lg_machine *machine = &data->file.machine;
     for (uint32_t k = 0; k < machine->input_count; k++) {
@@ -81,10 +81,10 @@ static void warn_of_inputs(const app *self, const identify_data *data) {
 /* ---- positions against velocities ---- */
 
 /* Positions that belong to velocities of other rows. */
-static void warn_of_clocks(const app *self, const identify_data *data, const double *motions) {
+static void warn_of_clocks(const app *self, const lg_machine_data *data, const double *motions) {
     int lag[LG_MACHINE_COORDINATES];
     double left[LG_MACHINE_COORDINATES];
-    identify_lags(data, lag, left);
+    lg_machine_lags(data, lag, left);
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
         if (lag[i] != 0)
             app_warn(
@@ -96,9 +96,10 @@ static void warn_of_clocks(const app *self, const identify_data *data, const dou
                 lag[i] < 0 ? "later" : "earlier", left[i], motions[i]);
 }
 
-static void warn_of_stuck(const app *self, const identify_data *data) {
+static void warn_of_stuck(const app *self, const lg_machine_data *data) {
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
-        const identify_standstill at = identify_stuck(data, i);
+        lg_standstill at;
+        APP_MUST(self, lg_machine_stuck(self->context, data, i, &at, &error));
         if (at.rows > 0)
             app_warn(self,
                      "column %s: stands at %.6g for %zu rows from %.6g s on while %s moves: a sensor that is "
@@ -133,7 +134,7 @@ static void warn_of_gauge(const app *self, const lg_machine *machine) {
 
 /* ---- report ---- */
 
-static void report(const app *self, const identify_data *data, const double *motions) {
+static void report(const app *self, const lg_machine_data *data, const double *motions) {
     app_json out;
     const lg_logs *logs = &data->logs;
     app_result_begin(&out, self);
@@ -173,12 +174,14 @@ static void report(const app *self, const identify_data *data, const double *mot
 /* ---- the command ---- */
 
 static int run(app *self) {
-    APP_CLEAN(identify_release) identify_data data = {.training_parts = 0};
+    APP_CLEAN(lg_machine_data_destroy) lg_machine_data data = {.failed = NULL};
     double motions[LG_MACHINE_COORDINATES];
-    const int code = identify_read(self, self->arguments[0], self->arguments + 1,
-                                   (size_t)self->argument_count - 1, NULL, &data);
-    if (code != APP_EXIT_OK) return code;
-    identify_motions(&data, 0, motions);
+    const lg_machine_sources from = {.machine = self->arguments[0],
+                                     .logs = self->arguments + 1,
+                                     .count = (size_t)self->argument_count - 1,
+                                     .delay = -1};
+    identify_read(self, &from, &data);
+    lg_machine_motions(&data, 0, motions);
     warn_of_clocks(self, &data, motions);
     warn_of_stuck(self, &data);
     warn_of_gaps(self, &data.logs);

@@ -4,11 +4,6 @@
 
 #include "lg-identify/runs.h"
 
-double identify_wrap(double angle) {
-    const double turn = 6.283185307179586;
-    return angle - turn * round(angle / turn);
-}
-
 bool identify_is_state(const lg_log_column *column) {
     return column->role == LG_LOG_POSITION || column->role == LG_LOG_VELOCITY;
 }
@@ -16,12 +11,6 @@ bool identify_is_state(const lg_log_column *column) {
 bool identify_is_wrapped(const lg_machine_file *file, uint32_t column) {
     const lg_log_column *c = &file->columns[column];
     return c->role == LG_LOG_POSITION && file->machine.coordinates[c->index].kind == LG_COORDINATE_ANGLE;
-}
-
-int identify_refuse_momenta(const app *self, const lg_machine_file *file, const char *path) {
-    if (file->measured != LG_MEASURED_MOMENTA) return APP_EXIT_OK;
-    return app_fail(self, LG_UNSUPPORTED,
-                    "%s: measured: momenta is not possible here: log velocities, or positions alone", path);
 }
 
 /* ---- attitudes ---- */
@@ -110,7 +99,7 @@ void identify_column_errors(const identify_given *given, const double *q, const 
         for (uint32_t c = 0; c < file->column_count; c++) {
             if (!identify_is_state(&file->columns[c]) || isnan(logged[c])) continue;
             const double error = predicted[c] - logged[c];
-            const double wrapped = identify_is_wrapped(file, c) ? identify_wrap(error) : error;
+            const double wrapped = identify_is_wrapped(file, c) ? lg_machine_wrap(error) : error;
             sum[c] += isfinite(wrapped) ? wrapped * wrapped : INFINITY;
             count[c]++;
         }

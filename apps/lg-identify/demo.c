@@ -157,8 +157,8 @@ static void random_attitude(lg_rng *rng, double size, double R[9]) {
 
 static void compare_potentials(const demo *d, comparison *out) {
     enum { ATTITUDES = 400 };
-    const identify_model learned = {.machine = &d->model.run.machine, .theta = d->model.theta},
-                         truth = {.machine = &d->truth.machine};
+    const lg_learned_machine learned = {.machine = &d->model.run.machine, .theta = d->model.theta},
+                             truth = {.machine = &d->truth.machine};
     double q[9 * ATTITUDES], a[ATTITUDES], b[ATTITUDES];
     lg_rng rng;
     lg_rng_seed(&rng, d->app->seed, 7);
@@ -182,7 +182,7 @@ typedef struct control {
 } control;
 
 /* One step of `count` bodies with held torques. */
-static void step(const demo *d, const identify_model *model, size_t count, const double *R,
+static void step(const demo *d, const lg_learned_machine *model, size_t count, const double *R,
                  const double *rate, const double *torque, double *next_R, double *next_rate) {
     enum { MOST = TRIES * STARTS };
     double to_q[18 * MOST], to_v[6 * MOST];
@@ -222,7 +222,7 @@ static void wanted_rate(const double *R, const double *rate, double *out) {
     for (int k = 0; k < 3; k++) out[k] = rate[k] - STEP * (stiffness * turn[k] + friction * rate[k]);
 }
 
-static void choose_torques(const demo *d, const identify_model *learned, control *c) {
+static void choose_torques(const demo *d, const lg_learned_machine *learned, control *c) {
     static const double unit = 0.1;
     double R[9 * TRIES * STARTS], rate[3 * TRIES * STARTS], torque[3 * TRIES * STARTS] = {0},
                                                                                after[3 * TRIES * STARTS];
@@ -248,8 +248,8 @@ static void choose_torques(const demo *d, const identify_model *learned, control
 
 static void control_all(const demo *d, control *c) {
     const lg_machine_model_run *run = &d->model.run;
-    const identify_model learned = {&run->machine, d->model.theta, run->scheme, run->substeps, false},
-                         truth = {&d->truth.machine, NULL, lg_scheme_find("rkmk5"), 8, false};
+    const lg_learned_machine learned = {&run->machine, d->model.theta, run->scheme, run->substeps, false},
+                             truth = {&d->truth.machine, NULL, lg_scheme_find("rkmk5"), 8, false};
     lg_rng rng;
     lg_rng_seed(&rng, d->app->seed, 11);
     *c = (control){.largest = 0};

@@ -39,7 +39,7 @@ enum { MOST_HORIZONS = 16 };
 typedef struct verdict {
     double window_loss;
     size_t horizon_count;
-    identify_horizon horizons[MOST_HORIZONS], linear[MOST_HORIZONS];
+    lg_horizon horizons[MOST_HORIZONS], linear[MOST_HORIZONS];
     double free_run[LG_LOG_COLUMNS]; /* root mean squares */
     double energy[IDENTIFY_ENERGIES];
     identify_whiteness whiteness[LG_LOG_COLUMNS];
@@ -47,52 +47,17 @@ typedef struct verdict {
     double *q, *v;                   /* of the free run, as the log's rows; owned */
 } verdict;
 
-/* ---- window loss ---- */
-
-/* The mean over windows, points 2..M of: for each position group the mean square of its numbers, the mean
- * square of all velocities, the squared angles. */
-static double loss_of(const lg_machine *machine, const lg_machine_log *log, const size_t *start, size_t count,
-                      uint32_t window, const double *q, const double *v) {
-    const size_t nq = machine->positions, nv = machine->velocities;
-    double sum = 0.0;
-    for (size_t i = 0; i < count; i++)
-        for (uint32_t j = 1; j < window; j++) {
-            const double *a = q + (i * window + j) * nq, *b = log->q + (start[i] + j) * nq;
-            const double *va = v + (i * window + j) * nv, *vb = log->v + (start[i] + j) * nv;
-            double speeds = 0.0;
-            size_t measured = 0;
-            for (size_t k = 0; k < nv; k++)
-                if (!isnan(vb[k])) speeds += (va[k] - vb[k]) * (va[k] - vb[k]), measured++;
-            if (measured > 0) sum += speeds / (double)measured;
-            sum += identify_position_loss(machine, a, b);
-        }
-    return sum / ((double)count * (window - 1));
-}
-
-static double window_loss(const app *self, const identify_given *given) {
-    const uint32_t window = values.window > 0 ? (uint32_t)values.window : given->file.run.window;
-    const lg_machine *machine = given->model.machine;
-    const lg_machine_log *log = &given->data.logs.log;
-    APP_FREE size_t *start = app_alloc(log->rows, sizeof *start);
-    const size_t count = lg_machine_windows(machine, log, window, 1, false, start);
-    if (count == 0) return (double)NAN;
-    APP_FREE double *q = app_alloc(count * window * machine->positions, sizeof *q);
-    APP_FREE double *v = app_alloc(count * window * machine->velocities, sizeof *v);
-    identify_run(self, &given->model, log, start, count, window - 1, q, v);
-    return loss_of(machine, log, start, count, window, q, v);
-}
-
 /* ---- report ---- */
 
 static void put_errors(app_json *json, const double *errors, const char *suffix) {
     char key[40];
-    for (int e = 0; e < IDENTIFY_ERRORS; e++) {
-        (void)snprintf(key, sizeof key, "%s%s", identify_error_names[e], suffix);
+    for (int e = 0; e < LG_RUN_ERRORS; e++) {
+        (void)snprintf(key, sizeof key, "%s%s", lg_run_error_names[e], suffix);
         app_json_real(json, key, errors[e]);
     }
 }
 
-static void put_horizon(app_json *json, const identify_horizon *h, const identify_horizon *linear) {
+static void put_horizon(app_json *json, const lg_horizon *h, const lg_horizon *linear) {
     app_json_open(json, NULL, '{');
     app_json_real(json, "seconds", h->seconds);
     app_json_size(json, "starts", h->starts);
@@ -112,13 +77,13 @@ static void show_horizons(FILE *stream, const verdict *v, bool linear) {
     app_table table = {0};
     app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged%s", linear ? "\tlinear" : "");
     for (size_t i = 0; i < v->horizon_count; i++)
-        for (int e = 0; e < IDENTIFY_ERRORS; e++) {
-            const identify_horizon *h = &v->horizons[i];
-            char beside[32] = "";
+        for (int e = 0; e < LG_RUN_ERRORS; e++) {
+            const lg_horizon *h = &v->horizons[i];
+            char linear_cell[32] = "";
             if (isnan(h->pooled[e])) continue;
-            if (linear) (void)snprintf(beside, sizeof beside, "\t%.3g", v->linear[i].pooled[e]);
+            if (linear) (void)snprintf(linear_cell, sizeof linear_cell, "\t%.3g", v->linear[i].pooled[e]);
             app_table_row(&table, "%g s\t%zu\t%s\t%.3g\t%.3g\t%.3g%s", h->seconds, h->starts,
-                          identify_error_names[e], h->pooled[e], h->median[e], h->unchanged[e], beside);
+                          lg_run_error_names[e], h->pooled[e], h->median[e], h->unchanged[e], linear_cell);
         }
     app_table_end(&table, stream);
 }
@@ -181,16 +146,16 @@ static void report(const app *self, const lg_machine_file *file, const verdict *
 /* ---- judging ---- */
 
 /* A model that predicts no better than a simple guess has not learned the machine. */
-static void warn_of_horizon(const app *self, const identify_horizon *h, const identify_horizon *linear) {
+static void warn_of_horizon(const app *self, const lg_horizon *h, const lg_horizon *linear) {
     const struct {
         const char *name;
         const double *errors;
     } guesses[] = {{"a machine that stands still", h->unchanged}, {"a linear model", linear->pooled}};
     for (size_t g = 0; g < LG_COUNT(guesses); g++)
-        for (int e = 0; e < IDENTIFY_ERRORS; e++)
+        for (int e = 0; e < LG_RUN_ERRORS; e++)
             if (h->pooled[e] >= guesses[g].errors[e])
                 app_warn(self, "at %g s the model's error of %s, %.3g, is no better than the %.3g of %s",
-                         h->seconds, identify_error_names[e], h->pooled[e], guesses[g].errors[e],
+                         h->seconds, lg_run_error_names[e], h->pooled[e], guesses[g].errors[e],
                          guesses[g].name);
 }
 
@@ -206,17 +171,18 @@ static void warn_of_horizons(const app *self, const verdict *v) {
 
 static void judge_horizons(const app *self, const identify_given *given, verdict *out) {
     static const double usual[] = {1, 2, 5};
-    const identify_model *model = &given->model;
+    const lg_learned_machine *model = &given->model;
     const lg_machine_log *log = &given->data.logs.log;
     identify_linear *linear = identify_linear_create(model->machine, log);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
-        identify_horizon_errors(self, model, log, seconds, values.every, &out->horizons[i]);
-        for (int e = 0; e < IDENTIFY_ERRORS; e++) out->linear[i].pooled[e] = (double)NAN;
+        APP_MUST(self, lg_machine_horizon(self->context, model, log, seconds, values.every, &out->horizons[i],
+                                          &error));
+        for (int e = 0; e < LG_RUN_ERRORS; e++) out->linear[i].pooled[e] = (double)NAN;
         if (!model->positions)
-            identify_horizon_errors_of(model->machine, identify_linear_run, linear, log, seconds,
-                                       values.every, &out->linear[i]);
+            APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, log,
+                                         seconds, values.every, &out->linear[i], &error));
         if (out->horizons[i].starts == 0)
             app_warn(self, "no run of %g s fits into a part of the logs: that horizon is not judged",
                      seconds);
@@ -261,7 +227,7 @@ static void leave_out(const lg_machine *machine, const lg_machine_log *log, cons
                       const verdict *v) {
     const size_t nq = machine->positions, nv = machine->velocities;
     for (size_t i = 0; i < count; i++)
-        for (size_t row = start[i]; row < start[i] + IDENTIFY_START_ROWS && row < log->rows; row++) {
+        for (size_t row = start[i]; row < start[i] + LG_START_ROWS && row < log->rows; row++) {
             for (size_t k = 0; k < nq; k++) v->q[row * nq + k] = (double)NAN;
             for (size_t k = 0; k < nv; k++) v->v[row * nv + k] = (double)NAN;
         }
@@ -283,7 +249,7 @@ static void deny_whiteness(const lg_machine_file *file, verdict *v) {
 }
 
 static void judge_run(const app *self, const identify_given *given, verdict *out) {
-    const identify_model *model = &given->model;
+    const lg_learned_machine *model = &given->model;
     const lg_machine *machine = model->machine;
     const lg_machine_file *file = &given->data.file;
     const lg_machine_log *log = &given->data.logs.log;
@@ -306,7 +272,7 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
 /* Errors of horizons from a few steps up to the longest one. */
 static void draw(const app *self, const identify_given *given, const verdict *v) {
     enum { POINTS = 10, ENOUGH = 10000 }; /* a curve does not need more rows to start at */
-    identify_horizon curve[POINTS];
+    lg_horizon curve[POINTS];
     const lg_logs *logs = &given->data.logs;
     const size_t every = values.every * (1 + logs->log.rows / ENOUGH);
     double longest = 0;
@@ -315,9 +281,9 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
     const double shortest = 2 * logs->dt_median;
     if (!(longest > shortest)) longest = 10 * shortest;
     for (int i = 0; i < POINTS; i++)
-        identify_horizon_errors(self, &given->model, &logs->log,
-                                shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
-                                &curve[i]);
+        APP_MUST(self, lg_machine_horizon(self->context, &given->model, &logs->log,
+                                          shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
+                                          &curve[i], &error));
     identify_draw_evaluation(self, values.plot, given, v->q, v->v, curve, POINTS);
 }
 
@@ -333,7 +299,9 @@ static int run(app *self) {
     APP_CLEAN(verdict_destroy) verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
     if (values.horizons.count > MOST_HORIZONS) app_stop_usage(self, "--horizons: at most %d", MOST_HORIZONS);
     identify_load(self, values.substeps, &given);
-    v.window_loss = window_loss(self, &given);
+    const uint32_t window = values.window > 0 ? (uint32_t)values.window : given.file.run.window;
+    APP_MUST(self, lg_machine_window_loss(self->context, &given.model, &given.data.logs.log, window,
+                                          &v.window_loss, &error));
     judge_run(self, &given, &v);
     identify_warn_range(self, &given, NULL, NULL);
     judge_horizons(self, &given, &v);

@@ -50,7 +50,7 @@ typedef struct making {
     double *given;          /* (runs, rows + delay, inputs) */
     identify_pieces pieces; /* the runs: starts and inputs */
     double *run_q, *run_v;  /* what the machine does */
-    identify_data inputs;   /* FILE */
+    lg_machine_data inputs; /* FILE */
     uint32_t substeps;
     double accuracy;
 } making;
@@ -318,7 +318,7 @@ static void integrate(const app *self, making *m) {
     enum { MOST = 512 };
     static const double wanted = 1e-10;
     const lg_machine *machine = &m->file.machine;
-    identify_model model = {.machine = machine, .scheme = lg_scheme_find("rkmk5")};
+    lg_learned_machine model = {.machine = machine, .scheme = lg_scheme_find("rkmk5")};
     const size_t points = m->runs * m->rows, nq = points * machine->positions,
                  nv = points * machine->velocities;
     APP_FREE double *before_q = app_alloc(nq, sizeof *before_q);
@@ -396,8 +396,7 @@ static void check_scene(const app *self, const lg_machine_file *file) {
         app_stop(self, LG_FORMAT,
                  "%s: %llu runs need a column that tells them apart, columns: {run: ...}; or --runs 1", path,
                  (unsigned long long)values.runs);
-    const int code = identify_refuse_momenta(self, file, path);
-    if (code != APP_EXIT_OK) app_end(code);
+    APP_MUST(self, lg_machine_refuse_momenta(file, path, &error));
 }
 
 static void check_options(const app *self, const lg_machine_file *file) {
@@ -430,7 +429,7 @@ static void making_end(making *m) {
     identify_pieces_end(&m->pieces);
     free(m->run_q);
     free(m->run_v);
-    identify_release(&m->inputs);
+    lg_machine_data_destroy(&m->inputs);
     lg_machine_file_destroy(&m->file);
 }
 

@@ -127,9 +127,10 @@ static void advance(const identify_linear *linear, const lg_machine_log *log, si
     project(machine, q);
 }
 
-void identify_linear_run(void *user, const lg_machine_log *log, const size_t *start, size_t count,
-                         size_t steps, double *q, double *v) {
+lg_status identify_linear_run(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                              size_t steps, double *q, double *v, lg_error *error) {
     const identify_linear *linear = user;
+    (void)error;
     const size_t nq = linear->machine->positions, nv = linear->machine->velocities;
     for (size_t i = 0; i < count; i++, q += (steps + 1) * nq, v += (steps + 1) * nv) {
         memcpy(q, log->q + start[i] * nq, nq * sizeof *q);
@@ -140,4 +141,5 @@ void identify_linear_run(void *user, const lg_machine_log *log, const size_t *st
             advance(linear, log, start[i] + step, q + (step + 1) * nq, v + (step + 1) * nv);
         }
     }
+    return LG_OK;
 }

@@ -244,7 +244,7 @@ static void put_density(FILE *stream, const curve *c, size_t rows) {
     size_t bins[BINS] = {0}, most = 1;
     const double middle = 0.5 * (c->low + c->high);
     for (size_t i = 0; i < rows; i++) {
-        const double x = c->x[i * c->x_stride], value = c->angle ? identify_wrap(x - middle) + middle : x;
+        const double x = c->x[i * c->x_stride], value = c->angle ? lg_machine_wrap(x - middle) + middle : x;
         if (!(value >= c->low && value <= c->high)) continue;
         const size_t bin = (size_t)fmin(BINS - 1, (value - c->low) / (c->high - c->low) * BINS);
         if (++bins[bin] > most) most = bins[bin];
@@ -319,12 +319,12 @@ static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
 }
 
 /* Errors of the model and of "nothing changes" against the horizon. */
-static void put_horizons(app_plot *plot, const identify_horizon *horizons, size_t count) {
+static void put_horizons(app_plot *plot, const lg_horizon *horizons, size_t count) {
     FILE *script = plot->script.stream;
     const char *separator = "";
     for (size_t i = 0; i < count; i++) {
         (void)fprintf(plot->data.stream, "%.7g", horizons[i].seconds);
-        for (int e = 0; e < IDENTIFY_ERRORS; e++)
+        for (int e = 0; e < LG_RUN_ERRORS; e++)
             (void)fprintf(plot->data.stream, " %.7g %.7g", horizons[i].pooled[e], horizons[i].unchanged[e]);
         (void)fputc('\n', plot->data.stream);
     }
@@ -333,13 +333,13 @@ static void put_horizons(app_plot *plot, const identify_horizon *horizons, size_
                 "''\nset logscale xy\n"
                 "set format y '10^{%L}'\nset ytics 1e-12,100\nplot ",
                 script);
-    for (int e = 0; e < IDENTIFY_ERRORS; e++) {
+    for (int e = 0; e < LG_RUN_ERRORS; e++) {
         if (!isfinite(horizons[0].pooled[e])) continue;
         (void)fprintf(
             script,
             "%sdatafile index 1 using 1:%d with linespoints lw 1.8 pt 7 ps 0.4 lc rgb '%s' title '%s', "
             "datafile index 1 using 1:%d with lines lw 2 dt 3 lc rgb '%s' title '%s'",
-            separator, 2 + 2 * e, colours[e], identify_error_names[e], 3 + 2 * e, pale[e],
+            separator, 2 + 2 * e, colours[e], lg_run_error_names[e], 3 + 2 * e, pale[e],
             *separator == '\0' ? "unchanged (dotted)" : "");
         separator = ", ";
     }
@@ -348,7 +348,7 @@ static void put_horizons(app_plot *plot, const identify_horizon *horizons, size_
 }
 
 void identify_draw_evaluation(const app *self, const char *picture, const identify_given *given,
-                              const double *q, const double *v, const identify_horizon *horizons,
+                              const double *q, const double *v, const lg_horizon *horizons,
                               size_t horizon_count) {
     const lg_machine_file *file = &given->data.file;
     const lg_logs *logs = &given->data.logs;

@@ -152,13 +152,13 @@ static void prediction_destroy(prediction *p) {
 
 static int run(app *self) {
     APP_CLEAN(prediction_destroy) prediction p = {.runs = 0};
-    const identify_data *data = &p.given.data;
+    const lg_machine_data *data = &p.given.data;
     identify_load(self, values.substeps, &p.given);
     if (values.bands && p.given.file.spread == NULL)
         app_stop(self, LG_UNSUPPORTED,
                  "%s: has no covariance of its parameters for --bands: it has more than %d of them, or none "
                  "that the logs determine",
-                 self->arguments[0], IDENTIFY_MOST_SPREAD);
+                 self->arguments[0], LG_MACHINE_MOST_SPREAD);
     find_starts(self, &p);
     predict(self, &p);
     write_rows(self, &p);

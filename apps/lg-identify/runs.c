@@ -33,7 +33,7 @@ size_t identify_first_run(const lg_logs *logs) {
     return parts;
 }
 
-void identify_run(const app *self, const identify_model *model, const lg_machine_log *log,
+void identify_run(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                   const size_t *start, size_t count, size_t steps, double *q, double *v) {
     APP_MUST(self, lg_machine_free_run(self->context, model->machine, model->theta, model->scheme,
                                        model->substeps, log, start, count, steps, q, v, &error));
@@ -79,7 +79,7 @@ static void copy_run(const double *from, size_t count, double *to) {
 }
 
 /* Runs of similar lengths go together. */
-static void run_group(const app *self, const identify_model *model, const lg_machine_log *log,
+static void run_group(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const one *runs, size_t count, double *q, double *v) {
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities, rows = runs[0].rows;
@@ -95,7 +95,7 @@ static void run_group(const app *self, const identify_model *model, const lg_mac
     }
 }
 
-static void run_to_ends(const app *self, const identify_model *model, const lg_machine_log *log,
+static void run_to_ends(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                         const size_t *start, size_t count, double *q, double *v) {
     enum { MOST = 1 << 20 };
     const lg_machine *machine = model->machine;
@@ -112,7 +112,8 @@ static void run_to_ends(const app *self, const identify_model *model, const lg_m
     }
 }
 
-size_t identify_first_rows(const identify_model *model, const lg_machine_log *log, size_t from, size_t *out) {
+size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log *log, size_t from,
+                           size_t *out) {
     size_t count = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p] + from; row + 1 < log->first[p + 1]; row++) {
@@ -123,35 +124,12 @@ size_t identify_first_rows(const identify_model *model, const lg_machine_log *lo
     return count;
 }
 
-/* ---- starts from positions ---- */
+/* ---- runs of a log ---- */
 
-void identify_with_starts(const app *self, const identify_model *model, const lg_machine_log *log,
-                          const size_t *row, size_t count, identify_started *out) {
-    const lg_machine *machine = model->machine;
-    const size_t nq = machine->positions, nv = machine->velocities;
-    APP_FREE double *q = app_alloc(count * nq + 1, sizeof *q);
-    APP_FREE double *v = app_alloc(count * nv + 1, sizeof *v);
-    out->q = app_alloc(log->rows * nq, sizeof *out->q);
-    out->v = app_alloc(log->rows * nv, sizeof *out->v);
-    out->log = *log;
-    out->log.q = out->q, out->log.v = out->v;
-    APP_MUST(self,
-             lg_machine_estimate_starts(self->context, machine, model->theta, model->scheme, model->substeps,
-                                        log, row, count, IDENTIFY_START_ROWS, q, v, &error));
-    for (size_t i = 0; i < count; i++) {
-        memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
-        memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);
-    }
-}
-
-void identify_started_release(identify_started *started) {
-    free(started->q);
-    free(started->v);
-}
-
-void identify_run_log(const app *self, const identify_model *model, const lg_machine_log *log,
+void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const size_t *start, size_t count, double *q, double *v) {
-    APP_CLEAN(identify_started_release) identify_started from = {.log = *log};
-    if (model->positions) identify_with_starts(self, model, log, start, count, &from);
+    APP_CLEAN(lg_started_log_destroy) lg_started_log from = {.log = *log};
+    if (model->positions)
+        APP_MUST(self, lg_started_log_create(self->context, model, log, start, count, &from, &error));
     run_to_ends(self, model, &from.log, start, count, q, v);
 }

@@ -20,7 +20,6 @@ bool identify_is_wrapped(const lg_machine_file *file, uint32_t column); /* an an
 bool identify_is_state(const lg_log_column *column);                    /* a position or velocity */
 /* Whether a term of the part (LG_MACHINE_PART_COUNT: any) sees the position of the coordinate. */
 bool identify_sees(const lg_machine *machine, int part, uint32_t coordinate);
-double identify_wrap(double angle);
 
 /* Root mean squares of predicted minus logged columns, from the rows at which `q` is not NaN; NaN: nothing to
  * compare. Rows of `out`: columns of the file. */
@@ -29,9 +28,6 @@ void identify_column_errors(const identify_given *given, const double *q, const 
 /* Warns of each column in which the rows (those of the log, and those of q and v that are not NaN) leave the
  * range of the training data. q and v may be NULL. */
 void identify_warn_range(const app *self, const identify_given *given, const double *q, const double *v);
-
-/* Momenta cannot be predicted in columns: tells, and returns an exit code. */
-int identify_refuse_momenta(const app *self, const lg_machine_file *file, const char *path);
 
 /* ---- logs in the making (runs.c) ---- */
 
@@ -50,29 +46,19 @@ size_t identify_first_run(const lg_logs *logs);
 
 /* ---- runs (runs.c): they end the command on failure ---- */
 
-/* Runs as those of an identify_runner. */
-void identify_run(const app *self, const identify_model *model, const lg_machine_log *log,
+/* Runs as those of an lg_runner. */
+void identify_run(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                   const size_t *start, size_t count, size_t steps, double *q, double *v);
 
 /* Runs from rows start[0..count-1] to the ends of their parts; q (rows, positions) and v (rows, velocities)
  * are NaN where nothing is predicted. Starts are estimated where positions alone are measured. */
-void identify_run_log(const app *self, const identify_model *model, const lg_machine_log *log,
+void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const size_t *start, size_t count, double *q, double *v);
 
 /* The first complete row of each part at or after row `from` of the part (without velocities: with all
  * positions); returns how many parts have one. */
-size_t identify_first_rows(const identify_model *model, const lg_machine_log *log, size_t from, size_t *out);
-
-#define IDENTIFY_START_ROWS 50
-/* A log that has states at some rows, and at these alone: q (rows, positions) and v (rows, velocities). */
-typedef struct identify_started {
-    lg_machine_log log;
-    double *q, *v;
-} identify_started;
-/* The states at row[0..count-1] from the positions of 50 rows each, fewer at the end of a part. */
-void identify_with_starts(const app *self, const identify_model *model, const lg_machine_log *log,
-                          const size_t *row, size_t count, identify_started *out);
-void identify_started_release(identify_started *started);
+size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log *log, size_t from,
+                           size_t *out);
 
 /* ---- bands (bands.c) ---- */
 
@@ -81,19 +67,13 @@ void identify_started_release(identify_started *started);
 void identify_bands(const app *self, const identify_given *given, const size_t *start, size_t count,
                     const double *q, const double *v, double *out);
 
-/* ---- delay of the inputs (delay.c) ---- */
-
-/* Mean square of the accelerations that are left of those between two rows by a polynomial of degree 2 in
- * positions (sines and cosines of angles), velocities and inputs, fitted to these logs. */
-double identify_unexplained(const lg_machine *machine, const lg_machine_log *log);
-
 /* ---- comparisons (linear.c, balance.c) ---- */
 
 /* v' = A (q, v, u, 1), fitted to all rows of these logs; without velocities its runs are NaN. */
 typedef struct identify_linear identify_linear;
 identify_linear *identify_linear_create(const lg_machine *machine, const lg_machine_log *log);
 void identify_linear_destroy(identify_linear *linear);
-identify_runner identify_linear_run; /* of an identify_linear */
+lg_runner identify_linear_run; /* of an identify_linear */
 
 /* Sums over all intervals of the log, in the unit of energy: H at the end minus H at the start of each
  * interval is the work of the inputs, of damping and residual, and what the model does not explain. */
@@ -125,7 +105,7 @@ void identify_run_whiteness(const identify_given *given, const double *q, const 
 
 /* Values of V or of a force at `count` states in the order of logs. Any of the outputs may be NULL. potential
  * (count); damping (count, velocities). */
-void identify_values(const app *self, const identify_model *model, size_t count, const double *q,
+void identify_values(const app *self, const lg_learned_machine *model, size_t count, const double *q,
                      const double *v, double *potential, double *damping);
 
 /* ---- pictures (pictures.c) ---- */
@@ -138,7 +118,7 @@ void identify_draw_run(const app *self, const char *picture, const char *title, 
 
 /* What evaluate --plot draws: a free run, as the log's rows, and errors over horizons. */
 void identify_draw_evaluation(const app *self, const char *picture, const identify_given *given,
-                              const double *q, const double *v, const identify_horizon *horizons,
+                              const double *q, const double *v, const lg_horizon *horizons,
                               size_t horizon_count);
 
 #endif

@@ -89,7 +89,7 @@ typedef struct lg_log_statistics {
     bool noise_at_most; /* the column is smooth: its noise is not more than that */
 } lg_log_statistics;
 
-#define LG_LOG_WARNING 400 /* bytes of a sentence */
+#define LG_LOG_SENTENCE 400 /* bytes of a sentence */
 typedef struct lg_logs {
     lg_machine_log log; /* views of the arrays below */
     uint32_t files, runs;
@@ -101,7 +101,7 @@ typedef struct lg_logs {
     /* In the order of the machine file's columns; zeros for time and run. */
     lg_log_statistics columns[LG_LOG_COLUMNS];
     uint32_t warning_count;
-    char (*warnings)[LG_LOG_WARNING];
+    char (*warnings)[LG_LOG_SENTENCE];
     /* Owned. */
     size_t *first;                  /* (parts + 1) */
     uint32_t *part_file, *part_run; /* (parts): index of the file; of the run, counted through all files */

@@ -23,6 +23,10 @@ static const char oscillator_machine[] =
     OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: diagonal\n"
                        "input_map: {kind: known, values: [[1]]}\n";
 
+static const char oscillator_network[] =
+    OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: network, of: x, hidden: [6]}\ndamping: diagonal\n"
+                       "input_map: {kind: known, values: [[1]]}\n";
+
 /* A column of a CSV file with a header; empty cells are NaN. Returns the number of rows. */
 static inline size_t csv_column(const char *name, const char *column, double *out, size_t room) {
     enum { SIZE = 1 << 21 };

@@ -3,15 +3,11 @@
  * determined, the demo. */
 #include "identify_support.h"
 
-static const char network_machine[] =
-    OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: network, of: x, hidden: [6]}\ndamping: diagonal\n"
-                       "input_map: {kind: known, values: [[1]]}\n";
-
 static int setup(void **state) {
     if (cli_begin() != 0) return -1;
     cli_write("scene.yaml", oscillator_scene);
     cli_write("machine.yaml", oscillator_machine);
-    cli_write("network.yaml", network_machine);
+    cli_write("network.yaml", oscillator_network);
     cli_run(identify, "generate scene.yaml --runs 6 --t-end 6 --out train.csv");
     cli_run(identify, "generate scene.yaml --runs 10 --t-end 10 --noise 0.01 --out noisy.csv");
     return 0;

@@ -1,6 +1,6 @@
 /* lg-learn: what it does with a recipe is what the program of this recipe does.
  * ctest-labels: apps/lg-learn apps/common src/model */
-#include "cli_files.h"
+#include "identify_support.h"
 #include "liegrad/io.h"
 
 OWNED(lg_model_file, lg_model_file_destroy)
@@ -10,12 +10,18 @@ static const char learn[] = "lg-learn";
 /* Recipes that are learned: another program's data, options of train that end soon, a range of a search. */
 static const struct learned {
     const char *recipe, *program, *generate, *train, *range;
-    const char *initial; /* of a prediction */
+    const char *initial;  /* of a prediction */
+    const char *command;  /* of the program, that trains */
+    const char *training; /* data of a training */
 } rows[] = {
     {"hamiltonian", "lg-hamiltonian", "generate " LG_TEST_DIR "/../scenes/pendulum.yaml --trajectories 20",
-     "--method adam --hidden 6 --epochs 20", "hidden: {integer: [4, 8]}", "1,0,0,0,0.5,0"},
+     "--method adam --hidden 6 --epochs 20", "hidden: {integer: [4, 8]}", "1,0,0,0,0.5,0", "train",
+     "data.h5"},
     {"surrogate", "lg-elastica", "generate --case both-ends --count 30 --intervals 10",
-     "--method lbfgs --hidden 6 --epochs 60", "hidden: {integer: [4, 8]}", "0,0,1,0,3,0,1,0"},
+     "--method lbfgs --hidden 6 --epochs 60", "hidden: {integer: [4, 8]}", "0,0,1,0,3,0,1,0", "train",
+     "data.h5"},
+    {"machine_model", "lg-identify", "generate scene.yaml --runs 2 --t-end 4",
+     "--method ssbroyden --epochs 12", "window: {integer: [3, 9]}", "0.3,0", "fit", "machine.yaml data.h5"},
 };
 
 static lg_model_file *load(const char *name) {
@@ -43,9 +49,11 @@ TEST("train finds the parameters that the recipe's program finds, to the last bi
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const struct learned *row = &rows[i];
         make_data(row);
-        cli_expect(row->program, test_text("train data.h5 %s --out theirs.h5", row->train), 0, "");
-        cli_expect(learn, test_text("train data.h5 --recipe %s %s --out ours.h5", row->recipe, row->train), 0,
-                   "");
+        cli_expect(row->program,
+                   test_text("%s %s %s --out theirs.h5", row->command, row->training, row->train), 0, "");
+        cli_expect(learn,
+                   test_text("train %s --recipe %s %s --out ours.h5", row->training, row->recipe, row->train),
+                   0, "");
         lg_model_file *theirs = load("theirs.h5"), *ours = load("ours.h5");
         lg_slice_info slice;
         const double *a, *b;
@@ -62,7 +70,7 @@ TEST("a training that is stopped goes on to the same loss") {
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const struct learned *row = &rows[i];
         make_data(row);
-        const char *train = test_text("train data.h5 --recipe %s", row->recipe);
+        const char *train = test_text("train %s --recipe %s", row->training, row->recipe);
         cli_expect(learn, test_text("%s %s --out whole.h5 --json", train, row->train), 0, "");
         const double loss = json_number(result.out, "loss");
         cli_expect(learn, test_text("%s %s --out part.h5 --stop-after 7", train, row->train), 0, "");
@@ -75,14 +83,16 @@ TEST("evaluate, search and predict take what they do from the file and the recip
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const struct learned *row = &rows[i];
         make_data(row);
-        cli_expect(learn, test_text("train data.h5 --recipe %s %s --out m.h5", row->recipe, row->train), 0,
+        cli_expect(learn,
+                   test_text("train %s --recipe %s %s --out m.h5", row->training, row->recipe, row->train), 0,
                    "");
         cli_json(learn, "evaluate m.h5 data.h5", "recipe *, seconds *, warnings *");
         cli_json(learn, test_text("predict m.h5 --initial %s", row->initial), "value *");
         cli_write("ranges.yaml", test_text("fixed: {epochs: 4}\nranges:\n  %s\n", row->range));
-        cli_json(learn,
-                 test_text("search ranges.yaml data.h5 --recipe %s --trials 2 --out t.csv", row->recipe),
-                 "trials 2, done >0, best *");
+        cli_json(
+            learn,
+            test_text("search ranges.yaml %s --recipe %s --trials 2 --out t.csv", row->training, row->recipe),
+            "trials 2, done >0, best *");
         assert_int_equal(remove(cli_at("t.csv")), 0);
     }
 }
@@ -113,7 +123,10 @@ TEST("a prediction is the motion that the recipe's program finds, and its table 
 }
 
 static int setup(void **state) {
-    return cli_begin();
+    if (cli_begin() != 0) return -1;
+    cli_write("scene.yaml", oscillator_scene);
+    cli_write("machine.yaml", oscillator_network);
+    return 0;
 }
 
 TEST_GROUP(setup, cli_end)

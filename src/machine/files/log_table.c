@@ -36,7 +36,7 @@ lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
     lg_logs *out = table->out;
     const uint32_t count = out->warning_count;
     if (count == 0 || (count >= FIRST_WARNINGS && (count & (count - 1)) == 0)) {
-        char(*more)[LG_LOG_WARNING] =
+        char(*more)[LG_LOG_SENTENCE] =
             lg_alloc(table->context, count == 0 ? FIRST_WARNINGS : 2 * (size_t)count, sizeof *more);
         if (more == NULL) return LG_OUT_OF_MEMORY;
         if (count > 0) memcpy(more, out->warnings, count * sizeof *more);
@@ -44,13 +44,13 @@ lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
         out->warnings = more;
     }
     va_start(arguments, format);
-    (void)vsnprintf(out->warnings[out->warning_count++], LG_LOG_WARNING, format, arguments);
+    (void)vsnprintf(out->warnings[out->warning_count++], LG_LOG_SENTENCE, format, arguments);
     va_end(arguments);
     return LG_OK;
 }
 
 lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...) {
-    char text[LG_LOG_WARNING];
+    char text[LG_LOG_SENTENCE];
     va_list arguments;
     const lg_log_origin *o = &table->origin[row];
     va_start(arguments, format);

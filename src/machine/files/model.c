@@ -247,7 +247,9 @@ static const lg_scheme *usual_scheme(const void *file) {
     return ((const lg_machine_model_file *)file)->run.scheme;
 }
 
-LG_RECIPE(machine_model, "machine-checkpoint", .scheme = usual_scheme, .space = space);
+extern const struct lg_learner lg_machine_model_learner; /* recipe.c */
+LG_RECIPE(machine_model, "machine-checkpoint", .scheme = usual_scheme, .space = space,
+          .learner = &lg_machine_model_learner);
 
 /* ---- about logs ---- */
 

@@ -1,25 +1,31 @@
-/* Fits of short windows, before that of lg-identify fit. */
+/* Fits of short windows, before that of a learned machine. */
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
-#include "lg-identify/fit.h"
+#include "machine/files/recipe.h"
+#include "model/files/learning.h"
 
-bool is_noisy(const training *t) {
+bool lg_machine_is_noisy(const lg_machine_state *s) {
     bool noisy = false;
-    for (uint32_t i = 0; i < t->data.file.machine.coordinate_count; i++)
-        noisy = noisy || t->position_noise[i] > 0.0 || t->velocity_noise[i] > 0.0;
+    for (uint32_t i = 0; i < s->data.file.machine.coordinate_count; i++)
+        noisy = noisy || s->noise.position[i] > 0.0 || s->noise.velocity[i] > 0.0;
     return noisy;
 }
 
-bool are_few(const lg_machine *machine) {
+bool lg_machine_is_small(const lg_machine *machine) {
     enum { FEW = 60 };
     return machine->parameters <= FEW;
 }
 
-void take_loss_scales(training *t) {
-    memcpy(t->problem.position_scale, t->run->position_scale, sizeof t->problem.position_scale);
-    memcpy(t->problem.velocity_scale, t->run->velocity_scale, sizeof t->problem.velocity_scale);
+void lg_machine_take_scales(lg_learning *self) {
+    const lg_machine_model_run *run = self->run;
+    lg_machine_problem *problem = &((lg_machine_state *)self->state)->problem;
+    memcpy(problem->position_scale, run->position_scale, sizeof problem->position_scale);
+    memcpy(problem->velocity_scale, run->velocity_scale, sizeof problem->velocity_scale);
+}
+
+static bool positions_alone(const lg_learning *self) {
+    return ((const lg_machine_state *)self->state)->data.file.measured == LG_MEASURED_POSITIONS;
 }
 
 /* ---- a machine without residuals and networks that other terms can do without ---- */
@@ -28,14 +34,14 @@ static bool is_network(const lg_machine_term *term) {
     return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
 }
 
-/* Whether term i is a residual, or a network beside another term of its part. */
+/* Whether term i is a residual, or a network where another term of its part is none. */
 static bool is_spare(const lg_machine *machine, uint32_t i) {
     const lg_machine_term *term = &machine->terms[i];
     if (term->part == LG_MACHINE_RESIDUAL) return true;
-    bool beside = false;
+    bool others = false;
     for (uint32_t j = 0; j < machine->term_count; j++)
-        beside = beside || (machine->terms[j].part == term->part && !is_network(&machine->terms[j]));
-    return beside && is_network(term);
+        others = others || (machine->terms[j].part == term->part && !is_network(&machine->terms[j]));
+    return others && is_network(term);
 }
 
 /* The machine without its spare terms; from[i]: the term that its term i is. */
@@ -81,12 +87,12 @@ static void quieten(const lg_machine *machine, double *theta) {
 
 /* Theta becomes what the fit found, where that lowers the loss by more than rounding: along directions that
  * the logs leave open a fit follows rounding as far as numbers go. */
-static lg_status take_lower(const app *self, const lg_machine_problem *problem, const lg_fit *fit,
+static lg_status take_lower(lg_learning *self, const lg_machine_problem *problem, const lg_fit *fit,
                             double *theta, lg_error *error) {
     static const double rounding = 1e-9;
     const size_t n = lg_machine_problem_parameters(problem);
-    APP_FREE double *found = app_alloc(n, sizeof *found);
-    double before = 0, after = 0;
+    double before = 0, after = 0, *found;
+    LG_LEARNING_ARRAY(self, found, n, error);
     lg_fit_parameters(fit, found);
     LG_TRY(lg_machine_loss(self->context, problem, theta, &before, NULL, error));
     LG_TRY(lg_machine_loss(self->context, problem, found, &after, NULL, error));
@@ -99,25 +105,23 @@ enum { SHORTEST = 3 };
 
 /* A fit of windows of `window` rows at most. theta, in and out: the parameters of `machine`, then with
  * positions alone those of the starts. */
-static lg_status fit_short(const app *self, const training *t, const lg_fit_options *how,
-                           const lg_machine *machine, const lg_scheme *scheme, uint32_t window, double *theta,
-                           lg_error *error) {
+static lg_status fit_short(lg_learning *self, const lg_machine *machine, const lg_scheme *scheme,
+                           uint32_t window, double *theta, lg_error *error) {
     enum { EPOCHS = 200 };
-    const bool few = are_few(machine);
-    const bool estimated = t->data.file.measured == LG_MEASURED_POSITIONS && window > SHORTEST;
-    lg_machine_problem problem = t->problem;
+    const lg_machine_model_run *run = self->run;
+    const bool few = lg_machine_is_small(machine), estimated = positions_alone(self) && window > SHORTEST;
+    lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
     lg_fit_problem fit_problem;
-    lg_fit_options chosen = *how;
+    lg_fit_options chosen = self->options;
     lg_fit *fit;
     problem.machine = machine;
     problem.scheme = scheme;
     problem.starts = estimated ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
-    problem.window = window < t->run->window ? window : t->run->window;
+    problem.window = window < run->window ? window : run->window;
     lg_machine_fit_problem(&problem, &fit_problem);
-    lg_training_apply(&t->run->training, &chosen);
     (void)lg_fit_plan_parse(few ? "lm" : estimated ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
     chosen.epochs = few ? EPOCHS / 4 : EPOCHS;
-    chosen.seconds = how->seconds / 8;
+    chosen.seconds = self->options.seconds / 8;
     chosen.validation = chosen.prior = 0;
     chosen.keep_best = false;
     chosen.patience = chosen.stop_after = chosen.checkpoint_every = 0;
@@ -133,33 +137,34 @@ static lg_status fit_short(const app *self, const training *t, const lg_fit_opti
 /* Positions that do not follow from the velocities as well as velocities can be predicted (other programs'
  * integrators, sensors with a lag) count less: their errors in units of the scale become those of the
  * velocities. *changed: a scale grew. */
-static lg_status balance(const app *self, training *t, const lg_machine *machine, const double *theta,
-                         bool *changed, lg_error *error) {
+static lg_status balance(lg_learning *self, const lg_machine *machine, const double *theta, bool *changed,
+                         lg_error *error) {
     static const double tolerated = 2.0;
-    identify_residual found[LG_MACHINE_COORDINATES];
-    lg_machine_model_run *run = t->run;
-    const identify_model model = {
+    lg_machine_noise found;
+    lg_machine_model_run *run = self->run;
+    const lg_machine_state *s = self->state;
+    const lg_learned_machine model = {
         .machine = machine, .theta = theta, .scheme = run->scheme, .substeps = run->substeps};
-    LG_TRY(identify_residuals(self, &model, &t->problem, found, error));
+    LG_TRY(lg_machine_residuals(self->context, &model, &s->problem, &found, error));
     *changed = false;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const double q = found[i].position / run->position_scale[i],
-                     v = found[i].velocity / run->velocity_scale[i];
-        if (!(q > tolerated * v && v > 0.0) || t->position_noise[i] > 0.0) continue;
+        const double q = found.position[i] / run->position_scale[i],
+                     v = found.velocity[i] / run->velocity_scale[i];
+        if (!(q > tolerated * v && v > 0.0) || s->noise.position[i] > 0.0) continue;
         run->position_scale[i] *= q / v;
         *changed = true;
     }
-    take_loss_scales(t);
+    lg_machine_take_scales(self);
     return LG_OK;
 }
 
 /* The loss of one-step windows. */
-static lg_status short_loss(const app *self, const training *t, const lg_machine *machine,
-                            const double *theta, double *loss, lg_error *error) {
-    lg_machine_problem problem = t->problem;
+static lg_status short_loss(const lg_learning *self, const lg_machine *machine, const double *theta,
+                            double *loss, lg_error *error) {
+    lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
     problem.machine = machine;
     problem.starts = LG_MACHINE_STARTS_MEASURED;
-    problem.window = t->data.file.measured == LG_MEASURED_POSITIONS ? SHORTEST : 2;
+    problem.window = positions_alone(self) ? SHORTEST : 2;
     return lg_machine_loss(self->context, &problem, theta, loss, NULL, error);
 }
 
@@ -175,83 +180,78 @@ static void copy_system(const lg_machine *machine, const double *from, double *t
 /* Parameters of a system may start so far off that it is too stiff for a step. A step of Euler's is linear in
  * the acceleration: no start is too far. What it takes for damping is its own error, so that the system's
  * parameters alone are kept, where they are better. */
-static lg_status approach(const app *self, const training *t, const lg_fit_options *how,
-                          const lg_machine *machine, double *theta, lg_error *error) {
-    double before = 0, after = 0;
+static lg_status approach(lg_learning *self, const lg_machine *machine, double *theta, lg_error *error) {
+    double before = 0, after = 0, *own, *start;
     if (machine->grey.system == NULL) return LG_OK;
     const size_t n = machine->parameters;
-    APP_FREE double *own = app_alloc(n + 1, sizeof *own);
-    APP_FREE double *start = app_alloc(n + 1, sizeof *start);
+    LG_LEARNING_ARRAY(self, own, n + 1, error);
+    LG_LEARNING_ARRAY(self, start, n + 1, error);
     memcpy(own, theta, n * sizeof *own);
     memcpy(start, theta, n * sizeof *start);
-    LG_TRY(short_loss(self, t, machine, theta, &before, error));
-    LG_TRY(fit_short(self, t, how, machine, lg_scheme_find("lie-euler"),
-                     t->data.file.measured == LG_MEASURED_POSITIONS ? SHORTEST : 2, own, error));
+    LG_TRY(short_loss(self, machine, theta, &before, error));
+    LG_TRY(fit_short(self, machine, lg_scheme_find("lie-euler"), positions_alone(self) ? SHORTEST : 2, own,
+                     error));
     copy_system(machine, own, start);
-    LG_TRY(short_loss(self, t, machine, start, &after, error));
+    LG_TRY(short_loss(self, machine, start, &after, error));
     if (isfinite(after) && !(after > before)) memcpy(theta, start, n * sizeof *start);
     return LG_OK;
 }
 
 /* Windows that grow, or one-step windows again and again until the scales of the loss stand. */
-static lg_status fit_windows(const app *self, training *t, const lg_fit_options *how,
-                             const lg_machine *machine, double *theta, lg_error *error) {
+static lg_status fit_windows(lg_learning *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { ROUNDS = 4 };
     static const uint32_t growing[] = {SHORTEST, 15, 50};
+    const lg_scheme *scheme = ((const lg_machine_model_run *)self->run)->scheme;
     bool changed = true;
-    LG_TRY(approach(self, t, how, machine, theta, error));
-    if (t->data.file.measured == LG_MEASURED_POSITIONS) {
+    LG_TRY(approach(self, machine, theta, error));
+    if (positions_alone(self)) {
         for (size_t i = 0; i < LG_COUNT(growing); i++)
-            LG_TRY(fit_short(self, t, how, machine, t->run->scheme, growing[i], theta, error));
+            LG_TRY(fit_short(self, machine, scheme, growing[i], theta, error));
         return LG_OK;
     }
     for (int round = 0; round < ROUNDS && changed; round++) {
-        LG_TRY(fit_short(self, t, how, machine, t->run->scheme, is_noisy(t) ? 5 : 2, theta, error));
-        LG_TRY(balance(self, t, machine, theta, &changed, error));
+        LG_TRY(fit_short(self, machine, scheme, lg_machine_is_noisy(self->state) ? 5 : 2, theta, error));
+        LG_TRY(balance(self, machine, theta, &changed, error));
     }
     return LG_OK;
 }
 
 /* Steps between two rows, where they are not given: the error of the steps is small against what the
  * parameters that short windows gave leave of the loss, or below all that matters. */
-static lg_status find_substeps(const app *self, training *t, const lg_machine *machine, const double *theta,
+static lg_status find_substeps(lg_learning *self, const lg_machine *machine, const double *theta,
                                lg_error *error) {
     enum { MOST = 4 };
     static const double enough = 1e-11, part = 1e-2;
-    lg_machine_problem problem = t->problem;
+    lg_machine_model_run *run = self->run;
+    lg_machine_state *s = self->state;
+    lg_machine_problem problem = s->problem;
     double loss = 0, floor = 0;
-    if (app_given(self, "substeps")) return LG_OK;
+    if (self->given(self, "substeps")) return LG_OK;
     problem.machine = machine;
-    if (t->data.file.measured != LG_MEASURED_POSITIONS) problem.starts = LG_MACHINE_STARTS_MEASURED;
-    for (t->run->substeps = 1; t->run->substeps < MOST; t->run->substeps++) {
-        problem.substeps = t->run->substeps;
+    if (!positions_alone(self)) problem.starts = LG_MACHINE_STARTS_MEASURED;
+    for (run->substeps = 1; run->substeps < MOST; run->substeps++) {
+        problem.substeps = run->substeps;
         LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
         if (floor <= fmax(enough, part * loss)) break;
     }
-    t->problem.substeps = t->run->substeps;
+    s->problem.substeps = run->substeps;
     return LG_OK;
 }
 
-static lg_status fit_plain(const app *self, training *t, const lg_fit_options *how,
-                           const plain_machine *plain, double *own, lg_error *error) {
-    if (plain->machine.parameters > 0) LG_TRY(fit_windows(self, t, how, &plain->machine, own, error));
-    return find_substeps(self, t, &plain->machine, own, error);
-}
-
-/* Numbers of all starts, where short windows find them. */
-static size_t start_numbers(const training *t) {
-    if (t->data.file.measured != LG_MEASURED_POSITIONS) return 0;
-    return lg_machine_problem_parameters(&t->problem) - t->run->machine.parameters;
-}
-
-lg_status warm_up(const app *self, training *t, const lg_fit_options *how, double *theta, lg_error *error) {
-    const lg_machine *machine = &t->run->machine;
-    const size_t starts = start_numbers(t);
-    APP_FREE plain_machine *plain = app_alloc(1, sizeof *plain);
-    APP_FREE double *own = app_alloc(machine->parameters + starts + 1, sizeof *own);
+lg_status lg_machine_warm_up(lg_learning *self, double *theta, lg_error *error) {
+    const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
+    const lg_machine_state *s = self->state;
+    /* Numbers of all starts, where short windows find them. */
+    const size_t starts =
+        positions_alone(self) ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
+    plain_machine *plain;
+    double *own;
+    LG_LEARNING_ARRAY(self, plain, 1, error);
+    LG_LEARNING_ARRAY(self, own, machine->parameters + starts + 1, error);
     LG_TRY(make_plain(machine, plain, error));
     copy_parameters(machine, plain, theta, own, true);
-    LG_TRY(fit_plain(self, t, how, plain, own, error));
+    if (plain->machine.parameters > 0) LG_TRY(fit_windows(self, &plain->machine, own, error));
+    LG_TRY(find_substeps(self, &plain->machine, own, error));
     copy_parameters(machine, plain, theta, own, false);
     memcpy(theta + machine->parameters, own + plain->machine.parameters, starts * sizeof *own);
     quieten(machine, theta);

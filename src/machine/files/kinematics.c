@@ -2,8 +2,14 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "lg-identify/runs.h"
+#include "core/median.h"
 #include "liegrad/geometry.h"
+#include "machine/files/recipe.h"
+
+double lg_machine_wrap(double angle) {
+    const double turn = 6.283185307179586;
+    return angle - turn * round(angle / turn);
+}
 
 /* The change of a coordinate from a row to the next, and what the mean of both velocities makes of it. */
 typedef struct motion {
@@ -23,7 +29,7 @@ static void add_step(const lg_coordinate_row *row, const double *a, const double
     double change[3] = {0}, mean[3], turn[9];
     const double *A = a + row->places, *B = b + row->places, *rate_a = va, *rate_b = vb;
     for (uint32_t k = 0; k < row->places; k++) {
-        const double moved = angle ? identify_wrap(b[k] - a[k]) : b[k] - a[k];
+        const double moved = angle ? lg_machine_wrap(b[k] - a[k]) : b[k] - a[k];
         const double speed_a = row->rotations > 0 ? lg_dot3(A + 3 * k, va) : va[k],
                      speed_b = row->rotations > 0 ? lg_dot3(B + 3 * k, vb) : vb[k];
         add_motion(m, moved, h * (speed_a + speed_b) / 2);
@@ -42,7 +48,7 @@ static void add_step(const lg_coordinate_row *row, const double *a, const double
     for (int k = 0; k < 3; k++) add_motion(m, change[k], mean[k]);
 }
 
-void identify_motions(const identify_data *data, int lag, double *out) {
+void lg_machine_motions(const lg_machine_data *data, int lag, double *out) {
     const lg_machine *machine = &data->file.machine;
     const lg_machine_log *log = &data->logs.log;
     motion found[LG_MACHINE_COORDINATES] = {{0, 0, 0}};
@@ -70,15 +76,15 @@ void identify_motions(const identify_data *data, int lag, double *out) {
 
 /* The velocities that explain the motion twice as well as those of the same rows do, and as velocities of
  * other rows do not by chance. */
-void identify_lags(const identify_data *data, int *lag, double *left) {
+void lg_machine_lags(const lg_machine_data *data, int *lag, double *left) {
     enum { MOST = 12 };
     static const double better = 0.5;
     const uint32_t n = data->file.machine.coordinate_count;
     double best[LG_MACHINE_COORDINATES], each[LG_MACHINE_COORDINATES];
-    identify_motions(data, 0, best);
+    lg_machine_motions(data, 0, best);
     for (uint32_t i = 0; i < n; i++) lag[i] = 0, best[i] *= better, left[i] = best[i];
     for (int k = -MOST; k <= MOST; k++) {
-        identify_motions(data, k, each);
+        lg_machine_motions(data, k, each);
         for (uint32_t i = 0; i < n; i++)
             if (each[i] < best[i]) best[i] = left[i] = each[i], lag[i] = k;
     }
@@ -94,7 +100,7 @@ typedef struct number {
 } number;
 
 /* The coordinate's number, where it is a line or an angle. */
-static bool find_number(const identify_data *data, uint32_t coordinate, number *out) {
+static bool find_number(const lg_machine_data *data, uint32_t coordinate, number *out) {
     const lg_machine *machine = &data->file.machine;
     const lg_machine_log *log = &data->logs.log;
     size_t q = 0, v = 0;
@@ -114,10 +120,10 @@ static double change_of(const number *n, size_t row, double *way) {
     const double *q = n->q + row * n->positions, *v = n->v + row * n->velocities;
     const double moved = q[n->positions] - q[0];
     *way = (n->log->t[row + 1] - n->log->t[row]) * (v[0] + v[n->velocities]) / 2;
-    return n->angle ? identify_wrap(moved) : moved;
+    return n->angle ? lg_machine_wrap(moved) : moved;
 }
 
-double identify_position_noise(const identify_data *data, uint32_t coordinate) {
+double lg_machine_position_noise(const lg_machine_data *data, uint32_t coordinate) {
     number n;
     double sum = 0.0, way;
     size_t count = 0;
@@ -133,9 +139,8 @@ double identify_position_noise(const identify_data *data, uint32_t coordinate) {
     return count > 0 && sum < 0.0 ? sqrt(-sum / (double)count) : 0.0;
 }
 
-/* The median of the changes that are not 0. */
-static double usual_change(const number *n) {
-    APP_FREE double *sizes = app_alloc(n->log->rows, sizeof *sizes);
+/* The median of the changes that are not 0; infinite: there are none. `sizes` has room for the rows. */
+static double usual_change(const number *n, double *sizes) {
     double way;
     size_t count = 0;
     for (size_t p = 0; p < n->log->parts; p++)
@@ -143,25 +148,34 @@ static double usual_change(const number *n) {
             const double size = fabs(change_of(n, row, &way));
             if (size > 0.0) sizes[count++] = size;
         }
-    qsort(sizes, count, sizeof *sizes, app_compare_doubles);
+    qsort(sizes, count, sizeof *sizes, lg_compare_doubles);
     return count > 0 ? sizes[count / 2] : (double)INFINITY;
 }
 
-identify_standstill identify_stuck(const identify_data *data, uint32_t coordinate) {
+static lg_standstill longest_standstill(const number *n, double usual) {
     static const double far = 6.0; /* usual changes; numbers of few digits stand still for one */
-    number n;
-    identify_standstill worst = {0, 0, 0};
-    if (!find_number(data, coordinate, &n)) return worst;
-    const double usual = usual_change(&n);
-    for (size_t p = 0; p < n.log->parts; p++) {
+    lg_standstill worst = {0, 0, 0};
+    for (size_t p = 0; p < n->log->parts; p++) {
         double gone = 0.0, way;
-        size_t since = n.log->first[p];
-        for (size_t row = since; row + 1 < n.log->first[p + 1]; row++) {
-            if (change_of(&n, row, &way) != 0.0)
+        size_t since = n->log->first[p];
+        for (size_t row = since; row + 1 < n->log->first[p + 1]; row++) {
+            if (change_of(n, row, &way) != 0.0)
                 since = row + 1, gone = 0.0;
             else if (fabs(gone += way) > far * usual && row + 2 - since > worst.rows)
-                worst = (identify_standstill){since, row + 2 - since, n.q[row * n.positions]};
+                worst = (lg_standstill){since, row + 2 - since, n->q[row * n->positions]};
         }
     }
     return worst;
+}
+
+lg_status lg_machine_stuck(const lg_context *context, const lg_machine_data *data, uint32_t coordinate,
+                           lg_standstill *out, lg_error *error) {
+    number n;
+    *out = (lg_standstill){0, 0, 0};
+    if (!find_number(data, coordinate, &n)) return LG_OK;
+    double *sizes = lg_alloc(context, n.log->rows, sizeof *sizes);
+    if (sizes == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    *out = longest_standstill(&n, usual_change(&n, sizes));
+    lg_free(context, sizes);
+    return LG_OK;
 }

@@ -1,8 +1,8 @@
 /* How well inputs explain accelerations: for the delay with which they act. */
 #include <math.h>
 
-#include "lg-identify/runs.h"
 #include "liegrad/minimise.h"
+#include "machine/files/recipe.h"
 
 enum {
     MOST_NUMBERS = 2 * LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS,
@@ -59,10 +59,11 @@ static bool interval(const lg_machine *machine, const lg_machine_log *log, size_
 /* Sums of the normal equations, or with `A` of the squares that are left. */
 typedef struct regression {
     size_t n, nv;
-    double *matrix, *right, *A, left, rows; /* (n, n); (nv, n), A too */
+    double *matrix, *right, *A, *x, left, rows; /* (n, n); (nv, n), A too; (n) */
 } regression;
 
-static void add(regression *r, const double *x, const double *y) {
+static void add(regression *r, const double *y) {
+    const double *x = r->x;
     r->rows++;
     if (r->A == NULL) {
         for (size_t i = 0; i < r->n; i++) {
@@ -79,24 +80,30 @@ static void add(regression *r, const double *x, const double *y) {
 }
 
 static void pass(const lg_machine *machine, const lg_machine_log *log, regression *r) {
-    APP_FREE double *x = app_alloc(r->n, sizeof *x);
     double y[LG_MACHINE_VELOCITIES];
     const size_t every = log->rows / MOST_ROWS + 1;
     r->rows = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row += every)
-            if (interval(machine, log, row, x, y)) add(r, x, y);
+            if (interval(machine, log, row, r->x, y)) add(r, y);
 }
 
-double identify_unexplained(const lg_machine *machine, const lg_machine_log *log) {
+lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *machine,
+                                 const lg_machine_log *log, double *out, lg_error *error) {
     double z[MOST_NUMBERS];
     const size_t numbers = log->rows > 1 ? fill(machine, log, 0, z) : 0;
-    regression r = {.n = 1 + numbers + numbers * (numbers + 1) / 2, .nv = machine->velocities};
-    APP_FREE double *matrix = r.matrix = app_alloc(r.n * r.n, sizeof *r.matrix);
-    APP_FREE double *right = r.right = app_alloc(r.n * r.nv, sizeof *r.right);
+    const size_t n = 1 + numbers + numbers * (numbers + 1) / 2, nv = machine->velocities;
+    regression r = {.n = n, .nv = nv, .matrix = lg_alloc(context, n * (n + nv + 1), sizeof *r.matrix)};
+    *out = (double)NAN;
+    if (r.matrix == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    r.right = r.matrix + n * n;
+    r.x = r.right + n * nv;
     pass(machine, log, &r);
-    if (!(r.rows > 0) || lg_normal_equations(r.n, r.nv, 1e-9, matrix, right) != LG_OK) return (double)NAN;
-    r.A = right;
-    pass(machine, log, &r);
-    return r.left / r.rows;
+    if (r.rows > 0 && lg_normal_equations(n, nv, 1e-9, r.matrix, r.right) == LG_OK) {
+        r.A = r.right;
+        pass(machine, log, &r);
+        *out = r.left / r.rows;
+    }
+    lg_free(context, r.matrix);
+    return LG_OK;
 }

@@ -1,0 +1,153 @@
+/* A machine and its logs, and their noise. */
+#include <math.h>
+#include <string.h>
+
+#include "machine/files/recipe.h"
+
+/* ---- logs ---- */
+
+/* The words of `more` between its commas follow the first paths. */
+static lg_status list_paths(const lg_context *context, const lg_machine_sources *from, lg_machine_data *out,
+                            lg_error *error) {
+    const char *more = from->validation != NULL ? from->validation : "";
+    size_t commas = 0;
+    for (const char *at = more; *at != '\0'; at++) commas += *at == ',';
+    out->paths = lg_alloc(context, from->count + commas + 1, sizeof *out->paths);
+    out->list = lg_strdup(context, more);
+    if (out->paths == NULL || out->list == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    memcpy(out->paths, from->logs, from->count * sizeof *out->paths);
+    out->path_count = from->count;
+    char *save = NULL;
+    for (char *at = strtok_r(out->list, ",", &save); at != NULL; at = strtok_r(NULL, ",", &save))
+        out->paths[out->path_count++] = at;
+    return LG_OK;
+}
+
+/* The parts of the first `files` files come first. */
+static void split(lg_machine_data *data, size_t files) {
+    const lg_logs *logs = &data->logs;
+    size_t parts = 0;
+    while (parts < logs->log.parts && logs->part_file[parts] < files) parts++;
+    data->training = logs->log;
+    data->training.parts = parts;
+    data->training.rows = logs->log.first[parts];
+}
+
+static lg_status read_logs(const lg_context *context, int64_t delay, size_t training, lg_machine_data *out,
+                           lg_error *error) {
+    lg_log_options options;
+    lg_log_options_init(&options);
+    options.delay = delay;
+    lg_logs_destroy(&out->logs);
+    const lg_status status =
+        lg_logs_read(context, &out->file, out->paths, out->path_count, &options, &out->logs, error);
+    if (status == LG_OK) split(out, training);
+    return status;
+}
+
+/* Reads the logs with delays of 0 to 8 rows, and again with that of the least error. */
+static lg_status estimate_delay(const lg_context *context, size_t training, lg_machine_data *out,
+                                lg_error *error) {
+    enum { MOST = 8 };
+    double least = (double)INFINITY, left = 0;
+    int64_t best = 0;
+    for (int64_t delay = 0; delay <= MOST; delay++) {
+        LG_TRY(read_logs(context, delay, training, out, error));
+        LG_TRY(lg_machine_unexplained(context, &out->file.machine, &out->training, &left, error));
+        if (!(left < least)) continue;
+        least = left;
+        best = delay;
+    }
+    lg_log_message(context, LG_LOG_WARNING,
+                   "the inputs act %lld rows after they are logged, as far as a quadratic model can tell",
+                   (long long)best);
+    return read_logs(context, best, training, out, error);
+}
+
+static lg_status read_all(const lg_context *context, const lg_machine_sources *from, lg_machine_data *out,
+                          lg_error *error) {
+    out->failed = from->machine;
+    LG_TRY(from->text == NULL ? lg_machine_file_read(context, from->machine, &out->file, error)
+                              : lg_machine_file_parse(context, from->machine, from->text, strlen(from->text),
+                                                      &out->file, error));
+    LG_TRY(list_paths(context, from, out, error));
+    out->failed = out->paths[0];
+    return from->delay < 0 && out->file.estimate_delay
+               ? estimate_delay(context, from->count, out, error)
+               : read_logs(context, from->delay, from->count, out, error);
+}
+
+lg_status lg_machine_data_read(const lg_context *context, const lg_machine_sources *from,
+                               lg_machine_data *out, lg_error *error) {
+    lg_error own = {LG_OK, ""};
+    const lg_status status = read_all(context, from, out, &own);
+    for (size_t i = out->path_count; i-- > 0;)
+        if (strstr(own.message, out->paths[i]) != NULL) out->failed = out->paths[i];
+    for (uint32_t i = 0; i < out->logs.warning_count && status == LG_OK; i++)
+        lg_log_message(context, LG_LOG_WARNING, "%s", out->logs.warnings[i]);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", own.message);
+}
+
+void lg_machine_data_destroy(lg_machine_data *data) {
+    const lg_context *context = data->file.context;
+    lg_free(context, data->paths);
+    lg_free(context, data->list);
+    lg_logs_destroy(&data->logs);
+    lg_machine_file_destroy(&data->file);
+    *data = (lg_machine_data){.failed = NULL};
+}
+
+lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *path, lg_error *error) {
+    if (file->measured != LG_MEASURED_MOMENTA) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED,
+                   "%s: measured: momenta is not possible here: log velocities, or positions alone", path);
+}
+
+/* ---- noise ---- */
+
+/* The largest noise of columns first .. first + count - 1, where it is more than `least` of their range or
+ * `confirmed`. */
+static double noise_of(const lg_machine_data *data, uint32_t first, uint32_t count, bool confirmed,
+                       double least) {
+    double range = 0.0, estimated = 0.0, given = 0.0;
+    for (uint32_t c = first; c < first + count; c++) {
+        const lg_log_statistics *found = &data->logs.columns[c];
+        range = fmax(range, found->high - found->low);
+        if (!found->noise_at_most) estimated = fmax(estimated, found->noise);
+        given = fmax(given, data->file.columns[c].noise);
+    }
+    return given > 0.0 ? given : confirmed || estimated > least * range ? estimated : 0.0;
+}
+
+/* Whether the noise that the position's column shows is there in its motion against the velocity, too. */
+static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
+    const lg_log_statistics *found = &data->logs.columns[data->file.coordinates[coordinate].place];
+    return !found->noise_at_most && found->noise > 0.0 &&
+           lg_machine_position_noise(data, coordinate) > 0.5 * found->noise;
+}
+
+static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool confirmed, double least,
+                       lg_machine_noise *out) {
+    const lg_log_coordinate *at = &data->file.coordinates[coordinate];
+    double *position = &out->position[coordinate];
+    *position = fmax(noise_of(data, at->place, at->places, confirmed, least),
+                     noise_of(data, at->attitude, at->attitudes, false, least));
+    out->velocity[coordinate] = noise_of(data, at->velocity, at->velocities, confirmed, least);
+    if (at->attitudes == 4) *position *= 2.0; /* a quaternion changes by half of the angle */
+}
+
+/* What is less than 2e-4 of a range is left to the loss: starts need not be unknown for it, and uneven steps
+ * and held inputs can feign it. */
+void lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out) {
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
+        find_noise(data, i, is_confirmed(data, i), 2e-4, out);
+}
+
+void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out) {
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
+        find_noise(data, i, false, 0.0, out);
+        if (data->file.coordinates[i].attitudes == 0 && data->file.measured == LG_MEASURED_VELOCITIES)
+            out->position[i] = fmin(out->position[i], lg_machine_position_noise(data, i));
+    }
+}

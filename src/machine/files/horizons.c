@@ -1,0 +1,407 @@
+/* Errors of runs of a learned machine. */
+#include <math.h>
+#include <string.h>
+
+#include "core/median.h"
+#include "machine/files/recipe.h"
+
+const char *const lg_run_error_names[LG_RUN_ERRORS] = {[LG_ERROR_LINE] = "line",
+                                                       [LG_ERROR_ANGLE] = "angle",
+                                                       [LG_ERROR_DIRECTION] = "direction",
+                                                       [LG_ERROR_ROTATION] = "rotation",
+                                                       [LG_ERROR_VELOCITY] = "velocity"};
+
+static lg_status no_memory(lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+}
+
+/* Memory for points of runs, positions and then velocities. */
+static double *run_memory(const lg_context *context, const lg_machine *machine, size_t points) {
+    return lg_alloc(context, points * (machine->positions + machine->velocities), sizeof(double));
+}
+
+static lg_status free_run(const lg_context *context, const lg_learned_machine *model,
+                          const lg_machine_log *log, const size_t *start, size_t count, size_t steps,
+                          double *q, double *v, lg_error *error) {
+    return lg_machine_free_run(context, model->machine, model->theta, model->scheme, model->substeps, log,
+                               start, count, steps, q, v, error);
+}
+
+/* ---- sums of squares ---- */
+
+typedef struct sums {
+    double sum;
+    size_t count;
+} sums;
+
+static void add(sums *s, double error) {
+    if (isnan(error)) return;
+    s->sum += error * error;
+    s->count++;
+}
+
+static double root(const sums *s) {
+    return s->count > 0 ? sqrt(s->sum / (double)s->count) : (double)NAN;
+}
+
+/* Angles from chords |a - b| = 2 sin(angle/2) of unit vectors, |A - B|_F = sqrt 8 sin(angle/2). */
+static double angle_of(const double *a, const double *b, int count, double diameter) {
+    double square = 0.0;
+    for (int i = 0; i < count; i++) square += (a[i] - b[i]) * (a[i] - b[i]);
+    return 2.0 * asin(fmin(1.0, sqrt(square) / diameter));
+}
+
+/* Adds the errors of one point; NaN of the data is left out, NaN of the prediction is infinite. */
+static void add_point(const lg_machine *machine, const double *q, const double *v, const double *given_q,
+                      const double *given_v, sums *out) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *row = lg_coordinate_row_of(kind);
+        for (uint32_t k = 0; k < row->places; k++)
+            add(&out[kind == LG_COORDINATE_ANGLE ? LG_ERROR_ANGLE : LG_ERROR_LINE],
+                kind == LG_COORDINATE_ANGLE ? lg_machine_wrap(q[k] - given_q[k]) : q[k] - given_q[k]);
+        if (row->directions > 0) add(&out[LG_ERROR_DIRECTION], angle_of(q, given_q, 3, 2.0));
+        if (row->rotations > 0 && !isnan(given_q[row->places]))
+            add(&out[LG_ERROR_ROTATION], angle_of(q + row->places, given_q + row->places, 9, sqrt(8.0)));
+        for (uint32_t k = 0; k < row->velocities; k++) add(&out[LG_ERROR_VELOCITY], v[k] - given_v[k]);
+        q += lg_coordinate_positions(kind), given_q += lg_coordinate_positions(kind);
+        v += row->velocities, given_v += row->velocities;
+    }
+}
+
+/* ---- errors up to a horizon ---- */
+
+/* Rows from which a run of so many steps fits into a part, `every` rows apart. */
+static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, size_t steps, size_t every,
+                          size_t *out) {
+    size_t count = 0;
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row + steps < log->first[p + 1]; row += every)
+            if (lg_machine_log_complete(machine, log, row, false)) out[count++] = row;
+    return count;
+}
+
+/* The most steps within `seconds` of any row of the log; 0: the log is shorter. */
+static size_t most_steps(const lg_machine_log *log, double seconds) {
+    size_t most = 0;
+    for (size_t p = 0; p < log->parts; p++) {
+        size_t end = log->first[p];
+        for (size_t row = log->first[p]; row < log->first[p + 1]; row++) {
+            while (end + 1 < log->first[p + 1] && log->t[end + 1] - log->t[row] <= seconds * (1 + 1e-9))
+                end++;
+            if (end - row > most) most = end - row;
+        }
+    }
+    return most;
+}
+
+typedef struct judging {
+    const lg_machine *machine;
+    const lg_machine_log *log;
+    size_t steps, count;
+    const size_t *start;
+    const double *q, *v; /* (count, steps + 1, ...) */
+    double seconds;
+} judging;
+
+/* The errors of run i, or of "nothing changes". */
+static void judge_run(const judging *j, size_t i, bool unchanged, sums *out) {
+    const size_t nq = j->machine->positions, nv = j->machine->velocities;
+    for (size_t step = 1; step <= j->steps; step++) {
+        const size_t row = j->start[i] + step, at = i * (j->steps + 1) + (unchanged ? 0 : step);
+        if (j->log->t[row] - j->log->t[j->start[i]] > j->seconds * (1 + 1e-9)) break;
+        add_point(j->machine, j->q + at * nq, j->v + at * nv, j->log->q + row * nq, j->log->v + row * nv,
+                  out);
+    }
+}
+
+/* `own` (errors, count). */
+static void judge_all(const judging *j, double *own, lg_horizon *out) {
+    sums pooled[LG_RUN_ERRORS] = {{0, 0}}, unchanged[LG_RUN_ERRORS] = {{0, 0}};
+    for (size_t i = 0; i < j->count; i++) {
+        sums each[LG_RUN_ERRORS] = {{0, 0}};
+        judge_run(j, i, false, each);
+        judge_run(j, i, true, unchanged);
+        for (int e = 0; e < LG_RUN_ERRORS; e++) {
+            pooled[e].sum += each[e].sum;
+            pooled[e].count += each[e].count;
+            own[(size_t)e * j->count + i] = root(&each[e]);
+        }
+    }
+    for (int e = 0; e < LG_RUN_ERRORS; e++) {
+        out->pooled[e] = root(&pooled[e]);
+        out->unchanged[e] = root(&unchanged[e]);
+        out->median[e] = lg_median(own + (size_t)e * j->count, j->count);
+    }
+}
+
+/* A prediction that is not finite is not left out: its errors overflow. */
+static void count_as_infinite(double *x, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(x[i])) x[i] = 1e300;
+}
+
+/* Runs of the starts, which are found, with the memory for them. */
+static lg_status judge_starts(const lg_context *context, lg_runner *runner, void *user, judging *j,
+                              lg_horizon *out, lg_error *error) {
+    const size_t points = j->count * (j->steps + 1), nq = j->machine->positions,
+                 numbers = points * (nq + j->machine->velocities);
+    double *q = lg_alloc(context, numbers + j->count * LG_RUN_ERRORS, sizeof *q);
+    if (q == NULL) return no_memory(error);
+    double *v = q + points * nq;
+    const lg_status status = runner(user, j->log, j->start, j->count, j->steps, q, v, error);
+    count_as_infinite(q, numbers);
+    j->q = q, j->v = v;
+    if (status == LG_OK) judge_all(j, q + numbers, out);
+    lg_free(context, q);
+    return status;
+}
+
+lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
+                        const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
+                        lg_error *error) {
+    *out = (lg_horizon){.seconds = seconds};
+    for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
+    size_t *start = lg_alloc(context, log->rows, sizeof *start);
+    if (start == NULL) return no_memory(error);
+    judging j = {.machine = machine,
+                 .log = log,
+                 .steps = most_steps(log, seconds),
+                 .start = start,
+                 .seconds = seconds};
+    out->starts = j.count = j.steps > 0 ? find_starts(machine, log, j.steps, every, start) : 0;
+    const lg_status status = j.count > 0 ? judge_starts(context, runner, user, &j, out, error) : LG_OK;
+    lg_free(context, start);
+    return status;
+}
+
+/* ---- starts from positions ---- */
+
+lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
+                                const lg_machine_log *log, const size_t *row, size_t count,
+                                lg_started_log *out, lg_error *error) {
+    const lg_machine *machine = model->machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    *out = (lg_started_log){.log = *log, .context = context};
+    out->log.q = out->q = run_memory(context, machine, log->rows);
+    double *q = run_memory(context, machine, count);
+    if (out->q == NULL || q == NULL) {
+        lg_free(context, q);
+        return no_memory(error);
+    }
+    double *v = q + count * nq;
+    out->log.v = out->v = out->q + log->rows * nq;
+    const lg_status status =
+        lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps, log, row,
+                                   count, LG_START_ROWS, q, v, error);
+    for (size_t i = 0; i < count && status == LG_OK; i++) {
+        memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
+        memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);
+    }
+    lg_free(context, q);
+    return status;
+}
+
+void lg_started_log_destroy(lg_started_log *started) {
+    lg_free(started->context, started->q);
+    started->q = started->v = NULL;
+}
+
+/* ---- horizons of a model ---- */
+
+enum { BEFORE = LG_START_ROWS - 1 }; /* rows before a start, where positions alone are measured */
+
+typedef struct model_runner {
+    const lg_context *context;
+    const lg_learned_machine *model;
+    const lg_machine_log *log;
+} model_runner;
+
+static lg_status run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                           size_t steps, double *q, double *v, lg_error *error) {
+    const model_runner *r = user;
+    return free_run(r->context, r->model, log, start, count, steps, q, v, error);
+}
+
+/* Of runs over `steps` intervals after those before the start the last steps + 1 points. */
+static void keep_ends(const double *runs, size_t count, size_t steps, size_t n, double *out) {
+    for (size_t i = 0; i < count; i++)
+        memcpy(out + i * (steps + 1) * n, runs + (i * (BEFORE + steps + 1) + BEFORE) * n,
+               (steps + 1) * n * sizeof *out);
+}
+
+/* From rows `from`; all: memory for the points. */
+static lg_status run_longer(const model_runner *r, const size_t *from, size_t count, size_t steps,
+                            double *all, double *q, double *v, lg_error *error) {
+    const size_t nq = r->model->machine->positions, nv = r->model->machine->velocities;
+    double *all_v = all + count * (BEFORE + steps + 1) * nq;
+    lg_started_log begun;
+    lg_status status = lg_started_log_create(r->context, r->model, r->log, from, count, &begun, error);
+    if (status == LG_OK)
+        status = free_run(r->context, r->model, &begun.log, from, count, BEFORE + steps, all, all_v, error);
+    lg_started_log_destroy(&begun);
+    if (status != LG_OK) return status;
+    keep_ends(all, count, steps, nq, q);
+    keep_ends(all_v, count, steps, nv, v);
+    return LG_OK;
+}
+
+static lg_status run_from_positions(void *user, const lg_machine_log *marked, const size_t *start,
+                                    size_t count, size_t steps, double *q, double *v, lg_error *error) {
+    const model_runner *r = user;
+    size_t *from = lg_alloc(r->context, count, sizeof *from);
+    double *all = run_memory(r->context, r->model->machine, count * (BEFORE + steps + 1));
+    (void)marked;
+    for (size_t i = 0; i < count && from != NULL; i++) from[i] = start[i] - BEFORE;
+    const lg_status status =
+        from != NULL && all != NULL ? run_longer(r, from, count, steps, all, q, v, error) : no_memory(error);
+    lg_free(r->context, from);
+    lg_free(r->context, all);
+    return status;
+}
+
+/* Velocities are there, as 0, where a run can start. */
+static void mark_starts(const lg_machine *machine, const lg_machine_log *log, size_t every, double *v) {
+    const size_t nv = machine->velocities;
+    for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row < log->first[p + 1]; row += every) {
+            const bool starts =
+                row >= log->first[p] + BEFORE && lg_machine_log_complete(machine, log, row - BEFORE, true);
+            for (size_t k = 0; starts && k < nv; k++) v[row * nv + k] = 0;
+        }
+}
+
+lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine *model,
+                             const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
+                             lg_error *error) {
+    const lg_machine *machine = model->machine;
+    model_runner runner = {context, model, log};
+    lg_machine_log marked = *log;
+    if (!model->positions)
+        return lg_horizon_of(context, machine, run_model, &runner, log, seconds, every, out, error);
+    double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v);
+    if (v == NULL) return no_memory(error);
+    mark_starts(machine, log, every, v);
+    marked.v = v;
+    const lg_status status =
+        lg_horizon_of(context, machine, run_from_positions, &runner, &marked, seconds, every, out, error);
+    lg_free(context, v);
+    out->pooled[LG_ERROR_VELOCITY] = out->median[LG_ERROR_VELOCITY] = out->unchanged[LG_ERROR_VELOCITY] =
+        (double)NAN;
+    return status;
+}
+
+/* ---- windows ---- */
+
+/* Of two positions in the order of logs: the mean square of each coordinate's places, the squared angle of
+ * directions and rotations, in sum. Missing ones count 0. */
+static double position_loss(const lg_machine *machine, const double *a, const double *b) {
+    double sum = 0.0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *row = lg_coordinate_row_of(kind);
+        double square = 0.0, angle = 0.0;
+        for (uint32_t k = 0; k < row->places; k++) {
+            const double e = kind == LG_COORDINATE_ANGLE ? lg_machine_wrap(a[k] - b[k]) : a[k] - b[k];
+            square += isnan(b[k]) ? 0.0 : e * e / row->places;
+        }
+        if (row->directions > 0 && !isnan(b[0])) angle = angle_of(a, b, 3, 2.0);
+        if (row->rotations > 0 && !isnan(b[row->places]))
+            angle = angle_of(a + row->places, b + row->places, 9, sqrt(8.0));
+        sum += square + angle * angle;
+        a += lg_coordinate_positions(kind), b += lg_coordinate_positions(kind);
+    }
+    return sum;
+}
+
+static double loss_of(const lg_machine *machine, const lg_machine_log *log, const size_t *start, size_t count,
+                      uint32_t window, const double *q, const double *v) {
+    const size_t nq = machine->positions, nv = machine->velocities;
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        for (uint32_t j = 1; j < window; j++) {
+            const double *a = q + (i * window + j) * nq, *b = log->q + (start[i] + j) * nq;
+            const double *va = v + (i * window + j) * nv, *vb = log->v + (start[i] + j) * nv;
+            double speeds = 0.0;
+            size_t measured = 0;
+            for (size_t k = 0; k < nv; k++)
+                if (!isnan(vb[k])) speeds += (va[k] - vb[k]) * (va[k] - vb[k]), measured++;
+            if (measured > 0) sum += speeds / (double)measured;
+            sum += position_loss(machine, a, b);
+        }
+    return sum / ((double)count * (window - 1));
+}
+
+/* `start` (rows of the log), `q`: memory. */
+static lg_status judge_windows(const lg_context *context, const lg_learned_machine *model,
+                               const lg_machine_log *log, uint32_t window, size_t *start, double *q,
+                               double *out, lg_error *error) {
+    const size_t count = lg_machine_windows(model->machine, log, window, 1, false, start);
+    double *v = q + count * window * model->machine->positions;
+    LG_TRY(free_run(context, model, log, start, count, window - 1, q, v, error));
+    *out = loss_of(model->machine, log, start, count, window, q, v);
+    return LG_OK;
+}
+
+lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_machine *model,
+                                 const lg_machine_log *log, uint32_t window, double *out, lg_error *error) {
+    const lg_machine *machine = model->machine;
+    const size_t count = lg_machine_windows(machine, log, window, 1, false, NULL), points = count * window;
+    *out = (double)NAN;
+    if (count == 0) return LG_OK;
+    size_t *start = lg_alloc(context, log->rows, sizeof *start);
+    double *q = run_memory(context, machine, points);
+    const lg_status status = start != NULL && q != NULL
+                                 ? judge_windows(context, model, log, window, start, q, out, error)
+                                 : no_memory(error);
+    lg_free(context, start);
+    lg_free(context, q);
+    return status;
+}
+
+/* ---- residuals of windows ---- */
+
+static void add_residuals(const lg_machine *machine, const double *q, const double *v, const double *given_q,
+                          const double *given_v, sums *positions, sums *velocities) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *row = lg_coordinate_row_of(kind);
+        const uint32_t count = lg_coordinate_positions(kind);
+        for (uint32_t k = 0; k < count; k++) {
+            const double unit = k >= row->places && row->rotations > 0 ? sqrt(0.5) : 1.0;
+            add(&positions[i], unit * (q[k] - given_q[k]));
+        }
+        for (uint32_t k = 0; k < row->velocities; k++) add(&velocities[i], v[k] - given_v[k]);
+        q += count, given_q += count;
+        v += row->velocities, given_v += row->velocities;
+    }
+}
+
+static void residuals_of(const lg_machine_problem *problem, size_t count, const double *q, const double *v,
+                         lg_machine_noise *out) {
+    const lg_machine *machine = problem->machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    sums positions[LG_MACHINE_COORDINATES] = {{0, 0}}, velocities[LG_MACHINE_COORDINATES] = {{0, 0}};
+    for (size_t i = 0; i < count; i++)
+        for (uint32_t j = 1; j < problem->window; j++) {
+            const size_t at = i * problem->window + j, row = problem->start[i] + j;
+            add_residuals(machine, q + at * nq, v + at * nv, problem->log.q + row * nq,
+                          problem->log.v + row * nv, positions, velocities);
+        }
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        out->position[i] = root(&positions[i]), out->velocity[i] = root(&velocities[i]);
+}
+
+lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machine *model,
+                               const lg_machine_problem *problem, lg_machine_noise *out, lg_error *error) {
+    const size_t count = problem->windows - problem->validation, points = count * problem->window;
+    double *q = run_memory(context, model->machine, points);
+    if (q == NULL) return no_memory(error);
+    double *v = q + points * model->machine->positions;
+    const lg_status status =
+        free_run(context, model, &problem->log, problem->start, count, problem->window - 1, q, v, error);
+    if (status == LG_OK) residuals_of(problem, count, q, v, out);
+    lg_free(context, q);
+    return status;
+}

@@ -1,0 +1,300 @@
+/* How well a learned machine explains its logs, and what they say of its numbers. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "machine/files/recipe.h"
+#include "model/files/learning.h"
+
+/* ---- where the mass of a network is told ---- */
+
+/* A mass sees coordinate i. */
+static bool is_seen(const lg_machine *machine, uint32_t i) {
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; machine->terms[t].part == LG_MACHINE_MASS && k < machine->terms[t].of_count; k++)
+            if (machine->terms[t].of[k].index == i) return true;
+    return false;
+}
+
+static void find_place(const lg_machine_problem *problem, lg_machine_verdict *out) {
+    const lg_machine *machine = problem->machine;
+    const double *q = out->positions;
+    size_t used = 0;
+    out->placed = lg_machine_mass_at(problem, out->positions);
+    for (uint32_t i = 0; i < machine->coordinate_count && out->placed; i++) {
+        const lg_machine_coordinate *each = &machine->coordinates[i];
+        const uint32_t count = lg_coordinate_positions(each->kind);
+        for (uint32_t k = 0; k < count && is_seen(machine, i) && used < sizeof out->place; k++)
+            used += (size_t)snprintf(out->place + used, sizeof out->place - used, "%s%s %.3g",
+                                     k > 0      ? ","
+                                     : used > 0 ? ", "
+                                                : "at ",
+                                     k > 0 ? "" : each->name, q[k]);
+        q += count;
+    }
+}
+
+/* ---- the numbers and their common factor ---- */
+
+/* Mass, potential, damping and input map are known up to a common factor. */
+static void warn_of_gauge(const lg_learning *self, const lg_machine *machine) {
+    if (machine->normalised)
+        LG_WARN(self,
+                "nothing in the machine's file fixes the common factor of mass, potential, damping and "
+                "input map: one mass, that without an error below, is set to 1; give a mass or the input map "
+                "to fix it");
+    if (machine->free_gauge && machine->grey.system == NULL)
+        LG_WARN(self, "nothing fixes the common factor of mass, potential, damping and input map: only their "
+                      "ratios mean something; give the input map, or a mass that is known or constant");
+}
+
+/* The number of open directions in which several numbers move. */
+static size_t open_together(const lg_identification *of, size_t count) {
+    size_t several = 0;
+    for (size_t k = 0; k < of->open_count; k++)
+        several += lg_identification_sentence(of, count, k, NULL, 0) > 1;
+    return several;
+}
+
+/* The first number of the first direction in which several move together, or just the first one. */
+static const lg_identified *first_open(const lg_identification *of, size_t count) {
+    for (size_t k = 0; k < of->open_count; k++)
+        for (size_t i = 0; i < count; i++)
+            if (of->open[k * count + i] != 0.0 && lg_identification_sentence(of, count, k, NULL, 0) > 1)
+                return &of->numbers[i];
+    return count > 0 ? &of->numbers[0] : NULL;
+}
+
+/* Numbers of one kind have the same first word: "mass" of "mass.1.2", "I" of the label "I2". */
+static bool are_alike(const char *a, const char *b) {
+    size_t word = strcspn(a, ".");
+    if (a[word] == '\0')
+        while (word > 1 && strchr("0123456789", a[word - 1]) != NULL) word--;
+    return strncmp(a, b, word) == 0 && strcspn(b, ".0123456789") <= word;
+}
+
+static double largest_alike(const lg_identified *numbers, size_t count, size_t i) {
+    double largest = 0.0;
+    for (size_t k = 0; k < count; k++)
+        if (are_alike(numbers[i].name, numbers[k].name)) largest = fmax(largest, fabs(numbers[k].value));
+    return largest;
+}
+
+/* Whether an open direction of several numbers moves number i, or one like it. */
+static bool is_open(const lg_identification *of, size_t count, size_t i) {
+    for (size_t k = 0; k < of->open_count; k++)
+        for (size_t j = 0; j < count; j++)
+            if (of->open[k * count + j] != 0.0 && are_alike(of->numbers[i].name, of->numbers[j].name) &&
+                lg_identification_sentence(of, count, k, NULL, 0) > 1)
+                return true;
+    return false;
+}
+
+static void warn_of_open(const lg_learning *self, const lg_identification *of, size_t count) {
+    char text[512];
+    for (size_t k = 0; k < of->open_count; k++)
+        if (lg_identification_sentence(of, count, k, text, sizeof text) > 1) LG_WARN(self, "%s", text);
+}
+
+/* A number that its error exceeds, unless both are next to nothing against the others of its kind. */
+static void warn_of_numbers(const lg_learning *self, const lg_machine_verdict *what) {
+    static const double nothing = 0.02;
+    const lg_identification *of = &what->identified;
+    const size_t count = what->count;
+    const lg_identified *numbers = of->numbers;
+    for (size_t i = 0; i < count; i++) {
+        const double error = numbers[i].error;
+        if (error <= fabs(numbers[i].value) || error < nothing * largest_alike(numbers, count, i)) continue;
+        if (is_open(of, count, i)) continue;
+        const bool told = what->placed && strncmp(numbers[i].name, "mass.", strlen("mass.")) == 0;
+        LG_WARN(self,
+                "the logs do not determine %s%s%s: %.3g with a standard error of %.2g; give it as "
+                "known, or move the machine in other ways",
+                numbers[i].name, told ? " " : "", told ? what->place : "", numbers[i].value, error);
+    }
+}
+
+/* ---- the loss ---- */
+
+/* The loss of a model that explains the logs: what their noise leaves of each number, of numbers without
+ * noise what .8 % of the forces would make, and what the steps make, unless that is more than all else. */
+static lg_status find_expected(const lg_learning *self, const double *theta, lg_machine_verdict *what,
+                               lg_error *error) {
+    static const double small = 8e-3;
+    const lg_machine_state *s = self->state;
+    const uint32_t coordinates = s->problem.machine->coordinate_count;
+    lg_machine_noise noise;
+    lg_machine_expected expected;
+    lg_machine_data_traces(&s->data, &noise);
+    for (uint32_t i = 0; i < coordinates; i++) {
+        if (s->noise.position[i] > 0.0) noise.position[i] = s->noise.position[i];
+        if (s->noise.velocity[i] > 0.0) noise.velocity[i] = s->noise.velocity[i];
+    }
+    LG_TRY(lg_machine_expect(self->context, &s->problem, theta, &noise, &expected, error));
+    what->tolerated =
+        isfinite(expected.loss) ? expected.loss : 0.0; /* a model that blows up excuses nothing */
+    for (uint32_t i = 0; i < coordinates; i++) {
+        what->forces += expected.change.position[i] + expected.change.velocity[i];
+        if (!(s->noise.position[i] > 0.0)) what->tolerated += small * small * expected.change.position[i];
+        if (!(s->noise.velocity[i] > 0.0)) what->tolerated += small * small * expected.change.velocity[i];
+    }
+    what->expected = what->tolerated + fmin(self->floor, what->tolerated);
+    return LG_OK;
+}
+
+/* Whether forces are missing, at least a ten thousandth of all: neither chance nor the error of the steps. */
+static bool are_missing(const lg_machine_verdict *what, double floor) {
+    static const double chance = 8.0, least = 1e-4;
+    const lg_machine_missing *missing = &what->missing;
+    return missing->ratio > chance && missing->loss > fmax(floor, least * least * what->forces);
+}
+
+static void warn_of_misfit(const lg_learning *self, const lg_machine_verdict *what) {
+    const lg_machine_model_run *run = self->run;
+    const double floor = self->floor;
+    /* The loss may exceed the expected one by half, and by four standard deviations of chance. */
+    const double numbers = 2.0 * (double)run->windows * run->window * run->machine.velocities,
+                 more = 1.5 + 4.0 * sqrt(2.0 / numbers);
+    if (floor > what->tolerated)
+        LG_WARN(
+            self,
+            "the steps are too long: their error makes %.2g of the loss, where the noise leaves %.2g; take "
+            "more --substeps: only then the loss tells whether the model explains the logs",
+            floor, what->tolerated);
+    const bool large = what->loss > more * what->expected, missing = are_missing(what, floor);
+    char size[128] = "", forces[256] = "";
+    if (large)
+        (void)snprintf(size, sizeof size,
+                       "the loss is %.2g, where their noise and the steps leave %.2g at most", what->loss,
+                       what->expected);
+    if (missing)
+        (void)snprintf(forces, sizeof forces,
+                       "forces that it does not have, functions of positions, velocities and inputs that are "
+                       "about %.2g %% of all forces, make %.2g of the loss of %.2g",
+                       100.0 * sqrt(what->missing.loss / what->forces), what->missing.loss, what->loss);
+    if (large || missing)
+        LG_WARN(self,
+                "the model does not explain the logs: %s%s%s; standard errors mean nothing then, the numbers "
+                "are further off. More epochs, if the loss still falls; else a term is missing%s",
+                size, large && missing ? "; " : "", forces,
+                large ? ", or the logs contradict themselves: the sign or order of inputs, their delay, "
+                        "sensors on two clocks"
+                      : "");
+}
+
+/* ---- results ---- */
+
+/* {name: {value, error}} */
+static void tell_numbers(lg_learning *self, const lg_machine_verdict *what) {
+    lg_result_open(self, "identified", '{');
+    for (size_t i = 0; i < what->count; i++) {
+        const lg_identified *number = &what->identified.numbers[i];
+        lg_result_open(self, number->name, '{');
+        lg_result_real(self, "value", number->value, NULL);
+        lg_result_real(self, "error", number->error, NULL);
+        lg_result_close(self, '}');
+    }
+    lg_result_close(self, '}');
+}
+
+/* {coordinate: its positions} */
+static void tell_place(lg_learning *self, const lg_machine *machine, const lg_machine_verdict *what) {
+    const double *q = what->positions;
+    if (!what->placed) return;
+    lg_result_open(self, "mass_at", '{');
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        lg_result_open(self, machine->coordinates[i].name, '[');
+        for (uint32_t k = lg_coordinate_positions(machine->coordinates[i].kind); k > 0; k--)
+            lg_result_real(self, NULL, *q++, NULL);
+        lg_result_close(self, ']');
+    }
+    lg_result_close(self, '}');
+}
+
+/* {"a,b": r} of those that are strong. */
+static lg_status tell_correlations(lg_learning *self, const lg_machine_verdict *what, lg_error *error) {
+    enum { BOTH = 2 * LG_IDENTIFIED_NAME + 2 };
+    static const double strong = 0.9;
+    const lg_identification *of = &what->identified;
+    lg_result_open(self, "correlations", '{');
+    for (size_t i = 0; i < what->count; i++)
+        for (size_t j = i + 1; j < what->count; j++) {
+            const double r = of->correlations[i * what->count + j];
+            char *both;
+            if (!(fabs(r) > strong)) continue;
+            LG_LEARNING_ARRAY(self, both, BOTH, error);
+            (void)snprintf(both, BOTH, "%s,%s", of->numbers[i].name, of->numbers[j].name);
+            lg_result_real(self, both, r, NULL);
+        }
+    lg_result_close(self, '}');
+    return LG_OK;
+}
+
+/* What fixes the common factor; where nothing does, the value at which learning left it. */
+static void tell_gauge(lg_learning *self, const lg_machine *machine, lg_machine_verdict *what) {
+    const lg_identified *open = first_open(&what->identified, what->count);
+    const bool free = machine->free_gauge || open_together(&what->identified, what->count) > 0;
+    (void)snprintf(what->gauge, sizeof what->gauge, "the values given in the machine's file");
+    if (machine->normalised)
+        (void)snprintf(what->gauge, sizeof what->gauge, "one mass is 1 in the units of the logs");
+    else if (free && open == NULL)
+        (void)snprintf(what->gauge, sizeof what->gauge, "nothing");
+    else if (free)
+        (void)snprintf(what->gauge, sizeof what->gauge, "nothing: learning left %s at %.6g", open->name,
+                       open->value);
+    lg_result_text(self, "gauge", what->gauge, NULL);
+}
+
+static lg_status tell(lg_learning *self, lg_machine_verdict *what, lg_error *error) {
+    const lg_machine_model_run *run = self->run;
+    const lg_machine *machine = &run->machine;
+    const uint64_t done = lg_fit_epochs_done(self->fit);
+    lg_result_real(self, "loss", what->loss, "mean over windows and rows");
+    lg_result_real(self, "expected_loss", what->expected, "noise and steps leave at most");
+    lg_result_real(self, "validation",
+                   done > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN,
+                   "loss of the windows that are not trained on");
+    lg_result_whole(self, "windows", run->windows, NULL);
+    lg_result_whole(self, "parameters", machine->parameters, NULL);
+    tell_numbers(self, what);
+    tell_place(self, machine, what);
+    LG_TRY(tell_correlations(self, what, error));
+    tell_gauge(self, machine, what);
+    self->first_count = self->result_count;
+    return LG_OK;
+}
+
+/* ---- the hook ---- */
+
+static lg_status find_numbers(lg_learning *self, const double *theta, lg_machine_verdict *out,
+                              lg_error *error) {
+    const lg_machine_problem *problem = &((const lg_machine_state *)self->state)->problem;
+    const size_t n = problem->machine->parameters,
+                 count = lg_machine_numbers(problem->machine, theta, 0, NULL);
+    lg_identification *of = &out->identified;
+    out->count = count;
+    LG_LEARNING_ARRAY(self, of->numbers, count + 1, error);
+    LG_LEARNING_ARRAY(self, of->correlations, count * count + 1, error);
+    LG_LEARNING_ARRAY(self, of->open, count * count + 1, error);
+    if (n <= LG_MACHINE_MOST_SPREAD) LG_LEARNING_ARRAY(self, of->spread, n * n + 1, error);
+    return lg_machine_identify(self->context, problem, theta, of, error);
+}
+
+lg_status lg_machine_judge(lg_learning *self, double *theta, lg_error *error) {
+    lg_machine_state *s = self->state;
+    const lg_machine *machine = s->problem.machine;
+    lg_machine_verdict *what = &s->verdict;
+    *what = (lg_machine_verdict){.loss = 0.0};
+    lg_machine_wrap_biases(machine, theta);
+    LG_TRY(lg_machine_loss(self->context, &s->problem, theta, &what->loss, &self->floor, error));
+    if (!isfinite(what->loss)) return LG_NOT_FINITE;
+    LG_TRY(find_expected(self, theta, what, error));
+    LG_TRY(lg_machine_find_missing(self->context, &s->problem, theta, &what->missing, error));
+    find_place(&s->problem, what);
+    LG_TRY(find_numbers(self, theta, what, error));
+    warn_of_gauge(self, machine);
+    warn_of_misfit(self, what);
+    warn_of_open(self, &what->identified, what->count);
+    warn_of_numbers(self, what);
+    return tell(self, what, error);
+}

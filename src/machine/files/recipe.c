@@ -1,0 +1,271 @@
+/* How a machine is learned from its logs. */
+#include "machine/files/recipe.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "model/files/learning.h"
+
+enum { STREAM_WEIGHTS = 1, SHORTEST_LOG = 3 };
+
+/* ---- the data ---- */
+
+/* MACHINE.yaml LOG...; of a model file, which has its machine, the logs alone. */
+static lg_status read_data(lg_learning *self, lg_error *error) {
+    lg_machine_state *s = self->state;
+    lg_machine_model_run *run = self->run;
+    const bool model = self->file != NULL;
+    const size_t first = model ? 0 : 1;
+    if (self->path_count <= first)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--recipe machine_model: MACHINE.yaml LOG... are needed");
+    const lg_machine_sources from = {.machine = model ? self->model : self->paths[0],
+                                     .text = model ? run->text : NULL,
+                                     .logs = self->paths + first,
+                                     .count = self->path_count - first,
+                                     .validation = s->validation,
+                                     .delay = model ? (int64_t)run->delay : -1};
+    const lg_status status = lg_machine_data_read(self->context, &from, &s->data, error);
+    self->failed = s->data.failed;
+    if (status != LG_OK) return status;
+    lg_machine_data_noise(&s->data, &s->noise);
+    lg_machine_log_sha256(&s->data.file.machine, &s->data.logs.log, self->sha256);
+    return LG_OK;
+}
+
+static void close_data(lg_learning *self) {
+    lg_machine_data_destroy(&((lg_machine_state *)self->state)->data);
+}
+
+static bool positions_alone(const lg_machine_state *s) {
+    return s->data.file.measured == LG_MEASURED_POSITIONS;
+}
+
+/* ---- the run ---- */
+
+/* Rows of the longest part without a gap. */
+static size_t longest_part(const lg_machine_log *log) {
+    size_t longest = 0;
+    for (size_t p = 0; p < log->parts; p++)
+        if (log->first[p + 1] - log->first[p] > longest) longest = log->first[p + 1] - log->first[p];
+    return longest;
+}
+
+static uint32_t at_most(size_t rows, uint32_t wanted) {
+    return rows >= 2 && rows < wanted ? (uint32_t)rows : wanted;
+}
+
+static size_t count_windows(const lg_machine_model_run *run, const lg_machine_state *s, uint32_t stride) {
+    return lg_machine_windows(&run->machine, &s->data.training, run->window, stride, positions_alone(s),
+                              NULL);
+}
+
+/* Windows touch; they overlap where there would be too few. */
+static uint32_t find_stride(const lg_machine_model_run *run, const lg_machine_state *s) {
+    enum { ENOUGH = 2000 };
+    uint32_t stride = run->window - 1;
+    if (run->starts == LG_MACHINE_STARTS_ESTIMATED) return stride;
+    while (stride > 1 && count_windows(run, s, stride) < ENOUGH) stride /= 2;
+    return stride;
+}
+
+/* Parameters of the fit, about: those of the starts included. */
+static size_t count_parameters(const lg_machine_model_run *run, const lg_machine_state *s) {
+    const lg_machine *machine = &run->machine;
+    const size_t windows =
+        lg_machine_windows(machine, &s->data.training, run->window, run->stride, true, NULL);
+    const size_t starts = run->starts == LG_MACHINE_STARTS_ESTIMATED ? windows : 0;
+    return machine->parameters + starts * (machine->positions + machine->velocities);
+}
+
+static bool ends_with_lm(const lg_fit_plan *plan) {
+    return plan->phases > 0 && plan->phase[plan->phases - 1].method == LG_FIT_LM;
+}
+
+/* What is not given: how measured best, docs/reports/machines.md. */
+static void choose_settings(const lg_learning *self) {
+    enum { DENSE = 4000 };
+    static const double prior = 0.3;
+    const lg_machine_state *s = self->state;
+    lg_machine_model_run *run = self->run;
+    const bool positions = positions_alone(s), noisy = lg_machine_is_noisy(s) || positions;
+    if (!self->given(self, "starts"))
+        run->starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
+    if (!self->given(self, "window"))
+        run->window = at_most(longest_part(&s->data.training), positions ? 60 : noisy ? 20 : 5);
+    if (!self->given(self, "substeps")) run->substeps = 1;
+    if (!self->given(self, "stride") || run->stride == 0) run->stride = find_stride(run, s);
+    const bool lm = lg_machine_is_small(&run->machine), dense = count_parameters(run, s) <= DENSE;
+    if (!self->given(self, "method"))
+        (void)lg_fit_plan_parse(lm ? "lm" : dense ? "ssbroyden" : "lbfgs", &run->training.plan, NULL);
+    if (!self->given(self, "prior")) run->training.prior = ends_with_lm(&run->training.plan) ? 0.0 : prior;
+    if (!self->given(self, "epochs")) run->training.epochs = lm ? 100 : 3000;
+}
+
+/* Of the logged velocities `first`, ... of a coordinate. */
+static double root_mean_square(const lg_machine_log *log, uint32_t velocities, uint32_t first,
+                               uint32_t each) {
+    double sum = 0.0;
+    size_t count = 0;
+    for (size_t row = 0; row < log->rows; row++)
+        for (uint32_t k = first; k < first + each; k++) {
+            const double v = log->v[row * velocities + k];
+            if (isnan(v)) continue;
+            sum += v * v;
+            count++;
+        }
+    return count > 0 ? sqrt(sum / (double)count) : 0.0;
+}
+
+/* Errors count in units of the noise; without noise, of velocities and of half the way of a window. */
+static void set_loss_scales(lg_machine_model_run *run, const lg_machine_state *s) {
+    const lg_machine *machine = &run->machine;
+    for (uint32_t i = 0, first = 0; i < machine->coordinate_count; i++) {
+        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+        const double moves = root_mean_square(&s->data.training, machine->velocities, first, each);
+        const double speed = moves > 0.0 ? moves : run->scales.velocity[0] / run->scales.time;
+        const double v = s->noise.velocity[i], q = s->noise.position[i];
+        run->velocity_scale[i] = v > 0.0 ? v : speed;
+        run->position_scale[i] = q > 0.0 ? q : 0.5 * run->window * run->dt * speed;
+        first += each;
+    }
+}
+
+static lg_status check_data(const lg_learning *self, lg_error *error) {
+    const lg_machine_data *data = &((const lg_machine_state *)self->state)->data;
+    const size_t longest = longest_part(&data->training);
+    LG_TRY(lg_machine_refuse_momenta(&data->file, self->paths[0], error));
+    if (longest >= SHORTEST_LOG) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: the longest part without a gap has %zu rows; accelerations take %d at least",
+                   data->paths[0], longest, SHORTEST_LOG);
+}
+
+static lg_status describe(lg_learning *self, lg_error *error) {
+    const lg_machine_state *s = self->state;
+    lg_machine_model_run *run = self->run;
+    LG_TRY(check_data(self, error));
+    memcpy(run->data_sha256, self->sha256, sizeof run->data_sha256);
+    run->machine = s->data.file.machine;
+    LG_TRY(lg_machine_model_describe(run, self->paths[0], s->data.file.text, error));
+    LG_TRY(lg_machine_find_scales(&run->machine, &s->data.training, error));
+    run->scales = run->machine.scales;
+    lg_machine_find_range(&run->machine, &s->data.training, &run->range);
+    run->delay = s->data.logs.delay;
+    run->dt = s->data.logs.dt_median;
+    if (self->stored != NULL) {
+        const lg_machine_model_run *before = self->stored;
+        memcpy(run->position_scale, before->position_scale, sizeof run->position_scale);
+        memcpy(run->velocity_scale, before->velocity_scale, sizeof run->velocity_scale);
+    } else {
+        choose_settings(self);
+        set_loss_scales(run, s);
+    }
+    run->windows = count_windows(run, s, run->stride);
+    return LG_OK;
+}
+
+/* ---- the problem ---- */
+
+/* Rows that no window has, where they are more than a hundredth and were not left out by --stride. */
+static void warn_of_rows(const lg_learning *self) {
+    const lg_machine_model_run *run = self->run;
+    const lg_machine_state *s = self->state;
+    const size_t all = s->data.training.rows, *start = s->problem.start;
+    size_t rows = 0, end = 0;
+    for (size_t w = 0; w < run->windows; w++) {
+        const size_t begin = start[w] > end ? start[w] : end;
+        end = start[w] + run->window;
+        rows += end - begin;
+    }
+    if (run->stride <= run->window && 100 * (all - rows) > all)
+        LG_WARN(self,
+                "%zu of %zu rows are in no window of %u rows, and are not learned from: they lie in parts "
+                "without a gap that are shorter, or behind the last complete row; take a shorter --window",
+                all - rows, all, run->window);
+}
+
+static lg_status prepare(lg_learning *self, lg_error *error) {
+    lg_machine_state *s = self->state;
+    const lg_machine_model_run *run = self->run;
+    const lg_machine_log *log = &s->data.logs.log;
+    size_t *start;
+    LG_LEARNING_ARRAY(self, start, log->rows, error);
+    const size_t all =
+        lg_machine_windows(&run->machine, log, run->window, run->stride, positions_alone(s), start);
+    s->problem = (lg_machine_problem){.machine = &run->machine,
+                                      .scheme = run->scheme,
+                                      .substeps = run->substeps,
+                                      .window = run->window,
+                                      .starts = run->starts,
+                                      .log = *log,
+                                      .windows = all,
+                                      .start = start,
+                                      .validation = all - run->windows};
+    lg_machine_take_scales(self);
+    LG_TRY(lg_machine_problem_check(&s->problem, error));
+    warn_of_rows(self);
+    return LG_OK;
+}
+
+static lg_status make_problem(lg_learning *self, lg_error *error) {
+    const lg_machine_model_run *run = self->run;
+    const lg_machine_problem *problem = &((const lg_machine_state *)self->state)->problem;
+    lg_fit_options *options = &self->options;
+    const double begin = lg_seconds();
+    lg_rng rng;
+    lg_machine_fit_problem(problem, &self->problem);
+    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
+    lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
+    lg_machine_initialise(&run->machine, &rng, self->theta);
+    if (self->stored == NULL) LG_TRY(lg_machine_warm_up(self, self->theta, error));
+    if (problem->validation > 0) options->keep_best = true;
+    if (options->seconds > 0) options->seconds = fmax(options->seconds - (lg_seconds() - begin), 1e-3);
+    return LG_OK;
+}
+
+/* ---- results ---- */
+
+static lg_status save(lg_learning *self, void *into, lg_error *error) {
+    const lg_machine_verdict *verdict = &((const lg_machine_state *)self->state)->verdict;
+    (void)error;
+    ((lg_machine_model_file *)into)->spread = verdict->count > 0 ? verdict->identified.spread : NULL;
+    return LG_OK;
+}
+
+static lg_status tell_horizon(lg_learning *self, const lg_learned_machine *model, double seconds,
+                              lg_error *error) {
+    enum { EVERY = 25 };
+    const lg_machine_log *log = &((const lg_machine_state *)self->state)->data.logs.log;
+    lg_horizon found;
+    LG_TRY(lg_machine_horizon(self->context, model, log, seconds, EVERY, &found, error));
+    lg_result_real(self, "horizon", seconds, "s of free runs; the root mean squares of their errors:");
+    for (int e = 0; e < LG_RUN_ERRORS; e++)
+        if (!isnan(found.pooled[e])) lg_result_real(self, lg_run_error_names[e], found.pooled[e], NULL);
+    return LG_OK;
+}
+
+/* Windows, and free runs of a second. */
+static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+    const lg_machine_model_file *file = from;
+    const lg_machine_state *s = self->state;
+    const lg_machine_model_run *run = &file->run;
+    const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps,
+                                      positions_alone(s)};
+    double loss;
+    LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));
+    LG_TRY(lg_machine_window_loss(self->context, &model, &s->data.logs.log, run->window, &loss, error));
+    lg_result_real(self, "window_loss", loss, "mean over windows and rows, in the units of the logs");
+    return tell_horizon(self, &model, 1.0, error);
+}
+
+const lg_learner lg_machine_model_learner = {.state_size = sizeof(lg_machine_state),
+                                             .held_out = "validation-part",
+                                             .prior = true,
+                                             .read = read_data,
+                                             .describe = describe,
+                                             .prepare = prepare,
+                                             .problem = make_problem,
+                                             .judge = lg_machine_judge,
+                                             .save = save,
+                                             .evaluate = evaluate,
+                                             .close = close_data};
