@@ -6,6 +6,7 @@
 #include "core/text.h"
 #include "lg-identify/runs.h"
 #include "liegrad/geometry.h"
+#include "machine/files/log_table.h"
 
 typedef struct generate_values {
     const char *out, *inputs, *plot;
@@ -161,48 +162,25 @@ static void fill_inputs(const app *self, making *m) {
 
 /* ---- what acts between rows ---- */
 
-/* Second derivatives, times h^2, of the not-a-knot spline through n >= 4 equidistant values. */
-static void bend(const double *y, size_t stride, size_t n, double *bent, double *work) {
-    for (size_t i = 1; i + 1 < n; i++)
-        bent[i] = 6 * (y[(i + 1) * stride] - 2 * y[i * stride] + y[(i - 1) * stride]);
-    bent[1] /= 6, bent[n - 2] /= 6;
-    if (n > 4) {
-        bent[2] -= bent[1], bent[n - 3] -= bent[n - 2];
-        work[2] = 4;
-        for (size_t i = 3; i + 2 < n; i++) {
-            work[i] = 4 - 1 / work[i - 1];
-            bent[i] -= bent[i - 1] / work[i - 1];
-        }
-        for (size_t i = n - 3; i >= 2; i--) bent[i] = (bent[i] - (i + 3 < n ? bent[i + 1] : 0)) / work[i];
-    }
-    bent[0] = 2 * bent[1] - bent[2];
-    bent[n - 1] = 2 * bent[n - 2] - bent[n - 3];
-}
-
-/* Coefficients of one input of one run. */
-static void fill_hold(const making *m, size_t run, size_t input, double *bent, double *work) {
-    const size_t inputs = m->file.machine.input_count;
+/* Coefficients of one input of one run; `work` (3 rows). */
+static void fill_hold(const making *m, size_t run, size_t input, double *work) {
+    const size_t inputs = m->file.machine.input_count, first = run * m->rows;
     const double *y = m->given + run * (m->rows + m->delay) * inputs + input;
-    double *u = m->pieces.u + run * m->rows * 4 * inputs + input;
-    const bool cubic = m->file.hold == LG_HOLD_CUBIC && m->rows >= 4;
-    if (cubic) bend(y, inputs, m->rows, bent, work);
-    for (size_t row = 0; row < m->rows; row++, u += 4 * inputs) {
-        u[0] = y[row * inputs];
-        if (m->file.hold == LG_HOLD_ZERO || row + 1 == m->rows) continue;
-        u[inputs] = y[(row + 1) * inputs] - y[row * inputs];
-        if (!cubic) continue;
-        u[inputs] -= (2 * bent[row] + bent[row + 1]) / 6;
-        u[2 * inputs] = bent[row] / 2;
-        u[3 * inputs] = (bent[row + 1] - bent[row]) / 6;
+    double *u = m->pieces.u + first * 4 * inputs + input;
+    for (size_t row = 0; row < m->rows; row++) {
+        double *to = u + row * 4 * inputs;
+        to[0] = y[row * inputs];
+        if (m->file.hold != LG_HOLD_ZERO && row + 1 < m->rows) to[inputs] = y[(row + 1) * inputs] - to[0];
     }
+    if (m->file.hold == LG_HOLD_CUBIC && m->rows >= 4)
+        lg_log_spline(m->rows, m->pieces.t + first, y, inputs, work, u, 4 * inputs, inputs);
 }
 
 static void fill_log(making *m) {
-    APP_FREE double *bent = app_alloc(m->rows, sizeof *bent);
-    APP_FREE double *work = app_alloc(m->rows, sizeof *work);
+    APP_FREE double *work = app_alloc(3 * m->rows, sizeof *work);
     for (size_t run = 0; run < m->runs; run++) {
         for (size_t row = 0; row < m->rows; row++) m->pieces.t[run * m->rows + row] = values.dt * (double)row;
-        for (size_t k = 0; k < m->file.machine.input_count; k++) fill_hold(m, run, k, bent, work);
+        for (size_t k = 0; k < m->file.machine.input_count; k++) fill_hold(m, run, k, work);
     }
 }
 

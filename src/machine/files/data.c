@@ -139,9 +139,13 @@ static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool co
 
 /* What is less than 2e-4 of a range is left to the loss: starts need not be unknown for it, and uneven steps
  * and held inputs can feign it. */
-void lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out) {
-    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
+bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out) {
+    bool any = false;
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
         find_noise(data, i, is_confirmed(data, i), 2e-4, out);
+        any = any || out->position[i] > 0.0 || out->velocity[i] > 0.0;
+    }
+    return any;
 }
 
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out) {

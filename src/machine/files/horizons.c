@@ -11,20 +11,46 @@ const char *const lg_run_error_names[LG_RUN_ERRORS] = {[LG_ERROR_LINE] = "line",
                                                        [LG_ERROR_ROTATION] = "rotation",
                                                        [LG_ERROR_VELOCITY] = "velocity"};
 
+/* ---- memory for runs ---- */
+
 static lg_status no_memory(lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
 }
 
-/* Memory for points of runs, positions and then velocities. */
-static double *run_memory(const lg_context *context, const lg_machine *machine, size_t points) {
-    return lg_alloc(context, points * (machine->positions + machine->velocities), sizeof(double));
+/* Runs, while they are judged. */
+typedef struct runs {
+    const lg_machine *machine;
+    const lg_machine_log *log;
+    size_t steps, count;
+    const size_t *start; /* (count) rows */
+    double *q, *v;       /* (count, steps + 1, ...) */
+} runs;
+typedef void judge(void *user, const runs *r);
+
+static lg_status judge_runs(const lg_context *context, lg_runner *runner, void *model, runs *r, judge *look,
+                            void *user, lg_error *error) {
+    const size_t points = r->count * (r->steps + 1), nq = r->machine->positions;
+    r->q = lg_alloc(context, points * (nq + r->machine->velocities), sizeof *r->q);
+    if (r->q == NULL) return no_memory(error);
+    r->v = r->q + points * nq;
+    const lg_status status = runner(model, r->log, r->start, r->count, r->steps, r->q, r->v, error);
+    if (status == LG_OK) look(user, r);
+    lg_free(context, r->q);
+    return status;
 }
 
-static lg_status free_run(const lg_context *context, const lg_learned_machine *model,
-                          const lg_machine_log *log, const size_t *start, size_t count, size_t steps,
-                          double *q, double *v, lg_error *error) {
-    return lg_machine_free_run(context, model->machine, model->theta, model->scheme, model->substeps, log,
-                               start, count, steps, q, v, error);
+typedef struct model_runner {
+    const lg_context *context;
+    const lg_learned_machine *model;
+    const lg_machine_log *log;
+} model_runner;
+
+static lg_status run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                           size_t steps, double *q, double *v, lg_error *error) {
+    const model_runner *r = user;
+    const lg_learned_machine *m = r->model;
+    return lg_machine_free_run(r->context, m->machine, m->theta, m->scheme, m->substeps, log, start, count,
+                               steps, q, v, error);
 }
 
 /* ---- sums of squares ---- */
@@ -95,43 +121,14 @@ static size_t most_steps(const lg_machine_log *log, double seconds) {
     return most;
 }
 
-typedef struct judging {
-    const lg_machine *machine;
-    const lg_machine_log *log;
-    size_t steps, count;
-    const size_t *start;
-    const double *q, *v; /* (count, steps + 1, ...) */
-    double seconds;
-} judging;
-
-/* The errors of run i, or of "nothing changes". */
-static void judge_run(const judging *j, size_t i, bool unchanged, sums *out) {
-    const size_t nq = j->machine->positions, nv = j->machine->velocities;
-    for (size_t step = 1; step <= j->steps; step++) {
-        const size_t row = j->start[i] + step, at = i * (j->steps + 1) + (unchanged ? 0 : step);
-        if (j->log->t[row] - j->log->t[j->start[i]] > j->seconds * (1 + 1e-9)) break;
-        add_point(j->machine, j->q + at * nq, j->v + at * nv, j->log->q + row * nq, j->log->v + row * nv,
+/* The errors of run i up to so many seconds, or of "nothing changes". */
+static void judge_run(const runs *r, size_t i, double seconds, bool unchanged, sums *out) {
+    const size_t nq = r->machine->positions, nv = r->machine->velocities;
+    for (size_t step = 1; step <= r->steps; step++) {
+        const size_t row = r->start[i] + step, at = i * (r->steps + 1) + (unchanged ? 0 : step);
+        if (r->log->t[row] - r->log->t[r->start[i]] > seconds * (1 + 1e-9)) break;
+        add_point(r->machine, r->q + at * nq, r->v + at * nv, r->log->q + row * nq, r->log->v + row * nv,
                   out);
-    }
-}
-
-/* `own` (errors, count). */
-static void judge_all(const judging *j, double *own, lg_horizon *out) {
-    sums pooled[LG_RUN_ERRORS] = {{0, 0}}, unchanged[LG_RUN_ERRORS] = {{0, 0}};
-    for (size_t i = 0; i < j->count; i++) {
-        sums each[LG_RUN_ERRORS] = {{0, 0}};
-        judge_run(j, i, false, each);
-        judge_run(j, i, true, unchanged);
-        for (int e = 0; e < LG_RUN_ERRORS; e++) {
-            pooled[e].sum += each[e].sum;
-            pooled[e].count += each[e].count;
-            own[(size_t)e * j->count + i] = root(&each[e]);
-        }
-    }
-    for (int e = 0; e < LG_RUN_ERRORS; e++) {
-        out->pooled[e] = root(&pooled[e]);
-        out->unchanged[e] = root(&unchanged[e]);
-        out->median[e] = lg_median(own + (size_t)e * j->count, j->count);
     }
 }
 
@@ -141,20 +138,31 @@ static void count_as_infinite(double *x, size_t count) {
         if (!isfinite(x[i])) x[i] = 1e300;
 }
 
-/* Runs of the starts, which are found, with the memory for them. */
-static lg_status judge_starts(const lg_context *context, lg_runner *runner, void *user, judging *j,
-                              lg_horizon *out, lg_error *error) {
-    const size_t points = j->count * (j->steps + 1), nq = j->machine->positions,
-                 numbers = points * (nq + j->machine->velocities);
-    double *q = lg_alloc(context, numbers + j->count * LG_RUN_ERRORS, sizeof *q);
-    if (q == NULL) return no_memory(error);
-    double *v = q + points * nq;
-    const lg_status status = runner(user, j->log, j->start, j->count, j->steps, q, v, error);
-    count_as_infinite(q, numbers);
-    j->q = q, j->v = v;
-    if (status == LG_OK) judge_all(j, q + numbers, out);
-    lg_free(context, q);
-    return status;
+typedef struct horizon {
+    lg_horizon *out;
+    double *own; /* (errors, runs) */
+} horizon;
+
+static void judge_horizon(void *user, const runs *r) {
+    const horizon *h = user;
+    lg_horizon *out = h->out;
+    sums pooled[LG_RUN_ERRORS] = {{0, 0}}, unchanged[LG_RUN_ERRORS] = {{0, 0}};
+    count_as_infinite(r->q, r->count * (r->steps + 1) * (r->machine->positions + r->machine->velocities));
+    for (size_t i = 0; i < r->count; i++) {
+        sums each[LG_RUN_ERRORS] = {{0, 0}};
+        judge_run(r, i, out->seconds, false, each);
+        judge_run(r, i, out->seconds, true, unchanged);
+        for (int e = 0; e < LG_RUN_ERRORS; e++) {
+            pooled[e].sum += each[e].sum;
+            pooled[e].count += each[e].count;
+            h->own[(size_t)e * r->count + i] = root(&each[e]);
+        }
+    }
+    for (int e = 0; e < LG_RUN_ERRORS; e++) {
+        out->pooled[e] = root(&pooled[e]);
+        out->unchanged[e] = root(&unchanged[e]);
+        out->median[e] = lg_median(h->own + (size_t)e * r->count, r->count);
+    }
 }
 
 lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
@@ -163,15 +171,15 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
     *out = (lg_horizon){.seconds = seconds};
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    if (start == NULL) return no_memory(error);
-    judging j = {.machine = machine,
-                 .log = log,
-                 .steps = most_steps(log, seconds),
-                 .start = start,
-                 .seconds = seconds};
-    out->starts = j.count = j.steps > 0 ? find_starts(machine, log, j.steps, every, start) : 0;
-    const lg_status status = j.count > 0 ? judge_starts(context, runner, user, &j, out, error) : LG_OK;
+    horizon h = {out, lg_alloc(context, log->rows * LG_RUN_ERRORS, sizeof *h.own)};
+    lg_status status = start != NULL && h.own != NULL ? LG_OK : no_memory(error);
+    runs r = {.machine = machine, .log = log, .steps = most_steps(log, seconds), .start = start};
+    if (status == LG_OK && r.steps > 0)
+        out->starts = r.count = find_starts(machine, log, r.steps, every, start);
+    if (status == LG_OK && r.count > 0)
+        status = judge_runs(context, runner, user, &r, judge_horizon, &h, error);
     lg_free(context, start);
+    lg_free(context, h.own);
     return status;
 }
 
@@ -183,8 +191,8 @@ lg_status lg_started_log_create(const lg_context *context, const lg_learned_mach
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities;
     *out = (lg_started_log){.log = *log, .context = context};
-    out->log.q = out->q = run_memory(context, machine, log->rows);
-    double *q = run_memory(context, machine, count);
+    out->log.q = out->q = lg_alloc(context, log->rows * (nq + nv), sizeof *out->q);
+    double *q = lg_alloc(context, count * (nq + nv), sizeof *q);
     if (out->q == NULL || q == NULL) {
         lg_free(context, q);
         return no_memory(error);
@@ -211,52 +219,39 @@ void lg_started_log_destroy(lg_started_log *started) {
 
 enum { BEFORE = LG_START_ROWS - 1 }; /* rows before a start, where positions alone are measured */
 
-typedef struct model_runner {
-    const lg_context *context;
-    const lg_learned_machine *model;
-    const lg_machine_log *log;
-} model_runner;
-
-static lg_status run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count,
-                           size_t steps, double *q, double *v, lg_error *error) {
-    const model_runner *r = user;
-    return free_run(r->context, r->model, log, start, count, steps, q, v, error);
-}
-
 /* Of runs over `steps` intervals after those before the start the last steps + 1 points. */
-static void keep_ends(const double *runs, size_t count, size_t steps, size_t n, double *out) {
+static void keep_ends(const double *all, size_t count, size_t steps, size_t n, double *out) {
     for (size_t i = 0; i < count; i++)
-        memcpy(out + i * (steps + 1) * n, runs + (i * (BEFORE + steps + 1) + BEFORE) * n,
+        memcpy(out + i * (steps + 1) * n, all + (i * (BEFORE + steps + 1) + BEFORE) * n,
                (steps + 1) * n * sizeof *out);
 }
 
-/* From rows `from`; all: memory for the points. */
-static lg_status run_longer(const model_runner *r, const size_t *from, size_t count, size_t steps,
-                            double *all, double *q, double *v, lg_error *error) {
-    const size_t nq = r->model->machine->positions, nv = r->model->machine->velocities;
-    double *all_v = all + count * (BEFORE + steps + 1) * nq;
-    lg_started_log begun;
-    lg_status status = lg_started_log_create(r->context, r->model, r->log, from, count, &begun, error);
-    if (status == LG_OK)
-        status = free_run(r->context, r->model, &begun.log, from, count, BEFORE + steps, all, all_v, error);
-    lg_started_log_destroy(&begun);
-    if (status != LG_OK) return status;
-    keep_ends(all, count, steps, nq, q);
-    keep_ends(all_v, count, steps, nv, v);
-    return LG_OK;
+/* Where to, from rows BEFORE earlier. */
+typedef struct ends {
+    double *q, *v;
+    size_t steps;
+} ends;
+
+static void keep_runs(void *user, const runs *r) {
+    const ends *e = user;
+    keep_ends(r->q, r->count, e->steps, r->machine->positions, e->q);
+    keep_ends(r->v, r->count, e->steps, r->machine->velocities, e->v);
 }
 
 static lg_status run_from_positions(void *user, const lg_machine_log *marked, const size_t *start,
                                     size_t count, size_t steps, double *q, double *v, lg_error *error) {
-    const model_runner *r = user;
-    size_t *from = lg_alloc(r->context, count, sizeof *from);
-    double *all = run_memory(r->context, r->model->machine, count * (BEFORE + steps + 1));
+    const model_runner *m = user;
+    ends e = {q, v, steps};
+    lg_started_log begun;
+    size_t *from = lg_alloc(m->context, count, sizeof *from);
     (void)marked;
-    for (size_t i = 0; i < count && from != NULL; i++) from[i] = start[i] - BEFORE;
-    const lg_status status =
-        from != NULL && all != NULL ? run_longer(r, from, count, steps, all, q, v, error) : no_memory(error);
-    lg_free(r->context, from);
-    lg_free(r->context, all);
+    if (from == NULL) return no_memory(error);
+    for (size_t i = 0; i < count; i++) from[i] = start[i] - BEFORE;
+    lg_status status = lg_started_log_create(m->context, m->model, m->log, from, count, &begun, error);
+    runs r = {m->model->machine, &begun.log, BEFORE + steps, count, from, NULL, NULL};
+    if (status == LG_OK) status = judge_runs(m->context, run_model, user, &r, keep_runs, &e, error);
+    lg_started_log_destroy(&begun);
+    lg_free(m->context, from);
     return status;
 }
 
@@ -315,48 +310,34 @@ static double position_loss(const lg_machine *machine, const double *a, const do
     return sum;
 }
 
-static double loss_of(const lg_machine *machine, const lg_machine_log *log, const size_t *start, size_t count,
-                      uint32_t window, const double *q, const double *v) {
-    const size_t nq = machine->positions, nv = machine->velocities;
-    double sum = 0.0;
-    for (size_t i = 0; i < count; i++)
-        for (uint32_t j = 1; j < window; j++) {
-            const double *a = q + (i * window + j) * nq, *b = log->q + (start[i] + j) * nq;
-            const double *va = v + (i * window + j) * nv, *vb = log->v + (start[i] + j) * nv;
+static void judge_windows(void *user, const runs *r) {
+    const size_t nq = r->machine->positions, nv = r->machine->velocities, points = r->steps + 1;
+    double sum = 0.0, *out = user;
+    for (size_t i = 0; i < r->count; i++)
+        for (size_t j = 1; j < points; j++) {
+            const double *a = r->q + (i * points + j) * nq, *b = r->log->q + (r->start[i] + j) * nq;
+            const double *va = r->v + (i * points + j) * nv, *vb = r->log->v + (r->start[i] + j) * nv;
             double speeds = 0.0;
             size_t measured = 0;
             for (size_t k = 0; k < nv; k++)
                 if (!isnan(vb[k])) speeds += (va[k] - vb[k]) * (va[k] - vb[k]), measured++;
             if (measured > 0) sum += speeds / (double)measured;
-            sum += position_loss(machine, a, b);
+            sum += position_loss(r->machine, a, b);
         }
-    return sum / ((double)count * (window - 1));
-}
-
-/* `start` (rows of the log), `q`: memory. */
-static lg_status judge_windows(const lg_context *context, const lg_learned_machine *model,
-                               const lg_machine_log *log, uint32_t window, size_t *start, double *q,
-                               double *out, lg_error *error) {
-    const size_t count = lg_machine_windows(model->machine, log, window, 1, false, start);
-    double *v = q + count * window * model->machine->positions;
-    LG_TRY(free_run(context, model, log, start, count, window - 1, q, v, error));
-    *out = loss_of(model->machine, log, start, count, window, q, v);
-    return LG_OK;
+    *out = sum / ((double)r->count * (double)r->steps);
 }
 
 lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_machine *model,
                                  const lg_machine_log *log, uint32_t window, double *out, lg_error *error) {
-    const lg_machine *machine = model->machine;
-    const size_t count = lg_machine_windows(machine, log, window, 1, false, NULL), points = count * window;
-    *out = (double)NAN;
-    if (count == 0) return LG_OK;
+    model_runner runner = {context, model, log};
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    double *q = run_memory(context, machine, points);
-    const lg_status status = start != NULL && q != NULL
-                                 ? judge_windows(context, model, log, window, start, q, out, error)
-                                 : no_memory(error);
+    *out = (double)NAN;
+    if (start == NULL) return no_memory(error);
+    runs r = {.machine = model->machine, .log = log, .steps = window - 1, .start = start};
+    r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
+    const lg_status status =
+        r.count > 0 ? judge_runs(context, run_model, &runner, &r, judge_windows, out, error) : LG_OK;
     lg_free(context, start);
-    lg_free(context, q);
     return status;
 }
 
@@ -378,16 +359,16 @@ static void add_residuals(const lg_machine *machine, const double *q, const doub
     }
 }
 
-static void residuals_of(const lg_machine_problem *problem, size_t count, const double *q, const double *v,
-                         lg_machine_noise *out) {
-    const lg_machine *machine = problem->machine;
+static void judge_residuals(void *user, const runs *r) {
+    const lg_machine *machine = r->machine;
     const size_t nq = machine->positions, nv = machine->velocities;
+    lg_machine_noise *out = user;
     sums positions[LG_MACHINE_COORDINATES] = {{0, 0}}, velocities[LG_MACHINE_COORDINATES] = {{0, 0}};
-    for (size_t i = 0; i < count; i++)
-        for (uint32_t j = 1; j < problem->window; j++) {
-            const size_t at = i * problem->window + j, row = problem->start[i] + j;
-            add_residuals(machine, q + at * nq, v + at * nv, problem->log.q + row * nq,
-                          problem->log.v + row * nv, positions, velocities);
+    for (size_t i = 0; i < r->count; i++)
+        for (size_t j = 1; j <= r->steps; j++) {
+            const size_t at = i * (r->steps + 1) + j, row = r->start[i] + j;
+            add_residuals(machine, r->q + at * nq, r->v + at * nv, r->log->q + row * nq, r->log->v + row * nv,
+                          positions, velocities);
         }
     for (uint32_t i = 0; i < machine->coordinate_count; i++)
         out->position[i] = root(&positions[i]), out->velocity[i] = root(&velocities[i]);
@@ -395,13 +376,11 @@ static void residuals_of(const lg_machine_problem *problem, size_t count, const 
 
 lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machine *model,
                                const lg_machine_problem *problem, lg_machine_noise *out, lg_error *error) {
-    const size_t count = problem->windows - problem->validation, points = count * problem->window;
-    double *q = run_memory(context, model->machine, points);
-    if (q == NULL) return no_memory(error);
-    double *v = q + points * model->machine->positions;
-    const lg_status status =
-        free_run(context, model, &problem->log, problem->start, count, problem->window - 1, q, v, error);
-    if (status == LG_OK) residuals_of(problem, count, q, v, out);
-    lg_free(context, q);
-    return status;
+    model_runner runner = {context, model, &problem->log};
+    runs r = {.machine = model->machine,
+              .log = &problem->log,
+              .steps = problem->window - 1,
+              .count = problem->windows - problem->validation,
+              .start = problem->start};
+    return judge_runs(context, run_model, &runner, &r, judge_residuals, out, error);
 }

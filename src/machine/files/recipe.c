@@ -27,17 +27,14 @@ static lg_status read_data(lg_learning *self, lg_error *error) {
     const lg_status status = lg_machine_data_read(self->context, &from, &s->data, error);
     self->failed = s->data.failed;
     if (status != LG_OK) return status;
-    lg_machine_data_noise(&s->data, &s->noise);
+    s->positions = s->data.file.measured == LG_MEASURED_POSITIONS;
+    s->noisy = lg_machine_data_noise(&s->data, &s->noise);
     lg_machine_log_sha256(&s->data.file.machine, &s->data.logs.log, self->sha256);
     return LG_OK;
 }
 
 static void close_data(lg_learning *self) {
     lg_machine_data_destroy(&((lg_machine_state *)self->state)->data);
-}
-
-static bool positions_alone(const lg_machine_state *s) {
-    return s->data.file.measured == LG_MEASURED_POSITIONS;
 }
 
 /* ---- the run ---- */
@@ -55,8 +52,7 @@ static uint32_t at_most(size_t rows, uint32_t wanted) {
 }
 
 static size_t count_windows(const lg_machine_model_run *run, const lg_machine_state *s, uint32_t stride) {
-    return lg_machine_windows(&run->machine, &s->data.training, run->window, stride, positions_alone(s),
-                              NULL);
+    return lg_machine_windows(&run->machine, &s->data.training, run->window, stride, s->positions, NULL);
 }
 
 /* Windows touch; they overlap where there would be too few. */
@@ -87,7 +83,7 @@ static void choose_settings(const lg_learning *self) {
     static const double prior = 0.3;
     const lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
-    const bool positions = positions_alone(s), noisy = lg_machine_is_noisy(s) || positions;
+    const bool positions = s->positions, noisy = s->noisy || positions;
     if (!self->given(self, "starts"))
         run->starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     if (!self->given(self, "window"))
@@ -190,8 +186,7 @@ static lg_status prepare(lg_learning *self, lg_error *error) {
     const lg_machine_log *log = &s->data.logs.log;
     size_t *start;
     LG_LEARNING_ARRAY(self, start, log->rows, error);
-    const size_t all =
-        lg_machine_windows(&run->machine, log, run->window, run->stride, positions_alone(s), start);
+    const size_t all = lg_machine_windows(&run->machine, log, run->window, run->stride, s->positions, start);
     s->problem = (lg_machine_problem){.machine = &run->machine,
                                       .scheme = run->scheme,
                                       .substeps = run->substeps,
@@ -201,7 +196,8 @@ static lg_status prepare(lg_learning *self, lg_error *error) {
                                       .windows = all,
                                       .start = start,
                                       .validation = all - run->windows};
-    lg_machine_take_scales(self);
+    memcpy(s->problem.position_scale, run->position_scale, sizeof run->position_scale);
+    memcpy(s->problem.velocity_scale, run->velocity_scale, sizeof run->velocity_scale);
     LG_TRY(lg_machine_problem_check(&s->problem, error));
     warn_of_rows(self);
     return LG_OK;
@@ -249,8 +245,7 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
     const lg_machine_model_file *file = from;
     const lg_machine_state *s = self->state;
     const lg_machine_model_run *run = &file->run;
-    const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps,
-                                      positions_alone(s)};
+    const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps, s->positions};
     double loss;
     LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));
     LG_TRY(lg_machine_window_loss(self->context, &model, &s->data.logs.log, run->window, &loss, error));

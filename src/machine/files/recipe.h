@@ -38,8 +38,8 @@ void lg_machine_data_destroy(lg_machine_data *data);
 lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *path, lg_error *error);
 
 /* Standard deviations of the noise of the coordinates: given in the machine's file, or estimated where a
- * column is noisy; 0: none. */
-void lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out);
+ * column is noisy; 0: none. True: there is some. */
+bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out);
 /* The noise that columns show, however small; 0: smooth columns. That of a line's or angle's position is the
  * part that its motion shows, too, against its velocity. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
@@ -155,18 +155,15 @@ typedef struct lg_machine_verdict {
 typedef struct lg_machine_state {
     const char *validation; /* logs that are not trained on, with commas between them; NULL: none */
     lg_machine_data data;
+    bool positions, noisy;  /* positions alone are measured; there is noise: */
     lg_machine_noise noise; /* lg_machine_data_noise */
     lg_machine_problem problem;
     lg_machine_verdict verdict;
 } lg_machine_state;
 
-/* Some noise is known. */
-bool lg_machine_is_noisy(const lg_machine_state *state);
 /* Levenberg-Marquardt takes a forward sweep for each parameter: it wins while these are few. */
 bool lg_machine_is_small(const lg_machine *machine);
 struct lg_learning;
-/* The run's scales of the loss become the problem's. */
-void lg_machine_take_scales(struct lg_learning *self);
 /* The parameters theta of the machine, in and out, from short windows, from which longer ones can be
  * predicted; the scales of the loss, and the substeps where they are not given (warm_up.c). */
 lg_status lg_machine_warm_up(struct lg_learning *self, double *theta, lg_error *error);

@@ -5,27 +5,9 @@
 #include "machine/files/recipe.h"
 #include "model/files/learning.h"
 
-bool lg_machine_is_noisy(const lg_machine_state *s) {
-    bool noisy = false;
-    for (uint32_t i = 0; i < s->data.file.machine.coordinate_count; i++)
-        noisy = noisy || s->noise.position[i] > 0.0 || s->noise.velocity[i] > 0.0;
-    return noisy;
-}
-
 bool lg_machine_is_small(const lg_machine *machine) {
     enum { FEW = 60 };
     return machine->parameters <= FEW;
-}
-
-void lg_machine_take_scales(lg_learning *self) {
-    const lg_machine_model_run *run = self->run;
-    lg_machine_problem *problem = &((lg_machine_state *)self->state)->problem;
-    memcpy(problem->position_scale, run->position_scale, sizeof problem->position_scale);
-    memcpy(problem->velocity_scale, run->velocity_scale, sizeof problem->velocity_scale);
-}
-
-static bool positions_alone(const lg_learning *self) {
-    return ((const lg_machine_state *)self->state)->data.file.measured == LG_MEASURED_POSITIONS;
 }
 
 /* ---- a machine without residuals and networks that other terms can do without ---- */
@@ -109,8 +91,9 @@ static lg_status fit_short(lg_learning *self, const lg_machine *machine, const l
                            uint32_t window, double *theta, lg_error *error) {
     enum { EPOCHS = 200 };
     const lg_machine_model_run *run = self->run;
-    const bool few = lg_machine_is_small(machine), estimated = positions_alone(self) && window > SHORTEST;
-    lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
+    const lg_machine_state *s = self->state;
+    const bool few = lg_machine_is_small(machine), estimated = s->positions && window > SHORTEST;
+    lg_machine_problem problem = s->problem;
     lg_fit_problem fit_problem;
     lg_fit_options chosen = self->options;
     lg_fit *fit;
@@ -142,7 +125,7 @@ static lg_status balance(lg_learning *self, const lg_machine *machine, const dou
     static const double tolerated = 2.0;
     lg_machine_noise found;
     lg_machine_model_run *run = self->run;
-    const lg_machine_state *s = self->state;
+    lg_machine_state *s = self->state;
     const lg_learned_machine model = {
         .machine = machine, .theta = theta, .scheme = run->scheme, .substeps = run->substeps};
     LG_TRY(lg_machine_residuals(self->context, &model, &s->problem, &found, error));
@@ -151,20 +134,20 @@ static lg_status balance(lg_learning *self, const lg_machine *machine, const dou
         const double q = found.position[i] / run->position_scale[i],
                      v = found.velocity[i] / run->velocity_scale[i];
         if (!(q > tolerated * v && v > 0.0) || s->noise.position[i] > 0.0) continue;
-        run->position_scale[i] *= q / v;
+        run->position_scale[i] = s->problem.position_scale[i] *= q / v;
         *changed = true;
     }
-    lg_machine_take_scales(self);
     return LG_OK;
 }
 
 /* The loss of one-step windows. */
 static lg_status short_loss(const lg_learning *self, const lg_machine *machine, const double *theta,
                             double *loss, lg_error *error) {
-    lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
+    const lg_machine_state *s = self->state;
+    lg_machine_problem problem = s->problem;
     problem.machine = machine;
     problem.starts = LG_MACHINE_STARTS_MEASURED;
-    problem.window = positions_alone(self) ? SHORTEST : 2;
+    problem.window = s->positions ? SHORTEST : 2;
     return lg_machine_loss(self->context, &problem, theta, loss, NULL, error);
 }
 
@@ -181,6 +164,7 @@ static void copy_system(const lg_machine *machine, const double *from, double *t
  * the acceleration: no start is too far. What it takes for damping is its own error, so that the system's
  * parameters alone are kept, where they are better. */
 static lg_status approach(lg_learning *self, const lg_machine *machine, double *theta, lg_error *error) {
+    const uint32_t window = ((const lg_machine_state *)self->state)->positions ? SHORTEST : 2;
     double before = 0, after = 0, *own, *start;
     if (machine->grey.system == NULL) return LG_OK;
     const size_t n = machine->parameters;
@@ -189,8 +173,7 @@ static lg_status approach(lg_learning *self, const lg_machine *machine, double *
     memcpy(own, theta, n * sizeof *own);
     memcpy(start, theta, n * sizeof *start);
     LG_TRY(short_loss(self, machine, theta, &before, error));
-    LG_TRY(fit_short(self, machine, lg_scheme_find("lie-euler"), positions_alone(self) ? SHORTEST : 2, own,
-                     error));
+    LG_TRY(fit_short(self, machine, lg_scheme_find("lie-euler"), window, own, error));
     copy_system(machine, own, start);
     LG_TRY(short_loss(self, machine, start, &after, error));
     if (isfinite(after) && !(after > before)) memcpy(theta, start, n * sizeof *start);
@@ -201,16 +184,17 @@ static lg_status approach(lg_learning *self, const lg_machine *machine, double *
 static lg_status fit_windows(lg_learning *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { ROUNDS = 4 };
     static const uint32_t growing[] = {SHORTEST, 15, 50};
-    const lg_scheme *scheme = ((const lg_machine_model_run *)self->run)->scheme;
+    const lg_machine_state *s = self->state;
+    const lg_scheme *scheme = s->problem.scheme;
     bool changed = true;
     LG_TRY(approach(self, machine, theta, error));
-    if (positions_alone(self)) {
+    if (s->positions) {
         for (size_t i = 0; i < LG_COUNT(growing); i++)
             LG_TRY(fit_short(self, machine, scheme, growing[i], theta, error));
         return LG_OK;
     }
     for (int round = 0; round < ROUNDS && changed; round++) {
-        LG_TRY(fit_short(self, machine, scheme, lg_machine_is_noisy(self->state) ? 5 : 2, theta, error));
+        LG_TRY(fit_short(self, machine, scheme, s->noisy ? 5 : 2, theta, error));
         LG_TRY(balance(self, machine, theta, &changed, error));
     }
     return LG_OK;
@@ -228,7 +212,7 @@ static lg_status find_substeps(lg_learning *self, const lg_machine *machine, con
     double loss = 0, floor = 0;
     if (self->given(self, "substeps")) return LG_OK;
     problem.machine = machine;
-    if (!positions_alone(self)) problem.starts = LG_MACHINE_STARTS_MEASURED;
+    if (!s->positions) problem.starts = LG_MACHINE_STARTS_MEASURED;
     for (run->substeps = 1; run->substeps < MOST; run->substeps++) {
         problem.substeps = run->substeps;
         LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
@@ -242,8 +226,7 @@ lg_status lg_machine_warm_up(lg_learning *self, double *theta, lg_error *error) 
     const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
     const lg_machine_state *s = self->state;
     /* Numbers of all starts, where short windows find them. */
-    const size_t starts =
-        positions_alone(self) ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
+    const size_t starts = s->positions ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
     plain_machine *plain;
     double *own;
     LG_LEARNING_ARRAY(self, plain, 1, error);
