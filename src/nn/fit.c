@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "nn/fit_internal.h"
 
 #define RNG_STREAM 0x66697400u /* keeps the fit's draws apart from an initialisation with the same seed */
@@ -505,18 +506,12 @@ const double *lg_fit_history(const lg_fit *fit, lg_fit_series series) {
     return fit->state.history[series];
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 double lg_fit_seconds_per_epoch(const lg_fit *fit) {
     const size_t epochs = (size_t)fit->state.epoch;
     if (epochs == 0) return NAN;
     const size_t skip = epochs > 1 ? 1 : 0, n = epochs - skip;
     memcpy(fit->scratch, fit->state.history[LG_FIT_SECONDS] + skip, n * sizeof *fit->scratch);
-    qsort(fit->scratch, n, sizeof *fit->scratch, compare);
-    return 0.5 * (fit->scratch[(n - 1) / 2] + fit->scratch[n / 2]);
+    return lg_median(fit->scratch, n);
 }
 
 lg_fit_cost lg_fit_cost_of(const lg_fit *fit) {

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "files/h5.h"
 #include "machine/files/log_table.h"
 #include "liegrad/geometry.h"
@@ -224,11 +225,6 @@ static bool slope_is_right(const fit *f) {
     return f->slope > SLOPE_LOW && f->slope < SLOPE_HIGH;
 }
 
-static int by_size(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* The least step of a column of coarse numbers; else 0. Between its smallest and its largest value a coarse
  * column has a quarter of its numbers again; a sensor at the end of its range stands at the ends alone. */
 static double step_of(const check *c, uint32_t column) {
@@ -239,7 +235,7 @@ static double step_of(const check *c, uint32_t column) {
         const double x = lg_log_row(c->table, row)[column];
         if (isfinite(x)) c->sorted[count++] = x;
     }
-    qsort(c->sorted, count, sizeof *c->sorted, by_size);
+    qsort(c->sorted, count, sizeof *c->sorted, lg_compare_doubles);
     for (size_t i = 1; i < count; i++) {
         const double x = c->sorted[i], gap = x - c->sorted[i - 1];
         const bool between = x > c->sorted[0] && x < c->sorted[count - 1];
@@ -339,7 +335,7 @@ static double usual_change(const check *c, double *sizes) {
             const double size = fabs(here[c->table->columns] - *here);
             if (isfinite(size)) sizes[count++] = size;
         }
-    qsort(sizes, count, sizeof *sizes, by_size);
+    qsort(sizes, count, sizeof *sizes, lg_compare_doubles);
     return count > 0 ? sizes[count / 2] : 0;
 }
 

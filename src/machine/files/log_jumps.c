@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "core/median.h"
 #include "files/h5.h"
 #include "machine/files/log_table.h"
 
@@ -17,11 +18,6 @@ typedef struct bulk {
     double low, high, far;
 } bulk;
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* A column that stands still has no range: its size takes its place. False: nothing is far. */
 static bool find_bulk(const lg_log_table *t, uint32_t column, size_t first, size_t end, double *work,
                       bulk *out) {
@@ -32,7 +28,7 @@ static bool find_bulk(const lg_log_table *t, uint32_t column, size_t first, size
         if (isfinite(x)) work[n++] = x;
     }
     if (n < FEWEST) return false;
-    qsort(work, n, sizeof *work, compare);
+    qsort(work, n, sizeof *work, lg_compare_doubles);
     const size_t outside = n / OUTSIDE > LONGEST ? n / OUTSIDE : LONGEST;
     *out = (bulk){.low = work[outside], .high = work[n - 1 - outside]};
     const double range = out->high - out->low;

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "machine/files/log_table.h"
 
 /* ---- noise ---- */
@@ -10,11 +11,6 @@
 enum { FIRST_ORDER = 3, LAST_ORDER = 6, MOST_WINDOWS = 50000, FEWEST_WINDOWS = 8 };
 #define NORMAL_MEDIAN 0.6744897501960817 /* of |x| of a standard normal x */
 #define WHITE         0.8                /* residuals of white noise do not fall with the order */
-
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 /* Divided difference of order k of rows row..row + k, divided by the root of the sum of the squares of its
  * coefficients: of white noise it has the noise's standard deviation, whatever the steps are. */
@@ -46,7 +42,7 @@ static double deviation(const lg_log_table *table, uint32_t column, int k, doubl
         }
     }
     if (count < FEWEST_WINDOWS) return NAN;
-    qsort(work, count, sizeof *work, compare);
+    qsort(work, count, sizeof *work, lg_compare_doubles);
     const double median = work[count / 2] / NORMAL_MEDIAN;
     /* Most residuals of a column with coarse numbers are 0. */
     return median > 0 ? median : sqrt(squares / (double)count);
@@ -63,7 +59,7 @@ static double step_of(const lg_log_table *table, uint32_t column, double *work) 
         if (isfinite(x)) work[count++] = x;
     }
     if (table->machine->columns[column].role == LG_LOG_INPUT) return 0;
-    qsort(work, count, sizeof *work, compare);
+    qsort(work, count, sizeof *work, lg_compare_doubles);
     for (size_t i = 1; i < count; i++) {
         const double gap = work[i] - work[i - 1];
         if (!(gap > 0)) continue;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "files/h5.h"
 #include "machine/files/log_table.h"
 
@@ -41,13 +42,8 @@ static const char *first_path(const reading *r) {
 
 /* ---- steps ---- */
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double median(double *x, size_t n) {
-    qsort(x, n, sizeof *x, compare);
+    qsort(x, n, sizeof *x, lg_compare_doubles);
     return x[n / 2];
 }
 
