@@ -349,6 +349,18 @@ TEST("the noise of rows makes neighbouring residuals of one step opposite, a wro
     json_expect(json_find(json_find(result.out, "whiteness"), "vx"), "lag1 >0.8, probability <1e-6");
 }
 
+TEST("the window loss is a mean over windows and points: of white noise, the residuals' of one step") {
+    cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --noise 0.01 --seed 7 --out noisy.csv");
+    cli_json(identify, "evaluate m.h5 noisy.csv --horizons 1 --window 2", "window_loss >0");
+    const double loss = json_number(result.out, "window_loss");
+    const char *whiteness = json_find(result.out, "whiteness");
+    const double x = json_number(json_find(whiteness, "x"), "rms"),
+                 vx = json_number(json_find(whiteness, "vx"), "rms");
+    assert_close(loss, x * x + vx * vx, 1e-6, 0);
+    cli_json(identify, "evaluate m.h5 noisy.csv --horizons 1 --window 11", "window_loss >0");
+    assert_close(json_number(result.out, "window_loss"), loss, 0.2, 0);
+}
+
 TEST("with positions alone starts are estimated from 50 rows that are not scored") {
     cli_write("positions-scene.yaml",
               "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"

@@ -1,5 +1,5 @@
-/* Machines and logs as the learner and the commands of lg-identify take them. Sentences for the user go to the
- * context's log as warnings. */
+/* Machines and logs as the learner and the commands of lg-identify take them. Sentences for the user go to
+ * the context's log as warnings. */
 #ifndef LG_MACHINE_RECIPE_H
 #define LG_MACHINE_RECIPE_H
 
@@ -45,8 +45,8 @@ bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out);
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
 
 /* Mean square of the accelerations that are left of those between two rows by a polynomial of degree 2 in
- * positions (sines and cosines of angles), velocities and inputs, fitted to these logs (delay.c); NaN: nothing
- * to fit. */
+ * positions (sines and cosines of angles), velocities and inputs, fitted to these logs (delay.c); NaN:
+ * nothing to fit. */
 lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *machine,
                                  const lg_machine_log *log, double *out, lg_error *error);
 
