@@ -313,12 +313,11 @@ bool app_reopen_asked(void) {
 }
 
 static void on_log(void *user, lg_log_level level, const char *message) {
-    static const char *const names[] = {"debug", "info", "warning", "error"};
     const app *self = user;
     if (level == LG_LOG_WARNING)
         app_warn(self, "%s", message);
     else if (level != LG_LOG_DEBUG)
-        (void)fprintf(stderr, "%s: %s: %s\n", self->title, names[level], message);
+        (void)fprintf(stderr, "%s: %s%s\n", self->title, level == LG_LOG_ERROR ? "error: " : "", message);
 }
 
 static char *join(int argc, char **argv) {

@@ -179,17 +179,9 @@ char *app_format_list(const char *format, va_list arguments) {
 }
 
 char *app_quote(const char *word) {
-    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
-    char *out = app_alloc(4 * strlen(word) + 3, 1), *to = out;
-    const bool quoted = *word == '\0' || word[strspn(word, plain)] != '\0';
-    if (quoted) *to++ = '\'';
-    for (; *word != '\0'; word++)
-        if (*word == '\'')
-            to += sprintf(to, "'\\''");
-        else
-            *to++ = *word;
-    if (quoted) *to++ = '\'';
-    return out;
+    lg_text out = app_text();
+    lg_text_add_word(&out, word);
+    return out.data;
 }
 
 char *app_format(const char *format, ...) {

@@ -111,6 +111,14 @@ void lg_text_add_hex_line(lg_text *to, lg_dtype dtype, const double *values, siz
 
 /* ---- foreign words ---- */
 
+void lg_text_add_word(lg_text *to, const char *word) {
+    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
+    const bool quoted = *word == '\0' || word[strspn(word, plain)] != '\0';
+    if (quoted) lg_text_append(to, "'", 1);
+    for (; *word != '\0'; word++) lg_text_append(to, *word == '\'' ? "'\\''" : word, *word == '\'' ? 4 : 1);
+    if (quoted) lg_text_append(to, "'", 1);
+}
+
 void lg_text_add_literal(lg_text *to, const char *value) {
     lg_text_append(to, "\"", 1);
     for (const char *s = value; *s != '\0'; s++) {

@@ -29,6 +29,8 @@ void lg_text_add_real(lg_text *to, lg_dtype dtype, double value);
 void lg_text_add_reals(lg_text *to, lg_dtype dtype, int indent, const double *values, size_t count);
 /* Up to four numbers with commas, and in a comment below the same numbers in hexadecimal, exactly. */
 void lg_text_add_hex_line(lg_text *to, lg_dtype dtype, const double *values, size_t count);
+/* A word of a command line, in quotes where a shell needs them. */
+void lg_text_add_word(lg_text *to, const char *word);
 /* A string literal with its quotes, ASCII whatever the bytes, free of trigraphs. */
 void lg_text_add_literal(lg_text *to, const char *value);
 /* As it is, with everything taken out that could end a comment or warn in one. */
