@@ -13,33 +13,33 @@ static const lg_field evaluate_options[] = {
     LG_FIELD_END};
 
 static evaluate_values values;
+static lg_table_run run_of;
+static lg_table_state state;
+static const app_settings settings[] = {{lg_table_fields, &run_of, 0}, APP_SETTINGS_END};
 
-static void report(const app *self, const fitted_table *given, const judgement *j, double seconds) {
+static void report(const app *self, const lg_learning *learning) {
     app_json out;
-    app_result_begin(&out, self);
-    judgement_json(&out, &given->file, j);
-    app_json_text(&out, "task", lg_table_task_name(given->file.run.model.options.task));
-    app_json_size(&out, "rows_left_out", given->table.left_out);
-    app_json_real(&out, "seconds", seconds);
+    if (!self->json) {
+        judgement_print(&state);
+        return;
+    }
+    app_json_begin(&out);
+    learn_put_results(&out, learning, 0, learning->result_count);
+    app_json_real(&out, "seconds", learning->seconds);
     app_json_warnings(&out, self);
     app_json_end(&out);
-    if (!self->json) judgement_print(&given->file, j);
 }
 
 static int run(app *self) {
-    const char *model = self->arguments[0], *path = self->arguments[1];
-    APP_CLEAN(fitted_table_destroy) fitted_table given = {0};
-    APP_CLEAN(judgement_free) judgement j = {0};
-    read_fitted_table(self, true, &given);
-    const double begin = app_seconds();
-    APP_MUST_FILE(self, model, judge_rows(self, &given.file, &given.table, NULL, 0, &j, &error));
-    const double seconds = app_seconds() - begin;
-    warn_outside(self, j.outside, j.rows, path, model);
-    const int code = warn_judgement(self, &given.file, &j, path);
-    warn_far_outputs(self, &given.file, &given.table);
+    const char *model = self->arguments[0];
+    APP_CLEAN(lg_table_file_destroy) lg_table_file file = {0};
+    train_recipe task = {.recipe = &lg_recipe_table, .settings = settings, .state = &state};
+    APP_MUST_FILE(self, model, lg_model_load_table(self->context, model, NULL, &file, &error));
+    const int code = learn_evaluate(&task, self, &file);
     if (values.plot != NULL)
-        APP_MUST_FILE(self, values.plot, draw_judgement(self, values.plot, &given.file, &j, &error));
-    report(self, &given, &j, seconds);
+        APP_MUST_FILE(self, values.plot, draw_judgement(self, values.plot, &state, &error));
+    report(self, &task.learning);
+    lg_learning_close(&task.learning);
     return code;
 }
 

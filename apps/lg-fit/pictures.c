@@ -1,9 +1,9 @@
-/* Pictures of predictions. */
+/* Predictions against true values, as a picture and as a table. */
 #include <math.h>
 
 #include "lg-fit/fit.h"
 
-enum { PANELS = 4, POINTS = 5000, FEW = 300, PANEL = 460 };
+enum { PANELS = 4, POINTS = 5000, FEW = 300, PANEL = 460, SHOWN_CLASSES = 12 };
 
 /* Names of columns in gnuplot's quotes: without what would end them or be markup. */
 static void plain(const char *name, char *out, size_t size) {
@@ -13,7 +13,7 @@ static void plain(const char *name, char *out, size_t size) {
     out[n] = '\0';
 }
 
-static void draw_panel(app_plot *plot, const lg_table_file *file, const judgement *j, uint32_t o) {
+static void draw_panel(app_plot *plot, const lg_table_file *file, const lg_table_judgement *j, uint32_t o) {
     const uint32_t outputs = file->run.model.net.outputs;
     const size_t step = j->rows / POINTS + 1;
     double low = INFINITY, high = -INFINITY;
@@ -38,7 +38,8 @@ static void draw_panel(app_plot *plot, const lg_table_file *file, const judgemen
         name, j->rmse[o], j->r2[o], low, high, low, high, o, j->rows < FEW ? "0.8" : "0.4");
 }
 
-static void draw_scatter(app_plot *plot, const lg_table_file *file, const judgement *j, uint32_t panels) {
+static void draw_scatter(app_plot *plot, const lg_table_file *file, const lg_table_judgement *j,
+                         uint32_t panels) {
     (void)fprintf(plot->script.stream,
                   "set xlabel 'true'\nset ylabel 'predicted'\nset size square\nset multiplot layout 1,%u\n",
                   panels);
@@ -47,7 +48,7 @@ static void draw_scatter(app_plot *plot, const lg_table_file *file, const judgem
 }
 
 /* The share of each class that is told to be another one. */
-static void draw_confusion(app_plot *plot, const lg_table_file *file, const judgement *j) {
+static void draw_confusion(app_plot *plot, const lg_table_file *file, const lg_table_judgement *j) {
     enum { NUMBERED = 12 };
     const uint32_t classes = file->run.model.net.outputs;
     FILE *script = plot->script.stream;
@@ -79,16 +80,51 @@ static void draw_confusion(app_plot *plot, const lg_table_file *file, const judg
     (void)fputc('\n', script);
 }
 
-lg_status draw_judgement(const app *self, const char *picture, const lg_table_file *file, const judgement *j,
-                         lg_error *error) {
+lg_status draw_judgement(const app *self, const char *picture, const lg_table_state *of, lg_error *error) {
+    const lg_table_file *file = &of->file;
+    const lg_table_judgement *j = &of->judged;
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
     const uint32_t outputs = file->run.model.net.outputs, panels = outputs < PANELS ? outputs : PANELS;
     app_plot plot;
-    if (j->rows == 0) return app_error(error, LG_INVALID_ARGUMENT, "%s: there are no rows to draw", picture);
     app_plot_begin(&plot, picture, PANEL * (regression ? (int)panels : 1), PANEL);
     if (regression)
         draw_scatter(&plot, file, j, panels);
     else
         draw_confusion(&plot, file, j);
     return app_plot_end(self, &plot, error);
+}
+
+/* ---- for people ---- */
+
+static void print_confusion(const lg_table_file *file, const lg_table_judgement *j) {
+    const uint32_t classes = file->run.model.net.outputs;
+    app_table table;
+    if (classes > SHOWN_CLASSES) return;
+    app_table_begin(&table, classes + 1);
+    app_table_cell(&table, "true \\ told");
+    for (uint32_t c = 0; c < classes; c++) app_table_cell(&table, "%s", file->output_name[c]);
+    for (uint32_t c = 0; c < classes; c++) {
+        app_table_cell(&table, "%s", file->output_name[c]);
+        for (uint32_t k = 0; k < classes; k++)
+            app_table_cell(&table, "%llu", (unsigned long long)j->confusion[c * classes + k]);
+    }
+    app_table_end(&table, stdout);
+}
+
+void judgement_print(const lg_table_state *of) {
+    const lg_table_file *file = &of->file;
+    const lg_table_judgement *j = &of->judged;
+    app_table table = {0};
+    if (file->run.model.options.task != LG_TABLE_REGRESSION) {
+        (void)printf("accuracy %.4f, f1 %.4f on %zu rows\n", j->accuracy, j->f1, j->rows);
+        print_confusion(file, j);
+        return;
+    }
+    app_table_row(&table, "column\trmse\tr2");
+    for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
+        app_table_cell(&table, "%s", file->output_name[o]);
+        app_table_cell(&table, isfinite(j->rmse[o]) ? "%.4g" : "-", j->rmse[o]);
+        app_table_cell(&table, isfinite(j->r2[o]) ? "%.4f" : "-", j->r2[o]);
+    }
+    app_table_end(&table, stdout);
 }

@@ -50,7 +50,7 @@ static void put_row(FILE *to, const lg_table_file *file, double *y, bool known) 
     const uint32_t outputs = file->run.model.net.outputs;
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
     if (known && !regression) {
-        softmax(y, outputs);
+        lg_table_softmax(y, outputs);
         put_text(to, file->output_name[lg_class_of(y, outputs)]);
     }
     for (uint32_t o = 0; o < outputs; o++) {
@@ -64,32 +64,33 @@ typedef struct counts {
     size_t outside, incomplete, infinite;
 } counts;
 
-static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model, const fit_table *table,
+static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model, const lg_table_sheet *table,
                      counts *found) {
     APP_FREE void *work = app_alloc(lg_model_work_size(model), 1);
     APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
     put_header(to, file);
     for (size_t i = 0; i < table->data.rows; i++) {
-        const double *x = table_row(table, i);
+        const double *x = lg_table_sheet_row(table, i);
         bool complete = true, finite = false;
         for (uint32_t c = 0; c < table->inputs; c++) complete = complete && !isnan(x[c]);
         if (complete) lg_model_eval(model, x, y, work);
-        if (complete) finite = are_finite(y, file->run.model.net.outputs);
+        if (complete) finite = lg_table_are_finite(y, file->run.model.net.outputs);
         found->incomplete += !complete;
         found->infinite += complete && !finite;
-        found->outside += complete && is_outside(file, x);
+        found->outside += complete && lg_table_is_outside(file, x);
         put_row(to, file, y, finite);
     }
 }
 
 /* ---- running ---- */
 
-static void write_rows(const app *self, const fitted_table *given, counts *found) {
+static void write_rows(const app *self, const lg_table_file *file, const lg_table_sheet *table,
+                       counts *found) {
     app_file to = {.stream = stdout};
     lg_model *model;
-    APP_MUST_FILE(self, self->arguments[0], table_model(self, &given->file, &model, &error));
+    APP_MUST_FILE(self, self->arguments[0], lg_table_model(self->context, file, &model, &error));
     if (values.out != NULL) app_file_begin(&to, values.out);
-    put_rows(to.stream, &given->file, model, &given->table, found);
+    put_rows(to.stream, file, model, table, found);
     if (values.out != NULL) APP_MUST_FILE(self, values.out, app_file_end(&to, &error));
     lg_model_destroy(model);
 }
@@ -106,21 +107,25 @@ static void report(const app *self, size_t rows, const counts *found) {
 }
 
 static int run(app *self) {
-    const char *path = self->arguments[1];
-    APP_CLEAN(fitted_table_destroy) fitted_table given = {0};
+    const char *model = self->arguments[0], *path = self->arguments[1];
+    APP_CLEAN(lg_table_file_destroy) lg_table_file file = {0};
+    lg_table_sheet table;
     counts found = {0};
     if (self->json && values.out == NULL)
         app_stop_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
-    read_fitted_table(self, false, &given);
-    write_rows(self, &given, &found);
-    const size_t rows = given.table.data.rows;
+    APP_MUST_FILE(self, model, lg_model_load_table(self->context, model, NULL, &file, &error));
+    const lg_table_names inputs = {file.run.model.net.inputs, file.input_name, NULL}, none = {.count = 0};
+    APP_MUST_FILE(self, path, lg_table_sheet_read(self->context, path, &inputs, &none, NULL, &table, &error));
+    write_rows(self, &file, &table, &found);
+    const size_t rows = table.data.rows;
+    lg_table_data_destroy(&table.data);
     if (found.incomplete > 0)
         app_warn(self, "%s: %zu of %zu rows lack an input; their predictions are empty", path,
                  found.incomplete, rows);
-    warn_outside(self, found.outside, rows, path, self->arguments[0]);
-    const int code = warn_infinite(self, found.infinite, rows, path);
+    lg_table_warn_outside(self->context, found.outside, rows, path, model);
+    const bool failed = lg_table_warn_infinite(self->context, found.infinite, rows, path);
     if (values.out != NULL) report(self, rows, &found);
-    return code;
+    return failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
 }
 
 const app_command predict_command = {

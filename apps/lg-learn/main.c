@@ -104,12 +104,11 @@ static int run_evaluate(app *self) {
     const app_settings settings[] = {{file.recipe->fields, run, 0}, APP_SETTINGS_END};
     train_recipe task = {.recipe = file.recipe, .settings = settings};
     app_json out;
-    const double begin = app_seconds();
     const int code = learn_evaluate(&task, self, file.contents);
     app_result_begin(&out, self);
     learn_put_results(&out, &task.learning, 0, task.learning.result_count);
     app_json_text(&out, "recipe", file.recipe->name);
-    app_result_real(&out, "seconds", app_seconds() - begin, NULL);
+    app_result_real(&out, "seconds", task.learning.seconds, NULL);
     app_json_warnings(&out, self);
     app_json_end(&out);
     lg_learning_close(&task.learning);

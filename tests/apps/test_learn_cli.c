@@ -1,5 +1,6 @@
 /* lg-learn: what it does with a recipe is what the program of this recipe does.
- * ctest-labels: apps/lg-learn apps/common src/model */
+ * ctest-labels: apps/lg-learn apps/common src/model src/table */
+#include "cli_files.h"
 #include "identify_support.h"
 #include "liegrad/io.h"
 
@@ -7,7 +8,8 @@ OWNED(lg_model_file, lg_model_file_destroy)
 
 static const char learn[] = "lg-learn";
 
-/* Recipes that are learned: another program's data, options of train that end soon, a range of a search. */
+/* Recipes that are learned: another program's data (NULL: a table), options of train that end soon, a range of
+ * a search. */
 static const struct learned {
     const char *recipe, *program, *generate, *train, *range;
     const char *initial;  /* of a prediction */
@@ -22,6 +24,8 @@ static const struct learned {
      "data.h5"},
     {"machine_model", "lg-identify", "generate scene.yaml --runs 2 --t-end 4",
      "--method ssbroyden --epochs 12", "window: {integer: [3, 9]}", "0.3,0", "fit", "machine.yaml data.h5"},
+    {"table", "lg-fit", NULL, "--method ssbroyden --hidden 6 --epochs 60", "hidden: {integer: [4, 8]}",
+     "1,0.5", "train", "data.h5"},
 };
 
 static lg_model_file *load(const char *name) {
@@ -30,8 +34,21 @@ static lg_model_file *load(const char *name) {
     return own_lg_model_file(file);
 }
 
+/* y = sin a + b^2, with an error */
+static void make_table(void) {
+    const char *text = "a,b,y\n";
+    for (int i = 0; i < 60; i++) {
+        const double a = sin(3.0 * i), b = cos(5.0 * i);
+        text = test_text("%s%.17g,%.17g,%.17g\n", text, a, b, sin(a) + b * b + 0.05 * sin(70.0 * i));
+    }
+    cli_write("data.h5", text);
+}
+
 static void make_data(const struct learned *row) {
-    cli_expect(row->program, test_text("%s --out data.h5", row->generate), 0, "");
+    if (row->generate == NULL)
+        make_table();
+    else
+        cli_expect(row->program, test_text("%s --out data.h5", row->generate), 0, "");
 }
 
 TEST("each recipe with a learner has a row here, and lg-learn lists it") {
@@ -72,10 +89,10 @@ TEST("a training that is stopped goes on to the same loss") {
         make_data(row);
         const char *train = test_text("train %s --recipe %s", row->training, row->recipe);
         cli_expect(learn, test_text("%s %s --out whole.h5 --json", train, row->train), 0, "");
-        const double loss = json_number(result.out, "loss");
+        const double loss = json_number(result.out, "running_loss");
         cli_expect(learn, test_text("%s %s --out part.h5 --stop-after 7", train, row->train), 0, "");
         cli_expect(learn, test_text("%s --resume part.h5.checkpoint --out part.h5 --json", train), 0, "");
-        assert_true(json_number(result.out, "loss") == loss);
+        assert_true(json_number(result.out, "running_loss") == loss);
     }
 }
 

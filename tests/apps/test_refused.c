@@ -738,12 +738,12 @@ TEST("lg-identify refuses with exit code and word, and writes nothing") {
 static const refusal learn[] = {
     {"train data.h5 --out m.h5", 2, "--recipe NAME is missing"},
     {"train data.h5 --recipe potato --out m.h5", 2, "--recipe: 'potato' is not one of hamiltonian, "},
-    {"train data.h5 --recipe=table --out m.h5", 2, "--recipe: 'table' is not one of"},
+    {"train data.h5 --recipe=tables --out m.h5", 2, "--recipe: 'tables' is not one of"},
     {"train data.h5 --recipe surrogate --out m.h5", 3, "data.h5: attribute kind is 'trajectories'"},
     {"train data.h5 --recipe hamiltonian --out m.h5 --modes 3", 2, "--modes"},
     {"evaluate data.h5 data.h5", 3, "it holds data, trajectories"},
     {"evaluate model.h5 foreign.h5", 3, "foreign.h5"},
-    {"evaluate table.h5 data.h5", 3, "no recipe learns models of its kind"},
+    {"evaluate program.h5 data.h5", 3, "no recipe learns models of its kind"},
     {"predict model.h5", 2, "--initial: 0 numbers, but the model takes 6"},
     {"predict model.h5 --initial 1,0,0", 2, "--initial: 3 numbers, but the model takes 6"},
     {"predict model.h5 --initial 1,1,0,0,0,0", 2, "the start is off the manifold by 0.29"},
@@ -752,7 +752,7 @@ static const refusal learn[] = {
 TEST("lg-learn refuses with exit code and word, and writes nothing") {
     cli_test_folder();
     cli_link(LG_TEST_DIR "/format_1/chain.h5", "model.h5");
-    cli_link(LG_TEST_DIR "/format_1/table.h5", "table.h5");
+    cli_link(LG_TEST_DIR "/format_1/program.h5", "program.h5");
     RUN("lg-hamiltonian",
         "generate " LG_TEST_DIR "/../scenes/pendulum.yaml --trajectories 4 --points 2 --out data.h5");
     REFUSE("lg-learn", learn);

@@ -7,10 +7,9 @@
 
 #include "common/study.h"
 #include "fuzz.h"
-#include "lg-fit/fit.h"
 #include "liegrad/io.h"
 #include "liegrad/logs.h"
-#include "liegrad/tables.h"
+#include "table/files/recipe.h"
 #include "nn/search.h"
 
 /* A reader that refuses says why. */
@@ -229,19 +228,21 @@ static void numbers(const char *text) {
 
 /* What is read of a list is written as a list of the same names. */
 static void names(const char *text) {
-    const app self = {.title = "fuzz"};
-    column_names read, again;
+    lg_table_names read, again;
     lg_table_text label;
-    if (parse_names(&self, "inputs", text, &read) == APP_EXIT_OK) {
-        char *list = list_names(&read);
-        if (parse_names(&self, "inputs", list, &again) != APP_EXIT_OK || again.count != read.count) abort();
+    lg_text list = {.context = NULL};
+    if (lg_table_names_parse(NULL, "inputs", text, &read, NULL) == LG_OK) {
+        lg_table_names_list(&read, &list);
+        if (lg_table_names_parse(NULL, "inputs", list.data, &again, NULL) != LG_OK ||
+            again.count != read.count)
+            abort();
         for (uint32_t i = 0; i < read.count; i++)
             if (strcmp(read.name[i], again.name[i]) != 0) abort();
-        free_names(&again);
-        free(list);
+        lg_table_names_destroy(&again);
+        lg_text_destroy(&list);
     }
-    free_names(&read);
-    (void)parse_class(&self, text, label);
+    lg_table_names_destroy(&read);
+    (void)lg_table_class_parse(text, label, NULL);
 }
 
 /* A hyperparameter that is set is shown as a text that sets the same. */

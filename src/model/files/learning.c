@@ -237,6 +237,9 @@ lg_status lg_learning_evaluate(lg_learning *self, const void *file, lg_error *er
     self->stored = (const char *)file + recipe->file_run;
     self->file = file;
     LG_TRY(recipe->learner->read(self, error));
-    return recipe->learner->evaluate != NULL ? recipe->learner->evaluate(self, file, error)
-                                             : judge_again(self, file, error);
+    const double begin = lg_seconds();
+    LG_TRY(recipe->learner->evaluate != NULL ? recipe->learner->evaluate(self, file, error)
+                                             : judge_again(self, file, error));
+    self->seconds = lg_seconds() - begin;
+    return LG_OK;
 }

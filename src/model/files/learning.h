@@ -56,7 +56,7 @@ struct lg_learning {
     lg_fit_options options;
     double *theta;  /* (problem.parameters) to start from */
     lg_fit *fit;    /* the driver's */
-    double seconds; /* the driver's: wall time of the training */
+    double seconds; /* wall time of the training, or of an evaluation without its reading */
     /* Filled by `judge` and `evaluate`. */
     lg_result *results;
     size_t result_count, result_room, first_count; /* first_count: before what every training tells */

@@ -259,4 +259,5 @@ static const lg_program_source places[] = {{"mean", "single scaler/inputs/mean"}
                                            {"output_scale", "scaler/outputs/scale"},
                                            {NULL, NULL}};
 
-LG_RECIPE(table, "table-checkpoint", .places = places);
+extern const struct lg_learner lg_table_learner; /* recipe.c */
+LG_RECIPE(table, "table-checkpoint", .places = places, .learner = &lg_table_learner);

@@ -1,188 +1,444 @@
-/* How a table is learned: where the training begins. */
+/* How a table is learned: its parts, the scaling, the problem, and how good the model is. */
 #include "table/files/recipe.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+enum { STREAM_SPLIT = 2 };
 
-enum { STREAM_WEIGHTS = 1, RACE_EVALUATIONS = 60 };
-/* Multiplications and additions: a width that was given is worth some ten seconds. */
-static const double RACE_WORK = 8e9, EVIDENCE_WORK = 3e9, GIVEN_WORK = 7e11;
+/* ---- the data ---- */
 
-/* ---- parameters ---- */
-
-lg_status lg_table_first_parameters(const lg_context *context, const lg_table_run *run, double **theta,
-                                    lg_error *error) {
-    const size_t count = lg_table_parameters(&run->model);
-    lg_rng rng;
-    *theta = lg_alloc(context, count, sizeof **theta);
-    if (*theta == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters", count);
-    lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
-    lg_table_initialise(&run->model, &rng, *theta);
+static lg_status read_data(lg_learning *self, lg_error *error) {
+    const lg_table_state *s = self->state;
+    if (self->file == NULL) LG_TRY(lg_table_choose(self, error));
+    LG_TRY(lg_table_read_rows(self, error));
+    memcpy(self->sha256, s->table.data.sha256, sizeof self->sha256);
     return LG_OK;
 }
 
-uint32_t lg_table_slices(const lg_table *model) {
-    lg_slice_info info;
-    uint32_t slices = 0;
-    while (lg_table_slice(model, slices, &info)) slices++;
-    return slices;
+static void close_data(lg_learning *self) {
+    lg_table_state *s = self->state;
+    lg_table_data_destroy(&s->table.data);
+    lg_table_data_destroy(&s->test.data);
+    lg_table_names_destroy(&s->inputs);
+    lg_table_names_destroy(&s->outputs);
+    lg_table_names_destroy(&s->without);
 }
 
-/* The parameters of the wide model with those of a narrower one in it: its units, and new ones of little
- * weight. */
-static void grow_parameters(const lg_table *wide, const lg_table *narrow, const double *from, double *theta) {
-    static const double LITTLE = 0.1;
-    lg_slice_info a, b;
-    for (uint32_t s = 0; lg_table_slice(narrow, s, &a) && lg_table_slice(wide, s, &b); s++) {
-        const size_t columns = a.rank == 2 ? a.dims[1] : a.dims[0], rows = a.count / columns;
-        const size_t stride = b.rank == 2 ? b.dims[1] : b.dims[0];
-        const bool reads = b.rank == 2 && b.dims[0] == wide->net.inputs;
-        for (size_t i = 0; !reads && i < b.count; i++) theta[b.offset + i] *= LITTLE;
-        for (size_t i = 0; i < rows; i++)
-            memcpy(theta + b.offset + i * stride, from + a.offset + i * columns, columns * sizeof *theta);
-    }
+/* ---- the run ---- */
+
+/* One hidden layer with as many weights as the rows can determine, and few enough to be quick. */
+static uint32_t width_of(const lg_table_state *s) {
+    enum { LEAST = 6, MOST = 40, WEIGHTS = 320, CLASS_WIDTH = 32 };
+    if (!lg_table_is_regression(s)) return CLASS_WIDTH;
+    const double n = s->inputs.count, m = s->outputs.count, rows = (double)s->table.data.rows;
+    const double weights = fmin(rows * m / 2.0, WEIGHTS), width = (weights - n * m) / (n + m + 1.0);
+    return (uint32_t)fmin(fmax(width, LEAST), MOST);
 }
 
-/* ---- what it takes ---- */
-
-double lg_table_work(const lg_table *model, double rows) {
-    static const double BESIDE = 100.0, AT_LEAST = 3e6;
-    const double n = (double)lg_table_parameters(model), m = model->net.outputs;
-    return rows * m * n * (0.5 * n + BESIDE) + n * n * n + AT_LEAST;
+/* What is not given on the command line. */
+static lg_table_run usual_run(const lg_table_state *s) {
+    const bool regression = lg_table_is_regression(s);
+    lg_table_run from = {.training = {.dtype = LG_F64,
+                                      .epochs = 300,
+                                      .batch = 200,
+                                      .lr = 3e-3,
+                                      .schedule = LG_SCHEDULE_COSINE,
+                                      .lr_step = 50,
+                                      .lr_gamma = 0.0,
+                                      .adam_eps = 1e-8,
+                                      .patience = regression ? 0 : 40,
+                                      .validation = regression && s->given.test != NULL ? 0.0 : 0.1,
+                                      .weight_decay = regression ? 0.0 : 2e-3,
+                                      .plan = {.phases = 1}}};
+    from.training.plan.phase[0].method = regression ? LG_FIT_LM : LG_FIT_LBFGS;
+    from.model.options.hidden_count = 1;
+    from.model.options.hidden[0] = width_of(s);
+    return from;
 }
 
-/* The run's model with one hidden layer. */
-static lg_status set_width(const lg_table_start *state, uint32_t width, lg_error *error) {
-    lg_table_options options = state->run->model.options;
-    options.hidden_count = 1;
-    options.hidden[0] = width;
-    return lg_table_init(&state->run->model, &options, state->run->model.net.inputs,
-                         state->run->model.net.outputs, error);
+static lg_status check_plan(const lg_table_state *s, const lg_fit_plan *plan, lg_error *error) {
+    for (uint32_t i = 0; i < plan->phases && !lg_table_is_regression(s); i++)
+        if (lg_fit_method_squares((lg_fit_method)plan->phase[i].method))
+            return lg_fail(
+                error, LG_UNSUPPORTED,
+                "--method lm: takes sums of squares; a classification is learned by lbfgs, ssbroyden "
+                "or adam");
+    return LG_OK;
 }
 
-/* What a lane of the race takes. */
-static double lane_work(const lg_table_start *state, uint32_t width, double rows) {
-    const lg_table kept = state->run->model;
-    (void)set_width(state, width, NULL);
-    const double work = RACE_EVALUATIONS * lg_table_work(&state->run->model, rows);
-    state->run->model = kept;
-    return work;
+static lg_status describe(lg_learning *self, lg_error *error) {
+    const lg_table_state *s = self->state;
+    lg_table_run *run = self->run;
+    const lg_table_run from = usual_run(s);
+    if (self->stored == NULL) lg_learning_adopt(self, &from, true);
+    run->rows = s->table.data.rows;
+    memcpy(run->data_sha256, s->table.data.sha256, sizeof run->data_sha256);
+    lg_table_options options = run->model.options;
+    options.task = lg_table_is_regression(s) ? LG_TABLE_REGRESSION : LG_TABLE_CLASSIFICATION;
+    LG_TRY(lg_table_init(&run->model, &options, s->inputs.count, s->outputs.count, error));
+    return check_plan(s, &run->training.plan, error);
 }
 
-/* ---- the race of widths ---- */
+/* ---- the scaling ---- */
 
-typedef struct race {
-    lg_table_run best;
-    double *theta; /* of the best model; NULL: none yet */
-    double high, work;
-    size_t rows;
-    bool better; /* the last width was */
-} race;
-
-/* One width: *theta and the priors of the run, and how probable they make the data. */
-static lg_status try_width(const lg_table_start *state, uint32_t width, bool grown, race *r, double **theta,
-                           lg_table_evidence_result *found, lg_error *error) {
-    lg_table_run *run = state->run;
-    lg_table_evidence_options effort;
-    LG_TRY(set_width(state, width, error));
-    LG_TRY(lg_table_first_parameters(state->context, run, theta, error));
-    if (grown) grow_parameters(&run->model, &r->best.model, r->theta, *theta);
-    run->decay.count = lg_table_slices(&run->model);
-    lg_table_evidence_options_init(&effort);
-    effort.go_on = grown;
-    effort.rows = r->rows;
-    effort.evaluations = RACE_EVALUATIONS;
-    const lg_status status =
-        lg_table_evidence(state->context, state->problem, &effort, *theta, run->decay.value, found, error);
-    r->work += found->evaluations * lg_table_work(&state->run->model, (double)r->rows);
-    return status;
+/* Column c of the scaler from the cells that are not far; `column` and `chosen` have room for the training
+ * rows. */
+static lg_status fit_without_far(const lg_context *context, lg_table_state *s, uint32_t c, double *column,
+                                 uint32_t *chosen) {
+    lg_table_far *far = &s->far[c];
+    lg_scaler one;
+    uint32_t kept = 0;
+    for (size_t i = 0; i < s->trained; i++) column[i] = lg_table_sheet_row(&s->table, s->order[i])[c];
+    LG_TRY(lg_table_find_far(context, column, 1, s->trained, far));
+    if (far->count == 0) return LG_OK;
+    for (uint32_t i = 0; i < s->trained; i++)
+        if (!lg_table_is_far(far, column[i])) chosen[kept++] = i;
+    LG_TRY(lg_table_scaler_fit(context, column, 1, chosen, kept, &one));
+    s->scaler.mean[c] = one.mean[0];
+    s->scaler.scale[c] = one.scale[0];
+    lg_scaler_destroy(&one);
+    return LG_OK;
 }
 
-/* A width from parameters as they are drawn, or grown from those of the best narrower one. */
-static lg_status run_lane(lg_table_start *state, uint32_t width, bool grown, race *r, lg_error *error) {
-    static const double CLEARLY = 2.0; /* seven times as probable */
-    double *theta = NULL;
-    lg_table_evidence_result result = {0};
-    *state->run = r->best;
-    const lg_status status = try_width(state, width, grown, r, &theta, &result, error);
-    state->evidence.evaluations += result.evaluations;
-    if (status == LG_OK && (r->theta == NULL || result.evidence > r->high + CLEARLY)) {
-        lg_free(state->context, r->theta);
-        r->best = *state->run, r->high = result.evidence, r->theta = theta;
-        r->better = true;
-    } else {
-        lg_free(state->context, theta);
-    }
-    return status == LG_NOT_FINITE ? LG_OK : status;
+/* Inputs are scaled without cells far from all others, which would leave no difference between the others.
+ * Outputs are scaled as they are: the loss has all of them. */
+static lg_status fit_scaler(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const lg_table_data *data = &s->table.data;
+    double *column;
+    uint32_t *chosen;
+    LG_LEARNING_ARRAY(self, column, s->trained, error);
+    LG_LEARNING_ARRAY(self, chosen, s->trained, error);
+    LG_LEARNING_ARRAY(self, s->far, s->inputs.count, error);
+    lg_status status =
+        lg_table_scaler_fit(self->context, data->values, data->columns, s->order, s->trained, &s->scaler);
+    for (uint32_t c = 0; c < s->inputs.count && status == LG_OK; c++)
+        status = fit_without_far(self->context, s, c, column, chosen);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "the scaling of the columns");
 }
 
-/* Both lanes of a width, or the second alone where there is no time for two. */
-static lg_status run_lanes(lg_table_start *state, uint32_t width, double lane, race *r, lg_error *error) {
-    lg_status status = LG_OK;
-    r->better = false;
-    if (r->theta != NULL && r->work + 2.0 * lane <= RACE_WORK)
-        status = run_lane(state, width, true, r, error);
-    return status == LG_OK ? run_lane(state, width, false, r, error) : status;
+/* A part of the scaler's columns. */
+static lg_scaler part_of(const lg_scaler *scaler, uint32_t first, uint32_t count) {
+    return (lg_scaler){.channels = count, .mean = scaler->mean + first, .scale = scaler->scale + first};
 }
 
-/* The width whose evidence is highest, from small to large, until three in a row are not clearly better or
- * the work is done. The run gets its model and priors; *theta its parameters. */
-static lg_status choose_width(lg_table_start *state, size_t rows, double **theta, lg_error *error) {
-    static const uint32_t widths[] = {1, 2, 4, 6, 8, 12, 16, 24, 32, 48};
-    enum { WORSE = 3 };
-    race r = {.best = *state->run, .high = -INFINITY, .rows = rows};
-    const double columns = (double)r.best.model.net.inputs + r.best.model.net.outputs + 1.0;
-    size_t i = 4.0 * columns > (double)rows * state->run->model.net.outputs ? 0 : 1;
-    lg_status status = LG_OK;
-    for (uint32_t worse = 0; i < LG_COUNT(widths) && worse < WORSE && status == LG_OK; i++) {
-        const double lane = lane_work(state, widths[i], (double)rows);
-        if (r.work >= RACE_WORK || (r.theta != NULL && r.work + lane > RACE_WORK)) break;
-        status = run_lanes(state, widths[i], lane, &r, error);
-        worse = r.better ? 0 : worse + 1;
-    }
-    *state->run = r.best;
-    *theta = r.theta;
-    if (status != LG_OK) return status;
-    return *theta != NULL ? LG_OK : lg_fail(error, LG_NOT_FINITE, "no width has finite residuals");
-}
-
-/* ---- the priors ---- */
-
-/* The priors of the run's model on as many rows as its weights need. */
-static lg_status find_priors(lg_table_start *state, bool go_on, double least_rows, double *theta,
+/* `count` columns from `first` on, scaled, in the order of the parts. Far cells are learned as MOST
+ * deviations at most, whose squares can be summed. */
+static lg_status scaled_rows(lg_learning *self, uint32_t first, uint32_t count, double **out,
                              lg_error *error) {
-    static const double FOR_WEIGHTS = 3.0;
-    lg_table_run *run = state->run;
-    lg_table_evidence_options options;
-    const uint32_t before = state->evidence.evaluations;
-    const double weights = (double)lg_table_parameters(&run->model);
-    const double rows = fmin(fmax(FOR_WEIGHTS * weights / state->run->model.net.outputs, least_rows),
-                             (double)state->problem->samples->training);
-    run->decay.count = lg_table_slices(&run->model);
-    lg_table_evidence_options_init(&options);
-    options.rows = (size_t)rows;
-    const double work = go_on ? EVIDENCE_WORK : GIVEN_WORK, most = options.evaluations;
-    options.evaluations = (uint32_t)fmin(fmax(work / lg_table_work(&state->run->model, rows), 12.0), most);
-    options.go_on = go_on;
-    const lg_status status = lg_table_evidence(state->context, state->problem, &options, theta,
-                                               run->decay.value, &state->evidence, error);
-    if (status == LG_OK && !go_on && !state->evidence.settled && 2 * options.evaluations < most)
-        lg_log_message(
-            state->context, LG_LOG_WARNING,
-            "the search for weight decays ended after %u evaluations, before it settled: the network may be "
-            "fitted too loosely; take a narrower one, or --method ssbroyden --weight-decay 0",
-            state->evidence.evaluations);
-    state->evidence.evaluations += before;
-    return status;
+    static const double MOST = 1e100;
+    const lg_table_state *s = self->state;
+    const lg_scaler scaler = part_of(&s->scaler, first, count);
+    LG_LEARNING_ARRAY(self, *out, s->samples.count * count, error);
+    for (size_t i = 0; i < s->samples.count; i++) {
+        const double *row = lg_table_sheet_row(&s->table, s->order[i]) + first;
+        for (uint32_t c = 0; c < count; c++)
+            (*out)[i * count + c] = fmax(-MOST, fmin((row[c] - scaler.mean[c]) / scaler.scale[c], MOST));
+    }
+    return LG_OK;
 }
 
-lg_status lg_table_find_start(lg_table_start *state, bool any_width, double **theta, lg_error *error) {
-    static const double LEAST_ROWS = 1000.0;
-    const size_t rows = (size_t)fmin(LEAST_ROWS, (double)state->problem->samples->training);
-    LG_TRY(any_width ? choose_width(state, rows, theta, error)
-                     : lg_table_first_parameters(state->context, state->run, theta, error));
-    return find_priors(state, any_width, LEAST_ROWS, *theta, error);
+static lg_status make_samples(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const size_t rows = s->table.data.rows;
+    LG_TRY(fit_scaler(self, error));
+    s->samples = (lg_table_samples){.count = rows, .training = s->trained};
+    LG_TRY(scaled_rows(self, 0, s->inputs.count, &s->samples.x, error));
+    if (lg_table_is_regression(s))
+        return scaled_rows(self, s->inputs.count, s->outputs.count, &s->samples.y, error);
+    LG_LEARNING_ARRAY(self, s->samples.label, rows, error);
+    for (size_t i = 0; i < rows; i++) s->samples.label[i] = s->table.data.label[s->order[i]];
+    return LG_OK;
 }
+
+/* ---- the parts ---- */
+
+/* Once, whatever the number of fits. */
+static void warn_few(const lg_learning *self) {
+    enum { LEAST = 10 };
+    lg_table_state *s = self->state;
+    const size_t inputs = s->inputs.count, least = inputs + 2 > LEAST ? inputs + 2 : LEAST;
+    if (s->few_told || s->trained >= least) return;
+    s->few_told = true;
+    LG_WARN(self,
+            "%s: there are too few rows: %zu to learn from, with %zu inputs; at least %zu are wanted; errors "
+            "and noise say little",
+            s->table.path, s->trained, inputs, least);
+}
+
+static lg_status prepare(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const lg_training *training = lg_learning_training(self);
+    const size_t rows = s->table.data.rows;
+    size_t held = (size_t)floor(training->validation * (double)rows + 0.5);
+    if (training->validation > 0.0 && held == 0) held = 1;
+    if (held >= rows) held = rows - 1;
+    lg_rng rng;
+    lg_rng_seed(&rng, training->seed, STREAM_SPLIT);
+    LG_LEARNING_ARRAY(self, s->order, rows, error);
+    for (size_t i = 0; i < rows; i++) s->order[i] = (uint32_t)i;
+    lg_rng_shuffle(&rng, s->order, rows);
+    s->trained = rows - held;
+    warn_few(self);
+    return make_samples(self, error);
+}
+
+/* ---- the problem ---- */
+
+/* Whether the evidence of the data gives the priors. */
+static bool seeks_evidence(const lg_learning *self) {
+    const lg_table_run *run = self->run;
+    return lg_table_is_regression(self->state) && self->stored == NULL &&
+           !lg_fit_plan_batches(&run->training.plan) && !self->given(self, "decay") &&
+           !self->given(self, "weight-decay") && !self->given(self, "prior") &&
+           lg_table_parameters(&run->model) <= LG_TABLE_MOST_LM;
+}
+
+/* Priors and parameters to start from. */
+static lg_status find_start(lg_learning *self, lg_error *error) {
+    const lg_table_run *run = self->run;
+    const uint32_t given = run->decay.count, slices = lg_table_slices(&run->model);
+    if (seeks_evidence(self)) return lg_table_find_start(self, !self->given(self, "hidden"), error);
+    if (given != 0 && given != slices)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "--decay: %u numbers; the model has %u arrays of parameters", given, slices);
+    return lg_table_first_parameters(self, &self->theta, error);
+}
+
+/* The decay of each parameter from the decay of its slice. */
+static lg_status spread_decay(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const lg_table_run *run = self->run;
+    lg_slice_info info;
+    double *decay;
+    if (run->decay.count == 0) return LG_OK;
+    LG_LEARNING_ARRAY(self, decay, lg_table_parameters(&run->model), error);
+    for (uint32_t k = 0; k < run->decay.count && lg_table_slice(&run->model, k, &info); k++)
+        for (size_t i = 0; i < info.count; i++) decay[info.offset + i] = run->decay.value[k];
+    s->problem.decay = decay;
+    return LG_OK;
+}
+
+/* The method and its evaluations, where they are not given: Levenberg-Marquardt where its matrix is small,
+ * for as many evaluations as are quick. */
+static void choose_method(lg_learning *self) {
+    enum { LEAST = 5, MOST = 60, OTHERS = 300 };
+    static const double WORK = 8e9;
+    const lg_table_state *s = self->state;
+    lg_table_run *run = self->run;
+    const bool large = lg_table_parameters(&run->model) > LG_TABLE_MOST_LM;
+    if (self->stored != NULL || !lg_table_is_regression(s) || self->given(self, "method")) return;
+    if (large) run->training.plan.phase[0].method = LG_FIT_LBFGS;
+    if (!self->given(self, "epochs") && !self->given(self, "seconds")) {
+        const double evaluations = WORK / lg_table_work(&run->model, (double)s->trained);
+        run->training.epochs = large ? OTHERS : (uint64_t)fmin(fmax(evaluations, LEAST), MOST);
+        self->options.epochs = run->training.epochs;
+    }
+    self->options.plan = run->training.plan;
+}
+
+static lg_status make_problem(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    s->problem = (lg_table_problem){&((lg_table_run *)self->run)->model, &s->samples, NULL};
+    s->evidence = (lg_table_evidence_result){0};
+    LG_TRY(find_start(self, error));
+    choose_method(self);
+    LG_TRY(spread_decay(self, error));
+    lg_table_fit_problem(&s->problem, &self->problem);
+    self->options.validation = 0.0;
+    self->options.keep_best = s->trained < s->samples.count;
+    return LG_OK;
+}
+
+static void release(lg_learning *self) {
+    lg_scaler_destroy(&((lg_table_state *)self->state)->scaler);
+}
+
+/* ---- the model ---- */
+
+/* Least and largest value of each input in the training rows, without cells far from all others. */
+static void find_ranges(const lg_table_state *s, double *low, double *high) {
+    for (uint32_t c = 0; c < s->inputs.count; c++) {
+        low[c] = INFINITY, high[c] = -INFINITY;
+        for (size_t i = 0; i < s->trained; i++) {
+            const double value = lg_table_sheet_row(&s->table, s->order[i])[c];
+            if (lg_table_is_far(&s->far[c], value)) continue;
+            low[c] = fmin(low[c], value);
+            high[c] = fmax(high[c], value);
+        }
+    }
+}
+
+/* Its rows are the rows that were learned. */
+static lg_status make_file(lg_learning *self, double *theta, lg_error *error) {
+    lg_table_state *s = self->state;
+    const uint32_t inputs = s->inputs.count, outputs = s->outputs.count;
+    lg_table_file file = {.run = *(const lg_table_run *)self->run,
+                          .parameters = self->problem.parameters,
+                          .theta = theta,
+                          .inputs = part_of(&s->scaler, 0, inputs),
+                          .input_name = s->inputs.name,
+                          .output_name = s->outputs.name};
+    if (lg_table_is_regression(s)) file.outputs = part_of(&s->scaler, inputs, outputs);
+    file.run.rows = s->trained;
+    memcpy(file.class_column, s->class_name, sizeof file.class_column);
+    LG_LEARNING_ARRAY(self, file.low, inputs, error);
+    LG_LEARNING_ARRAY(self, file.high, inputs, error);
+    find_ranges(s, file.low, file.high);
+    s->file = file;
+    return LG_OK;
+}
+
+static lg_status save(lg_learning *self, void *into, lg_error *error) {
+    const lg_table_state *s = self->state;
+    lg_table_file *file = into;
+    const lg_provenance provenance = file->provenance;
+    (void)error;
+    *file = s->file;
+    file->provenance = provenance;
+    file->rmse = isfinite(s->judged.scaled_rmse) ? s->judged.scaled_rmse : (double)NAN;
+    file->accuracy = s->judged.accuracy;
+    file->f1 = s->judged.f1;
+    return LG_OK;
+}
+
+/* ---- the result ---- */
+
+static lg_status judge_parts(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const size_t held = s->table.data.rows - s->trained;
+    LG_TRY(lg_table_judge(self, &s->file, &s->table, s->order, s->trained, &s->learned, error));
+    s->part = s->given.test != NULL ? "test" : held > 0 ? "validation" : "training";
+    if (s->given.test != NULL) return lg_table_judge(self, &s->file, &s->test, NULL, 0, &s->judged, error);
+    return lg_table_judge(self, &s->file, &s->table, s->order + (held > 0 ? s->trained : 0),
+                          held > 0 ? held : s->trained, &s->judged, error);
+}
+
+/* The far cells of a regression's outputs in a table that is judged. */
+static lg_status warn_far_outputs(const lg_learning *self, const lg_table_sheet *sheet, lg_error *error) {
+    const lg_table_file *file = &((lg_table_state *)self->state)->file;
+    return lg_table_warn_far(self->context, sheet, sheet->inputs, file->output_name, sheet->outputs,
+                             "most of the error comes from them", error);
+}
+
+static lg_status warn_of_parts(lg_learning *self, lg_error *error) {
+    const lg_table_state *s = self->state;
+    const lg_table_judgement *j = &s->judged;
+    LG_TRY(lg_table_warn_repeated(self, error));
+    if (j->rows < 2)
+        LG_WARN(self,
+                "the %s part has one row, which cannot say how good the model is; --test TABLE judges it on "
+                "others",
+                s->part);
+    if (s->given.test == NULL) return LG_OK;
+    lg_table_warn_outside(self->context, j->outside, j->rows, s->given.test, self->model);
+    return warn_far_outputs(self, &s->test, error);
+}
+
+/* What a simple guess would have: the mean, or the most frequent class. */
+static double guessed(const lg_table_state *s) {
+    if (lg_table_is_regression(s)) return 1.0;
+    const uint32_t classes = s->outputs.count;
+    uint64_t most = 0;
+    for (uint32_t c = 0; c < classes; c++) {
+        uint64_t members = 0;
+        for (uint32_t k = 0; k < classes; k++) members += s->learned.confusion[c * classes + k];
+        if (members > most) most = members;
+    }
+    return 1.0 - (double)most / (double)s->learned.rows;
+}
+
+/* A fit that starts from the evidence's parameters has nothing left to lower. */
+static void judge_training(lg_learning *self) {
+    static const double LEARNED = 0.99;
+    const lg_table_state *s = self->state;
+    const lg_table_judgement *j = &s->learned;
+    const bool regression = lg_table_is_regression(s);
+    const char *what = regression ? "mean squared error" : "share of wrong rows",
+               *simple = regression ? "the mean" : "the most frequent class";
+    const double wrong = regression ? j->scaled_rmse * j->scaled_rmse : 1.0 - j->accuracy, guess = guessed(s);
+    if (s->evidence.evaluations == 0)
+        self->verdict = (lg_verdict){.what = what, .guess = simple, .error = wrong, .guessed = guess};
+    else if (!(wrong < LEARNED * guess))
+        LG_WARN(self,
+                "the model has learned nothing: its %s %.3g is not below %.3g, that of %s; the inputs say "
+                "nothing of the outputs, or there are too few rows",
+                what, wrong, guess, simple);
+    self->verdict.failed = lg_table_warn_errors(self->context, &s->file, &s->judged,
+                                                s->given.test != NULL ? s->given.test : s->table.path);
+}
+
+/* Unknown where no evidence was sought. */
+static void tell_evidence(lg_learning *self) {
+    const lg_table_state *s = self->state;
+    const lg_table_evidence_result *found = &s->evidence;
+    const bool sought = found->evaluations > 0;
+    const double numbers = (double)s->trained * s->outputs.count;
+    /* From what the last fit leaves. */
+    const double noise =
+        s->learned.scaled_rmse * sqrt(numbers / fmax(numbers - found->effective, 0.02 * numbers));
+    lg_result_whole(self, "evidence_evaluations", found->evaluations, NULL);
+    lg_result_real(self, "effective_parameters", sought ? found->effective : (double)NAN,
+                   "parameters that the data determine");
+    lg_result_real(self, "log_evidence", sought ? found->evidence : (double)NAN, NULL);
+    lg_result_real(self, "noise", sought ? noise : (double)NAN, "in units of the outputs' deviation");
+}
+
+static void tell(lg_learning *self) {
+    const lg_table_state *s = self->state;
+    lg_table_tell(self, &s->file, &s->judged);
+    lg_result_text(self, "part", s->part, "the rows that were judged");
+    lg_result_real(self, "train_scaled_rmse", s->learned.scaled_rmse, NULL);
+    lg_result_real(self, "train_accuracy", s->learned.accuracy, NULL);
+    lg_result_text(self, "task", lg_table_task_name(s->file.run.model.options.task), NULL);
+    lg_result_whole(self, "parameters", s->file.parameters, NULL);
+    lg_result_whole(self, "rows", s->table.data.rows, NULL);
+    lg_result_whole(self, "rows_left_out", s->table.left_out, NULL);
+    lg_result_whole(self, "train_rows", s->trained, NULL);
+    lg_result_whole(self, "inputs", s->inputs.count, NULL);
+    lg_result_whole(self, "outputs", s->outputs.count, NULL);
+    tell_evidence(self);
+    self->first_count = self->result_count;
+}
+
+static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+    LG_TRY(make_file(self, theta, error));
+    LG_TRY(judge_parts(self, error));
+    LG_TRY(warn_of_parts(self, error));
+    judge_training(self);
+    tell(self);
+    return LG_OK;
+}
+
+static lg_status evaluate(lg_learning *self, const void *file, lg_error *error) {
+    lg_table_state *s = self->state;
+    const lg_table_judgement *j = &s->judged;
+    s->file = *(const lg_table_file *)file;
+    LG_TRY(lg_table_judge(self, &s->file, &s->table, NULL, 0, &s->judged, error));
+    lg_table_warn_outside(self->context, j->outside, j->rows, s->table.path, self->model);
+    self->verdict.failed = lg_table_warn_errors(self->context, &s->file, j, s->table.path);
+    LG_TRY(warn_far_outputs(self, &s->table, error));
+    lg_table_tell(self, &s->file, j);
+    lg_result_text(self, "task", lg_table_task_name(s->file.run.model.options.task), NULL);
+    lg_result_whole(self, "rows_left_out", s->table.left_out, NULL);
+    return LG_OK;
+}
+
+static const char *const sizes[] = {"4", "8", "16", "32", "16,16", "32,32", NULL};
+
+const lg_learner lg_table_learner = {.state_size = sizeof(lg_table_state),
+                                     .options = lg_table_given_rows,
+                                     .held_out = "validation",
+                                     .kept = "test",
+                                     .sizes = sizes,
+                                     .prior = true,
+                                     .read = read_data,
+                                     .describe = describe,
+                                     .prepare = prepare,
+                                     .problem = make_problem,
+                                     .judge = judge,
+                                     .save = save,
+                                     .evaluate = evaluate,
+                                     .release = release,
+                                     .close = close_data};

@@ -1,0 +1,210 @@
+/* Columns by name: which are inputs, outputs, classes. */
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/table_names.h"
+#include "table/files/recipe.h"
+
+#define COLUMNS                                                                                              \
+    LG_OPTION(lg_table_given, inputs, STRING, "A,B,...",                                                     \
+              "Columns to learn from (default: all that are not outputs). A name with a comma stands "       \
+              "in quotes: '\"time, s\",b'"),                                                                 \
+        LG_OPTION(lg_table_given, outputs, STRING, "Y,...", "Columns to learn (default: the last one)"),     \
+        LG_OPTION(lg_table_given, without, STRING, "A,B,...", "Columns to leave out, such as texts"),        \
+        LG_OPTION(lg_table_given, class_column, STRING, "COLUMN",                                            \
+                  "Classification: the column with the classes, texts or numbers", .option = "class")
+const lg_field lg_table_given_rows[] = {
+    COLUMNS,
+    LG_OPTION(lg_table_given, test, STRING, "TABLE",
+              "Judge the model on this table (default: on the validation part)"),
+    LG_FIELD_END};
+const lg_field lg_table_column_rows[] = {COLUMNS, LG_FIELD_END};
+
+/* ---- lists of names ---- */
+
+static lg_status make_names(const lg_context *context, size_t most, lg_table_names *out, lg_error *error) {
+    *out = (lg_table_names){.name = lg_alloc(context, most, sizeof *out->name), .context = context};
+    return out->name != NULL ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
+}
+
+static void add_name(lg_table_names *names, const char *name) {
+    (void)snprintf(names->name[names->count++], LG_TABLE_NAME, "%s", name);
+}
+
+static bool has_name(const lg_table_names *names, const char *name) {
+    for (uint32_t i = 0; i < names->count; i++)
+        if (strcmp(names->name[i], name) == 0) return true;
+    return false;
+}
+
+/* In quotes: two are one of the name. Behind the last one; NULL: not closed, or too long. */
+static const char *take_quoted(const char *at, char *name) {
+    for (size_t used = 0; *at != '\0' && used + 1 < LG_TABLE_NAME; at++) {
+        if (*at == '"' && at[1] != '"') return at + 1;
+        at += *at == '"';
+        name[used++] = *at;
+        name[used] = '\0';
+    }
+    return *at == '"' && at[1] != '"' ? at + 1 : NULL;
+}
+
+/* Up to a comma. Behind it; NULL: too long. */
+static const char *take_plain(const char *at, char *name) {
+    const size_t length = strcspn(at, ",");
+    size_t kept = length;
+    while (kept > 0 && at[kept - 1] == ' ') kept--;
+    if (kept >= LG_TABLE_NAME) return NULL;
+    memcpy(name, at, kept);
+    name[kept] = '\0';
+    return at + length;
+}
+
+/* The next name of a list, up to a comma or the end; NULL: there is none. */
+static const char *take_name(const char *at, char *name) {
+    name[0] = '\0';
+    at += strspn(at, " ");
+    at = *at == '"' ? take_quoted(at + 1, name) : take_plain(at, name);
+    if (at == NULL || name[0] == '\0') return NULL;
+    at += strspn(at, " ");
+    return *at == ',' || *at == '\0' ? at : NULL;
+}
+
+lg_status lg_table_names_parse(const lg_context *context, const char *option, const char *text,
+                               lg_table_names *out, lg_error *error) {
+    size_t count = 1;
+    for (const char *c = text; *c != '\0'; c++) count += *c == ',';
+    LG_TRY(make_names(context, count, out, error));
+    for (const char *at = text;; at++) {
+        char name[LG_TABLE_NAME];
+        at = take_name(at, name);
+        if (at == NULL)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "--%s: names of 1 to %d bytes are expected, with commas between them", option,
+                           LG_TABLE_NAME - 1);
+        if (has_name(out, name))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: '%s' is there twice", option, name);
+        add_name(out, name);
+        if (*at == '\0') return LG_OK;
+    }
+}
+
+lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *error) {
+    out[0] = '\0';
+    const char *end = text[0] == '"' ? take_name(text, out) : text + strlen(text);
+    if (text[0] != '"' && strlen(text) < LG_TABLE_NAME) (void)snprintf(out, LG_TABLE_NAME, "%s", text);
+    if (end != NULL && *end == '\0' && out[0] != '\0') return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT, "--class: one name of 1 to %d bytes is expected",
+                   LG_TABLE_NAME - 1);
+}
+
+void lg_table_names_list(const lg_table_names *names, lg_text *to) {
+    char quoted[LG_TABLE_QUOTED];
+    for (uint32_t i = 0; i < names->count; i++)
+        lg_text_add(to, "%s%s", i > 0 ? "," : "", lg_table_quote(names->name[i], quoted));
+}
+
+/* ---- the roles ---- */
+
+/* An output, or the column with the classes. */
+static bool is_learned(const lg_table_state *s, const char *name) {
+    return has_name(&s->outputs, name) || (!lg_table_is_regression(s) && strcmp(name, s->class_name) == 0);
+}
+
+/* All columns with a name that are not learned, and not left out by --without. */
+static lg_status default_inputs(lg_learning *self, const lg_table_names *all, lg_error *error) {
+    lg_table_state *s = self->state;
+    LG_TRY(make_names(self->context, all->count, &s->inputs, error));
+    for (uint32_t i = 0; i < all->count; i++) {
+        const char *name = all->name[i];
+        if (name[0] == '\0')
+            LG_WARN(self, "column %u has no name and is not used", i + 1);
+        else if (!is_learned(s, name) && !has_name(&s->without, name))
+            add_name(&s->inputs, name);
+    }
+    return LG_OK;
+}
+
+static bool may_be_used(const lg_table_state *s, const char *name) {
+    return name[0] != '\0' && !has_name(&s->without, name);
+}
+
+/* The last column that has a name and is not left out. */
+static lg_status default_outputs(lg_learning *self, const lg_table_names *all, lg_error *error) {
+    lg_table_state *s = self->state;
+    char quoted[LG_TABLE_QUOTED];
+    uint32_t last = all->count;
+    while (last > 0 && !may_be_used(s, all->name[last - 1])) last--;
+    if (last == 0) return lg_fail(error, LG_FORMAT, "%s: there is no column with a name", self->paths[0]);
+    LG_TRY(make_names(self->context, 1, &s->outputs, error));
+    add_name(&s->outputs, all->name[last - 1]);
+    lg_log_message(self->context, LG_LOG_INFO,
+                   "the output is the last column, %s; --outputs or --class names others",
+                   lg_table_quote(all->name[last - 1], quoted));
+    return LG_OK;
+}
+
+static lg_status no_column(const lg_learning *self, const lg_table_names *have, const char *name,
+                           lg_error *error) {
+    enum { SHOWN = 20 };
+    const lg_table_names first = {.count = have->count < SHOWN ? have->count : SHOWN, .name = have->name};
+    lg_text list = {.context = self->context};
+    lg_table_names_list(&first, &list);
+    (void)lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s%s", self->paths[0],
+                  name, list.data != NULL ? list.data : "", have->count > SHOWN ? ", ..." : "");
+    lg_text_destroy(&list);
+    return LG_FORMAT;
+}
+
+/* --class and --without: one name, and names of the table. */
+static lg_status name_others(lg_learning *self, const lg_table_names *all, lg_error *error) {
+    lg_table_state *s = self->state;
+    if (!lg_table_is_regression(s)) LG_TRY(lg_table_class_parse(s->given.class_column, s->class_name, error));
+    if (s->given.without == NULL) return LG_OK;
+    LG_TRY(lg_table_names_parse(self->context, "without", s->given.without, &s->without, error));
+    for (uint32_t i = 0; i < s->without.count; i++)
+        if (!has_name(all, s->without.name[i])) return no_column(self, all, s->without.name[i], error);
+    return LG_OK;
+}
+
+/* Inputs and outputs of all columns. */
+static lg_status name_columns(lg_learning *self, const lg_table_names *all, lg_error *error) {
+    lg_table_state *s = self->state;
+    LG_TRY(name_others(self, all, error));
+    if (s->given.outputs != NULL)
+        LG_TRY(lg_table_names_parse(self->context, "outputs", s->given.outputs, &s->outputs, error));
+    else if (lg_table_is_regression(s))
+        LG_TRY(default_outputs(self, all, error));
+    return s->given.inputs != NULL
+               ? lg_table_names_parse(self->context, "inputs", s->given.inputs, &s->inputs, error)
+               : default_inputs(self, all, error);
+}
+
+/* No column has two of the roles input, output and left out. */
+static lg_status check_roles(const lg_table_state *s, lg_error *error) {
+    for (uint32_t i = 0; i < s->inputs.count; i++)
+        if (is_learned(s, s->inputs.name[i]))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--inputs: column %s is an input and an output",
+                           s->inputs.name[i]);
+    for (uint32_t i = 0; i < s->without.count; i++) {
+        const char *name = s->without.name[i];
+        if (is_learned(s, name) || has_name(&s->inputs, name))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--without: column %s is an %s", name,
+                           is_learned(s, name) ? "output" : "input");
+    }
+    return LG_OK;
+}
+
+lg_status lg_table_choose(lg_learning *self, lg_error *error) {
+    const lg_table_state *s = self->state;
+    lg_table_names all = {.count = 0};
+    if (s->given.outputs != NULL && !lg_table_is_regression(s))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "--outputs and --class: a table is learned by regression or by classification");
+    LG_TRY(lg_table_names_read(self->context, self->paths[0], NULL, &all, error));
+    const lg_status status = name_columns(self, &all, error);
+    lg_table_names_destroy(&all);
+    LG_TRY(status);
+    if (s->inputs.count == 0)
+        return lg_fail(error, LG_FORMAT, "%s: there is no column to learn from", self->paths[0]);
+    return check_roles(s, error);
+}

@@ -1,0 +1,350 @@
+/* Rows of tables that are learned or judged: what is left out, and what is told of odd cells. */
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "datasets/table_names.h"
+#include "table/files/recipe.h"
+
+static const char *class_column(const lg_table_state *s) {
+    return lg_table_is_regression(s) ? NULL : s->class_name;
+}
+
+/* ---- reading ---- */
+
+static lg_status load(const lg_context *context, const char *path, const lg_table_names *inputs,
+                      const lg_table_names *outputs, const char *classes, lg_table_sheet *out,
+                      lg_error *error) {
+    const uint32_t count = inputs->count + outputs->count;
+    *out = (lg_table_sheet){.path = path, .inputs = inputs->count, .outputs = outputs->count};
+    const char **names = lg_alloc(context, count, sizeof *names);
+    if (names == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
+    for (uint32_t i = 0; i < count; i++)
+        names[i] = i < inputs->count ? inputs->name[i] : outputs->name[i - inputs->count];
+    const lg_status status = lg_table_read(context, path, names, count, classes, NULL, &out->data, error);
+    lg_free(context, names);
+    return status;
+}
+
+static void warn_cut(const lg_context *context, const lg_table_sheet *sheet) {
+    if (sheet->data.cut)
+        lg_log_message(context, LG_LOG_WARNING, "%s: the last line was cut off and left out", sheet->path);
+}
+
+lg_status lg_table_sheet_read(const lg_context *context, const char *path, const lg_table_names *inputs,
+                              const lg_table_names *outputs, const char *class_column, lg_table_sheet *out,
+                              lg_error *error) {
+    LG_TRY(load(context, path, inputs, outputs, class_column, out, error));
+    warn_cut(context, out);
+    return LG_OK;
+}
+
+/* Rows with missing cells are left out, which is told. */
+static lg_status leave_incomplete(lg_learning *self, lg_table_sheet *sheet, lg_error *error) {
+    lg_table_data *data = &sheet->data;
+    lg_error why = {LG_OK, ""};
+    const lg_status status = lg_table_keep_complete(&data, 1, &sheet->left_out, &why);
+    if (status != LG_OK) return lg_fail(error, status, "%s: %s", sheet->path, why.message);
+    if (sheet->left_out > 0)
+        LG_WARN(self, "%s: %zu of %zu rows have missing cells and are left out", sheet->path, sheet->left_out,
+                sheet->left_out + data->rows);
+    return LG_OK;
+}
+
+/* Labels become numbers of the model's classes. */
+static lg_status match_classes(lg_learning *self, lg_table_sheet *sheet, const lg_table_names *classes,
+                               lg_error *error) {
+    lg_table_data *data = &sheet->data;
+    uint32_t *number;
+    LG_LEARNING_ARRAY(self, number, data->classes, error);
+    for (uint32_t c = 0; c < data->classes; c++)
+        while (number[c] < classes->count && strcmp(classes->name[number[c]], data->class_name[c]) != 0)
+            number[c]++;
+    for (size_t i = 0; i < data->rows; i++) {
+        const uint32_t label = data->label[i];
+        if (number[label] == classes->count)
+            return lg_fail(error, LG_FORMAT, "%s: %s %zu: the model does not know class '%s'", sheet->path,
+                           data->place, data->line[i], data->class_name[label]);
+        data->label[i] = number[label];
+    }
+    return LG_OK;
+}
+
+/* Complete rows of a table that a model is judged on. `outputs`: its columns or, with a class column, its
+ * classes. */
+static lg_status read_judged(lg_learning *self, const char *path, const lg_table_names *inputs,
+                             const lg_table_names *outputs, const char *classes, lg_table_sheet *out,
+                             lg_error *error) {
+    const lg_table_names none = {.count = 0};
+    LG_TRY(lg_table_sheet_read(self->context, path, inputs, classes == NULL ? outputs : &none, classes, out,
+                               error));
+    LG_TRY(leave_incomplete(self, out, error));
+    return classes != NULL ? match_classes(self, out, outputs, error) : LG_OK;
+}
+
+/* ---- columns that cannot be read ---- */
+
+/* Whether these inputs, the outputs and the classes can be read. */
+static bool is_readable(const lg_learning *self, const lg_table_names *inputs) {
+    const lg_table_state *s = self->state;
+    lg_table_sheet sheet;
+    const lg_status status =
+        load(self->context, self->paths[0], inputs, &s->outputs, class_column(s), &sheet, NULL);
+    lg_table_data_destroy(&sheet.data);
+    return status == LG_OK;
+}
+
+/* The inputs that cannot be read, where all the rest can. */
+static lg_status find_unreadable(lg_learning *self, lg_table_names *bad, lg_error *error) {
+    enum { MOST_TRIED = 100 }; /* each reads the file again */
+    const lg_table_names *inputs = &((lg_table_state *)self->state)->inputs;
+    *bad = (lg_table_names){.count = 0};
+    if (inputs->count > MOST_TRIED || !is_readable(self, bad)) return LG_OK;
+    LG_LEARNING_ARRAY(self, bad->name, inputs->count, error);
+    for (uint32_t i = 0; i < inputs->count; i++) {
+        const lg_table_names one = {.count = 1, .name = inputs->name + i};
+        if (!is_readable(self, &one)) memcpy(bad->name[bad->count++], one.name, sizeof *bad->name);
+    }
+    return LG_OK;
+}
+
+/* Where inputs were not named and some are no numbers: how to leave them out. */
+static lg_status fail_columns(lg_learning *self, lg_error *error) {
+    enum { MOST_SHOWN = 200 };
+    const lg_error was = *error;
+    lg_table_names bad = {.count = 0};
+    lg_text list = {.context = self->context}, word = list;
+    if (was.status != LG_FORMAT || ((lg_table_state *)self->state)->given.inputs != NULL) return was.status;
+    LG_TRY(find_unreadable(self, &bad, error));
+    *error = was;
+    lg_table_names_list(&bad, &list);
+    if (list.data != NULL) lg_text_add_word(&word, list.data);
+    if (word.data != NULL)
+        (void)lg_fail(error, was.status, "%.250s; --without %s leaves out what is no number", was.message,
+                      word.length <= MOST_SHOWN ? word.data : "A,B,...");
+    lg_text_destroy(&word);
+    lg_text_destroy(&list);
+    return was.status;
+}
+
+/* ---- constant columns ---- */
+
+static const char *column_name(const lg_table_state *s, uint32_t column) {
+    const uint32_t inputs = s->inputs.count;
+    return column < inputs ? s->inputs.name[column] : s->outputs.name[column - inputs];
+}
+
+static bool is_constant(const lg_table_data *data, uint32_t column) {
+    size_t same = 1;
+    while (same < data->rows && data->values[same * data->columns + column] == data->values[column]) same++;
+    return same == data->rows;
+}
+
+/* The columns of `keep` (columns of the table) stay; the outputs are among them. */
+static void keep_columns(lg_table_state *s, const bool *keep) {
+    lg_table_data *data = &s->table.data;
+    uint32_t kept = 0, inputs = 0;
+    for (uint32_t c = 0; c < data->columns; c++) kept += keep[c];
+    for (size_t i = 0, to = 0; i < data->rows; i++)
+        for (uint32_t c = 0; c < data->columns; c++)
+            if (keep[c]) data->values[to++] = data->values[i * data->columns + c];
+    for (uint32_t c = 0; c < s->inputs.count; c++)
+        if (keep[c]) memmove(s->inputs.name[inputs++], s->inputs.name[c], sizeof(lg_table_text));
+    data->columns = kept;
+    s->inputs.count = s->table.inputs = inputs;
+}
+
+/* Constant inputs are left out, as if they had not been named: they would change width and priors. */
+static lg_status leave_constant(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const lg_table_data *data = &s->table.data;
+    char quoted[LG_TABLE_QUOTED];
+    bool *keep;
+    LG_LEARNING_ARRAY(self, keep, data->columns, error);
+    for (uint32_t c = 0; c < data->columns; c++) {
+        const bool input = c < s->inputs.count, constant = is_constant(data, c);
+        keep[c] = !input || !constant;
+        if (constant)
+            LG_WARN(self, "%s: column %s is constant: %s", s->table.path,
+                    lg_table_quote(column_name(s, c), quoted),
+                    input ? "it says nothing and is left out" : "there is nothing to learn of it");
+    }
+    keep_columns(s, keep);
+    if (s->inputs.count > 0) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: all inputs are constant: there is nothing to learn from",
+                   s->table.path);
+}
+
+/* ---- cells out of range ---- */
+
+/* Numbers that differ by less than normal numbers cannot be scaled to 1. */
+static lg_status check_spread(const lg_table_state *s, uint32_t column, lg_error *error) {
+    const lg_table_data *data = &s->table.data;
+    const double *values = data->values + column;
+    size_t low = 0, high = 0;
+    char quoted[LG_TABLE_QUOTED];
+    for (size_t i = 1; i < data->rows; i++) {
+        if (values[i * data->columns] < values[low * data->columns]) low = i;
+        if (values[i * data->columns] > values[high * data->columns]) high = i;
+    }
+    const double least = values[low * data->columns], largest = values[high * data->columns];
+    if (largest == least || largest - least >= DBL_MIN * sqrt(2.0 * (double)data->rows)) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by less than "
+                   "can be scaled: give the column in a smaller unit",
+                   s->table.path, lg_table_quote(column_name(s, column), quoted), least, data->place,
+                   data->line[low], largest, data->place, data->line[high]);
+}
+
+lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *sheet, uint32_t first,
+                            const lg_table_text *name, uint32_t count, const char *follows, lg_error *error) {
+    enum { MOST_TOLD = 8 };
+    const lg_table_data *data = &sheet->data;
+    uint32_t told = 0;
+    for (uint32_t c = 0; c < count; c++) {
+        const double *values = data->values + first + c;
+        lg_table_far far;
+        char quoted[LG_TABLE_QUOTED];
+        const lg_status status = lg_table_find_far(context, values, data->columns, data->rows, &far);
+        if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
+        if (far.count == 0 || told++ >= MOST_TOLD) continue;
+        lg_log_message(context, LG_LOG_WARNING,
+                       "%s: column %s: %zu of %zu cells %s far from all others, the farthest in %s %zu: %.6g "
+                       "(the median is %.6g); %s; a cell that is an error is to be left empty",
+                       sheet->path, lg_table_quote(name[c], quoted), far.count, data->rows,
+                       far.count == 1 ? "lies" : "lie", data->place, data->line[far.farthest],
+                       values[far.farthest * data->columns], far.median, follows);
+    }
+    if (told > MOST_TOLD)
+        lg_log_message(context, LG_LOG_WARNING, "%s: %u more columns have cells far from all others",
+                       sheet->path, told - MOST_TOLD);
+    return LG_OK;
+}
+
+/* All columns that are used. */
+static lg_status check_cells(lg_learning *self, lg_error *error) {
+    const lg_table_state *s = self->state;
+    const lg_table_sheet *sheet = &s->table;
+    for (uint32_t c = 0; c < sheet->data.columns; c++) LG_TRY(check_spread(s, c, error));
+    LG_TRY(lg_table_warn_far(self->context, sheet, 0, s->inputs.name, s->inputs.count,
+                             "the column is scaled without them, and the fit has to follow them", error));
+    return lg_table_warn_far(self->context, sheet, s->inputs.count, s->outputs.name, sheet->outputs,
+                             "the fit follows them, and most of its error comes from them", error);
+}
+
+/* ---- classes ---- */
+
+/* The rows of each class; two classes at least have some. */
+static lg_status count_classes(lg_learning *self, uint64_t *members, lg_error *error) {
+    const lg_table_state *s = self->state;
+    const lg_table_data *data = &s->table.data;
+    uint32_t present = 0;
+    for (size_t i = 0; i < data->rows; i++) members[data->label[i]]++;
+    for (uint32_t c = 0; c < data->classes; c++) present += members[c] > 0;
+    if (present < 2)
+        return lg_fail(error, LG_FORMAT, "%s: column %s has one class only: there is nothing to tell apart",
+                       s->table.path, s->class_name);
+    for (uint32_t c = 0; c < data->classes; c++)
+        if (members[c] < 2)
+            LG_WARN(self, "%s: class '%s' has %llu %s", s->table.path, data->class_name[c],
+                    (unsigned long long)members[c], members[c] == 1 ? "row" : "complete rows");
+    return LG_OK;
+}
+
+/* The classes become the outputs. */
+static lg_status take_classes(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const lg_table_data *data = &s->table.data;
+    uint64_t *members;
+    LG_LEARNING_ARRAY(self, members, data->classes, error);
+    LG_TRY(count_classes(self, members, error));
+    s->outputs = (lg_table_names){
+        data->classes, lg_alloc(self->context, data->classes, sizeof(lg_table_text)), self->context};
+    if (s->outputs.name == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
+    memcpy(s->outputs.name, data->class_name, data->classes * sizeof *data->class_name);
+    return LG_OK;
+}
+
+/* ---- the tables of a learning ---- */
+
+/* The columns that are learned, and learned from; complete rows. */
+static lg_status read_learned(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    lg_table_sheet *sheet = &s->table;
+    if (load(self->context, self->paths[0], &s->inputs, &s->outputs, class_column(s), sheet, error) != LG_OK)
+        return fail_columns(self, error);
+    warn_cut(self->context, sheet);
+    LG_TRY(leave_incomplete(self, sheet, error));
+    if (sheet->data.rows < 2)
+        return lg_fail(error, LG_FORMAT, "%s: has one complete row; two at least are needed", sheet->path);
+    LG_TRY(leave_constant(self, error));
+    LG_TRY(check_cells(self, error));
+    return lg_table_is_regression(s) ? LG_OK : take_classes(self, error);
+}
+
+lg_status lg_table_read_rows(lg_learning *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const lg_table_file *file = self->file;
+    if (file != NULL) {
+        const lg_net *net = &file->run.model.net;
+        const lg_table_names inputs = {net->inputs, file->input_name, NULL},
+                             outputs = {net->outputs, file->output_name, NULL};
+        const bool classes = file->run.model.options.task == LG_TABLE_CLASSIFICATION;
+        return read_judged(self, self->paths[0], &inputs, &outputs, classes ? file->class_column : NULL,
+                           &s->table, error);
+    }
+    LG_TRY(read_learned(self, error));
+    if (s->given.test == NULL) return LG_OK;
+    self->failed = s->given.test;
+    LG_TRY(read_judged(self, s->given.test, &s->inputs, &s->outputs, class_column(s), &s->test, error));
+    self->failed = NULL;
+    return LG_OK;
+}
+
+/* ---- rows that are there twice ---- */
+
+typedef struct sorted_row {
+    const double *values;
+    uint32_t columns, label;
+    bool trained;
+} sorted_row;
+
+static int compare_sorted(const void *a, const void *b) {
+    const sorted_row *x = a, *y = b;
+    for (uint32_t c = 0; c < x->columns; c++)
+        if (x->values[c] != y->values[c]) return x->values[c] < y->values[c] ? -1 : 1;
+    return (x->label > y->label) - (x->label < y->label);
+}
+
+static void sort_rows(const lg_table_state *s, sorted_row *rows) {
+    const lg_table_data *data = &s->table.data;
+    for (size_t i = 0; i < data->rows; i++) {
+        const size_t row = s->order[i];
+        rows[i] = (sorted_row){lg_table_sheet_row(&s->table, row), data->columns,
+                               data->label != NULL ? data->label[row] : 0, i < s->trained};
+    }
+    qsort(rows, data->rows, sizeof *rows, compare_sorted);
+}
+
+lg_status lg_table_warn_repeated(lg_learning *self, lg_error *error) {
+    const lg_table_state *s = self->state;
+    size_t repeated = 0, shared = 0, first = 0;
+    bool both = false;
+    sorted_row *rows;
+    LG_LEARNING_ARRAY(self, rows, s->table.data.rows, error);
+    sort_rows(s, rows);
+    for (size_t i = 1; i < s->table.data.rows; i++) {
+        const bool same = compare_sorted(&rows[i - 1], &rows[i]) == 0;
+        repeated += same;
+        if (!same) first = i, both = false;
+        if (same && !both && rows[i].trained != rows[first].trained) both = true, shared++;
+    }
+    if (repeated > 0) LG_WARN(self, "%s: %zu rows are repetitions of others", s->table.path, repeated);
+    if (shared > 0)
+        LG_WARN(self,
+                "%s: %zu different rows are in the training and in the validation part: the errors there are "
+                "too good",
+                s->table.path, shared);
+    return LG_OK;
+}
