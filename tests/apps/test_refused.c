@@ -688,6 +688,9 @@ static const refusal fit[] = {
     {"train x.csv --out x.csv", 2, "--out: x.csv is an input"},
     {"train x.csv --out m.h5 --test m.h5", 2, "--out: m.h5 is an input of --test"},
     {"train x.csv --out m.h5 --plot m.txt", 2, "m.txt"},
+    {"train x.csv --out m.h5 --test gone.csv", 3, "train: gone.csv: "},
+    {"train k.csv --class k --out m.h5 --test other.csv", 3,
+     "train: other.csv: line 3: the model does not know class 'z'"},
     {"evaluate foreign.h5 foreign.h5", 3, "foreign.h5"},
     {"predict gone.h5 foreign.h5", 3, "gone.h5"},
     {"import x.csv", 2, "--out MODEL.h5 is missing"},
@@ -696,6 +699,8 @@ static const refusal fit[] = {
 TEST("lg-fit refuses with exit code and word, and writes nothing") {
     cli_test_folder();
     cli_write("x.csv", "a,y\n1,2\n2,3\n3,5\n");
+    cli_write("k.csv", "a,k\n1,x\n2,y\n3,x\n4,y\n");
+    cli_write("other.csv", "a,k\n1,x\n2,z\n");
     REFUSE("lg-fit", fit);
 }
 
