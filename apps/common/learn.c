@@ -158,6 +158,7 @@ static int conclude(train_recipe *task, train_session *session, double *theta) {
                                              : APP_EXIT_OK;
     const lg_provenance provenance = app_provenance(self, lg_learning_training(learning)->seed);
     status = lg_learning_save(learning, out, theta, &provenance, &error);
+    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return app_fail_file(self, status, &error, out);
     const int code = task->draw != NULL ? task->draw(session, learning) : train_draw(session);
     if (code != APP_EXIT_OK) return code;

@@ -4,6 +4,7 @@
 #ifndef LG_APPS_ANOMALY_H
 #define LG_APPS_ANOMALY_H
 
+#include "anomaly/files/recipe.h"
 #include "common/app.h"
 #include "liegrad/classify.h"
 #include "liegrad/detector.h"
@@ -20,14 +21,6 @@ extern const char *const housing_names[]; /* generate.c; in the order of lg_hous
 
 /* ---- models (model.c) ---- */
 
-/* How the data of a model were cut and split. With the same data the same windows are tested again. */
-typedef struct well_cut {
-    lg_split split;
-    double test_fraction, validation_fraction;
-    uint64_t seed, windows, window, hop; /* windows in all; samples of one, and from one to the next */
-    char data_sha256[LG_SHA256_TEXT];
-} well_cut;
-
 typedef enum well_sort {
     WELL_NETWORK,   /* kind "detector" */
     WELL_CLASSICAL, /* kind "classifier" */
@@ -43,18 +36,17 @@ typedef struct well_model {
     char (*class_name)[LG_SERIES_NAME];   /* (classes); owned by detector or names */
     char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; likewise */
     char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL; likewise */
-    well_cut cut;
-    bool probabilities;        /* scores are probabilities; false: decisions, distances */
-    lg_detector_file detector; /* WELL_NETWORK */
-    lg_detector_plan *plan;    /* of the detector, in its training type */
-    lg_classifier classifier;  /* WELL_CLASSICAL */
-    lg_novelty novelty;        /* of the training windows; channels 0: none; of a loaded detector its own */
-    lg_series names;           /* of a loaded classifier: owns its names */
+    lg_detector_run cut;                  /* how its data were cut and split; the rest is a network's */
+    bool probabilities;                   /* scores are probabilities; false: decisions, distances */
+    lg_detector_file detector;            /* WELL_NETWORK */
+    lg_detector_plan *plan;               /* of the detector, in its training type */
+    lg_classifier classifier;             /* WELL_CLASSICAL */
+    lg_novelty novelty; /* of the training windows; channels 0: none; of a loaded detector its own */
+    lg_series names;    /* of a loaded classifier: owns its names */
 } well_model;
 
-/* `file` is borrowed: destroy the plan of *out, no more. */
-lg_status well_model_of_detector(const app *app, const lg_detector_file *file, well_model *out,
-                                 lg_error *error);
+/* `file` is borrowed; there is no plan yet. */
+well_model well_model_of_detector(const lg_detector_file *file);
 void well_model_load(const app *app, const char *path, well_model *out);
 void well_model_destroy(well_model *model); /* a zeroed one may be destroyed */
 /* Bytes of work memory for well_model_score. */
@@ -73,57 +65,29 @@ lg_status well_model_save(const app *app, const char *path, const well_model *mo
 
 /* ---- data (data.c) ---- */
 
-/* `like`: NULL, or a series read before that determines the classes. */
-int read_series(const app *app, const char *path, const lg_series *like, lg_series_data *out);
-/* The same with the classes of a model, or of a novelty with any classes; channels must be the model's. */
+/* Data with the classes of a model, or of a novelty with any classes; channels must be the model's. */
 void read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
 /* For a novelty: labels become 0 for the class that is named `first`, 1 for all others; classes that have no
  * window are no classes. */
 void merge_classes(lg_series *series, const char *first);
 
-/* Indices of windows, rising. */
-typedef struct part_indices {
-    uint32_t *list;
-    size_t count;
-} part_indices;
-part_indices part_of(const uint8_t *parts, size_t count, lg_part wanted);
-part_indices part_all(size_t count);
-
 /* ---- judging (judge.c) ---- */
 
-/* Results of a model on some windows. */
-typedef struct judgement {
-    size_t count;
-    uint32_t classes;
-    uint32_t *window, *truth, *given; /* (count); window: index in lg_windows */
-    double *score;                    /* (count, classes) */
-    double *plane;                    /* (count, 2) or NULL */
-    uint64_t *confusion;              /* (classes, classes) */
-    lg_metrics metrics;
-    double auc;
-    double mse;     /* networks with one output: mean of (p - label)^2; otherwise NaN */
-    double seconds; /* of scoring, one thread of --threads each */
-} judgement;
-lg_status judge_windows(const app *app, const well_model *model, const lg_series *series,
-                        const lg_windows *windows, const part_indices *part, judgement *out, lg_error *error);
-/* The same for a classical model from the features of all windows, table (windows->count, d); seconds are
- * those of one thread. */
-lg_status judge_rows(const app *app, const well_model *model, const lg_series *series,
-                     const lg_windows *windows, const part_indices *part, const double *table, judgement *out,
-                     lg_error *error);
-void judgement_free(judgement *judged);
+lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,
+                        const lg_window_list *part, lg_judgement *out, lg_error *error);
+/* The same for a classical model from the features of all windows, table (windows, d); seconds are those of
+ * one thread. */
+lg_status judge_rows(const app *app, const well_model *model, const lg_cut_series *from,
+                     const lg_window_list *part, const double *table, lg_judgement *out, lg_error *error);
 /* Windows of a judgement that are unlike those of training; *farthest: the farthest of them all. The model
  * has a novelty. */
-size_t count_novel(const app *app, const well_model *model, const lg_series *series,
-                   const lg_windows *windows, const judgement *judged, lg_novelty_result *farthest);
-/* False alarms a day: the false positive rate times the number of windows a day, one every `hop` samples. NaN
- * when the rate is unknown. */
-double false_alarms_per_day(const judgement *judged, uint64_t hop, double rate);
-/* accuracy, precision, recall, f1, auc, confusion, false_alarms_per_day; the counts for JSON alone. */
-void json_metrics(app_json *json, const judgement *judged, uint64_t hop, double rate);
+size_t count_novel(const app *app, const well_model *model, const lg_cut_series *from,
+                   const lg_judgement *judged, lg_novelty_result *farthest);
+/* The results of lg_detector_tell. */
+void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, double rate);
 /* The counts for people; nothing where there are many classes. */
-void print_confusion(FILE *stream, const judgement *judged, const well_model *model);
-void print_metrics(const judgement *judged, const well_model *model);
+void print_confusion(FILE *stream, const lg_judgement *judged, const well_model *model);
+void print_metrics(const lg_judgement *judged, const well_model *model);
 
 /* ---- pictures (pictures.c): FILE.svg or FILE.png ---- */
 

@@ -45,10 +45,10 @@ typedef struct evaluation {
     const app *app;
     const well_model *model;
     const char *path;
-    cut_series from;
+    lg_cut_series from;
     const char *part_name;
-    part_indices part;
-    judgement judged;
+    lg_window_list part;
+    lg_judgement judged;
     size_t unlike; /* windows unlike those of training; for models that know them */
     voting votes;
 } evaluation;
@@ -58,7 +58,7 @@ typedef struct evaluation {
 static void choose_part(evaluation *e) {
     static const lg_part wanted[] = {
         [PART_TRAIN] = LG_PART_TRAIN, [PART_VALIDATION] = LG_PART_VALIDATION, [PART_TEST] = LG_PART_TEST};
-    const well_cut *cut = &e->model->cut;
+    const lg_detector_run *cut = &e->model->cut;
     const size_t windows = e->from.windows.count;
     const char *model = e->app->arguments[0];
     const bool same = strcmp(cut->data_sha256, e->from.data.sha256) == 0 && cut->windows == windows;
@@ -69,17 +69,14 @@ static void choose_part(evaluation *e) {
         if (same && values.part == PART_AUTO)
             app_warn(e->app, "%s was trained on %s without a test part: these are training errors", model,
                      e->path);
-        e->part = part_all(windows);
+        APP_MUST(e->app, lg_window_part(e->app->context, &e->from, NULL, LG_PART_NONE, &e->part, &error));
         return;
     }
     if (!same)
         app_stop_usage(e->app, "--part %s: %s was trained on other data than %s", e->part_name, model,
                        e->path);
-    APP_FREE uint8_t *parts = app_alloc(windows, 1);
     APP_MUST_FILE(e->app, e->path,
-                  lg_series_split(e->app->context, &e->from.data.series, &e->from.windows, cut->split,
-                                  cut->test_fraction, cut->validation_fraction, cut->seed, parts, &error));
-    e->part = part_of(parts, windows, wanted[part]);
+                  lg_window_part(e->app->context, &e->from, cut, wanted[part], &e->part, &error));
     if (e->part.count == 0) app_stop_usage(e->app, "--part %s: the model has no windows in it", e->part_name);
 }
 
@@ -120,7 +117,7 @@ typedef struct watching {
 /* One window of a recording: `begin` its first sample. */
 static void watch_window(const evaluation *e, watching *state, size_t i, double begin, voting *out,
                          double *times) {
-    const judgement *judged = &e->judged;
+    const lg_judgement *judged = &e->judged;
     const double unit = e->model->rate > 0 ? 1 / e->model->rate : 1;
     if (judged->truth[i] != 0 && !state->damaged) {
         state->damaged = true;
@@ -173,7 +170,7 @@ static int by_group(const void *a, const void *b) {
 }
 
 static group_row *group_rows(const evaluation *e, size_t *count) {
-    const judgement *judged = &e->judged;
+    const lg_judgement *judged = &e->judged;
     group_row *rows = app_alloc(judged->count, sizeof *rows);
     for (size_t i = 0; i < judged->count; i++)
         rows[i] = (group_row){e->from.data.series.group[e->from.windows.first[judged->window[i]]], 1,
@@ -269,7 +266,7 @@ static void add_row(app_json *out, const evaluation *e) {
     app_json_real(out, "recall", e->judged.metrics.recall);
     app_json_real(out, "F1", e->judged.metrics.f1);
     app_json_real(out, "false alarms/day",
-                  false_alarms_per_day(&e->judged, e->model->cut.hop, e->model->rate));
+                  lg_judgement_alarms(&e->judged, e->model->cut.hop, e->model->rate));
     if (values.votes.count == 0) return;
     app_json_size(out, "damaged", e->votes.damaged);
     app_json_size(out, "detected", e->votes.detected);
@@ -305,7 +302,7 @@ static void csv_text(FILE *stream, const char *text) {
 
 static void write_scores(const evaluation *e) {
     const lg_series *series = &e->from.data.series;
-    const judgement *judged = &e->judged;
+    const lg_judgement *judged = &e->judged;
     app_file file;
     app_file_begin(&file, values.scores);
     (void)fputs("window,run,group,truth,class", file.stream);
@@ -339,25 +336,12 @@ static void tell_unlike(evaluation *e) {
     const well_model *model = e->model;
     lg_novelty_result farthest;
     char reason[256];
-    e->unlike = count_novel(e->app, model, &e->from.data.series, &e->from.windows, &e->judged, &farthest);
+    e->unlike = count_novel(e->app, model, &e->from, &e->judged, &farthest);
     if ((double)e->unlike <= MANY * (double)e->judged.count) return;
     (void)lg_novelty_explain(&model->novelty, &farthest, model->channel_name, model->rate, reason,
                              sizeof reason);
     app_warn(e->app, "%s: %zu of %zu windows are unlike those of training, the farthest by %s", e->path,
              e->unlike, e->judged.count, reason);
-}
-
-/* A window whose numbers overflow in the model has no class. */
-static void refuse_infinite(const evaluation *e) {
-    const judgement *judged = &e->judged;
-    size_t infinite = 0, first = 0;
-    for (size_t i = judged->count * judged->classes; i-- > 0;)
-        if (!isfinite(judged->score[i])) infinite++, first = i / judged->classes;
-    if (infinite > 0)
-        app_stop(e->app, LG_NOT_FINITE,
-                 "%s: %zu scores of %zu windows are not finite, the first of window %u (from 0): its "
-                 "numbers are too large for the model",
-                 e->path, infinite, judged->count, judged->window[first]);
 }
 
 static void check_votes(const evaluation *e) {
@@ -380,11 +364,10 @@ static void evaluate(evaluation *e) {
                                     &e->from.windows, &error));
     choose_part(e);
     if (values.votes.count > 0) check_votes(e);
-    const lg_status status =
-        judge_windows(self, e->model, series, &e->from.windows, &e->part, &e->judged, &why);
+    lg_status status = judge_windows(self, e->model, &e->from, &e->part, &e->judged, &why);
+    if (status == LG_OK) status = lg_judgement_check(&e->judged, &why);
     if (status != LG_OK && status != LG_CANCELLED) app_stop(self, status, "%s: %s", e->path, why.message);
     app_must(self, status, &why);
-    refuse_infinite(e);
     if (values.votes.count > 0) vote(e);
     if (e->model->sort != WELL_NOVELTY && e->model->novelty.channels > 0) tell_unlike(e);
 }
@@ -403,8 +386,8 @@ static void check_options(const app *self) {
 }
 
 static void evaluation_destroy(evaluation *e) {
-    judgement_free(&e->judged);
-    free(e->part.list);
+    lg_judgement_destroy(&e->judged);
+    lg_free(e->app->context, e->part.list);
     lg_windows_destroy(&e->from.windows);
     lg_series_data_destroy(&e->from.data);
 }
@@ -416,8 +399,7 @@ static int run(app *self) {
     check_options(self);
     well_model_load(self, self->arguments[0], &model);
     const int picture = evaluate_views[values.picture];
-    if (values.plot != NULL && check_view(self, &model, picture, false) != APP_EXIT_OK)
-        app_end(APP_EXIT_USAGE);
+    if (values.plot != NULL) check_view(self, &model, picture, false);
     for (size_t i = 0; i < count; i++) {
         list[i] = (evaluation){.app = self, .model = &model, .path = self->arguments[i + 1]};
         evaluate(&list[i]);

@@ -8,10 +8,9 @@
 
 /* ---- networks ---- */
 
-lg_status well_model_of_detector(const app *self, const lg_detector_file *file, well_model *out,
-                                 lg_error *error) {
+well_model well_model_of_detector(const lg_detector_file *file) {
     const lg_detector_run *run = &file->run;
-    *out = (well_model){.sort = WELL_NETWORK,
+    return (well_model){.sort = WELL_NETWORK,
                         .method = "cnn",
                         .classes = run->model.classes,
                         .channels = run->model.net.channels,
@@ -20,25 +19,19 @@ lg_status well_model_of_detector(const app *self, const lg_detector_file *file, 
                         .class_name = file->class_name,
                         .class_label = file->class_label,
                         .channel_name = file->channel_name,
+                        .cut = *run,
                         .probabilities = true,
                         .detector = *file,
                         .novelty = file->novelty};
-    out->cut = (well_cut){.split = run->split,
-                          .test_fraction = run->test_fraction,
-                          .validation_fraction = run->validation_fraction,
-                          .seed = run->training.seed,
-                          .windows = run->windows,
-                          .window = run->window,
-                          .hop = run->hop};
-    memcpy(out->cut.data_sha256, run->data_sha256, sizeof out->cut.data_sha256);
-    return lg_detector_plan_create(self->context, &run->model, &file->scaler, file->theta,
-                                   run->training.dtype, &out->plan, error);
 }
 
 static void load_detector(const app *self, const char *path, well_model *out) {
     lg_detector_file file;
     APP_MUST_FILE(self, path, lg_model_load_detector(self->context, path, NULL, &file, &error));
-    APP_MUST_FILE(self, path, well_model_of_detector(self, &file, out, &error));
+    *out = well_model_of_detector(&file);
+    APP_MUST_FILE(self, path,
+                  lg_detector_plan_create(self->context, &file.run.model, &file.scaler, file.theta,
+                                          file.run.training.dtype, &out->plan, &error));
 }
 
 /* ---- classical classifiers ---- */
@@ -56,13 +49,13 @@ lg_status well_model_save(const app *self, const char *path, const well_model *m
                             .method = model->method,
                             .split = model->cut.split,
                             .test_fraction = model->cut.test_fraction,
-                            .seed = model->cut.seed,
+                            .seed = model->cut.training.seed,
                             .windows = model->cut.windows,
                             .window = model->cut.window,
                             .hop = model->cut.hop,
                             .accuracy = accuracy,
                             .f1 = f1,
-                            .provenance = app_provenance(self, model->cut.seed)};
+                            .provenance = app_provenance(self, model->cut.training.seed)};
     memcpy(file.data_sha256, model->cut.data_sha256, sizeof file.data_sha256);
     return classifier_file_save(self->context, path, &file, error);
 }
@@ -85,12 +78,12 @@ static void load_classifier(const app *self, const char *path, well_model *out) 
                         .novelty = file.novelty,
                         .names = file.names};
     if (file.names.channels == out->channels) out->channel_name = file.names.channel_name;
-    out->cut = (well_cut){.split = file.split,
-                          .test_fraction = file.test_fraction,
-                          .seed = file.seed,
-                          .windows = file.windows,
-                          .window = file.window,
-                          .hop = file.hop};
+    out->cut = (lg_detector_run){.split = file.split,
+                                 .test_fraction = file.test_fraction,
+                                 .training.seed = file.seed,
+                                 .windows = file.windows,
+                                 .window = file.window,
+                                 .hop = file.hop};
     memcpy(out->cut.data_sha256, file.data_sha256, sizeof out->cut.data_sha256);
 }
 

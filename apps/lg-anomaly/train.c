@@ -1,171 +1,93 @@
 /* lg-anomaly train: from labelled series to a model file. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-anomaly/train.h"
 
-const cut_series *tested_series(const trained *self) {
-    return train_given.test != NULL ? &self->foreign : &self->all;
-}
+/* The baseline's: ten minutes, every minute. */
+static const double baseline_window = 600, baseline_hop = 60;
+enum { BASELINE_STORED = 10 }; /* if the rate is unknown: stored windows instead of minutes */
 
 /* ---- what every method tells ---- */
 
-void json_trained(app_json *json, const trained *self, const well_model *model) {
-    const lg_series *series = &self->all.data.series;
-    json_metrics(json, &self->judged, self->cut.hop, series->rate);
-    app_json_real(json, "train_accuracy", self->train_judged.metrics.accuracy);
-    app_json_real(json, "train_f1", self->train_judged.metrics.f1);
-    app_json_real(json, "train_seconds", self->train_seconds);
-    app_json_real(json, "test_seconds", self->judged.seconds);
-    app_json_text(json, "method", model->method);
-    app_json_open(json, "classes", '[');
-    for (uint32_t c = 0; c < model->classes; c++) app_json_text(json, NULL, model->class_name[c]);
-    app_json_close(json, ']');
-    app_json_size(json, "channels", series->channels);
-    app_json_size(json, "window", self->cut.window);
-    app_json_size(json, "hop", self->cut.hop);
-    app_json_real(json, "rate", series->rate > 0 ? series->rate : (double)NAN);
-    app_json_size(json, "windows", self->all.windows.count);
-    app_json_size(json, "train_windows", self->train.count);
-    app_json_size(json, "validation_windows", self->validation.count);
-    app_json_size(json, "test_windows", self->test.count);
-    app_json_text(json, "test", train_given.test);
-    app_json_text(json, "data_sha256", self->cut.data_sha256);
+void save_trained(const app *self, const well_model *model) {
+    const char *path = train_given_files.out;
+    const lg_metrics *metrics = &train_state.judged.metrics;
+    APP_MUST_FILE(self, path, well_model_save(self, path, model, metrics->accuracy, metrics->f1, &error));
 }
 
-void print_trained(const trained *self, const well_model *model) {
-    (void)printf("%zu windows for training, accuracy %.4f on them; the test part (%s):\n", self->train.count,
-                 self->train_judged.metrics.accuracy,
-                 train_given.test != NULL ? train_given.test : lg_split_name(self->cut.split));
-    print_metrics(&self->judged, model);
+void draw_tested(const app *self, int view, const well_model *model, const lg_judgement *judged) {
+    const lg_cut_series *tested = lg_detector_tested(&train_state);
+    const char *picture = train_given_files.plot;
+    APP_MUST_FILE(
+        self, picture,
+        draw_view(self, picture, view, model, &tested->data.series, &tested->windows, judged, &error));
 }
 
-/* ---- reading and cutting ---- */
-
-static int read_test(trained *state) {
-    const char *path = train_given.test;
-    const app *self = state->app;
-    const lg_series *series = &state->all.data.series;
-    if (path == NULL) return APP_EXIT_OK;
-    const bool any = train_given.method == METHOD_NOVELTY; /* all classes but the first are one */
-    const int code = read_series(self, path, any ? NULL : series, &state->foreign.data);
-    if (code != APP_EXIT_OK) return code;
-    const lg_series_data *test = &state->foreign.data;
-    if (test->series.channels != series->channels)
-        return app_fail(self, LG_SHAPE, "%s: %u channels, %s has %u", path, test->series.channels,
-                        self->arguments[0], series->channels);
-    if (strcmp(test->sha256, state->all.data.sha256) == 0)
-        app_warn(self, "%s holds the same windows as %s: there is no test on unseen data", path,
-                 self->arguments[0]);
-    return APP_EXIT_OK;
+void json_trained(app_json *json, lg_learning *learning, const well_model *model) {
+    lg_detector_tell_training(learning, model->method, model->classes, model->class_name);
+    learn_put_results(json, learning, 0, learning->result_count);
 }
 
-int read_all(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
-    trained *state = user;
-    const int code = read_series(self, path, NULL, &state->all.data);
-    if (code != APP_EXIT_OK) return code;
-    memcpy(sha256, state->all.data.sha256, LG_SHA256_TEXT);
-    return read_test(state);
+void print_trained(const well_model *model) {
+    const lg_detector_state *state = &train_state;
+    (void)printf("%zu windows for training, accuracy %.4f on them; the test part (%s):\n", state->train.count,
+                 state->train_judged.metrics.accuracy,
+                 state->test != NULL ? state->test : lg_split_name(train_run.split));
+    print_metrics(&state->judged, model);
 }
 
-static int fail(const app *self, lg_status status, const lg_error *error) {
-    return app_fail(self, status, "%s", app_sentence(status, error));
-}
+/* ---- the classical methods ---- */
 
-static void warn_of_cut(const trained *self) {
-    const well_cut *cut = &self->cut;
-    if (cut->validation_fraction > 0 && self->validation.count == 0)
-        app_warn(self->app,
-                 "--validation %g: this fraction of the %ss has no window: the parameters of the last epoch "
-                 "are kept",
-                 cut->validation_fraction,
-                 cut->split == LG_SPLIT_RANDOM ? "window" : lg_split_name(cut->split));
-    if (self->cut.hop < self->cut.window && cut->split == LG_SPLIT_RANDOM &&
-        (cut->test_fraction > 0 || cut->validation_fraction > 0))
-        app_warn(self->app, "windows overlap and are split at random, so training samples are also test "
-                            "samples; use --split run or --split group");
-}
-
-int cut_parts(trained *self) {
-    const lg_context *context = self->app->context;
-    lg_error error = {LG_OK, ""};
-    uint8_t *parts;
-    cut_series *all = &self->all, *foreign = &self->foreign;
-    lg_status status = cut_and_split(context, &all->data.series, &self->cut, &all->windows, &parts, &error);
-    if (status != LG_OK) return fail(self->app, status, &error);
-    self->cut.windows = all->windows.count;
-    self->train = part_of(parts, all->windows.count, LG_PART_TRAIN);
-    self->validation = part_of(parts, all->windows.count, LG_PART_VALIDATION);
-    if (train_given.test == NULL) {
-        self->test = part_of(parts, all->windows.count, LG_PART_TEST);
+/* Ten minutes if the recordings are long enough, otherwise the stored windows. */
+static void baseline_defaults(const lg_series *series, uint64_t *window, uint64_t *hop) {
+    if (series->run == NULL) return;
+    if (series->rate > 0) {
+        *window = (uint64_t)fmax(floor(baseline_window * series->rate + 0.5), 1);
+        *hop = (uint64_t)fmax(floor(baseline_hop * series->rate + 0.5), 1);
     } else {
-        status = lg_windows_create(context, &foreign->data.series, (size_t)self->cut.window,
-                                   (size_t)self->cut.hop, &foreign->windows, &error);
-        if (status == LG_OK) self->test = part_all(foreign->windows.count);
+        *window = (uint64_t)BASELINE_STORED * series->length;
+        *hop = series->length;
     }
-    free(parts);
-    if (status != LG_OK && status != LG_OUT_OF_MEMORY)
-        return app_fail_file(self->app, status, &error, train_given.test);
-    if (status != LG_OK) return fail(self->app, status, &error);
-    warn_of_cut(self);
-    return APP_EXIT_OK;
+}
+
+static void merge_into_two(void) {
+    char first[LG_SERIES_NAME];
+    memcpy(first, train_state.all.data.series.class_name[0], sizeof first);
+    merge_classes(&train_state.all.data.series, first);
+    if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, first);
+}
+
+static void run_classical(const app *self, lg_learning *learning) {
+    const lg_series_data *data = &train_state.all.data;
+    const bool alone = train_given.method == METHOD_NOVELTY;
+    if (train_state.test != NULL) train_run.test_fraction = 0;
+    train_run.validation_fraction = 0;
+    train_run.training.seed = self->seed;
+    train_run.window = data->series.length;
+    memcpy(train_run.data_sha256, data->sha256, sizeof data->sha256);
+    if (alone) merge_into_two();
+    if (data->series.classes < 2 && !alone)
+        app_stop(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'", data->series.class_name[0]);
+    if (train_given.method == METHOD_BASELINE)
+        baseline_defaults(&data->series, &train_run.window, &train_run.hop);
+    APP_MUST(self, lg_detector_window(learning, &train_run.window, &train_run.hop, &error));
+    APP_MUST(self, lg_detector_split(learning, &error));
+    (alone ? train_novelty : train_classical)(self, learning);
 }
 
 /* ---- the command ---- */
 
-static void merge_into_two(trained *state) {
-    char first[LG_SERIES_NAME];
-    memcpy(first, state->all.data.series.class_name[0], sizeof first);
-    merge_classes(&state->all.data.series, first);
-    if (train_given.test != NULL) merge_classes(&state->foreign.data.series, first);
-}
-
-static int run_classical(trained *state) {
-    app *self = state->app;
-    const lg_series_data *data = &state->all.data;
-    lg_error error = {LG_OK, ""};
-    state->cut = (well_cut){.split = train_run.split,
-                            .test_fraction = train_given.test != NULL ? 0 : train_run.test_fraction,
-                            .seed = self->seed};
-    memcpy(state->cut.data_sha256, data->sha256, sizeof state->cut.data_sha256);
-    const bool alone = train_given.method == METHOD_NOVELTY;
-    if (alone) merge_into_two(state);
-    if (data->series.classes < 2 && !alone)
-        return app_fail(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
-                        data->series.class_name[0]);
-    const lg_status status = window_of(self, &data->series, &state->cut.window, &state->cut.hop, &error);
-    if (status != LG_OK) return fail(self, status, &error);
-    const int code = cut_parts(state);
-    if (code != APP_EXIT_OK) return code;
-    return alone ? train_novelty(state) : train_classical(state);
-}
-
-static int train(app *self, const train_task *task) {
-    char sha256[LG_SHA256_TEXT];
+static int run_train(app *self) {
     int code = train_check_options(self);
     if (code != APP_EXIT_OK) return code;
-    if (train_given.method == METHOD_CNN) return train_main(self, task);
+    if (train_given.method == METHOD_CNN) return train_recipe_main(self, &network_recipe);
     if (self->rank_count > 1) return app_usage(self, "--method cnn alone trains by ranks");
-    code = train_check(self, task);
-    if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[0], sha256);
-    return code == APP_EXIT_OK ? run_classical(task->user) : code;
-}
-
-int with_task(app *self, int (*main_)(app *self, const train_task *task)) {
-    trained *state = app_alloc(1, sizeof *state);
-    state->app = self;
-    const train_task task = network_task(state);
-    const int code = main_(self, &task);
-    task.release(state);
-    lg_series_data_destroy(&state->all.data);
-    lg_series_data_destroy(&state->foreign.data);
-    free(state);
+    train_state.any_class = train_given.method == METHOD_NOVELTY; /* all but the first are one */
+    code = train_recipe_read(self, &network_recipe);
+    if (code == APP_EXIT_OK) run_classical(self, &network_recipe.learning);
+    lg_learning_close(&network_recipe.learning);
     return code;
-}
-
-static int run_train(app *self) {
-    return with_task(self, train);
 }
 
 const app_command train_command = {

@@ -17,7 +17,9 @@ typedef struct choice {
 } choice;
 
 typedef struct classical {
-    trained *base;
+    const app *app;
+    lg_learning *learning;
+    lg_detector_state *base;
     well_model model;
     uint32_t *label;               /* of all windows */
     uint32_t *unit;                /* of all windows: run or group; NULL: split one by one */
@@ -26,16 +28,12 @@ typedef struct classical {
     choice chosen;
 } classical;
 
-static int fail(const app *self, lg_status status, const lg_error *error) {
-    return app_fail(self, status, "%s", app_sentence(status, error));
-}
-
 /* ---- features ---- */
 
 static lg_status create_features(classical *self, lg_error *error) {
-    const trained *base = self->base;
+    const lg_detector_state *base = self->base;
     const train_values *values = &train_given;
-    const lg_context *context = base->app->context;
+    const lg_context *context = self->app->context;
     const lg_series *series = &base->all.data.series;
     const bool baseline = values->method == METHOD_BASELINE;
     lg_scaler scaler;
@@ -43,25 +41,25 @@ static lg_status create_features(classical *self, lg_error *error) {
                                      false, &scaler);
     if (status != LG_OK) return app_error(error, status, "scaling: %s", lg_status_sentence(status));
     status = lg_features_create(context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features,
-                                values->directions == 1, series, (uint32_t)base->cut.window, &scaler,
+                                values->directions == 1, series, (uint32_t)train_run.window, &scaler,
                                 &self->model.classifier.features, error);
     lg_scaler_destroy(&scaler);
     return status;
 }
 
-static lg_status fill_table(const classical *self, const cut_series *from, double **out, lg_error *error) {
+static lg_status fill_table(const classical *self, const lg_cut_series *from, double **out, lg_error *error) {
     const lg_features *features = &self->model.classifier.features;
     const size_t count = from->windows.count;
     *out = app_try_alloc(count * features->count, sizeof **out);
     if (*out == NULL)
         return app_error(error, LG_OUT_OF_MEMORY, "out of memory: %zu windows with %u features each", count,
                          features->count);
-    return lg_features_table(self->base->app->context, features, &from->data.series, &from->windows,
-                             (int)self->base->app->threads, *out, error);
+    return lg_features_table(self->app->context, features, &from->data.series, &from->windows,
+                             (int)self->app->threads, *out, error);
 }
 
 /* Values of stored windows, carried over to the windows cut from them; NULL for NULL. */
-static uint32_t *of_windows(const cut_series *from, const uint32_t *stored) {
+static uint32_t *of_windows(const lg_cut_series *from, const uint32_t *stored) {
     if (stored == NULL) return NULL;
     uint32_t *out = app_alloc(from->windows.count, sizeof *out);
     for (size_t i = 0; i < from->windows.count; i++) out[i] = stored[from->windows.first[i]];
@@ -69,23 +67,22 @@ static uint32_t *of_windows(const cut_series *from, const uint32_t *stored) {
 }
 
 /* Folds keep together what the split keeps together. */
-static const uint32_t *units_of(const trained *base) {
-    const lg_series *series = &base->all.data.series;
-    if (base->cut.split == LG_SPLIT_RUN) return series->run;
-    return base->cut.split == LG_SPLIT_GROUP ? series->group : NULL;
+static const uint32_t *units_of(const lg_series *series) {
+    if (train_run.split == LG_SPLIT_RUN) return series->run;
+    return train_run.split == LG_SPLIT_GROUP ? series->group : NULL;
 }
 
 static lg_status compute_features(classical *self, lg_error *error) {
-    const trained *base = self->base;
+    const lg_detector_state *base = self->base;
     const double begin = app_seconds();
     lg_status status = create_features(self, error);
     if (status == LG_OK) status = fill_table(self, &base->all, &self->table, error);
-    if (status == LG_OK && train_given.test != NULL)
+    if (status == LG_OK && base->test != NULL)
         status = fill_table(self, &base->foreign, &self->foreign_table, error);
     self->feature_seconds = app_seconds() - begin;
     if (status != LG_OK) return status;
     self->label = of_windows(&base->all, base->all.data.series.label);
-    self->unit = of_windows(&base->all, units_of(base));
+    self->unit = of_windows(&base->all, units_of(&base->all.data.series));
     return LG_OK;
 }
 
@@ -161,45 +158,44 @@ static void list_candidates(const app *self, const train_values *values, double 
 }
 
 static lg_status choose(classical *self, lg_error *error) {
-    const trained *base = self->base;
+    const lg_detector_state *base = self->base;
     choice *chosen = &self->chosen;
-    list_candidates(base->app, &train_given, base->all.data.noise, chosen);
+    list_candidates(self->app, &train_given, base->all.data.noise, chosen);
     if (chosen->count == 1) return LG_OK;
     chosen->accuracy = app_alloc(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
     const lg_status status = lg_grid_search(
-        base->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds, self->table,
+        self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds, self->table,
         self->label, self->unit, base->train.list, base->train.count, self->model.classifier.features.count,
-        base->all.data.series.classes, (int)base->app->threads, chosen->accuracy, &chosen->best, error);
+        base->all.data.series.classes, (int)self->app->threads, chosen->accuracy, &chosen->best, error);
     chosen->seconds = app_seconds() - begin;
     return status;
 }
 
 static lg_status fit(classical *self, lg_error *error) {
-    trained *base = self->base;
+    const lg_detector_state *base = self->base;
     const double begin = app_seconds();
-    const lg_status status = lg_classifier_fit(base->app->context, &self->chosen.options[self->chosen.best],
+    const lg_status status = lg_classifier_fit(self->app->context, &self->chosen.options[self->chosen.best],
                                                self->table, self->label, base->train.list, base->train.count,
                                                self->model.classifier.features.count,
                                                base->all.data.series.classes, &self->model.classifier, error);
-    base->train_seconds = app_seconds() - begin;
+    self->learning->seconds = app_seconds() - begin;
     return status;
 }
 
 static lg_status judge(classical *self, lg_error *error) {
-    trained *base = self->base;
-    const cut_series *tested = tested_series(base);
-    const lg_status status = judge_rows(base->app, &self->model, &base->all.data.series, &base->all.windows,
-                                        &base->train, self->table, &base->train_judged, error);
+    lg_detector_state *base = self->base;
+    const lg_status status = judge_rows(self->app, &self->model, &base->all, &base->train, self->table,
+                                        &base->train_judged, error);
     if (status != LG_OK) return status;
-    return judge_rows(base->app, &self->model, &tested->data.series, &tested->windows, &base->test,
+    return judge_rows(self->app, &self->model, lg_detector_tested(base), &base->tested,
                       self->foreign_table != NULL ? self->foreign_table : self->table, &base->judged, error);
 }
 
 /* ---- pruning against alpha ---- */
 
 static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double *table,
-                            const uint32_t *label, const part_indices *part) {
+                            const uint32_t *label, const lg_window_list *part) {
     const uint32_t d = pca->inputs, k = lg_pca_outputs(pca);
     double *memory = app_alloc(k + d, sizeof *memory);
     size_t right = 0;
@@ -218,31 +214,32 @@ static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double
 
 static lg_status prune_and_judge(const classical *self, const lg_tree *whole, const lg_pca *pca, double alpha,
                                  const uint32_t *tested_label, pruned_tree *out) {
-    const trained *base = self->base;
+    const lg_detector_state *base = self->base;
     lg_tree pruned;
-    const lg_status status = lg_tree_prune(base->app->context, whole, alpha, &pruned);
+    const lg_status status = lg_tree_prune(self->app->context, whole, alpha, &pruned);
     if (status != LG_OK) return status;
     *out = (pruned_tree){.alpha = alpha, .nodes = pruned.count, .depth = lg_tree_depth(&pruned)};
     out->train_accuracy = tree_accuracy(&pruned, pca, self->table, self->label, &base->train);
     out->test_accuracy =
         tree_accuracy(&pruned, pca, self->foreign_table != NULL ? self->foreign_table : self->table,
-                      tested_label, &base->test);
+                      tested_label, &base->tested);
     lg_tree_destroy(&pruned);
     return LG_OK;
 }
 
 static lg_status draw_path(const classical *self, const lg_tree *whole, const lg_pca *pca, lg_error *error) {
-    const trained *base = self->base;
+    const lg_detector_state *base = self->base;
     size_t count = 0;
     lg_pruning_step *steps = app_alloc(whole->count, sizeof *steps);
-    lg_status status = lg_tree_pruning_path(base->app->context, whole, whole->count, steps, &count);
+    lg_status status = lg_tree_pruning_path(self->app->context, whole, whole->count, steps, &count);
     pruned_tree *trees = app_alloc(count, sizeof *trees);
-    const cut_series *tested = tested_series(base); /* labels of --test's windows are in another array */
+    const lg_cut_series *tested =
+        lg_detector_tested(base); /* labels of --test's windows are in another array */
     uint32_t *label = of_windows(tested, tested->data.series.label);
     for (size_t i = 0; i < count && status == LG_OK; i++)
         status = prune_and_judge(self, whole, pca, steps[i].alpha, label, &trees[i]);
     if (status == LG_OK)
-        status = draw_pruning(base->app, train_given_files.plot, trees, count,
+        status = draw_pruning(self->app, train_given_files.plot, trees, count,
                               self->chosen.options[self->chosen.best].tree.ccp_alpha, error);
     else
         (void)app_error(error, status, "%s", lg_status_sentence(status));
@@ -253,30 +250,28 @@ static lg_status draw_path(const classical *self, const lg_tree *whole, const lg
 }
 
 static lg_status draw_alphas(const classical *self, lg_error *error) {
-    const trained *base = self->base;
+    const lg_detector_state *base = self->base;
     lg_method_options options = self->chosen.options[self->chosen.best];
     lg_classifier whole = {.classes = 0};
     options.tree.ccp_alpha = 0;
     lg_status status = lg_classifier_fit(
-        base->app->context, &options, self->table, self->label, base->train.list, base->train.count,
+        self->app->context, &options, self->table, self->label, base->train.list, base->train.count,
         self->model.classifier.features.count, base->all.data.series.classes, &whole, error);
     if (status == LG_OK) status = draw_path(self, &whole.tree, &whole.pca, error);
     lg_classifier_destroy(&whole);
     return status;
 }
 
-static int draw(const classical *self) {
-    const trained *base = self->base;
-    const cut_series *tested = tested_series(base);
+static void draw(const classical *self) {
+    const lg_detector_state *base = self->base;
     const int view = view_of(&self->model, train_given.picture, true);
-    lg_error error = {LG_OK, ""};
-    if (train_given_files.plot == NULL) return APP_EXIT_OK;
-    const lg_status status =
-        view == VIEW_PRUNING
-            ? draw_alphas(self, &error)
-            : draw_view(base->app, train_given_files.plot, view, &self->model, &tested->data.series,
-                        &tested->windows, base->test.count > 0 ? &base->judged : &base->train_judged, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(base->app, status, &error, train_given_files.plot);
+    const char *picture = train_given_files.plot;
+    if (picture == NULL) return;
+    if (view == VIEW_PRUNING)
+        APP_MUST_FILE(self->app, picture, draw_alphas(self, &error));
+    else
+        draw_tested(self->app, view, &self->model,
+                    base->tested.count > 0 ? &base->judged : &base->train_judged);
 }
 
 /* ---- result ---- */
@@ -327,13 +322,12 @@ static void json_method(app_json *json, const classical *self) {
 }
 
 static void report_json(const classical *self) {
-    const trained *base = self->base;
     const lg_classifier *model = &self->model.classifier;
     app_json json;
     app_json_begin(&json);
-    json_trained(&json, base, &self->model);
-    app_json_text(&json, "split", lg_split_name(base->cut.split));
-    app_json_real(&json, "test_fraction", base->cut.test_fraction);
+    json_trained(&json, self->learning, &self->model);
+    app_json_text(&json, "split", lg_split_name(train_run.split));
+    app_json_real(&json, "test_fraction", train_run.test_fraction);
     app_json_text(&json, "features", lg_feature_kind_name(model->features.kind));
     app_json_size(&json, "feature_count", model->features.count);
     app_json_size(&json, "components", model->pca.components);
@@ -341,19 +335,18 @@ static void report_json(const classical *self) {
     app_json_real(&json, "feature_seconds", self->feature_seconds);
     json_method(&json, self);
     json_choice(&json, self);
-    app_json_size(&json, "seed", base->app->seed);
-    app_json_size(&json, "threads", base->app->threads);
+    app_json_size(&json, "seed", self->app->seed);
+    app_json_size(&json, "threads", self->app->threads);
     app_json_text(&json, "out", train_given_files.out);
     app_json_real(&json, "floor", (double)NAN);
-    app_json_warnings(&json, base->app);
+    app_json_warnings(&json, self->app);
     app_json_end(&json);
 }
 
 static void report(const classical *self) {
-    const trained *base = self->base;
     const lg_classifier *model = &self->model.classifier;
     const lg_method_options *option = &self->chosen.options[self->chosen.best];
-    if (base->app->json) {
+    if (self->app->json) {
         report_json(self);
         return;
     }
@@ -368,56 +361,39 @@ static void report(const classical *self) {
     if (self->chosen.accuracy != NULL)
         (void)printf(" (best of %zu by cross-validation: %.4f)", self->chosen.count,
                      self->chosen.accuracy[self->chosen.best]);
-    (void)printf("\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds, base->train_seconds);
-    print_trained(base, &self->model);
+    (void)printf("\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds, self->learning->seconds);
+    print_trained(&self->model);
 }
 
 /* ---- running ---- */
 
-static void describe(const trained *base, well_model *model) {
-    const lg_series *series = &base->all.data.series;
+static void describe(const lg_series *series, well_model *model) {
     *model = (well_model){.sort = WELL_CLASSICAL,
                           .method = train_method_name(train_given.method),
                           .classes = series->classes,
                           .channels = series->channels,
-                          .window = (uint32_t)base->cut.window,
+                          .window = (uint32_t)train_run.window,
                           .rate = series->rate,
                           .class_name = series->class_name,
                           .class_label = series->class_label,
                           .channel_name = series->channel_name,
-                          .cut = base->cut};
+                          .cut = train_run};
     model->classifier.method = method_of(train_given.method);
     model->probabilities = model->classifier.method <= LG_METHOD_TREE;
 }
 
-static int train(classical *self) {
-    const trained *base = self->base;
-    const char *path = train_given_files.out;
-    lg_error error = {LG_OK, ""};
-    lg_status status = compute_features(self, &error);
-    if (status == LG_OK) status = choose(self, &error);
-    if (status == LG_OK) status = fit(self, &error);
-    if (status == LG_OK && train_given_files.plot != NULL) {
-        const int refused = check_view(base->app, &self->model, train_given.picture, true);
-        if (refused != APP_EXIT_OK) return refused;
-    }
-    if (status == LG_OK) status = judge(self, &error);
-    if (status == LG_CANCELLED) return app_fail(base->app, status, "stopped by %s", app_stopper());
-    if (status != LG_OK) return fail(base->app, status, &error);
-    const int fitted = fit_novelty(base, &base->train, &self->model.novelty);
-    if (fitted != APP_EXIT_OK) return fitted;
-    status = well_model_save(base->app, path, &self->model, base->judged.metrics.accuracy,
-                             base->judged.metrics.f1, &error);
-    if (status != LG_OK) return app_fail_file(base->app, status, &error, path);
-    const int code = draw(self);
-    if (code == APP_EXIT_OK) report(self);
-    return code;
-}
-
-int train_classical(trained *base) {
-    classical self = {.base = base};
-    describe(base, &self.model);
-    const int code = train(&self);
+void train_classical(const app *program, lg_learning *learning) {
+    classical self = {.app = program, .learning = learning, .base = learning->state};
+    describe(&self.base->all.data.series, &self.model);
+    APP_MUST(program, compute_features(&self, &error));
+    APP_MUST(program, choose(&self, &error));
+    APP_MUST(program, fit(&self, &error));
+    if (train_given_files.plot != NULL) check_view(program, &self.model, train_given.picture, true);
+    APP_MUST(program, judge(&self, &error));
+    APP_MUST(program, lg_detector_fit_novelty(learning, &self.model.novelty));
+    save_trained(program, &self.model);
+    draw(&self);
+    report(&self);
     lg_classifier_destroy(&self.model.classifier);
     lg_novelty_destroy(&self.model.novelty);
     free(self.label);
@@ -426,5 +402,4 @@ int train_classical(trained *base) {
     free(self.foreign_table);
     free(self.chosen.options);
     free(self.chosen.accuracy);
-    return code;
 }

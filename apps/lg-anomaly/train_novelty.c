@@ -1,40 +1,21 @@
-/* What the training windows look like: for every method, and lg-anomaly train --method novelty, which is
- * that alone. */
-#include <stdlib.h>
+/* lg-anomaly train --method novelty: what the windows of the first class look like, and nothing else. */
 #include <string.h>
 
 #include "lg-anomaly/train.h"
-
-int fit_novelty(const trained *self, const part_indices *part, lg_novelty *out) {
-    const app *program = self->app;
-    lg_novelty_options options;
-    lg_error error = {LG_OK, ""};
-    lg_novelty_options_init(&options);
-    const lg_status status =
-        lg_novelty_fit(program->context, &options, &self->all.data.series, &self->all.windows, part->list,
-                       part->count, (int)program->threads, out, &error);
-    if (status == LG_CANCELLED) return app_fail(program, status, "stopped by %s", app_stopper());
-    if (status != LG_OK)
-        app_warn(program,
-                 "the model does not know what its windows look like (%s): `watch` will not tell windows "
-                 "that are unlike them",
-                 error.message);
-    return APP_EXIT_OK;
-}
-
-/* ---- alone ---- */
 
 /* Closer than the limit of a third answer: single windows beyond it are outvoted, damage stays. */
 static const double MARGIN = 1.6;
 
 typedef struct alone {
-    trained *base;
+    const app *app;
+    lg_learning *learning;
+    lg_detector_state *base;
     well_model model;
     char names[2][LG_SERIES_NAME];
 } alone;
 
 static void describe(alone *self) {
-    const trained *base = self->base;
+    const lg_detector_state *base = self->base;
     const lg_series *series = &base->all.data.series;
     memcpy(self->names[0], series->class_name[0], LG_SERIES_NAME);
     memcpy(self->names[1], "unlike", sizeof "unlike");
@@ -42,15 +23,15 @@ static void describe(alone *self) {
                                .method = train_method_name(METHOD_NOVELTY),
                                .classes = 2,
                                .channels = series->channels,
-                               .window = (uint32_t)base->cut.window,
+                               .window = (uint32_t)train_run.window,
                                .rate = series->rate,
                                .class_name = self->names,
                                .channel_name = series->channel_name,
-                               .cut = base->cut};
+                               .cut = train_run};
 }
 
 /* Windows of other classes are no training windows. */
-static void keep_first_class(trained *base) {
+static void keep_first_class(lg_detector_state *base) {
     const lg_series *series = &base->all.data.series;
     size_t kept = 0;
     for (size_t i = 0; i < base->train.count; i++)
@@ -59,82 +40,59 @@ static void keep_first_class(trained *base) {
     base->train.count = kept;
 }
 
-static lg_status judge(alone *self, lg_error *error) {
-    trained *base = self->base;
-    const cut_series *tested = tested_series(base);
-    const lg_status status = judge_windows(base->app, &self->model, &base->all.data.series,
-                                           &base->all.windows, &base->train, &base->train_judged, error);
-    if (status != LG_OK) return status;
-    return judge_windows(base->app, &self->model, &tested->data.series, &tested->windows, &base->test,
-                         &base->judged, error);
+static void judge(alone *self) {
+    lg_detector_state *base = self->base;
+    APP_MUST(self->app,
+             judge_windows(self->app, &self->model, &base->all, &base->train, &base->train_judged, &error));
+    APP_MUST(self->app, judge_windows(self->app, &self->model, lg_detector_tested(base), &base->tested,
+                                      &base->judged, &error));
 }
 
 static void report(const alone *self) {
-    const trained *base = self->base;
     const lg_novelty *novelty = &self->model.novelty;
-    if (!base->app->json) {
+    if (!self->app->json) {
         (void)printf("%s: novelty, %u features, windows of '%s' alone (%.3f s)\n", train_given_files.out,
-                     novelty->features, self->names[0], base->train_seconds);
-        print_trained(base, &self->model);
+                     novelty->features, self->names[0], self->learning->seconds);
+        print_trained(&self->model);
         return;
     }
     app_json json;
     app_json_begin(&json);
-    json_trained(&json, base, &self->model);
-    app_json_text(&json, "split", lg_split_name(base->cut.split));
-    app_json_real(&json, "test_fraction", base->cut.test_fraction);
+    json_trained(&json, self->learning, &self->model);
+    app_json_text(&json, "split", lg_split_name(train_run.split));
+    app_json_real(&json, "test_fraction", train_run.test_fraction);
     app_json_size(&json, "feature_count", novelty->features);
     app_json_size(&json, "bands", novelty->bands);
-    app_json_size(&json, "seed", base->app->seed);
-    app_json_size(&json, "threads", base->app->threads);
+    app_json_size(&json, "seed", self->app->seed);
+    app_json_size(&json, "threads", self->app->threads);
     app_json_text(&json, "out", train_given_files.out);
-    app_json_warnings(&json, base->app);
+    app_json_warnings(&json, self->app);
     app_json_end(&json);
 }
 
-static int draw(const alone *self) {
-    const trained *base = self->base;
-    const cut_series *tested = tested_series(base);
-    lg_error error = {LG_OK, ""};
-    if (train_given_files.plot == NULL) return APP_EXIT_OK;
-    const lg_status status =
-        draw_view(base->app, train_given_files.plot, view_of(&self->model, train_given.picture, true),
-                  &self->model, &tested->data.series, &tested->windows, &base->judged, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(base->app, status, &error, train_given_files.plot);
-}
-
-static int train(alone *self) {
-    trained *base = self->base;
-    const char *path = train_given_files.out;
-    lg_novelty_options options;
-    lg_error error = {LG_OK, ""};
-    if (train_given_files.plot != NULL) {
-        const int refused = check_view(base->app, &self->model, train_given.picture, true);
-        if (refused != APP_EXIT_OK) return refused;
-    }
+static void fit(alone *self) {
+    const lg_detector_state *base = self->base;
     const double begin = app_seconds();
+    lg_novelty_options options;
     lg_novelty_options_init(&options);
     options.margin = MARGIN;
-    lg_status status = lg_novelty_fit(base->app->context, &options, &base->all.data.series,
-                                      &base->all.windows, base->train.list, base->train.count,
-                                      (int)base->app->threads, &self->model.novelty, &error);
-    base->train_seconds = app_seconds() - begin;
-    if (status == LG_OK) status = judge(self, &error);
-    if (status == LG_CANCELLED) return app_fail(base->app, status, "stopped by %s", app_stopper());
-    if (status != LG_OK) return app_fail(base->app, status, "%s", app_sentence(status, &error));
-    status = well_model_save(base->app, path, &self->model, base->judged.metrics.accuracy,
-                             base->judged.metrics.f1, &error);
-    if (status != LG_OK) return app_fail_file(base->app, status, &error, path);
-    const int code = draw(self);
-    if (code == APP_EXIT_OK) report(self);
-    return code;
+    APP_MUST(self->app, lg_novelty_fit(self->app->context, &options, &base->all.data.series,
+                                       &base->all.windows, base->train.list, base->train.count,
+                                       (int)self->app->threads, &self->model.novelty, &error));
+    self->learning->seconds = app_seconds() - begin;
 }
 
-int train_novelty(trained *base) {
-    alone self = {.base = base};
+void train_novelty(const app *program, lg_learning *learning) {
+    alone self = {.app = program, .learning = learning, .base = learning->state};
     describe(&self);
-    keep_first_class(base);
-    const int code = train(&self);
+    keep_first_class(self.base);
+    if (train_given_files.plot != NULL) check_view(program, &self.model, train_given.picture, true);
+    fit(&self);
+    judge(&self);
+    save_trained(program, &self.model);
+    if (train_given_files.plot != NULL)
+        draw_tested(program, view_of(&self.model, train_given.picture, true), &self.model,
+                    &self.base->judged);
+    report(&self);
     lg_novelty_destroy(&self.model.novelty);
-    return code;
 }

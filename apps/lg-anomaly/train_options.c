@@ -18,7 +18,6 @@ NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std
 NAMES(static, directions_name, "xy", "x")
 NAMES(static, criterion_name, [LG_GINI] = "gini", [LG_ENTROPY] = "entropy")
 NAMES(static, prune_name, [PRUNE_NONE] = "none", [PRUNE_PRE] = "pre", [PRUNE_POST] = "post")
-NAMES(static, pooling_name, [LG_POOL_NONE] = "none", [LG_POOL_AVERAGE] = "average", [LG_POOL_MAX] = "max")
 
 /* ---- hyperparameters beside those of the run ---- */
 
@@ -39,10 +38,6 @@ static const lg_field rows[] = {
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
             "regression lines of moment against acceleration, logistic regression; novelty: learns the "
             "first class alone, the others only test it"),
-    ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
-        .meaning = "Length of a window; in samples if the sampling rate of the data is unknown"),
-    ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",
-        .meaning = "Distance from one window to the next"),
     ROW("features", NAME, features, .value_name = features_name, .value = "cov", .methods = CLASSICAL,
         .meaning = "Features of classical methods: the samples, standard deviations, the square root of the "
                    "covariance, or the logarithms of the power in bands of frequency"),
@@ -72,30 +67,13 @@ static const lg_field rows[] = {
         .methods = CLASSICAL | BASELINE, .meaning = "Folds of cross-validation"),
     ROW("gamma", REAL, gamma, .above = true, .high = 1e300, .unit = "G", .methods = RBF,
         .otherwise = "1/(features x their variance)", .meaning = "svm-rbf: exp(-G |x - y|^2)"),
-    ROW("preset", NAME, preset, .value_name = lg_preset_name, .value = "best", .methods = CNN,
-        .meaning = "cnn: source of options that are not given: the published settings or ours"),
-    ROW("filters", WHOLES, filters, .low = 1, .high = 1 << 20, .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...",
-        .methods = CNN,
-        .otherwise = "2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
-                     "three",
-        .meaning = "cnn: channels of each block"),
-    ROW("kernel", U64, kernel, .low = 1, .high = 1 << 20, .value = "5", .unit = "n", .methods = CNN,
-        .meaning = "cnn: samples of a kernel"),
-    ROW("stride", U64, stride, .low = 1, .high = 1 << 20, .value = "1", .unit = "n", .methods = CNN,
-        .meaning = "cnn: of convolutions"),
-    ROW("padding", U64, padding, .high = 1 << 20, .value = "0", .unit = "n", .methods = CNN,
-        .meaning = "cnn: zeros at both ends of a series"),
-    ROW("pooling", NAME, pooling, .value_name = pooling_name, .value = "average", .methods = CNN,
-        .meaning = "cnn: pooling after each convolution"),
-    ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = CNN,
-        .meaning = "cnn: number of samples pooled to one"),
     LG_FIELD_END};
 
 train_values train_given;
 lg_detector_run train_run;
+lg_detector_state train_state;
 
 static const lg_field train_options[] = {
-    LG_OPTION(train_values, test, STRING, "TEST.h5", "Test on this file; DATA.h5 is then all for training"),
     LG_OPTION(train_values, grid, REALS, "C,C,...",
               "Choose C among these by cross-validation on the training part (default for svm: "
               "0.1,1,10,100)",
@@ -104,6 +82,7 @@ static const lg_field train_options[] = {
 
 const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
                                        {rows, &train_given, sizeof train_given},
+                                       APP_GIVEN(lg_detector_options, train_state),
                                        APP_GIVEN(train_options, train_given),
                                        TRAIN_SHARED_NO_SIZE,
                                        APP_SETTINGS_END};
@@ -140,7 +119,7 @@ int train_check_options(const app *self) {
                          "--prune pre: chooses --max-depth, --min-samples-split and --min-samples-leaf");
     if (app_given(self, "picture") && train_given_files.plot == NULL)
         return app_usage(self, "--picture: needs --plot FILE");
-    if (values->test != NULL && app_given(self, "test-fraction"))
+    if (train_state.test != NULL && app_given(self, "test-fraction"))
         return app_usage(self, "--test and --test-fraction cannot be given together");
     return APP_EXIT_OK;
 }

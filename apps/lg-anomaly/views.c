@@ -67,9 +67,9 @@ static const char *view_missing(const well_model *model, int view, bool training
     }
 }
 
-int check_view(const app *self, const well_model *model, int view, bool training) {
+void check_view(const app *self, const well_model *model, int view, bool training) {
     const char *missing = view_missing(model, view_of(model, view, training), training);
-    return missing == NULL ? APP_EXIT_OK : app_usage(self, "--picture %s: %s", view_names[view], missing);
+    if (missing != NULL) app_stop_usage(self, "--picture %s: %s", view_names[view], missing);
 }
 
 /* ---- points ---- */
@@ -97,10 +97,10 @@ static void points_destroy(points *p) {
 }
 
 /* Windows evenly chosen, SHOWN_POINTS at most. */
-static size_t shown(const judgement *judged) {
+static size_t shown(const lg_judgement *judged) {
     return judged->count < SHOWN_POINTS ? judged->count : (size_t)SHOWN_POINTS;
 }
-static size_t chosen(const judgement *judged, size_t i) {
+static size_t chosen(const lg_judgement *judged, size_t i) {
     return i * judged->count / shown(judged);
 }
 
@@ -113,7 +113,7 @@ static char *column_name(const lg_features *features, const lg_series *series, b
 
 /* Features of the windows, or their components. */
 static lg_status feature_points(const well_model *model, const lg_series *series, const lg_windows *windows,
-                                const judgement *judged, bool components, points *out) {
+                                const lg_judgement *judged, bool components, points *out) {
     const lg_classifier *classifier = &model->classifier;
     const lg_features *features = &classifier->features;
     const lg_pca *pca = &classifier->pca;
@@ -147,7 +147,7 @@ typedef struct viewing {
     const well_model *model;
     const lg_series *series;
     const lg_windows *windows;
-    const judgement *judged;
+    const lg_judgement *judged;
 } viewing;
 
 static lg_status view_points(const viewing *v, int view, lg_error *error) {
@@ -200,7 +200,7 @@ static lg_status view_tree(const viewing *v, lg_error *error) {
 }
 
 static lg_status view_roc(const viewing *v, lg_error *error) {
-    const judgement *judged = v->judged;
+    const lg_judgement *judged = v->judged;
     const size_t n = judged->count, room = n + 1;
     const uint32_t first = judged->classes == 2 ? 1 : 0, classes = judged->classes;
     APP_FREE double *memory = app_alloc(3 * room * classes + n, sizeof *memory);
@@ -269,7 +269,7 @@ static lg_status view_regressions(const viewing *v, lg_error *error) {
 }
 
 lg_status draw_view(const app *self, const char *picture, int view, const well_model *model,
-                    const lg_series *series, const lg_windows *windows, const judgement *judged,
+                    const lg_series *series, const lg_windows *windows, const lg_judgement *judged,
                     lg_error *error) {
     lg_series named = *series; /* the model's names replace those that the file lacks */
     if (named.channel_name == NULL) named.channel_name = model->channel_name;

@@ -8,6 +8,10 @@ OWNED(lg_model_file, lg_model_file_destroy)
 
 static const char learn[] = "lg-learn";
 
+/* Four seconds of the six sensors of a well. */
+#define SENSOR "1,2,1,0,-1,-2,-1,0,1,2,3,2,1,0,-1,-2,-3,-2,-1,0"
+#define WINDOW SENSOR "," SENSOR "," SENSOR "," SENSOR "," SENSOR "," SENSOR
+
 /* Recipes that are learned: another program's data (NULL: a table), options of train that end soon, a range of
  * a search. */
 static const struct learned {
@@ -26,6 +30,9 @@ static const struct learned {
      "--method ssbroyden --epochs 12", "window: {integer: [3, 9]}", "0.3,0", "fit", "machine.yaml data.h5"},
     {"table", "lg-fit", NULL, "--method ssbroyden --hidden 6 --epochs 60", "hidden: {integer: [4, 8]}",
      "1,0.5", "train", "data.h5"},
+    {"detector", "lg-anomaly", "generate --runs 8 --hours 0.05 --noise 1 --window 4",
+     "--optimizer adam --filters 4 --lr 0.01 --epochs 40", "kernel: {integer: [2, 5]}", WINDOW, "train",
+     "data.h5"},
 };
 
 static lg_model_file *load(const char *name) {
@@ -112,6 +119,16 @@ TEST("evaluate, search and predict take what they do from the file and the recip
             "trials 2, done >0, best *");
         assert_int_equal(remove(cli_at("t.csv")), 0);
     }
+}
+
+TEST("a detector is judged on the windows that its program judges") {
+    make_data(&rows[2]);
+    cli_expect(learn, test_text("train data.h5 --recipe detector %s --out m.h5", rows[2].train), 0, "");
+    cli_json("lg-anomaly", "evaluate m.h5 data.h5", "part \"test\"");
+    const double windows = json_number(result.out, "windows"), auc = json_number(result.out, "auc");
+    cli_json(learn, "evaluate m.h5 data.h5", "recipe \"detector\"");
+    assert_close(json_number(result.out, "windows"), windows, 0, 0);
+    assert_close(json_number(result.out, "auc"), auc, 0, 0);
 }
 
 TEST("a prediction is the motion that the recipe's program finds, and its table has every point") {

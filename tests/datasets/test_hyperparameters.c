@@ -186,7 +186,7 @@ static const char page_begin[] =
     "comparison of a resumed run\nand JSON come from it. The name stands in files and grids, the option on "
     "command lines and in searches. What is stored in\na file must be the same in a resumed run. The options "
     "of the classical methods of `lg-anomaly` and of the blocks of its\nnetwork are rows of the same form in "
-    "`apps/lg-anomaly/train_options.c`.\n\n"
+    "`apps/lg-anomaly/train_options.c` and `src/anomaly/files/recipe.c`.\n\n"
     "This page is written by `test_hyperparameters`, which fails when it is old: run it with "
     "LG_WRITE_PAGES=1 "
     "then.\n";

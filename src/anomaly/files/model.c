@@ -329,4 +329,5 @@ static const lg_program_source places[] = {{"mean", "single scaler/mean"},
                                            {"inverse_scale", "inverse scaler/scale"},
                                            {NULL, NULL}};
 
-LG_RECIPE(detector, "detector-checkpoint", .places = places);
+extern const struct lg_learner lg_detector_learner; /* recipe.c */
+LG_RECIPE(detector, "detector-checkpoint", .places = places, .learner = &lg_detector_learner);

@@ -51,11 +51,9 @@ void lg_learning_release(lg_learning *self) {
         lg_free(self->context, self->blocks);
         self->blocks = next;
     }
-    lg_free(self->context, self->results);
+    lg_learning_clear(self);
     self->fit = NULL;
     self->theta = NULL;
-    self->results = NULL;
-    self->result_count = self->result_room = self->first_count = 0;
 }
 
 void lg_learning_close(lg_learning *self) {
@@ -113,6 +111,12 @@ static bool make_room(lg_learning *self) {
     self->results = longer;
     self->result_room = room;
     return true;
+}
+
+void lg_learning_clear(lg_learning *self) {
+    lg_free(self->context, self->results);
+    self->results = NULL;
+    self->result_count = self->result_room = self->first_count = 0;
 }
 
 static lg_result *add_result(lg_learning *self, const char *name, lg_field_type type, const char *label) {

@@ -130,6 +130,7 @@ void lg_result_text(lg_learning *self, const char *name, const char *value, cons
 /* A list '[' or an object '{' begins, whose members are told until it ends; they are in JSON alone. */
 void lg_result_open(lg_learning *self, const char *name, char bracket);
 void lg_result_close(lg_learning *self, char bracket);
+void lg_learning_clear(lg_learning *self); /* no results */
 /* NULL: there is no such result, or it is a member of another one. */
 const lg_result *lg_result_find(const lg_learning *self, const char *name);
 /* The hooks of the learner, or their defaults. */

@@ -1,0 +1,497 @@
+/* How a detector is learned from labelled series. */
+#include "anomaly/files/recipe.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "model/files/learning.h"
+
+/* ---- options ---- */
+
+enum { NETWORK = 1, DEFAULT_LENGTH = 4096 };
+
+static const char *pooling_name(uint32_t value) {
+    return value < LG_POOLING_COUNT ? lg_pooling_name((lg_pooling)value) : NULL;
+}
+
+#define ROW(name, type, member, ...) LG_FIELD(lg_detector_state, "", name, type, member, __VA_ARGS__)
+const lg_field lg_detector_options[] = {
+    ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
+        .meaning = "Length of a window; in samples if the sampling rate of the data is unknown"),
+    ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",
+        .meaning = "Distance from one window to the next"),
+    ROW("preset", NAME, preset, .value_name = lg_preset_name, .value = "best", .methods = NETWORK,
+        .meaning = "cnn: source of options that are not given: the published settings or ours"),
+    ROW("filters", WHOLES, filters, .low = 1, .high = 1 << 20, .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...",
+        .methods = NETWORK,
+        .otherwise = "2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
+                     "three",
+        .meaning = "cnn: channels of each block"),
+    ROW("kernel", U64, kernel, .low = 1, .high = 1 << 20, .value = "5", .unit = "n", .methods = NETWORK,
+        .meaning = "cnn: samples of a kernel"),
+    ROW("stride", U64, stride, .low = 1, .high = 1 << 20, .value = "1", .unit = "n", .methods = NETWORK,
+        .meaning = "cnn: of convolutions"),
+    ROW("padding", U64, padding, .high = 1 << 20, .value = "0", .unit = "n", .methods = NETWORK,
+        .meaning = "cnn: zeros at both ends of a series"),
+    ROW("pooling", NAME, pooling, .value_name = pooling_name, .value = "average", .methods = NETWORK,
+        .meaning = "cnn: pooling after each convolution"),
+    ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = NETWORK,
+        .meaning = "cnn: number of samples pooled to one"),
+    LG_OPTION(lg_detector_state, test, STRING, "TEST.h5",
+              "Test on this file; DATA.h5 is then all for training"),
+    LG_FIELD_END};
+
+/* ---- the data ---- */
+
+static lg_status read_test(lg_learning *self, lg_error *error) {
+    lg_detector_state *s = self->state;
+    const lg_series *series = &s->all.data.series, *test = &s->foreign.data.series;
+    if (s->test == NULL) return LG_OK;
+    self->failed = s->test;
+    LG_TRY(
+        lg_series_read(self->context, s->test, NULL, s->any_class ? NULL : series, &s->foreign.data, error));
+    if (test->channels != series->channels)
+        return lg_fail(error, LG_SHAPE, "%s: %u channels, %s has %u", s->test, test->channels, self->paths[0],
+                       series->channels);
+    self->failed = NULL;
+    if (strcmp(s->foreign.data.sha256, s->all.data.sha256) == 0)
+        LG_WARN(self, "%s holds the same windows as %s: there is no test on unseen data", s->test,
+                self->paths[0]);
+    return LG_OK;
+}
+
+static lg_status read_data(lg_learning *self, lg_error *error) {
+    lg_detector_state *s = self->state;
+    const lg_detector_file *file = self->file;
+    if (file != NULL) {
+        const lg_series like = {.classes = file->run.model.classes,
+                                .channels = file->run.model.net.channels,
+                                .rate = file->rate,
+                                .class_name = file->class_name,
+                                .class_label = file->class_label,
+                                .channel_name = file->channel_name};
+        return lg_series_read_like(self->context, self->paths[0], &like, &s->all.data, error);
+    }
+    LG_TRY(lg_series_read(self->context, self->paths[0], NULL, NULL, &s->all.data, error));
+    memcpy(self->sha256, s->all.data.sha256, sizeof self->sha256);
+    return read_test(self, error);
+}
+
+static void close_data(lg_learning *self) {
+    lg_detector_state *s = self->state;
+    lg_series_data_destroy(&s->all.data);
+    lg_series_data_destroy(&s->foreign.data);
+}
+
+/* ---- the run ---- */
+
+static bool any_given(const lg_learning *self, const char *const *options, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (self->given(self, options[i])) return true;
+    return false;
+}
+
+/* What the user says of every block. */
+static void adopt_block(const lg_learning *self, lg_cnn_block *block) {
+    const lg_detector_state *s = self->state;
+    if (self->given(self, "kernel")) block->kernel = (uint32_t)s->kernel;
+    if (self->given(self, "stride")) block->stride = (uint32_t)s->stride;
+    if (self->given(self, "padding")) block->padding = (uint32_t)s->padding;
+    if (self->given(self, "pooling")) block->pooling = (lg_pooling)s->pooling;
+    if (self->given(self, "pool-size")) block->pool_size = block->pool_stride = (uint32_t)s->pool_size;
+}
+
+/* The default blocks for given convolutions and pooling: three, or as many as leave a sample of the window.
+ * The first block is always there, so that lg_cnn_init can refuse it. */
+static void default_blocks(const lg_learning *self, lg_cnn *net) {
+    const lg_detector_state *s = self->state;
+    lg_cnn full;
+    lg_cnn_init_default(&full, net->channels, DEFAULT_LENGTH, net->outputs, net->activation);
+    const uint64_t padding = self->given(self, "padding") ? s->padding : 0;
+    const bool pooling_given = self->given(self, "pooling") || self->given(self, "pool-size");
+    uint64_t left = net->length;
+    net->blocks = 0;
+    while (net->blocks < full.blocks && (net->blocks == 0 || left > 1)) {
+        const uint64_t padded = left + 2 * padding;
+        lg_cnn_block block = full.block[net->blocks];
+        if (padded < block.kernel) block.kernel = (uint32_t)padded;
+        adopt_block(self, &block);
+        const uint64_t convolved = padded < block.kernel ? 0 : (padded - block.kernel) / block.stride + 1;
+        if (convolved < block.pool_size && !pooling_given) block.pooling = LG_POOL_NONE;
+        left = block.pooling == LG_POOL_NONE ? convolved : convolved / block.pool_size;
+        if (left == 0 && net->blocks > 0) return;
+        net->block[net->blocks++] = block;
+    }
+}
+
+/* Sets blocks from the options; the others do not change. */
+static void build_blocks(const lg_learning *self, bool fresh, lg_cnn *net) {
+    static const char *const options[] = {"filters", "kernel", "stride", "padding", "pooling", "pool-size"};
+    const lg_detector_state *s = self->state;
+    if (!any_given(self, options, LG_COUNT(options))) return;
+    const bool filters = self->given(self, "filters");
+    if (fresh && !filters) {
+        default_blocks(self, net);
+        return;
+    }
+    if (filters) net->blocks = (uint32_t)s->filters.count;
+    for (uint32_t i = 0; i < net->blocks; i++) {
+        if (filters)
+            net->block[i] = (lg_cnn_block){.channels = s->filters.values[i],
+                                           .kernel = 5,
+                                           .stride = 1,
+                                           .pooling = LG_POOL_AVERAGE,
+                                           .pool_size = 2,
+                                           .pool_stride = 2};
+        adopt_block(self, &net->block[i]);
+    }
+}
+
+/* The model of options and data. The blocks of a stored model are not hyperparameters. */
+static lg_status complete_model(const lg_learning *self, lg_error *error) {
+    const lg_series *series = &((lg_detector_state *)self->state)->all.data.series;
+    const lg_detector_run *stored = self->stored;
+    lg_detector_run *run = self->run;
+    lg_detector *model = &run->model;
+    const lg_activation activation = model->net.activation;
+    const uint32_t plane = model->net.plane;
+    if (series->classes < 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
+                       series->class_name[0]);
+    if (model->loss == LG_DETECTOR_MSE && series->classes != 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "--loss mse is for two classes, but the data have %u: use cross-entropy",
+                       series->classes);
+    model->classes = series->classes;
+    const uint32_t outputs = model->loss == LG_DETECTOR_MSE ? 1 : series->classes;
+    if (stored != NULL)
+        model->net = stored->model.net;
+    else
+        lg_cnn_init_default(&model->net, series->channels, (uint32_t)run->window, outputs, activation);
+    model->net.activation = activation;
+    model->net.plane = plane;
+    model->net.outputs = outputs;
+    build_blocks(self, stored == NULL, &model->net);
+    LG_TRY(lg_cnn_init(&model->net, error));
+    return lg_detector_check(model, error);
+}
+
+static lg_status adopt_preset(lg_learning *self, lg_error *error) {
+    lg_detector_state *s = self->state;
+    lg_training *training = lg_learning_training(self);
+    const lg_series_data *data = &s->all.data;
+    const char *name = lg_preset_name(s->preset);
+    const lg_detector_preset *preset = s->from = lg_detector_preset_find(name, data->noise);
+    if (preset == NULL) return lg_fail(error, LG_UNSUPPORTED, "--preset: %s has no settings", name);
+    const lg_detector_run from = {
+        .model = {.net.activation = preset->activation,
+                  .loss = data->series.classes == 2 ? preset->loss : LG_DETECTOR_CROSS_ENTROPY},
+        .training = preset->training};
+    lg_learning_adopt(self, &from, true);
+    const lg_fit_plan *plan = &training->plan;
+    for (uint32_t i = 0; i < plan->phases && !self->given(self, "dtype"); i++)
+        if (!lg_fit_method_batches((lg_fit_method)plan->phase[i].method))
+            training->dtype = LG_F64; /* the others need it */
+    return LG_OK;
+}
+
+static lg_status describe(lg_learning *self, lg_error *error) {
+    lg_detector_state *s = self->state;
+    lg_detector_run *run = self->run;
+    const lg_detector_run *stored = self->stored;
+    s->from = NULL;
+    if (stored == NULL) LG_TRY(adopt_preset(self, error));
+    if (s->test != NULL) run->test_fraction = 0;
+    /* Before the windows are cut they are taken to be as many as they were. */
+    run->windows = stored != NULL ? stored->windows : 0;
+    memcpy(run->data_sha256, s->all.data.sha256, sizeof run->data_sha256);
+    run->window = s->all.data.series.length;
+    run->hop = 0;
+    LG_TRY(lg_detector_window(self, &run->window, &run->hop, error));
+    if (stored != NULL && !self->given(self, "window") && !self->given(self, "hop")) {
+        run->window = stored->window;
+        run->hop = stored->hop;
+    }
+    return complete_model(self, error);
+}
+
+static lg_status hold_out(lg_learning *self, double validation, lg_error *error) {
+    ((lg_detector_run *)self->run)->validation_fraction = validation;
+    LG_TRY(lg_detector_split_training(self, error));
+    if (((lg_detector_state *)self->state)->validation.count > 0) return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT, "the validation part has no windows: increase --validation");
+}
+
+/* ---- the problem ---- */
+
+static lg_status make_problem(lg_learning *self, lg_error *error) {
+    lg_detector_state *s = self->state;
+    const lg_detector_run *run = self->run;
+    const lg_cut_series *all = &s->all;
+    const size_t count = s->train.count + s->validation.count;
+    uint32_t *chosen;
+    LG_LEARNING_ARRAY(self, chosen, count, error);
+    memcpy(chosen, s->train.list, s->train.count * sizeof *chosen);
+    memcpy(chosen + s->train.count, s->validation.list, s->validation.count * sizeof *chosen);
+    const lg_status scaled = lg_scaler_fit(self->context, &all->data.series, &all->windows, s->train.list,
+                                           s->train.count, run->model.centred, &s->scaler);
+    if (scaled != LG_OK) return lg_fail(error, scaled, "scaling: %s", lg_status_sentence(scaled));
+    LG_TRY(lg_detector_data_create(self->context, &run->model, &s->scaler, &all->data.series, &all->windows,
+                                   chosen, count, run->training.dtype, &s->data, error));
+    s->problem = (lg_detector_problem){&run->model, &s->data, s->train.count, run->training.seed};
+    lg_detector_fit_problem(&s->problem, &self->problem);
+    self->options.keep_best = self->problem.validation > 0;
+    self->options.restarts = run->restarts;
+    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
+    lg_detector_initialise(&run->model, run->training.seed, 0, self->theta);
+    return LG_OK;
+}
+
+static void release(lg_learning *self) {
+    lg_detector_state *s = self->state;
+    lg_window_list *const parts[] = {&s->train, &s->validation, &s->tested};
+    for (size_t i = 0; i < LG_COUNT(parts); i++) {
+        lg_free(self->context, parts[i]->list);
+        *parts[i] = (lg_window_list){NULL, 0};
+    }
+    lg_detector_data_destroy(&s->data);
+    lg_scaler_destroy(&s->scaler);
+    lg_novelty_destroy(&s->novelty);
+    lg_judgement_destroy(&s->train_judged);
+    lg_judgement_destroy(&s->judged);
+    lg_windows_destroy(&s->all.windows);
+    lg_windows_destroy(&s->foreign.windows);
+}
+
+/* ---- the result ---- */
+
+typedef struct scored {
+    const lg_detector_plan *plan;
+    const lg_cut_series *from;
+    size_t work; /* of the plan; a window follows */
+} scored;
+
+static lg_status score(const void *user, uint32_t window, double *out, double *plane, void *work) {
+    const scored *self = user;
+    float *x = (float *)(void *)((char *)work + self->work);
+    lg_windows_copy(&self->from->data.series, &self->from->windows, window, x);
+    lg_detector_eval(self->plan, x, out, plane, work);
+    return LG_OK;
+}
+
+static lg_status judge_part(const lg_learning *self, const lg_detector_plan *plan, const lg_cut_series *from,
+                            const lg_window_list *part, lg_judgement *out, lg_error *error) {
+    const lg_detector *model = &((const lg_detector_run *)self->run)->model;
+    const scored user = {plan, from, lg_detector_work_size(plan)};
+    const lg_scorer scorer = {.score = score,
+                              .user = &user,
+                              .work =
+                                  user.work + (size_t)model->net.channels * model->net.length * sizeof(float),
+                              .classes = model->classes,
+                              .plane = model->net.plane == 2,
+                              .probabilities = true};
+    return lg_judge_windows(self->context, &scorer, &from->data.series, &from->windows, part, self->threads,
+                            out, error);
+}
+
+/* The training part is judged where there is one. */
+static lg_status judge_parts(const lg_learning *self, const lg_scaler *scaler, const double *theta,
+                             lg_error *error) {
+    lg_detector_state *s = self->state;
+    const lg_detector_run *run = self->run;
+    lg_detector_plan *plan;
+    LG_TRY(lg_detector_plan_create(self->context, &run->model, scaler, theta, run->training.dtype, &plan,
+                                   error));
+    lg_status status = judge_part(self, plan, &s->all, &s->train, &s->train_judged, error);
+    if (status == LG_OK)
+        status = judge_part(self, plan, lg_detector_tested(s), &s->tested, &s->judged, error);
+    lg_detector_plan_destroy(plan);
+    return status;
+}
+
+/* The share of windows of other classes than the most frequent one, in the part that was trained on. */
+static double rare_share(const lg_judgement *judged) {
+    uint64_t most = 0;
+    for (uint32_t i = 0; i < judged->classes; i++) {
+        uint64_t row = 0;
+        for (uint32_t j = 0; j < judged->classes; j++)
+            row += judged->confusion[(size_t)i * judged->classes + j];
+        if (row > most) most = row;
+    }
+    return 1.0 - (double)most / (double)judged->count;
+}
+
+/* Dead units of the result; a network that has died is of no use. */
+static lg_status judge_units(lg_learning *self, const double *theta, uint64_t *dead, lg_error *error) {
+    lg_detector_state *s = self->state;
+    const lg_status status = lg_detector_count_units(&s->problem, theta, &s->units);
+    if (status != LG_OK) return lg_fail(error, status, "dead units: %s", lg_status_sentence(status));
+    for (uint32_t i = 0; i < s->units.layers; i++) *dead += s->units.layer[i].constant;
+    self->verdict.failed = s->units.died;
+    return LG_OK;
+}
+
+static void warn_of_units(const lg_learning *self) {
+    const lg_detector_run *run = self->run;
+    const lg_detector_units *units = &((const lg_detector_state *)self->state)->units;
+    const uint64_t restarts = lg_fit_restarts(self->fit);
+    if (restarts > 0)
+        LG_WARN(self, "the network died; it started again with other weights, restart %llu of at most %u",
+                (unsigned long long)restarts, run->restarts);
+    for (uint32_t i = 0; i < units->layers; i++) {
+        lg_slice_info info;
+        if (units->layer[i].constant == 0) continue;
+        (void)lg_cnn_slice(&run->model.net, 2 * i, &info);
+        LG_WARN(self, "dead units of layer %.*s: %u of %u have the same value for all training windows",
+                (int)strcspn(info.name, "/"), info.name, units->layer[i].constant, units->layer[i].units);
+    }
+    if (units->died)
+        LG_WARN(self, "the network has died and gives all windows one class: decrease --lr, or take "
+                      "--activation swish, another --seed or a wider --plane");
+}
+
+void lg_detector_tell(lg_learning *self, const lg_judgement *judged, uint64_t hop, double rate) {
+    const lg_metrics *metrics = &judged->metrics;
+    const char *mean = judged->classes == 2 ? NULL : "mean over the classes";
+    lg_result_real(self, "accuracy", metrics->accuracy, NULL);
+    lg_result_real(self, "precision", metrics->precision, mean);
+    lg_result_real(self, "recall", metrics->recall, mean);
+    lg_result_real(self, "f1", metrics->f1, mean);
+    lg_result_real(self, "auc", judged->auc, NULL);
+    lg_result_real(self, "false_positive_rate", metrics->false_positive_rate, NULL);
+    lg_result_real(self, "false_alarms_per_day", lg_judgement_alarms(judged, hop, rate), "window by window");
+    if (judged->count == 0) {
+        lg_result_text(self, "confusion", NULL, NULL);
+        return;
+    }
+    lg_result_open(self, "confusion", '[');
+    for (uint32_t i = 0; i < judged->classes; i++) {
+        lg_result_open(self, NULL, '[');
+        for (uint32_t j = 0; j < judged->classes; j++)
+            lg_result_whole(self, NULL, judged->confusion[(size_t)i * judged->classes + j], NULL);
+        lg_result_close(self, ']');
+    }
+    lg_result_close(self, ']');
+}
+
+void lg_detector_tell_training(lg_learning *self, const char *method, uint32_t classes,
+                               char (*class_name)[LG_SERIES_NAME]) {
+    const lg_detector_state *s = self->state;
+    const lg_detector_run *run = self->run;
+    const lg_series *series = &s->all.data.series;
+    lg_detector_tell(self, &s->judged, run->hop, series->rate);
+    lg_result_real(self, "train_accuracy", s->train_judged.metrics.accuracy, "of the training part");
+    lg_result_real(self, "train_f1", s->train_judged.metrics.f1, "of the training part");
+    lg_result_real(self, "train_seconds", self->seconds, NULL);
+    lg_result_real(self, "test_seconds", s->judged.seconds, NULL);
+    lg_result_text(self, "method", method, NULL);
+    lg_result_open(self, "classes", '[');
+    for (uint32_t c = 0; c < classes; c++) lg_result_text(self, NULL, class_name[c], NULL);
+    lg_result_close(self, ']');
+    lg_result_whole(self, "channels", series->channels, NULL);
+    lg_result_whole(self, "window", run->window, "samples");
+    lg_result_whole(self, "hop", run->hop, "samples");
+    lg_result_real(self, "rate", series->rate > 0 ? series->rate : (double)NAN, "samples a second");
+    lg_result_whole(self, "windows", s->all.windows.count, NULL);
+    lg_result_whole(self, "train_windows", s->train.count, NULL);
+    lg_result_whole(self, "validation_windows", s->validation.count, NULL);
+    lg_result_whole(self, "test_windows", s->tested.count, NULL);
+    lg_result_text(self, "test", s->test, NULL);
+    lg_result_text(self, "data_sha256", run->data_sha256, NULL);
+}
+
+static void tell_network(lg_learning *self, const lg_cnn *net) {
+    lg_result_whole(self, "parameters", lg_cnn_parameters(net), NULL);
+    lg_result_open(self, "blocks", '[');
+    for (uint32_t i = 0; i < net->blocks; i++) {
+        const lg_cnn_block *block = &net->block[i];
+        lg_result_open(self, NULL, '{');
+        lg_result_whole(self, "filters", block->channels, NULL);
+        lg_result_whole(self, "kernel", block->kernel, NULL);
+        lg_result_whole(self, "stride", block->stride, NULL);
+        lg_result_whole(self, "padding", block->padding, NULL);
+        lg_result_text(self, "pooling", lg_pooling_name(block->pooling), NULL);
+        lg_result_whole(self, "pool_size", block->pool_size, NULL);
+        lg_result_whole(self, "length", net->lengths[i + 1], NULL);
+        lg_result_close(self, '}');
+    }
+    lg_result_close(self, ']');
+}
+
+static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+    const lg_detector_state *s = self->state;
+    const lg_detector_run *run = self->run;
+    const lg_series *series = &s->all.data.series;
+    uint64_t dead = 0;
+    LG_TRY(judge_parts(self, &s->scaler, theta, error));
+    self->verdict = (lg_verdict){.what = "share of wrong windows",
+                                 .guess = "the most frequent class",
+                                 .error = 1.0 - s->train_judged.metrics.accuracy,
+                                 .guessed = rare_share(&s->train_judged)};
+    LG_TRY(judge_units(self, theta, &dead, error));
+    lg_detector_tell_training(self, "cnn", series->classes, series->class_name);
+    lg_result_real(self, "mse", s->judged.mse, "of the test part");
+    lg_result_real(self, "train_mse", s->train_judged.mse, "of the training part");
+    self->first_count = self->result_count;
+    tell_network(self, &run->model.net);
+    lg_result_whole(self, "restarts", lg_fit_restarts(self->fit), NULL);
+    lg_result_whole(self, "dead_units", dead, NULL);
+    lg_result_text(self, "preset", s->from != NULL ? s->from->name : NULL, NULL);
+    lg_result_text(self, "source", s->from != NULL ? s->from->source : NULL, NULL);
+    return LG_OK;
+}
+
+/* What is wrong with the units is told after the verdict. */
+static lg_status save(lg_learning *self, void *into, lg_error *error) {
+    lg_detector_state *s = self->state;
+    const lg_series *series = &s->all.data.series;
+    lg_detector_file *file = into;
+    (void)error;
+    warn_of_units(self);
+    LG_TRY(lg_detector_fit_novelty(self, &s->novelty));
+    file->scaler = s->scaler;
+    file->class_name = series->class_name;
+    file->class_label = series->class_label;
+    file->channel_name = series->channel_name;
+    file->rate = series->rate;
+    file->novelty = s->novelty;
+    file->accuracy = s->judged.metrics.accuracy;
+    file->f1 = s->judged.metrics.f1;
+    file->test_mse = s->judged.mse;
+    return LG_OK;
+}
+
+/* The windows for testing of the data that the model was trained on, or all windows of others. */
+static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+    const lg_detector_file *file = from;
+    const lg_detector_run *run = self->run;
+    lg_detector_state *s = self->state;
+    LG_TRY(lg_windows_create(self->context, &s->all.data.series, run->model.net.length, (size_t)run->hop,
+                             &s->all.windows, error));
+    const bool same =
+        strcmp(run->data_sha256, s->all.data.sha256) == 0 && run->windows == s->all.windows.count;
+    LG_TRY(lg_window_part(self->context, &s->all, same && run->test_fraction > 0 ? run : NULL, LG_PART_TEST,
+                          &s->tested, error));
+    LG_TRY(judge_parts(self, &file->scaler, file->theta, error));
+    LG_TRY(lg_judgement_check(&s->judged, error));
+    lg_result_whole(self, "windows", s->judged.count, NULL);
+    lg_detector_tell(self, &s->judged, run->hop, file->rate);
+    lg_result_real(self, "mse", s->judged.mse, NULL);
+    return LG_OK;
+}
+
+const lg_learner lg_detector_learner = {.state_size = sizeof(lg_detector_state),
+                                        .options = lg_detector_options,
+                                        .method = "method",
+                                        .held_out = "validation",
+                                        .kept = "test",
+                                        .read = read_data,
+                                        .describe = describe,
+                                        .prepare = lg_detector_split,
+                                        .hold_out = hold_out,
+                                        .problem = make_problem,
+                                        .judge = judge,
+                                        .save = save,
+                                        .evaluate = evaluate,
+                                        .release = release,
+                                        .close = close_data};

@@ -1,0 +1,174 @@
+/* The data of a detector's training: read, cut into windows, split into parts. */
+#include <math.h>
+#include <string.h>
+
+#include "anomaly/files/recipe.h"
+#include "model/files/learning.h"
+
+/* ---- reading ---- */
+
+static void warn_of_names(const lg_context *context, const char *path, const lg_series *series,
+                          const lg_series *like) {
+    if (like->channel_name == NULL || series->channel_name == NULL) return;
+    for (uint32_t c = 0; c < like->channels; c++)
+        if (strcmp(like->channel_name[c], series->channel_name[c]) != 0) {
+            lg_log_message(context, LG_LOG_WARNING, "%s: channel %u is '%s', in training it was '%s'", path,
+                           c + 1, series->channel_name[c], like->channel_name[c]);
+            return;
+        }
+}
+
+/* from (channels): which channel of the series each name is. False: not all of them are there, each once. */
+static bool find_channels(const lg_series *series, char (*name)[LG_SERIES_NAME], uint32_t *from) {
+    for (uint32_t c = 0; c < series->channels; c++) {
+        from[c] = 0;
+        while (from[c] < series->channels && strcmp(name[c], series->channel_name[from[c]]) != 0) from[c]++;
+        if (from[c] == series->channels) return false;
+        for (uint32_t before = 0; before < c; before++)
+            if (from[before] == from[c]) return false;
+    }
+    return true;
+}
+
+/* Channels in the order of `name` (channels), where they have these names in another one. */
+static lg_status order_channels(const lg_context *context, lg_series *series, char (*name)[LG_SERIES_NAME]) {
+    const uint32_t m = series->channels;
+    const size_t n = series->length;
+    if (name == NULL || series->channel_name == NULL) return LG_OK;
+    uint32_t *from = lg_alloc(context, m, sizeof *from);
+    float *window = lg_alloc(context, m * n, sizeof *window);
+    const bool room = from != NULL && window != NULL, all = room && find_channels(series, name, from);
+    for (size_t i = 0; i < series->count && all; i++) {
+        float *x = series->x + i * m * n;
+        memcpy(window, x, m * n * sizeof *x);
+        for (uint32_t c = 0; c < m; c++) memcpy(x + c * n, window + from[c] * n, n * sizeof *x);
+    }
+    if (all) memcpy(series->channel_name, name, m * sizeof *name);
+    lg_free(context, from);
+    lg_free(context, window);
+    return room ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+lg_status lg_series_read_like(const lg_context *context, const char *path, const lg_series *like,
+                              lg_series_data *out, lg_error *error) {
+    lg_series *series = &out->series;
+    LG_TRY(lg_series_read(context, path, NULL, like->classes > 0 ? like : NULL, out, error));
+    if (series->channels != like->channels)
+        return lg_fail(error, LG_SHAPE, "%s: %u channels, the model was trained on %u", path,
+                       series->channels, like->channels);
+    LG_TRY(order_channels(context, series, like->channel_name));
+    warn_of_names(context, path, series, like);
+    if (like->rate > 0 && series->rate > 0 && fabs(series->rate / like->rate - 1) > 1e-3)
+        lg_log_message(context, LG_LOG_WARNING, "%s: %g samples a second, the model was trained on %g", path,
+                       series->rate, like->rate);
+    return LG_OK;
+}
+
+/* ---- windows ---- */
+
+/* Seconds, or samples if the rate is unknown. */
+static lg_status samples_of(const char *option, double value, double rate, uint64_t *out, lg_error *error) {
+    const double samples = rate > 0 ? value * rate : value, whole = floor(samples + 0.5);
+    if (!(whole >= 1 && whole < 4294967296.0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--%s %g: is %g samples%s", option, value, samples,
+                       rate > 0 ? "" : " (the data do not tell their rate)");
+    if (fabs(samples - whole) > 1e-6 * samples)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--%s %g: is %.6g samples, not a whole number%s", option,
+                       value, samples,
+                       rate > 0 ? ""
+                                : " (the sampling rate of the data is unknown: give samples, not seconds)");
+    *out = (uint64_t)whole;
+    return LG_OK;
+}
+
+lg_status lg_detector_window(const lg_learning *self, uint64_t *window, uint64_t *hop, lg_error *error) {
+    const lg_detector_state *s = self->state;
+    const double rate = s->all.data.series.rate;
+    if (self->given(self, "window")) {
+        LG_TRY(samples_of("window", s->window, rate, window, error));
+        *hop = 0;
+    }
+    if (self->given(self, "hop")) LG_TRY(samples_of("hop", s->hop, rate, hop, error));
+    if (*hop == 0) *hop = *window;
+    return LG_OK;
+}
+
+/* ---- parts ---- */
+
+lg_status lg_window_part(const lg_context *context, const lg_cut_series *from, const lg_detector_run *run,
+                         lg_part wanted, lg_window_list *out, lg_error *error) {
+    const size_t count = from->windows.count;
+    uint8_t *parts = lg_alloc(context, count, 1);
+    *out = (lg_window_list){lg_alloc(context, count, sizeof *out->list), 0};
+    lg_status status = parts != NULL && out->list != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    if (status != LG_OK) (void)lg_fail(error, status, "out of memory: %zu windows", count);
+    if (status == LG_OK && run != NULL)
+        status = lg_series_split(context, &from->data.series, &from->windows, run->split, run->test_fraction,
+                                 run->validation_fraction, run->training.seed, parts, error);
+    for (size_t i = 0; i < count && status == LG_OK; i++)
+        if (run == NULL || parts[i] == (uint8_t)wanted) out->list[out->count++] = (uint32_t)i;
+    lg_free(context, parts);
+    return status;
+}
+
+const lg_cut_series *lg_detector_tested(const lg_detector_state *state) {
+    return state->test != NULL ? &state->foreign : &state->all;
+}
+
+static void warn_of_cut(const lg_learning *self) {
+    const lg_detector_run *run = self->run;
+    const bool alone = run->split == LG_SPLIT_RANDOM;
+    if (run->validation_fraction > 0 && ((lg_detector_state *)self->state)->validation.count == 0)
+        LG_WARN(self,
+                "--validation %g: this fraction of the %ss has no window: the parameters of the last epoch "
+                "are kept",
+                run->validation_fraction, alone ? "window" : lg_split_name(run->split));
+    if (run->hop < run->window && alone && (run->test_fraction > 0 || run->validation_fraction > 0))
+        LG_WARN(self, "windows overlap and are split at random, so training samples are also test samples; "
+                      "use --split run or --split group");
+}
+
+static lg_status cut_windows(const lg_learning *self, lg_cut_series *of, lg_error *error) {
+    const lg_detector_run *run = self->run;
+    return lg_windows_create(self->context, &of->data.series, (size_t)run->window, (size_t)run->hop,
+                             &of->windows, error);
+}
+
+lg_status lg_detector_split_training(lg_learning *self, lg_error *error) {
+    lg_detector_state *s = self->state;
+    lg_detector_run *run = self->run;
+    LG_TRY(cut_windows(self, &s->all, error));
+    run->windows = s->all.windows.count;
+    LG_TRY(lg_window_part(self->context, &s->all, run, LG_PART_TRAIN, &s->train, error));
+    return lg_window_part(self->context, &s->all, run, LG_PART_VALIDATION, &s->validation, error);
+}
+
+lg_status lg_detector_split(lg_learning *self, lg_error *error) {
+    lg_detector_state *s = self->state;
+    lg_error why = {LG_OK, ""};
+    LG_TRY(lg_detector_split_training(self, error));
+    const lg_status status = s->test != NULL ? cut_windows(self, &s->foreign, &why) : LG_OK;
+    if (status != LG_OK)
+        return lg_fail(error, status == LG_OUT_OF_MEMORY ? status : LG_FORMAT, "%s: %s", s->test,
+                       why.message);
+    LG_TRY(lg_window_part(self->context, lg_detector_tested(s), s->test != NULL ? NULL : self->run,
+                          LG_PART_TEST, &s->tested, error));
+    warn_of_cut(self);
+    return LG_OK;
+}
+
+lg_status lg_detector_fit_novelty(const lg_learning *self, lg_novelty *out) {
+    const lg_detector_state *s = self->state;
+    lg_novelty_options options;
+    lg_error why = {LG_OK, ""};
+    lg_novelty_options_init(&options);
+    const lg_status status = lg_novelty_fit(self->context, &options, &s->all.data.series, &s->all.windows,
+                                            s->train.list, s->train.count, (int)self->threads, out, &why);
+    if (status == LG_CANCELLED) return status;
+    if (status != LG_OK)
+        LG_WARN(self,
+                "the model does not know what its windows look like (%s): `watch` will not tell windows "
+                "that are unlike them",
+                why.message);
+    return LG_OK;
+}
