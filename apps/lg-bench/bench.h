@@ -4,6 +4,7 @@
 #define LG_APPS_BENCH_H
 
 #include "common/app.h"
+#include "liegrad/hamiltonian.h"
 #include "liegrad/model.h"
 #include "liegrad/nn.h"
 #include "liegrad/tape.h"

@@ -123,12 +123,6 @@ typedef struct lg_field {
 #define LG_FIELD_END                                                                                         \
     { .name = NULL }
 
-/* The tables of lg_hamiltonian_run, lg_surrogate_run, lg_detector_run and lg_table_run. The method of a
- * surrogate is its network, in the order of lg_surrogate_kind. The detector has one method, bit 0; its
- * entries with methods = 0 belong to the split of the data, which the classical methods share. */
-LG_API extern const lg_field lg_hamiltonian_fields[], lg_surrogate_fields[], lg_detector_fields[],
-    lg_table_fields[];
-
 /* Finds the row with this name, in files or on command lines. NULL: the table has no such row. */
 LG_API const lg_field *lg_field_find(const lg_field *table, const char *name);
 /* Its name on command lines, cut to `size` bytes; "" for one that has none. */

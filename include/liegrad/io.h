@@ -288,6 +288,7 @@ typedef struct lg_hamiltonian_run {
     double dt;
     char data_sha256[LG_SHA256_TEXT];
 } lg_hamiltonian_run;
+LG_API extern const lg_field lg_hamiltonian_fields[]; /* of lg_hamiltonian_run */
 
 /* The test set that a model was judged on. 0 and "": unknown. */
 typedef struct lg_test_set {
@@ -388,6 +389,8 @@ typedef struct lg_surrogate_run {
     bool continuous;      /* of the data's values */
     char data_sha256[LG_SHA256_TEXT];
 } lg_surrogate_run;
+/* The rows of lg_surrogate_run. The method is its network, in the order of lg_surrogate_kind. */
+LG_API extern const lg_field lg_surrogate_fields[];
 
 typedef struct lg_surrogate_file {
     lg_surrogate_run run;
@@ -492,6 +495,9 @@ typedef struct lg_detector_run {
     uint64_t windows, window, hop;             /* windows cut from the data; samples */
     char data_sha256[LG_SHA256_TEXT];
 } lg_detector_run;
+/* The rows of lg_detector_run. There is one method, bit 0; rows with methods = 0 belong to the split of the
+ * data, which the classical methods share. */
+LG_API extern const lg_field lg_detector_fields[];
 
 typedef struct lg_detector_file {
     lg_detector_run run;
@@ -541,6 +547,7 @@ typedef struct lg_table_run {
     uint64_t rows;        /* complete rows of the data */
     char data_sha256[LG_SHA256_TEXT];
 } lg_table_run;
+LG_API extern const lg_field lg_table_fields[]; /* of lg_table_run */
 
 typedef struct lg_table_file {
     lg_table_run run;

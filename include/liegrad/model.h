@@ -36,16 +36,10 @@
 
 #include <stddef.h>
 
-#include "liegrad/detector.h"
 #include "liegrad/export.h"
-#include "liegrad/hamiltonian.h"
 #include "liegrad/integrators.h"
-#include "liegrad/machine.h"
 #include "liegrad/program.h"
-#include "liegrad/series.h"
 #include "liegrad/status.h"
-#include "liegrad/surrogate.h"
-#include "liegrad/table.h"
 
 LG_BEGIN_DECLS
 

@@ -2,7 +2,12 @@
 #ifndef LG_TEST_MODELS_H
 #define LG_TEST_MODELS_H
 
+#include "liegrad/detector.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/machine.h"
 #include "liegrad/model.h"
+#include "liegrad/surrogate.h"
+#include "liegrad/table.h"
 
 static inline lg_status test_hamiltonian_model(const lg_context *context, const lg_hamiltonian *model,
                                                const double *theta, lg_model **out, lg_error *error) {
