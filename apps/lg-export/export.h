@@ -24,7 +24,6 @@
 #include "core/text.h"
 #include "liegrad/integrators.h"
 #include "liegrad/io.h"
-#include "liegrad/machine_model.h"
 #include "liegrad/model.h"
 #include "liegrad/program.h"
 
@@ -191,7 +190,7 @@ int export_bundle(const app *self, export_source *source, lg_program *program, e
 /* Replaces all parameters of the program by their rounded values. */
 lg_status export_round_parameters(export_source *source, lg_program *program);
 
-/* ---- what models are (motion.c, machine_words.c) ---- */
+/* ---- what models are (motion.c, machine/machine_words.c) ---- */
 
 /* Schemes without an explicit step on the space: a sentence and APP_EXIT_USAGE. */
 int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme);

@@ -90,7 +90,7 @@ int export_faces(const app *self, const lg_model_file *file, export_source *sour
 
 /* ---- for rows ---- */
 
-void export_machine_words(const void *contents, export_source *source); /* (machine_words.c) */
+void export_machine_words(const void *contents, export_source *source); /* (machine/machine_words.c) */
 bool export_has(const export_model *m, const export_face *face);
 /* Numbers of golden extra `v` from number `at` on. */
 static inline double *export_extra(const export_model *m, size_t at, size_t v) {

@@ -1,6 +1,6 @@
 /* By how much a convolutional network multiplies rounding. A logit can be small beside the terms that it is
  * the sum of, after a short training for example: then its rounding is large beside it. */
-#include "lg-export/detector.h"
+#include "lg-export/anomaly/detector.h"
 
 #include <float.h>
 #include <math.h>

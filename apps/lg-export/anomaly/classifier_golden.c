@@ -1,6 +1,6 @@
 /* Golden vectors of a classifier: windows whose features are like those of the training data and whose
  * decisions are not a matter of rounding. */
-#include "lg-export/classifier.h"
+#include "lg-export/anomaly/classifier.h"
 
 #include <float.h>
 #include <math.h>

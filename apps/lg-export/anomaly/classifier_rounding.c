@@ -1,6 +1,6 @@
 /* By how much features, their scaling and a classifier's weights multiply rounding: what the stated tolerance
  * of an exported classifier is multiplied by. */
-#include "lg-export/classifier.h"
+#include "lg-export/anomaly/classifier.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "lg-export/detector.h"
+#include "lg-export/anomaly/detector.h"
 #include "liegrad/convolution.h"
 #include "liegrad/detector.h"
 

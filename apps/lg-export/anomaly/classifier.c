@@ -1,6 +1,6 @@
 /* Classical classifiers: constants and arrays of features, principal components and the model, words. The
  * functions themselves are those below code/classifier. */
-#include "lg-export/classifier.h"
+#include "lg-export/anomaly/classifier.h"
 
 #include <math.h>
 #include <stdlib.h>
