@@ -6,9 +6,9 @@
 #include "autodiff/cases/table.h"
 
 typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
-#define LIST(name) lg_gradcheck_##name,
-static const table_fn operations[] = {LG_GRADCHECK_OPERATIONS(LIST) NULL};
-static const table_fn all[] = {LG_GRADCHECK_OPERATIONS(LIST) LG_GRADCHECK_ROOMS(LIST) NULL};
+#define X(name) lg_gradcheck_##name,
+static const table_fn operations[] = {LG_GRADCHECK_OPERATIONS NULL};
+static const table_fn all[] = {LG_GRADCHECK_OPERATIONS LG_GRADCHECK_ROOMS NULL};
 
 static const lg_gradcheck_case *at(const table_fn *table, size_t index) {
     for (; *table != NULL; table++) {

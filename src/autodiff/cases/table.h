@@ -6,14 +6,17 @@
 #include "autodiff/cases/cases.h"
 #include "core/count.h"
 
-/* X(name) of the table lg_gradcheck_<name>. */
-#define LG_GRADCHECK_OPERATIONS(X)                                                                           \
-    X(elementwise) X(products) X(convolutions) X(arrays) X(geometry) X(losses) X(custom)
-#define LG_GRADCHECK_ROOMS(X) X(nn) X(integrators) X(mechanics) X(hamiltonian) X(elastica) X(machine)
+/* Memory of rows that are made: zeros, never NULL, kept to the end. */
+void *lg_gradcheck_alloc(size_t count, size_t size);
 
-#define LG_GRADCHECK_DECLARE(name) const lg_gradcheck_case *lg_gradcheck_##name(size_t *count);
-LG_GRADCHECK_OPERATIONS(LG_GRADCHECK_DECLARE)
-LG_GRADCHECK_ROOMS(LG_GRADCHECK_DECLARE)
+/* X(name) of the table lg_gradcheck_<name>. CMakeLists.txt defines LG_GRADCHECK_ROOMS: X(room) of each room
+ * that has a file cases.c. */
+#define LG_GRADCHECK_OPERATIONS                                                                              \
+    X(elementwise) X(products) X(convolutions) X(arrays) X(geometry) X(losses) X(custom)
+
+#define X(name) const lg_gradcheck_case *lg_gradcheck_##name(size_t *count);
+LG_GRADCHECK_OPERATIONS LG_GRADCHECK_ROOMS
+#undef X
 
 /* The end of a file: its array `rows` is the table. */
 #define FAMILY(name)                                                                                         \
@@ -21,9 +24,6 @@ LG_GRADCHECK_ROOMS(LG_GRADCHECK_DECLARE)
         *count = LG_COUNT(rows);                                                                             \
         return rows;                                                                                         \
     }
-
-/* Memory of rows that are made: zeros, never NULL, kept to the end. */
-void *lg_gradcheck_alloc(size_t count, size_t size);
 
 /* ---- shapes and arguments, as initialisers: S2(3, 4) is a matrix (3, 4) ---- */
 
