@@ -1,5 +1,6 @@
 #!/bin/bash
-# The rooms of src/ include each other along the arrows of docs/architecture.md, and nothing else.
+# The rooms of src/ include each other along the arrows of docs/architecture.md, and nothing else. The files and folders
+# that the page names are there: with their path, or, without a folder, anywhere in src or apps.
 set -u
 cd "$(dirname "$0")/../../src" || exit 1
 
@@ -47,5 +48,12 @@ done < <(grep -rE '^ *# *include "' --include='*.c' --include='*.h' --include='*
 for room in */; do
     room=${room%/}
     [ -n "$(find "$room" -name '*.c')" ] || { echo "src/$room has no source"; wrong=1; }
+done
+cd ..
+for name in $(grep -o '`[a-z0-9_./-]*`' docs/architecture.md | tr -d '`' | grep -E '/|\.[ch]$' | sort -u); do
+    case $name in
+        */*) [ -e "$name" ] || [ -e "src/$name" ] ;;
+        *) find src apps -name "$name" | grep -q . ;;
+    esac || { echo "docs/architecture.md names $name: there is no such file"; wrong=1; }
 done
 exit $wrong
