@@ -5,7 +5,6 @@ set -u
 known='
 autodiff/ops/binary autodiff/ops/elementwise autodiff/ops/geometry autodiff/ops/matrix autodiff/ops/reduce
 autodiff/tape/backward autodiff/tape/derivatives autodiff/tape/rows
-autodiff/tape/arena autodiff/tape/tape autodiff/tape/tape_transpose
 nn/minimise nn/minimise_broyden nn/minimise_curvature nn/minimise_lm nn/minimise_newton
 nn/fit_methods nn/fit_ranks nn/fit_squares nn/fit_step
 mechanics/chain mechanics/chain_hamiltonian mechanics/chain_lagrangian mechanics/chain_variational

@@ -1,4 +1,4 @@
-/* The tape: nodes, handles, marks, the sticky error, recording and readers. */
+/* The tape: nodes, handles, marks, recording and readers. */
 #include "autodiff/tape/tape_internal.h"
 
 #include <stdio.h>
@@ -116,66 +116,7 @@ void lg_tape_reset(lg_tape *tape) {
     tape->scope_depth = 0;
 }
 
-/* ---- errors ---- */
-
-lg_status lg_tape_status(const lg_tape *tape) {
-    return tape != NULL ? tape->status : LG_INVALID_ARGUMENT;
-}
-
-const char *lg_tape_message(const lg_tape *tape) {
-    return tape->message;
-}
-
-void lg_scope_push(lg_tape *tape, const char *name) {
-    if (tape->scope_depth < LG_SCOPE_DEPTH) tape->scopes[tape->scope_depth] = name;
-    tape->scope_depth++;
-}
-
-void lg_scope_pop(lg_tape *tape) {
-    if (tape->scope_depth > 0) tape->scope_depth--;
-}
-
-static void append(char *text, size_t size, const char *more) {
-    size_t used = strlen(text);
-    (void)snprintf(text + used, size - used, "%s", more);
-}
-
-lg_status lg_tape_needs(lg_tape *tape, const char *operation, bool all) {
-    if (tape == NULL) return LG_INVALID_ARGUMENT;
-    if (!all) (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation, "an argument is NULL");
-    return tape->status;
-}
-
-lg_var lg_tape_fail(lg_tape *tape, lg_status status, const char *operation, const char *reason) {
-    if (tape->status != LG_OK) return LG_NONE;
-    tape->status = status;
-    tape->failed_at = tape->count;
-    (void)snprintf(tape->message, sizeof tape->message, "%s: %s", operation, reason);
-    for (int i = 0; i < tape->scope_depth && i < LG_SCOPE_DEPTH; i++) {
-        append(tape->message, sizeof tape->message, i == 0 ? ", in " : "/");
-        append(tape->message, sizeof tape->message, tape->scopes[i]);
-    }
-    return LG_NONE;
-}
-
-void lg_append_shape(char *text, size_t size, const lg_shape *shape) {
-    char number[16];
-    append(text, size, "(");
-    for (uint32_t i = 0; i < shape->rank; i++) {
-        (void)snprintf(number, sizeof number, i == 0 ? "%u" : ", %u", shape->dims[i]);
-        append(text, size, number);
-    }
-    append(text, size, ")");
-}
-
-lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const *in, uint32_t inputs) {
-    char reason[200] = "shapes do not fit: ";
-    for (uint32_t i = 0; i < inputs && i < 4; i++) {
-        if (i > 0) append(reason, sizeof reason, " and ");
-        lg_append_shape(reason, sizeof reason, &in[i]->shape);
-    }
-    return lg_tape_fail(tape, LG_SHAPE, operation, reason);
-}
+/* ---- handles ---- */
 
 lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation) {
     if (v.index < tape->count && v.generation == tape->nodes[v.index].generation && v.generation != 0)
@@ -232,8 +173,8 @@ static lg_node *append_node(lg_tape *tape, const lg_op *op, const lg_var *in, ui
 static void note_scope(lg_tape *tape) {
     tape->watched[0] = '\0';
     for (int i = 0; i < tape->scope_depth && i < LG_SCOPE_DEPTH; i++) {
-        append(tape->watched, sizeof tape->watched, i == 0 ? "" : "/");
-        append(tape->watched, sizeof tape->watched, tape->scopes[i]);
+        lg_tape_append(tape->watched, sizeof tape->watched, i == 0 ? "" : "/");
+        lg_tape_append(tape->watched, sizeof tape->watched, tape->scopes[i]);
     }
 }
 

@@ -146,7 +146,9 @@ static inline lg_var lg_var_at(const lg_tape *tape, uint32_t index) {
     lg_var v = {index, tape->nodes[index].generation};
     return v;
 }
-/* Appends "(2, 3)" to a sentence of so many bytes. */
+/* Appends more to a sentence of so many bytes; what has no room is cut. */
+void lg_tape_append(char *text, size_t size, const char *more);
+/* Appends "(2, 3)". */
 void lg_append_shape(char *text, size_t size, const lg_shape *shape);
 lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const *in, uint32_t inputs);
 /* Memory for a value: from the arena, or from the pool in unrecorded mode. NULL: error set. */
