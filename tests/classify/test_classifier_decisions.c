@@ -90,26 +90,17 @@ static double *jacobian_of(const chain *f, const float *x, double *y) {
     return jacobian;
 }
 
-/* Central differences with steps h, h/2, ..., extrapolated (Richardson). */
-enum { LEVELS = 4 };
-static void differences(const chain *f, float *x, size_t input, double step, double *by) {
-    double table[LEVELS][MOST_OUTPUTS], up[MOST_OUTPUTS], down[MOST_OUTPUTS];
-    const float kept = x[input];
-    for (int level = 0; level < LEVELS; level++) {
-        const double h = ldexp(step, -level);
-        x[input] = (float)(kept + h);
-        assert_true((double)x[input] - (double)kept == h);
-        assert_ok(lg_classifier_decisions(&f->c, x, up, NULL, f->work));
-        x[input] = (float)(kept - h);
-        assert_ok(lg_classifier_decisions(&f->c, x, down, NULL, f->work));
-        x[input] = kept;
-        for (size_t o = 0; o < f->outputs; o++) table[level][o] = (up[o] - down[o]) / (2.0 * h);
+/* Of a window whose numbers are floats: steps are powers of two. */
+static void decisions(const void *user, const double *x, double *y) {
+    const chain *f = user;
+    const size_t mark = lg_test_owned();
+    float *window = TEST_ARRAY(float, f->inputs);
+    for (size_t i = 0; i < f->inputs; i++) {
+        window[i] = (float)x[i];
+        assert_true((double)window[i] == x[i]);
     }
-    for (int order = 1; order < LEVELS; order++)
-        for (int level = LEVELS - 1; level >= order; level--)
-            for (size_t o = 0; o < f->outputs; o++)
-                table[level][o] += (table[level][o] - table[level - 1][o]) / (ldexp(1.0, 2 * order) - 1.0);
-    memcpy(by, table[LEVELS - 1], f->outputs * sizeof *by);
+    assert_ok(lg_classifier_decisions(&f->c, window, y, NULL, f->work));
+    lg_test_give_back(mark);
 }
 
 static double largest_of(const double *row, size_t n) {
@@ -121,11 +112,13 @@ static double largest_of(const double *row, size_t n) {
 /* Every `every`-th input of a window, to `tolerance` of the largest number of the row. A tree is constant but
  * for jumps, which a step may cross. */
 static void against_differences(const chain *f, float *x, size_t every, double step, double tolerance) {
-    double y[MOST_OUTPUTS], by[MOST_OUTPUTS];
+    enum { LEVELS = 4 };
+    double y[MOST_OUTPUTS], by[MOST_OUTPUTS], *at = TEST_ARRAY(double, f->inputs);
     double *jacobian = jacobian_of(f, x, y);
+    for (size_t i = 0; i < f->inputs; i++) at[i] = x[i];
     if (f->c.method == LG_METHOD_TREE) assert_close(largest_of(jacobian, f->outputs * f->inputs), 0.0, 0, 0);
     for (size_t input = 0; f->c.method != LG_METHOD_TREE && input < f->inputs; input += every) {
-        differences(f, x, input, step, by);
+        test_slope(decisions, f, at, input, step, LEVELS, f->outputs, by);
         for (size_t o = 0; o < f->outputs; o++) {
             const double *row = jacobian + o * f->inputs;
             assert_close(row[input], by[o], 0, tolerance * largest_of(row, f->inputs) + 1e-12);

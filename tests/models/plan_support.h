@@ -32,7 +32,8 @@ static inline ready make_ready(const lg_program *program, const char *name, size
     return r;
 }
 
-static inline void run_value(const ready *r, const double *x, double *y) {
+static inline void run_value(const void *of, const double *x, double *y) {
+    const ready *r = of;
     lg_plan_eval(r->plan, (const void *const[]){x}, (void *const[]){y}, r->work);
 }
 

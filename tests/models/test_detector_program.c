@@ -90,20 +90,15 @@ static void against_probabilities(const example *e) {
 
 /* Of second order with a step so small that it crosses no kink. */
 static void against_differences(const example *e) {
-    double y[MOST_OUTPUTS], up[MOST_OUTPUTS], down[MOST_OUTPUTS], x[MOST_INPUTS];
+    double y[MOST_OUTPUTS], by[MOST_OUTPUTS], x[MOST_INPUTS];
     double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1];
     check_gradient(&e->value, &e->gradient, e->x, y, jacobian);
     const lg_activation kind = e->model.net.activation;
     const double h = kind != LG_RELU && kind != LG_LEAKY_RELU ? 1e-5 : 1e-6;
     memcpy(x, e->x, e->inputs * sizeof *x);
     for (size_t i = 0; i < e->inputs; i++) {
-        x[i] = e->x[i] + h;
-        run_value(&e->value, x, up);
-        x[i] = e->x[i] - h;
-        run_value(&e->value, x, down);
-        x[i] = e->x[i];
-        for (size_t o = 0; o < e->outputs; o++)
-            assert_close(jacobian[o * e->inputs + i], (up[o] - down[o]) / (2.0 * h), 1e-8, 2e-9);
+        test_slope(run_value, &e->value, x, i, h, 1, e->outputs, by);
+        for (size_t o = 0; o < e->outputs; o++) assert_close(jacobian[o * e->inputs + i], by[o], 1e-8, 2e-9);
     }
 }
 

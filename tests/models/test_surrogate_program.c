@@ -151,29 +151,14 @@ static bool smooth(lg_activation kind) {
 }
 
 /* Of fourth order with a step for smooth networks, else of second order with a tiny one. */
-static void differences(const example *e, const double *x, size_t input, double *by) {
-    const bool fourth = smooth(e->model.options.activation);
-    const double h = fourth ? 3e-4 : 1e-7;
-    static const double at[4] = {1.0, -1.0, 2.0, -2.0},
-                        weight[2][4] = {{0.5, -0.5, 0.0, 0.0},
-                                        {2.0 / 3.0, -2.0 / 3.0, -1.0 / 12.0, 1.0 / 12.0}};
-    double moved[MOST_INPUTS], y[MOST_OUTPUTS];
-    for (size_t o = 0; o < e->outputs; o++) by[o] = 0.0;
-    for (size_t i = 0; i < 4; i++) {
-        memcpy(moved, x, e->inputs * sizeof *x);
-        moved[input] += at[i] * h;
-        run_value(&e->value, moved, y);
-        for (size_t o = 0; o < e->outputs; o++) by[o] += weight[fourth][i] / h * y[o];
-    }
-}
-
-static void against_differences(const example *e, const double *x) {
+static void against_differences(const example *e, double *x) {
     double y[MOST_OUTPUTS], by[MOST_OUTPUTS];
     double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1];
     check_gradient(&e->value, &e->gradient, x, y, jacobian);
-    const double tolerance = smooth(e->model.options.activation) ? 1e-8 : 1e-7;
+    const bool fourth = smooth(e->model.options.activation);
+    const double tolerance = fourth ? 1e-8 : 1e-7;
     for (size_t input = 0; input < e->inputs; input++) {
-        differences(e, x, input, by);
+        test_slope(run_value, &e->value, x, input, fourth ? 6e-4 : 1e-7, fourth ? 2 : 1, e->outputs, by);
         for (size_t o = 0; o < e->outputs; o++)
             assert_close(jacobian[o * e->inputs + input], by[o], tolerance, tolerance);
     }

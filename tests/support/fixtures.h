@@ -94,6 +94,30 @@ static inline double *test_numbers(uint64_t seed, size_t n, double low, double h
     return x;
 }
 
+/* What the `count` numbers that f(user, x, y) makes of x change by x[i]: central differences with steps h,
+ * h/2, ..., extrapolated `levels` - 1 times. One level for functions with kinks. x is as before. */
+static inline void test_slope(void (*f)(const void *user, const double *x, double *y), const void *user,
+                              double *x, size_t i, double h, int levels, size_t count, double *out) {
+    const size_t mark = lg_test_owned();
+    const double kept = x[i];
+    double *table = TEST_ARRAY(double, (size_t)levels *count), *down = TEST_ARRAY(double, count);
+    for (int level = 0; level < levels; level++) {
+        double *row = table + (size_t)level * count;
+        const double step = ldexp(h, -level);
+        x[i] = kept + step;
+        f(user, x, row);
+        x[i] = kept - step;
+        f(user, x, down);
+        for (size_t o = 0; o < count; o++) row[o] = (row[o] - down[o]) / (2.0 * step);
+    }
+    x[i] = kept;
+    for (int order = 1; order < levels; order++)
+        for (size_t at = (size_t)levels * count; at-- > (size_t)order * count;)
+            table[at] += (table[at] - table[at - count]) / (ldexp(1.0, 2 * order) - 1.0);
+    memcpy(out, table + (size_t)(levels - 1) * count, count * sizeof *out);
+    lg_test_give_back(mark);
+}
+
 RELEASES(release_stepper, lg_stepper_destroy)
 
 static inline lg_stepper *test_stepper(const lg_scheme *scheme, const lg_ode *ode) {

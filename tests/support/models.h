@@ -9,6 +9,17 @@
 #include "liegrad/surrogate.h"
 #include "liegrad/table.h"
 
+/* A model and its work memory as a function for test_slope. */
+typedef struct model_value {
+    const lg_model *model;
+    void *work;
+} model_value;
+
+static inline void model_value_at(const void *of, const double *x, double *y) {
+    const model_value *v = of;
+    lg_model_eval(v->model, x, y, v->work);
+}
+
 static inline lg_status test_hamiltonian_model(const lg_context *context, const lg_hamiltonian *model,
                                                const double *theta, lg_model **out, lg_error *error) {
     lg_program *program;
