@@ -4,7 +4,8 @@
  * ctest-labels: threads isa */
 #include <pthread.h>
 
-#include "program_support.h"
+#include "support/malloc_count.h"
+#include "autodiff/plan_ways.h"
 
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan.h"
@@ -14,10 +15,6 @@
 #include "liegrad/nn.h"
 #include "liegrad/taped.h"
 #include "hamiltonian/internal.h"
-#include "support/malloc_count.h"
-
-enum { PORTS = LG_PROGRAM_MAX_PORTS };
-static const size_t rows_tried[] = {1, 2, 3, 7, 64};
 
 /* ---- building ---- */
 
@@ -30,163 +27,6 @@ static lg_program *build(const lg_port *in, size_t inputs, const lg_port *out, s
     const lg_function_spec function = {"f", in, inputs, out, outputs, record, user};
     const lg_program_spec spec = spec_of(&theta, parameters > 0, &function, 1);
     return test_program(&spec);
-}
-
-/* ---- numbers ---- */
-
-typedef struct numbers {
-    size_t inputs, outputs, in_count[PORTS], out_count[PORTS];
-    double *in[PORTS], *out[PORTS];
-} numbers;
-
-/* `bytes` and 64 more: what is behind is looked at. */
-static void *room(size_t bytes) {
-    return lg_test_memory(bytes + 64);
-}
-
-static void open_numbers(numbers *n, const lg_program *program, size_t function, size_t rows, bool rounded) {
-    const lg_port *in = lg_program_inputs(program, function, &n->inputs),
-                  *out = lg_program_outputs(program, function, &n->outputs);
-    for (size_t i = 0; i < n->inputs; i++) {
-        const bool ranged = in[i].low != 0.0 || in[i].high != 0.0;
-        n->in_count[i] = lg_shape_count(lg_port_shape(&in[i], rows));
-        n->in[i] = test_numbers(12 + rows + 100 * i, n->in_count[i], ranged ? in[i].low : -1.0,
-                                ranged ? in[i].high : 1.0);
-        for (size_t j = 0; rounded && j < n->in_count[i]; j++) n->in[i][j] = (double)(float)n->in[i][j];
-    }
-    for (size_t j = 0; j < n->outputs; j++) {
-        n->out_count[j] = lg_shape_count(lg_port_shape(&out[j], rows));
-        n->out[j] = TEST_ARRAY(double, n->out_count[j]);
-    }
-}
-
-/* What the tape says. */
-static void by_tape(const lg_program *program, size_t function, size_t rows, const numbers *n) {
-    lg_tape *tape = test_tape(LG_F64);
-    lg_var in[PORTS], out[PORTS];
-    size_t count;
-    const lg_port *port = lg_program_inputs(program, function, &count);
-    for (size_t i = 0; i < n->inputs; i++) in[i] = lg_input(tape, lg_port_shape(&port[i], rows), n->in[i]);
-    if (lg_program_record(tape, program, function, NULL, in, out) != LG_OK)
-        fail_msg("%s", lg_tape_message(tape));
-    for (size_t j = 0; j < n->outputs; j++) assert_ok(lg_read(tape, out[j], n->out_count[j], n->out[j]));
-}
-
-/* ---- running ---- */
-
-RELEASES(release_plan, lg_plan_destroy)
-
-/* A plan of the running test; options NULL: one row. */
-static lg_plan *test_plan(const lg_program *program, size_t function, const lg_plan_options *options) {
-    lg_plan *plan = NULL;
-    assert_told(lg_plan_create(program, function, options, &plan, &told));
-    lg_test_owns(plan, release_plan);
-    return plan;
-}
-
-static lg_plan_options plan_options(size_t rows, lg_dtype dtype) {
-    lg_plan_options options;
-    lg_plan_options_init(&options);
-    options.rows = rows;
-    options.dtype = dtype;
-    return options;
-}
-
-typedef struct ready {
-    lg_plan *plan;
-    void *in[PORTS], *out[PORTS], *work;
-    size_t size; /* of a number */
-} ready;
-
-static void open_plan(ready *r, const lg_program *program, size_t function, size_t rows, lg_dtype dtype,
-                      const numbers *n) {
-    const lg_plan_options options = plan_options(rows, dtype);
-    r->plan = test_plan(program, function, &options);
-    r->size = dtype == LG_F64 ? sizeof(double) : sizeof(float);
-    r->work = room(lg_plan_work_size(r->plan));
-    for (size_t i = 0; i < n->inputs; i++) {
-        assert_int_equal(lg_plan_input_count(r->plan, i), n->in_count[i]);
-        r->in[i] = room(n->in_count[i] * r->size);
-        lg_kernels_for(dtype)->convert_in(n->in_count[i], n->in[i], r->in[i]);
-    }
-    for (size_t j = 0; j < n->outputs; j++) {
-        assert_int_equal(lg_plan_output_count(r->plan, j), n->out_count[j]);
-        r->out[j] = room(n->out_count[j] * r->size);
-    }
-    assert_int_equal(lg_plan_input_count(r->plan, n->inputs), 0);
-    assert_int_equal(lg_plan_output_count(r->plan, n->outputs), 0);
-}
-/* Memory and outputs are full of NaN before; what is behind the memory stays. */
-static void run(const ready *r, const numbers *n, void *const *out, int fill) {
-    const size_t bytes = lg_plan_work_size(r->plan);
-    memset(r->work, fill, bytes);
-    memset((char *)r->work + bytes, 0x5a, 64);
-    for (size_t j = 0; j < n->outputs; j++)
-        if (out[j] != NULL) memset(out[j], 0xff, n->out_count[j] * r->size + 64);
-    lg_plan_eval(r->plan, (const void *const *)(void *const *)r->in, out, r->work);
-    for (size_t i = 0; i < 64; i++) assert_int_equal(((unsigned char *)r->work)[bytes + i], 0x5a);
-    for (size_t j = 0; j < n->outputs; j++)
-        for (size_t i = 0; out[j] != NULL && i < 64; i++)
-            assert_int_equal(((unsigned char *)out[j])[n->out_count[j] * r->size + i], 0xff);
-}
-
-static void compare(const char *name, size_t rows, const ready *r, const numbers *n, double tolerance) {
-    for (size_t j = 0; j < n->outputs; j++) {
-        double size = 1e-3;
-        for (size_t i = 0; i < n->out_count[j]; i++) size = fmax(size, fabs(n->out[j][i]));
-        for (size_t i = 0; i < n->out_count[j]; i++) {
-            double got;
-            lg_kernels_for(r->size == sizeof(double) ? LG_F64 : LG_F32)
-                ->convert_out(1, (char *)r->out[j] + i * r->size, &got);
-            if (!(fabs(got - n->out[j][i]) <= tolerance * size))
-                fail_msg("%s, %zu rows, output %zu, element %zu: %.17g, not %.17g", name, rows, j, i, got,
-                         n->out[j][i]);
-        }
-    }
-}
-
-/* The same bits from other contents of the work memory, and for each output alone. */
-static void compare_asked(const char *name, const ready *r, const numbers *n) {
-    void *other[PORTS] = {NULL};
-    run(r, n, other, 0x00);
-    for (size_t j = 0; j < n->outputs; j++) {
-        other[j] = room(n->out_count[j] * r->size);
-        run(r, n, other, j % 2 == 0 ? 0x00 : 0xff);
-        if (memcmp(other[j], r->out[j], n->out_count[j] * r->size) != 0)
-            fail_msg("%s: output %zu alone has other bits", name, j);
-    }
-    if (!lg_count_available()) return;
-    assert_no_malloc_no_lock(
-        lg_plan_eval(r->plan, (const void *const *)(void *const *)r->in, r->out, r->work));
-}
-
-static void check_function(const char *name, const lg_program *program, size_t function, size_t rows) {
-    for (int dtype = 0; dtype < 2; dtype++) {
-        numbers n;
-        ready r;
-        open_numbers(&n, program, function, rows, dtype == 1);
-        by_tape(program, function, rows, &n);
-        open_plan(&r, program, function, rows, dtype == 0 ? LG_F64 : LG_F32, &n);
-        run(&r, &n, r.out, 0xff);
-        compare(name, rows, &r, &n, dtype == 0 ? 1e-12 : 2e-4);
-        if (rows <= 7) compare_asked(name, &r, &n);
-    }
-}
-
-/* Parameters become single numbers first: both types compute with the same ones. */
-static void check_all(const char *name, lg_program *program) {
-    for (size_t p = 0; p < lg_program_parameters(program); p++) {
-        const lg_parameter_spec spec = lg_program_parameter(program, p);
-        const size_t count = lg_shape_count(spec.shape);
-        double *rounded = TEST_ARRAY(double, count);
-        for (size_t i = 0; i < count; i++) rounded[i] = (double)(float)spec.values[i];
-        assert_ok(lg_program_set_parameter(program, p, rounded));
-    }
-    for (size_t f = 0; f < lg_program_functions(program); f++)
-        for (size_t k = 0; k < LG_COUNT(rows_tried); k++) {
-            check_function(test_text("%s, %s", name, lg_program_function_name(program, f)), program, f,
-                           rows_tried[k]);
-        }
 }
 
 /* ---- derivatives, row by row ---- */

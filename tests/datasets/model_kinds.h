@@ -13,7 +13,7 @@
 #include "hamiltonian/internal.h"
 
 /* As exact as dtype. What a file holds is released by the file's own function: lg_alloc. */
-static inline double *numbers(size_t count, lg_rng *rng, lg_dtype dtype) {
+static inline double *drawn(size_t count, lg_rng *rng, lg_dtype dtype) {
     double *out = lg_alloc(NULL, count, sizeof *out);
     assert_non_null(out);
     for (size_t i = 0; i < count; i++)
@@ -22,7 +22,7 @@ static inline double *numbers(size_t count, lg_rng *rng, lg_dtype dtype) {
 }
 
 static inline void draw_history(double **history, size_t epochs, lg_rng *rng) {
-    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) history[i] = numbers(epochs, rng, LG_F64);
+    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) history[i] = drawn(epochs, rng, LG_F64);
 }
 
 enum { EPOCHS = 6, TRAINED = 3 };
@@ -96,9 +96,9 @@ static inline void draw_hamiltonian(size_t which, lg_hamiltonian_file *file) {
                                   .has_e1 = true,
                                   .e1 = 1.7e-7};
     const size_t n = file->parameters = lg_hamiltonian_parameters(&file->run.model);
-    file->theta = numbers(n, &rng, file->run.training.dtype);
-    file->adam_m = numbers(n, &rng, LG_F64);
-    file->adam_v = numbers(n, &rng, LG_F64);
+    file->theta = drawn(n, &rng, file->run.training.dtype);
+    file->adam_m = drawn(n, &rng, LG_F64);
+    file->adam_v = drawn(n, &rng, LG_F64);
     for (size_t i = 0; i < n; i++) file->adam_v[i] = fabs(file->adam_v[i]);
     draw_history(file->history, EPOCHS, &rng);
     for (int i = 0; i < EPOCHS; i++) file->history[LG_FIT_VALIDATION][i] = NAN;
@@ -170,8 +170,8 @@ static inline void draw_surrogate(size_t which, lg_surrogate_file *file) {
                                 .test_mse = which == 1 || which == 2 ? NAN : 3.5e-7,
                                 .epochs_done = EPOCHS};
     file->parameters = lg_surrogate_parameters(&file->run.model);
-    file->theta = numbers(file->parameters, &rng, file->run.training.dtype);
-    file->trained = numbers(8 * TRAINED, &rng, LG_F64);
+    file->theta = drawn(file->parameters, &rng, file->run.training.dtype);
+    file->trained = drawn(8 * TRAINED, &rng, LG_F64);
     draw_history(file->history, EPOCHS, &rng);
 }
 
@@ -291,9 +291,9 @@ static inline void draw_detector(size_t which, lg_detector_file *file) {
                                .test_mse = which == 1 || which == 2 ? NAN : 1.5e-3,
                                .epochs_done = EPOCHS};
     file->parameters = lg_cnn_parameters(&file->run.model.net);
-    file->theta = numbers(file->parameters, &rng, e->dtype);
-    file->scaler = (lg_scaler){.channels = channels, .mean = numbers(channels, &rng, LG_F64)};
-    file->scaler.scale = numbers(channels, &rng, LG_F64);
+    file->theta = drawn(file->parameters, &rng, e->dtype);
+    file->scaler = (lg_scaler){.channels = channels, .mean = drawn(channels, &rng, LG_F64)};
+    file->scaler.scale = drawn(channels, &rng, LG_F64);
     file->class_name = lg_alloc(NULL, e->classes, sizeof *file->class_name);
     file->class_label = lg_alloc(NULL, e->classes, sizeof *file->class_label);
     if (which != 2) file->channel_name = lg_alloc(NULL, channels, sizeof *file->channel_name);
@@ -378,7 +378,7 @@ static inline lg_table_run make_table_run(size_t which) {
 
 static inline lg_scaler make_table_scaler(uint32_t columns, lg_rng *rng) {
     lg_scaler made = {
-        .channels = columns, .mean = numbers(columns, rng, LG_F64), .scale = numbers(columns, rng, LG_F64)};
+        .channels = columns, .mean = drawn(columns, rng, LG_F64), .scale = drawn(columns, rng, LG_F64)};
     for (uint32_t c = 0; c < columns; c++) made.scale[c] = 0.1 + fabs(made.scale[c]);
     return made;
 }
@@ -394,13 +394,13 @@ static inline void draw_table(size_t which, lg_table_file *file) {
                             .f1 = which == 1 ? 0.5 : NAN,
                             .epochs_done = EPOCHS};
     file->parameters = lg_table_parameters(&file->run.model);
-    file->theta = numbers(file->parameters, &rng, e->dtype);
+    file->theta = drawn(file->parameters, &rng, e->dtype);
     file->inputs = make_table_scaler(e->inputs, &rng);
     if (regression) file->outputs = make_table_scaler(e->outputs, &rng);
     if (!regression) (void)snprintf(file->class_column, sizeof file->class_column, "kind of soil");
     if (which != 2) {
-        file->low = numbers(e->inputs, &rng, LG_F64);
-        file->high = numbers(e->inputs, &rng, LG_F64);
+        file->low = drawn(e->inputs, &rng, LG_F64);
+        file->high = drawn(e->inputs, &rng, LG_F64);
     }
     file->input_name = lg_alloc(NULL, e->inputs, sizeof *file->input_name);
     file->output_name = lg_alloc(NULL, e->outputs, sizeof *file->output_name);
@@ -457,10 +457,10 @@ static inline void draw_machine_model(size_t which, lg_machine_model_file *file)
     const size_t n = made->parameters;
     *file =
         (lg_machine_model_file){.run = make_machine_model_run(which), .parameters = n, .epochs_done = EPOCHS};
-    file->theta = numbers(n, &rng, LG_F64);
+    file->theta = drawn(n, &rng, LG_F64);
     for (size_t i = 0; i < n; i++)
         file->theta[i] = which == 2 ? (double)(float)made->theta[i] : made->theta[i];
-    if (which == 0) file->spread = numbers(n * n, &rng, LG_F64);
+    if (which == 0) file->spread = drawn(n * n, &rng, LG_F64);
     draw_history(file->history, EPOCHS, &rng);
 }
 
@@ -628,5 +628,9 @@ static const kind_row kinds[KIND_COUNT] = {
     [KIND_TABLE] = KIND_ROW(table, 2, 0, 12, 8),
     [KIND_MACHINE_MODEL] = KIND_ROW(machine_model, 0, 2, 8, 8),
 };
+
+#define EACH_EXAMPLE(kind, which)                                                                            \
+    (size_t kind = 0, which = 0; kind < KIND_COUNT;                                                          \
+     which + 1 < examples_of(&kinds[kind]) ? which++ : (kind++, which = 0))
 
 #endif

@@ -517,7 +517,7 @@ TEST("a model of as many arrays of weights as a file lists is saved; one of more
     assert_ok(lg_table_init(&table->run.model, &options, 3, 2, NULL));
     free(table->theta);
     table->parameters = lg_table_parameters(&table->run.model);
-    table->theta = numbers(table->parameters, &rng, LG_F32);
+    table->theta = drawn(table->parameters, &rng, LG_F32);
     table->run.decay.count = 0;
     recipe.slice = many_slices;
     arrays_of_weights = LG_PROGRAM_MOST_NAMES;

@@ -4,10 +4,6 @@
 #include "liegrad/machine_model.h"
 #include "model/files/program_file.h"
 
-#define EACH_EXAMPLE(kind, which)                                                                            \
-    (size_t kind = 0, which = 0; kind < KIND_COUNT;                                                          \
-     which + 1 < examples_of(&kinds[kind]) ? which++ : (kind++, which = 0))
-
 static const char *fresh(model_kind kind) {
     return good_model(kind, kinds[kind].bad);
 }

@@ -132,16 +132,6 @@ TEST("without its own mean a window that is moved is the same") {
     }
 }
 
-TEST("a sample that is not a number makes logits and Jacobian NaN") {
-    example e;
-    make(&e, 1, LG_TANH, 3, true);
-    double y[MOST_OUTPUTS], jacobian[MOST_OUTPUTS * MOST_INPUTS];
-    e.x[7] = NAN;
-    run_gradient(&e.gradient, e.x, y, jacobian);
-    for (size_t o = 0; o < e.outputs; o++) assert_true(isnan(y[o]));
-    for (size_t i = 0; i < e.outputs * e.inputs; i++) assert_true(isnan(jacobian[i]));
-}
-
 TEST("an offset that is large beside the scale rounds nothing, in single precision either") {
     for (int centred = 0; centred < 2; centred++) {
         example e;

@@ -1,4 +1,4 @@
-/* Learned Hamiltonians on a tape: their program, gradient and steps; rows of a batch; what they refuse. */
+/* Learned Hamiltonians on a tape: their gradient and steps; rows of a batch; what they refuse. */
 #include "models/model_support.h"
 #include "models/plan_support.h"
 
@@ -71,42 +71,6 @@ static void assert_rows(const setting *s, lg_var got, const double *expected, si
     assert_true(shape.rank == 2 && shape.dims[0] == BATCH && shape.dims[1] == width);
     assert_ok(lg_read(s->tape, got, BATCH * width, values));
     for (size_t i = 0; i < BATCH * width; i++) assert_close(values[i], expected[i], 2e-13, 2e-13);
-}
-
-static void assert_output(const lg_program *program, const char *function, const void *const *in,
-                          size_t output, const double *expected, size_t count) {
-    double found[2][MOST_STATE];
-    void *const out[2] = {found[0], found[1]};
-    const ready r = make_ready(program, function, 1, LG_F64);
-    assert_int_equal(lg_plan_output_count(r.plan, output), count);
-    lg_plan_eval(r.plan, in, out, r.work);
-    for (size_t i = 0; i < count; i++) assert_close(found[output][i], expected[i], 2e-13, 2e-13);
-}
-
-TEST("the bundle's functions are those of the model, and its step is the model's stepper") {
-    for (size_t i = 0; i < MODELS; i++) {
-        lg_program *program;
-        double value, gradient[MOST_STATE], field[MOST_STATE], next[MOST_STATE];
-        const setting s = *make_setting(&models[i], true);
-        const lg_model *model = s.built.model;
-        const lg_scheme *scheme =
-            lg_scheme_find(models[i].family == &lg_hamiltonian_chain ? "cf4" : "stormer-verlet");
-        assert_told(lg_hamiltonian_program(NULL, hamiltonian_of(&s), s.built.theta, NULL, &program, &told));
-        lg_test_owns(program, release_program);
-        lg_stepper *stepper = stepper_of(&s.built, scheme);
-        for (size_t b = 0; b < BATCH; b++) {
-            const double *y = s.state + b * s.d, *u = s.input + b * s.m;
-            const void *const in[3] = {y, u, &s.h[b]};
-            lg_model_jacobian(model, y, &value, gradient, s.built.work);
-            assert_ok(lg_model_field(model, y, u, field, s.built.work));
-            assert_ok(lg_step(stepper, 0.0, s.h[b], y, u, next));
-            assert_output(program, "value", in, 0, &value, 1);
-            assert_output(program, "grad", in, 0, &value, 1);
-            assert_output(program, "grad", in, 1, gradient, s.d);
-            assert_output(program, "field", in, 0, field, s.d);
-            assert_output(program, "step", in, 0, next, s.d);
-        }
-    }
 }
 
 TEST("the recorded gradient is the tape's of the value, on the manifold and off it") {

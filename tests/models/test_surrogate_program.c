@@ -1,6 +1,6 @@
 /* Programs of surrogates: values against the network on a tape and against the curves, Jacobians against
  * central differences, every architecture, activation and option, both sides of the mirror, ends, short
- * beams; rows of a batch, single precision, numbers that are not finite.
+ * beams. Rows of a batch and single precision: test_recipes; numbers that are not finite: test_model.
  * ctest-labels: src/elastica src/autodiff */
 #include "surrogate_support.h"
 
@@ -321,50 +321,6 @@ TEST("moving a beam moves its curve, and reflecting it reflects value and Jacobi
                 assert_close(by[c] + by[4 + c], point && o_ % 2 == c ? 1.0 : 0.0, 1e-15, 1e-15);
             }
         }
-    }
-}
-
-TEST("an end that is not a number makes value and Jacobian NaN") {
-    for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
-        const lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
-        example e = make(&o, TEST_LENGTH);
-        double x[MOST_INPUTS], y[MOST_OUTPUTS], jacobian[MOST_OUTPUTS * MOST_INPUTS];
-        place(&e, 1.0, 1.1, x);
-        x[e.inputs - 2] = NAN; /* vNx */
-        run_value(&e.value, x, y);
-        for (size_t i = 0; i < e.outputs; i++) assert_true(isnan(y[i]));
-        run_gradient(&e.gradient, x, y, jacobian);
-        for (size_t i = 0; i < e.outputs; i++) assert_true(isnan(y[i]));
-        for (size_t i = 0; i < e.outputs * e.inputs; i++) assert_true(isnan(jacobian[i]));
-    }
-}
-
-TEST("rows of a batch are those one by one, and single precision is double to its rounding") {
-    enum { ROWS = 3 };
-    for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
-        lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
-        o.embedding = 5;
-        o.normalise = o.mirror = true;
-        o.boundary = kind != LG_SURROGATE_DISCRETE;
-        example e = make(&o, TEST_LENGTH);
-        const size_t numbers = e.outputs * e.inputs;
-        double x[ROWS * MOST_INPUTS], y[ROWS * MOST_OUTPUTS], one[MOST_OUTPUTS];
-        double jacobian[ROWS * MOST_OUTPUTS * MOST_INPUTS], g[MOST_OUTPUTS * MOST_INPUTS];
-        float narrow[MOST_INPUTS], yn[MOST_OUTPUTS], gn[MOST_OUTPUTS * MOST_INPUTS];
-        const ready batch = make_ready(e.program, "grad", ROWS, LG_F64);
-        const ready single = make_ready(e.program, "grad", 1, LG_F32);
-        for (size_t r = 0; r < ROWS; r++) place(&e, r == 1 ? -1.0 : 1.0, 0.7 * (double)r, x + r * e.inputs);
-        run_gradient(&batch, x, y, jacobian);
-        for (size_t r = 0; r < ROWS; r++) {
-            run_gradient(&e.gradient, x + r * e.inputs, one, g);
-            for (size_t i = 0; i < e.outputs; i++) assert_close(y[r * e.outputs + i], one[i], 1e-14, 1e-14);
-            for (size_t i = 0; i < numbers; i++) assert_close(jacobian[r * numbers + i], g[i], 1e-13, 1e-13);
-        }
-        for (size_t i = 0; i < e.inputs; i++) narrow[i] = (float)x[i];
-        run_gradient(&e.gradient, x, one, g);
-        lg_plan_eval(single.plan, (const void *const[]){narrow}, (void *const[]){yn, gn}, single.work);
-        for (size_t i = 0; i < e.outputs; i++) assert_close((double)yn[i], one[i], 1e-5, 1e-5);
-        for (size_t i = 0; i < numbers; i++) assert_close((double)gn[i], g[i], 1e-4, 1e-4);
     }
 }
 

@@ -1,0 +1,86 @@
+/* Functions of the models of every recipe, in every way: on a tape, as plans of many rows and of both types,
+ * and as the plain stepper's steps. */
+#include "support/malloc_count.h"
+#include "autodiff/plan_ways.h"
+#include "datasets/model_kinds.h"
+
+RELEASES(release_model, lg_model_destroy)
+
+typedef struct recorded {
+    any_file file;
+    lg_program *program;
+} recorded;
+
+static void release_recorded(void *of) {
+    recorded *r = of;
+    lg_program_destroy(r->program);
+    destroy(&r->file);
+}
+
+static recorded *record(size_t kind, size_t which) {
+    recorded *r = TEST_ARRAY(recorded, 1);
+    kinds[kind].make(which, &r->file);
+    assert_told(kinds[kind].recipe->program(NULL, r->file.bytes, NULL, &r->program, &told));
+    lg_test_owns(r, release_recorded);
+    return r;
+}
+
+TEST("every function of every recipe is the tape's, as a plan of any rows, of both types") {
+    for
+        EACH_EXAMPLE(kind, which) {
+            const size_t mark = lg_test_owned();
+            check_all(test_text("%s %zu", kinds[kind].recipe->name, which), record(kind, which)->program);
+            lg_test_give_back(mark);
+        }
+}
+
+/* ---- steps ---- */
+
+/* On the manifold; a reflection has no rotation nearby. */
+static double *state_on(const lg_space *space, uint64_t seed) {
+    double *y;
+    do {
+        y = test_numbers(seed, space->dim, 0.2, 1.2);
+        lg_space_project(space, y);
+        seed += 100;
+    } while (isnan(lg_space_manifold_error(space, y)));
+    return y;
+}
+
+static lg_model *model_on(const recorded *r, const lg_scheme *scheme, const lg_space *space) {
+    lg_program *program;
+    lg_model *model;
+    assert_ok(kinds[r->file.kind].recipe->program(NULL, r->file.bytes, scheme, &program, NULL));
+    assert_ok(lg_model_create(NULL, program, space, &model, NULL));
+    lg_test_owns(model, release_model);
+    return model;
+}
+
+/* Function `step` of the program against the stepper, which knows the field. */
+static void check_step(recorded *r) {
+    size_t step;
+    lg_space space;
+    lg_stepper *stepper;
+    const lg_recipe *recipe = kinds[r->file.kind].recipe;
+    const lg_scheme *scheme = recipe->scheme(r->file.bytes);
+    assert_ok(recipe->space(common_of(&r->file).run, &space));
+    const lg_model *model = model_on(r, scheme, &space);
+    const size_t bytes = lg_model_stepper_size(model, scheme), inputs = lg_model_input_dim(model);
+    assert_ok(lg_model_stepper_init(model, scheme, &stepper, test_work(bytes), bytes));
+    assert_ok(lg_program_find(r->program, "step", &step));
+    const lg_plan *plan = test_plan(r->program, step, NULL);
+    for (uint64_t seed = 0; seed < 3; seed++) {
+        const double *y = state_on(&space, seed), *u = test_numbers(7 + seed, inputs + 1, -1, 1),
+                     h = 0.01 * (double)(1 + seed);
+        double *next = TEST_ARRAY(double, space.dim), *expected = TEST_ARRAY(double, space.dim);
+        const void *const in[] = {y, inputs > 0 ? (const void *)u : &h, &h};
+        lg_plan_eval(plan, in, (void *const[]){next}, test_work(lg_plan_work_size(plan)));
+        assert_ok(lg_step(stepper, 0.0, h, y, inputs > 0 ? u : NULL, expected));
+        assert_all_close(next, expected, space.dim, 2e-13, 2e-13);
+    }
+}
+
+TEST("the step of every recipe that moves is the plain stepper's, with its inputs") {
+    for
+        EACH_EXAMPLE(kind, which) if (kinds[kind].recipe->space != NULL) check_step(record(kind, which));
+}
