@@ -114,7 +114,7 @@ static const units_row units_table[] = {
           "<5:0,0,1>"},
      .results = {{{"loss", {0, 1, 0}, STATE, 0}},
                  {{"E1", {0, 1, 0}, STATE, 0}, {"E2", ENERGY, LESS, 0}},
-                 {{"energy_drift", ENERGY, LESS, 0}}}},
+                 {{"energy_drift", ENERGY, LESS, 0}, {"steps", {0}, SAME, 0.05}}}},
     {.name = "lg-hamiltonian, coupled oscillators in single precision",
      .files = {{"p.yaml", "system: coupled-oscillators\nstarts: {kind: thesis}\n"}},
      .data = {{"lg-hamiltonian generate p.yaml --trajectories 200 --points 6 --t-end 0.3", "a.h5", "train.h5",
