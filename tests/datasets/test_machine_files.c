@@ -24,6 +24,14 @@ static void refuse(const char *text, lg_status status, const char *line, const c
     assert_says(error.message, words);
 }
 
+typedef struct refusal {
+    const char *text, *line, *words;
+} refusal;
+
+static void refuse_all(const refusal *rows, size_t count) {
+    for (size_t i = 0; i < count; i++) refuse(rows[i].text, LG_FORMAT, rows[i].line, rows[i].words);
+}
+
 static void assert_column(const lg_machine_file *f, uint32_t i, const char *name, lg_log_role role,
                           uint32_t index) {
     assert_string_equal(f->columns[i].name, name);
@@ -207,9 +215,7 @@ TEST("matrices are lists of rows") {
 #define HEAD "coordinates: [{name: q, kind: line, velocity: v}]\n" /* one line */
 
 TEST("wrong keys are refused with their line") {
-    static const struct {
-        const char *text, *line, *words;
-    } wrong[] = {
+    static const refusal wrong[] = {
         {"measured: velocities\n", "line 1", "'coordinates' is missing"},
         {HEAD "colums: {time: t}\n", "line 2", "unknown key 'colums'"},
         {HEAD "columns: {tme: t}\n", "line 2", "unknown key 'columns.tme'"},
@@ -268,8 +274,7 @@ TEST("wrong keys are refused with their line") {
         {"", "line 1", ""},
         {"coordinates: [\n", "line", "is not YAML"},
     };
-    for (size_t i = 0; i < LG_COUNT(wrong); i++)
-        refuse(wrong[i].text, LG_FORMAT, wrong[i].line, wrong[i].words);
+    refuse_all(wrong, LG_COUNT(wrong));
 }
 
 /* ---- systems ---- */
@@ -304,9 +309,7 @@ TEST("a system gives the machine its mass and potential, and numbers that are kn
 }
 
 TEST("wrong systems and parameters are refused with their line") {
-    static const struct {
-        const char *text, *line, *words;
-    } wrong[] = {
+    static const refusal wrong[] = {
         {HEAD "parameters: {gravity: 9.81}\n", "line 2", "key 'system' is missing"},
         {HEAD "form: direct\n", "line 2", "key 'system' is missing"},
         {HEAD "system: heavy-top\n", "line 2", "its coordinates are of kind rotation"},
@@ -329,14 +332,11 @@ TEST("wrong systems and parameters are refused with their line") {
         {TOP "parameters: {chi: [1, 1, 1]}\n", "line 3", "chi has length 1.73205"},
         {TOP "parameters: 3\n", "line 3", "{KEY: ...} is expected"},
     };
-    for (size_t i = 0; i < LG_COUNT(wrong); i++)
-        refuse(wrong[i].text, LG_FORMAT, wrong[i].line, wrong[i].words);
+    refuse_all(wrong, LG_COUNT(wrong));
 }
 
 TEST("wrong terms are refused with their line") {
-    static const struct {
-        const char *text, *line, *words;
-    } wrong[] = {
+    static const refusal wrong[] = {
         {HEAD "mass: {}\n", "line 2", "'kind' is missing"},
         {HEAD "mass: heavy\n", "line 2", "mass: kind 'heavy' is none of none, known, diagonal"},
         {HEAD "mass: [[constant]]\n", "line 2", "the name of a kind"},
@@ -382,8 +382,7 @@ TEST("wrong terms are refused with their line") {
         {HEAD "potential: {kind: none, of: q}\n", "line 2", "of: potential of kind none takes no"},
         {HEAD "potential: [{kind: linear, of: q},\n  {kind: lnear}]\n", "line 3", "'lnear'"},
     };
-    for (size_t i = 0; i < LG_COUNT(wrong); i++)
-        refuse(wrong[i].text, LG_FORMAT, wrong[i].line, wrong[i].words);
+    refuse_all(wrong, LG_COUNT(wrong));
 }
 
 /* ---- files ---- */

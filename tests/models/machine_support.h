@@ -5,6 +5,7 @@
 #include "support/fixtures.h"
 
 #include "liegrad/machine.h"
+#include "liegrad/nn.h"
 
 static inline void add_coordinate(lg_machine *machine, const char *name, lg_coordinate_kind kind) {
     lg_machine_coordinate *c = &machine->coordinates[machine->coordinate_count++];
@@ -164,6 +165,19 @@ static inline bool machine_moves(const lg_machine *machine) {
             (lg_term_kind_options(machine->terms[i].kind) & LG_TERM_HIDDEN) != 0)
             return true;
     return false;
+}
+
+/* Levenberg-Marquardt; theta, in and out: parameters, then starts where they are learned. */
+static inline void fit_by_lm(const lg_fit_problem *problem, uint32_t epochs, double *theta) {
+    lg_fit_options options;
+    lg_fit *fit;
+    lg_fit_options_init(&options);
+    assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
+    options.epochs = epochs;
+    assert_ok(lg_fit_create(NULL, problem, &options, theta, &fit, NULL));
+    assert_ok(lg_fit_run(fit, NULL));
+    lg_fit_parameters(fit, theta);
+    lg_fit_destroy(fit);
 }
 
 #endif

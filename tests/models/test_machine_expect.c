@@ -2,8 +2,6 @@
  * The loss that is expected of a model that explains its logs: the mean over logs whose noise is drawn. */
 #include "models/machine_support.h"
 
-#include "liegrad/nn.h"
-
 /* A cart (line) and a pendulum (angle) side by side: 2 x'' = u - .3 x' - 5 x, a'' = -9 sin a - .2 a'. */
 static lg_machine plant(bool known) {
     static const double m[] = {2.0, 1.0}, k[] = {2.5}, g[] = {0.0, -9.0}, d[] = {0.3, 0.2},
@@ -92,16 +90,8 @@ static lg_machine_problem problem_of(logs *l, const lg_machine *machine, const w
 /* theta, in and out: the machine's parameters, then room for starts. */
 static void fit(const lg_machine_problem *p, double *theta) {
     lg_fit_problem problem;
-    lg_fit_options options;
-    lg_fit *made;
     lg_machine_fit_problem(p, &problem);
-    lg_fit_options_init(&options);
-    assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
-    options.epochs = 30;
-    assert_ok(lg_fit_create(NULL, &problem, &options, theta, &made, NULL));
-    assert_ok(lg_fit_run(made, NULL));
-    lg_fit_parameters(made, theta);
-    lg_fit_destroy(made);
+    fit_by_lm(&problem, 30, theta);
 }
 
 /* The best fit's loss by that which is expected of it, from the parameters of exact logs. */

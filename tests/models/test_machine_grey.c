@@ -5,7 +5,6 @@
 
 #include "liegrad/geometry.h"
 #include "liegrad/mechanics.h"
-#include "liegrad/nn.h"
 
 enum { PARTS = 6, ROWS = 31, ALL = PARTS * ROWS, STATE = 64, NUMBERS = 16 };
 
@@ -345,17 +344,9 @@ static task *make_task(const lg_machine *machine, const logs *l, bool noisy) {
 static task *learn(const lg_machine *machine, const logs *l, bool noisy) {
     task *t = make_task(machine, l, noisy);
     lg_fit_problem problem;
-    lg_fit_options options;
-    lg_fit *made;
     double floor;
     lg_machine_fit_problem(&t->problem, &problem);
-    lg_fit_options_init(&options);
-    assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
-    options.epochs = 100;
-    assert_ok(lg_fit_create(NULL, &problem, &options, t->theta, &made, NULL));
-    assert_ok(lg_fit_run(made, NULL));
-    lg_fit_parameters(made, t->theta);
-    lg_fit_destroy(made);
+    fit_by_lm(&problem, 100, t->theta);
     assert_ok(lg_machine_loss(NULL, &t->problem, t->theta, &t->loss, &floor, NULL));
     t->count = lg_machine_numbers(&t->machine, t->theta, NUMBERS, t->numbers);
     assert_true(t->count <= NUMBERS);

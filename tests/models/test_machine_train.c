@@ -3,7 +3,6 @@
 #include "models/machine_support.h"
 
 #include "liegrad/geometry.h"
-#include "liegrad/nn.h"
 
 enum { PARTS = 6, ROWS = 41, ALL = PARTS * ROWS };
 
@@ -89,23 +88,15 @@ static task *make_task(const logs *l, lg_machine_starts starts) {
     return t;
 }
 
-/* Levenberg-Marquardt; `own`: starts are eliminated window by window in the matrix. */
+/* `own`: starts are eliminated window by window in the matrix. */
 static void fit(task *t, bool own) {
     lg_fit_problem problem;
-    lg_fit_options options;
-    lg_fit *made;
     lg_machine_fit_problem(&t->problem, &problem);
     if (!own) {
         problem.own = 0;
         problem.linearise = NULL;
     }
-    lg_fit_options_init(&options);
-    assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
-    options.epochs = 60;
-    assert_ok(lg_fit_create(NULL, &problem, &options, t->theta, &made, NULL));
-    assert_ok(lg_fit_run(made, NULL));
-    lg_fit_parameters(made, t->theta);
-    lg_fit_destroy(made);
+    fit_by_lm(&problem, 60, t->theta);
 }
 
 enum { NUMBERS = 3 };

@@ -2,8 +2,6 @@
  * ctest-labels: src/machine */
 #include "models/machine_support.h"
 
-#include "liegrad/nn.h"
-
 /* ---- runs ---- */
 
 /* A run of `steps` intervals of length h from one row, in the units of the log; u: cubics of intervals. */
@@ -340,15 +338,7 @@ TEST("windows of fifty rows of a damped pendulum tell its damping") {
     lesson *l = make_lesson();
     double theta[3] = {0.1, 0.1, 0.1};
     lg_identified found[3];
-    lg_fit_options options;
-    lg_fit *fit;
-    lg_fit_options_init(&options);
-    assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
-    options.epochs = 40;
-    assert_ok(lg_fit_create(NULL, &l->fit, &options, theta, &fit, NULL));
-    assert_ok(lg_fit_run(fit, NULL));
-    lg_fit_parameters(fit, theta);
-    lg_fit_destroy(fit);
+    fit_by_lm(&l->fit, 40, theta);
     assert_int_equal(lg_machine_numbers(&l->machine, theta, 3, found), 3);
     for (int i = 0; i < 3; i++) {
         (void)printf("%s = %.6f\n", found[i].name, found[i].value);
