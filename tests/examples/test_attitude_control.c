@@ -237,6 +237,24 @@ TEST("a run reaches the set point, allocates nothing and takes no lock") {
     assert_int_equal(kept.count, 5000);
 }
 
+TEST("a filter holds the attitude by sensors with noise, without allocation") {
+    fixture *self = make(6.0);
+    lg_rng rng = test_rng(9, 0);
+    const trial_options options = {1e-3, 5.0, 1.0, 0.01};
+    samples kept = {TEST_ARRAY(int64_t, 5000), 0, 5000};
+    observer by;
+    double y[PLANT_STATE];
+    assert_true(observer_create(&by, self->model, self->work, 0.01, 1));
+    plant_start(&rng, 1.0, y);
+    lg_count_begin();
+    const trial_result r = trial_run(&options, &self->truth, &self->control, &by, y, &kept);
+    const lg_counts used = lg_count_end();
+    observer_destroy(&by);
+    if (lg_count_available()) assert_int_equal(used.allocations, 0);
+    assert_true(r.finite && r.worst < 0.01 && r.arrived < 3.0);
+    assert_true(r.measured > 0.02 && by.worst < 0.002);
+}
+
 TEST("quaternions of a log are those of its attitudes, whichever number is largest") {
     lg_rng rng = test_rng(8, 0);
     for (int n = 0; n < 200; n++) {
