@@ -12,8 +12,8 @@ static const char learn[] = "lg-learn";
 #define SENSOR "1,2,1,0,-1,-2,-1,0,1,2,3,2,1,0,-1,-2,-3,-2,-1,0"
 #define WINDOW SENSOR "," SENSOR "," SENSOR "," SENSOR "," SENSOR "," SENSOR
 
-/* Recipes that are learned: another program's data (NULL: a table), options of train that end soon, a range of
- * a search. */
+/* Recipes that are learned: another program's data (NULL: a table), options of train that end soon, a range
+ * of a search. */
 static const struct learned {
     const char *recipe, *program, *generate, *train, *range;
     const char *initial;  /* of a prediction */
