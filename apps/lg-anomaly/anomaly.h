@@ -45,8 +45,6 @@ typedef struct well_model {
     lg_series names;    /* of a loaded classifier: owns its names */
 } well_model;
 
-/* `file` is borrowed; there is no plan yet. */
-well_model well_model_of_detector(const lg_detector_file *file);
 void well_model_load(const app *app, const char *path, well_model *out);
 void well_model_destroy(well_model *model); /* a zeroed one may be destroyed */
 /* Bytes of work memory for well_model_score. */

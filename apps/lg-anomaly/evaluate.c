@@ -407,8 +407,8 @@ static int run(app *self) {
     if (values.scores != NULL) write_scores(&list[0]);
     if (values.plot != NULL)
         APP_MUST_FILE(self, values.plot,
-                      draw_view(self, values.plot, view_of(&model, picture, false), &model,
-                                &list[0].from.data.series, &list[0].from.windows, &list[0].judged, &error));
+                      draw_view(self, values.plot, view_of(&model, picture, false), &model, &list[0].from,
+                                &list[0].judged, &error));
     report(self, list, count);
     for (size_t i = 0; i < count; i++) evaluation_destroy(&list[i]);
     return APP_EXIT_OK;

@@ -6,84 +6,66 @@
 #include "common/learn.h"
 #include "lg-anomaly/anomaly.h"
 
-enum { BUNDLE = 64 }; /* windows of a task */
-
 /* ---- scores ---- */
 
-typedef struct scored {
+typedef struct scoring {
     const well_model *model;
-    const lg_cut_series *from;
-    const double *table; /* features of all windows, or NULL */
-} scored;
+    const lg_judgement *out;
+} scoring;
 
-static lg_scorer scorer_of(const scored *what) {
-    return (lg_scorer){
-        .user = what, .classes = what->model->classes, .probabilities = what->model->probabilities};
-}
-
-/* After the work memory of the model there is room for a window. */
-static lg_status score_window(const void *user, uint32_t window, double *score, double *plane, void *work) {
-    const scored *self = user;
-    float *x = (float *)(void *)((char *)work + well_model_work(self->model));
-    lg_windows_copy(&self->from->data.series, &self->from->windows, window, x);
-    return well_model_score(self->model, x, score, plane, work);
+static lg_status score(void *user, size_t i, const float *x, void *work) {
+    const scoring *self = user;
+    const lg_judgement *out = self->out;
+    double *plane = out->plane != NULL ? out->plane + 2 * i : NULL;
+    return well_model_score(self->model, x, out->score + i * out->classes, plane, work);
 }
 
 lg_status judge_windows(const app *self, const well_model *model, const lg_cut_series *from,
                         const lg_window_list *part, lg_judgement *out, lg_error *error) {
-    const scored what = {model, from, NULL};
-    lg_scorer scorer = scorer_of(&what);
-    scorer.score = score_window;
-    scorer.work = well_model_work(model) + (size_t)model->channels * model->window * sizeof(float);
-    scorer.plane = model->sort == WELL_NETWORK && model->detector.run.model.net.plane == 2;
-    return lg_judge_windows(self->context, &scorer, &from->data.series, &from->windows, part, self->threads,
-                            out, error);
-}
-
-static lg_status score_row(const void *user, uint32_t window, double *score, double *plane, void *work) {
-    const scored *self = user;
-    const lg_classifier *classifier = &self->model->classifier;
-    (void)plane;
-    lg_classifier_score(classifier, self->table + (size_t)window * classifier->features.count, score, work);
-    return LG_OK;
+    const bool plane = model->sort == WELL_NETWORK && model->detector.run.model.net.plane == 2;
+    scoring user = {model, out};
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes, plane,
+                              out, error));
+    const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
+                                             self->threads, well_model_work(model), score, &user);
+    return lg_judgement_end(out, model->probabilities, status, error);
 }
 
 lg_status judge_rows(const app *self, const well_model *model, const lg_cut_series *from,
                      const lg_window_list *part, const double *table, lg_judgement *out, lg_error *error) {
-    const scored what = {model, from, table};
-    lg_scorer scorer = scorer_of(&what);
-    scorer.score = score_row;
-    scorer.work = lg_classifier_work_size(&model->classifier);
-    return lg_judge_windows(self->context, &scorer, &from->data.series, &from->windows, part, 1, out, error);
+    const lg_classifier *classifier = &model->classifier;
+    APP_FREE void *work = app_alloc(lg_classifier_work_size(classifier), 1);
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes, false,
+                              out, error));
+    for (size_t i = 0; i < out->count; i++)
+        lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,
+                            out->score + i * out->classes, work);
+    return lg_judgement_end(out, model->probabilities, LG_OK, error);
 }
 
 /* ---- novelty ---- */
 
-typedef struct novelty_task {
-    const well_model *model;
-    const lg_cut_series *from;
-    const lg_judgement *judged;
+typedef struct measuring {
+    const lg_novelty *novelty;
     lg_novelty_result *result; /* of each window */
-} novelty_task;
+} measuring;
 
-static void measure_bundle(void *user, size_t index) {
-    const novelty_task *self = user;
-    const lg_novelty *novelty = &self->model->novelty;
-    const size_t begin = index * BUNDLE, count = self->judged->count;
-    APP_FREE float *x = app_alloc((size_t)novelty->channels * novelty->length, sizeof *x);
-    APP_FREE void *work = app_alloc(lg_novelty_work_size(novelty), 1);
-    for (size_t i = begin; i < begin + BUNDLE && i < count && !app_interrupted(); i++) {
-        lg_windows_copy(&self->from->data.series, &self->from->windows, self->judged->window[i], x);
-        lg_novelty_eval(novelty, x, &self->result[i], NULL, work);
-    }
+static lg_status measure(void *user, size_t i, const float *x, void *work) {
+    const measuring *self = user;
+    lg_novelty_eval(self->novelty, x, &self->result[i], NULL, work);
+    return LG_OK;
 }
 
 size_t count_novel(const app *self, const well_model *model, const lg_cut_series *from,
                    const lg_judgement *judged, lg_novelty_result *farthest) {
+    const lg_window_list all = {judged->window, judged->count};
     APP_FREE lg_novelty_result *result = app_alloc(judged->count, sizeof *result);
-    novelty_task task = {model, from, judged, result};
+    measuring user = {&model->novelty, result};
     size_t novel = 0;
-    app_parallel(self->threads, (judged->count + BUNDLE - 1) / BUNDLE, measure_bundle, &task);
+    app_must(self,
+             lg_windows_each(self->context, &from->data.series, &from->windows, &all, self->threads,
+                             lg_novelty_work_size(user.novelty), measure, &user),
+             NULL);
     *farthest = (lg_novelty_result){.distance = 0};
     for (size_t i = 0; i < judged->count; i++) {
         novel += result[i].novel;

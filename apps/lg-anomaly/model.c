@@ -8,30 +8,26 @@
 
 /* ---- networks ---- */
 
-well_model well_model_of_detector(const lg_detector_file *file) {
-    const lg_detector_run *run = &file->run;
-    return (well_model){.sort = WELL_NETWORK,
+static void load_detector(const app *self, const char *path, well_model *out) {
+    lg_detector_file file;
+    const lg_detector_run *run = &file.run;
+    APP_MUST_FILE(self, path, lg_model_load_detector(self->context, path, NULL, &file, &error));
+    *out = (well_model){.sort = WELL_NETWORK,
                         .method = "cnn",
                         .classes = run->model.classes,
                         .channels = run->model.net.channels,
                         .window = run->model.net.length,
-                        .rate = file->rate,
-                        .class_name = file->class_name,
-                        .class_label = file->class_label,
-                        .channel_name = file->channel_name,
+                        .rate = file.rate,
+                        .class_name = file.class_name,
+                        .class_label = file.class_label,
+                        .channel_name = file.channel_name,
                         .cut = *run,
                         .probabilities = true,
-                        .detector = *file,
-                        .novelty = file->novelty};
-}
-
-static void load_detector(const app *self, const char *path, well_model *out) {
-    lg_detector_file file;
-    APP_MUST_FILE(self, path, lg_model_load_detector(self->context, path, NULL, &file, &error));
-    *out = well_model_of_detector(&file);
+                        .detector = file,
+                        .novelty = file.novelty};
     APP_MUST_FILE(self, path,
-                  lg_detector_plan_create(self->context, &file.run.model, &file.scaler, file.theta,
-                                          file.run.training.dtype, &out->plan, &error));
+                  lg_detector_plan_create(self->context, &run->model, &file.scaler, file.theta,
+                                          run->training.dtype, &out->plan, &error));
 }
 
 /* ---- classical classifiers ---- */

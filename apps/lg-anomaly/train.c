@@ -16,15 +16,33 @@ void save_trained(const app *self, const well_model *model) {
     APP_MUST_FILE(self, path, well_model_save(self, path, model, metrics->accuracy, metrics->f1, &error));
 }
 
-void draw_tested(const app *self, int view, const well_model *model, const lg_judgement *judged) {
-    const lg_cut_series *tested = lg_detector_tested(&train_state);
-    const char *picture = train_given_files.plot;
-    APP_MUST_FILE(
-        self, picture,
-        draw_view(self, picture, view, model, &tested->data.series, &tested->windows, judged, &error));
+void check_picture(const app *self, const well_model *model) {
+    if (train_given_files.plot != NULL) check_view(self, model, train_given.picture, true);
 }
 
-void json_trained(app_json *json, lg_learning *learning, const well_model *model) {
+void draw_tested(const app *self, int view, const well_model *model, const lg_judgement *judged) {
+    const char *picture = train_given_files.plot;
+    if (picture == NULL) return;
+    APP_MUST_FILE(self, picture,
+                  draw_view(self, picture, view, model, lg_detector_tested(&train_state), judged, &error));
+}
+
+well_model trained_model(well_sort sort, const char *method) {
+    const lg_series *series = &train_state.all.data.series;
+    return (well_model){.sort = sort,
+                        .method = method,
+                        .classes = series->classes,
+                        .channels = series->channels,
+                        .window = (uint32_t)train_run.window,
+                        .rate = series->rate,
+                        .class_name = series->class_name,
+                        .class_label = series->class_label,
+                        .channel_name = series->channel_name,
+                        .cut = train_run};
+}
+
+void json_trained(app_json *json, const well_model *model) {
+    lg_learning *learning = &network_recipe.learning;
     lg_detector_tell_training(learning, model->method, model->classes, model->class_name);
     learn_put_results(json, learning, 0, learning->result_count);
 }
@@ -58,7 +76,8 @@ static void merge_into_two(void) {
     if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, first);
 }
 
-static void run_classical(const app *self, lg_learning *learning) {
+static void run_classical(const app *self) {
+    lg_learning *learning = &network_recipe.learning;
     const lg_series_data *data = &train_state.all.data;
     const bool alone = train_given.method == METHOD_NOVELTY;
     if (train_state.test != NULL) train_run.test_fraction = 0;
@@ -73,7 +92,7 @@ static void run_classical(const app *self, lg_learning *learning) {
         baseline_defaults(&data->series, &train_run.window, &train_run.hop);
     APP_MUST(self, lg_detector_window(learning, &train_run.window, &train_run.hop, &error));
     APP_MUST(self, lg_detector_split(learning, &error));
-    (alone ? train_novelty : train_classical)(self, learning);
+    (alone ? train_novelty : train_classical)(self);
 }
 
 /* ---- the command ---- */
@@ -85,7 +104,7 @@ static int run_train(app *self) {
     if (self->rank_count > 1) return app_usage(self, "--method cnn alone trains by ranks");
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all but the first are one */
     code = train_recipe_read(self, &network_recipe);
-    if (code == APP_EXIT_OK) run_classical(self, &network_recipe.learning);
+    if (code == APP_EXIT_OK) run_classical(self);
     lg_learning_close(&network_recipe.learning);
     return code;
 }

@@ -43,14 +43,17 @@ int train_check_options(const app *app);
 /* Of `train --method cnn` and `search` (train_network.c). */
 extern train_recipe network_recipe;
 /* Any other method, with the state's data read, cut and split. */
-void train_classical(const app *app, lg_learning *learning);
-void train_novelty(const app *app, lg_learning *learning);
+void train_classical(const app *app);
+void train_novelty(const app *app);
+/* A model of the state's data; what it learned is missing. */
+well_model trained_model(well_sort sort, const char *method);
 /* Writes a model of these methods. */
 void save_trained(const app *app, const well_model *model);
-/* --plot, of the part that was tested (lg_detector_tested). */
+/* --plot, if given: --picture is one of the model's; draws the part that was tested (lg_detector_tested). */
+void check_picture(const app *app, const well_model *model);
 void draw_tested(const app *app, int view, const well_model *model, const lg_judgement *judged);
 /* Keys that every method has; the sentence of the metrics. */
-void json_trained(app_json *json, lg_learning *learning, const well_model *model);
+void json_trained(app_json *json, const well_model *model);
 void print_trained(const well_model *model);
 
 /* ---- pictures of a model (views.c) ---- */
@@ -88,7 +91,6 @@ int view_of(const well_model *model, int wanted, bool training);
 void check_view(const app *app, const well_model *model, int view, bool training);
 /* Draws windows `judged->window` of the series. LG_UNSUPPORTED for VIEW_LOSS and VIEW_PRUNING. */
 lg_status draw_view(const app *app, const char *picture, int view, const well_model *model,
-                    const lg_series *series, const lg_windows *windows, const lg_judgement *judged,
-                    lg_error *error);
+                    const lg_cut_series *from, const lg_judgement *judged, lg_error *error);
 
 #endif

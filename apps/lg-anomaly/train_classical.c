@@ -18,44 +18,44 @@ typedef struct choice {
 
 typedef struct classical {
     const app *app;
-    lg_learning *learning;
-    lg_detector_state *base;
     well_model model;
-    uint32_t *label;               /* of all windows */
-    uint32_t *unit;                /* of all windows: run or group; NULL: split one by one */
-    double *table, *foreign_table; /* features of all windows; of --test */
+    uint32_t *label;              /* of all windows */
+    uint32_t *unit;               /* of all windows: run or group; NULL: split one by one */
+    double *table, *tested_table; /* features of all windows; of the series with the test part */
     double feature_seconds;
     choice chosen;
 } classical;
 
+static lg_detector_state *const state = &train_state;
+
 /* ---- features ---- */
 
-static lg_status create_features(classical *self, lg_error *error) {
-    const lg_detector_state *base = self->base;
+static void create_features(classical *self) {
     const train_values *values = &train_given;
     const lg_context *context = self->app->context;
-    const lg_series *series = &base->all.data.series;
+    const lg_series *series = &state->all.data.series;
     const bool baseline = values->method == METHOD_BASELINE;
     lg_scaler scaler;
-    lg_status status = lg_scaler_fit(context, series, &base->all.windows, base->train.list, base->train.count,
-                                     false, &scaler);
-    if (status != LG_OK) return app_error(error, status, "scaling: %s", lg_status_sentence(status));
-    status = lg_features_create(context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features,
+    const lg_status scaled = lg_scaler_fit(context, series, &state->all.windows, state->train.list,
+                                           state->train.count, false, &scaler);
+    if (scaled != LG_OK) app_stop(self->app, scaled, "scaling: %s", lg_status_sentence(scaled));
+    APP_MUST(self->app,
+             lg_features_create(context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features,
                                 values->directions == 1, series, (uint32_t)train_run.window, &scaler,
-                                &self->model.classifier.features, error);
+                                &self->model.classifier.features, &error));
     lg_scaler_destroy(&scaler);
-    return status;
 }
 
-static lg_status fill_table(const classical *self, const lg_cut_series *from, double **out, lg_error *error) {
+static double *table_of(const classical *self, const lg_cut_series *from) {
     const lg_features *features = &self->model.classifier.features;
     const size_t count = from->windows.count;
-    *out = app_try_alloc(count * features->count, sizeof **out);
-    if (*out == NULL)
-        return app_error(error, LG_OUT_OF_MEMORY, "out of memory: %zu windows with %u features each", count,
-                         features->count);
-    return lg_features_table(self->app->context, features, &from->data.series, &from->windows,
-                             (int)self->app->threads, *out, error);
+    double *out = app_try_alloc(count * features->count, sizeof *out);
+    if (out == NULL)
+        app_stop(self->app, LG_OUT_OF_MEMORY, "out of memory: %zu windows with %u features each", count,
+                 features->count);
+    APP_MUST(self->app, lg_features_table(self->app->context, features, &from->data.series, &from->windows,
+                                          (int)self->app->threads, out, &error));
+    return out;
 }
 
 /* Values of stored windows, carried over to the windows cut from them; NULL for NULL. */
@@ -72,18 +72,15 @@ static const uint32_t *units_of(const lg_series *series) {
     return train_run.split == LG_SPLIT_GROUP ? series->group : NULL;
 }
 
-static lg_status compute_features(classical *self, lg_error *error) {
-    const lg_detector_state *base = self->base;
+static void compute_features(classical *self) {
+    const lg_cut_series *all = &state->all;
     const double begin = app_seconds();
-    lg_status status = create_features(self, error);
-    if (status == LG_OK) status = fill_table(self, &base->all, &self->table, error);
-    if (status == LG_OK && base->test != NULL)
-        status = fill_table(self, &base->foreign, &self->foreign_table, error);
+    create_features(self);
+    self->table = table_of(self, all);
+    self->tested_table = state->test != NULL ? table_of(self, &state->foreign) : self->table;
     self->feature_seconds = app_seconds() - begin;
-    if (status != LG_OK) return status;
-    self->label = of_windows(&base->all, base->all.data.series.label);
-    self->unit = of_windows(&base->all, units_of(&base->all.data.series));
-    return LG_OK;
+    self->label = of_windows(all, all->data.series.label);
+    self->unit = of_windows(all, units_of(&all->data.series));
 }
 
 /* ---- what is tried ---- */
@@ -157,39 +154,32 @@ static void list_candidates(const app *self, const train_values *values, double 
     if (count == 0) out->options[out->count++] = base;
 }
 
-static lg_status choose(classical *self, lg_error *error) {
-    const lg_detector_state *base = self->base;
+static void choose(classical *self) {
     choice *chosen = &self->chosen;
-    list_candidates(self->app, &train_given, base->all.data.noise, chosen);
-    if (chosen->count == 1) return LG_OK;
+    list_candidates(self->app, &train_given, state->all.data.noise, chosen);
+    if (chosen->count == 1) return;
     chosen->accuracy = app_alloc(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
-    const lg_status status = lg_grid_search(
-        self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds, self->table,
-        self->label, self->unit, base->train.list, base->train.count, self->model.classifier.features.count,
-        base->all.data.series.classes, (int)self->app->threads, chosen->accuracy, &chosen->best, error);
+    APP_MUST(self->app,
+             lg_grid_search(self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds,
+                            self->table, self->label, self->unit, state->train.list, state->train.count,
+                            self->model.classifier.features.count, self->model.classes,
+                            (int)self->app->threads, chosen->accuracy, &chosen->best, &error));
     chosen->seconds = app_seconds() - begin;
-    return status;
 }
 
-static lg_status fit(classical *self, lg_error *error) {
-    const lg_detector_state *base = self->base;
-    const double begin = app_seconds();
-    const lg_status status = lg_classifier_fit(self->app->context, &self->chosen.options[self->chosen.best],
-                                               self->table, self->label, base->train.list, base->train.count,
-                                               self->model.classifier.features.count,
-                                               base->all.data.series.classes, &self->model.classifier, error);
-    self->learning->seconds = app_seconds() - begin;
-    return status;
+static lg_status fit(const classical *self, const lg_method_options *options, lg_classifier *out,
+                     lg_error *error) {
+    return lg_classifier_fit(self->app->context, options, self->table, self->label, state->train.list,
+                             state->train.count, self->model.classifier.features.count, self->model.classes,
+                             out, error);
 }
 
-static lg_status judge(classical *self, lg_error *error) {
-    lg_detector_state *base = self->base;
-    const lg_status status = judge_rows(self->app, &self->model, &base->all, &base->train, self->table,
-                                        &base->train_judged, error);
-    if (status != LG_OK) return status;
-    return judge_rows(self->app, &self->model, lg_detector_tested(base), &base->tested,
-                      self->foreign_table != NULL ? self->foreign_table : self->table, &base->judged, error);
+static void judge(const classical *self) {
+    APP_MUST(self->app, judge_rows(self->app, &self->model, &state->all, &state->train, self->table,
+                                   &state->train_judged, &error));
+    APP_MUST(self->app, judge_rows(self->app, &self->model, lg_detector_tested(state), &state->tested,
+                                   self->tested_table, &state->judged, &error));
 }
 
 /* ---- pruning against alpha ---- */
@@ -212,66 +202,50 @@ static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double
     return part->count > 0 ? (double)right / (double)part->count : (double)NAN;
 }
 
-static lg_status prune_and_judge(const classical *self, const lg_tree *whole, const lg_pca *pca, double alpha,
+static lg_status prune_and_judge(const classical *self, const lg_classifier *whole, double alpha,
                                  const uint32_t *tested_label, pruned_tree *out) {
-    const lg_detector_state *base = self->base;
     lg_tree pruned;
-    const lg_status status = lg_tree_prune(self->app->context, whole, alpha, &pruned);
-    if (status != LG_OK) return status;
+    LG_TRY(lg_tree_prune(self->app->context, &whole->tree, alpha, &pruned));
     *out = (pruned_tree){.alpha = alpha, .nodes = pruned.count, .depth = lg_tree_depth(&pruned)};
-    out->train_accuracy = tree_accuracy(&pruned, pca, self->table, self->label, &base->train);
+    out->train_accuracy = tree_accuracy(&pruned, &whole->pca, self->table, self->label, &state->train);
     out->test_accuracy =
-        tree_accuracy(&pruned, pca, self->foreign_table != NULL ? self->foreign_table : self->table,
-                      tested_label, &base->tested);
+        tree_accuracy(&pruned, &whole->pca, self->tested_table, tested_label, &state->tested);
     lg_tree_destroy(&pruned);
     return LG_OK;
 }
 
-static lg_status draw_path(const classical *self, const lg_tree *whole, const lg_pca *pca, lg_error *error) {
-    const lg_detector_state *base = self->base;
+static void draw_path(const classical *self, const char *picture, const lg_classifier *whole) {
+    const app *program = self->app;
+    const lg_tree *tree = &whole->tree;
     size_t count = 0;
-    lg_pruning_step *steps = app_alloc(whole->count, sizeof *steps);
-    lg_status status = lg_tree_pruning_path(self->app->context, whole, whole->count, steps, &count);
-    pruned_tree *trees = app_alloc(count, sizeof *trees);
-    const lg_cut_series *tested =
-        lg_detector_tested(base); /* labels of --test's windows are in another array */
-    uint32_t *label = of_windows(tested, tested->data.series.label);
-    for (size_t i = 0; i < count && status == LG_OK; i++)
-        status = prune_and_judge(self, whole, pca, steps[i].alpha, label, &trees[i]);
-    if (status == LG_OK)
-        status = draw_pruning(self->app, train_given_files.plot, trees, count,
-                              self->chosen.options[self->chosen.best].tree.ccp_alpha, error);
-    else
-        (void)app_error(error, status, "%s", lg_status_sentence(status));
-    free(label);
-    free(trees);
-    free(steps);
-    return status;
+    APP_FREE lg_pruning_step *steps = app_alloc(tree->count, sizeof *steps);
+    APP_MUST_FILE(program, picture, lg_tree_pruning_path(program->context, tree, tree->count, steps, &count));
+    APP_FREE pruned_tree *trees = app_alloc(count, sizeof *trees);
+    /* Labels of --test's windows are in another array. */
+    const lg_cut_series *tested = lg_detector_tested(state);
+    APP_FREE uint32_t *label = of_windows(tested, tested->data.series.label);
+    for (size_t i = 0; i < count; i++)
+        APP_MUST_FILE(program, picture, prune_and_judge(self, whole, steps[i].alpha, label, &trees[i]));
+    APP_MUST_FILE(program, picture,
+                  draw_pruning(program, picture, trees, count,
+                               self->chosen.options[self->chosen.best].tree.ccp_alpha, &error));
 }
 
-static lg_status draw_alphas(const classical *self, lg_error *error) {
-    const lg_detector_state *base = self->base;
+static void draw_alphas(const classical *self, const char *picture) {
     lg_method_options options = self->chosen.options[self->chosen.best];
-    lg_classifier whole = {.classes = 0};
+    APP_CLEAN(lg_classifier_destroy) lg_classifier whole = {.classes = 0};
     options.tree.ccp_alpha = 0;
-    lg_status status = lg_classifier_fit(
-        self->app->context, &options, self->table, self->label, base->train.list, base->train.count,
-        self->model.classifier.features.count, base->all.data.series.classes, &whole, error);
-    if (status == LG_OK) status = draw_path(self, &whole.tree, &whole.pca, error);
-    lg_classifier_destroy(&whole);
-    return status;
+    APP_MUST_FILE(self->app, picture, fit(self, &options, &whole, &error));
+    draw_path(self, picture, &whole);
 }
 
 static void draw(const classical *self) {
-    const lg_detector_state *base = self->base;
     const int view = view_of(&self->model, train_given.picture, true);
-    const char *picture = train_given_files.plot;
-    if (picture == NULL) return;
-    if (view == VIEW_PRUNING)
-        APP_MUST_FILE(self->app, picture, draw_alphas(self, &error));
+    if (train_given_files.plot != NULL && view == VIEW_PRUNING)
+        draw_alphas(self, train_given_files.plot);
     else
         draw_tested(self->app, view, &self->model,
-                    base->tested.count > 0 ? &base->judged : &base->train_judged);
+                    state->tested.count > 0 ? &state->judged : &state->train_judged);
 }
 
 /* ---- result ---- */
@@ -325,7 +299,7 @@ static void report_json(const classical *self) {
     const lg_classifier *model = &self->model.classifier;
     app_json json;
     app_json_begin(&json);
-    json_trained(&json, self->learning, &self->model);
+    json_trained(&json, &self->model);
     app_json_text(&json, "split", lg_split_name(train_run.split));
     app_json_real(&json, "test_fraction", train_run.test_fraction);
     app_json_text(&json, "features", lg_feature_kind_name(model->features.kind));
@@ -361,45 +335,36 @@ static void report(const classical *self) {
     if (self->chosen.accuracy != NULL)
         (void)printf(" (best of %zu by cross-validation: %.4f)", self->chosen.count,
                      self->chosen.accuracy[self->chosen.best]);
-    (void)printf("\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds, self->learning->seconds);
+    (void)printf("\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds,
+                 network_recipe.learning.seconds);
     print_trained(&self->model);
 }
 
 /* ---- running ---- */
 
-static void describe(const lg_series *series, well_model *model) {
-    *model = (well_model){.sort = WELL_CLASSICAL,
-                          .method = train_method_name(train_given.method),
-                          .classes = series->classes,
-                          .channels = series->channels,
-                          .window = (uint32_t)train_run.window,
-                          .rate = series->rate,
-                          .class_name = series->class_name,
-                          .class_label = series->class_label,
-                          .channel_name = series->channel_name,
-                          .cut = train_run};
-    model->classifier.method = method_of(train_given.method);
-    model->probabilities = model->classifier.method <= LG_METHOD_TREE;
-}
-
-void train_classical(const app *program, lg_learning *learning) {
-    classical self = {.app = program, .learning = learning, .base = learning->state};
-    describe(&self.base->all.data.series, &self.model);
-    APP_MUST(program, compute_features(&self, &error));
-    APP_MUST(program, choose(&self, &error));
-    APP_MUST(program, fit(&self, &error));
-    if (train_given_files.plot != NULL) check_view(program, &self.model, train_given.picture, true);
-    APP_MUST(program, judge(&self, &error));
-    APP_MUST(program, lg_detector_fit_novelty(learning, &self.model.novelty));
+void train_classical(const app *program) {
+    const lg_method method = method_of(train_given.method);
+    classical self = {.app = program};
+    self.model = trained_model(WELL_CLASSICAL, train_method_name(train_given.method));
+    self.model.classifier.method = method;
+    self.model.probabilities = method <= LG_METHOD_TREE;
+    compute_features(&self);
+    choose(&self);
+    const double begin = app_seconds();
+    APP_MUST(program, fit(&self, &self.chosen.options[self.chosen.best], &self.model.classifier, &error));
+    network_recipe.learning.seconds = app_seconds() - begin;
+    check_picture(program, &self.model);
+    judge(&self);
+    APP_MUST(program, lg_detector_fit_novelty(&network_recipe.learning, &self.model.novelty));
     save_trained(program, &self.model);
     draw(&self);
     report(&self);
     lg_classifier_destroy(&self.model.classifier);
     lg_novelty_destroy(&self.model.novelty);
+    if (self.tested_table != self.table) free(self.tested_table);
     free(self.label);
     free(self.unit);
     free(self.table);
-    free(self.foreign_table);
     free(self.chosen.options);
     free(self.chosen.accuracy);
 }

@@ -3,22 +3,17 @@
 
 #include "lg-anomaly/train.h"
 
-/* The model, with its parameters where they are trained; its pictures need no plan. */
-static well_model model_of(const double *theta) {
-    const lg_series *series = &train_state.all.data.series;
-    const lg_detector_file file = {.run = train_run,
-                                   .theta = (double *)theta,
-                                   .class_name = series->class_name,
-                                   .class_label = series->class_label,
-                                   .channel_name = series->channel_name,
-                                   .rate = series->rate};
-    return well_model_of_detector(&file);
+/* With its parameters where they are trained; pictures need no plan. */
+static well_model model_of(double *theta) {
+    well_model out = trained_model(WELL_NETWORK, "cnn");
+    out.detector = (lg_detector_file){.run = train_run, .theta = theta};
+    return out;
 }
 
 static int check(const app *self, const lg_learning *learning) {
     const well_model shape = model_of(NULL);
     (void)learning;
-    if (train_given_files.plot != NULL) check_view(self, &shape, train_given.picture, true);
+    check_picture(self, &shape);
     return APP_EXIT_OK;
 }
 

@@ -8,57 +8,51 @@ static const double MARGIN = 1.6;
 
 typedef struct alone {
     const app *app;
-    lg_learning *learning;
-    lg_detector_state *base;
     well_model model;
     char names[2][LG_SERIES_NAME];
 } alone;
 
+static lg_detector_state *const state = &train_state;
+
 static void describe(alone *self) {
-    const lg_detector_state *base = self->base;
-    const lg_series *series = &base->all.data.series;
-    memcpy(self->names[0], series->class_name[0], LG_SERIES_NAME);
+    self->model = trained_model(WELL_NOVELTY, train_method_name(METHOD_NOVELTY));
+    memcpy(self->names[0], self->model.class_name[0], LG_SERIES_NAME);
     memcpy(self->names[1], "unlike", sizeof "unlike");
-    self->model = (well_model){.sort = WELL_NOVELTY,
-                               .method = train_method_name(METHOD_NOVELTY),
-                               .classes = 2,
-                               .channels = series->channels,
-                               .window = (uint32_t)train_run.window,
-                               .rate = series->rate,
-                               .class_name = self->names,
-                               .channel_name = series->channel_name,
-                               .cut = train_run};
+    self->model.classes = 2;
+    self->model.class_name = self->names;
+    self->model.class_label = NULL;
 }
 
 /* Windows of other classes are no training windows. */
-static void keep_first_class(lg_detector_state *base) {
-    const lg_series *series = &base->all.data.series;
+static void keep_first_class(void) {
+    const lg_cut_series *all = &state->all;
+    lg_window_list *train = &state->train;
     size_t kept = 0;
-    for (size_t i = 0; i < base->train.count; i++)
-        if (series->label[base->all.windows.first[base->train.list[i]]] == 0)
-            base->train.list[kept++] = base->train.list[i];
-    base->train.count = kept;
+    for (size_t i = 0; i < train->count; i++)
+        if (all->data.series.label[all->windows.first[train->list[i]]] == 0)
+            train->list[kept++] = train->list[i];
+    train->count = kept;
 }
 
-static void judge(alone *self) {
-    lg_detector_state *base = self->base;
-    APP_MUST(self->app,
-             judge_windows(self->app, &self->model, &base->all, &base->train, &base->train_judged, &error));
-    APP_MUST(self->app, judge_windows(self->app, &self->model, lg_detector_tested(base), &base->tested,
-                                      &base->judged, &error));
+static void judge(const alone *self) {
+    const app *program = self->app;
+    APP_MUST(program,
+             judge_windows(program, &self->model, &state->all, &state->train, &state->train_judged, &error));
+    APP_MUST(program, judge_windows(program, &self->model, lg_detector_tested(state), &state->tested,
+                                    &state->judged, &error));
 }
 
 static void report(const alone *self) {
     const lg_novelty *novelty = &self->model.novelty;
     if (!self->app->json) {
         (void)printf("%s: novelty, %u features, windows of '%s' alone (%.3f s)\n", train_given_files.out,
-                     novelty->features, self->names[0], self->learning->seconds);
+                     novelty->features, self->names[0], network_recipe.learning.seconds);
         print_trained(&self->model);
         return;
     }
     app_json json;
     app_json_begin(&json);
-    json_trained(&json, self->learning, &self->model);
+    json_trained(&json, &self->model);
     app_json_text(&json, "split", lg_split_name(train_run.split));
     app_json_real(&json, "test_fraction", train_run.test_fraction);
     app_json_size(&json, "feature_count", novelty->features);
@@ -71,28 +65,25 @@ static void report(const alone *self) {
 }
 
 static void fit(alone *self) {
-    const lg_detector_state *base = self->base;
     const double begin = app_seconds();
     lg_novelty_options options;
     lg_novelty_options_init(&options);
     options.margin = MARGIN;
-    APP_MUST(self->app, lg_novelty_fit(self->app->context, &options, &base->all.data.series,
-                                       &base->all.windows, base->train.list, base->train.count,
+    APP_MUST(self->app, lg_novelty_fit(self->app->context, &options, &state->all.data.series,
+                                       &state->all.windows, state->train.list, state->train.count,
                                        (int)self->app->threads, &self->model.novelty, &error));
-    self->learning->seconds = app_seconds() - begin;
+    network_recipe.learning.seconds = app_seconds() - begin;
 }
 
-void train_novelty(const app *program, lg_learning *learning) {
-    alone self = {.app = program, .learning = learning, .base = learning->state};
+void train_novelty(const app *program) {
+    alone self = {.app = program};
     describe(&self);
-    keep_first_class(self.base);
-    if (train_given_files.plot != NULL) check_view(program, &self.model, train_given.picture, true);
+    keep_first_class();
+    check_picture(program, &self.model);
     fit(&self);
     judge(&self);
     save_trained(program, &self.model);
-    if (train_given_files.plot != NULL)
-        draw_tested(program, view_of(&self.model, train_given.picture, true), &self.model,
-                    &self.base->judged);
+    draw_tested(program, view_of(&self.model, train_given.picture, true), &self.model, &state->judged);
     report(&self);
     lg_novelty_destroy(&self.model.novelty);
 }

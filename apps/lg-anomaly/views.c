@@ -269,11 +269,10 @@ static lg_status view_regressions(const viewing *v, lg_error *error) {
 }
 
 lg_status draw_view(const app *self, const char *picture, int view, const well_model *model,
-                    const lg_series *series, const lg_windows *windows, const lg_judgement *judged,
-                    lg_error *error) {
-    lg_series named = *series; /* the model's names replace those that the file lacks */
+                    const lg_cut_series *from, const lg_judgement *judged, lg_error *error) {
+    lg_series named = from->data.series; /* the model's names replace those that the file lacks */
     if (named.channel_name == NULL) named.channel_name = model->channel_name;
-    const viewing v = {self, picture, model, &named, windows, judged};
+    const viewing v = {self, picture, model, &named, &from->windows, judged};
     if (judged->count == 0)
         return app_error(error, LG_INVALID_ARGUMENT, "%s: there are no windows to draw", picture);
     switch (view) {

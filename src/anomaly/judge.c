@@ -7,61 +7,95 @@
 
 enum { BUNDLE = 64 }; /* windows of a task */
 
-/* ---- scores ---- */
+/* ---- windows by threads ---- */
 
-typedef struct scoring {
+typedef struct visit {
     const lg_context *context;
-    const lg_scorer *scorer;
-    lg_judgement *out;
-    lg_status *status; /* of each task */
-} scoring;
+    const lg_series *series;
+    const lg_windows *windows;
+    const lg_window_list *part;
+    size_t work;
+    lg_status (*each)(void *user, size_t i, const float *x, void *work);
+    void *user;
+    lg_status *status; /* of each bundle */
+} visit;
 
-static void score_bundle(void *user, size_t index) {
-    const scoring *self = user;
-    lg_judgement *out = self->out;
-    const size_t begin = index * BUNDLE, end = begin + BUNDLE < out->count ? begin + BUNDLE : out->count;
-    void *work = lg_alloc(self->context, 1, self->scorer->work);
-    lg_status status = work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    for (size_t i = begin; i < end && status == LG_OK && !lg_cancelled(self->context); i++)
-        status = self->scorer->score(self->scorer->user, out->window[i], out->score + i * out->classes,
-                                     out->plane != NULL ? out->plane + 2 * i : NULL, work);
+static void visit_bundle(void *user, size_t index) {
+    const visit *self = user;
+    const size_t begin = index * BUNDLE, count = self->part->count,
+                 end = begin + BUNDLE < count ? begin + BUNDLE : count;
+    float *x = lg_alloc(self->context, (size_t)self->series->channels * self->windows->length, sizeof *x);
+    void *work = lg_alloc(self->context, 1, self->work);
+    lg_status status = x != NULL && work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    for (size_t i = begin; i < end && status == LG_OK; i++) {
+        lg_windows_copy(self->series, self->windows, self->part->list[i], x);
+        status = lg_cancelled(self->context) ? LG_CANCELLED : self->each(self->user, i, x, work);
+    }
+    lg_free(self->context, x);
     lg_free(self->context, work);
     self->status[index] = status;
 }
 
-static lg_status score_all(const scoring *self, size_t tasks, uint64_t threads) {
+lg_status lg_windows_each(const lg_context *context, const lg_series *series, const lg_windows *windows,
+                          const lg_window_list *part, uint64_t threads, size_t work,
+                          lg_status (*each)(void *user, size_t i, const float *x, void *work), void *user) {
+    const size_t bundles = (part->count + BUNDLE - 1) / BUNDLE;
     lg_thread_pool *pool;
-    LG_TRY(lg_thread_pool_create(self->context, (int)(threads < tasks ? threads : tasks), &pool));
-    lg_thread_pool_run(pool, tasks, score_bundle, (void *)self);
-    lg_thread_pool_destroy(pool);
-    lg_status status = lg_cancelled(self->context) ? LG_CANCELLED : LG_OK;
-    for (size_t i = 0; i < tasks && status == LG_OK; i++) status = self->status[i];
+    if (bundles == 0) return LG_OK;
+    lg_status *each_status = lg_alloc(context, bundles, sizeof *each_status);
+    if (each_status == NULL) return LG_OUT_OF_MEMORY;
+    visit all = {context, series, windows, part, work, each, user, each_status};
+    lg_status status = lg_thread_pool_create(context, (int)(threads < bundles ? threads : bundles), &pool);
+    if (status == LG_OK) {
+        lg_thread_pool_run(pool, bundles, visit_bundle, &all);
+        lg_thread_pool_destroy(pool);
+    }
+    for (size_t i = 0; i < bundles && status == LG_OK; i++) status = each_status[i];
+    lg_free(context, each_status);
     return status;
 }
 
 /* ---- from scores to numbers ---- */
 
 /* One block, which begins at `score`. */
-static lg_status allocate(const lg_scorer *scorer, lg_judgement *out) {
-    const size_t n = out->count, classes = out->classes, plane = scorer->plane ? 2 * n : 0;
-    const size_t words = n * classes + plane + classes * classes,
-                 bytes = 8 * words + 3 * n * sizeof(uint32_t);
-    out->score = lg_alloc(out->context, 1, bytes);
+static lg_status allocate(lg_judgement *out, bool plane) {
+    const size_t n = out->count, classes = out->classes, scores = n * classes + (plane ? 2 * n : 0);
+    const size_t words = scores + classes * classes;
+    out->score = lg_alloc(out->context, 1, 8 * words + 3 * n * sizeof *out->window);
     if (out->score == NULL) return LG_OUT_OF_MEMORY;
-    out->plane = scorer->plane ? out->score + n * classes : NULL;
-    out->confusion = (uint64_t *)(void *)(out->score + n * classes + plane);
+    out->plane = plane ? out->score + n * classes : NULL;
+    out->confusion = (uint64_t *)(void *)(out->score + scores);
     out->window = (uint32_t *)(void *)(out->score + words);
     out->truth = out->window + n;
     out->given = out->truth + n;
     return LG_OK;
 }
 
-static lg_status conclude(const lg_scorer *scorer, lg_judgement *out) {
+lg_status lg_judgement_begin(const lg_context *context, const lg_series *series, const lg_windows *windows,
+                             const lg_window_list *part, uint32_t classes, bool plane, lg_judgement *out,
+                             lg_error *error) {
+    *out = (lg_judgement){.count = part->count,
+                          .classes = classes,
+                          .metrics = {NAN, NAN, NAN, NAN, NAN},
+                          .auc = NAN,
+                          .mse = NAN,
+                          .context = context};
+    if (allocate(out, plane) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    for (size_t i = 0; i < out->count; i++) {
+        out->window[i] = part->list[i];
+        out->truth[i] = series->label[windows->first[part->list[i]]];
+    }
+    out->seconds = -lg_seconds();
+    return LG_OK;
+}
+
+static lg_status conclude(lg_judgement *out, bool probabilities) {
     for (size_t i = 0; i < out->count; i++)
         out->given[i] = lg_class_of(out->score + i * out->classes, out->classes);
     lg_confusion(out->truth, out->given, out->count, out->classes, out->confusion);
     out->metrics = lg_metrics_of(out->confusion, out->classes);
-    if (out->classes == 2 && scorer->probabilities) {
+    if (out->classes == 2 && probabilities) {
         double sum = 0;
         for (size_t i = 0; i < out->count; i++) {
             const double d = out->score[2 * i + 1] - (double)out->truth[i];
@@ -72,34 +106,11 @@ static lg_status conclude(const lg_scorer *scorer, lg_judgement *out) {
     return lg_auc(out->context, out->truth, out->score, out->count, out->classes, &out->auc);
 }
 
-static lg_status judge(const lg_scorer *scorer, uint64_t threads, lg_judgement *out) {
-    const size_t tasks = (out->count + BUNDLE - 1) / BUNDLE;
-    scoring what = {out->context, scorer, out, lg_alloc(out->context, tasks, sizeof *what.status)};
-    if (what.status == NULL) return LG_OUT_OF_MEMORY;
-    const double begin = lg_seconds();
-    const lg_status status = score_all(&what, tasks, threads);
-    out->seconds = lg_seconds() - begin;
-    lg_free(out->context, what.status);
-    return status == LG_OK ? conclude(scorer, out) : status;
-}
-
-lg_status lg_judge_windows(const lg_context *context, const lg_scorer *scorer, const lg_series *series,
-                           const lg_windows *windows, const lg_window_list *part, uint64_t threads,
-                           lg_judgement *out, lg_error *error) {
-    *out = (lg_judgement){.count = part->count,
-                          .classes = scorer->classes,
-                          .metrics = {NAN, NAN, NAN, NAN, NAN},
-                          .auc = NAN,
-                          .mse = NAN,
-                          .context = context};
-    lg_status status = allocate(scorer, out);
-    for (size_t i = 0; i < out->count && status == LG_OK; i++) {
-        out->window[i] = part->list[i];
-        out->truth[i] = series->label[windows->first[part->list[i]]];
-    }
-    if (status == LG_OK && out->count > 0) status = judge(scorer, threads, out);
+lg_status lg_judgement_end(lg_judgement *judged, bool probabilities, lg_status status, lg_error *error) {
+    judged->seconds += lg_seconds();
+    if (status == LG_OK && judged->count > 0) status = conclude(judged, probabilities);
     if (status == LG_OK) return LG_OK;
-    lg_judgement_destroy(out);
+    lg_judgement_destroy(judged);
     return lg_fail(error, status, "%s", lg_status_sentence(status));
 }
 

@@ -5,22 +5,18 @@
 #include "liegrad/metrics.h"
 #include "liegrad/series.h"
 
-/* Indices of windows, rising; the list is lg_alloc's. */
+/* Indices of windows, rising. */
 typedef struct lg_window_list {
     uint32_t *list;
     size_t count;
 } lg_window_list;
 
-/* A model, as one that scores window number `window` of a set: score (classes), plane (2) or NULL. Called by
- * several threads, each with `work` bytes of its own, 64-byte aligned. */
-typedef struct lg_scorer {
-    lg_status (*score)(const void *user, uint32_t window, double *score, double *plane, void *work);
-    const void *user;
-    size_t work;
-    uint32_t classes;
-    bool plane;         /* it has one */
-    bool probabilities; /* scores are probabilities; false: decisions, distances */
-} lg_scorer;
+/* Calls each(user, i, x, work) with x (channels, length), window number list[i], in bundles, by several
+ * threads; `work` bytes are the thread's alone, 64-byte aligned. LG_CANCELLED where the context is, otherwise
+ * the first failure. */
+lg_status lg_windows_each(const lg_context *context, const lg_series *series, const lg_windows *windows,
+                          const lg_window_list *part, uint64_t threads, size_t work,
+                          lg_status (*each)(void *user, size_t i, const float *x, void *work), void *user);
 
 typedef struct lg_judgement {
     size_t count;
@@ -36,10 +32,13 @@ typedef struct lg_judgement {
     const lg_context *context;
 } lg_judgement;
 
-/* Without windows all numbers are NaN. */
-lg_status lg_judge_windows(const lg_context *context, const lg_scorer *scorer, const lg_series *series,
-                           const lg_windows *windows, const lg_window_list *part, uint64_t threads,
-                           lg_judgement *out, lg_error *error);
+/* The windows of a part; the time of scoring begins. Without windows all numbers are NaN. */
+lg_status lg_judgement_begin(const lg_context *context, const lg_series *series, const lg_windows *windows,
+                             const lg_window_list *part, uint32_t classes, bool plane, lg_judgement *out,
+                             lg_error *error);
+/* Scores are there, unless `status` is a failure, with which *judged is destroyed. `probabilities`: that is
+ * what the scores are; otherwise decisions, distances. */
+lg_status lg_judgement_end(lg_judgement *judged, bool probabilities, lg_status status, lg_error *error);
 void lg_judgement_destroy(lg_judgement *judged);
 /* LG_NOT_FINITE: a window whose numbers overflow in the model has no class. */
 lg_status lg_judgement_check(const lg_judgement *judged, lg_error *error);

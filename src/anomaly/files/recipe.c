@@ -265,33 +265,28 @@ static void release(lg_learning *self) {
 
 /* ---- the result ---- */
 
-typedef struct scored {
+typedef struct scoring {
     const lg_detector_plan *plan;
-    const lg_cut_series *from;
-    size_t work; /* of the plan; a window follows */
-} scored;
+    const lg_judgement *out;
+} scoring;
 
-static lg_status score(const void *user, uint32_t window, double *out, double *plane, void *work) {
-    const scored *self = user;
-    float *x = (float *)(void *)((char *)work + self->work);
-    lg_windows_copy(&self->from->data.series, &self->from->windows, window, x);
-    lg_detector_eval(self->plan, x, out, plane, work);
+static lg_status score(void *user, size_t i, const float *x, void *work) {
+    const scoring *self = user;
+    const lg_judgement *out = self->out;
+    double *plane = out->plane != NULL ? out->plane + 2 * i : NULL;
+    lg_detector_eval(self->plan, x, out->score + i * out->classes, plane, work);
     return LG_OK;
 }
 
 static lg_status judge_part(const lg_learning *self, const lg_detector_plan *plan, const lg_cut_series *from,
                             const lg_window_list *part, lg_judgement *out, lg_error *error) {
     const lg_detector *model = &((const lg_detector_run *)self->run)->model;
-    const scored user = {plan, from, lg_detector_work_size(plan)};
-    const lg_scorer scorer = {.score = score,
-                              .user = &user,
-                              .work =
-                                  user.work + (size_t)model->net.channels * model->net.length * sizeof(float),
-                              .classes = model->classes,
-                              .plane = model->net.plane == 2,
-                              .probabilities = true};
-    return lg_judge_windows(self->context, &scorer, &from->data.series, &from->windows, part, self->threads,
-                            out, error);
+    scoring user = {plan, out};
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes,
+                              model->net.plane == 2, out, error));
+    const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
+                                             self->threads, lg_detector_work_size(plan), score, &user);
+    return lg_judgement_end(out, true, status, error);
 }
 
 /* The training part is judged where there is one. */
