@@ -15,6 +15,7 @@
 #include <stdio.h>
 
 #include "core/count.h"
+#include "core/median.h"
 #include "core/text.h"
 #include "liegrad/context.h"
 #include "liegrad/fields.h"
@@ -216,10 +217,8 @@ char *app_format_list(const char *format, va_list arguments) __attribute__((form
 bool app_parse_real(const char *text, double *out);
 bool app_parse_size(const char *text, uint64_t *out);
 
-double app_seconds(void);                              /* monotonic clock */
-double app_age(void);                                  /* seconds since the program began */
-double app_median(double *values, size_t count);       /* sorts; NAN for none */
-int app_compare_doubles(const void *a, const void *b); /* for qsort; NaN last */
+double app_seconds(void); /* monotonic clock */
+double app_age(void);     /* seconds since the program began */
 
 /* ---- JSON: one object in memory, printed when complete ---- */
 

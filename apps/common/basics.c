@@ -227,22 +227,10 @@ double app_seconds(void) {
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-int app_compare_doubles(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    if (isnan(x) || isnan(y)) return (int)isnan(x) - (int)isnan(y);
-    return (x > y) - (x < y);
-}
-
 double app_age(void) {
     static double begin = -1.0;
     if (begin < 0.0) begin = app_seconds();
     return app_seconds() - begin;
-}
-
-double app_median(double *values, size_t count) {
-    if (count == 0) return (double)NAN;
-    qsort(values, count, sizeof *values, app_compare_doubles);
-    return count % 2 == 1 ? values[count / 2] : 0.5 * (values[count / 2 - 1] + values[count / 2]);
 }
 
 /* ---- threads ---- */

@@ -361,7 +361,7 @@ static lg_status search_together(searching *search, lg_error *error) {
 static int by_objective(const void *a, const void *b) {
     const lg_trial *p = *(const lg_trial *const *)a, *q = *(const lg_trial *const *)b;
     if (p->state != q->state) return (p->state > q->state) - (p->state < q->state);
-    return app_compare_doubles(&p->objective, &q->objective);
+    return lg_compare_doubles(&p->objective, &q->objective);
 }
 
 static void print_trials(const searching *search) {

@@ -99,7 +99,7 @@ study_summary study_end(study_collection *c) {
         double logarithm = 0;
         for (size_t i = 0; i < c->count; i++) logarithm += log(c->values[k][i]);
         s.geometric[k] = c->count > 0 ? exp(logarithm / (double)c->count) : (double)NAN;
-        s.median[k] = app_median(c->values[k], c->count);
+        s.median[k] = lg_median(c->values[k], c->count);
         free(c->values[k]);
     }
     return s;

@@ -151,7 +151,7 @@ static void vote(evaluation *e) {
         watch_window(e, &state, i, begin, out, times);
     }
     for (size_t i = 0; i < out->detected; i++) out->largest = fmax(out->largest, times[i]);
-    out->median = app_median(times, out->detected);
+    out->median = lg_median(times, out->detected);
     out->a_day = e->model->rate > 0 && out->intact_time > 0
                      ? (double)out->false_alarms * 86400 / out->intact_time
                      : (double)NAN;

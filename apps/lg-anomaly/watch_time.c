@@ -228,7 +228,7 @@ static bool measure_interval(const timing *t, double *interval, double *blur) {
         if (d > 0 && isfinite(d)) difference[count++] = d;
     }
     if (count < LEAST_DIFFERENCES) return false;
-    qsort(difference, count, sizeof *difference, app_compare_doubles);
+    qsort(difference, count, sizeof *difference, lg_compare_doubles);
     const double median = difference[count / 2];
     for (uint32_t i = 0; i < count; i++) {
         if (difference[i] < 0.5 * median || difference[i] > 1.5 * median) continue;

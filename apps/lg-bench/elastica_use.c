@@ -123,7 +123,7 @@ static void judge(use *u, void (*call)(void *user), bench_row *row) {
     }
     row->error = sqrt(sum / (2.0 * (double)values * PROBLEMS));
     row->error_is = "root mean square of the distance from the continuous solution, 32 curves";
-    bench_note_add(row, "median_error", app_median(each, PROBLEMS));
+    bench_note_add(row, "median_error", lg_median(each, PROBLEMS));
 }
 
 static void measure(bench *b, use *u, const char *name, void (*call)(void *user)) {

@@ -39,7 +39,7 @@ bench_row *bench_from_samples(bench *b, const char *name, double *us, size_t cou
     bench_row *row = &b->row[b->rows++];
     *row = (bench_row){.samples = count, .inner = 1, .error = NAN, .rate = NAN};
     (void)snprintf(row->name, sizeof row->name, "%s", name);
-    row->median_us = app_median(us, count);
+    row->median_us = lg_median(us, count);
     row->min_us = us[0];
     row->p10_us = quantile(us, count, 0.1);
     row->p90_us = quantile(us, count, 0.9);

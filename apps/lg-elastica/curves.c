@@ -104,8 +104,8 @@ double beam_distance(const beam_curve *a, const beam_curve *b) {
 }
 
 static int by_energy(const void *a, const void *b) {
-    return app_compare_doubles(&((const beam_curve *)a)->solution.energy,
-                               &((const beam_curve *)b)->solution.energy);
+    return lg_compare_doubles(&((const beam_curve *)a)->solution.energy,
+                              &((const beam_curve *)b)->solution.energy);
 }
 
 lg_status beam_branches(const lg_context *context, const boundary *where, const lg_elastica_options *options,

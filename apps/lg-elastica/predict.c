@@ -92,7 +92,7 @@ static void compute(const app *self, prediction *p) {
         lg_surrogate_curve(network.curves, p->x, at->s, at->count, at->q, at->v, network.work);
         if (i > 0) seconds[i - 1] = app_seconds() - begin;
     }
-    p->seconds = app_median(seconds, TIMED);
+    p->seconds = lg_median(seconds, TIMED);
     for (size_t i = 0; i < at->count; i++) {
         const double angle = atan2(at->v[2 * i + 1], at->v[2 * i]);
         at->theta[i] = i > 0 ? at->theta[i - 1] + wrap_angle(angle - at->theta[i - 1]) : angle;

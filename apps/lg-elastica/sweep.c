@@ -42,7 +42,7 @@ typedef struct pair {
 } pair;
 
 static int by_distance(const void *a, const void *b) {
-    return app_compare_doubles(&((const pair *)a)->distance, &((const pair *)b)->distance);
+    return lg_compare_doubles(&((const pair *)a)->distance, &((const pair *)b)->distance);
 }
 
 /* Each curve at x[i] takes the branch of the nearest one at x[i - 1] that no nearer one has taken. */
@@ -70,7 +70,7 @@ static void follow(sweep *s, size_t i) {
 static int by_branch(const void *a, const void *b) {
     const sweep_point *p = a, *q = b;
     if (p->branch != q->branch) return (p->branch > q->branch) - (p->branch < q->branch);
-    return app_compare_doubles(&p->x, &q->x);
+    return lg_compare_doubles(&p->x, &q->x);
 }
 
 static sweep_point *collect(const sweep *s, size_t *count) {

@@ -98,7 +98,7 @@ static void put_noise_blocks(app_plot *plot, const study_file *file, const study
                 e1[n++] = file->rows[r].result[STUDY_E1];
         for (size_t r = 0; r < n; r++) (void)fprintf(plot->data.stream, "%.9g %.9g\n", i + shift, e1[r]);
         if (n > 0)
-            (void)fprintf(bars.stream, "%.9g %.9g %.9g 0\n", i + shift - width / 2, app_median(e1, n), width);
+            (void)fprintf(bars.stream, "%.9g %.9g %.9g 0\n", i + shift - width / 2, lg_median(e1, n), width);
     }
     (void)fclose(bars.stream);
     app_plot_block(plot);

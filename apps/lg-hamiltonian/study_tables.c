@@ -43,8 +43,8 @@ typedef struct combination {
 enum { BEST = 5 };
 
 static int by_e1(const void *a, const void *b) {
-    return app_compare_doubles(&((const combination *)a)->summary.geometric[STUDY_E1],
-                               &((const combination *)b)->summary.geometric[STUDY_E1]);
+    return lg_compare_doubles(&((const combination *)a)->summary.geometric[STUDY_E1],
+                              &((const combination *)b)->summary.geometric[STUDY_E1]);
 }
 
 static study_summary combination_summary(const study_file *file, study_row key, bool noisy) {

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "lg-identify/runs.h"
+#include "lg-identify/identify.h"
 #include "liegrad/ops.h"
 
 /* ---- the model's terms at rows, on a tape ---- */
@@ -130,12 +130,6 @@ static void intervals_end(intervals *all) {
     free(all->run_v);
 }
 
-static bool any_nan(const double *x, size_t n) {
-    for (size_t i = 0; i < n; i++)
-        if (isnan(x[i])) return true;
-    return false;
-}
-
 /* u_0 + s u_1 + ... of half an interval, from s = `from` on. */
 static void halve(const double *u, size_t m, double from, double *out) {
     for (size_t k = 0; k < m; k++) {
@@ -152,7 +146,8 @@ static void cut(const lg_machine *machine, const lg_machine_log *log, intervals 
     all->row = app_alloc(log->rows, sizeof *all->row);
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++)
-            if (!any_nan(log->q + row * nq, 2 * nq) && !any_nan(log->v + row * nv, 2 * nv))
+            if (lg_machine_log_complete(machine, log, row, false) &&
+                lg_machine_log_complete(machine, log, row + 1, false))
                 all->row[all->count++] = row;
     intervals_begin(all, machine);
     const identify_pieces *to = &all->pieces;
@@ -280,7 +275,8 @@ void identify_run_whiteness(const identify_given *given, const double *q, const 
     const size_t nq = given->model.machine->positions, nv = given->model.machine->velocities;
     APP_CLEAN(intervals_end) intervals all = {.row = app_alloc(log->rows, sizeof *all.row)};
     for (size_t row = 1; row < log->rows; row++)
-        if (isfinite(q[row * nq]) && !any_nan(log->q + row * nq, nq)) all.row[all.count++] = row - 1;
+        if (isfinite(q[row * nq]) && lg_machine_log_complete(given->model.machine, log, row, true))
+            all.row[all.count++] = row - 1;
     intervals_begin(&all, given->model.machine);
     for (size_t i = 0; i < all.count; i++) {
         memcpy(all.run_q + (3 * i + 2) * nq, q + (all.row[i] + 1) * nq, nq * sizeof *q);

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "lg-identify/runs.h"
+#include "lg-identify/identify.h"
 
 bool identify_is_state(const lg_log_column *column) {
     return column->role == LG_LOG_POSITION || column->role == LG_LOG_VELOCITY;

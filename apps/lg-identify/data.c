@@ -1,5 +1,5 @@
 /* A model and the logs that a command has it run on. */
-#include "lg-identify/runs.h"
+#include "lg-identify/identify.h"
 
 void identify_read(const app *self, const lg_machine_sources *from, lg_machine_data *out) {
     lg_error error = {LG_OK, ""};

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "core/core.h"
-#include "lg-identify/runs.h"
+#include "lg-identify/identify.h"
 #include "liegrad/geometry.h"
 
 typedef struct demo_values {

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lg-identify/runs.h"
+#include "lg-identify/identify.h"
 
 typedef struct evaluate_values {
     lg_reals horizons;

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/text.h"
-#include "lg-identify/runs.h"
+#include "lg-identify/identify.h"
 #include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
 

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "lg-identify/runs.h"
+#include "lg-identify/identify.h"
 
 enum {
     IN_ROW = 3,

@@ -48,21 +48,20 @@ static void warn_of_gauge(const lg_learning *self, const lg_machine *machine) {
                       "ratios mean something; give the input map, or a mass that is known or constant");
 }
 
-/* The number of open directions in which several numbers move. */
-static size_t open_together(const lg_identification *of, size_t count) {
-    size_t several = 0;
+/* Of the open directions those stay in which several numbers move. */
+static void keep_several(lg_identification *of, size_t count) {
+    size_t kept = 0;
     for (size_t k = 0; k < of->open_count; k++)
-        several += lg_identification_sentence(of, count, k, NULL, 0) > 1;
-    return several;
+        if (lg_identification_sentence(of, count, k, NULL, 0) > 1)
+            memmove(of->open + kept++ * count, of->open + k * count, count * sizeof *of->open);
+    of->open_count = kept;
 }
 
-/* The first number of the first direction in which several move together, or just the first one. */
+/* The first number of the first open direction, or just the first one. */
 static const lg_identified *first_open(const lg_identification *of, size_t count) {
-    for (size_t k = 0; k < of->open_count; k++)
-        for (size_t i = 0; i < count; i++)
-            if (of->open[k * count + i] != 0.0 && lg_identification_sentence(of, count, k, NULL, 0) > 1)
-                return &of->numbers[i];
-    return count > 0 ? &of->numbers[0] : NULL;
+    size_t i = 0;
+    while (of->open_count > 0 && i + 1 < count && of->open[i] == 0.0) i++;
+    return count > 0 ? &of->numbers[i] : NULL;
 }
 
 /* Numbers of one kind have the same first word: "mass" of "mass.1.2", "I" of the label "I2". */
@@ -80,20 +79,21 @@ static double largest_alike(const lg_identified *numbers, size_t count, size_t i
     return largest;
 }
 
-/* Whether an open direction of several numbers moves number i, or one like it. */
+/* Whether an open direction moves number i, or one like it. */
 static bool is_open(const lg_identification *of, size_t count, size_t i) {
     for (size_t k = 0; k < of->open_count; k++)
         for (size_t j = 0; j < count; j++)
-            if (of->open[k * count + j] != 0.0 && are_alike(of->numbers[i].name, of->numbers[j].name) &&
-                lg_identification_sentence(of, count, k, NULL, 0) > 1)
+            if (of->open[k * count + j] != 0.0 && are_alike(of->numbers[i].name, of->numbers[j].name))
                 return true;
     return false;
 }
 
 static void warn_of_open(const lg_learning *self, const lg_identification *of, size_t count) {
     char text[512];
-    for (size_t k = 0; k < of->open_count; k++)
-        if (lg_identification_sentence(of, count, k, text, sizeof text) > 1) LG_WARN(self, "%s", text);
+    for (size_t k = 0; k < of->open_count; k++) {
+        (void)lg_identification_sentence(of, count, k, text, sizeof text);
+        LG_WARN(self, "%s", text);
+    }
 }
 
 /* A number that its error exceeds, unless both are next to nothing against the others of its kind. */
@@ -233,7 +233,7 @@ static lg_status tell_correlations(lg_learning *self, const lg_machine_verdict *
 /* What fixes the common factor; where nothing does, the value at which learning left it. */
 static void tell_gauge(lg_learning *self, const lg_machine *machine, lg_machine_verdict *what) {
     const lg_identified *open = first_open(&what->identified, what->count);
-    const bool free = machine->free_gauge || open_together(&what->identified, what->count) > 0;
+    const bool free = machine->free_gauge || what->identified.open_count > 0;
     (void)snprintf(what->gauge, sizeof what->gauge, "the values given in the machine's file");
     if (machine->normalised)
         (void)snprintf(what->gauge, sizeof what->gauge, "one mass is 1 in the units of the logs");
@@ -277,7 +277,9 @@ static lg_status find_numbers(lg_learning *self, const double *theta, lg_machine
     LG_LEARNING_ARRAY(self, of->correlations, count * count + 1, error);
     LG_LEARNING_ARRAY(self, of->open, count * count + 1, error);
     if (n <= LG_MACHINE_MOST_SPREAD) LG_LEARNING_ARRAY(self, of->spread, n * n + 1, error);
-    return lg_machine_identify(self->context, problem, theta, of, error);
+    LG_TRY(lg_machine_identify(self->context, problem, theta, of, error));
+    keep_several(of, count);
+    return LG_OK;
 }
 
 lg_status lg_machine_judge(lg_learning *self, double *theta, lg_error *error) {

@@ -228,29 +228,24 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status tell_horizon(lg_learning *self, const lg_learned_machine *model, double seconds,
-                              lg_error *error) {
-    enum { EVERY = 25 };
-    const lg_machine_log *log = &((const lg_machine_state *)self->state)->data.logs.log;
-    lg_horizon found;
-    LG_TRY(lg_machine_horizon(self->context, model, log, seconds, EVERY, &found, error));
-    lg_result_real(self, "horizon", seconds, "s of free runs; the root mean squares of their errors:");
-    for (int e = 0; e < LG_RUN_ERRORS; e++)
-        if (!isnan(found.pooled[e])) lg_result_real(self, lg_run_error_names[e], found.pooled[e], NULL);
-    return LG_OK;
-}
-
 /* Windows, and free runs of a second. */
 static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+    enum { EVERY = 25 };
     const lg_machine_model_file *file = from;
     const lg_machine_state *s = self->state;
     const lg_machine_model_run *run = &file->run;
+    const lg_machine_log *log = &s->data.logs.log;
     const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps, s->positions};
     double loss;
+    lg_horizon found;
     LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));
-    LG_TRY(lg_machine_window_loss(self->context, &model, &s->data.logs.log, run->window, &loss, error));
+    LG_TRY(lg_machine_window_loss(self->context, &model, log, run->window, &loss, error));
+    LG_TRY(lg_machine_horizon(self->context, &model, log, 1.0, EVERY, &found, error));
     lg_result_real(self, "window_loss", loss, "mean over windows and rows, in the units of the logs");
-    return tell_horizon(self, &model, 1.0, error);
+    lg_result_real(self, "horizon", found.seconds, "s of free runs; the root mean squares of their errors:");
+    for (int e = 0; e < LG_RUN_ERRORS; e++)
+        if (!isnan(found.pooled[e])) lg_result_real(self, lg_run_error_names[e], found.pooled[e], NULL);
+    return LG_OK;
 }
 
 const lg_learner lg_machine_model_learner = {.state_size = sizeof(lg_machine_state),
