@@ -37,7 +37,7 @@ typedef struct searching {
     app *app;
     const search_values *values;
     const app_command *train;
-    const train_task *task;
+    train_task *task;
     const lg_search_file *file;
     char setting[256];
     lg_trial *trials;
@@ -58,19 +58,20 @@ static app virtual_begin(const app *self, const app_command *train) {
     return out;
 }
 
-static bool is_hyperparameter(const train_task *task, const app_slot *slot) {
+static bool is_hyperparameter(train_task *task, const app_slot *slot) {
     return slot != NULL && slot->row->group != NULL &&
-           (task->held_out == NULL || strcmp(slot->name, task->held_out) != 0);
+           (task->recipe->learner->held_out == NULL ||
+            strcmp(slot->name, task->recipe->learner->held_out) != 0);
 }
 
 /* The option becomes the text; NULL: the number. */
-static lg_status virtual_set(app *v, const train_task *task, const char *name, const char *text,
-                             double number, lg_error *error) {
+static lg_status virtual_set(app *v, train_task *task, const char *name, const char *text, double number,
+                             lg_error *error) {
     lg_error reason = {LG_OK, ""};
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
         return app_error(error, LG_FORMAT, "'%s' is not an option of train that determines its result", name);
-    if (task->only != NULL && strcmp(name, task->method) == 0 &&
+    if (task->only != NULL && strcmp(name, task->recipe->learner->method) == 0 &&
         (text == NULL || strcmp(text, task->only) != 0))
         return app_error(error, LG_FORMAT, "'%s' can only be %s in a search", name, task->only);
     if ((text != NULL ? app_store(slot, text, &reason) : app_store_number(slot, number, &reason)) != LG_OK)
@@ -79,7 +80,7 @@ static lg_status virtual_set(app *v, const train_task *task, const char *name, c
 }
 
 /* The option becomes a value of its range, which for a choice is the position. */
-static lg_status virtual_draw(app *v, const train_task *task, const lg_range *range, double value,
+static lg_status virtual_draw(app *v, train_task *task, const lg_range *range, double value,
                               lg_error *error) {
     const char *text = range->kind == LG_RANGE_CHOICE ? range->choice[(size_t)value] : NULL;
     return virtual_set(v, task, range->name, text, value, error);
@@ -92,7 +93,7 @@ static void value_text(const lg_range *range, double value, char *out, size_t si
         (void)snprintf(out, size, "%.17g", value);
 }
 
-static lg_status set_fixed(app *v, const train_task *task, const lg_search_file *file, size_t *bad,
+static lg_status set_fixed(app *v, train_task *task, const lg_search_file *file, size_t *bad,
                            lg_error *error) {
     lg_status status = LG_OK;
     for (size_t i = 0; i < file->fixed_count && status == LG_OK; i++) {
@@ -102,7 +103,7 @@ static lg_status set_fixed(app *v, const train_task *task, const lg_search_file 
     return status;
 }
 
-static lg_status set_drawn(app *v, const train_task *task, const lg_search_space *space, const double *drawn,
+static lg_status set_drawn(app *v, train_task *task, const lg_search_space *space, const double *drawn,
                            lg_error *error) {
     lg_status status = LG_OK;
     for (size_t i = 0; i < space->count && status == LG_OK; i++)
@@ -111,7 +112,7 @@ static lg_status set_drawn(app *v, const train_task *task, const lg_search_space
 }
 
 /* The bounds, a number between them and every choice must be values that train takes. */
-static lg_status check_range(app *v, const train_task *task, const lg_range *range, lg_error *error) {
+static lg_status check_range(app *v, train_task *task, const lg_range *range, lg_error *error) {
     const bool choice = range->kind == LG_RANGE_CHOICE;
     const double between = range->low + 0.381966 * (range->high - range->low);
     const double probes[] = {range->low, range->high, range->kind == LG_RANGE_INTEGER ? range->low : between};
@@ -126,8 +127,9 @@ static lg_status check_range(app *v, const train_task *task, const lg_range *ran
 static lg_status check_method(const app *v, const train_task *task, const lg_search_file *file,
                               uint32_t *line, lg_error *error) {
     const lg_search_space *space = &file->space;
+    const char *method = task->recipe->learner->method;
     for (size_t i = 0; i < space->count; i++)
-        if (task->method == NULL || strcmp(space->ranges[i].name, task->method) == 0) return LG_OK;
+        if (method == NULL || strcmp(space->ranges[i].name, method) == 0) return LG_OK;
     for (size_t i = 0; i < file->fixed_count + space->count; i++) {
         const bool fixed = i < file->fixed_count;
         const size_t range = i - file->fixed_count;
@@ -139,7 +141,7 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
     return LG_OK;
 }
 
-static int check_names(const app *self, const app_command *train, const train_task *task,
+static int check_names(const app *self, const app_command *train, train_task *task,
                        const lg_search_file *file) {
     lg_error error = {LG_OK, ""};
     app v = virtual_begin(self, train);
@@ -167,8 +169,7 @@ typedef struct search_trial {
 } search_trial;
 
 static double objective_of(const search_trial *self) {
-    const train_task *task = self->search->task;
-    return task->objective(task->user, self->train);
+    return lg_learning_objective(&self->search->task->learning);
 }
 
 /* The objective is computed where a rung is passed only. */
@@ -184,14 +185,14 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 }
 
 static lg_status run_fit(search_trial *self, lg_error *error) {
-    const train_task *task = self->search->task;
-    lg_fit_options options = train_fit_options(self->train, task->training);
-    lg_fit *fit;
+    train_task *task = self->search->task;
+    lg_fit_options options = train_fit_options(self->train, train_training(task));
     options.on_epoch = on_epoch;
     options.user = self;
-    lg_status status = task->create(task->user, self->train, &options, &fit, error);
+    lg_status status = train_create(task, &options, error);
     if (status != LG_OK) return status;
-    self->trial->parameters = task->parameters(task->user);
+    lg_fit *fit = task->learning.fit;
+    self->trial->parameters = task->recipe->parameters(task->learning.run);
     status = lg_fit_run(fit, error);
     self->trial->epochs = lg_fit_epochs_done(fit);
     if (status != LG_OK) return status;
@@ -202,17 +203,17 @@ static lg_status run_fit(search_trial *self, lg_error *error) {
 
 static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_error *error) {
     searching *search = user;
-    const train_task *task = search->task;
+    train_task *task = search->task;
     app v = virtual_begin(search->app, search->train);
     search_trial self = {.search = search, .session = session, .trial = trial, .train = &v};
     size_t bad;
     lg_status status = set_fixed(&v, task, search->file, &bad, error);
     if (status == LG_OK) status = set_drawn(&v, task, &search->file->space, trial->value, error);
-    task->training->seed = v.seed;
-    if (status == LG_OK) status = task->describe(task->user, &v, NULL, error);
-    if (status == LG_OK) status = task->hold_out(task->user, &v, search->values->validation, error);
+    train_training(task)->seed = v.seed;
+    if (status == LG_OK) status = train_describe(&v, task, NULL, error);
+    if (status == LG_OK) status = lg_learning_hold_out(&task->learning, search->values->validation, error);
     if (status == LG_OK) status = run_fit(&self, error);
-    task->release(task->user);
+    lg_learning_release(&task->learning);
     return status;
 }
 
@@ -575,20 +576,20 @@ static int run_search(searching *search, bool together) {
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }
 
-int search_main(app *self, const app_command *train, const train_task *task) {
+int search_main(app *self, const app_command *train, train_task *task) {
     const search_values *values = &search_given;
     const app_path paths[] = {{"out", values->out, LG_FILE_WRITTEN}, {"plot", values->plot, LG_FILE_DRAWN}};
     lg_error error = {LG_OK, ""};
-    char sha256[LG_SHA256_TEXT];
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
     const bool together = board_wanted(self, &values->board, values->out);
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     lg_search_file *file = app_alloc(1, sizeof *file);
+    train_begin(self, task, 1);
     const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);
     if (status != LG_OK) code = app_fail_file(self, status, &error, self->arguments[0]);
     if (code == APP_EXIT_OK) code = check_names(self, train, task, file);
-    if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[1], sha256);
+    if (code == APP_EXIT_OK) code = train_read(self, task);
     if (code == APP_EXIT_OK) {
         searching search = {.app = self,
                             .values = values,
@@ -597,12 +598,13 @@ int search_main(app *self, const app_command *train, const train_task *task) {
                             .file = file,
                             .trials = app_alloc((size_t)values->trials, sizeof *search.trials)};
         (void)snprintf(search.setting, sizeof search.setting,
-                       "data %s validation %.17g rungs %llu warm-up %llu quantile %.17g", sha256,
-                       values->validation, (unsigned long long)values->rungs,
+                       "data %s validation %.17g rungs %llu warm-up %llu quantile %.17g",
+                       task->learning.sha256, values->validation, (unsigned long long)values->rungs,
                        (unsigned long long)values->warm_up, values->quantile);
         code = run_search(&search, together);
         free(search.trials);
     }
     free(file);
+    lg_learning_close(&task->learning);
     return code;
 }

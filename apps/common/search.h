@@ -32,6 +32,6 @@ extern const lg_field search_options[];
     .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .together = APP_WORKERS
 
 /* Arguments RANGES.yaml DATA.h5; `train` is the command whose task is searched. Returns the exit code. */
-int search_main(app *app, const app_command *train, const train_task *task);
+int search_main(app *app, const app_command *train, train_task *task);
 
 #endif

@@ -28,30 +28,30 @@ static void read_lane(const lg_fit *fit, train_lane *lane) {
 }
 
 /* Trains one width for half of the epochs and at most `seconds` (0: no limit). */
-static lg_status run_lane(app *self, const train_task *task, app_slot *slot, double seconds, train_lane *lane,
+static lg_status run_lane(app *self, train_task *task, app_slot *slot, double seconds, train_lane *lane,
                           lg_error *error) {
     const double begin = app_seconds();
-    const lg_training kept = *task->training;
-    lg_fit *fit = NULL;
+    lg_training *training = train_training(task);
+    const lg_training kept = *training;
     lg_status status = app_store(slot, lane->size, error);
-    task->training->seed = self->seed;
-    if (status == LG_OK) status = task->describe(task->user, self, NULL, error);
-    const uint64_t planned = train_epochs(self, task->training);
-    task->training->epochs = planned / EPOCHS_DIVISOR > 0 ? planned / EPOCHS_DIVISOR : 1;
-    task->training->validation = PART;
-    task->training->patience = 0;
-    if (status == LG_OK && task->prepare != NULL && task->prepare(task->user, self) != APP_EXIT_OK)
+    training->seed = self->seed;
+    if (status == LG_OK) status = train_describe(self, task, NULL, error);
+    const uint64_t planned = train_epochs(self, training);
+    training->epochs = planned / EPOCHS_DIVISOR > 0 ? planned / EPOCHS_DIVISOR : 1;
+    training->validation = PART;
+    training->patience = 0;
+    if (status == LG_OK && train_prepare(self, task) != APP_EXIT_OK)
         status = app_error(error, LG_INVALID_ARGUMENT, "the data cannot be split");
-    lg_fit_options options = train_fit_options(self, task->training);
+    lg_fit_options options = train_fit_options(self, training);
     options.seconds = seconds;
-    if (status == LG_OK) status = task->create(task->user, self, &options, &fit, error);
-    if (status == LG_OK) status = lg_fit_run(fit, error);
+    if (status == LG_OK) status = train_create(task, &options, error);
+    if (status == LG_OK) status = lg_fit_run(task->learning.fit, error);
     if (status == LG_OK) {
-        lane->parameters = task->parameters(task->user);
-        read_lane(fit, lane);
+        lane->parameters = task->recipe->parameters(task->learning.run);
+        read_lane(task->learning.fit, lane);
     }
-    task->release(task->user);
-    *task->training = kept;
+    lg_learning_release(&task->learning);
+    *training = kept;
     lane->seconds = app_seconds() - begin;
     /* One clock decides what is raced. */
     if (status == LG_OK && self->ranks != NULL)
@@ -103,14 +103,14 @@ static void print_race(const train_race *race) {
 }
 
 /* From small to large, each size for an equal part of the race's time. */
-static int run_race(app *self, const train_task *task, app_slot *slot, train_race *race) {
+static int run_race(app *self, train_task *task, app_slot *slot, train_race *race) {
     lg_error error = {LG_OK, ""};
     size_t count = 0;
-    while (count < TRAIN_LANES && task->sizes[count] != NULL) count++;
+    while (count < TRAIN_LANES && task->recipe->learner->sizes[count] != NULL) count++;
     const double seconds = SHARE * train_given_files.seconds / (double)count;
     for (size_t i = 0; i < count && !decided(race); i++) {
         train_lane *lane = &race->lane[i];
-        lane->size = task->sizes[i];
+        lane->size = task->recipe->learner->sizes[i];
         const lg_status status = run_lane(self, task, slot, seconds, lane, &error);
         if (status != LG_OK)
             return app_fail(self, status, "--size auto, %s: %s", lane->size, app_sentence(status, &error));
@@ -119,14 +119,15 @@ static int run_race(app *self, const train_task *task, app_slot *slot, train_rac
     return APP_EXIT_OK;
 }
 
-int train_size(app *self, const train_task *task, const char *size, train_race *race) {
+int train_size(app *self, train_task *task, const char *size, train_race *race) {
     lg_error error = {LG_OK, ""};
     *race = (train_race){.count = 0};
     if (size == NULL) return APP_EXIT_OK;
-    app_slot *slot = task->sizes != NULL ? app_find_slot(self, "hidden") : NULL;
+    const lg_learner *learner = task->recipe->learner;
+    app_slot *slot = learner->sizes != NULL ? app_find_slot(self, "hidden") : NULL;
     if (slot == NULL) return app_usage(self, "--size: this network has no width to choose");
     const bool automatic = strcmp(size, "auto") == 0;
-    if (task->has_width != NULL && !task->has_width(task->user)) {
+    if (learner->has_width != NULL && !learner->has_width(&task->learning)) {
         if (!automatic) return app_usage(self, "--size: this model has no network");
         app_warn(self, "--size auto: this model has no network; there is no race");
         return APP_EXIT_OK;

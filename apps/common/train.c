@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "model/files/learning.h"
-
 enum { CHECKPOINT_EVERY = 10 };
 
 train_files train_given_files;
@@ -16,12 +14,65 @@ const lg_field train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the
 
 static const train_files *const files = &train_given_files;
 
-static int fail(const app *self, lg_status status, const lg_error *error) {
-    return app_fail(self, status, "%s", app_sentence(status, error));
+/* ---- the learner's hooks, told to the user ---- */
+
+static bool given(const lg_learning *learning, const char *option) {
+    return app_given(learning->user, option);
 }
 
-lg_status train_no_room(size_t parameters, lg_error *error) {
-    return app_error(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters", parameters);
+/* A sentence that begins with an option is about the command line. */
+static bool is_usage(lg_status status, const lg_error *error) {
+    return status == LG_INVALID_ARGUMENT && strncmp(error->message, "--", 2) == 0;
+}
+
+static int fail(const app *self, lg_status status, const lg_error *error) {
+    return is_usage(status, error) ? app_usage(self, "%s", error->message)
+                                   : app_fail(self, status, "%s", app_sentence(status, error));
+}
+
+void train_begin(const app *self, train_task *task, int argument) {
+    const lg_recipe *recipe = task->recipe;
+    if (task->state == NULL && recipe->learner->state_size > 0)
+        task->state = app_alloc(1, recipe->learner->state_size);
+    task->learning = lg_learning_of(self->context, recipe, task->settings[0].values, task->state);
+    task->learning.paths = self->arguments + argument;
+    task->learning.path_count = (size_t)(self->argument_count - argument);
+    task->learning.model = files->out;
+    task->learning.threads = self->threads;
+    task->learning.given = given;
+    task->learning.user = self;
+}
+
+int train_read(const app *self, train_task *task) {
+    lg_learning *learning = &task->learning;
+    lg_error error = {LG_OK, ""};
+    learning->resumed = files->resume != NULL;
+    const lg_status status = task->recipe->learner->read(learning, &error);
+    if (status == LG_OK) return APP_EXIT_OK;
+    if (is_usage(status, &error)) return fail(self, status, &error);
+    return app_fail_file(self, status, &error,
+                         learning->failed != NULL ? learning->failed : learning->paths[0]);
+}
+
+lg_status train_describe(const app *self, train_task *task, const void *stored, lg_error *error) {
+    lg_learning *learning = &task->learning;
+    learning->user = self;
+    learning->stored = stored;
+    learning->preset = app_given(self, "preset") ? lg_preset_name(train_preset_given) : NULL;
+    return task->recipe->learner->describe(learning, error);
+}
+
+int train_prepare(const app *self, train_task *task) {
+    const lg_learner *learner = task->recipe->learner;
+    lg_error error = {LG_OK, ""};
+    const lg_status status = learner->prepare != NULL ? learner->prepare(&task->learning, &error) : LG_OK;
+    if (status != LG_OK) return fail(self, status, &error);
+    return task->check != NULL ? task->check(self, &task->learning) : APP_EXIT_OK;
+}
+
+lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error) {
+    task->learning.options = *options;
+    return lg_learning_create_fit(&task->learning, error);
 }
 
 lg_provenance app_provenance(const app *self, uint64_t seed) {
@@ -41,9 +92,9 @@ static char *checkpoint_path(void) {
 
 static const lg_field *method_row(const train_task *task, void **values) {
     const app_settings *settings = task->settings;
-    for (; task->method != NULL && settings->rows != NULL; settings++) {
+    for (; task->recipe->learner->method != NULL && settings->rows != NULL; settings++) {
         *values = settings->values;
-        const lg_field *row = lg_field_find(settings->rows, task->method);
+        const lg_field *row = lg_field_find(settings->rows, task->recipe->learner->method);
         if (row != NULL) return row;
     }
     return NULL;
@@ -56,7 +107,8 @@ const char *train_refuses(const train_task *task, const app_slot *slot) {
     if (method == NULL || slot->row->methods == 0) return NULL;
     const uint32_t number = (uint32_t)lg_field_whole(method, values);
     if ((slot->row->methods & 1u << number) != 0) return NULL;
-    (void)snprintf(text, sizeof text, "--%s %s", task->method, lg_field_name(method, number));
+    (void)snprintf(text, sizeof text, "--%s %s", task->recipe->learner->method,
+                   lg_field_name(method, number));
     return text;
 }
 
@@ -80,14 +132,15 @@ static void tidy(const app *self, const char *checkpoint) {
 /* --out is given, and no file is replaced that is read or written as another one. */
 static int check_files(app *self, const train_task *task) {
     if (files->out == NULL) return app_usage(self, "--out FILE is missing");
-    const app_slot *kept = task->kept != NULL ? app_find_slot(self, task->kept) : NULL;
+    const char *const kept_name = task->recipe->learner->kept;
+    const app_slot *kept = kept_name != NULL ? app_find_slot(self, kept_name) : NULL;
     char *checkpoint = checkpoint_path();
     /* A run may go on in the checkpoint that it came from. */
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
     const app_path paths[] = {
         {"resume", same ? NULL : files->resume, LG_FILE_READ},
-        {task->kept,
+        {kept_name,
          kept != NULL ? *(const char *const *)((const char *)kept->values + kept->row->offset) : NULL,
          LG_FILE_READ},
         {"out", files->out, LG_FILE_WRITTEN},
@@ -99,15 +152,19 @@ static int check_files(app *self, const train_task *task) {
     return code;
 }
 
+static lg_fit *fit_of(const train_session *self) {
+    return self->task->learning.fit;
+}
+
 /* ---- callbacks of the fit ---- */
 
 static lg_status save_checkpoint(const train_session *self, const char *path, const lg_fit *fit,
                                  lg_error *error) {
     const train_task *task = self->task;
-    const lg_provenance provenance = app_provenance(self->app, task->training->seed);
+    const lg_provenance provenance = app_provenance(self->app, train_training(task)->seed);
     lg_file_writer *writer = NULL;
     lg_archive_writer archive;
-    lg_status status = lg_checkpoint_create(self->app->context, path, task->kind, task->settings[0].values,
+    lg_status status = lg_checkpoint_create(self->app->context, path, task->recipe, task->settings[0].values,
                                             &provenance, &writer, error);
     if (status == LG_OK) status = lg_file_writer_archive(writer, "fit", &archive);
     if (status == LG_OK) status = lg_fit_save(fit, &archive, error);
@@ -147,7 +204,7 @@ lg_fit_options train_fit_options(const app *self, const lg_training *training) {
 }
 
 static lg_fit_options session_options(train_session *self) {
-    lg_fit_options options = train_fit_options(self->app, self->task->training);
+    lg_fit_options options = train_fit_options(self->app, train_training(self->task));
     options.stop_after = files->stop_after;
     options.checkpoint = on_checkpoint;
     options.checkpoint_every = files->checkpoint_every > 0 ? files->checkpoint_every
@@ -166,7 +223,7 @@ static int load_fit(train_session *self, lg_file_reader *stored) {
     lg_error error = {LG_OK, ""};
     lg_archive_reader archive;
     lg_status status = lg_file_reader_archive(stored, "fit", &archive);
-    if (status == LG_OK) status = lg_fit_load(self->fit, &archive, &error);
+    if (status == LG_OK) status = lg_fit_load(fit_of(self), &archive, &error);
     if (status == LG_OK) return APP_EXIT_OK;
     const char *more = lg_file_reader_message(stored);
     if (more[0] != '\0') (void)snprintf(error.message, sizeof error.message, "%s", more);
@@ -177,8 +234,8 @@ static int load_fit(train_session *self, lg_file_reader *stored) {
 
 /* Training broke down: the state before the step that failed is kept: nothing is lost. */
 static int broken(train_session *self, lg_status status, const lg_error *fit_error) {
-    if (lg_fit_steps_done(self->fit) > 0) {
-        (void)on_checkpoint(self, self->fit);
+    if (lg_fit_steps_done(fit_of(self)) > 0) {
+        (void)on_checkpoint(self, fit_of(self));
         if (self->checkpoint_status == LG_OK) {
             char *path = checkpoint_path();
             const int code = app_fail(self->app, status, "%s; the state before it is in %s",
@@ -197,8 +254,8 @@ static int stopped(const train_session *self, lg_status status) {
                         app_sentence(self->checkpoint_status, &self->checkpoint_error));
     char *path = checkpoint_path();
     (void)fprintf(stderr, "%s: stopped in epoch %llu of %llu; continue with --resume %s\n", self->app->title,
-                  (unsigned long long)lg_fit_epochs_done(self->fit) + 1,
-                  (unsigned long long)self->task->training->epochs, path);
+                  (unsigned long long)lg_fit_epochs_done(fit_of(self)) + 1,
+                  (unsigned long long)train_training(self->task)->epochs, path);
     free(path);
     return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
 }
@@ -208,36 +265,37 @@ static int conclude(train_session *self, lg_status status, const lg_error *fit_e
     lg_error error = {LG_OK, ""};
     int code = APP_EXIT_OK;
     if (files->history != NULL) {
-        const lg_status saved = train_save_history(files->history, self->fit, &error);
+        const lg_status saved = train_save_history(files->history, fit_of(self), &error);
         if (saved != LG_OK) code = app_fail_file(self->app, saved, &error, files->history);
     }
-    if (status == LG_CANCELLED || (status == LG_OK && !lg_fit_finished(self->fit))) {
+    if (status == LG_CANCELLED || (status == LG_OK && !lg_fit_finished(fit_of(self)))) {
         const int more = stopped(self, status);
         return more == APP_EXIT_OK ? code : more;
     }
     if (status != LG_OK) return broken(self, status, fit_error);
-    if (lg_fit_why_finished(self->fit) != LG_FIT_END_EPOCHS)
+    if (lg_fit_why_finished(fit_of(self)) != LG_FIT_END_EPOCHS)
         (void)fprintf(stderr, "%s: training ended after %llu epochs: %s\n", self->app->title,
-                      (unsigned long long)lg_fit_epochs_done(self->fit), lg_fit_end_sentence(self->fit));
+                      (unsigned long long)lg_fit_epochs_done(fit_of(self)),
+                      lg_fit_end_sentence(fit_of(self)));
     return code;
 }
 
 static int run_fit(train_session *self) {
     lg_error error = {LG_OK, ""};
     const double begin = app_seconds();
-    app_progress_begin(&self->progress, lg_fit_epochs_done(self->fit), self->task->training->epochs);
-    const lg_status status = lg_fit_run(self->fit, &error);
+    app_progress_begin(&self->progress, lg_fit_epochs_done(fit_of(self)), train_training(self->task)->epochs);
+    const lg_status status = lg_fit_run(fit_of(self), &error);
     app_progress_end(&self->progress);
-    self->seconds = app_seconds() - begin;
+    self->task->learning.seconds = app_seconds() - begin;
     app_end_exchanges(self->app);
     return self->app->rank == 0 ? conclude(self, status, &error) : app_exit_code(status);
 }
 
 /* What was trained is not lost when there is no room for the model: the state is saved, by one process. */
 static int finish(train_session *self) {
-    const int code = self->task->finish(self->task->user, self);
+    const int code = train_finish(self);
     if ((code != APP_EXIT_FILE && code != APP_EXIT_MEMORY) || self->app->rank_count > 1) return code;
-    (void)on_checkpoint(self, self->fit);
+    (void)on_checkpoint(self, fit_of(self));
     if (self->checkpoint_status != LG_OK) return code;
     char *path = checkpoint_path();
     (void)fprintf(stderr, "%s: the training is kept in %s; write the model with --resume %s\n",
@@ -248,50 +306,13 @@ static int finish(train_session *self) {
 
 /* With the run complete and the data split. */
 static int train(train_session *self, lg_file_reader *stored) {
-    const train_task *task = self->task;
     lg_error error = {LG_OK, ""};
     const lg_fit_options options = session_options(self);
-    const lg_status status = task->create(task->user, self->app, &options, &self->fit, &error);
+    const lg_status status = train_create(self->task, &options, &error);
     int code = status == LG_OK ? APP_EXIT_OK : fail(self->app, status, &error);
     if (code == APP_EXIT_OK && stored != NULL) code = load_fit(self, stored);
     if (code == APP_EXIT_OK) code = run_fit(self);
     return code == APP_EXIT_OK && self->app->rank == 0 ? finish(self) : code;
-}
-
-/* ---- what has come of it ---- */
-
-/* A result that learned something is below `learned` of a simple guess; one that is above `enormous` of it
- * after more than one epoch has diverged. A run shorter than LOOK epochs, or FULL_LOOK
- * evaluations of a full-batch method, may still be on its way. */
-static const double learned = 0.99, enormous = 1000.0;
-enum { LOOK = 10, FULL_LOOK = 100 };
-
-/* The epoch whose parameters are the model: the best one on a validation part, or else the last one. */
-static uint64_t model_epoch(const train_session *self) {
-    const uint64_t done = lg_fit_epochs_done(self->fit);
-    return done > 0 && isfinite(lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1])
-               ? lg_fit_best_epoch(self->fit)
-               : done;
-}
-
-int train_judge(const train_session *self, const char *what, double error, const char *guess,
-                double guessed) {
-    const uint64_t done = lg_fit_epochs_done(self->fit), epoch = model_epoch(self);
-    const double *loss = lg_fit_history(self->fit, LG_FIT_LOSS);
-    const bool adam = lg_fit_plan_ends_in_batches(&self->task->training->plan),
-               looked = done >= (adam ? LOOK : FULL_LOOK);
-    const bool useless = guessed > 0 && !(error < learned * guessed);
-    const bool risen = epoch > 1 && !(loss[epoch - 1] < loss[0]);
-    if (useless)
-        app_warn(self->app,
-                 "the model has learned nothing: its %s %.3g is not below %.3g, that of %s; %strain longer",
-                 what, error, guessed, guess, adam ? "decrease --lr, or " : "");
-    if (risen)
-        app_warn(self->app, "the loss has not fallen: %.3g in epoch %llu, %.3g in the first one%s",
-                 loss[epoch - 1], (unsigned long long)epoch, loss[0], adam ? "; decrease --lr" : "");
-    const bool diverged = useless && done > 1 && error > enormous * guessed;
-    const bool failed = (useless && risen) || diverged || ((useless || risen) && looked);
-    return failed && lg_fit_finished(self->fit) ? APP_EXIT_NUMERIC : APP_EXIT_OK;
 }
 
 /* ---- the run ---- */
@@ -302,10 +323,8 @@ typedef struct stored_run {
     void *run;
 } stored_run;
 
-/* The member of the stored run that task->training is of the run. */
 static const lg_training *stored_training(const train_task *task, const stored_run *stored) {
-    const ptrdiff_t offset = (const char *)task->training - (const char *)task->settings[0].values;
-    return (const lg_training *)(const void *)((const char *)stored->run + offset);
+    return (const lg_training *)(const void *)((const char *)stored->run + task->recipe->training);
 }
 
 /* The preset says once more what the stored run should be, and is compared with it. */
@@ -326,7 +345,7 @@ static int open_stored(app *self, const train_task *task, stored_run *stored) {
     lg_error error = {LG_OK, ""};
     if (files->resume == NULL) return APP_EXIT_OK;
     stored->run = app_alloc(1, task->settings[0].size);
-    const lg_status status = lg_checkpoint_open(self->context, files->resume, NULL, task->kind, stored->run,
+    const lg_status status = lg_checkpoint_open(self->context, files->resume, NULL, task->recipe, stored->run,
                                                 &stored->reader, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, files->resume);
     adopt_size(self, &task->settings[0], stored->run);
@@ -339,22 +358,8 @@ static int compare(const app *self, const train_task *task, const stored_run *st
     lg_error error = {LG_OK, ""};
     if (stored->reader == NULL) return APP_EXIT_OK;
     const lg_status status =
-        lg_run_compare(task->kind, stored->run, task->settings[0].values, files->resume, &error);
+        lg_run_compare(task->recipe, stored->run, task->settings[0].values, files->resume, &error);
     return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
-}
-
-static bool is_plan(const app_slot *slot) {
-    return slot->row->type == LG_FIELD_PHRASE;
-}
-
-static bool asks_adam(const app *self, const lg_training *training) {
-    bool adam = training->dtype == LG_F32;
-    for (size_t i = 0; i < self->slot_count; i++) {
-        const app_slot *slot = &self->slots[i];
-        if (slot->given && is_plan(slot)) return lg_fit_plan_ends_in_batches(&training->plan);
-        adam = adam || (slot->given && slot->row->adam);
-    }
-    return adam;
 }
 
 uint32_t train_preset_given;
@@ -369,11 +374,6 @@ const lg_field train_preset_rows[] = {
      .meaning = "Source of options that are not given: the published settings or ours"},
     LG_FIELD_END};
 
-const char *train_preset(const app *self, const lg_training *training) {
-    if (app_given(self, "preset")) return lg_preset_name(train_preset_given);
-    return asks_adam(self, training) ? "thesis" : "best";
-}
-
 /* A method of the plan learns with the prior: one that minimises any loss. */
 static bool takes_prior(const lg_fit_plan *plan) {
     bool takes = false;
@@ -387,13 +387,14 @@ static bool takes_prior(const lg_fit_plan *plan) {
 /* Options that the plan has no use for: a prior, those of Adam. */
 static int check_method(const app *self, const train_task *task) {
     char plan[LG_FIT_PLAN_TEXT];
-    lg_fit_plan_show(&task->training->plan, plan);
-    const bool prior = app_given(self, "prior") && task->training->prior > 0;
-    if (prior && !task->prior) return app_usage(self, "--prior: this training has no use for it");
-    if (prior && !takes_prior(&task->training->plan))
+    lg_fit_plan_show(&train_training(task)->plan, plan);
+    const bool prior = app_given(self, "prior") && train_training(task)->prior > 0;
+    if (prior && !task->recipe->learner->prior)
+        return app_usage(self, "--prior: this training has no use for it");
+    if (prior && !takes_prior(&train_training(task)->plan))
         return app_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option",
                          plan);
-    if (lg_fit_plan_batches(&task->training->plan)) return APP_EXIT_OK;
+    if (lg_fit_plan_batches(&train_training(task)->plan)) return APP_EXIT_OK;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
         if (slot->given && slot->row->adam)
@@ -410,143 +411,43 @@ uint64_t train_epochs(const app *self, const lg_training *training) {
 }
 
 /* The data are compared before they are split, too: others need not be split in the same way. */
-static int run_with(app *self, const train_task *task, stored_run *stored, const train_race *race) {
+static int run_with(app *self, train_task *task, stored_run *stored, const train_race *race) {
     lg_error error = {LG_OK, ""};
-    train_session session = {.app = self, .task = task, .race = *race, .floor = (double)NAN};
-    task->training->seed = self->seed;
-    const lg_status status = task->describe(
-        task->user, self, stored->reader != NULL && !derives_again(self) ? stored->run : NULL, &error);
+    train_session session = {.app = self, .task = task, .race = *race};
+    lg_training *training = train_training(task);
+    const bool again = derives_again(self), splits = task->recipe->learner->prepare != NULL;
+    training->seed = self->seed;
+    const lg_status status = train_describe(self, task, again ? NULL : stored->run, &error);
     int code = status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
     if (stored->reader != NULL && !app_given(self, "epochs"))
-        task->training->epochs = stored_training(task, stored)->epochs;
-    task->training->epochs = train_epochs(self, task->training);
+        training->epochs = stored_training(task, stored)->epochs;
+    training->epochs = train_epochs(self, training);
     if (code == APP_EXIT_OK && stored->reader == NULL) code = check_method(self, task);
     /* What is derived again knows the parts of the data after the split alone. */
-    if (code == APP_EXIT_OK && (task->prepare == NULL || !derives_again(self)))
-        code = compare(self, task, stored);
-    if (code == APP_EXIT_OK && task->prepare != NULL) {
-        code = task->prepare(task->user, self);
-        if (code == APP_EXIT_OK) code = compare(self, task, stored);
-    }
+    if (code == APP_EXIT_OK && !(splits && again)) code = compare(self, task, stored);
+    if (code == APP_EXIT_OK) code = train_prepare(self, task);
+    if (code == APP_EXIT_OK && splits) code = compare(self, task, stored);
     if (code == APP_EXIT_OK) code = train(&session, stored->reader);
-    task->release(task->user);
+    lg_learning_release(&task->learning);
     return code;
 }
 
-int train_check(app *self, const train_task *task) {
-    const int code = check_options(self, task);
-    return code == APP_EXIT_OK ? check_files(self, task) : code;
+int train_open(app *self, train_task *task) {
+    train_begin(self, task, 0);
+    int code = check_options(self, task);
+    if (code == APP_EXIT_OK) code = check_files(self, task);
+    return code == APP_EXIT_OK ? train_read(self, task) : code;
 }
 
-int train_main(app *self, const train_task *task) {
-    char sha256[LG_SHA256_TEXT];
+int train_main(app *self, train_task *task) {
     stored_run stored = {NULL, NULL};
     train_race race;
-    int code = train_check(self, task);
-    if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[0], sha256);
+    int code = train_open(self, task);
     if (code == APP_EXIT_OK) code = train_size(self, task, files->size, &race);
     if (code == APP_EXIT_OK) code = open_stored(self, task, &stored);
     if (code == APP_EXIT_OK) code = run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
     free(stored.run);
+    lg_learning_close(&task->learning);
     return code;
-}
-
-/* ---- results ---- */
-
-/* `epochs` are those that are done, and a row that is no option is another's (the seed apart). */
-static void json_run(app_json *json, const app_settings *settings) {
-    for (const lg_field *row = settings->rows; row->name != NULL; row++) {
-        const bool option = row->option == NULL || row->option[0] != '\0';
-        if (strcmp(row->name, "epochs") != 0 && (option || strcmp(row->name, "seed") == 0))
-            app_json_field(json, row, settings->values);
-    }
-}
-
-/* How many, and of the time of this process the part for its shards and that for exchanges. */
-static void json_ranks(const train_session *self, app_json *json) {
-    const lg_fit_cost cost = lg_fit_cost_of(self->fit);
-    app_json_size(json, "ranks", self->app->rank_count);
-    app_json_real(json, "training_seconds", cost.seconds);
-    app_json_real(json, "shard_seconds", cost.shard_seconds);
-    app_json_real(json, "exchange_seconds", cost.exchange_seconds);
-    app_json_size(json, "exchanges", cost.exchanges);
-    app_json_size(json, "exchanged_bytes", cost.bytes);
-}
-
-void train_json(const train_session *self, app_json *json) {
-    char cpu[256];
-    const lg_fit *fit = self->fit;
-    const uint64_t done = lg_fit_epochs_done(fit);
-    (void)lg_cpu_describe(cpu, sizeof cpu);
-    app_json_size(json, "epochs", done);
-    app_json_size(json, "evaluations", done);
-    app_json_real(json, "floor", self->floor);
-    app_json_real(json, "running_loss", lg_fit_loss(fit));
-    app_json_real(json, "validation_loss",
-                  done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN);
-    app_json_size(json, "best_epoch", lg_fit_best_epoch(fit));
-    app_json_bool(json, "finished", lg_fit_finished(fit));
-    app_json_text(json, "stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL);
-    app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
-    app_json_real(json, "seconds", self->seconds);
-    app_json_size(json, "threads", self->app->threads);
-    json_ranks(self, json);
-    app_json_size(json, "steps", lg_fit_steps_done(fit));
-    app_json_size(json, "tape_bytes", lg_fit_tape_size(fit));
-    app_json_text(json, "cpu", cpu);
-    app_json_text(json, "out", files->out);
-    json_run(json, &self->task->settings[0]);
-    train_size_json(&self->race, json);
-    app_json_warnings(json, self->app);
-}
-
-static void csv_number(FILE *stream, double value) {
-    if (isfinite(value))
-        (void)fprintf(stream, ",%.17g", value);
-    else
-        (void)fputc(',', stream);
-}
-
-lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error) {
-    static const lg_fit_series columns[] = {LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_RATE, LG_FIT_SECONDS};
-    app_file file;
-    app_file_begin(&file, path);
-    (void)fputs("epoch,loss,validation,rate,seconds\n", file.stream);
-    for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
-        (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
-        for (size_t c = 0; c < LG_COUNT(columns); c++)
-            csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
-        (void)fputc('\n', file.stream);
-    }
-    return app_file_end(&file, error);
-}
-
-lg_status train_draw_loss(const app *self, const char *picture, const double *loss, const double *validation,
-                          size_t epochs, lg_error *error) {
-    app_plot plot;
-    app_plot_begin(&plot, picture, 800, 500);
-    for (size_t i = 0; i < epochs; i++)
-        (void)fprintf(plot.data.stream, "%zu %.17g %.17g\n", i + 1, loss[i],
-                      validation != NULL ? validation[i] : (double)NAN);
-    (void)fputs("set title 'Training'\nset logscale y\nset format y '10^{%L}'\nset xlabel 'epoch'\n"
-                "set ylabel 'loss (mean of an epoch)'\n"
-                "plot datafile using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training'",
-                plot.script.stream);
-    if (validation != NULL)
-        (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'",
-                    plot.script.stream);
-    (void)fputc('\n', plot.script.stream);
-    return app_plot_end(self, &plot, error);
-}
-
-int train_draw(const train_session *self) {
-    lg_error error = {LG_OK, ""};
-    const char *picture = files->plot;
-    if (picture == NULL) return APP_EXIT_OK;
-    const double *validation =
-        self->task->training->validation > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION) : NULL;
-    const lg_status status = train_draw_loss(self->app, picture, lg_fit_history(self->fit, LG_FIT_LOSS),
-                                             validation, (size_t)lg_fit_epochs_done(self->fit), &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self->app, status, &error, picture);
 }

@@ -1,9 +1,10 @@
 /* What every `train` command shares: its options for files, and the course from the command line to the end
  * of training: --resume, checkpoints, progress, Ctrl-C, --history, exit codes, JSON.
  *
- * A command gives a train_task and returns train_main(...). The run of its settings[0] says how is trained:
- * its rows are the hyperparameters, checkpoints hold it, and a resumed run is compared with it. The search
- * driver (common/search.h) trains the same task.
+ * A command gives a train_task and returns train_main(...). The learner of the task's recipe
+ * (model/files/learning.h) does what a kind of model needs. The rows of settings[0] are the hyperparameters,
+ * checkpoints hold them, and a resumed run is compared with them. The search driver (common/search.h) trains
+ * the same task.
  *
  * Functions that return int return an exit code, and have told the user when it is not APP_EXIT_OK; those
  * that return a status explain it in `error`. */
@@ -13,6 +14,7 @@
 #include "common/app.h"
 #include "liegrad/io.h"
 #include "liegrad/nn.h"
+#include "model/files/learning.h"
 
 typedef struct train_files {
     const char *out, *checkpoint, *resume, *history, *plot, *size;
@@ -21,7 +23,7 @@ typedef struct train_files {
 } train_files;
 
 /* What the command line gave, and its options, which stand among the settings of a command.
- * TRAIN_SHARED_NO_SIZE is for a command whose task has no `sizes`. */
+ * TRAIN_SHARED_NO_SIZE is for a command whose learner has no `sizes`. */
 extern train_files train_given_files;
 extern const lg_field train_file_options[];
 #define TRAIN_SHARED         APP_GIVEN(train_file_options, train_given_files)
@@ -58,39 +60,16 @@ extern const lg_field train_file_options[];
 typedef struct train_session train_session;
 
 typedef struct train_task {
-    const lg_recipe *kind;
+    const lg_recipe *recipe;
     const app_settings *settings; /* the command's; the first one is the run */
-    lg_training *training;        /* of the run */
-    const char *method;           /* the row whose value the other rows' `methods` are about; NULL: none */
     const char *only;             /* a search takes this method alone; NULL: any */
-    const char *held_out;         /* the row whose place --validation of a search takes; may be NULL */
-    const char *kept;             /* the option that names one more file to be read; may be NULL */
-    void *user;
-
-    /* Reads the data at `path` and gives their SHA-256. */
-    int (*read)(void *user, app *app, const char *path, char sha256[LG_SHA256_TEXT]);
-    /* Completes the run: what the data say, and without a stored run what a preset says (app_adopt). The
-     * hyperparameters of `stored`, of a resumed run, are adopted already. */
-    lg_status (*describe)(void *user, app *app, const void *stored, lg_error *error);
-    /* Splits the data, before the fit is made: into training and test part, or, in a search, holding out
-     * `validation` of the training part. What it finds out about the data goes into the run. `prepare` may be
-     * NULL. */
-    int (*prepare)(void *user, app *app);
-    lg_status (*hold_out)(void *user, app *app, double validation, lg_error *error);
-    /* The fit; it is destroyed by `release`, with what prepare and hold_out made, whether they failed or
-     * not. */
-    lg_status (*create)(void *user, app *app, const lg_fit_options *options, lg_fit **fit, lg_error *error);
-    void (*release)(void *user);
-    /* The plan was carried out as far as asked: judges, writes the model, draws and reports. */
-    int (*finish)(void *user, train_session *session);
-    /* In a search: what is to be lowered, asked where a rung is passed, and at the end; how many weights. */
-    double (*objective)(void *user, app *app);
-    size_t (*parameters)(void *user);
-    /* Values of the row "hidden" that --size auto compares, from small to large, ended by NULL; NULL: it
-     * has no such row. Needs `parameters`. */
-    const char *const *sizes;
-    bool (*has_width)(void *user); /* NULL: always */
-    bool prior;                    /* its loss is the square of noise, which --prior takes */
+    void *state;                  /* of the learner; NULL: it is made */
+    /* An exit code: with the data split, before training; may be NULL. */
+    int (*check)(const app *app, const lg_learning *learning);
+    /* For people; NULL: the results, a line each. */
+    void (*print)(const lg_learning *learning);
+    int (*draw)(const app *app, const lg_learning *learning); /* NULL: the loss */
+    lg_learning learning;                                     /* the driver's */
 } train_task;
 
 /* The race of --size auto (size.c). */
@@ -111,7 +90,7 @@ typedef struct train_race {
  * trained for half of the epochs on four fifths of the data, all of them for at most a third of --seconds,
  * until two in a row are no better than a smaller one; the smallest one wins whose forecast is within twice
  * the lowest. Prints the table on stderr. */
-int train_size(app *app, const train_task *task, const char *size, train_race *race);
+int train_size(app *app, train_task *task, const char *size, train_race *race);
 double train_race_seconds(const train_race *race);            /* of --seconds, for the race */
 void train_size_json(const train_race *race, app_json *json); /* "sizes", unless there was no race */
 /* The planned epochs: 10^6 where --seconds alone limits a method other than Adam. */
@@ -119,50 +98,48 @@ uint64_t train_epochs(const app *app, const lg_training *training);
 
 struct train_session {
     app *app;
-    const train_task *task;
-    lg_fit *fit;
-    double seconds; /* wall time of the training */
+    train_task *task;
     train_race race;
-    double floor; /* the integrator's truncation error in units of the loss; NaN: not known */
-    /* The driver's own. */
     app_progress progress;
     lg_status checkpoint_status;
     lg_error checkpoint_error;
 };
 
-int train_main(app *app, const train_task *task);
-/* The first part of train_main alone: options that do not go together, files that cannot be written. */
-int train_check(app *app, const train_task *task);
-/* The option --preset, a row of a task's settings, and the preset to take: "thesis" or "best". Not given, it
- * is "thesis" where the command line asks for Adam, by a --method that ends with it or, without one, by an
- * option of Adam's alone (a rate, a batch) or by single precision. */
+int train_main(app *app, train_task *task);
+/* The beginning of train_main, for a command that also trains without a recipe: options and files are
+ * checked, the data are read. An exit code; then lg_learning_close, whatever it is. */
+int train_open(app *app, train_task *task);
+/* Results of a model file's contents on the arguments from the second on; the command ends where there are
+ * none. APP_EXIT_NUMERIC: they are of no use, and a warning said why. */
+int train_evaluate(const app *app, train_task *task, const void *file);
+
+/* ---- parts, for training, race and search ---- */
+
+static inline lg_training *train_training(const train_task *task) {
+    return lg_learning_training(&task->learning);
+}
+/* Begins the task's learning with the command's arguments from number `argument` on. */
+void train_begin(const app *app, train_task *task, int argument);
+int train_read(const app *app, train_task *task);
+/* What the app was given completes the run; `stored`: the run that is resumed. */
+lg_status train_describe(const app *app, train_task *task, const void *stored, lg_error *error);
+/* Splits the data; the task's check. */
+int train_prepare(const app *app, train_task *task);
+lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error);
+/* The plan was carried out as far as asked: judges, writes the model, draws and reports. */
+int train_finish(train_session *session);
+/* A part of the results, as a part of a command's. */
+void train_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end);
+/* The option --preset, a row of a task's settings (lg_learning_preset). */
 extern const lg_field train_preset_rows[];
 extern uint32_t train_preset_given;
 #define TRAIN_PRESET                                                                                         \
     { train_preset_rows, &train_preset_given, sizeof train_preset_given }
-const char *train_preset(const app *app, const lg_training *training);
 /* Hyperparameters of a run, threads. */
 lg_fit_options train_fit_options(const app *app, const lg_training *training);
 /* The task's method, as in "--network angle", when it does not have the option; otherwise NULL. Static
  * storage. */
 const char *train_refuses(const train_task *task, const app_slot *slot);
-
-/* Says in a warning what is wrong with a training whose result is no better than a simple guess, or whose
- * loss has not fallen since the first epoch. `error` is that of the result and `guessed` that of `guess`
- * ("the mean curve"), both the `what` ("mean squared error") on the same data; guessed <= 0 or NaN: unknown.
- * APP_EXIT_NUMERIC, with the sentence told, when both hold, or one of them after 10 epochs (100 evaluations
- * of a full-batch method), or with an error 1000 times the guessed one; the model may still be written. A
- * training that --stop-after ended is only warned of. */
-int train_judge(const train_session *session, const char *what, double error, const char *guess,
-                double guessed);
-/* LG_OUT_OF_MEMORY, with the size of the network. */
-lg_status train_no_room(size_t parameters, lg_error *error);
-/* --plot, if given: the loss. */
-int train_draw(const train_session *session);
-/* epochs, evaluations (gradients of all data), floor, running_loss, validation_loss, best_epoch, finished,
- * stopped (why, null while it goes on), seconds_per_epoch, seconds, threads, steps, tape_bytes, cpu, out, the
- * hyperparameters of the run by their names, and the warnings so far. */
-void train_json(const train_session *session, app_json *json);
 
 /* ---- parts, for other commands ---- */
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/learn.h"
+#include "common/train.h"
 #include "lg-anomaly/anomaly.h"
 
 /* ---- scores ---- */
@@ -79,7 +79,7 @@ size_t count_novel(const app *self, const well_model *model, const lg_cut_series
 void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, double rate) {
     lg_learning list = {.results = NULL};
     lg_detector_tell(&list, judged, hop, rate);
-    learn_put_results(json, &list, 0, list.result_count);
+    train_put_results(json, &list, 0, list.result_count);
     lg_learning_clear(&list);
 }
 

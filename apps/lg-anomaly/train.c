@@ -44,7 +44,7 @@ well_model trained_model(well_sort sort, const char *method) {
 void json_trained(app_json *json, const well_model *model) {
     lg_learning *learning = &network_recipe.learning;
     lg_detector_tell_training(learning, model->method, model->classes, model->class_name);
-    learn_put_results(json, learning, 0, learning->result_count);
+    train_put_results(json, learning, 0, learning->result_count);
 }
 
 void print_trained(const well_model *model) {
@@ -100,10 +100,10 @@ static void run_classical(const app *self) {
 static int run_train(app *self) {
     int code = train_check_options(self);
     if (code != APP_EXIT_OK) return code;
-    if (train_given.method == METHOD_CNN) return train_recipe_main(self, &network_recipe);
+    if (train_given.method == METHOD_CNN) return train_main(self, &network_recipe);
     if (self->rank_count > 1) return app_usage(self, "--method cnn alone trains by ranks");
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all but the first are one */
-    code = train_recipe_read(self, &network_recipe);
+    code = train_open(self, &network_recipe);
     if (code == APP_EXIT_OK) run_classical(self);
     lg_learning_close(&network_recipe.learning);
     return code;

@@ -2,7 +2,7 @@
 #ifndef LG_APPS_ANOMALY_TRAIN_H
 #define LG_APPS_ANOMALY_TRAIN_H
 
-#include "common/learn.h"
+#include "common/search.h"
 #include "lg-anomaly/anomaly.h"
 
 enum {
@@ -41,7 +41,7 @@ int train_check_options(const app *app);
 /* ---- the training ---- */
 
 /* Of `train --method cnn` and `search` (train_network.c). */
-extern train_recipe network_recipe;
+extern train_task network_recipe;
 /* Any other method, with the state's data read, cut and split. */
 void train_classical(const app *app);
 void train_novelty(const app *app);

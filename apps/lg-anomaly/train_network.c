@@ -17,7 +17,7 @@ static int check(const app *self, const lg_learning *learning) {
     return APP_EXIT_OK;
 }
 
-static void print(const train_session *session, const lg_learning *learning) {
+static void print(const lg_learning *learning) {
     const lg_detector_state *state = &train_state;
     const lg_fit *fit = learning->fit;
     const well_model model = model_of(NULL);
@@ -25,7 +25,7 @@ static void print(const train_session *session, const lg_learning *learning) {
                  learning->problem.parameters);
     if (state->from != NULL) (void)printf(" (preset %s: %s)", state->from->name, state->from->source);
     (void)printf("\n%llu epochs (%.4f s each, %.1f s in all)", (unsigned long long)lg_fit_epochs_done(fit),
-                 lg_fit_seconds_per_epoch(fit), session->seconds);
+                 lg_fit_seconds_per_epoch(fit), learning->seconds);
     if (state->validation.count > 0)
         (void)printf(", the parameters are those of epoch %llu, the best one on %zu validation windows",
                      (unsigned long long)lg_fit_best_epoch(fit), state->validation.count);
@@ -36,8 +36,7 @@ static void print(const train_session *session, const lg_learning *learning) {
                      state->train_judged.mse);
 }
 
-static int draw(const train_session *session, const lg_learning *learning) {
-    const app *self = session->app;
+static int draw(const app *self, const lg_learning *learning) {
     const lg_fit *fit = learning->fit;
     const char *picture = train_given_files.plot;
     if (picture == NULL) return APP_EXIT_OK;
@@ -56,16 +55,16 @@ static int draw(const train_session *session, const lg_learning *learning) {
     return APP_EXIT_OK;
 }
 
-train_recipe network_recipe = {.recipe = &lg_recipe_detector,
-                               .settings = train_settings,
-                               .only = "cnn",
-                               .state = &train_state,
-                               .check = check,
-                               .print = print,
-                               .draw = draw};
+train_task network_recipe = {.recipe = &lg_recipe_detector,
+                             .settings = train_settings,
+                             .only = "cnn",
+                             .state = &train_state,
+                             .check = check,
+                             .print = print,
+                             .draw = draw};
 
 static int search(app *self) {
-    return search_recipe_main(self, &train_command, &network_recipe);
+    return search_main(self, &train_command, &network_recipe);
 }
 
 const app_command search_command = {

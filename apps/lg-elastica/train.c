@@ -1,5 +1,5 @@
 /* lg-elastica train: fit a surrogate to curves; lg-elastica search: random search over its options. */
-#include "common/learn.h"
+#include "common/search.h"
 #include "lg-elastica/beam.h"
 
 static lg_surrogate_run run; /* all that determines the result */
@@ -15,7 +15,7 @@ static uint64_t whole(const lg_learning *learning, const char *name) {
     return lg_result_find(learning, name)->whole;
 }
 
-static void print(const train_session *session, const lg_learning *learning) {
+static void print(const lg_learning *learning) {
     const lg_surrogate_options *options = &run.model.options;
     const char *preset = lg_result_find(learning, "preset")->text;
     (void)printf("%s: %s network, %s %u x %u, %zu parameters", train_given_files.out,
@@ -24,8 +24,8 @@ static void print(const train_session *session, const lg_learning *learning) {
     if (preset != NULL) (void)printf(" (preset %s: %s)", preset, lg_result_find(learning, "source")->text);
     (void)printf("\n%llu epochs (%.4f s each, %.1f s in all); mean squared error %.4e on %llu curves trained "
                  "on",
-                 (unsigned long long)lg_fit_epochs_done(session->fit), lg_fit_seconds_per_epoch(session->fit),
-                 session->seconds, real(learning, "train_mse"),
+                 (unsigned long long)lg_fit_epochs_done(learning->fit),
+                 lg_fit_seconds_per_epoch(learning->fit), learning->seconds, real(learning, "train_mse"),
                  (unsigned long long)whole(learning, "train_curves"));
     if (whole(learning, "test_curves") > 0)
         (void)printf(", %.4e on %llu test curves", real(learning, "test_mse"),
@@ -33,14 +33,14 @@ static void print(const train_session *session, const lg_learning *learning) {
     (void)printf("\n");
 }
 
-static train_recipe recipe = {.recipe = &lg_recipe_surrogate, .settings = settings, .print = print};
+static train_task recipe = {.recipe = &lg_recipe_surrogate, .settings = settings, .print = print};
 
 static int run_train(app *self) {
-    return train_recipe_main(self, &recipe);
+    return train_main(self, &recipe);
 }
 
 static int run_search(app *self) {
-    return search_recipe_main(self, &train_command, &recipe);
+    return search_main(self, &train_command, &recipe);
 }
 
 const app_command train_command = {

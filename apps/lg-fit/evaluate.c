@@ -24,7 +24,7 @@ static void report(const app *self, const lg_learning *learning) {
         return;
     }
     app_json_begin(&out);
-    learn_put_results(&out, learning, 0, learning->result_count);
+    train_put_results(&out, learning, 0, learning->result_count);
     app_json_real(&out, "seconds", learning->seconds);
     app_json_warnings(&out, self);
     app_json_end(&out);
@@ -33,9 +33,9 @@ static void report(const app *self, const lg_learning *learning) {
 static int run(app *self) {
     const char *model = self->arguments[0];
     APP_CLEAN(lg_table_file_destroy) lg_table_file file = {0};
-    train_recipe task = {.recipe = &lg_recipe_table, .settings = settings, .state = &state};
+    train_task task = {.recipe = &lg_recipe_table, .settings = settings, .state = &state};
     APP_MUST_FILE(self, model, lg_model_load_table(self->context, model, NULL, &file, &error));
-    const int code = learn_evaluate(&task, self, &file);
+    const int code = train_evaluate(self, &task, &file);
     if (values.plot != NULL)
         APP_MUST_FILE(self, values.plot, draw_judgement(self, values.plot, &state, &error));
     report(self, &task.learning);

@@ -2,7 +2,7 @@
 #ifndef LG_APPS_FIT_H
 #define LG_APPS_FIT_H
 
-#include "common/learn.h"
+#include "common/search.h"
 #include "table/files/recipe.h"
 
 extern const app_command train_command, evaluate_command, predict_command, search_command, import_command;

@@ -12,10 +12,9 @@ static const app_settings settings[] = {{lg_table_fields, &run, sizeof run},
                                         APP_GIVEN(file_options, train_given_files),
                                         APP_SETTINGS_END};
 
-static void print(const train_session *session, const lg_learning *learning) {
+static void print(const lg_learning *learning) {
     const lg_table_file *file = &state.file;
     const size_t rows = state.table.data.rows;
-    (void)session;
     (void)printf("%s: %s of %zu of %zu rows, %u inputs, %s network, %zu parameters\n", train_given_files.out,
                  lg_table_task_name(file->run.model.options.task), state.trained, rows, state.inputs.count,
                  lg_net_kind_name(file->run.model.options.network), file->parameters);
@@ -27,23 +26,23 @@ static void print(const train_session *session, const lg_learning *learning) {
     judgement_print(&state);
 }
 
-static int draw(const train_session *session, const lg_learning *learning) {
+static int draw(const app *self, const lg_learning *learning) {
     const char *picture = train_given_files.plot;
     lg_error error = {LG_OK, ""};
     (void)learning;
-    const lg_status status = picture != NULL ? draw_judgement(session->app, picture, &state, &error) : LG_OK;
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(session->app, status, &error, picture);
+    const lg_status status = picture != NULL ? draw_judgement(self, picture, &state, &error) : LG_OK;
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, picture);
 }
 
-static train_recipe recipe = {
+static train_task recipe = {
     .recipe = &lg_recipe_table, .settings = settings, .state = &state, .print = print, .draw = draw};
 
 static int run_train(app *self) {
-    return train_recipe_main(self, &recipe);
+    return train_main(self, &recipe);
 }
 
 static int run_search(app *self) {
-    return search_recipe_main(self, &train_command, &recipe);
+    return search_main(self, &train_command, &recipe);
 }
 
 const app_command train_command = {

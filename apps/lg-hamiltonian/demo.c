@@ -1,5 +1,5 @@
 /* lg-hamiltonian demo: the single spherical pendulum from nothing to pictures. */
-#include "common/learn.h"
+#include "common/train.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/learning.h"
 

@@ -1,5 +1,5 @@
 /* lg-hamiltonian study: a grid of trainings, resumable. */
-#include "common/learn.h"
+#include "common/train.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/study.h"
 

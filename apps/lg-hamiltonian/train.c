@@ -1,5 +1,5 @@
 /* lg-hamiltonian train: fit a Hamiltonian to trajectories. */
-#include "common/learn.h"
+#include "common/train.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/learning.h"
 
@@ -12,21 +12,21 @@ static const app_settings settings[] = {{lg_hamiltonian_fields, &run, sizeof run
                                         TRAIN_SHARED,
                                         APP_SETTINGS_END};
 
-static void print(const train_session *session, const lg_learning *learning) {
+static void print(const lg_learning *learning) {
     (void)printf("%s: %zu parameters, %llu epochs or evaluations with %s, mean squared error %.3e, floor "
                  "%.1e (%.4f s an epoch, "
                  "%.1f s in all)\n",
                  train_given_files.out, lg_hamiltonian_parameters(&run.model),
-                 (unsigned long long)lg_fit_epochs_done(session->fit), run.scheme->name,
-                 lg_result_find(learning, "loss")->real, session->floor,
-                 lg_fit_seconds_per_epoch(session->fit), session->seconds);
+                 (unsigned long long)lg_fit_epochs_done(learning->fit), run.scheme->name,
+                 lg_result_find(learning, "loss")->real, learning->floor,
+                 lg_fit_seconds_per_epoch(learning->fit), learning->seconds);
 }
 
-static train_recipe recipe = {
+static train_task recipe = {
     .recipe = &lg_recipe_hamiltonian, .settings = settings, .state = &state, .print = print};
 
 static int run_train(app *self) {
-    return train_recipe_main(self, &recipe);
+    return train_main(self, &recipe);
 }
 
 const app_command train_command = {

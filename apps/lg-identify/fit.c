@@ -1,5 +1,5 @@
 /* lg-identify fit: learn the machine. */
-#include "common/learn.h"
+#include "common/train.h"
 #include "lg-identify/identify.h"
 
 static lg_machine_state state;
@@ -26,22 +26,22 @@ static void show_identified(const lg_machine_verdict *what) {
     app_table_end(&table, stdout);
 }
 
-static void print(const train_session *session, const lg_learning *learning) {
+static void print(const lg_learning *learning) {
     const lg_machine_verdict *what = &state.verdict;
     (void)learning;
     (void)printf("%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e (noise and steps leave "
                  "%.1e at most), floor of the steps %.1e, %.1f s\n",
                  train_given_files.out, run.machine.parameters, (unsigned long long)run.windows,
-                 (unsigned long long)lg_fit_epochs_done(session->fit), what->loss, what->expected,
-                 session->floor, session->seconds);
+                 (unsigned long long)lg_fit_epochs_done(learning->fit), what->loss, what->expected,
+                 learning->floor, learning->seconds);
     show_identified(what);
 }
 
-static train_recipe recipe = {
+static train_task recipe = {
     .recipe = &lg_recipe_machine_model, .settings = settings, .state = &state, .print = print};
 
 static int run_fit(app *self) {
-    return train_recipe_main(self, &recipe);
+    return train_main(self, &recipe);
 }
 
 const app_command fit_command = {

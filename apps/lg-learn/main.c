@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "common/flow.h"
-#include "common/learn.h"
+#include "common/search.h"
 
 /* ---- the recipe, and its options ---- */
 
@@ -25,7 +25,7 @@ static const lg_field recipe_rows[] = {{.name = "recipe",
 
 enum { SETTINGS = 8 };
 static app_settings train_settings[SETTINGS], search_settings[SETTINGS];
-static train_recipe recipe;
+static train_task recipe;
 
 static void add(app_settings *settings, const lg_field *rows, void *values, size_t size) {
     while (settings->rows != NULL) settings++;
@@ -46,7 +46,7 @@ static const lg_recipe *find_recipe(int argc, char **argv) {
 }
 
 static void choose_recipe(const lg_recipe *chosen) {
-    recipe = (train_recipe){.recipe = chosen, .settings = train_settings};
+    recipe = (train_task){.recipe = chosen, .settings = train_settings};
     if (chosen != NULL) {
         const lg_learner *learner = chosen->learner;
         recipe.state = app_alloc(1, learner->state_size + 1);
@@ -71,7 +71,7 @@ static void need_recipe(const app *self) {
 
 static int run_train(app *self) {
     need_recipe(self);
-    return train_recipe_main(self, &recipe);
+    return train_main(self, &recipe);
 }
 
 static const app_command train_command = {
@@ -88,7 +88,7 @@ static const app_command train_command = {
 
 static int run_search(app *self) {
     need_recipe(self);
-    return search_recipe_main(self, &train_command, &recipe);
+    return search_main(self, &train_command, &recipe);
 }
 
 /* ---- evaluate ---- */
@@ -102,11 +102,11 @@ static int run_evaluate(app *self) {
                  path);
     APP_FREE void *run = app_alloc(1, file.recipe->run_size);
     const app_settings settings[] = {{file.recipe->fields, run, 0}, APP_SETTINGS_END};
-    train_recipe task = {.recipe = file.recipe, .settings = settings};
+    train_task task = {.recipe = file.recipe, .settings = settings};
     app_json out;
-    const int code = learn_evaluate(&task, self, file.contents);
+    const int code = train_evaluate(self, &task, file.contents);
     app_result_begin(&out, self);
-    learn_put_results(&out, &task.learning, 0, task.learning.result_count);
+    train_put_results(&out, &task.learning, 0, task.learning.result_count);
     app_json_text(&out, "recipe", file.recipe->name);
     app_result_real(&out, "seconds", task.learning.seconds, NULL);
     app_json_warnings(&out, self);

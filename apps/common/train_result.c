@@ -1,0 +1,235 @@
+/* What has come of a training: verdict, results, JSON, pictures. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/train.h"
+
+/* ---- the verdict ---- */
+
+/* A result that learned something is below `learned` of a simple guess; one that is above `enormous` of it
+ * after more than one epoch has diverged. A run shorter than LOOK epochs, or FULL_LOOK
+ * evaluations of a full-batch method, may still be on its way. */
+static const double learned = 0.99, enormous = 1000.0;
+enum { LOOK = 10, FULL_LOOK = 100 };
+
+/* The epoch whose parameters are the model: the best one on a validation part, or else the last one. */
+static uint64_t model_epoch(const lg_learning *self) {
+    const uint64_t done = lg_fit_epochs_done(self->fit);
+    return done > 0 && isfinite(lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1])
+               ? lg_fit_best_epoch(self->fit)
+               : done;
+}
+
+/* Says in a warning what is wrong with a training whose result is no better than a simple guess, or whose
+ * loss has not fallen since the first epoch. APP_EXIT_NUMERIC, with the sentence told, when both hold, or one
+ * of them after LOOK epochs, or with an enormous error; the model is still written. A training that
+ * --stop-after ended is only warned of. */
+static int judge(const app *self, const lg_learning *learning) {
+    const lg_verdict *verdict = &learning->verdict;
+    const char *what = verdict->what, *guess = verdict->guess;
+    const double error = verdict->error, guessed = verdict->guessed;
+    if (what == NULL) return APP_EXIT_OK;
+    const uint64_t done = lg_fit_epochs_done(learning->fit), epoch = model_epoch(learning);
+    const double *loss = lg_fit_history(learning->fit, LG_FIT_LOSS);
+    const bool adam = lg_fit_plan_ends_in_batches(&lg_learning_training(learning)->plan),
+               looked = done >= (adam ? LOOK : FULL_LOOK);
+    const bool useless = guessed > 0 && !(error < learned * guessed);
+    const bool risen = epoch > 1 && !(loss[epoch - 1] < loss[0]);
+    if (useless)
+        app_warn(self,
+                 "the model has learned nothing: its %s %.3g is not below %.3g, that of %s; %strain longer",
+                 what, error, guessed, guess, adam ? "decrease --lr, or " : "");
+    if (risen)
+        app_warn(self, "the loss has not fallen: %.3g in epoch %llu, %.3g in the first one%s",
+                 loss[epoch - 1], (unsigned long long)epoch, loss[0], adam ? "; decrease --lr" : "");
+    const bool diverged = useless && done > 1 && error > enormous * guessed;
+    const bool failed = (useless && risen) || diverged || ((useless || risen) && looked);
+    return failed && lg_fit_finished(learning->fit) ? APP_EXIT_NUMERIC : APP_EXIT_OK;
+}
+
+/* ---- results ---- */
+
+/* `epochs` are those that are done, and a row that is no option is another's (the seed apart). */
+static void json_run(app_json *json, const app_settings *settings) {
+    for (const lg_field *row = settings->rows; row->name != NULL; row++) {
+        const bool option = row->option == NULL || row->option[0] != '\0';
+        if (strcmp(row->name, "epochs") != 0 && (option || strcmp(row->name, "seed") == 0))
+            app_json_field(json, row, settings->values);
+    }
+}
+
+static void put_value(app_json *out, const lg_result *result) {
+    if (result->type == LG_FIELD_REAL) app_result_real(out, result->name, result->real, result->label);
+    if (result->type == LG_FIELD_U64) app_result_size(out, result->name, result->whole, result->label);
+    if (result->type == LG_FIELD_STRING) app_result_text(out, result->name, result->text, result->label);
+}
+
+void train_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end) {
+    size_t depth = 0;
+    if (learning->results_lost) app_out_of_memory();
+    for (size_t i = first; i < end; i++) {
+        const lg_result *result = &learning->results[i];
+        if (result->bracket == '[' || result->bracket == '{') {
+            app_json_open(out, result->name, result->bracket);
+            depth++;
+        } else if (result->bracket != 0) {
+            app_json_close(out, result->bracket);
+            depth--;
+        } else if (depth == 0 || !out->people) {
+            put_value(out, result);
+        }
+    }
+}
+
+/* Number of ranks, and how this process spent its time: on its shards, on exchanges. */
+static void json_ranks(const app *self, const lg_fit *fit, app_json *json) {
+    const lg_fit_cost cost = lg_fit_cost_of(fit);
+    app_json_size(json, "ranks", self->rank_count);
+    app_json_real(json, "training_seconds", cost.seconds);
+    app_json_real(json, "shard_seconds", cost.shard_seconds);
+    app_json_real(json, "exchange_seconds", cost.exchange_seconds);
+    app_json_size(json, "exchanges", cost.exchanges);
+    app_json_size(json, "exchanged_bytes", cost.bytes);
+}
+
+/* How the training went, the hyperparameters of the run by their names, and the warnings so far.
+ * `evaluations` counts gradients of all data; `stopped` says why the training ended, null while it goes on. */
+static void json_training(const train_session *session, app_json *json) {
+    const app *self = session->app;
+    const lg_learning *learning = &session->task->learning;
+    char cpu[256];
+    const lg_fit *fit = learning->fit;
+    const uint64_t done = lg_fit_epochs_done(fit);
+    (void)lg_cpu_describe(cpu, sizeof cpu);
+    app_json_size(json, "epochs", done);
+    app_json_size(json, "evaluations", done);
+    app_json_real(json, "floor", learning->floor);
+    app_json_real(json, "running_loss", lg_fit_loss(fit));
+    app_json_real(json, "validation_loss",
+                  done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN);
+    app_json_size(json, "best_epoch", lg_fit_best_epoch(fit));
+    app_json_bool(json, "finished", lg_fit_finished(fit));
+    app_json_text(json, "stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL);
+    app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
+    app_json_real(json, "seconds", learning->seconds);
+    app_json_size(json, "threads", self->threads);
+    json_ranks(self, fit, json);
+    app_json_size(json, "steps", lg_fit_steps_done(fit));
+    app_json_size(json, "tape_bytes", lg_fit_tape_size(fit));
+    app_json_text(json, "cpu", cpu);
+    app_json_text(json, "out", train_given_files.out);
+    json_run(json, &session->task->settings[0]);
+    train_size_json(&session->race, json);
+    app_json_warnings(json, self);
+}
+
+static void csv_number(FILE *stream, double value) {
+    if (isfinite(value))
+        (void)fprintf(stream, ",%.17g", value);
+    else
+        (void)fputc(',', stream);
+}
+
+lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error) {
+    static const lg_fit_series columns[] = {LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_RATE, LG_FIT_SECONDS};
+    app_file file;
+    app_file_begin(&file, path);
+    (void)fputs("epoch,loss,validation,rate,seconds\n", file.stream);
+    for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
+        (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
+        for (size_t c = 0; c < LG_COUNT(columns); c++)
+            csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
+        (void)fputc('\n', file.stream);
+    }
+    return app_file_end(&file, error);
+}
+
+lg_status train_draw_loss(const app *self, const char *picture, const double *loss, const double *validation,
+                          size_t epochs, lg_error *error) {
+    app_plot plot;
+    app_plot_begin(&plot, picture, 800, 500);
+    for (size_t i = 0; i < epochs; i++)
+        (void)fprintf(plot.data.stream, "%zu %.17g %.17g\n", i + 1, loss[i],
+                      validation != NULL ? validation[i] : (double)NAN);
+    (void)fputs("set title 'Training'\nset logscale y\nset format y '10^{%L}'\nset xlabel 'epoch'\n"
+                "set ylabel 'loss (mean of an epoch)'\n"
+                "plot datafile using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training'",
+                plot.script.stream);
+    if (validation != NULL)
+        (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'",
+                    plot.script.stream);
+    (void)fputc('\n', plot.script.stream);
+    return app_plot_end(self, &plot, error);
+}
+
+/* --plot, if given: the loss. */
+static int draw_loss(const app *self, const lg_learning *learning) {
+    lg_error error = {LG_OK, ""};
+    const char *picture = train_given_files.plot;
+    const lg_fit *fit = learning->fit;
+    if (picture == NULL) return APP_EXIT_OK;
+    const double *validation =
+        lg_learning_training(learning)->validation > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION) : NULL;
+    const lg_status status = train_draw_loss(self, picture, lg_fit_history(fit, LG_FIT_LOSS), validation,
+                                             (size_t)lg_fit_epochs_done(fit), &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, picture);
+}
+
+/* ---- the end of a training ---- */
+
+static void report(const train_session *session) {
+    const train_task *task = session->task;
+    const lg_learning *learning = &task->learning;
+    app_json out;
+    if (!session->app->json && task->print != NULL) {
+        task->print(learning);
+        return;
+    }
+    app_result_begin(&out, session->app);
+    train_put_results(&out, learning, 0, learning->first_count);
+    json_training(session, &out);
+    train_put_results(&out, learning, learning->first_count, learning->result_count);
+    app_json_end(&out);
+}
+
+/* The parameters of the fit are judged and written. */
+static int conclude(const train_session *session, double *theta) {
+    train_task *task = session->task;
+    lg_learning *learning = &task->learning;
+    const app *self = session->app;
+    const char *out = train_given_files.out;
+    lg_error error = {LG_OK, ""};
+    lg_fit_parameters(learning->fit, theta);
+    lg_status status = task->recipe->learner->judge(learning, theta, &error);
+    if (status != LG_OK)
+        return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
+    const int judged = judge(self, learning);
+    const lg_provenance provenance = app_provenance(self, train_training(task)->seed);
+    status = lg_learning_save(learning, out, theta, &provenance, &error);
+    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
+    if (status != LG_OK) return app_fail_file(self, status, &error, out);
+    const int code = (task->draw != NULL ? task->draw : draw_loss)(self, learning);
+    if (code != APP_EXIT_OK) return code;
+    report(session);
+    return judged == APP_EXIT_OK && learning->verdict.failed ? APP_EXIT_NUMERIC : judged;
+}
+
+int train_finish(train_session *session) {
+    lg_learning *learning = &session->task->learning;
+    lg_error error = {LG_OK, ""};
+    double *theta = lg_learning_alloc(learning, learning->problem.parameters, sizeof *theta, &error);
+    if (theta == NULL)
+        return app_fail(session->app, LG_OUT_OF_MEMORY, "after the last epoch: %s", error.message);
+    return conclude(session, theta);
+}
+
+int train_evaluate(const app *self, train_task *task, const void *file) {
+    lg_learning *learning = &task->learning;
+    lg_error error = {LG_OK, ""};
+    train_begin(self, task, 1);
+    learning->model = self->arguments[0];
+    const lg_status status = lg_learning_evaluate(learning, file, &error);
+    app_must_file(self, status, &error, learning->failed != NULL ? learning->failed : learning->paths[0]);
+    return learning->verdict.failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
+}
