@@ -17,6 +17,7 @@ anomaly/classify/tree anomaly/classify/tree_prune
 datasets/table_csv datasets/table_h5 datasets/table_npy datasets/table_reading
 machine/files/log_csv machine/files/log_h5 machine/files/log_table
 machine/files/machine machine/files/terms
+machine/files/model machine/files/recipe
 model/files/program_load model/files/program_load_1
 '
 # Reads "from to" lines; prints each place from which a way leads back to it.
