@@ -387,8 +387,6 @@ TEST("bad functions and options are refused") {
         assert_status(lg_gradcheck(NULL, &bad[i], NULL, &result), LG_INVALID_ARGUMENT);
         assert_true(strlen(result.message) > 0 && !result.passed);
     }
-    assert_status(lg_gradcheck(NULL, NULL, NULL, &result), LG_INVALID_ARGUMENT);
-    assert_status(lg_gradcheck(NULL, &good, NULL, NULL), LG_INVALID_ARGUMENT);
 
     lg_gradcheck_options options[4];
     for (size_t i = 0; i < 4; i++) lg_gradcheck_options_init(&options[i]);
@@ -402,9 +400,6 @@ TEST("bad functions and options are refused") {
 
     lg_gradcheck_case row = {.function = good, .operations = {"no such operation"}};
     assert_status(lg_gradcheck_plant_all(NULL, &row, NULL, count_plant, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_gradcheck_plant_all(NULL, NULL, NULL, count_plant, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_gradcheck_plant_all(NULL, &row, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_gradcheck_run(NULL, NULL, NULL, &result), LG_INVALID_ARGUMENT);
 }
 
 TEST("order 1 can be checked alone") {

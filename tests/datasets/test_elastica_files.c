@@ -300,7 +300,7 @@ static void not_written(lg_elastica_data *data, double *at, double bad, lg_statu
 }
 
 TEST("curves that could not be read are not written") {
-    lg_elastica_data *data = make_curves(3.3, INTERVALS, CURVES, true), none;
+    lg_elastica_data *data = make_curves(3.3, INTERVALS, CURVES, true);
     lg_elastica_curves *c = &data->curves;
     const char *path = scratch_path("refused.h5");
     not_written(data, &c->v[2 * NODES + 5], NAN, LG_NOT_FINITE, "/v: NaN at index (1, 2, 1)");
@@ -315,7 +315,6 @@ TEST("curves that could not be read are not written") {
     assert_int_not_equal(access(path, F_OK), 0);
     lg_elastica_data_destroy(data);
     assert_status(lg_elastica_data_write(NULL, path, data, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_elastica_data_read(NULL, NULL, NULL, &none, NULL), LG_INVALID_ARGUMENT);
 }
 
 /* ---- memory ---- */

@@ -284,12 +284,6 @@ TEST("functions and parameters that are missing or wrong are refused by name, of
         refuse_damage(read_any, kinds[kind].fresh, rows, LG_COUNT(rows));
 }
 
-TEST("a missing file or argument is refused") {
-    lg_model_file file;
-    assert_status(lg_model_load(NULL, NULL, NULL, &file, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_model_load(NULL, fresh(KIND_DETECTOR), NULL, NULL, NULL), LG_INVALID_ARGUMENT);
-}
-
 TEST("every allocation may fail, and nothing leaks") {
     for (int kind = 0; kind < KIND_COUNT; kind++)
         assert_true(fail_every_reading(read_any, fresh((model_kind)kind)) >= 2);

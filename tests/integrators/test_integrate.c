@@ -104,7 +104,6 @@ TEST("dense output meets both ends and stays on the manifold") {
     assert_status(lg_stepper_dense(stepper, 1.1, out), LG_INVALID_ARGUMENT);
     assert_status(lg_stepper_dense(stepper, -0.1, out), LG_INVALID_ARGUMENT);
     assert_status(lg_stepper_dense(stepper, NAN, out), LG_INVALID_ARGUMENT);
-    assert_status(lg_stepper_dense(NULL, 0.5, out), LG_INVALID_ARGUMENT);
     y[0] = NAN;
     assert_status(lg_step(stepper, 0.0, 0.1, y, NULL, next), LG_NOT_FINITE);
     assert_status(lg_stepper_dense(stepper, 0.5, out), LG_INVALID_ARGUMENT); /* that step failed */

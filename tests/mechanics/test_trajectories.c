@@ -286,8 +286,6 @@ TEST("bad samplings are refused, and nothing is written") {
     REFUSED(o.ahead = NAN, LG_INVALID_ARGUMENT);
     REFUSED((o.starts = LG_STARTS_BOX, o.low = o.high), LG_INVALID_ARGUMENT);
     REFUSED(o.trajectories = SIZE_MAX / 8, LG_OUT_OF_MEMORY);
-    assert_status(lg_generate_trajectories(NULL, NULL, NULL, t, y, H, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_generate_trajectories(NULL, chain, NULL, NULL, y, H, NULL), LG_INVALID_ARGUMENT);
     const double starts[6] = {0.0, 0.0, NAN, 0.0, 0.0, 0.0}, times[2] = {2.0, 1.0};
     assert_status(lg_reference_trajectories(NULL, chain, starts, 1, times, 1, 0, 0, y, &error),
                   LG_INVALID_ARGUMENT);

@@ -403,10 +403,6 @@ TEST("memory that is too small or misplaced is refused, and so are bad schemes")
     assert_int_equal(lg_model_stepper_size(b.model, &bad), 0);
     assert_int_equal(lg_model_stepper_size(NULL, cf4) + lg_model_stepper_size(b.model, NULL), 0);
     assert_null(stepper);
-    lg_model_user user;
-    lg_ode ode;
-    assert_status(lg_model_ode(b.model, &ode, NULL, b.work), LG_INVALID_ARGUMENT);
-    assert_status(lg_model_ode(b.model, NULL, &user, b.work), LG_INVALID_ARGUMENT);
 }
 
 /* ---- what is not a number ---- */

@@ -395,8 +395,6 @@ TEST("sizes and memory are checked") {
     assert_close(K[1], sqrt(3.0), 1e-15, 0.0);
     assert_status(lg_care(&of, P, K, NULL, NULL, memory, needed - 1, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_care(&of, P, K, NULL, NULL, memory + 8, needed, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_care(&of, P, K, NULL, NULL, NULL, needed, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_dare(NULL, P, K, NULL, NULL, memory, needed, NULL), LG_INVALID_ARGUMENT);
     of.n = 0;
     assert_status(lg_care(&of, P, K, NULL, NULL, memory, needed, NULL), LG_INVALID_ARGUMENT);
     of.n = 2, of.m = 10000;

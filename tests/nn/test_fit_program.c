@@ -251,7 +251,6 @@ TEST("a program is evaluated by name, for any number of rows") {
     assert_status(lg_program_eval(NULL, program, "values", 1, one, out, &error), LG_NOT_FOUND);
     assert_says(error.message, "'values'");
     assert_status(lg_program_eval(NULL, program, "value", 0, one, out, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_program_eval(NULL, NULL, "value", 1, one, out, &error), LG_INVALID_ARGUMENT);
 }
 
 TEST("columns are scaled on a tape, and back") {

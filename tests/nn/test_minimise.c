@@ -610,7 +610,6 @@ TEST("bad arguments are refused before the first evaluation") {
     assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, NULL, x, NULL, &error), LG_NOT_FINITE);
     x[0] = 0;
     assert_int_equal(lg_minimise(NULL, 0, evaluate, &f, NULL, x, NULL, &error), LG_INVALID_ARGUMENT);
-    assert_int_equal(lg_minimise(NULL, 2, NULL, &f, NULL, x, NULL, &error), LG_INVALID_ARGUMENT);
     options.memory = 0;
     assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
     options.memory = 50;
