@@ -1,6 +1,6 @@
-/* Programs of detectors: logits against the network on a tape, probabilities against lg_detector_eval,
- * Jacobians against central differences; scaling, windows without their means, poolings, strides and
- * paddings, no blocks, both losses. */
+/* Programs of detectors: logits against the network on a tape, probabilities against the logits; scaling,
+ * windows without their means, poolings, strides and paddings, no blocks, both losses. Jacobians:
+ * test_recipes. */
 #include "test_support.h"
 
 #include "anomaly/detector_internal.h"
@@ -88,21 +88,7 @@ static void against_probabilities(const example *e) {
     }
 }
 
-/* Of second order with a step so small that it crosses no kink. */
-static void against_differences(const example *e) {
-    double y[MOST_OUTPUTS], by[MOST_OUTPUTS], x[MOST_INPUTS];
-    double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1];
-    check_gradient(&e->value, &e->gradient, e->x, y, jacobian);
-    const lg_activation kind = e->model.net.activation;
-    const double h = kind != LG_RELU && kind != LG_LEAKY_RELU ? 1e-5 : 1e-6;
-    memcpy(x, e->x, e->inputs * sizeof *x);
-    for (size_t i = 0; i < e->inputs; i++) {
-        test_slope(run_value, &e->value, x, i, h, 1, e->outputs, by);
-        for (size_t o = 0; o < e->outputs; o++) assert_close(jacobian[o * e->inputs + i], by[o], 1e-8, 2e-9);
-    }
-}
-
-TEST("logits are those of a tape, probabilities those of the logits, and Jacobians their differences") {
+TEST("logits are those of a tape, and probabilities those of the logits") {
     for (int activation = 0; activation < LG_ACTIVATION_COUNT; activation++)
         for (size_t net = 0; net < ODD_NETS; net++)
             for (uint32_t classes = 2; classes <= 3; classes++)
@@ -111,7 +97,6 @@ TEST("logits are those of a tape, probabilities those of the logits, and Jacobia
                     make(&e, net, (lg_activation)activation, classes, centred);
                     against_tape(&e);
                     against_probabilities(&e);
-                    against_differences(&e);
                 }
 }
 

@@ -1,5 +1,5 @@
 /* Machines as programs and as models in a loop, in the units of the log: against the recording in scaled
- * units, closed forms, and differences. */
+ * units and closed forms. */
 #include "models/machine_support.h"
 #include "models/model_support.h"
 #include "models/plan_support.h"
@@ -270,18 +270,6 @@ TEST("a machine's state has the positions and velocities that it was made from")
     assert_all_close(q, s->q, machine.positions, 1e-14, 1e-14);
     assert_ok(lg_model_machine_velocities(s->model, s->y, v, s->work));
     assert_all_close(v, s->v, machine.velocities, 1e-10, 1e-10);
-}
-
-TEST("the gradient is that of differences of the energy") {
-    const lg_machine machine = learned_machine();
-    const driven *s = drive(&machine, 4);
-    double gradient[STATE], y[STATE], slope;
-    lg_model_jacobian(s->model, s->y, NULL, gradient, s->work);
-    memcpy(y, s->y, sizeof y);
-    for (size_t i = 0; i < s->d; i++) {
-        test_slope(model_value_at, &(model_value){s->model, s->work}, y, i, 1e-5, 1, 1, &slope);
-        assert_close(gradient[i], slope, 1e-7, 1e-8);
-    }
 }
 
 TEST("other kinds of model have no states of machines") {

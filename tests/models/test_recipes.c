@@ -34,6 +34,39 @@ TEST("every function of every recipe is the tape's, as a plan of any rows, of bo
         }
 }
 
+/* ---- Jacobians ---- */
+
+static void value_at(const void *plan, const double *x, double *y) {
+    const size_t mark = lg_test_owned();
+    lg_plan_eval(plan, (const void *const[]){x}, (void *const[]){y}, test_work(lg_plan_work_size(plan)));
+    lg_test_give_back(mark);
+}
+
+/* Function `grad` against differences of `value`, with a step so small that it crosses no kink. */
+static void check_gradient(const recorded *r) {
+    size_t value, grad;
+    assert_ok(lg_program_find(r->program, "value", &value));
+    assert_ok(lg_program_find(r->program, "grad", &grad));
+    const lg_plan *of_value = test_plan(r->program, value, NULL), *both = test_plan(r->program, grad, NULL);
+    const size_t n = lg_plan_input_count(of_value, 0), m = lg_plan_output_count(of_value, 0);
+    double *x = test_numbers(31, n, -1, 1), *y = TEST_ARRAY(double, m), *slope = TEST_ARRAY(double, m),
+           *jacobian = TEST_ARRAY(double, m *n), largest = 0.0;
+    assert_int_equal(lg_plan_output_count(both, 1), m * n);
+    lg_plan_eval(both, (const void *const[]){x}, (void *const[]){y, jacobian},
+                 test_work(lg_plan_work_size(both)));
+    for (size_t i = 0; i < m * n; i++) largest = fmax(largest, fabs(jacobian[i]));
+    assert_true(largest > 1e-6);
+    for (size_t i = 0; i < n; i++) {
+        test_slope(value_at, of_value, x, i, 1e-6, 1, m, slope);
+        for (size_t o = 0; o < m; o++) assert_close(jacobian[o * n + i], slope[o], 1e-6, 1e-7 * largest);
+    }
+}
+
+TEST("the gradient of every recipe is that of differences of its value") {
+    for
+        EACH_EXAMPLE(kind, which) check_gradient(record(kind, which));
+}
+
 /* ---- steps ---- */
 
 /* On the manifold; a reflection has no rotation nearby. */
