@@ -306,6 +306,13 @@ TEST("classes with texts as names are told apart, and predicted with probabiliti
     (void)cli_read("p.csv", text, sizeof text);
     assert_non_null(strstr(text, "where,probability_7,probability_east,\"probability_north, far\"\n"));
     cli_expect(fit, "train classes.csv --class where --out c.h5 --method lm", 2, "lbfgs");
+    /* True classes by rows: one east is right, one is where 7 is. */
+    static const double told[9] = {0, 0, 0, 1, 1, 0, 0, 0, 0};
+    double confusion[9];
+    cli_write("east.csv", "u,v,where\n1,0,east\n-1,0.5,east\n");
+    cli_json(fit, "evaluate c.h5 east.csv", "accuracy 0.5, classes *");
+    assert_int_equal(json_array(result.out, "confusion", confusion, 9), 9);
+    assert_memory_equal(confusion, told, sizeof told);
 }
 
 /* ---- predictions ---- */
