@@ -323,6 +323,8 @@ TEST("columns are found by name: swapped ones give the same numbers, missing cel
     cli_expect(fit, "train smooth.csv --inputs a,b,c --outputs y --out s.h5 --test other.csv", 0, "");
     cli_write("some.csv", "a,b,c\n0.1,3e6,1e-8\n-0.5,2.5e6,-5e-8\n");
     cli_write("swapped.csv", "c;y;more;a;b\n1e-8;9;text;0.1;3e6\n;9;text;0.1;3e6\n-5e-8;9;text;-0.5;2.5e6\n");
+    cli_write("lacks.csv", "a,b,c,y\n0.1,3e6,1e-8,1\n0.2,,1e-8,2\n0.3,3e6,2e-8,3\n");
+    cli_json(fit, "evaluate s.h5 lacks.csv", "judged_rows 2, rows_left_out 1, scaled_rmse >0");
     cli_json(fit, "predict s.h5 some.csv --out p1.csv", "rows 2, incomplete 0");
     cli_json(fit, "predict s.h5 swapped.csv --out p2.csv", "rows 3, incomplete 1");
     assert_says(result.err, "1 of 3 rows lack an input");
