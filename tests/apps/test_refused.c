@@ -746,6 +746,7 @@ static const refusal learn[] = {
     {"train data.h5 --recipe=tables --out m.h5", 2, "--recipe: 'tables' is not one of"},
     {"train data.h5 --recipe surrogate --out m.h5", 3, "data.h5: attribute kind is 'trajectories'"},
     {"train data.h5 --recipe hamiltonian --out m.h5 --modes 3", 2, "--modes"},
+    {"train machine.yaml --recipe machine_model --out m.h5", 2, "MACHINE.yaml LOG... are needed"},
     {"evaluate data.h5 data.h5", 3, "it holds data, trajectories"},
     {"evaluate model.h5 foreign.h5", 3, "foreign.h5"},
     {"evaluate program.h5 data.h5", 3, "no recipe learns models of its kind"},
