@@ -94,7 +94,7 @@ static void json_ranks(const app *self, const lg_fit *fit, app_json *json) {
 }
 
 /* How the training went, the hyperparameters of the run by their names, and the warnings so far.
- * `evaluations` counts gradients of all data; `stopped` says why the training ended, null while it goes on. */
+ * `evaluations` counts gradients of all data; `stopped` says why the training ended, null before. */
 static void json_training(const train_session *session, app_json *json) {
     const app *self = session->app;
     const lg_learning *learning = &session->task->learning;
