@@ -6,8 +6,9 @@
 #include <string.h>
 
 enum { SHOWN_TRIALS = 10 };
+enum { RUNGS, WARM_UP, QUANTILE }; /* numbers of --rungs */
 
-search_values search_given = {.rungs = 5};
+search_values search_given;
 
 const lg_field search_options[] = {
     LG_OPTION(search_values, trials, U64, "n", "Planned number of trials, earlier ones included", .low = 1,
@@ -15,15 +16,11 @@ const lg_field search_options[] = {
     LG_OPTION(search_values, out, STRING, "FILE.csv", "Table of trials, written after each trial"),
     LG_OPTION(search_values, resume, SWITCH, NULL,
               "Continue the search of this table; without --resume an existing table is replaced"),
-    LG_OPTION(search_values, rungs, U64, "r",
-              "Number of points at which a trial is compared with earlier ones (default 5; 0: never)",
-              .high = LG_TRIAL_REPORTS),
-    LG_OPTION(search_values, warm_up, U64, "n",
-              "Number of trials that must have passed a rung before others are stopped there",
-              .high = 1000000, .value = "5"),
-    LG_OPTION(search_values, quantile, REAL, "Q",
-              "A trial is stopped at a rung where at least this part of the earlier trials was better",
-              .low = 1e-9, .high = 1, .value = "0.5"),
+    LG_OPTION(
+        search_values, rungs, REALS, "R[,W[,Q]]",
+        "A trial is compared with earlier ones at R points (0: never), and stopped where at least the part "
+        "Q of W or more trials that passed the point was better (default 5,5,0.5)",
+        .high = 1e6, .most = 3),
     LG_OPTION(search_values, validation, REAL, "F",
               "Part of the training data that is held out; the objective is the error on it", .low = 1e-9,
               .high = 0.9, .value = "0.1"),
@@ -36,6 +33,7 @@ const lg_field search_options[] = {
 typedef struct searching {
     app *app;
     const search_values *values;
+    double rungs[3];
     const app_command *train;
     train_task *task;
     const lg_search_file *file;
@@ -176,7 +174,7 @@ static double objective_of(const search_trial *self) {
 static int on_epoch(void *user, const lg_fit_epoch *report) {
     search_trial *self = user;
     searching *search = self->search;
-    const uint64_t parts = search->values->rungs + 1, done = report->epoch, total = report->epochs;
+    const uint64_t parts = (uint64_t)search->rungs[RUNGS] + 1, done = report->epoch, total = report->epochs;
     app_progress_show(&search->progress, search->count, "trial %llu/%llu, epoch %llu/%llu, loss %.3g",
                       (unsigned long long)self->trial->number + 1, (unsigned long long)search->values->trials,
                       (unsigned long long)done, (unsigned long long)total, report->loss);
@@ -246,9 +244,9 @@ static lg_search_options options_of(const searching *search) {
     lg_search_options_init(&options);
     options.trials = search->values->trials;
     options.seed = search->app->seed;
-    options.rungs = (uint32_t)search->values->rungs;
-    options.warm_up = (uint32_t)search->values->warm_up;
-    options.quantile = search->values->quantile;
+    options.rungs = (uint32_t)search->rungs[RUNGS];
+    options.warm_up = (uint32_t)search->rungs[WARM_UP];
+    options.quantile = search->rungs[QUANTILE];
     return options;
 }
 
@@ -576,11 +574,27 @@ static int run_search(searching *search, bool together) {
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }
 
+/* The numbers of --rungs, those that are not given by default. False: they cannot be. */
+static bool take_rungs(double rungs[3]) {
+    static const double usual[] = {5, 5, 0.5};
+    const lg_reals *given = &search_given.rungs;
+    for (size_t i = 0; i < LG_COUNT(usual); i++) rungs[i] = i < given->count ? given->values[i] : usual[i];
+    return rungs[RUNGS] <= LG_TRIAL_REPORTS && rungs[RUNGS] == floor(rungs[RUNGS]) &&
+           rungs[WARM_UP] == floor(rungs[WARM_UP]) && rungs[QUANTILE] > 0 && rungs[QUANTILE] <= 1;
+}
+
 int search_main(app *self, const app_command *train, train_task *task) {
     const search_values *values = &search_given;
+    double rungs[3];
     const app_path paths[] = {{"out", values->out, LG_FILE_WRITTEN}, {"plot", values->plot, LG_FILE_DRAWN}};
     lg_error error = {LG_OK, ""};
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
+    if (!take_rungs(rungs)) {
+        char text[128];
+        lg_field_show(lg_field_find(search_options, "rungs"), &search_given, text, sizeof text);
+        return app_usage(self, "--rungs: '%s' is not R,W,Q with whole R (0 to %d) and W, and Q above 0 to 1",
+                         text, LG_TRIAL_REPORTS);
+    }
     const bool together = board_wanted(self, &values->board, values->out);
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
@@ -593,14 +607,15 @@ int search_main(app *self, const app_command *train, train_task *task) {
     if (code == APP_EXIT_OK) {
         searching search = {.app = self,
                             .values = values,
+                            .rungs = {rungs[RUNGS], rungs[WARM_UP], rungs[QUANTILE]},
                             .train = train,
                             .task = task,
                             .file = file,
                             .trials = app_alloc((size_t)values->trials, sizeof *search.trials)};
         (void)snprintf(search.setting, sizeof search.setting,
-                       "data %s validation %.17g rungs %llu warm-up %llu quantile %.17g",
-                       task->learning.sha256, values->validation, (unsigned long long)values->rungs,
-                       (unsigned long long)values->warm_up, values->quantile);
+                       "data %s validation %.17g rungs %.17g warm-up %.17g quantile %.17g",
+                       task->learning.sha256, values->validation, search.rungs[RUNGS],
+                       search.rungs[WARM_UP], search.rungs[QUANTILE]);
         code = run_search(&search, together);
         free(search.trials);
     }

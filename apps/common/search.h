@@ -10,8 +10,9 @@
 typedef struct search_values {
     const char *out, *plot;
     bool resume;
-    uint64_t trials, rungs, warm_up;
-    double quantile, validation;
+    uint64_t trials;
+    lg_reals rungs;
+    double validation;
     board_values board;
 } search_values;
 

@@ -301,11 +301,9 @@ static bool run_together(study *self) {
 /* ---- the command ---- */
 
 static void check_outputs(const app *self, const study_task *task) {
-    app_path paths[8] = {{"out", study_given.out, LG_FILE_WRITTEN}};
-    size_t count = 1;
-    for (size_t i = 0; i < task->picture_count && count < LG_COUNT(paths); i++)
-        paths[count++] = (app_path){task->pictures[i].option, task->pictures[i].path, LG_FILE_DRAWN};
-    const int code = app_check_outputs(self, paths, count);
+    const app_path paths[] = {{"out", study_given.out, LG_FILE_WRITTEN},
+                              {"plot", task->picture, LG_FILE_DRAWN}};
+    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) app_end(code);
 }
 
@@ -329,10 +327,7 @@ void study_main(app *host, const study_task *task) {
         collect_pending(self);
         run_jobs(self, jobs_of(self), self->pending_count, run_task, self->file.path, rows_of);
     }
-    for (size_t i = 0; i < task->picture_count; i++) {
-        const study_picture *picture = &task->pictures[i];
-        if (picture->path != NULL)
-            APP_MUST_FILE(host, picture->path, picture->draw(host, picture->path, &self->file, &error));
-    }
+    if (task->picture != NULL)
+        APP_MUST_FILE(host, task->picture, task->draw(host, task->picture, &self->file, &error));
     task->report(host, &self->file, self->done, app_seconds() - begin);
 }

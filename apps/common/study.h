@@ -99,11 +99,6 @@ extern study_values study_given;
 extern const lg_field study_options[];
 #define STUDY_SHARED APP_GIVEN(study_options, study_given)
 
-typedef struct study_picture {
-    const char *option, *path; /* path NULL: not wanted */
-    lg_status (*draw)(const app *app, const char *picture, const study_file *file, lg_error *error);
-} study_picture;
-
 typedef struct study_task {
     void *user;
     /* Reads the grid, argument 0; what is wrong ends the command. */
@@ -117,8 +112,8 @@ typedef struct study_task {
     void (*show)(const study_plan *plan, const study_row *row, char *text, size_t size);
     /* Tables or JSON; `fresh` runs are new. */
     void (*report)(const app *app, const study_file *file, uint64_t fresh, double seconds);
-    const study_picture *pictures;
-    size_t picture_count;
+    const char *picture; /* --plot; NULL: not wanted */
+    lg_status (*draw)(const app *app, const char *picture, const study_file *file, lg_error *error);
 } study_task;
 
 void study_main(app *app, const study_task *task);

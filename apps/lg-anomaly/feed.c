@@ -17,7 +17,8 @@ enum { STREAM_SEA = 0x66656564, STREAM_FAULTS = 0x6661756c };
 typedef struct feed_values {
     const char *out;
     int housing;
-    double hours, crack_at, severity, gaps, gap_seconds, nan, noise;
+    double hours, crack_at, severity, nan, noise;
+    lg_reals gaps;
 } feed_values;
 
 static const lg_field feed_options[] = {
@@ -29,10 +30,11 @@ static const lg_field feed_options[] = {
     LG_OPTION(feed_values, severity, REAL, "R",
               "Remaining fraction of the broken casing's rotational stiffness: 1 is intact", .low = 1e-3,
               .high = 1, .value = "0.58"),
-    LG_OPTION(feed_values, gaps, REAL, "N",
-              "Average number of gaps a day; a gap is a series of missing lines (default 0)", .high = 86400),
-    LG_OPTION(feed_values, gap_seconds, REAL, "S", "Mean length of a gap", .low = 0.2, .high = 86400,
-              .value = "30"),
+    LG_OPTION(
+        feed_values, gaps, REALS, "N[,S]",
+        "Average number of gaps a day (default 0), and their mean length in seconds (default 30); a gap "
+        "is a series of missing lines",
+        .high = 86400, .most = 2),
     LG_OPTION(feed_values, nan, REAL, "N", "Average number of samples a day with one value nan (default 0)",
               .high = 432000),
     LG_OPTION(feed_values, noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",
@@ -129,12 +131,12 @@ static void put_hour(const feeding *self, uint64_t index, uint64_t count, hour *
     lg_rng rng;
     lg_rng_seed(&rng, self->app->seed ^ (index * UINT64_C(0x9e3779b97f4a7c15)), STREAM_FAULTS);
     const double per_sample = 1.0 / (86400.0 * (double)self->rate);
-    const double mean = values.gap_seconds * (double)self->rate;
+    const double mean = (values.gaps.count > 1 ? values.gaps.values[1] : 30) * (double)self->rate;
     uint64_t missing = 0;
     char *at = out->text;
     out->lines = out->gaps = out->nans = 0;
     for (uint64_t i = 0; i < count; i++) {
-        if (missing == 0 && lg_rng_uniform(&rng) < values.gaps * per_sample) {
+        if (missing == 0 && lg_rng_uniform(&rng) < values.gaps.values[0] * per_sample) {
             missing = 1 + (uint64_t)(-mean * log(1 - lg_rng_uniform(&rng)));
             out->gaps++;
         }

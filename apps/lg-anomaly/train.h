@@ -23,7 +23,7 @@ typedef struct train_values {
     /* Hyperparameters of the classical methods. */
     uint32_t method;
     uint32_t features, directions, criterion, prune;
-    uint64_t components, max_depth, min_split, min_leaf, folds;
+    uint64_t components, max_depth, min_leaf, folds;
     double ccp_alpha, c, gamma;
 } train_values;
 

@@ -118,7 +118,6 @@ static lg_method_options base_options(const app *self, const train_values *value
     options.gamma = values->gamma;
     options.tree.criterion = (lg_criterion)values->criterion;
     options.tree.max_depth = (uint32_t)values->max_depth;
-    options.tree.min_samples_split = (uint32_t)values->min_split;
     options.tree.min_samples_leaf = (uint32_t)values->min_leaf;
     if (values->prune == PRUNE_POST)
         options.tree.ccp_alpha =

@@ -56,8 +56,6 @@ static const lg_field rows[] = {
         .meaning = "post: the alpha"),
     ROW("max_depth", U64, max_depth, .low = 1, .high = 1e6, .unit = "n", .methods = TREE,
         .otherwise = "no limit", .meaning = "Trees: depth at most"),
-    ROW("min_samples_split", U64, min_split, .low = 2, .high = 1e9, .value = "2", .unit = "n",
-        .methods = TREE, .meaning = "Trees: least number of windows of a node that is split"),
     ROW("min_samples_leaf", U64, min_leaf, .low = 1, .high = 1e9, .value = "1", .unit = "n", .methods = TREE,
         .meaning = "Trees: least number of windows of a leaf"),
     ROW("c", REAL, c, .above = true, .high = 1e300, .value = "1", .unit = "C",

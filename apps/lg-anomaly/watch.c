@@ -21,18 +21,16 @@ static const double SAME_NOISE = 1.5, UNEXPLAINED = 2;
 typedef struct watch_values {
     const char *input, *log;
     bool quiet;
-    uint64_t votes, votes_of;
+    lg_wholes votes;
     double hop, bridge, missing, rate, crack_at, unlike;
 } watch_values;
 
 static const lg_field watch_options[] = {
     LG_OPTION(watch_values, input, STRING, "FILE", "File of samples (default: standard input)",
               .file = LG_FILE_READ),
-    LG_OPTION(watch_values, votes, U64, "K",
-              "Raise an alarm when K of the last windows are not of the first class", .low = 1, .high = 64,
-              .value = "3"),
-    LG_OPTION(watch_values, votes_of, U64, "N", "Number of last windows that vote", .low = 1, .high = 64,
-              .value = "5"),
+    LG_OPTION(watch_values, votes, WHOLES, "K,N",
+              "Raise an alarm when K of the last N windows are not of the first class", .low = 1, .high = 64,
+              .most = 2, .value = "3,5"),
     LG_OPTION(watch_values, hop, REAL, "SECONDS", "Distance from one window to the next", LG_POSITIVE,
               .otherwise = "the window"),
     LG_OPTION(watch_values, bridge, REAL, "S", "Gaps of at most S seconds are filled by straight lines",
@@ -99,7 +97,7 @@ static void hear(watching *self, const float *sample) {
 /* A window that is not judged because a channel sends no numbers is unlike anything seen, too. */
 static void blame_silence(watching *self, lg_verdict *v) {
     silence *s = &self->silence;
-    const uint64_t n = values.votes_of, kept = n == 64 ? UINT64_MAX : ((uint64_t)1 << n) - 1;
+    const uint64_t n = values.votes.values[1], kept = n == 64 ? UINT64_MAX : ((uint64_t)1 << n) - 1;
     const bool silent =
         !v->judged && isfinite(self->bench.farthest) && 2 * s->without[most_silent(self)] > s->samples;
     uint32_t votes = 0;
@@ -107,7 +105,7 @@ static void blame_silence(watching *self, lg_verdict *v) {
     for (uint64_t bits = s->windows; bits != 0; bits &= bits - 1) votes++;
     if (silent) v->answer = LG_ANSWER_NOVEL;
     if (votes > v->novel_votes) v->novel_votes = votes;
-    v->novel = v->novel || votes >= values.votes;
+    v->novel = v->novel || votes >= values.votes.values[0];
 }
 
 static void forget_silence(watching *self) {
@@ -427,11 +425,10 @@ static void set_options(const app *self, const well_model *model, watching *w, l
     o->channels = model->channels;
     o->window = model->window;
     o->missing = values.missing;
-    o->votes = (uint32_t)values.votes;
-    o->votes_of = (uint32_t)values.votes_of;
-    if (values.votes > values.votes_of)
-        app_stop_usage(self, "--votes %llu of --votes-of %llu", (unsigned long long)values.votes,
-                       (unsigned long long)values.votes_of);
+    o->votes = values.votes.values[0];
+    o->votes_of = values.votes.values[1];
+    if (values.votes.count != 2 || o->votes > o->votes_of)
+        app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
     if (app_given(self, "hop") && !samples_of(values.hop, w->rate, 1, model->window, &o->hop))
         app_stop_usage(self, "--hop %.6g: allowed are one sample (%.6g s) to a window (%.6g s)", values.hop,
                        1 / w->rate, model->window / w->rate);

@@ -8,15 +8,12 @@
 typedef struct values {
     const char *only;
     bool plant;
-    uint64_t order;
 } values;
 static values given;
 
 static const lg_field options[] = {
     LG_OPTION(values, only, STRING, "TEXT", "Only rows of the operation TEXT, or whose name contains TEXT"),
     LG_OPTION(values, plant, SWITCH, NULL, "Plant wrong derivatives; succeed only if every one is caught"),
-    LG_OPTION(values, order, U64, "N", "Highest order of derivatives", .low = 1, .high = LG_GRADCHECK_ORDERS,
-              .value = "2"),
     LG_FIELD_END};
 
 /* Whatever the case of the letters. */
@@ -198,7 +195,6 @@ static int gradcheck(struct app *program) {
                        found.rows, given.only);
     lg_gradcheck_options_init(&r.options);
     if (program->seed_given) r.options.seed = program->seed;
-    r.options.order = (int)given.order;
     app_result_begin(&r.out, program);
     const lg_status status = given.plant ? plant_all(&r) : check_all(&r);
     app_json_end(&r.out);

@@ -7,14 +7,11 @@
 #include <string.h>
 
 typedef struct picture_values {
-    const char *plot, *plot_noise, *plot_parallel;
+    const char *plot;
 } picture_values;
 
 static const lg_field picture_options[] = {
     LG_OPTION(picture_values, plot, STRING, "FILE.svg|.png", "Draw median E1 against training time"),
-    LG_OPTION(picture_values, plot_noise, STRING, "FILE.svg|.png", "Draw E1 of every run against the noise"),
-    LG_OPTION(picture_values, plot_parallel, STRING, "FILE.svg|.png",
-              "Draw parallel coordinates of all cells"),
     LG_FIELD_END};
 
 static picture_values values;
@@ -195,16 +192,13 @@ static void show_row(const study_plan *plan, const study_row *row, char *text, s
 
 static int run(app *host) {
     APP_CLEAN(lg_grid_destroy) lg_grid grid = {.repeats = 0};
-    const study_picture pictures[] = {{"plot", values.plot, study_draw_work},
-                                      {"plot-noise", values.plot_noise, study_draw_noise},
-                                      {"plot-parallel", values.plot_parallel, study_draw_parallel}};
     const study_task task = {.user = &grid,
                              .read = read_grid,
                              .run = do_run,
                              .show = show_row,
                              .report = study_report,
-                             .pictures = pictures,
-                             .picture_count = LG_COUNT(pictures)};
+                             .picture = values.plot,
+                             .draw = study_draw_work};
     study_main(host, &task);
     return APP_EXIT_OK;
 }

@@ -1,4 +1,4 @@
-/* The study of lg-hamiltonian: its columns, tables and pictures. */
+/* The study of lg-hamiltonian: its columns, tables and picture. */
 #ifndef LG_APPS_STUDY_H
 #define LG_APPS_STUDY_H
 
@@ -24,10 +24,5 @@ void study_report(const app *app, const study_file *file, uint64_t fresh, double
 /* Median E1 against median training time, one mark a cell, one series an integrator and number of substeps.
  */
 lg_status study_draw_work(const app *app, const char *picture, const study_file *file, lg_error *error);
-/* E1 of every run against the noise, one series an integrator, number of substeps and penalty. */
-lg_status study_draw_noise(const app *app, const char *picture, const study_file *file, lg_error *error);
-/* Parallel coordinates: integrator, N, M, eps, loss, E2, E1, one line a cell (medians); cyan where E1 < 1e-7.
- */
-lg_status study_draw_parallel(const app *app, const char *picture, const study_file *file, lg_error *error);
 
 #endif

@@ -11,22 +11,20 @@
 typedef struct generate_values {
     const char *out, *inputs, *plot;
     lg_reals amplitude, noise, spread;
-    double t_end, dt, hold_time, highest;
+    double t_end, dt, beside; /* beside: the number after the colon of --inputs; 0: none */
     uint64_t runs;
 } generate_values;
 
 static const lg_field options[] = {
     LG_OPTION(generate_values, out, STRING, "LOG.csv", "Write the log", .required = true),
-    LG_OPTION(generate_values, inputs, STRING, "multisine|steps|none|FILE.csv",
-              "What the inputs do (default multisine); a file has the columns of time and inputs"),
+    LG_OPTION(
+        generate_values, inputs, STRING, "multisine[:F]|steps[:S]|none|FILE.csv",
+        "What the inputs do (default multisine): sines up to F Hz (default one period in 25 rows), steps "
+        "of S seconds (default 25 rows), nothing; a file has the columns of time and inputs"),
     LG_OPTION(
         generate_values, amplitude, REALS, "A,A,...",
         "Of each input, or one for all (default 1): largest step; twice the root mean square of a multisine",
         LG_ANY_REAL),
-    LG_OPTION(generate_values, hold_time, REAL, "S", "Length of a step in seconds (default 25 rows)",
-              LG_POSITIVE),
-    LG_OPTION(generate_values, highest, REAL, "F",
-              "Highest frequency of a multisine in Hz (default one period in 25 rows)", LG_POSITIVE),
     LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
               "Standard deviation of the noise of positions (radians), and of velocities (default the same); "
               "not given: the machine's `noise`",
@@ -66,7 +64,7 @@ static double amplitude_of(size_t input) {
 static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
     enum { SINES = 8 };
     const size_t inputs = m->file.machine.input_count;
-    const double highest = values.highest > 0 ? values.highest : 1 / (25 * values.dt),
+    const double highest = values.beside > 0 ? values.beside : 1 / (25 * values.dt),
                  each = amplitude_of(input) / 2 * sqrt(2.0 / SINES);
     for (int s = 0; s < SINES; s++) {
         const double rate = 6.283185307179586 * lg_rng_uniform_in(rng, 0.05, 1) * highest,
@@ -78,7 +76,7 @@ static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
 
 static void steps(const making *m, lg_rng *rng, size_t input, double *out) {
     const size_t inputs = m->file.machine.input_count;
-    const double seconds = values.hold_time > 0 ? values.hold_time : 25 * values.dt, a = amplitude_of(input);
+    const double seconds = values.beside > 0 ? values.beside : 25 * values.dt, a = amplitude_of(input);
     const size_t each = (size_t)fmax(1, round(seconds / values.dt));
     double level = 0;
     for (size_t row = 0; row < m->rows + m->delay; row++) {
@@ -95,7 +93,15 @@ static const struct {
 /* LG_COUNT(forms): --inputs is a file. */
 static size_t find_form(void) {
     size_t form = 0;
-    while (form < LG_COUNT(forms) && strcmp(forms[form].name, values.inputs) != 0) form++;
+    for (; form < LG_COUNT(forms); form++) {
+        const size_t length = strlen(forms[form].name);
+        const char *rest = values.inputs + length;
+        if (strncmp(forms[form].name, values.inputs, length) != 0) continue;
+        if (rest[0] == '\0') break;
+        const bool number =
+            rest[0] == ':' && forms[form].fill != NULL && lg_number_parse(rest + 1, &values.beside) == LG_OK;
+        if (number && values.beside > 0) break;
+    }
     return form;
 }
 

@@ -519,7 +519,6 @@ static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *even
     o->control.atol = how.atol;
     o->control.max_steps = how.max_steps;
     o->start = sim->scene.state;
-    o->one_by_one = values->one_by_one;
     all->total->total = values->ensemble;
     all->invariants = lg_system_invariants(sim->system);
     if (files->task.count > 0 && files->out == NULL)

@@ -72,8 +72,6 @@ static const lg_field options[] = {
               "Keep the trajectories of all or of the first K members"),
     LG_OPTION(simulate_values, task, STRING, "i/n",
               "Part i of n (i from 0) of the ensemble, into a file for `lg-simulate merge OUT.h5 PARTS...`"),
-    LG_OPTION(simulate_values, one_by_one, SWITCH, NULL,
-              "Without lanes: one member at a time, for comparison"),
     LG_FIELD_END};
 
 /* ---- options against each other ---- */
@@ -98,7 +96,6 @@ static const dependency dependencies[] = {{"checkpoints", "gradient", true},
                                           {"event", "ensemble", true},
                                           {"save", "ensemble", true},
                                           {"task", "ensemble", true},
-                                          {"one-by-one", "ensemble", true},
                                           {"ensemble", "gradient", false},
                                           {"ensemble", "work-precision", false},
                                           {"ensemble", "plot-kind", false}};

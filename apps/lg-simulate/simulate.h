@@ -26,7 +26,7 @@ typedef struct simulate_values {
     double tol, atol, t_end, theta;
     lg_reals times;
     int plot_kind;
-    bool work_precision, one_by_one;
+    bool work_precision;
 } simulate_values;
 
 /* ---- the scene (scene.c) ---- */

@@ -141,7 +141,7 @@ TEST("a feed has the lines and the columns that are asked for") {
     assert_memory_equal(result.out, whole, (size_t)(crack - whole));
     assert_string_not_equal(result.out, whole);
     /* Lines that are there are those of the whole feed, but for a nan. */
-    json("feed --hours 0.02 --gaps 20000 --gap-seconds 2 --nan 20000 --out torn.csv",
+    json("feed --hours 0.02 --gaps 20000,2 --nan 20000 --out torn.csv",
          "lines <360, lines >60, nan >5, gaps >1");
     const double lines = json_number(result.out, "lines"), holes = json_number(result.out, "nan");
     (void)cli_read("torn.csv", again, sizeof again);
@@ -357,13 +357,12 @@ TEST("without --filters there are as many blocks as fit, three at most") {
         const char *options;
         int blocks;
     } cases[] = {{"", 2},
-                 {"--padding 2", 3},
                  {"--kernel 3", 2},
                  {"--kernel 5", 1},
                  {"--pooling none", 3},
                  {"--stride 3", 1},
                  {"--pool-size 6", 1},
-                 {"--kernel 3 --padding 1 --pooling none", 3}};
+                 {"--kernel 3 --pooling none", 3}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         int blocks = 0;
         cli_run(lg, "train data.h5 --window 2 --epochs 1 --out blocks.h5 --json %s", cases[i].options);

@@ -54,12 +54,12 @@ for kind in search study; do
     rm -f t.csv*
 done
 
-# A trial is not stopped while one before it has not come as far. With --quantile 1 a trial is stopped where all before it
+# A trial is not stopped while one before it has not come as far. With the part 1 a trial is stopped where all before it
 # are better; trial 0 is the worst of these three, so none is. The task that has trial 0 is held after its first report, while
 # another task takes the rest.
 state_of_first() { od -An -t u8 -j 168 -N 8 t.csv.board 2>/dev/null | tr -d ' '; } # behind the head of the board: 1 is a part
 sed 's/epochs: 20/epochs: 150/' ranges.yaml >long.yaml
-long="lg-elastica search long.yaml data.h5 --trials 3 --threads 1 --warm-up 1 --quantile 1 --seed 6"
+long="lg-elastica search long.yaml data.h5 --trials 3 --threads 1 --rungs 5,1,1 --seed 6"
 $long --out long.csv >one 2>&1
 ! grep -q pruned long.csv || fail "trial 0 is not the worst one"
 $long --out t.csv --task 0/2 >task0 2>&1 &

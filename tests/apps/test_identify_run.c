@@ -118,8 +118,7 @@ TEST("noise has the size that is asked for, the same seed gives the same bytes")
 
 TEST("steps are held, and inputs are within their amplitude") {
     size_t rows, changes = 0;
-    cli_run(identify,
-            "generate scene.yaml --inputs steps --amplitude 4 --hold-time 0.5 --runs 1 --out s.csv");
+    cli_run(identify, "generate scene.yaml --inputs steps:0.5 --amplitude 4 --runs 1 --out s.csv");
     const double *u = column("s.csv", "u", &rows);
     for (size_t i = 0; i < rows; i++) {
         assert_true(fabs(u[i]) <= 4);

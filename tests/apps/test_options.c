@@ -40,13 +40,12 @@ static const char *const meanings[][2] = {
     {"test", "what is then trained on"},
     {"test-fraction", "of windows, of curves"},
     {"validation", "a part of the data, or logs"},
-    {"votes", "of a watch, or K of N"},
+    {"votes", "of a watch, of recordings"},
     {"window", "seconds of a feed, rows of a log"},
 };
 
 /* Names with one sentence, and a default or range of each command. */
 static const char *const defaults[][2] = {
-    {"adam-eps", "presets"},
     {"clip", "presets"},
     {"hop", "baseline alone has another"},
     {"integrator", "families, machines"},

@@ -160,8 +160,7 @@ static const refusal hamiltonian[] = {
      "--plot: m.gp is also the output file of --out"},
     {"evaluate model.h5 link.dat --plot link.svg", 2, "--plot: link.dat is an input"},
     {"study grid.yaml --out grid.yaml", 2, "--out: grid.yaml is an input"},
-    {"study grid.yaml --out s.csv --plot s.svg --plot-noise s.png", 2,
-     "--plot-noise: s.dat is also the output file of --plot"},
+    {"study grid.yaml --out s.gp --plot s.svg", 2, "--plot: s.gp is also the output file of --out"},
     {"generate scene.yaml --out d.h5 {--trajectories=-5 --points=1 --t-end=-1 --noise=-0.1 "
      "--noise-kind=pink}",
      2, NULL},
@@ -185,7 +184,7 @@ static const refusal hamiltonian[] = {
     {"study grid.yaml --out nowhere/s.csv", 3, "nowhere/s.csv"},
     {"study grid.yaml --out scene.yaml", 3, "not the table of a study"},
     {"study grid.yaml --out s.csv {--plot=s.jpg --jobs=0}", 2, NULL},
-    {"study grid.yaml --out s.csv --plot-noise nowhere/s.svg", 3, "nowhere/s.svg"},
+    {"study grid.yaml --out s.csv --plot nowhere/s.svg", 3, "nowhere/s.svg"},
     {"demo --out scene.yaml", 3, "scene.yaml"},
 };
 
@@ -327,7 +326,9 @@ static const refusal elastica[] = {
     {"search {missing.yaml data.h5} data.h5 --out s.csv", 3, "%"},
     {"search ranges.yaml missing.h5 --out s.csv", 3, "missing.h5"},
     {"search ranges.yaml data.h5 --out nowhere/s.csv", 3, "nowhere/s.csv"},
-    {"search ranges.yaml data.h5 --out s.csv {--trials=0 --rungs=17 --quantile=0 --validation=1}", 2, NULL},
+    {"search ranges.yaml data.h5 --out s.csv {--trials=0 --rungs=17 --rungs=2.5 --rungs=5,5,0 "
+     "--validation=1}",
+     2, NULL},
 };
 
 /* Ranges of a search that train would not take: each with the line that is wrong. */
@@ -488,8 +489,8 @@ static const refusal anomaly[] = {
     {"watch {none.h5 feed.csv data.h5} --input feed.csv", 3, "%"},
     {"watch tree.h5 --input none.csv", 3, "none.csv"},
     {"watch tree.h5 --input .", 3, "directory"},
-    {WATCH "--votes 6", 2, "--votes 6"},
-    {WATCH "{--votes=0 --votes-of=65 --bridge=-1 --missing=1.5 --crack-at=soon --hop=nan}", 2, NULL},
+    {WATCH "--votes {6,5 3 1,2,3}", 2, "--votes"},
+    {WATCH "{--votes=0,5 --votes=1,65 --bridge=-1 --missing=1.5 --crack-at=soon --hop=nan}", 2, NULL},
     {WATCH "--hop {31 0.01}", 2, "--hop %"},
     {"watch tree.h5 --quiet --input words.csv", 3, "no line holds 6 numbers"},
     {"watch tree.h5 --quiet --input wide.csv", 3, "line 1: more than 7 numbers"},

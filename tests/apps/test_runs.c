@@ -186,17 +186,17 @@ TEST("a search goes on where it was stopped, whatever the threads, and only as i
         char line[1024], again[512];
         cli_write("ranges.yaml", s->ranges);
         (void)snprintf(line, sizeof line,
-                       "search ranges.yaml %s.h5 --warm-up 2 --trials 6 --out once.csv --plot s.svg",
+                       "search ranges.yaml %s.h5 --rungs 5,2 --trials 6 --out once.csv --plot s.svg",
                        s->name);
         cli_json(s->program, line, "trials 6, new 6, best {");
         const char *best = json_find(result.out, "best");
         json_expect(best, "objective >0, objective <10");
         assert_non_null(json_find(json_find(best, "values"), "lr"));
         assert_true(cli_exists("s.gp"));
-        cli_run(s->program, "search ranges.yaml %s.h5 --warm-up 2 --trials 3 --out again.csv --threads 1",
+        cli_run(s->program, "search ranges.yaml %s.h5 --rungs 5,2 --trials 3 --out again.csv --threads 1",
                 s->name);
         (void)snprintf(again, sizeof again,
-                       "search ranges.yaml %s.h5 --warm-up 2 --trials 6 --out again.csv --resume", s->name);
+                       "search ranges.yaml %s.h5 --rungs 5,2 --trials 6 --out again.csv --resume", s->name);
         cli_run(s->program, "%s --threads 2 --json", again);
         json_expect(result.out, "new 3");
         assert_string_equal(read_trials("once.csv"), read_trials("again.csv"));
@@ -204,13 +204,13 @@ TEST("a search goes on where it was stopped, whatever the threads, and only as i
         assert_says(result.out, "best: trial");
         assert_says(result.out, s->best);
         cli_json(s->program, again, "new 0");
-        static const char *const others[][2] = {{"--seed 2", "seed"}, {"--quantile 0.3", "settings"}};
+        static const char *const others[][2] = {{"--seed 2", "seed"}, {"--rungs 5,5,0.3", "settings"}};
         for (size_t i = 0; i < LG_COUNT(others); i++) {
             (void)snprintf(line, sizeof line, "%s %s", again, others[i][0]);
             cli_expect(s->program, line, 2, others[i][1]);
         }
         (void)snprintf(line, sizeof line,
-                       "search ranges.yaml %s-2.h5 --warm-up 2 --trials 6 --resume --out again.csv", s->name);
+                       "search ranges.yaml %s-2.h5 --rungs 5,2 --trials 6 --resume --out again.csv", s->name);
         cli_expect(s->program, line, 2, "data");
         (void)snprintf(line, sizeof line, "search ranges.yaml %s-model.h5 --trials 2 --out few.csv", s->name);
         cli_expect(s->program, line, 3, "-model.h5");
@@ -239,14 +239,14 @@ TEST("the published searches are read") {
 TEST("Ctrl-C keeps the table of a search") {
     cli_write("ranges.yaml", searchers[0].ranges);
     const cli_child child =
-        cli_start("lg-elastica", "search ranges.yaml beam.h5 --trials 100000 --warm-up 2 --out long.csv", 0);
+        cli_start("lg-elastica", "search ranges.yaml beam.h5 --trials 100000 --rungs 5,2 --out long.csv", 0);
     cli_wait_for("long.csv");
     cli_interrupt(child);
     assert_says(result.err, "continue with --resume");
     const char *finished = read_trials("long.csv");
     int trials = -2;
     for (const char *s = finished; *s != '\0'; s++) trials += *s == '\n';
-    cli_run("lg-elastica", "search ranges.yaml beam.h5 --trials %d --warm-up 2 --out short.csv", trials);
+    cli_run("lg-elastica", "search ranges.yaml beam.h5 --trials %d --rungs 5,2 --out short.csv", trials);
     assert_string_equal(finished, read_trials("short.csv"));
 }
 
@@ -343,7 +343,7 @@ TEST("a full disk is told with the file's name, and leaves no file") {
          "full.h5.checkpoint"},
         {"lg-elastica", "predict beam-model.h5 --x 1 --points 500 --out full.csv", 2048, "full.csv"},
         {"lg-elastica", "solve --x 1 --intervals 500 --out full.csv", 2048, "full.csv"},
-        {"lg-elastica", "search ranges.yaml beam.h5 --trials 6 --warm-up 2 --out full.csv", 200, "full.csv"},
+        {"lg-elastica", "search ranges.yaml beam.h5 --trials 6 --rungs 5,2 --out full.csv", 200, "full.csv"},
         /* First the data are too long, then the script, then the picture. */
         {"lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048, "full.dat"},
         {"lg-elastica", "solve --sweep 3 --intervals 4 --plot full.svg", 300, "full.gp"},

@@ -303,13 +303,13 @@ TEST("one column less, for a while or for good, is lost samples, never a time ta
         add_samples(timed, 0, 100, NEVER);
         for (int i = 100; i < 104; i++) add(timed ? "%.1f,0.1\n" : "%.1f,0.1,0.1\n", i / 5.0);
         add_samples(timed, 104, 400, NEVER);
-        watch("--votes 1", timed ? "malformed 4, received 396, samples 400, absent 4, judged 10, alarms 0"
-                                 : "malformed 4, received 396, samples 400, absent 0, judged 10, alarms 0");
+        watch("--votes 1,5", timed ? "malformed 4, received 396, samples 400, absent 4, judged 10, alarms 0"
+                                   : "malformed 4, received 396, samples 400, absent 0, judged 10, alarms 0");
     }
     begin();
     add_timed(0, 100);
     for (int i = 100; i < 400; i++) add("%d,0.1\n", i);
-    watch("--votes 1", "malformed 300, alarms 0");
+    watch("--votes 1,5", "malformed 300, alarms 0");
     assert_says(result.err, "line 101: 2 numbers, not 3 with the time");
     assert_says(result.err, "20 lines in a row could not be read; expected are a time and 2 numbers");
 }
@@ -454,8 +454,8 @@ TEST("--crack-at beyond the last sample is told") {
 TEST("windows that overlap vote as they are asked to") {
     begin();
     add_samples(true, 0, 4 * WINDOW, 2 * WINDOW);
-    watch_words("--hop 1.6 --votes 1 --votes-of 1", 0, "# windows 16:");
-    watch_words("--hop 0.2 --quiet --votes 40 --votes-of 64", 0, "# windows 121:");
+    watch_words("--hop 1.6 --votes 1,1", 0, "# windows 16:");
+    watch_words("--hop 0.2 --quiet --votes 40,64", 0, "# windows 121:");
     assert_int_equal(count_lines(result.out), 5); /* one change, four lines of summary */
     watch_words("--rate 10 --hop 4", 0, "# windows 7: judged 0");
     assert_says(result.err, "trained at 5 Hz, not 10 Hz");

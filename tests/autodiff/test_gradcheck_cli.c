@@ -20,14 +20,14 @@ static const struct {
 } runs[] = {
     {"", 0, {" 0 wrong."}, {" no\n"}},
     {"--seed 77", 0, {" 0 wrong."}, {NULL}},
-    {"--only implicit-euler --order 1", 0, {" 4 refused as programs"}, {NULL}},
+    {"--only implicit-euler", 0, {" 4 refused as programs"}, {NULL}},
     {"--only custom --json", 0, {"\"refused\": true"}, {NULL}},
     {"--only cross --json",
      0,
      {"\"passed\": true", "\"name\": \"cross (4, 3)\"", "\"adjoint\": ", "\"refused_programs\": 0"},
      {"matmul"}},
     {"--only scale --json", 0, {"\"slope\": null"}, {NULL}}, /* linear: at rounding */
-    {"--only sin --order 1", 0, {"2.0"}, {NULL}},
+    {"--only sin", 0, {"2.0"}, {NULL}},
     {"--version", 0, {"lg-gradcheck"}, {NULL}},
     {"--help", 0, {"--plant"}, {NULL}},
     {"--plant --only matmul", 0, {" 0 missed."}, {"MISSED", "\n0 mutations caught"}},
@@ -43,8 +43,6 @@ static const struct {
     {"--only nosuch --plant --json", 2, {"nosuch"}, {NULL}},
     {"--plant --only net", 2, {"there is nothing to plant"}, {NULL}}, /* a network has none of its own */
     {"--plant --only net --json", 2, {"'net'"}, {NULL}},
-    {"--order 3", 2, {"order"}, {NULL}},
-    {"--order 0", 2, {"order"}, {NULL}},
     {"--seed -1", 2, {"seed"}, {NULL}},
     {"--bogus", 2, {"bogus"}, {NULL}},
     {"surplus", 2, {"surplus"}, {NULL}},
