@@ -111,10 +111,8 @@ int train_check_options(const app *self) {
         if (!(values->grid.values[i] > 0)) return app_usage(self, "--grid: C must be above 0");
     if (app_given(self, "ccp-alpha") && values->prune != PRUNE_POST)
         return app_usage(self, "--ccp-alpha: needs --prune post");
-    if (values->prune == PRUNE_PRE && (app_given(self, "max-depth") || app_given(self, "min-samples-split") ||
-                                       app_given(self, "min-samples-leaf")))
-        return app_usage(self,
-                         "--prune pre: chooses --max-depth, --min-samples-split and --min-samples-leaf");
+    if (values->prune == PRUNE_PRE && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
+        return app_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
     if (app_given(self, "picture") && train_given_files.plot == NULL)
         return app_usage(self, "--picture: needs --plot FILE");
     if (train_state.test != NULL && app_given(self, "test-fraction"))
