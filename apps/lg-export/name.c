@@ -26,15 +26,11 @@ static bool is_letter(char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
 }
 
-static bool in_word(char c) {
-    return is_letter(c) || (c >= '0' && c <= '9') || c == '_';
-}
-
 /* Whether a word of the text begins with `name` and _. */
 static bool begins_a_word(const char *name, const char *code) {
     const size_t length = strlen(name);
     for (const char *s = code; (s = strstr(s, name)) != NULL; s++)
-        if (s[length] == '_' && (s == code || !in_word(s[-1]))) return true;
+        if (s[length] == '_' && (s == code || !lg_in_word(s[-1]))) return true;
     return false;
 }
 
@@ -44,7 +40,7 @@ const char *export_name_problem(const char *name) {
     if (length == 0 || length > LONGEST) return "it must have 1 to 40 letters";
     if (!is_letter(name[0])) return "it must begin with a letter";
     for (const char *s = name; *s != '\0'; s++)
-        if (!in_word(*s)) return "letters, digits and _ only";
+        if (!lg_in_word(*s)) return "letters, digits and _ only";
     if (strstr(name, "__") != NULL || name[length - 1] == '_') return "__ and a _ at the end are reserved";
     (void)snprintf(word, sizeof word, " %s ", name);
     if (strstr(reserved, word) != NULL) return "the word is reserved by C or C++";
@@ -62,7 +58,7 @@ static void words_of(const char *file, char *out) {
     const char *end = dot != NULL && dot > file ? dot : file + strlen(file);
     size_t used = 0;
     for (const char *s = file; s < end && used < LONGEST - 8; s++) {
-        if (in_word(*s) && *s != '_')
+        if (lg_in_word(*s) && *s != '_')
             out[used++] = *s;
         else if (used > 0 && out[used - 1] != '_')
             out[used++] = '_';

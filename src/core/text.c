@@ -54,15 +54,21 @@ void lg_text_add(lg_text *to, const char *format, ...) {
     va_end(again);
 }
 
-static bool in_word(char c) {
+bool lg_in_word(char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+}
+
+bool lg_is_word(const char *text) {
+    const char *c = text;
+    while (lg_in_word(*c)) c++;
+    return c > text && *c == '\0';
 }
 
 void lg_text_add_named(lg_text *to, const char *name, const char *code) {
     for (const char *s = code, *found; *s != '\0'; s = found) {
         found = strstr(s + 1, "NAME_");
         if (found == NULL) found = s + strlen(s);
-        const bool here = strncmp(s, "NAME_", 5) == 0 && (s == code || !in_word(s[-1]));
+        const bool here = strncmp(s, "NAME_", 5) == 0 && (s == code || !lg_in_word(s[-1]));
         if (here) lg_text_append(to, name, strlen(name));
         if (here) s += 4;
         lg_text_append(to, s, (size_t)(found - s));

@@ -21,6 +21,9 @@ void lg_text_join(lg_text *to, const lg_text *from);
 /* As it is, with NAME_ at the beginning of a word replaced by the name and _. */
 void lg_text_add_named(lg_text *to, const char *name, const char *code);
 void lg_text_destroy(lg_text *to);
+/* Whether it is a letter, a digit or _; whether the text is made of one or more of them. */
+bool lg_in_word(char c);
+bool lg_is_word(const char *text);
 /* Whether a number of double precision becomes 0 or loses digits in this type because it is too small. */
 bool lg_is_lost(lg_dtype dtype, double value);
 /* A number as C of this type: 17 or 9 digits, suffix f for float, always with a point or exponent. */

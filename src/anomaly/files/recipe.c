@@ -31,8 +31,6 @@ const lg_field lg_detector_options[] = {
         .meaning = "cnn: samples of a kernel"),
     ROW("stride", U64, stride, .low = 1, .high = 1 << 20, .value = "1", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: of convolutions"),
-    ROW("padding", U64, padding, .high = 1 << 20, .value = "0", .unit = "n", .methods = NETWORK,
-        .meaning = "cnn: zeros at both ends of a series"),
     ROW("pooling", NAME, pooling, .value_name = pooling_name, .value = "average", .methods = NETWORK,
         .meaning = "cnn: pooling after each convolution"),
     ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = NETWORK,
@@ -96,7 +94,6 @@ static void adopt_block(const lg_learning *self, lg_cnn_block *block) {
     const lg_detector_state *s = self->state;
     if (self->given(self, "kernel")) block->kernel = (uint32_t)s->kernel;
     if (self->given(self, "stride")) block->stride = (uint32_t)s->stride;
-    if (self->given(self, "padding")) block->padding = (uint32_t)s->padding;
     if (self->given(self, "pooling")) block->pooling = (lg_pooling)s->pooling;
     if (self->given(self, "pool-size")) block->pool_size = block->pool_stride = (uint32_t)s->pool_size;
 }
@@ -104,19 +101,16 @@ static void adopt_block(const lg_learning *self, lg_cnn_block *block) {
 /* The default blocks for given convolutions and pooling: three, or as many as leave a sample of the window.
  * The first block is always there, so that lg_cnn_init can refuse it. */
 static void default_blocks(const lg_learning *self, lg_cnn *net) {
-    const lg_detector_state *s = self->state;
     lg_cnn full;
     lg_cnn_init_default(&full, net->channels, DEFAULT_LENGTH, net->outputs, net->activation);
-    const uint64_t padding = self->given(self, "padding") ? s->padding : 0;
     const bool pooling_given = self->given(self, "pooling") || self->given(self, "pool-size");
     uint64_t left = net->length;
     net->blocks = 0;
     while (net->blocks < full.blocks && (net->blocks == 0 || left > 1)) {
-        const uint64_t padded = left + 2 * padding;
         lg_cnn_block block = full.block[net->blocks];
-        if (padded < block.kernel) block.kernel = (uint32_t)padded;
+        if (left < block.kernel) block.kernel = (uint32_t)left;
         adopt_block(self, &block);
-        const uint64_t convolved = padded < block.kernel ? 0 : (padded - block.kernel) / block.stride + 1;
+        const uint64_t convolved = left < block.kernel ? 0 : (left - block.kernel) / block.stride + 1;
         if (convolved < block.pool_size && !pooling_given) block.pooling = LG_POOL_NONE;
         left = block.pooling == LG_POOL_NONE ? convolved : convolved / block.pool_size;
         if (left == 0 && net->blocks > 0) return;
@@ -126,7 +120,7 @@ static void default_blocks(const lg_learning *self, lg_cnn *net) {
 
 /* Sets blocks from the options; the others do not change. */
 static void build_blocks(const lg_learning *self, bool fresh, lg_cnn *net) {
-    static const char *const options[] = {"filters", "kernel", "stride", "padding", "pooling", "pool-size"};
+    static const char *const options[] = {"filters", "kernel", "stride", "pooling", "pool-size"};
     const lg_detector_state *s = self->state;
     if (!any_given(self, options, LG_COUNT(options))) return;
     const bool filters = self->given(self, "filters");

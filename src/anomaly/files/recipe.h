@@ -20,7 +20,7 @@ typedef struct lg_detector_state {
     const char *test;
     double window, hop;
     uint32_t preset, pooling;
-    uint64_t kernel, stride, padding, pool_size;
+    uint64_t kernel, stride, pool_size;
     lg_wholes filters;
     /* Filled by `read`. */
     bool any_class;        /* --test may have classes that the data do not have */

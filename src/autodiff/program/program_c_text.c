@@ -120,14 +120,10 @@ static void add_tokens(lg_text *to, const char *text) {
 
 /* ---- fragments and functions ---- */
 
-static bool in_word(char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
-}
-
 bool lg_c_uses(const char *text, const char *word) {
     const size_t length = strlen(word);
     for (const char *s = text; (s = strstr(s, word)) != NULL; s += length)
-        if ((s == text || !in_word(s[-1])) && !in_word(s[length])) return true;
+        if ((s == text || !lg_in_word(s[-1])) && !lg_in_word(s[length])) return true;
     return false;
 }
 
@@ -144,7 +140,7 @@ static size_t functions_in(const char *text) {
 static void check_name(lg_c *c, const char *text) {
     const size_t length = strlen(c->name);
     for (const char *s = text; (s = strstr(s, c->name)) != NULL; s++)
-        if (s[length] == '_' && (s == text || !in_word(s[-1])))
+        if (s[length] == '_' && (s == text || !lg_in_word(s[-1])))
             (void)lg_c_fail(c, LG_INVALID_ARGUMENT,
                             "'%s' cannot be the name: the code uses words that begin so", c->name);
 }

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "autodiff/program/program.h"
+#include "core/text.h"
 
 enum { VERSION = 1, MOST_NAMES = 256 };
 
@@ -145,9 +146,8 @@ static void code_text(coder *c, const char **text) {
 }
 
 static void code_name(coder *c, const char **name) {
-    static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
     code_text(c, name);
-    if (c->status == LG_OK && (*name == NULL || **name == '\0' || (*name)[strspn(*name, letters)] != '\0'))
+    if (c->status == LG_OK && (*name == NULL || !lg_is_word(*name)))
         refuse(c, LG_FORMAT, "it is not made of letters, digits and underscores");
 }
 

@@ -1,6 +1,8 @@
 /* Loads programs from files. Sizes in the file are checked before memory is allocated. */
 #include "model/files/program_file.h"
 
+#include "core/text.h"
+
 #include <ctype.h>
 #include <stdio.h>
 #include <string.h>
@@ -62,22 +64,16 @@ lg_status lg_program_get_texts(lg_program_reading *r, const char *path, const ch
     return lg_program_as_format(r, status);
 }
 
-/* A name that cannot lead to another place of the file. */
-static bool is_plain(const char *name) {
-    for (const char *c = name; *c != '\0'; c++)
-        if (!((*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9') || *c == '_'))
-            return false;
-    return *name != '\0';
-}
-
-/* Names of parameters or functions, which are parts of paths: attribute `order` of the group, or the texts
+/* Names of parameters or functions, which are parts of paths and cannot lead to another place of the file:
+ * attribute `order` of the group, or the texts
  * at `path_1` of format 1. */
 static lg_status get_names(lg_program_reading *r, bool format_1, const char *group, const char *path_1,
                            lg_program_texts *out) {
     const char *path = format_1 ? path_1 : group;
     LG_TRY(lg_program_get_texts(r, path, format_1 ? NULL : "order", LG_PROGRAM_MOST_NAMES, out));
     for (size_t i = 0; i < out->count; i++)
-        if (!is_plain(out->text[i])) return lg_program_bad(r, path, "an entry of the order is no plain name");
+        if (!lg_is_word(out->text[i]))
+            return lg_program_bad(r, path, "an entry of the order is no plain name");
     return LG_OK;
 }
 
