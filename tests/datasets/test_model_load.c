@@ -201,7 +201,6 @@ TEST("a file of an unknown kind loads, evaluates, is linearised and steps by its
     lg_program_destroy(program);
     replace_text(path, "model", "space", "R^2");
     assert_refused(read_any, path, LG_FORMAT, "the state has 3 numbers and the space 2", "");
-    assert_true(fail_every_reading(read_any, fresh(KIND_TABLE)) >= 2);
 }
 
 /* ---- what is no model ---- */
