@@ -263,6 +263,9 @@ TEST("functions and parameters that are missing or wrong are refused by name, of
         {"functions@order", WHOLE(3), LG_FORMAT, ""},
         {"functions@order", TEXT("nothing"), LG_FORMAT, "~functions/nothing"},
         {"functions@order", TEXT("../value"), LG_FORMAT, "~plain"},
+        {"functions@order", TEXT("step"), LG_FORMAT,
+         "~functions/step"}, /* it calls others, where there is one */
+        {"functions@order", TEXTS("value", 2), LG_FORMAT, "~functions/value"},
         {"functions/value", GONE, LG_FORMAT, ""},
         {"functions/value", ARRAY(1, 100), LG_FORMAT, "integers"},
         {"functions/value", SCALAR(1), LG_FORMAT, "bytes"},
