@@ -495,4 +495,33 @@ TEST("poses with velocities in space, directions and smooth inputs go through al
                (const char *const[]){"x", "y", "z", "vx", "vy", "vz", "wx", "dx", "ay", NULL}, 1e-3);
 }
 
+/* Columns t, run, x, y, z, ...: the direction of one row is taken out. */
+static void leave_out_direction(const char *name, size_t row) {
+    enum { SIZE = 1 << 17 };
+    char *text = lg_test_memory(SIZE), *cell = text;
+    (void)cli_read(name, text, SIZE);
+    while (row-- > 0) cell = strchr(cell, '\n') + 1;
+    for (int k = 0; k < 2; k++) cell = strchr(cell, ',') + 1;
+    char *rest = cell;
+    for (int k = 0; k < 3; k++) rest = strchr(rest, ',') + 1;
+    memset(cell, ',', 3);
+    memmove(cell + 3, rest, strlen(rest) + 1);
+    cli_write(name, text);
+}
+
+TEST("a direction that is missing in a row is left out of the errors of runs") {
+    static const char scene[] =
+        "columns: {time: t, run: run}\n"
+        "coordinates: [{name: d, kind: direction, columns: [x, y, z], velocity: [a, b, c]}]\n"
+        "mass: {kind: known, values: [1, 1, 1]}\n"
+        "potential: {kind: known, form: linear, of: d, values: [0, 0, 2]}\n%s";
+    cli_write("rod-scene.yaml", test_text(scene, "damping: {kind: known, values: [0.1, 0.1, 0.1]}\n"));
+    cli_write("rod.yaml", test_text(scene, "damping: diagonal\n"));
+    cli_run(identify, "generate rod-scene.yaml --runs 2 --t-end 3 --out rod.csv");
+    cli_run(identify, "fit rod.yaml rod.csv --out rod.h5");
+    leave_out_direction("rod.csv", 40);
+    cli_json(identify, "evaluate rod.h5 rod.csv --horizons 1", "horizons *");
+    json_expect(strchr(json_find(result.out, "horizons"), '{'), "direction <1e-6, velocity <1e-6");
+}
+
 TEST_GROUP(setup, cli_end)

@@ -86,7 +86,8 @@ static void add_point(const lg_machine *machine, const double *q, const double *
         for (uint32_t k = 0; k < row->places; k++)
             add(&out[kind == LG_COORDINATE_ANGLE ? LG_ERROR_ANGLE : LG_ERROR_LINE],
                 kind == LG_COORDINATE_ANGLE ? lg_machine_wrap(q[k] - given_q[k]) : q[k] - given_q[k]);
-        if (row->directions > 0) add(&out[LG_ERROR_DIRECTION], angle_of(q, given_q, 3, 2.0));
+        if (row->directions > 0 && !isnan(given_q[0]))
+            add(&out[LG_ERROR_DIRECTION], angle_of(q, given_q, 3, 2.0));
         if (row->rotations > 0 && !isnan(given_q[row->places]))
             add(&out[LG_ERROR_ROTATION], angle_of(q + row->places, given_q + row->places, 9, sqrt(8.0)));
         for (uint32_t k = 0; k < row->velocities; k++) add(&out[LG_ERROR_VELOCITY], v[k] - given_v[k]);
