@@ -138,6 +138,21 @@ TEST("a detector is judged on the windows that its program judges") {
     assert_close(json_number(result.out, "auc"), auc, 0, 0);
 }
 
+TEST("a machine is judged as lg-identify judges it: windows of its length, and runs of a second") {
+    static const char *const errors[] = {"window_loss", "line", "velocity"};
+    double theirs[LG_COUNT(errors)];
+    make_data(row_of("machine_model"));
+    cli_expect(learn, "train machine.yaml data.h5 --recipe machine_model --epochs 12 --window 7 --out m.h5",
+               0, "");
+    cli_expect("lg-identify", "evaluate m.h5 data.h5 --horizons 1 --json", 0, "");
+    for (size_t i = 0; i < LG_COUNT(errors); i++)
+        theirs[i] =
+            json_number(i == 0 ? result.out : strchr(json_find(result.out, "horizons"), '{'), errors[i]);
+    cli_expect(learn, "evaluate m.h5 data.h5 --json", 0, "");
+    for (size_t i = 0; i < LG_COUNT(errors); i++)
+        assert_close(json_number(result.out, errors[i]), theirs[i], 0, 0);
+}
+
 TEST("a prediction is the motion that the recipe's program finds, and its table has every point") {
     static const char start[] = "predict m.h5 --initial 1,0,0,0,0.5,0 --t-end 2 --points 11";
     double ours[6], theirs[6];
