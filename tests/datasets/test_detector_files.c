@@ -1,6 +1,6 @@
 /* The text of a detector's blocks; classifiers and the names in files of any kind, and which kind a file is.
  * What all kinds of models share: test_model_files.c. */
-#include "model_kinds.h"
+#include "model/model_kinds.h"
 
 TEST("blocks are a text that a person reads") {
     for (size_t e = 0; e < LG_COUNT(detector_examples); e++) {

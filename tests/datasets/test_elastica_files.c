@@ -1,6 +1,6 @@
 /* Sets of curves: round trip, files of other programs, the length that the curves tell, the matrix of bad
  * input. */
-#include "io_test.h"
+#include "support/io_test.h"
 
 #include "elastica/elastica.h"
 

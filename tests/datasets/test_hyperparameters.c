@@ -1,5 +1,5 @@
 /* Tables of hyperparameters: what every row of every kind has to hold. */
-#include "io_test.h"
+#include "support/io_test.h"
 
 #include "liegrad/fields.h"
 #include "liegrad/machine_model.h"

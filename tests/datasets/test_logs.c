@@ -1,5 +1,5 @@
 /* Logs of machines: CSV and HDF5. */
-#include "io_test.h"
+#include "support/io_test.h"
 #include "liegrad/geometry.h"
 #include "liegrad/logs.h"
 

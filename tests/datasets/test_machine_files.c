@@ -1,5 +1,5 @@
 /* Machines from YAML. */
-#include "io_test.h"
+#include "support/io_test.h"
 #include "liegrad/logs.h"
 
 RELEASES(release_file, lg_machine_file_destroy)

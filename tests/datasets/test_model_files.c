@@ -1,6 +1,6 @@
 /* Model files and checkpoints of every kind: round trips, fits that go on, and tables of damage. Errors
  * recorded into models of Hamiltonians. */
-#include "model_kinds.h"
+#include "model/model_kinds.h"
 
 #include "files/h5.h"
 #include "model/files/program_file.h"

@@ -1,5 +1,5 @@
 /* Model files of any kind as one handle: each kind, what is no model, damage, failing memory. */
-#include "model_kinds.h"
+#include "model/model_kinds.h"
 
 #include "liegrad/machine_model.h"
 #include "model/files/program_file.h"

@@ -1,7 +1,7 @@
 /* SHA-256 on the vectors of FIPS 180-4; numbers consumed whole. */
 #include <locale.h>
 
-#include "io_test.h"
+#include "support/io_test.h"
 
 static void hash_text(const char *text, size_t times, size_t piece, char out[LG_SHA256_TEXT]) {
     lg_sha256 state;

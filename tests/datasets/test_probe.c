@@ -13,7 +13,7 @@
 #include <sys/wait.h>
 
 #include "files/sandbox.h"
-#include "io_test.h"
+#include "support/io_test.h"
 
 /* What the attempts are made on. */
 static struct {

@@ -1,7 +1,7 @@
 /* Files of programs: round trips to the bit, what is refused, damage. The 20000 mutants are in
  * test_program_mutants.c. */
 #include "autodiff/cases/cases.h"
-#include "program_mutants.h"
+#include "model/program_mutants.h"
 
 #include "autodiff/ops/op_table.h"
 

@@ -2,7 +2,7 @@
  * the probe, which forks for each. Each is refused with a sentence and a status of exit code 3, or is sound
  * and runs within its limits.
  * ctest-labels: slow src/autodiff src/model */
-#include "program_mutants.h"
+#include "model/program_mutants.h"
 
 TEST("mutated lists are refused or run") {
     mutate_images(14000, 101);

@@ -1,7 +1,7 @@
 /* Scenes and grids: every key, tables of bad input, the scenes that come with the program. */
 #include <stdarg.h>
 
-#include "io_test.h"
+#include "support/io_test.h"
 
 #include "liegrad/geometry.h"
 

@@ -1,7 +1,7 @@
 /* Ranges from YAML, and tables of trials. */
 #include <locale.h>
 
-#include "io_test.h"
+#include "support/io_test.h"
 
 #include "nn/search.h"
 

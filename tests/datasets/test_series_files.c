@@ -1,5 +1,5 @@
 /* Labelled series: round trip, what other programs write, tables of damage. */
-#include "io_test.h"
+#include "support/io_test.h"
 
 #include "liegrad/series.h"
 

@@ -1,6 +1,6 @@
 /* Rows of tables that are complete, ports with the range of a table, files whose sizes are wrong or large,
  * wide tables. lg-fit's tests read files too. */
-#include "io_test.h"
+#include "support/io_test.h"
 
 #include "liegrad/tables.h"
 

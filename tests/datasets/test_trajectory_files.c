@@ -2,7 +2,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#include "io_test.h"
+#include "support/io_test.h"
 #include "hamiltonian/internal.h"
 
 OWNED(lg_trajectories, lg_trajectories_destroy)

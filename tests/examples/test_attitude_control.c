@@ -1,7 +1,7 @@
 /* examples/attitude_control: the controller on a machine that is exactly the true body, the log, a whole run
  * without allocation. */
 #include "support/models.h"
-#include "models/machine_support.h"
+#include "support/machine_support.h"
 
 #include "../../examples/attitude_control/controller.c"
 #include "../../examples/attitude_control/log.c"

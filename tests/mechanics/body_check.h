@@ -2,7 +2,7 @@
 #ifndef BODY_CHECK_H
 #define BODY_CHECK_H
 
-#include "system_check.h"
+#include "mechanics/system_check.h"
 
 /* Numbers of a top; of mass 0: a free body. */
 typedef struct top {

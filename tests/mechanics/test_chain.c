@@ -1,7 +1,7 @@
 /* The Hamiltonian chain against dense linear algebra, difference quotients and the general equations of a
  * constrained Hamiltonian system. */
-#include "dense_solve.h"
-#include "system_check.h"
+#include "mechanics/dense_solve.h"
+#include "mechanics/system_check.h"
 
 #include "mechanics/chain.h"
 

@@ -1,7 +1,7 @@
 /* The Lagrangian chain against the Hamiltonian form and its own invariants; its field on a tape; the
  * variational integrator of both forms. test_system_properties.c derives the field from the energy,
  * test_chain.c has the energy by dense linear algebra. */
-#include "system_check.h"
+#include "mechanics/system_check.h"
 
 #include "liegrad/ops.h"
 

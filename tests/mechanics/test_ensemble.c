@@ -1,7 +1,7 @@
 /* Ensembles: a member's bits whatever its company, lanes against one member at a time for the whole tables
  * of systems and schemes, events, failures, and statistics that do not depend on any order.
  * ctest-labels: isa threads src/mechanics src/integrators */
-#include "system_check.h"
+#include "mechanics/system_check.h"
 
 #include <float.h>
 

@@ -1,5 +1,5 @@
 /* The heavy top in four forms: flows against the equations in the body. */
-#include "body_check.h"
+#include "mechanics/body_check.h"
 
 static const char *const forms[] = {"cotangent", "direct", "lie-poisson", "quadratic"};
 enum { COTANGENT, DIRECT, POISSON, QUADRATIC, FORMS };

@@ -1,6 +1,6 @@
 /* Two quadrotors with a payload: Newton's laws of the three masses, the control law written out with dense
  * algebra, and the closed form of a planar start. */
-#include "system_check.h"
+#include "mechanics/system_check.h"
 
 enum { DIM = 42, ALGEBRA = 30 };
 enum { Y = 0, V = 3, R = 6, RATE = 15, NEXT = 12, Q = 30, W = 33, LINK = 6 };

@@ -1,5 +1,5 @@
 /* The free rigid body against Jacobi's elliptic functions, its attitude against the equations in the body. */
-#include "body_check.h"
+#include "mechanics/body_check.h"
 
 static const double inertia[3] = {1.0, 2.0, 3.0};
 

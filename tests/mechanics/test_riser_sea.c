@@ -4,7 +4,7 @@
 
 #include "liegrad/riser.h"
 #include "mechanics/dense_solve.h"
-#include "mechanics/riser_check.h"
+#include "anomaly/riser_check.h"
 #include "anomaly/riser.h"
 #include "support/fixtures.h"
 #include "support/malloc_count.h"

@@ -1,6 +1,6 @@
 /* The table of systems: rows, layouts, parameters and their rules, and what is refused with which sentence.
  */
-#include "system_check.h"
+#include "mechanics/system_check.h"
 
 static const double gravity = 9.81, ones[3] = {1.0, 1.0, 1.0}, unlike[3] = {1.0, 1.3, 0.7};
 static const lg_named_values only_gravity = {"gravity", &gravity, 1}, unit_body = {"inertia", ones, 3},

@@ -1,6 +1,6 @@
 /* Systems on R^4, starts, sampled trajectories, and bad input. */
 #include "support/fixtures.h"
-#include "system_check.h"
+#include "mechanics/system_check.h"
 
 /* Chains in Hamiltonian form with m = L = g = 1. */
 static lg_system *make(const char *name, size_t links) {

@@ -2,7 +2,7 @@
  * relative error at the same tolerance. Units of parameters are those that the table gives; those of the
  * parts of a state stand below.
  * ctest-labels: src/mechanics */
-#include "system_check.h"
+#include "mechanics/system_check.h"
 
 #include "liegrad/ensemble.h"
 

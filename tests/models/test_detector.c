@@ -1,6 +1,6 @@
 /* Detectors: scaling, losses against direct formulas, learning to tell two sounds apart, the same bits
  * whatever the threads and however often interrupted, what is refused. */
-#include "models/series_support.h"
+#include "anomaly/series_support.h"
 #include "nn/nn_support.h"
 
 /* ---- a small set: sines of one frequency a class, in noise ---- */

@@ -5,7 +5,7 @@
 
 #include "anomaly/detector_internal.h"
 #include "nn/odd_nets.h"
-#include "plan_support.h"
+#include "support/plan_support.h"
 
 enum { MOST_INPUTS = 80, MOST_OUTPUTS = 3, MOST_CHANNELS = 3 };
 

@@ -1,8 +1,8 @@
 /* The extended Kalman filter: exact where the system is linear, its derivative of the flow, consistency of a
  * pendulum and of a spinning body, long runs, its memory. */
 #include "support/models.h"
-#include "models/machine_support.h"
-#include "models/model_support.h"
+#include "support/machine_support.h"
+#include "support/model_support.h"
 #include "support/malloc_count.h"
 
 #include "core/core.h"

@@ -2,7 +2,7 @@
  * ctest-labels: src/hamiltonian src/model */
 #include "autodiff/compiled.h"
 #include "autodiff/program_support.h"
-#include "models/model_support.h"
+#include "support/model_support.h"
 
 #include "liegrad/mechanics.h"
 #include "liegrad/ops.h"

@@ -1,6 +1,6 @@
 /* Learned Hamiltonians on a tape: their gradient and steps; rows of a batch; what they refuse. */
-#include "models/model_support.h"
-#include "models/plan_support.h"
+#include "support/model_support.h"
+#include "support/plan_support.h"
 
 enum { BATCH = 3 };
 

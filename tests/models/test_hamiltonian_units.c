@@ -1,6 +1,6 @@
 /* Learned Hamiltonians with scales: they are the same model in other units, and training does not see
  * units. */
-#include "models/model_support.h"
+#include "support/model_support.h"
 
 #include "liegrad/mechanics.h"
 #include "model/internal.h"

@@ -2,8 +2,8 @@
 #include <float.h>
 
 #include "support/models.h"
-#include "models/machine_support.h"
-#include "models/model_support.h"
+#include "support/machine_support.h"
+#include "support/model_support.h"
 #include "golden/hold_table.h"
 #include "support/malloc_count.h"
 

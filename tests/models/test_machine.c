@@ -1,6 +1,6 @@
 /* Machines: their equations against their energy and against solutions known in closed form; every kind of
  * coordinate and of term. */
-#include "models/machine_support.h"
+#include "support/machine_support.h"
 
 #include "machine/internal.h"
 

@@ -1,6 +1,6 @@
 /* ctest-labels: slow src/machine
  * The loss that is expected of a model that explains its logs: the mean over logs whose noise is drawn. */
-#include "models/machine_support.h"
+#include "support/machine_support.h"
 
 /* A cart (line) and a pendulum (angle) side by side: 2 x'' = u - .3 x' - 5 x, a'' = -9 sin a - .2 a'. */
 static lg_machine plant(bool known) {

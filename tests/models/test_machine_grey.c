@@ -1,7 +1,7 @@
 /* ctest-labels: slow src/machine
  * Machines of named systems: their parameters learned from trajectories of the systems themselves, or of
  * equations written out here; units; what the logs leave open; what is refused. */
-#include "models/machine_support.h"
+#include "support/machine_support.h"
 
 #include "liegrad/geometry.h"
 #include "liegrad/mechanics.h"

@@ -1,6 +1,6 @@
 /* Machines: the Jacobian of windows an interval at a time, against the tape's of their residuals.
  * ctest-labels: src/machine */
-#include "models/machine_support.h"
+#include "support/machine_support.h"
 
 #include "liegrad/nn.h"
 #include "liegrad/ops.h"

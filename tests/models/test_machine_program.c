@@ -1,8 +1,8 @@
 /* Machines as programs and as models in a loop, in the units of the log: against the recording in scaled
  * units and closed forms. */
-#include "models/machine_support.h"
-#include "models/model_support.h"
-#include "models/plan_support.h"
+#include "support/machine_support.h"
+#include "support/model_support.h"
+#include "support/plan_support.h"
 
 #include "liegrad/geometry.h"
 #include "liegrad/model.h"

@@ -1,6 +1,6 @@
 /* Machines learned from logs that the tests make: parameters, starts, standard errors.
  * ctest-labels: src/machine */
-#include "models/machine_support.h"
+#include "support/machine_support.h"
 
 #include "liegrad/geometry.h"
 

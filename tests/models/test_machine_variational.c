@@ -1,6 +1,6 @@
 /* Variational steps of machines: their order, what they keep, and what they learn.
  * ctest-labels: src/machine */
-#include "models/machine_support.h"
+#include "support/machine_support.h"
 
 /* ---- runs ---- */
 

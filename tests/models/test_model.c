@@ -1,6 +1,6 @@
 /* Models in a loop: one handle for all kinds; a learned Hamiltonian's field with inputs, its steps, and its
  * linearisation against differences along the manifold and closed forms. */
-#include "model_support.h"
+#include "support/model_support.h"
 
 #include "liegrad/geometry.h"
 

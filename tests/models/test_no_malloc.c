@@ -1,10 +1,10 @@
 /* A steady training step calls no malloc; what control code calls of a model, and curves, allocate nothing
  * and take no lock. Plans: test_plan.c. */
 #include "support/models.h"
-#include "models/machine_support.h"
-#include "models/model_support.h"
-#include "models/series_support.h"
-#include "models/surrogate_support.h"
+#include "support/machine_support.h"
+#include "support/model_support.h"
+#include "anomaly/series_support.h"
+#include "elastica/surrogate_support.h"
 #include "nn/nn_support.h"
 #include "support/malloc_count.h"
 

@@ -1,5 +1,5 @@
 /* Novelty: distances, causes, limits, files. */
-#include "models/series_support.h"
+#include "anomaly/series_support.h"
 
 #include "kernels/lapack.h"
 #include "liegrad/random.h"

@@ -2,7 +2,7 @@
  * and as the plain stepper's steps. */
 #include "support/malloc_count.h"
 #include "autodiff/plan_ways.h"
-#include "datasets/model_kinds.h"
+#include "model/model_kinds.h"
 
 RELEASES(release_model, lg_model_destroy)
 

@@ -1,6 +1,6 @@
 /* Sets of series: memory, windows through stored windows, splits that tear nothing apart, scaling against
  * direct formulas. */
-#include "models/series_support.h"
+#include "anomaly/series_support.h"
 
 #include "liegrad/random.h"
 

@@ -1,5 +1,5 @@
 /* Band powers by Welch's method. */
-#include "models/series_support.h"
+#include "anomaly/series_support.h"
 
 #include "liegrad/random.h"
 #include "liegrad/spectrum.h"

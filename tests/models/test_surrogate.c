@@ -1,7 +1,7 @@
 /* Surrogates: description, presets, split, range, and their curves: symmetry, ends, derivatives, integrals,
  * precision, memory, errors.
  * ctest-labels: src/elastica */
-#include "models/surrogate_support.h"
+#include "elastica/surrogate_support.h"
 
 enum { N = 50 };
 

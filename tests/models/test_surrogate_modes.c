@@ -1,6 +1,6 @@
 /* The fixed last layer: singular vectors against the covariance that they diagonalise, targets, what is left
  * out, and what is refused. */
-#include "surrogate_support.h"
+#include "elastica/surrogate_support.h"
 
 enum { CURVES = 40, INTERVALS = 9, NUMBERS = 4 * (INTERVALS - 1), MODES = 5 };
 

@@ -2,11 +2,11 @@
  * central differences, every architecture, activation and option, both sides of the mirror, ends, short
  * beams. Rows of a batch and single precision: test_recipes; numbers that are not finite: test_model.
  * ctest-labels: src/elastica src/autodiff */
-#include "surrogate_support.h"
+#include "elastica/surrogate_support.h"
 
 #include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
-#include "plan_support.h"
+#include "support/plan_support.h"
 
 enum { INTERVALS = 5, MOST_INPUTS = 9, MOST_OUTPUTS = 4 * (INTERVALS - 1) };
 

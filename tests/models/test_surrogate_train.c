@@ -1,6 +1,6 @@
 /* Losses of the surrogates: on a tape and from the curves, their parts, gradients, and what is refused.
  * ctest-labels: src/elastica */
-#include "models/surrogate_support.h"
+#include "elastica/surrogate_support.h"
 
 #include "elastica/surrogate_internal.h"
 

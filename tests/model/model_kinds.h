@@ -2,7 +2,7 @@
 #ifndef LG_MODEL_KINDS_H
 #define LG_MODEL_KINDS_H
 
-#include "io_test.h"
+#include "support/io_test.h"
 
 #include "liegrad/detector.h"
 #include "liegrad/model.h"

@@ -7,7 +7,7 @@
 #include <time.h>
 
 #include "autodiff/cases/cases.h"
-#include "program_zoo.h"
+#include "model/program_zoo.h"
 
 #define MUTANT_BYTES ((size_t)8 << 20) /* of a tape */
 #define MUTANT_WORK  1e9               /* operations on numbers of a plan */

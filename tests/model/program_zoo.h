@@ -3,7 +3,7 @@
 #ifndef LG_PROGRAM_ZOO_H
 #define LG_PROGRAM_ZOO_H
 
-#include "io_test.h"
+#include "support/io_test.h"
 #include "liegrad/gradcheck.h"
 #include "liegrad/nn.h"
 #include "liegrad/ops.h"
