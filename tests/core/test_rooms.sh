@@ -1,6 +1,7 @@
 #!/bin/bash
 # The rooms of src/ include each other along the arrows of docs/architecture.md, and nothing else. The files and folders
-# that the page names are there: with their path, or, without a folder, anywhere in src or apps.
+# that the page names are there: with their path, or, without a folder, anywhere in src or apps. The folders of tests
+# are the rooms of src, and apps, crash and examples.
 set -u
 cd "$(dirname "$0")/../../src" || exit 1
 
@@ -50,6 +51,13 @@ for room in */; do
     [ -n "$(find "$room" -name '*.c')" ] || { echo "src/$room has no source"; wrong=1; }
 done
 cd ..
+for suite in tests/*/test_*.c; do
+    folder=${suite#tests/} folder=${folder%%/*}
+    case $folder in
+        apps | crash | examples) ;;
+        *) [ -d "src/$folder" ] || { echo "$suite: src has no room $folder"; wrong=1; } ;;
+    esac
+done
 for name in $(grep -o '`[a-z0-9_./-]*`' docs/architecture.md | tr -d '`' | grep -E '/|\.[ch]$' | sort -u); do
     case $name in
         */*) [ -e "$name" ] || [ -e "src/$name" ] ;;

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Writes logistic_table.h beside itself: coefficients of scikit-learn's LogisticRegression (unpenalised intercept,
-tol 1e-12) on the table of tests/classify/test_logistic.c."""
+tol 1e-12) on the table of tests/anomaly/test_logistic.c."""
 import os
 import numpy as np
 from sklearn.linear_model import LogisticRegression

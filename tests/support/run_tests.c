@@ -72,7 +72,7 @@ char *test_text(const char *format, ...) {
 }
 
 /* HDF5 1.10 loses a block of its own free list when a damaged header makes H5Fopen fail. Objects that we
- * forget to close are found by scratch_end (datasets/io_test.h) instead. */
+ * forget to close are found by scratch_end (support/io_test.h) instead. */
 __attribute__((visibility("default"))) const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) {
     return "leak:libhdf5";
