@@ -614,8 +614,8 @@ int search_main(app *self, const app_command *train, train_task *task) {
                             .trials = app_alloc((size_t)values->trials, sizeof *search.trials)};
         (void)snprintf(search.setting, sizeof search.setting,
                        "data %s validation %.17g rungs %.17g warm-up %.17g quantile %.17g",
-                       task->learning.sha256, values->validation, search.rungs[RUNGS],
-                       search.rungs[WARM_UP], search.rungs[QUANTILE]);
+                       task->learning.sha256, values->validation, search.rungs[RUNGS], search.rungs[WARM_UP],
+                       search.rungs[QUANTILE]);
         code = run_search(&search, together);
         free(search.trials);
     }

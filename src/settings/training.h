@@ -35,8 +35,8 @@
                  .unit = "S",                                                                                \
                  .meaning = "Standard deviation of the weights before any data: with it "                    \
                             "ssbroyden and lbfgs do not learn the noise of the data; 0 for none"),           \
-        TRAINING(run_, adam_eps, REAL, .adam = true, .high = 1, .above = true,                 \
-                 .methods = methods_, VALUE("1e-12"), .unit = "EPS", .meaning = "Adam's eps"),               \
+        TRAINING(run_, adam_eps, REAL, .adam = true, .high = 1, .above = true, .methods = methods_,          \
+                 VALUE("1e-12"), .unit = "EPS", .meaning = "Adam's eps"),                                    \
         TRAINING(run_, clip, REAL, .adam = true, .high = 1e300, .methods = methods_, VALUE("1e-3"),          \
                  .unit = "NORM", .meaning = "Bound on the gradient's norm, 0 for none"),                     \
         TRAINING(run_, shards, U32, .high = 1024, .methods = methods_, VALUE("0"), .unit = "n",              \
