@@ -26,7 +26,7 @@ static uint64_t model_epoch(const lg_learning *self) {
  * of them after LOOK epochs, or with an enormous error; the model is still written. A training that
  * --stop-after ended is only warned of. */
 static int judge(const app *self, const lg_learning *learning) {
-    const lg_verdict *verdict = &learning->verdict;
+    const lg_learning_verdict *verdict = &learning->verdict;
     const char *what = verdict->what, *guess = verdict->guess;
     const double error = verdict->error, guessed = verdict->guessed;
     if (what == NULL) return APP_EXIT_OK;

@@ -4,8 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "model/files/learning.h"
-
 /* ---- options ---- */
 
 enum { NETWORK = 1, DEFAULT_LENGTH = 4096 };
@@ -413,10 +411,10 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     const lg_series *series = &s->all.data.series;
     uint64_t dead = 0;
     LG_TRY(judge_parts(self, &s->scaler, theta, error));
-    self->verdict = (lg_verdict){.what = "share of wrong windows",
-                                 .guess = "the most frequent class",
-                                 .error = 1.0 - s->train_judged.metrics.accuracy,
-                                 .guessed = rare_share(&s->train_judged)};
+    self->verdict = (lg_learning_verdict){.what = "share of wrong windows",
+                                          .guess = "the most frequent class",
+                                          .error = 1.0 - s->train_judged.metrics.accuracy,
+                                          .guessed = rare_share(&s->train_judged)};
     LG_TRY(judge_units(self, theta, &dead, error));
     lg_detector_tell_training(self, "cnn", series->classes, series->class_name);
     lg_result_real(self, "mse", s->judged.mse, "of the test part");

@@ -6,8 +6,7 @@
 #include "anomaly/judge.h"
 #include "liegrad/io.h"
 #include "liegrad/novelty.h"
-
-typedef struct lg_learning lg_learning; /* model/files/learning.h */
+#include "model/files/learning.h"
 
 /* One file, cut in windows. */
 typedef struct lg_cut_series {

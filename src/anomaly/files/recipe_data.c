@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "anomaly/files/recipe.h"
-#include "model/files/learning.h"
 
 /* ---- reading ---- */
 

@@ -320,10 +320,10 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
                 "--loss energy learns the beams of the discrete energy on %u intervals; errors against "
                 "continuous values contain their difference from these",
                 model->intervals);
-    self->verdict = (lg_verdict){.what = "mean squared error",
-                                 .guess = "the mean curve",
-                                 .error = train.mse,
-                                 .guessed = mean_curve_error(s, model->options.kind)};
+    self->verdict = (lg_learning_verdict){.what = "mean squared error",
+                                          .guess = "the mean curve",
+                                          .error = train.mse,
+                                          .guessed = mean_curve_error(s, model->options.kind)};
     tell(self, &train, &test);
     return LG_OK;
 }

@@ -244,10 +244,10 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     LG_TRY(lg_hamiltonian_floor(self->context, problem, theta, &self->floor, error));
     lg_hamiltonian_warn_of_floor(self->context, problem, loss, self->floor);
     LG_TRY(lg_hamiltonian_warn_of_drift(self->context, problem, self->fit, theta, loss, self->floor, error));
-    self->verdict = (lg_verdict){.what = "mean squared error",
-                                 .guess = "a state that does not change",
-                                 .error = loss,
-                                 .guessed = lg_hamiltonian_unchanged(problem)};
+    self->verdict = (lg_learning_verdict){.what = "mean squared error",
+                                          .guess = "a state that does not change",
+                                          .error = loss,
+                                          .guessed = lg_hamiltonian_unchanged(problem)};
     lg_result_real(self, "loss", loss, "mean squared error of the predicted points");
     self->first_count = self->result_count;
     lg_result_whole(self, "parameters", lg_hamiltonian_parameters(problem->model), NULL);

@@ -24,11 +24,11 @@ typedef struct lg_result {
 
 /* How good the model is on the data that it learned: its `error`, the `what` ("mean squared error"), and the
  * error of a simple guess ("the mean curve"). what NULL: not known. */
-typedef struct lg_verdict {
+typedef struct lg_learning_verdict {
     const char *what, *guess;
     double error, guessed;
     bool failed; /* the result is of no use, and a warning said why */
-} lg_verdict;
+} lg_learning_verdict;
 
 typedef struct lg_learning lg_learning;
 struct lg_learning {
@@ -61,7 +61,7 @@ struct lg_learning {
     lg_result *results;
     size_t result_count, result_room, first_count; /* first_count: before what every training tells */
     bool results_lost;                             /* there was no memory for them */
-    lg_verdict verdict;
+    lg_learning_verdict verdict;
     double floor; /* the integrator's truncation error in units of the loss; NaN: not known */
     struct lg_learning_block *blocks; /* of lg_learning_alloc */
 };

@@ -359,7 +359,8 @@ static void judge_training(lg_learning *self) {
                *simple = regression ? "the mean" : "the most frequent class";
     const double wrong = regression ? j->scaled_rmse * j->scaled_rmse : 1.0 - j->accuracy, guess = guessed(s);
     if (s->evidence.evaluations == 0)
-        self->verdict = (lg_verdict){.what = what, .guess = simple, .error = wrong, .guessed = guess};
+        self->verdict =
+            (lg_learning_verdict){.what = what, .guess = simple, .error = wrong, .guessed = guess};
     else if (!(wrong < LEARNED * guess))
         LG_WARN(self,
                 "the model has learned nothing: its %s %.3g is not below %.3g, that of %s; the inputs say "

@@ -196,7 +196,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     lg_result_whole(self, "parameters", parameters(self->run), NULL);
     self->first_count = self->result_count;
     self->verdict =
-        (lg_verdict){"mean squared error", "a state that does not change", loss, unchanged, false};
+        (lg_learning_verdict){"mean squared error", "a state that does not change", loss, unchanged, false};
     return LG_OK;
 }
 
