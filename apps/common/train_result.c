@@ -50,13 +50,11 @@ static int judge(const app *self, const lg_learning *learning) {
 
 /* ---- results ---- */
 
-/* `epochs` are those that are done, and a row that is no option is another's (the seed apart). */
+/* `epochs` are those that are done; a row that is no option may be another one's. */
 static void json_run(app_json *json, const app_settings *settings) {
-    for (const lg_field *row = settings->rows; row->name != NULL; row++) {
-        const bool option = row->option == NULL || row->option[0] != '\0';
-        if (strcmp(row->name, "epochs") != 0 && (option || strcmp(row->name, "seed") == 0))
+    for (const lg_field *row = settings->rows; row->name != NULL; row++)
+        if (strcmp(row->name, "epochs") != 0 && lg_field_find(settings->rows, row->name) == row)
             app_json_field(json, row, settings->values);
-    }
 }
 
 static void put_value(app_json *out, const lg_result *result) {
