@@ -11,7 +11,7 @@
 typedef struct generate_values {
     const char *out, *inputs, *plot;
     lg_reals amplitude, noise, spread;
-    double t_end, dt, beside; /* beside: the number after the colon of --inputs; 0: none */
+    double t_end, dt, after_colon; /* after_colon: a number of --inputs; 0: none */
     uint64_t runs;
 } generate_values;
 
@@ -64,7 +64,7 @@ static double amplitude_of(size_t input) {
 static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
     enum { SINES = 8 };
     const size_t inputs = m->file.machine.input_count;
-    const double highest = values.beside > 0 ? values.beside : 1 / (25 * values.dt),
+    const double highest = values.after_colon > 0 ? values.after_colon : 1 / (25 * values.dt),
                  each = amplitude_of(input) / 2 * sqrt(2.0 / SINES);
     for (int s = 0; s < SINES; s++) {
         const double rate = 6.283185307179586 * lg_rng_uniform_in(rng, 0.05, 1) * highest,
@@ -76,7 +76,8 @@ static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
 
 static void steps(const making *m, lg_rng *rng, size_t input, double *out) {
     const size_t inputs = m->file.machine.input_count;
-    const double seconds = values.beside > 0 ? values.beside : 25 * values.dt, a = amplitude_of(input);
+    const double seconds = values.after_colon > 0 ? values.after_colon : 25 * values.dt,
+                 a = amplitude_of(input);
     const size_t each = (size_t)fmax(1, round(seconds / values.dt));
     double level = 0;
     for (size_t row = 0; row < m->rows + m->delay; row++) {
@@ -98,9 +99,9 @@ static size_t find_form(void) {
         const char *rest = values.inputs + length;
         if (strncmp(forms[form].name, values.inputs, length) != 0) continue;
         if (rest[0] == '\0') break;
-        const bool number =
-            rest[0] == ':' && forms[form].fill != NULL && lg_number_parse(rest + 1, &values.beside) == LG_OK;
-        if (number && values.beside > 0) break;
+        const bool number = rest[0] == ':' && forms[form].fill != NULL &&
+                            lg_number_parse(rest + 1, &values.after_colon) == LG_OK;
+        if (number && values.after_colon > 0) break;
     }
     return form;
 }

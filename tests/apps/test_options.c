@@ -46,6 +46,7 @@ static const char *const meanings[][2] = {
 
 /* Names with one sentence, and a default or range of each command. */
 static const char *const defaults[][2] = {
+    {"adam-eps", "presets"},
     {"clip", "presets"},
     {"hop", "baseline alone has another"},
     {"integrator", "families, machines"},
