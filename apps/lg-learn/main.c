@@ -65,12 +65,16 @@ static void choose_recipe(const lg_recipe *chosen) {
 
 /* ---- train and search ---- */
 
-static void need_recipe(const app *self) {
-    if (recipe.recipe == NULL) app_stop_usage(self, "--recipe NAME is missing");
+/* Data from argument number `first` on; most recipes take one file. */
+static void check_data(const app *self, const lg_recipe *chosen, int first) {
+    if (chosen == NULL) app_stop_usage(self, "--recipe NAME is missing");
+    if (self->argument_count > first + 1 && !chosen->learner->many_files)
+        app_stop_usage(self, "%s: the recipe %s takes one file of data", self->arguments[first + 1],
+                       chosen->name);
 }
 
 static int run_train(app *self) {
-    need_recipe(self);
+    check_data(self, recipe.recipe, 0);
     return train_main(self, &recipe);
 }
 
@@ -87,7 +91,7 @@ static const app_command train_command = {
     .together = APP_RANKS};
 
 static int run_search(app *self) {
-    need_recipe(self);
+    check_data(self, recipe.recipe, 1);
     return search_main(self, &train_command, &recipe);
 }
 
@@ -100,6 +104,7 @@ static int run_evaluate(app *self) {
     if (file.recipe == NULL || file.recipe->learner == NULL)
         app_stop(self, LG_FORMAT, "%s: no recipe learns models of its kind: nothing says what its data are",
                  path);
+    check_data(self, file.recipe, 1);
     APP_FREE void *run = app_alloc(1, file.recipe->run_size);
     const app_settings settings[] = {{file.recipe->fields, run, 0}, APP_SETTINGS_END};
     train_task task = {.recipe = file.recipe, .settings = settings};

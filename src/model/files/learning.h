@@ -75,6 +75,7 @@ typedef struct lg_learner {
     const char *const *sizes; /* values of the row "hidden" that --size auto compares, from small to large,
                                * ended by NULL; NULL: it has no such row */
     bool prior;               /* its loss is the square of noise, which --prior takes */
+    bool many_files;          /* paths after the first are data, too */
     bool presets;             /* it has the presets "thesis" and "best" */
     bool (*has_width)(const lg_learning *self); /* NULL: always */
 
