@@ -28,9 +28,9 @@ typedef struct watch_values {
 static const lg_field watch_options[] = {
     LG_OPTION(watch_values, input, STRING, "FILE", "File of samples (default: standard input)",
               .file = LG_FILE_READ),
-    LG_OPTION(watch_values, votes, WHOLES, "K,N",
-              "Raise an alarm when K of the last N windows are not of the first class", .low = 1, .high = 64,
-              .most = 2, .value = "3,5"),
+    LG_OPTION(watch_values, votes, WHOLES, "K[,N]",
+              "Raise an alarm when K of the last N (default 5) windows are not of the first class", .low = 1,
+              .high = 64, .most = 2, .value = "3,5"),
     LG_OPTION(watch_values, hop, REAL, "SECONDS", "Distance from one window to the next", LG_POSITIVE,
               .otherwise = "the window"),
     LG_OPTION(watch_values, bridge, REAL, "S", "Gaps of at most S seconds are filled by straight lines",
@@ -54,6 +54,12 @@ static const lg_field watch_options[] = {
     LG_FIELD_END};
 
 static watch_values values = {.hop = NAN, .rate = NAN, .crack_at = NAN, .unlike = 1};
+
+/* The number of windows that vote. */
+static uint32_t voters(void) {
+    enum { USUAL = 5 };
+    return values.votes.count > 1 ? values.votes.values[1] : USUAL;
+}
 
 /* A sensor that stands still or is cut off tells no model anything. Beyond the distance, the class of a
  * classifier means nothing; of a novelty it is the answer. Straight lines over missing samples change the
@@ -97,7 +103,8 @@ static void hear(watching *self, const float *sample) {
 /* A window that is not judged because a channel sends no numbers is unlike anything seen, too. */
 static void blame_silence(watching *self, lg_verdict *v) {
     silence *s = &self->silence;
-    const uint64_t n = values.votes.values[1], kept = n == 64 ? UINT64_MAX : ((uint64_t)1 << n) - 1;
+    const uint32_t n = voters();
+    const uint64_t kept = n == 64 ? UINT64_MAX : ((uint64_t)1 << n) - 1;
     const bool silent =
         !v->judged && isfinite(self->bench.farthest) && 2 * s->without[most_silent(self)] > s->samples;
     uint32_t votes = 0;
@@ -426,9 +433,9 @@ static void set_options(const app *self, const well_model *model, watching *w, l
     o->window = model->window;
     o->missing = values.missing;
     o->votes = values.votes.values[0];
-    o->votes_of = values.votes.values[1];
-    if (values.votes.count != 2 || o->votes > o->votes_of)
-        app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
+    o->votes_of = voters();
+    if (o->votes > o->votes_of)
+        app_stop_usage(self, "--votes: %u of %u windows cannot vote", o->votes, o->votes_of);
     if (app_given(self, "hop") && !samples_of(values.hop, w->rate, 1, model->window, &o->hop))
         app_stop_usage(self, "--hop %.6g: allowed are one sample (%.6g s) to a window (%.6g s)", values.hop,
                        1 / w->rate, model->window / w->rate);

@@ -30,10 +30,10 @@ typedef struct boundary_values {
     end_values ends;
 } boundary_values;
 
-#define END_ROWS(type, field, end_default)                                                                   \
-    LG_OPTION(type, field.q0, REALS, "X,Y", "Where the beam begins (default " end_default ")",               \
-              .option = "q0", LG_ANY_REAL),                                                                  \
-        LG_OPTION(type, field.qN, REALS, "X,Y", "Where it ends (default likewise)", .option = "qN",          \
+#define END_ROWS(type, field, begins, ends_at)                                                               \
+    LG_OPTION(type, field.q0, REALS, "X,Y", "Where the beam begins (default " begins ")", .option = "q0",    \
+              LG_ANY_REAL),                                                                                  \
+        LG_OPTION(type, field.qN, REALS, "X,Y", "Where it ends (default " ends_at ")", .option = "qN",       \
                   LG_ANY_REAL)
 
 #define BEAM_ROWS(type, field)                                                                               \
@@ -45,7 +45,7 @@ typedef struct boundary_values {
                   .option = "intervals", .low = LG_ELASTICA_MIN_INTERVALS,                                   \
                   .high = LG_ELASTICA_MAX_INTERVALS, .value = "50")
 
-#define BOUNDARY_ROWS(type, field, case_default, end_default)                                                \
+#define BOUNDARY_ROWS(type, field, case_default, begins, ends_at)                                            \
     LG_OPTION(type, field.kind, NAME, NULL,                                                                  \
               "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "           \
               "wrapped to (-pi, pi] (default " case_default ")",                                             \
@@ -60,7 +60,7 @@ typedef struct boundary_values {
                   "Turning of the tangent along the beam: B - A and whole turns (default: that of lowest "   \
                   "energy among B - A and one turn more or less)",                                           \
                   .option = "rotation", .low = -1e6, .high = 1e6),                                           \
-        END_ROWS(type, field.ends, end_default)
+        END_ROWS(type, field.ends, begins, ends_at)
 
 #define BOUNDARY_ROTATIONS 3
 

@@ -26,7 +26,7 @@ static const lg_field generate_options[] = {
     LG_OPTION(generate_values, continuous, SWITCH, NULL,
               "Store solutions of the differential equation at the nodes instead of discrete solutions"),
     BEAM_ROWS(generate_values, beam),
-    END_ROWS(generate_values, ends, "0,0 and 3,0"),
+    END_ROWS(generate_values, ends, "0,0", "3,0"),
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .file = LG_FILE_WRITTEN,
               .required = true),
     LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw some of the curves",

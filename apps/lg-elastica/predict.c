@@ -16,7 +16,8 @@ typedef struct predict_values {
 } predict_values;
 
 static const lg_field predict_options[] = {
-    BOUNDARY_ROWS(predict_values, where, "the family trained on", "that of the training data"),
+    BOUNDARY_ROWS(predict_values, where, "the family trained on", "that of the training data",
+                  "that of the training data"),
     LG_OPTION(predict_values, s, REALS, "S,S,...", "Ascending arc lengths in [0, L]", LG_ANY_REAL,
               .longer = "use --points"),
     LG_OPTION(predict_values, points, U64, "n",

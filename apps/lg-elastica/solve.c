@@ -13,7 +13,7 @@ typedef struct solve_values {
 } solve_values;
 
 static const lg_field solve_options[] = {
-    BOUNDARY_ROWS(solve_values, where, "both-ends", "0,0 and 3,0"),
+    BOUNDARY_ROWS(solve_values, where, "both-ends", "0,0", "3,0"),
     BEAM_ROWS(solve_values, beam),
     LG_OPTION(solve_values, gradient_tol, REAL, "TOL",
               "Largest gradient, relative to the largest term in its sum (default 1e-12)", LG_POSITIVE),

@@ -233,6 +233,8 @@ int export_whole(const app *self, const char *path, lg_program *program, const c
 
 /* ---- targets: tools that take more than C (one file each) ---- */
 
+/* Warns that a file of an unknown kind is no model, and why (load.c). */
+void export_warn_program(const app *self, const lg_error *why);
 /* A model as a program, whatever its kind, and start and step of `source` (load.c). */
 int export_load(const app *self, const char *path, const char *kind, export_source *source, lg_program **out);
 /* A scene of lg-simulate as a program; `tunable`: its parameters are inputs (scene.c). */

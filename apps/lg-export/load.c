@@ -55,13 +55,19 @@ static lg_status load_model(const app *self, const char *path, export_source *so
     return status;
 }
 
+void export_warn_program(const app *self, const lg_error *why) {
+    app_warn(self, "%s: only its functions are exported, as of a program", why->message);
+}
+
 int export_load(const app *self, const char *path, const char *kind, export_source *source,
                 lg_program **out) {
     lg_error error = {LG_OK, ""};
     lg_status status = LG_UNSUPPORTED;
     if (strcmp(kind, "program") != 0) status = load_model(self, path, source, out, &error);
-    if (status != LG_OK && lg_recipe_find(kind) == NULL)
+    if (status != LG_OK && lg_recipe_find(kind) == NULL) {
+        if (strcmp(kind, "program") != 0) export_warn_program(self, &error);
         status = lg_program_load(self->context, path, NULL, out, &error);
+    }
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 

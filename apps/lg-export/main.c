@@ -189,6 +189,7 @@ static int build_model(job *j, const char *kind) {
     if (status != LG_OK && known) return app_fail_file(j->self, status, &error, j->path);
     if (status != LG_OK || (!known && !wants_faces())) {
         if (status == LG_OK) lg_model_file_destroy(&j->file);
+        if (status != LG_OK) export_warn_program(j->self, &error);
         return build_program(j);
     }
     j->kind = kind;
@@ -205,13 +206,15 @@ static bool has_functions(const job *j) {
     return true;
 }
 
-static int refuse_kind(const job *j, const char *kind) {
-    (void)app_fail(
-        j->self, LG_FORMAT,
-        "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, table, machine_model, "
-        "classifier or program",
-        j->path, kind);
-    return APP_EXIT_FILE;
+/* A file without such functions: the reason is that of whoever reads files of its kind. */
+static int refuse_file(const job *j, const char *kind) {
+    lg_error error = {LG_OK, ""};
+    lg_program *program;
+    lg_model_file file;
+    const lg_status status = strcmp(kind, "program") == 0
+                                 ? lg_program_load(j->self->context, j->path, NULL, &program, &error)
+                                 : lg_model_load(j->self->context, j->path, NULL, &file, &error);
+    return app_fail_file(j->self, status, &error, j->path);
 }
 
 /* For other targets than C every model is a program, and so is a scene, whose parameters an FMU can tune. */
@@ -250,7 +253,7 @@ static int build(job *j) {
     const lg_status status = lg_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
     const bool classifier = strcmp(own, "classifier") == 0;
-    if (lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) return refuse_kind(j, own);
+    if (lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) return refuse_file(j, own);
     export_read_units(j->self, j->path, &j->options);
     if (targets[given.target]->build != NULL) return build_target(j, own);
     if (strcmp(own, "program") == 0) return build_program(j);

@@ -241,7 +241,7 @@ int main(int argc, char **argv) {
          .run = run_evaluate},
         {.name = "predict",
          .arguments = "MODEL.h5",
-         .summary = "What the functions of a model give: its value, and its flow where it moves",
+         .summary = "Value of a model, and its flow where it moves",
          .details = "A model that does not move takes its inputs as --initial.",
          .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
          .run = run_predict},

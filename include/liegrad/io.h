@@ -650,13 +650,14 @@ LG_API lg_status lg_model_load(const lg_context *context, const char *path, cons
  * NULL where it is of another one. Borrowed. */
 LG_API const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe);
 /* The model's functions as a program, as lg_hamiltonian_program, lg_surrogate_program, ... make it; `scheme`
- * of its steps, NULL: the model's default. Of a kind without recipe: the file's functions and, where it has a
- * space and no function `step`, one made of the field: by rk4 on R^n, by cf4 on other spaces. A file that
- * holds its own step takes no other scheme: LG_UNSUPPORTED. The caller destroys the program. */
+ * of its steps, NULL: the model's default. Of a kind without recipe, or whose recipe has no scheme: the file's
+ * functions and, where it has a space and no function `step`, a step made of the field: by rk4 on R^n, by cf4
+ * on other spaces. A file that holds a function `step` takes no other scheme: LG_UNSUPPORTED. The caller
+ * destroys the program. */
 LG_API lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
                                        lg_error *error);
-/* The scheme of the model's steps unless another one is chosen; NULL: the model has no steps, or the file of
- * a kind without recipe holds its own step. */
+/* The scheme of the model's steps unless another one is chosen; NULL: the model has no steps, or no recipe
+ * has a scheme and the file holds the function `step`. */
 LG_API const lg_scheme *lg_model_file_scheme(const lg_model_file *file);
 /* Part number `index` = 0, 1, ... of the parameters, as it lies below /model in the file: name, shape, and
  * its numbers (borrowed). False beyond the last. */

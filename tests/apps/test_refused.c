@@ -489,7 +489,7 @@ static const refusal anomaly[] = {
     {"watch {none.h5 feed.csv data.h5} --input feed.csv", 3, "%"},
     {"watch tree.h5 --input none.csv", 3, "none.csv"},
     {"watch tree.h5 --input .", 3, "directory"},
-    {WATCH "--votes {6,5 3 1,2,3}", 2, "--votes"},
+    {WATCH "--votes {6,5 6 1,2,3}", 2, "--votes"},
     {WATCH "{--votes=0,5 --votes=1,65 --bridge=-1 --missing=1.5 --crack-at=soon --hop=nan}", 2, NULL},
     {WATCH "--hop {31 0.01}", 2, "--hop %"},
     {"watch tree.h5 --quiet --input words.csv", 3, "no line holds 6 numbers"},
@@ -802,8 +802,8 @@ static const refusal export[] = {
     {"data.h5 --out o", 3, "trajectories"},
     {"check.h5 --out o", 3, "checkpoint"},
     {"odd.h5 --out o", 3,
-     "'poem', expected hamiltonian, surrogate, detector, table, machine_model, "
-     "classifier or program"},
+     "'poem', expected hamiltonian, surrogate, detector, table or machine_model: its kind is unknown"},
+    {"hollow-program.h5 --out o", 3, "hollow-program.h5: has no "},
     {"pendulum.h5 --out foreign.h5", 3, "foreign.h5: cannot be written: Not a directory"},
     {"pendulum.h5 --out nowhere/o", 3, "there is no folder nowhere"},
     {"pendulum.h5 --out pendulum.h5/o", 3, "Not a directory"},
@@ -823,6 +823,7 @@ TEST("lg-export refuses with exit code and word, and writes nothing") {
     make_kind("odd.h5", "poem");
     make_kind("hollow.h5", "hamiltonian");
     make_kind("hollow-classifier.h5", "classifier");
+    make_kind("hollow-program.h5", "program");
     cli_link("nothing/there", "dangling");
     cli_link(LG_TEST_DIR "/format_1/separable.h5", "flat.h5");
     cli_link(LG_TEST_DIR "/format_1/machine.h5", "machine.h5");

@@ -160,8 +160,9 @@ static lg_status rotor_field(void *user, lg_tape *tape, const lg_var *theta, con
     return lg_tape_status(tape);
 }
 
-TEST("a file of an unknown kind loads, evaluates, is linearised and steps by its functions") {
-    const double weights[3] = {0.7, -1.3, 0.4}, state[3] = {0.3, -0.2, 1.1};
+static const double weights[3] = {0.7, -1.3, 0.4};
+
+static const char *save_rotor(void) {
     const lg_port in = {.name = "x", .shape = lg_shape1(3)}, out = {.name = "f"};
     const lg_function_spec field = {"field", &in, 1, &out, 1, rotor_field, NULL};
     const lg_parameter_spec theta = {"theta", lg_shape1(3), weights};
@@ -169,8 +170,6 @@ TEST("a file of an unknown kind loads, evaluates, is linearised and steps by its
     lg_program_spec spec;
     lg_program *program;
     lg_space space;
-    lg_model_file file;
-    double found[3], A[9];
     lg_program_spec_init(&spec);
     spec.functions = &field;
     spec.parameters = &theta;
@@ -179,6 +178,29 @@ TEST("a file of an unknown kind loads, evaluates, is linearised and steps by its
     assert_ok(lg_space_init_rn(&space, 3));
     assert_ok(lg_model_save(NULL, path, "rotor", program, &space, NULL, NULL));
     lg_program_destroy(program);
+    return path;
+}
+
+TEST("a recipe without a scheme leaves the steps to the field of the file") {
+    static const lg_recipe without = {.name = "rotor"};
+    lg_model_file file;
+    lg_program *program;
+    size_t at;
+    assert_ok(lg_model_load(NULL, save_rotor(), NULL, &file, NULL));
+    file.recipe = &without;
+    assert_ptr_equal(lg_model_file_scheme(&file), lg_scheme_find("rk4"));
+    assert_ok(lg_model_file_program(&file, lg_scheme_find("rkmk4"), &program, NULL));
+    assert_ok(lg_program_find(program, "step", &at));
+    lg_program_destroy(program);
+    lg_model_file_destroy(&file);
+}
+
+TEST("a file of an unknown kind loads, evaluates, is linearised and steps by its functions") {
+    const double state[3] = {0.3, -0.2, 1.1};
+    const char *path = save_rotor();
+    lg_model_file file;
+    lg_program *program;
+    double found[3], A[9];
     assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
     assert_null(file.recipe);
     void *work = test_work(lg_model_work_size(file.model));

@@ -330,7 +330,10 @@ static inline void change_attribute(const char *path, const char *object, const 
 }
 
 static inline void change_link(const char *path, const char *name, const change *c) {
-    double data[256];
+    double data[1024];
+    size_t count = 1;
+    for (int i = 0; i < c->rank; i++) count *= (size_t)c->dims[i];
+    assert_true(c->what != IS_ARRAY || count <= LG_COUNT(data));
     for (size_t j = 0; j < LG_COUNT(data); j++) data[j] = c->real;
     if (c->what == IS_GONE) delete_link(path, name);
     if (c->what == IS_DECLARED) declare_dataset(path, name, H5T_IEEE_F64LE, c->rank, c->dims);

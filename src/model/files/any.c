@@ -153,15 +153,20 @@ const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe)
     return file != NULL && file->recipe == recipe ? file->contents : NULL;
 }
 
+/* The recipe gives the steps; where it does not, they are made of the file's field. */
+static bool has_steps(const lg_model_file *file) {
+    return file->recipe != NULL && (file->recipe->scheme != NULL || lg_model_space(file->model) == NULL);
+}
+
 lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
                                 lg_error *error) {
     LG_NEEDS(error, file, out);
-    if (file->recipe == NULL) return lg_model_copy_program(file->model, scheme, out, error);
+    if (!has_steps(file)) return lg_model_copy_program(file->model, scheme, out, error);
     return file->recipe->program(file->context, file->contents, scheme, out, error);
 }
 
 const lg_scheme *lg_model_file_scheme(const lg_model_file *file) {
-    if (file->recipe == NULL) return lg_model_usual_scheme(file->model);
+    if (!has_steps(file)) return lg_model_usual_scheme(file->model);
     return file->recipe->scheme != NULL ? file->recipe->scheme(file->contents) : NULL;
 }
 

@@ -37,7 +37,7 @@ struct lg_recipe {
                          lg_program **out, lg_error *error);
     lg_status (*space)(const void *run, lg_space *out); /* of the states; NULL: the model does not move */
     const struct lg_program_source *places; /* of the program's other parameters than theta; ended by NULL */
-    const lg_scheme *(*scheme)(const void *file); /* of its steps; NULL: the model has no steps */
+    const lg_scheme *(*scheme)(const void *file); /* of the program's steps; NULL: it has none */
     /* The file structure: its size, offsets of what all kinds have. */
     size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
         file_provenance;
