@@ -260,10 +260,6 @@ typedef struct export_target {
     bool tunable;                       /* parameters of a scene are inputs */
     const char *wide; /* "an FMU computes": it is in double precision, --dtype f32 is refused; or NULL */
 } export_target;
-#define EXPORT_TARGET_LIST(ROW)                                                                              \
-    ROW(c) ROW(casadi) ROW(fmu2) ROW(fmu3) ROW(simulink) ROW(onnx) ROW(safetensors) ROW(package)
-#define EXPORT_TARGET_ROW(name) extern const export_target export_target_##name;
-EXPORT_TARGET_LIST(EXPORT_TARGET_ROW)
 
 /* ---- the model's name in C (name.c) ---- */
 

@@ -364,7 +364,7 @@ static bool is_ours(const place *at, size_t file, const char *path) {
     add_marker(at->source->files[file].name, name, &marker);
     const char *mark = memmem(found, n, words, strlen(words));
     const bool ours = marker.length > 0 ? n >= marker.length && memcmp(found, marker.data, marker.length) == 0
-                                        : mark != NULL && strchr("\"\x1a", mark[strlen(words)]) != NULL;
+                                        : mark != NULL && !lg_in_word(mark[strlen(words)]);
     lg_text_destroy(&marker);
     free(words);
     return ours;

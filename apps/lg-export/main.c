@@ -14,7 +14,11 @@ typedef struct export_values {
 
 static export_values given;
 
-/* Names as of --target; the first one is C. */
+/* The rows of all targets (export_target_NAME), one file each; the first one is C. */
+#define EXPORT_TARGET_LIST(ROW)                                                                              \
+    ROW(c) ROW(casadi) ROW(fmu2) ROW(fmu3) ROW(simulink) ROW(onnx) ROW(safetensors) ROW(package)
+#define DECLARE(name) extern const export_target export_target_##name;
+EXPORT_TARGET_LIST(DECLARE)
 #define NAME(name)   #name,
 #define TARGET(name) &export_target_##name,
 static const char *const target_names[] = {EXPORT_TARGET_LIST(NAME) NULL};

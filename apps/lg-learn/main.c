@@ -65,12 +65,13 @@ static void choose_recipe(const lg_recipe *chosen) {
 
 /* ---- train and search ---- */
 
-/* Data from argument number `first` on; most recipes take one file. */
+/* Data from argument number `first` on. */
 static void check_data(const app *self, const lg_recipe *chosen, int first) {
     if (chosen == NULL) app_stop_usage(self, "--recipe NAME is missing");
-    if (self->argument_count > first + 1 && !chosen->learner->many_files)
-        app_stop_usage(self, "%s: the recipe %s takes one file of data", self->arguments[first + 1],
-                       chosen->name);
+    const char *data = chosen->learner->data;
+    if (self->argument_count > first + 1 && strstr(data, "...") == NULL)
+        app_stop_usage(self, "%s: the recipe %s takes %s alone", self->arguments[first + 1], chosen->name,
+                       data);
 }
 
 static int run_train(app *self) {
@@ -217,11 +218,13 @@ static int run_list(app *self) {
     app_result_begin(&out, self);
     app_result_rows(&out, "recipes");
     for (uint32_t i = 0; recipe_name(i) != NULL; i++) {
-        const lg_field *fields = lg_recipe_find(recipe_name(i))->fields;
+        const lg_recipe *found = lg_recipe_find(recipe_name(i));
+        const lg_field *fields = found->fields;
         uint64_t count = 0;
         while (fields[count].name != NULL) count++;
         app_json_open(&out, NULL, '{');
-        app_json_text(&out, "name", recipe_name(i));
+        app_json_text(&out, "name", found->name);
+        app_json_text(&out, "data", found->learner->data);
         app_json_size(&out, "options", count);
         app_json_close(&out, '}');
     }

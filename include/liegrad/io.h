@@ -650,7 +650,7 @@ LG_API lg_status lg_model_load(const lg_context *context, const char *path, cons
  * NULL where it is of another one. Borrowed. */
 LG_API const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe);
 /* The model's functions as a program, as lg_hamiltonian_program, lg_surrogate_program, ... make it; `scheme`
- * of its steps, NULL: the model's default. Of a kind without recipe, or whose recipe has no scheme: the file's
+ * of its steps, NULL: the model's default. Without a recipe, or where the recipe has no scheme: the file's
  * functions and, where it has a space and no function `step`, a step made of the field: by rk4 on R^n, by cf4
  * on other spaces. A file that holds a function `step` takes no other scheme: LG_UNSUPPORTED. The caller
  * destroys the program. */

@@ -4,17 +4,13 @@
 
 enum { MOST_OWNED = 1 << 16 };
 
-static lg_suite *suites;
+static lg_suite *suites, *running;
 
 static struct {
     void *object;
     void (*release)(void *);
 } owned[MOST_OWNED];
 static size_t owned_count;
-
-static void run_body(void **state) {
-    (*(lg_test_body *)*state)();
-}
 
 size_t lg_test_owned(void) {
     return owned_count;
@@ -27,11 +23,21 @@ void lg_test_give_back(size_t mark) {
     }
 }
 
-/* Runs after a failed test too. */
+static bool passed; /* the body of the test that ran last has come to its end */
+
+static void run_body(void **state) {
+    passed = false;
+    (*(lg_test_body *)*state)();
+    passed = true;
+}
+
+/* Runs after a failed test too. With LG_FIRST_FAILURE no other test runs then (scripts/mutants). */
 static int release_owned(void **state) {
     (void)state;
     lg_test_give_back(0);
-    return 0;
+    if (passed || getenv("LG_FIRST_FAILURE") == NULL) return 0;
+    if (running->end != NULL) (void)running->end(NULL);
+    exit(1);
 }
 
 void lg_test_enter(lg_suite *suite, const char *claim, lg_test_body body) {
@@ -93,6 +99,7 @@ int main(int argc, char **argv) {
         for (suite = suites; suite != NULL; suite = suite->next) print_error("%s\n", suite->file);
         return 2;
     }
+    running = suite;
     if (argc > 2) cmocka_set_test_filter(argv[2]);
     const int failed = _cmocka_run_group_tests(argv[1], suite->tests, suite->count, suite->begin, NULL);
     return failed != 0 || (suite->end != NULL && suite->end(NULL) != 0);

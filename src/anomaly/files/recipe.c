@@ -467,7 +467,8 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
     return LG_OK;
 }
 
-const lg_learner lg_detector_learner = {.state_size = sizeof(lg_detector_state),
+const lg_learner lg_detector_learner = {.data = "DATA.h5",
+                                        .state_size = sizeof(lg_detector_state),
                                         .options = lg_detector_options,
                                         .method = "method",
                                         .held_out = "validation",

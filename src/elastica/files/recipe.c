@@ -362,7 +362,8 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
 
 static const char *const sizes[] = {"8", "12", "16", "24", "32", "64", NULL};
 
-const lg_learner lg_surrogate_learner = {.state_size = sizeof(state),
+const lg_learner lg_surrogate_learner = {.data = "DATA.h5",
+                                         .state_size = sizeof(state),
                                          .method = "network",
                                          .sizes = sizes,
                                          .presets = true,

@@ -276,7 +276,8 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
 
 static const char *const sizes[] = {"8,8", "12,12", "16,16", "20,20", "32,32", "48,48", NULL};
 
-const lg_learner lg_hamiltonian_learner = {.state_size = sizeof(lg_hamiltonian_state),
+const lg_learner lg_hamiltonian_learner = {.data = "DATA.h5",
+                                           .state_size = sizeof(lg_hamiltonian_state),
                                            .options = lg_hamiltonian_options,
                                            .held_out = "validation",
                                            .sizes = sizes,

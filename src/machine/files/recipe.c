@@ -248,10 +248,10 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
     return LG_OK;
 }
 
-const lg_learner lg_machine_model_learner = {.state_size = sizeof(lg_machine_state),
+const lg_learner lg_machine_model_learner = {.data = "MACHINE.yaml LOG...",
+                                             .state_size = sizeof(lg_machine_state),
                                              .held_out = "validation-part",
                                              .prior = true,
-                                             .many_files = true,
                                              .read = read_data,
                                              .describe = describe,
                                              .prepare = prepare,

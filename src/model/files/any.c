@@ -39,8 +39,8 @@ static const struct {
     const char *kind, *what;
 } others[] = {
     {"", "the file does not say what it is (attribute kind)"},
-    {"classifier", "it is a classical classifier, which lg_classifier_load reads"},
-    {"program", "it is a program of functions, which lg_program_load reads"},
+    {"classifier", "it is a classical classifier, for lg-anomaly or lg_classifier_load"},
+    {"program", "it is a program of functions, for lg-export or lg_program_load"},
     {"trajectories", "it holds data, trajectories"},
     {"trajectory", "it holds data, a trajectory"},
     {"elastica", "it holds data, curves of the elastica"},

@@ -67,6 +67,7 @@ struct lg_learning {
 };
 
 typedef struct lg_learner {
+    const char *data; /* the paths, for people: "DATA.h5"; with "..." there may be more */
     size_t state_size;
     const lg_field *options;  /* of the state: what a user says and no file stores; may be NULL */
     const char *method;       /* the row whose value the other rows' `methods` are about; NULL: none */
@@ -75,7 +76,6 @@ typedef struct lg_learner {
     const char *const *sizes; /* values of the row "hidden" that --size auto compares, from small to large,
                                * ended by NULL; NULL: it has no such row */
     bool prior;               /* its loss is the square of noise, which --prior takes */
-    bool many_files;          /* paths after the first are data, too */
     bool presets;             /* it has the presets "thesis" and "best" */
     bool (*has_width)(const lg_learning *self); /* NULL: always */
 

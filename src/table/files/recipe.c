@@ -428,7 +428,8 @@ static lg_status evaluate(lg_learning *self, const void *file, lg_error *error) 
 
 static const char *const sizes[] = {"4", "8", "16", "32", "16,16", "32,32", NULL};
 
-const lg_learner lg_table_learner = {.state_size = sizeof(lg_table_state),
+const lg_learner lg_table_learner = {.data = "TABLE",
+                                     .state_size = sizeof(lg_table_state),
                                      .options = lg_table_given_rows,
                                      .held_out = "validation",
                                      .kept = "test",

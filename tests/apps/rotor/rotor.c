@@ -201,7 +201,8 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
 }
 
 static const char *const sizes[] = {"8", "16", "32", NULL};
-static const lg_learner learner = {.state_size = sizeof(state),
+static const lg_learner learner = {.data = "PAIRS.csv",
+                                   .state_size = sizeof(state),
                                    .held_out = "validation",
                                    .sizes = sizes,
                                    .read = read_pairs,
