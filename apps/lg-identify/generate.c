@@ -99,9 +99,10 @@ static size_t find_form(void) {
         const char *rest = values.inputs + length;
         if (strncmp(forms[form].name, values.inputs, length) != 0) continue;
         if (rest[0] == '\0') break;
-        const bool number = rest[0] == ':' && forms[form].fill != NULL &&
-                            lg_number_parse(rest + 1, &values.after_colon) == LG_OK;
-        if (number && values.after_colon > 0) break;
+        if (rest[0] != ':' || forms[form].fill == NULL) continue;
+        const bool number = lg_number_parse(rest + 1, &values.after_colon) == LG_OK;
+        if (!number || !(values.after_colon > 0)) values.after_colon = (double)NAN;
+        break;
     }
     return form;
 }
@@ -389,6 +390,9 @@ static void check_options(const app *self, const lg_machine_file *file) {
     if (n > 1 && n != file->machine.input_count)
         app_stop_usage(self, "--amplitude: %zu numbers, but the machine has %u inputs", n,
                        file->machine.input_count);
+    (void)find_form(); /* reads the number */
+    if (isnan(values.after_colon))
+        app_stop_usage(self, "--inputs: '%s': a number above 0 follows the colon", values.inputs);
     if (file->machine.input_count == 0 && find_form() == LG_COUNT(forms))
         app_stop_usage(self, "--inputs: '%s' is a file, but the machine has no inputs", values.inputs);
     if (values.noise.count > 2) app_stop_usage(self, "--noise: one number or two");

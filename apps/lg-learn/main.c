@@ -195,6 +195,14 @@ static void calculate(const lg_model *model, const double *x, app_json *out) {
     app_result_reals(out, "value", y, lg_model_outputs(model), NULL);
 }
 
+/* Options of a flow, which a model without one would ignore. */
+static void refuse_flow(const app *self) {
+    static const char *const of_flow[] = {"t-end", "points", "tolerance", "out"};
+    for (size_t i = 0; i < LG_COUNT(of_flow); i++)
+        if (app_given(self, of_flow[i]))
+            app_stop_usage(self, "--%s: %s does not move", of_flow[i], self->arguments[0]);
+}
+
 static int run_predict(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
@@ -203,6 +211,7 @@ static int run_predict(app *self) {
     if (values.initial.count != lg_model_inputs(file.model))
         app_stop_usage(self, "--initial: %zu numbers, but the model takes %zu", values.initial.count,
                        lg_model_inputs(file.model));
+    if (lg_model_space(file.model) == NULL) refuse_flow(self);
     app_result_begin(&out, self);
     if (lg_model_outputs(file.model) > 0) calculate(file.model, values.initial.values, &out);
     if (lg_model_space(file.model) != NULL) follow(self, file.model, values.initial.values, &out);

@@ -1,7 +1,6 @@
-/* A trained model in a control loop: one handle for learned Hamiltonians, surrogates, detectors, tables and
- * machines,
- * evaluated without a tape in the caller's memory. The library is liegrad. Only lg_model_load is in
- * liegrad_io, because it reads HDF5.
+/* A trained model in a control loop: one handle for learned Hamiltonians, surrogates, detectors, tables,
+ * machines and programs of your own, evaluated without a tape in the caller's memory. The library is liegrad.
+ * Only lg_model_load is in liegrad_io, because it reads HDF5.
  *
  *   lg_model_file file;                                            (liegrad/io.h)
  *   lg_model_load(NULL, "pendulum.h5", NULL, &file, &error);
@@ -83,7 +82,7 @@ LG_API void lg_model_eval(const lg_model *model, const double *x, double *y, voi
 LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y, double *jacobian,
                               void *work);
 
-/* ---- Hamiltonians and machines in a loop (other kinds: sizes 0, LG_UNSUPPORTED) ----
+/* ---- models with a space, in a loop (without: sizes 0, LG_UNSUPPORTED) ----
  *
  * State, input and field follow from the row of the model's family (lg_hamiltonian_family). `factor` and
  * `layout` give the state, `forces` and `field` the input u and the algebra element. Tangent coordinates are

@@ -723,6 +723,8 @@ static const refusal identify[] = {
     {"generate one.yaml --out g.csv", 3, "--runs 1"},
     {"generate one.yaml --out g.csv --runs 1 --inputs log.csv", 2, "the machine has no inputs"},
     {"generate driven.yaml --out g.csv --inputs none.csv", 3, "none.csv"},
+    {"generate driven.yaml --out g.csv --inputs {steps:0 steps:-1 steps:x multisine:}", 2,
+     "a number above 0 follows"},
     {"generate driven.yaml --out g.csv --amplitude 1,2", 2, "--amplitude: 2 numbers"},
 };
 
@@ -758,12 +760,15 @@ static const refusal learn[] = {
     {"predict model.h5", 2, "--initial: 0 numbers, but the model takes 6"},
     {"predict model.h5 --initial 1,0,0", 2, "--initial: 3 numbers, but the model takes 6"},
     {"predict model.h5 --initial 1,1,0,0,0,0", 2, "the start is off the manifold by 0.29"},
+    {"predict still.h5 --initial 0,0 {--t-end=3 --points=5 --tolerance=1e-6 --out=w.csv}", 2,
+     "still.h5 does not move"},
 };
 
 TEST("lg-learn refuses with exit code and word, and writes nothing") {
     cli_test_folder();
     cli_link(LG_TEST_DIR "/format_1/chain.h5", "model.h5");
     cli_link(LG_TEST_DIR "/format_1/program.h5", "program.h5");
+    cli_link(LG_TEST_DIR "/format_1/table.h5", "still.h5");
     RUN("lg-hamiltonian",
         "generate " LG_TEST_DIR "/../scenes/pendulum.yaml --trajectories 4 --points 2 --out data.h5");
     REFUSE("lg-learn", learn);
