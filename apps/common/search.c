@@ -574,7 +574,7 @@ static int run_search(searching *search, bool together) {
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }
 
-/* The numbers of --rungs, those that are not given by default. False: they cannot be. */
+/* The numbers of --rungs; missing ones have their defaults. False: a number is out of its range. */
 static bool take_rungs(double rungs[3]) {
     static const double usual[] = {5, 5, 0.5};
     const lg_reals *given = &search_given.rungs;

@@ -64,9 +64,9 @@ typedef struct train_task {
     const app_settings *settings; /* the command's; the first one is the run */
     const char *only;             /* a search takes this method alone; NULL: any */
     void *state;                  /* of the learner; NULL: it is made */
-    /* An exit code: with the data split, before training; may be NULL. */
+    /* Called with the data split, before training; returns an exit code. May be NULL. */
     int (*check)(const app *app, const lg_learning *learning);
-    /* For people; NULL: the results, a line each. */
+    /* Prints for people what came out; NULL: prints the results, a line each. */
     void (*print)(const lg_learning *learning);
     int (*draw)(const app *app, const lg_learning *learning); /* NULL: the loss */
     lg_learning learning;                                     /* the driver's */

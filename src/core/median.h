@@ -1,12 +1,12 @@
-/* Order of numbers. */
+/* Sorted numbers and their median. */
 #ifndef LG_MEDIAN_H
 #define LG_MEDIAN_H
 
 #include <stddef.h>
 
-/* For qsort; NaN last. */
+/* Compares two doubles for qsort; NaN comes last. */
 int lg_compare_doubles(const void *a, const void *b);
-/* NaN of none. Sorts. */
+/* Sorts the values and returns their median; NaN where count is 0. */
 double lg_median(double *values, size_t count);
 
 #endif

@@ -59,7 +59,7 @@ lg_status lg_detector_split_training(lg_learning *self, lg_error *error); /* wit
 lg_status lg_detector_fit_novelty(const lg_learning *self, lg_novelty *out);
 /* Results: accuracy, precision, recall, f1, auc, false_positive_rate, false_alarms_per_day, confusion. */
 void lg_detector_tell(lg_learning *self, const lg_judgement *judged, uint64_t hop, double rate);
-/* These of the test part, and all that every method has. */
+/* The results of the test part, and the numbers that every method has. */
 void lg_detector_tell_training(lg_learning *self, const char *method, uint32_t classes,
                                char (*class_name)[LG_SERIES_NAME]);
 
