@@ -63,7 +63,7 @@ typedef struct train_task {
     const lg_recipe *recipe;
     const app_settings *settings; /* the command's; the first one is the run */
     const char *only;             /* a search takes this method alone; NULL: any */
-    void *state;                  /* of the learner; NULL: it is made */
+    void *state;                  /* the learner's state; NULL: train_begin allocates it */
     /* Called with the data split, before training; returns an exit code. May be NULL. */
     int (*check)(const app *app, const lg_learning *learning);
     /* Prints for people what came out; NULL: prints the results, a line each. */
@@ -128,7 +128,7 @@ int train_prepare(const app *app, train_task *task);
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error);
 /* The plan was carried out as far as asked: judges, writes the model, draws and reports. */
 int train_finish(train_session *session);
-/* A part of the results, as a part of a command's. */
+/* Adds the results number first to end - 1 of the learning to the results of a command. */
 void train_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end);
 /* The option --preset, a row of a task's settings (lg_learning_preset). */
 extern const lg_field train_preset_rows[];

@@ -1,4 +1,4 @@
-/* Scores of a model on windows, windows that are unlike those of training, and what is told of both. */
+/* Scores windows by a model, finds windows that are unlike the training data, and prints both results. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -116,7 +116,7 @@ typedef struct identify_whiteness {
 void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],
                       identify_whiteness *whiteness);
 
-/* The same of a run, where it is predicted. */
+/* The same test for the residuals of a whole run, at the rows where q and v are predicted. */
 void identify_run_whiteness(const identify_given *given, const double *q, const double *v,
                             identify_whiteness *out);
 

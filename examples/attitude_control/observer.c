@@ -3,8 +3,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-static const double rate_noise = 10.0,
-                    moment_noise = 0.03; /* of a rate to an angle; N m s^1/2, of the body */
+static const double
+    rate_noise = 10.0,
+    moment_noise = 0.03; /* noise of the rates over noise of the angles, 1/s; unknown moments, N m s^1/2 */
 
 /* R exp(noise), Omega + noise. */
 static void measure(observer *self, const double *truth) {

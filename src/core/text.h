@@ -21,7 +21,8 @@ void lg_text_join(lg_text *to, const lg_text *from);
 /* As it is, with NAME_ at the beginning of a word replaced by the name and _. */
 void lg_text_add_named(lg_text *to, const char *name, const char *code);
 void lg_text_destroy(lg_text *to);
-/* Whether it is a letter, a digit or _; whether the text is made of one or more of them. */
+/* lg_in_word: c is a letter, a digit or _. lg_is_word: the text has at least one character, and all are of
+ * this kind. */
 bool lg_in_word(char c);
 bool lg_is_word(const char *text);
 /* Whether a number of double precision becomes 0 or loses digits in this type because it is too small. */

@@ -126,7 +126,8 @@ void lg_collocation_destroy(const lg_context *context, lg_collocation *collocati
  * LG_CANCELLED, LG_OUT_OF_MEMORY. */
 lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam, const double *theta,
                                const double force[2], double tolerance);
-/* Starts from its own solution of another problem: the angles times `factor`, under the same force. */
+/* Starts from the solution of another problem that `collocation` holds: multiplies the angles by `factor` and
+ * keeps the force. */
 lg_status lg_collocation_solve_scaled(lg_collocation *collocation, const lg_beam *beam, double factor,
                                       double tolerance);
 typedef struct lg_collocation_result {

@@ -125,7 +125,8 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
                            "mass.%u.%u", at[i] + 1, at[j] + 1);
 }
 
-/* Of masses with a network beside them M at one place tells, but for the numbers of a system. */
+/* If the mass has a network, the entries of M at one position stand for all terms of the mass but the numbers
+ * of a system (lg_grey_mass_kind). */
 size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
                              size_t room, lg_identified *out) {
     lg_number_list l = {0, room, out};

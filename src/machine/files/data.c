@@ -46,7 +46,7 @@ static lg_status read_logs(const lg_context *context, int64_t delay, size_t trai
     return status;
 }
 
-/* Reads the logs with delays of 0 to 8 rows, and again with that of the least error. */
+/* Reads the logs with delays of 0 to 8 rows, and once more with the delay that gives the smallest error. */
 static lg_status estimate_delay(const lg_context *context, size_t training, lg_machine_data *out,
                                 lg_error *error) {
     enum { MOST = 8 };

@@ -218,9 +218,10 @@ void lg_started_log_destroy(lg_started_log *started) {
 
 /* ---- horizons of a model ---- */
 
-enum { BEFORE = LG_START_ROWS - 1 }; /* rows before a start, where positions alone are measured */
+/* If the log measures positions alone, this many rows before a start help to estimate the start. */
+enum { BEFORE = LG_START_ROWS - 1 };
 
-/* Of runs over `steps` intervals after those before the start the last steps + 1 points. */
+/* Each run of `all` begins BEFORE rows before its start: copies the last steps + 1 points of each run. */
 static void keep_ends(const double *all, size_t count, size_t steps, size_t n, double *out) {
     for (size_t i = 0; i < count; i++)
         memcpy(out + i * (steps + 1) * n, all + (i * (BEFORE + steps + 1) + BEFORE) * n,

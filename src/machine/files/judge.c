@@ -48,7 +48,7 @@ static void warn_of_gauge(const lg_learning *self, const lg_machine *machine) {
                       "ratios mean something; give the input map, or a mass that is known or constant");
 }
 
-/* Of the open directions those stay in which several numbers move. */
+/* Keeps the open directions in which more than one number moves, and drops the other directions. */
 static void keep_several(lg_identification *of, size_t count) {
     size_t kept = 0;
     for (size_t k = 0; k < of->open_count; k++)

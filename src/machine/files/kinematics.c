@@ -139,7 +139,8 @@ double lg_machine_position_noise(const lg_machine_data *data, uint32_t coordinat
     return count > 0 && sum < 0.0 ? sqrt(-sum / (double)count) : 0.0;
 }
 
-/* The median of the changes that are not 0; infinite: there are none. `sizes` has room for the rows. */
+/* The median size of the changes other than 0; infinite if every change is 0. `sizes` has room for one number
+ * a row. */
 static double usual_change(const number *n, double *sizes) {
     double way;
     size_t count = 0;

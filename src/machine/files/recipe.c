@@ -64,7 +64,7 @@ static uint32_t find_stride(const lg_machine_model_run *run, const lg_machine_st
     return stride;
 }
 
-/* Parameters of the fit, about: those of the starts included. */
+/* About how many parameters the fit has, the unknowns of the starts included. */
 static size_t count_parameters(const lg_machine_model_run *run, const lg_machine_state *s) {
     const lg_machine *machine = &run->machine;
     const size_t windows =
@@ -97,7 +97,7 @@ static void choose_settings(const lg_learning *self) {
     if (!self->given(self, "epochs")) run->training.epochs = lm ? 100 : 3000;
 }
 
-/* Of the logged velocities `first`, ... of a coordinate. */
+/* Root mean square of the logged velocities first .. first + each - 1. */
 static double root_mean_square(const lg_machine_log *log, uint32_t velocities, uint32_t first,
                                uint32_t each) {
     double sum = 0.0;

@@ -14,9 +14,9 @@
 typedef struct lg_machine_sources {
     const char *machine;     /* MACHINE.yaml, or the file that `text` comes from */
     const char *text;        /* of a machine; NULL: it is read */
-    const char *const *logs; /* those for training */
+    const char *const *logs; /* (count) paths of the logs for training */
     size_t count;
-    const char *validation; /* further ones with commas between them; NULL: none */
+    const char *validation; /* paths of the logs for validation, with commas between them; may be NULL */
     int64_t delay;          /* rows; < 0: the machine's */
 } lg_machine_sources;
 
@@ -141,7 +141,7 @@ lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machi
 /* How well a model explains the logs, and what they say of its numbers (judge.c). */
 typedef struct lg_machine_verdict {
     double loss, expected; /* `expected`: at most, of a model that explains the logs */
-    double tolerated;      /* the same but for the error of the steps */
+    double tolerated;      /* `expected` without the error of the steps */
     double forces;         /* the loss of a model in which nothing acts, about */
     lg_machine_missing missing;
     lg_identification identified; /* in the learning's memory */

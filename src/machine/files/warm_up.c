@@ -16,7 +16,7 @@ static bool is_network(const lg_machine_term *term) {
     return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
 }
 
-/* Whether term i is a residual, or a network where another term of its part is none. */
+/* True if term i is a residual, or if it is a network and another term of the same part is not a network. */
 static bool is_spare(const lg_machine *machine, uint32_t i) {
     const lg_machine_term *term = &machine->terms[i];
     if (term->part == LG_MACHINE_RESIDUAL) return true;

@@ -39,13 +39,13 @@ struct lg_learning {
         *state; /* (learner->state_size bytes) the learner's own; zero at the beginning but for its options */
     const char *const *paths; /* the arguments of the command; the first one is the data */
     size_t path_count;
-    const char *model; /* the path of the model, which is written or evaluated; NULL: there is none */
+    const char *model; /* path of the model file that is written or evaluated; may be NULL */
     uint64_t threads;
     /* A stored run is resumed; `stored` is this run while it has the last word about the facts. */
     bool resumed;
     const void *stored;
     const void *file;   /* the contents of the model file that is evaluated; NULL while a model is trained */
-    const char *preset; /* that was asked for; NULL: none */
+    const char *preset; /* the preset that the user asked for; may be NULL */
     bool (*given)(const lg_learning *self, const char *option); /* by the user */
     const void *user;                                           /* of `given` */
     /* Filled by `read`. */

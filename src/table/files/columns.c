@@ -59,7 +59,8 @@ static const char *take_plain(const char *at, char *name) {
     return at + length;
 }
 
-/* The next name of a list, up to a comma or the end; NULL: there is none. */
+/* Reads the next name of a list and returns where it ends, at a comma or at the end of the text. Returns NULL
+ * if no name stands there, or if something else follows the name. */
 static const char *take_name(const char *at, char *name) {
     name[0] = '\0';
     at += strspn(at, " ");

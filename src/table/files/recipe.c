@@ -376,7 +376,7 @@ static void tell_evidence(lg_learning *self) {
     const lg_table_evidence_result *found = &s->evidence;
     const bool sought = found->evaluations > 0;
     const double numbers = (double)s->trained * s->outputs.count;
-    /* From what the last fit leaves. */
+    /* The noise is estimated from the residuals of the last fit. */
     const double noise =
         s->learned.scaled_rmse * sqrt(numbers / fmax(numbers - found->effective, 0.02 * numbers));
     lg_result_whole(self, "evidence_evaluations", found->evaluations, NULL);

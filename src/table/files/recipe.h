@@ -88,7 +88,8 @@ void lg_table_softmax(double *y, uint32_t classes); /* probabilities from logits
 
 /* Beyond this many parameters the matrix of Levenberg-Marquardt takes too long. */
 enum { LG_TABLE_MOST_LM = 1500 };
-/* Multiplications in an evaluation of residuals, Jacobian and matrix, and what else it costs. */
+/* Work of one evaluation of residuals, Jacobian and matrix: multiplications, and other costs in units of a
+ * multiplication. */
 double lg_table_work(const lg_table *model, double rows);
 uint32_t lg_table_slices(const lg_table *model); /* arrays of parameters */
 /* Parameters as the run's seed draws them. */

@@ -1,4 +1,4 @@
-/* Rows of tables that are learned or judged: what is left out, and what is told of odd cells. */
+/* Chooses the rows of a table that are learned or judged, and warns of odd cells. */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
