@@ -470,6 +470,7 @@ lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *mo
         const lg_surrogate *borrowed;
         void *user;
     } pointer = {.borrowed = model};
+    LG_TRY(lg_surrogate_check_modes(model, error));
     const struct bundle *bundle = &bundles[model->options.kind];
     lg_function_spec functions[MOST_FUNCTIONS];
     const uint32_t modes = model->options.modes, outputs = lg_surrogate_outputs(model);
@@ -478,7 +479,6 @@ lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *mo
         [MEAN] = {"mean", lg_shape1(outputs), model->modes},
         [MODES] = {"modes", lg_shape1(modes * outputs), modes > 0 ? model->modes + outputs : NULL}};
     lg_program_spec spec;
-    LG_TRY(lg_surrogate_check_modes(model, error));
     lg_program_spec_init(&spec);
     for (; spec.function_count < MOST_FUNCTIONS && bundle->function[spec.function_count].name != NULL;
          spec.function_count++) {

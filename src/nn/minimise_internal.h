@@ -139,7 +139,8 @@ bool lg_minimise_newton_shows(const lg_minimiser *m);
 /* The search along d from x: begins with trial step alpha. */
 void lg_minimise_search_begin(lg_minimiser *m, double alpha);
 typedef enum lg_search_verdict { LG_SEARCH_ON, LG_SEARCH_ACCEPT, LG_SEARCH_FAIL } lg_search_verdict;
-/* Takes f and g.d of the trial; LG_SEARCH_ON: numbers.alpha is the next trial. */
+/* Takes f and g.d of the trial; f = INFINITY where f or g is not finite.
+ * LG_SEARCH_ON: numbers.alpha is the next trial. */
 lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope);
 
 /* Rows of the rank. The matrix is cut into blocks of rows that do not depend on the ranks. Each block has as

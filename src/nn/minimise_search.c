@@ -31,7 +31,7 @@ static double interpolate(const lg_minimise_numbers *s) {
 
 lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope) {
     lg_minimise_numbers *s = &m->numbers;
-    const bool falls = isfinite(value) && isfinite(slope) && value <= s->value + ARMIJO * s->alpha * s->slope;
+    const bool falls = isfinite(slope) && value <= s->value + ARMIJO * s->alpha * s->slope;
     const bool last = ++m->counts.trials == MOST_TRIALS;
     if (falls && slope >= WOLFE * s->slope) {
         m->counts.endless = 0;
