@@ -196,7 +196,7 @@ static lg_var build_pair(const void *user, lg_tape *tape, const lg_var *x) {
     return joined(tape, status, out);
 }
 
-/* ---- the rows ---- */
+/* ---- the cases ---- */
 
 static const double no_angle[BATCH * COPIES * 3] = {0};
 

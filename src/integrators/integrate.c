@@ -14,7 +14,7 @@ static double dmin(double a, double b) {
     return a < b ? a : b;
 }
 
-/* ---- fixed ---- */
+/* ---- fixed steps ---- */
 
 lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t steps, const double *inputs,
                              size_t input_dim, size_t every, const double *y0, double *out,
@@ -85,7 +85,7 @@ double lg_error_norm(double rtol, const double *atol, const double *error, const
     return lg_kernels_for(LG_F64)->error_norm(dim, rtol, atol, error, y, y_next);
 }
 
-/* ---- adaptive ---- */
+/* ---- adaptive steps ---- */
 
 /* The state of a run; steps go in direction `sign`, sizes are positive. */
 typedef struct lg_run {

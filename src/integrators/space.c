@@ -643,7 +643,7 @@ static void carry_copy(const lg_space_entry *row, const double *y, const double 
     }
 }
 
-enum { AT_ONCE = 8 }; /* copies */
+enum { AT_ONCE = 8 }; /* copies that are moved per call of `lift` and `act` */
 
 static void move_copies(const lg_space_entry *row, size_t count, const double *y, const double *vector,
                         double *out) {

@@ -41,7 +41,7 @@ typedef struct lg_step_form lg_step_form;
 struct lg_stepper {
     const lg_context *context; /* of lg_stepper_create */
     const lg_scheme *scheme;
-    const lg_step_form *form; /* stepper.c */
+    const lg_step_form *form; /* see stepper.c */
     lg_ode ode;
     size_t evaluations;
     double angle;  /* largest in the last step */
