@@ -1,4 +1,5 @@
-/* Memory of a tape: bump arena for recorded values, size-class pool for what lives and dies inside a pass. */
+/* The memory of a tape: a bump arena holds recorded values, and a pool with size classes holds values that
+ * are needed only during one pass. */
 #include "autodiff/tape/tape_internal.h"
 
 #include <string.h>
@@ -46,8 +47,8 @@ bool lg_grow(lg_tape *tape, void **array, uint32_t *capacity, uint32_t needed, s
     return true;
 }
 
-/* Moves to the next chunk that fits, making one at the end when none does. Chunks passed over stay empty
- * until the next rewind, so a repeated step takes the same path and allocates nothing. */
+/* Moves to the next chunk that is large enough for `bytes`, or appends a new one when none is. Skipped chunks
+ * stay empty until the next rewind, so a repeated step takes the same path and allocates nothing. */
 static bool next_chunk(lg_tape *tape, lg_arena *arena, size_t bytes) {
     uint32_t next = arena->count == 0 ? 0 : arena->current + 1;
     while (next < arena->count && arena->chunks[next].size < bytes) next++;
@@ -82,7 +83,8 @@ void lg_arena_destroy(lg_tape *tape, lg_arena *arena) {
     *arena = (lg_arena){0};
 }
 
-/* Size classes: four steps an octave from 64 bytes. Returns the class and rounds `bytes` up to its size. */
+/* There are four size classes per octave, starting at 64 bytes. Returns the class of `bytes` and rounds
+ * `bytes` up to the block size of this class. */
 static uint32_t size_class(size_t *bytes) {
     size_t units = round_up(*bytes == 0 ? 1 : *bytes) / LG_ALIGNMENT;
     if (units <= 4) {

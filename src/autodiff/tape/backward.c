@@ -1,15 +1,17 @@
-/* The unrecorded reverse sweep: every value comes from the pool and is given back after its node.
+/* The unrecorded reverse sweep: every intermediate value comes from the pool and is returned to it once its
+ * node is done.
  *
- * It keeps an adjoint block for each live node. A block is adopted from a temporary of the vjp when it is the
- * first contribution, accumulated into otherwise, and returned to the pool when its node is done. A view
- * (reshape, contiguous slice) has no block of its own: its adjoint lies inside its parent's, so a weight's
- * gradient is accumulated straight into the caller's flat gradient. Of the caller's memory it is known what
- * holds numbers already: what does not is written by the first contribution, without being read or cleared.
+ * The sweep keeps one block of memory, the adjoint, for each node that has received a contribution. The first
+ * contribution to a node may be a temporary of a vjp; then its memory is taken over as the block. Later
+ * contributions are added. A block goes back to the pool when its node is done. A view (reshape, contiguous
+ * slice) has no block: its adjoint lies inside its parent's adjoint, so a weight's gradient is accumulated
+ * directly in the caller's flat gradient. The sweep knows which parts of the caller's memory already hold
+ * numbers; the first contribution to any other part overwrites it, so that part is neither read nor cleared
+ * beforehand.
  *
- * On request it bounds the norm of what it leaves in the caller's memory, by the triangle inequality over
- * contributions: |A B| <= |A| |B| (Frobenius) for a product, where that is less work than to measure it; all
- * else is measured while it is near.
- */
+ * On request the sweep bounds the norm of what it leaves in the caller's memory. It uses the triangle
+ * inequality over the contributions: for a product |A B| <= |A| |B| (Frobenius norms) where this is less work
+ * than measuring the product. Every other contribution is measured while it is still in the cache. */
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/tape/rows.h"
 #include "autodiff/tape/sweep.h"
@@ -17,7 +19,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { REACHED = 1, ASKED = 2 }; /* ASKED: one of the variables wanted */
+enum { REACHED = 1, ASKED = 2 }; /* ASKED: node of one of the wanted variables, `wrt` */
 
 /* ---- the caller's memory ---- */
 
@@ -25,7 +27,8 @@ typedef struct span {
     size_t begin, end;
 } span;
 
-/* The spans, sorted and apart, are those that hold numbers. */
+/* A gradient buffer of the caller. `span` lists the byte ranges that already hold numbers, sorted and
+ * disjoint. */
 enum { SPANS = 16 };
 typedef struct target {
     unsigned char *base;
@@ -34,7 +37,7 @@ typedef struct target {
     span span[SPANS];
 } target;
 
-/* Zeros where begin..end is not covered by the spans first..after-1. */
+/* Writes zeros to those bytes of begin..end that the spans first..after-1 do not cover. */
 static void clear(target *t, uint32_t first, uint32_t after, size_t begin, size_t end) {
     size_t at = begin;
     for (uint32_t i = first; i < after; i++) {
@@ -50,8 +53,9 @@ static void clear_rest(target *t) {
     t->span[0] = (span){0, t->bytes};
 }
 
-/* Called before something is added to begin..end: true when nothing is there, so that it is to be written;
- * otherwise what was missing is zero now. */
+/* Called before a contribution is added to the bytes begin..end. Returns true when none of them holds numbers
+ * yet: the caller must then overwrite the whole range. Otherwise the bytes that held no numbers have been set
+ * to zero, and the caller must add. Either way the range counts as filled from now on. */
 static bool first_touch(target *t, size_t begin, size_t end) {
     bool empty = true;
     uint32_t first = 0, after;
@@ -78,14 +82,16 @@ static bool first_touch(target *t, size_t begin, size_t end) {
 
 typedef struct lg_sweep {
     lg_range range;
-    void **block;    /* adjoint memory of a node, NULL until the first contribution */
-    target *targets; /* of the variables */
-    uint32_t *lent;  /* 1 + the target in which the block lies, 0 for the pool's memory */
+    void **block;    /* adjoint of each node, NULL until the first contribution */
+    target *targets; /* one per wanted variable */
+    uint32_t *lent;  /* 1 + index of the target that contains the block; 0: pool memory */
     uint8_t *reach;
-    uint8_t *owned;     /* the block is the pool's, not the caller's or a parent's */
-    double *bound;      /* of the norm of the caller's memory; NULL when nobody asks */
-    lg_rows *rows;      /* NULL: all rows together */
-    uint64_t unbounded; /* bit k: the step in work writes input k's adjoint by itself; not in the bound yet */
+    uint8_t *owned; /* 1: the block is from the pool; 0: it belongs to the caller or a parent */
+    double *bound;  /* bound on the norm of the caller's memory; NULL when not requested */
+    lg_rows *rows;  /* NULL unless the gradient of each row is kept apart */
+    /* Bit k is set while the current step has written input k's adjoint in place and its norm is not yet in
+     * `bound`. */
+    uint64_t unbounded;
 } lg_sweep;
 
 _Static_assert(LG_MAX_INPUTS <= 64, "a bit for each input");
@@ -94,14 +100,15 @@ static size_t node_bytes(const lg_tape *tape, uint32_t i) {
     return tape->nodes[i].count * tape->k->size;
 }
 
-/* A view that takes part and is not itself asked for: its parent takes part too. */
+/* Whether the node is a view whose adjoint lies inside its parent's. This holds for a view that takes part in
+ * the sweep and is not itself a wanted variable; its parent then takes part too. */
 static bool inside_parent(const lg_sweep *sweep, const lg_node *node, uint32_t at) {
     return (node->flags & LG_NODE_VIEW) && sweep->reach[at] == REACHED;
 }
 
-/* Where node i's adjoint lives, or NULL when nothing has been added to it and it has no place by itself. A
- * view whose parent takes part lives inside its parent's block, made with zeros on demand. Sets the tape's
- * error on failure. */
+/* Returns the adjoint block of node i, or NULL when the node has no block yet. The block of a view lies
+ * inside its parent's block; the parent's block is created with zeros if needed. With `demand`, a missing
+ * block is created with zeros for any node. Sets the tape's error on failure. */
 static void *block_of(lg_tape *tape, lg_sweep *sweep, uint32_t i, bool demand) {
     uint32_t at = i - sweep->range.lo;
     if (sweep->block[at] != NULL) return sweep->block[at];
@@ -121,7 +128,8 @@ static void *block_of(lg_tape *tape, lg_sweep *sweep, uint32_t i, bool demand) {
     return sweep->block[at];
 }
 
-/* Whether node i's block is the caller's memory that holds nothing yet; see first_touch. */
+/* Whether node i's block lies in the caller's memory and holds no numbers yet; then it must be overwritten
+ * (first_touch). */
 static bool untouched(const lg_tape *tape, lg_sweep *sweep, uint32_t i) {
     const uint32_t at = i - sweep->range.lo;
     if (sweep->lent[at] == 0) return false;
@@ -134,14 +142,16 @@ static double norm_of(const lg_tape *tape, size_t count, const void *value) {
     return sqrt(tape->k->dot(count, value, value));
 }
 
-/* Adds what lies in node i's block to the bound, if that is the caller's memory. */
+/* Adds the norm of `value`, a contribution to node i, to the bound if node i's block lies in the caller's
+ * memory. */
 static void add_to_bound(const lg_tape *tape, lg_sweep *sweep, uint32_t i, const void *value) {
     if (sweep->bound == NULL || sweep->lent[i - sweep->range.lo] == 0) return;
     *sweep->bound += norm_of(tape, tape->nodes[i].count, value);
 }
 
-/* Adds contribution v to node i's adjoint. A temporary that owns its value, and is its only reader, gives it
- * away when it is the first contribution. */
+/* Adds contribution v to node i's adjoint. If v is the first contribution, is a temporary that owns its
+ * memory, and nobody else reads this memory (only_reader), the memory becomes node i's block without a
+ * copy. */
 static void contribute(lg_tape *tape, lg_sweep *sweep, uint32_t i, lg_var v, bool only_reader) {
     uint32_t at = i - sweep->range.lo;
     void *block = block_of(tape, sweep, i, false);
@@ -165,7 +175,8 @@ static void contribute(lg_tape *tape, lg_sweep *sweep, uint32_t i, lg_var v, boo
     }
 }
 
-/* Adjoints overlap where the values do: views of the same numbers, or one node twice. */
+/* Whether the values of a and b overlap in memory; their adjoints then overlap too. This happens when both
+ * are views of the same numbers or the same node. */
 static bool overlap(const lg_tape *tape, lg_var a, lg_var b) {
     const uintptr_t pa = (uintptr_t)lg_node_at(tape, a)->value, pb = (uintptr_t)lg_node_at(tape, b)->value;
     return pa < pb + node_bytes(tape, b.index) && pb < pa + node_bytes(tape, a.index);
@@ -194,7 +205,8 @@ void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add) {
     return block;
 }
 
-/* The adjoint of an asked variable or a view may hold numbers that are not its own: it counts as started. */
+/* For a wanted variable or a view this returns true even before its first contribution: its block may lie in
+ * memory that already holds other numbers. */
 bool lg_reverse_started(const lg_reverse *r, uint32_t k) {
     const uint32_t i = r->in[k].index, at = i - r->sweep->range.lo;
     return r->sweep->block[at] != NULL || inside_parent(r->sweep, &r->tape->nodes[i], at);
@@ -211,7 +223,8 @@ void lg_reverse_three(lg_reverse *r, lg_reverse_kernel kernel, size_t n) {
     if (r->tape->status == LG_OK) kernel(n, in, lg_node_at(r->tape, r->g)->value, out, add);
 }
 
-/* Takes the product of a and b into the bound if that is less work than to measure it. */
+/* Adds |a| |b|, a bound on the norm of the product of a and b, to the sweep's bound if that is less work than
+ * measuring the product. */
 static void bound_product(lg_reverse *r, uint32_t k, const lg_node *a, const lg_node *b) {
     lg_sweep *sweep = r->sweep;
     const uint32_t i = r->in[k].index;
@@ -240,7 +253,7 @@ void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg
     bound_product(r, k, na, nb);
 }
 
-/* Frees what a vjp left behind: nodes after the mark, their pool blocks, payload. */
+/* Removes the temporaries of a vjp: nodes recorded after the mark, their pool blocks and their payload. */
 static void drop_temporaries(lg_tape *tape, lg_mark before) {
     for (uint32_t i = before.nodes; i < tape->count; i++)
         if (tape->nodes[i].flags & LG_NODE_POOLED)
@@ -251,7 +264,8 @@ static void drop_temporaries(lg_tape *tape, lg_mark before) {
     tape->arena.used = before.used;
 }
 
-/* No other cotangent of this step reads the memory of out[k], as itself or as a view of a part. */
+/* Whether no other cotangent in `out` starts inside the memory of out[k]: none is the same variable or a view
+ * of a part of it. */
 static bool unshared(const lg_tape *tape, const lg_var *out, uint32_t inputs, uint32_t k) {
     const uintptr_t begin = (uintptr_t)lg_node_at(tape, out[k])->value;
     const uintptr_t end = begin + node_bytes(tape, out[k].index);
@@ -263,7 +277,8 @@ static bool unshared(const lg_tape *tape, const lg_var *out, uint32_t inputs, ui
     return true;
 }
 
-/* One node of the unrecorded sweep: its vjp, its contributions, its temporaries' end. */
+/* One node of the unrecorded sweep: runs its vjp, adds the contributions to its inputs' adjoints, and removes
+ * the temporaries. */
 static void unrecorded_step(lg_tape *tape, lg_sweep *sweep, uint32_t i, void *block) {
     lg_var in[LG_MAX_INPUTS], out[LG_MAX_INPUTS];
     bool need[LG_MAX_INPUTS];
@@ -283,8 +298,8 @@ static void unrecorded_step(lg_tape *tape, lg_sweep *sweep, uint32_t i, void *bl
     drop_temporaries(tape, before);
 }
 
-/* A variable that is a leaf has the caller's buffer as its block; any other has a block of its own that goes
- * to the caller's when complete. */
+/* Copies or adds the complete adjoint of node i to the caller's buffer t. Only wanted variables that are not
+ * leaves need this; the block of a wanted leaf is the caller's buffer itself. */
 static void hand_out(const lg_tape *tape, lg_sweep *sweep, uint32_t i, const void *block, target *t) {
     if (sweep->bound != NULL) *sweep->bound += norm_of(tape, tape->nodes[i].count, block);
     if (first_touch(t, 0, t->bytes))
@@ -311,8 +326,8 @@ static void unrecorded_sweep(lg_tape *tape, lg_sweep *sweep, const lg_var *wrt, 
     }
 }
 
-/* Marks the variables asked for and lends the leaves among them the caller's buffers, which hold numbers
- * already when something is to be `added` to them. */
+/* Marks the wanted variables, and makes the caller's buffer the adjoint block of each wanted variable that is
+ * a leaf. With `added`, the buffers hold numbers already and the gradients are added to them. */
 static void open_targets(lg_tape *tape, lg_sweep *sweep, const lg_var *wrt, size_t n, void *const *grad,
                          bool added) {
     for (size_t i = 0; i < n; i++) {
@@ -341,7 +356,8 @@ static void seed(lg_tape *tape, lg_sweep *sweep, lg_var y) {
     drop_temporaries(tape, before);
 }
 
-/* The gradients of rows with respect to `theta`: each row's in (count, elements). */
+/* A request for the gradient of each row with respect to `theta`; `gradient` is (count, elements of
+ * theta). */
 typedef struct apart {
     lg_var theta;
     size_t count;

@@ -1,8 +1,7 @@
-/* Recorded reverse and forward mode, and what is built on them.
+/* Recorded reverse and forward mode, and functions built on them.
  *
- * All sweeps look at the nodes lo..hi only, lo the oldest variable asked for, hi the newest output. A node
- * takes part when it depends, through inputs that are not frozen, on one of the variables.
- */
+ * Every sweep visits only the nodes lo..hi, where lo is the oldest variable of the request and hi the newest
+ * output. A node takes part when it depends on one of the variables through inputs that are not frozen. */
 #include "autodiff/tape/sweep.h"
 
 #include <string.h>
@@ -25,7 +24,8 @@ static void recorded_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, 
     }
 }
 
-/* out[i] = what was found for list[i], zeros for nothing. `out` is untouched unless all is well. */
+/* Sets out[i] to the derivative found for list[i], or to zeros when none was found. `out` is written only if
+ * everything succeeded. */
 static void collect(lg_tape *tape, lg_range range, lg_var *found, const lg_var *list, size_t n, lg_var *out) {
     for (size_t i = 0; i < n && tape->status == LG_OK; i++) {
         lg_var *slot = &found[list[i].index - range.lo];
@@ -77,7 +77,7 @@ lg_status lg_grad(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, lg_var *
 
 /* ---- recorded forward mode ---- */
 
-/* Clears reach for nodes on which no output depends. */
+/* Clears `reach` for nodes that no output depends on. */
 static void keep_needed(lg_tape *tape, lg_range range, const lg_var *y, size_t ny, uint8_t *reach,
                         uint8_t *needed) {
     for (size_t i = 0; i < ny; i++)
@@ -94,8 +94,8 @@ static void keep_needed(lg_tape *tape, lg_range range, const lg_var *y, size_t n
     }
 }
 
-/* A variable that depends on another one gets its own direction and what comes to it through the other, as
- * the reverse mode's total derivatives ask. */
+/* If variable x[i] depends on another variable x[j], its tangent is the sum of its own direction and the
+ * tangent that arrives through x[j]. This agrees with reverse mode, which returns total derivatives. */
 static void forward_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, lg_var *tangent) {
     lg_var in[LG_MAX_INPUTS], tangents[LG_MAX_INPUTS];
     for (uint32_t i = range.lo; i <= range.hi && tape->status == LG_OK; i++) {
@@ -152,7 +152,7 @@ lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, con
     return tape->status;
 }
 
-/* ---- built on them ---- */
+/* ---- functions built on both modes ---- */
 
 /* A tensor of v's shape that is 1 at element `one` and 0 elsewhere. */
 static lg_var unit_like(lg_tape *tape, lg_var v, size_t one) {

@@ -1,4 +1,4 @@
-/* The first error of a tape: its status, and a sentence with operation, shapes and scope. */
+/* The first error of a tape: its status, and a message with the operation, the shapes and the scope. */
 #include <stdio.h>
 #include <string.h>
 

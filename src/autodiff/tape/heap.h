@@ -1,4 +1,4 @@
-/* Memory that is freed all at once: pieces of blocks from the context. */
+/* A heap whose pieces are freed all at once. They are cut from larger blocks of the context's allocator. */
 #ifndef LG_HEAP_H
 #define LG_HEAP_H
 
@@ -7,12 +7,13 @@
 typedef struct lg_heap {
     const lg_context *context;
     struct lg_heap_block *block;
-    size_t used, size; /* of the newest block */
-    size_t bytes;      /* taken in all */
-    size_t most;       /* limit of `bytes`; 0: none */
+    size_t used, size; /* bytes of the newest block */
+    size_t bytes;      /* total handed out so far */
+    size_t most;       /* limit on `bytes`; 0 means no limit */
 } lg_heap;
 
-/* Zeroed, 64-byte aligned; NULL: out of memory, or beyond the limit. */
+/* Memory for `count` elements of `size` bytes, zeroed and 64-byte aligned. Returns NULL when out of memory or
+ * beyond the limit. */
 void *lg_heap_take(lg_heap *heap, size_t count, size_t size);
 void lg_heap_destroy(lg_heap *heap);
 

@@ -1,9 +1,10 @@
-/* Gradients of each row of a batch with respect to what all rows share.
+/* Gradients of each row of a batch with respect to a parameter vector theta that all rows share.
  *
- * A node carries rows when it depends on a marked leaf (lg_tape_mark_rows). One that depends on theta and
- * carries no rows is shared. The ordinary sweep sums over rows where a shared node enters one that carries
- * rows; here each row's part is kept. Parts of a view of theta lie in theta's gradients; those of any other
- * shared node are multiplied by its Jacobian at the end. */
+ * A node "carries rows" when it depends on a marked leaf (lg_tape_mark_rows). A node that depends on theta
+ * and carries no rows is "shared": it is the same for all rows. Where a shared node is an input of a node
+ * that carries rows, the ordinary sweep sums the cotangent over rows; here the part of each row is kept. For
+ * a view of theta, the parts are written directly into theta's gradients. For any other shared node, they are
+ * collected and multiplied by the node's Jacobian with respect to theta at the end. */
 #include "autodiff/tape/rows.h"
 #include "autodiff/ops/op_rows.h"
 
@@ -13,12 +14,13 @@ enum { SHARED = 1, CARRIES = 2 };
 
 struct lg_rows {
     lg_range range;
-    size_t count;      /* B */
-    uint32_t theta;    /* its node, and */
-    size_t parameters; /* its length */
+    size_t count;      /* B, number of rows */
+    uint32_t theta;    /* node index of theta */
+    size_t parameters; /* number of elements of theta */
     double *gradient;  /* (B, parameters) */
-    uint8_t *kind;     /* of each node of the range */
-    double **part;     /* of shared nodes that are no views of theta: (B, elements), NULL until needed */
+    uint8_t *kind;     /* SHARED, CARRIES or 0, per node of the range */
+    /* Cotangent of each row for shared nodes that are no views of theta: (B, elements), NULL until needed. */
+    double **part;
 };
 
 static bool carries_rows(const lg_tape *tape, const lg_rows *rows, uint32_t node) {
@@ -58,7 +60,8 @@ lg_rows *lg_rows_open(lg_tape *tape, lg_range range, lg_var theta, size_t count,
     return rows;
 }
 
-/* Where the parts of a shared node are, a row `*stride` numbers after the other. NULL: error set. */
+/* Where the rows' parts of a shared node are stored; consecutive rows are `*stride` numbers apart. NULL:
+ * error set. */
 static double *parts_of(lg_tape *tape, lg_rows *rows, uint32_t node, size_t *stride) {
     size_t offset = 0;
     uint32_t at = node;
@@ -84,7 +87,8 @@ static void meet(lg_tape *tape, const char *operation) {
     (void)lg_tape_fail(tape, LG_UNSUPPORTED, operation, "its rows meet");
 }
 
-/* y = a W, a W^T or + b: the part of row r is an outer product, or g_r itself. */
+/* y = a W, a W^T or either plus b, with a shared W or b. Row r contributes the outer product of a_r and g_r
+ * to W's gradient and g_r to b's. */
 static void add_product(lg_tape *tape, lg_rows *rows, const lg_node *node, uint32_t k, const double *g) {
     const uint32_t *parents = lg_parents_of(tape, node);
     const uint32_t variant = node->attr.i[0];
@@ -108,7 +112,8 @@ static void add_product(lg_tape *tape, lg_rows *rows, const lg_node *node, uint3
     }
 }
 
-/* Any other operation: what is shared is given to all rows, whose cotangents then stay apart. */
+/* Any other operation: the shared input is broadcast to all rows first, so the vjp returns one cotangent per
+ * row instead of their sum. */
 static void add_other(lg_tape *tape, lg_rows *rows, uint32_t i, uint32_t k, lg_var g) {
     const uint32_t inputs = tape->nodes[i].inputs, shared = lg_parents_of(tape, &tape->nodes[i])[k];
     lg_var in[LG_MAX_INPUTS], out[LG_MAX_INPUTS];
@@ -156,9 +161,10 @@ void lg_rows_add(lg_tape *tape, lg_rows *rows, uint32_t i, lg_var g) {
     }
 }
 
-/* ---- the end ---- */
+/* ---- gradients of theta from the collected parts ---- */
 
-/* gradient += parts J with the Jacobian J (elements, parameters) of a shared node. */
+/* gradient += part J, where J (elements, parameters) is the Jacobian of a shared node with respect to
+ * theta. */
 static void pull_back(lg_tape *tape, lg_rows *rows, uint32_t node, const double *part) {
     const lg_mark mark = lg_tape_mark(tape);
     const size_t elements = tape->nodes[node].count, n = rows->parameters;

@@ -1,10 +1,10 @@
-/* The tape: nodes, handles, marks, recording and readers. */
+/* The tape: creation, handles, marks, recording and readers. */
 #include "autodiff/tape/tape_internal.h"
 
 #include <stdio.h>
 #include <string.h>
 
-/* ---- life ---- */
+/* ---- creation and destruction ---- */
 
 void lg_tape_options_init(lg_tape_options *options) {
     *options = (lg_tape_options){.size = sizeof *options, .dtype = LG_F64, .threads = 1};
@@ -25,7 +25,8 @@ lg_status lg_tape_create(const lg_context *context, const lg_tape_options *optio
     tape->context = context;
     tape->options = chosen;
     tape->k = lg_kernels_for(chosen.dtype);
-    /* Tapes start far apart, so that a foreign handle does not look like one's own. */
+    /* The first generation depends on the tape's address, so that a handle of another tape is unlikely to
+     * look valid. */
     tape->generation = (uint32_t)((uintptr_t)tape >> 6) * 2654435761u | 1u;
     if (chosen.threads > 1) {
         const lg_status status = lg_thread_pool_create(context, chosen.threads, &tape->workers);
@@ -77,8 +78,8 @@ size_t lg_shape_count(lg_shape shape) {
 
 /* ---- marks ---- */
 
-/* A mark is recognised by the node before it: if that node was rewound, its successor has another generation.
- */
+/* A mark stores the generation of the last node before it. If this node was rewound since, the node now in
+ * its place has another generation, and the mark is rejected. */
 lg_mark lg_tape_mark(const lg_tape *tape) {
     lg_mark mark = {tape->count, tape->parents_count,
                     tape->count == 0 ? 0 : tape->nodes[tape->count - 1].generation, tape->arena.current,
@@ -98,7 +99,7 @@ lg_status lg_tape_rewind(lg_tape *tape, lg_mark mark) {
         return LG_INVALID_ARGUMENT;
     lg_forget_nodes(tape, mark.nodes);
     tape->parents_count = mark.nodes == 0 ? 0 : mark.parents;
-    /* A mark on an empty tape fits any tape. */
+    /* A mark taken on an empty tape is valid for any tape, so its other members are not used. */
     tape->arena.current = mark.nodes == 0 ? 0 : mark.chunk;
     tape->arena.used = mark.nodes == 0 ? 0 : mark.used;
     if (++tape->generation == 0) tape->generation = 1;
@@ -141,8 +142,9 @@ void *lg_payload_allocate(lg_tape *tape, size_t bytes) {
     return lg_arena_allocate(tape, &tape->arena, bytes);
 }
 
-/* Room for one more node with its parents, so that pointers to nodes stay valid while it is made. There is
- * an array of parents from the first leaf on: a place in it is then no offset to NULL. */
+/* Reserves memory for one more node and its parents, so that pointers to nodes stay valid while the node is
+ * made. The array of parents exists from the first leaf on, so that &parents[offset] is never an offset to
+ * NULL. */
 static bool reserve(lg_tape *tape, uint32_t inputs) {
     return lg_grow(tape, (void **)&tape->nodes, &tape->capacity, tape->count + 1, sizeof *tape->nodes) &&
            lg_grow(tape, (void **)&tape->parents, &tape->parents_capacity,
@@ -191,7 +193,8 @@ lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_
     return commit(tape, inputs);
 }
 
-/* What the operation asks for besides its inputs and its value; false: error set. */
+/* Provides what the operation needs besides its inputs and its output: a transpose, kept memory and scratch.
+ * False: error set. */
 static bool take_extras(lg_tape *tape, const lg_op *op, const lg_var *in, lg_evaluation *e, size_t *scratch) {
     if (op->transpose != NULL) {
         e->transposed = lg_kept_transpose(tape, op->transpose(e), in[1].index);
@@ -213,7 +216,8 @@ static lg_status evaluate(lg_tape *tape, const lg_op *op, const lg_var *in, lg_e
     return status;
 }
 
-/* `over`: the value is that of the first input. `shape`: the one asked for, where it is given. */
+/* With `over`, the output takes the memory of the first input's value. `shape` is the requested output shape
+ * for operations that need one (lg_op.given). */
 static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                      lg_shape shape, bool over) {
     static const lg_attr none;

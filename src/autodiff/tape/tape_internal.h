@@ -1,8 +1,8 @@
-/* The tape inside: nodes, arena, pool, and what vjps and jvps of operations get.
+/* Internals of the tape: nodes, arena, pool, and the interface that vjps and jvps of operations use.
  *
- * The vjp and jvp of an operation (op.h) run in two modes: recorded, where what they build stays on the tape,
- * and unrecorded (lg_backward), where every value comes from the pool and is given back after the node.
- */
+ * The vjp and jvp of an operation (op.h) run in two modes. In recorded mode the nodes they build stay on the
+ * tape. In unrecorded mode (lg_backward) every value they compute comes from the pool and is returned to it
+ * after the node. */
 #ifndef LG_TAPE_INTERNAL_H
 #define LG_TAPE_INTERNAL_H
 
@@ -12,16 +12,17 @@
 #include "liegrad/tape.h"
 
 enum {
-    LG_NODE_POOLED = 1,   /* the value is a pool block that the node owns (unrecorded mode only) */
-    LG_NODE_VIEW = 2,     /* the value lies inside parent 0's value, attr.i[3] elements in, contiguous */
-    LG_NODE_NO_VALUE = 4, /* the value was overwritten by a fused operation; only handles to it remain */
-    LG_NODE_ROWS = 8      /* a leaf whose first axis is the rows of a batch: lg_tape_mark_rows */
+    LG_NODE_POOLED = 1, /* the value is a pool block that the node owns (unrecorded mode only) */
+    /* the value lies inside parent 0's value, contiguous, starting at element attr.i[3] */
+    LG_NODE_VIEW = 2,
+    LG_NODE_NO_VALUE = 4, /* a fused operation has overwritten the value; the node remains only for handles */
+    LG_NODE_ROWS = 8      /* a leaf whose first axis counts the rows of a batch: lg_tape_mark_rows */
 };
 
 typedef struct lg_node {
     const lg_op *op;
     void *value;
-    void *transposed; /* transpose of the value; NULL until asked for. Its owner: see lg_transposed */
+    void *transposed; /* transpose of the value, NULL until needed; lg_transposed says who owns it */
     size_t count;
     lg_attr attr;
     lg_shape shape;
@@ -35,21 +36,23 @@ typedef struct lg_chunk {
     size_t size;
 } lg_chunk;
 
-/* Chunked bump arena: addresses stay, rewinding is O(1), chunks are kept. */
+/* Bump arena made of chunks: addresses never change, rewinding is O(1), and chunks are kept for reuse. */
 typedef struct lg_arena {
     lg_chunk *chunks;
     uint32_t count, capacity, current;
-    size_t used; /* in the current chunk */
+    size_t used; /* bytes used of the current chunk */
 } lg_arena;
 
-/* Free lists by size class; blocks are carved from the pool's own arena and never returned. */
+/* One list of free blocks per size class. Blocks are cut from the pool's arena and are never returned to
+ * it. */
 #define LG_POOL_CLASSES 240
 typedef struct lg_pool_memory {
     lg_arena arena;
     void *free[LG_POOL_CLASSES];
 } lg_pool_memory;
 
-/* The transpose of a (rows, cols) matrix outside the tape, a pool block. */
+/* The transpose of a constant (rows, cols) matrix that lies outside the tape (lg_tape_constant); it is stored
+ * in a pool block. */
 typedef struct lg_lasting {
     const void *value;
     void *transposed;
@@ -62,8 +65,8 @@ struct lg_tape {
     const lg_context *context;
     const lg_kernels *k;
     lg_tape_options options;
-    size_t bytes;            /* allocated through the context */
-    lg_thread_pool *workers; /* NULL for one thread */
+    size_t bytes;            /* total allocated through the context */
+    lg_thread_pool *workers; /* NULL when the tape uses one thread */
 
     lg_node *nodes;
     uint32_t count, capacity;
@@ -73,46 +76,52 @@ struct lg_tape {
     lg_pool_memory pool;
     uint32_t *transposed; /* indices of the nodes that own their transpose */
     uint32_t transposed_count, transposed_capacity;
-    const unsigned char *constant; /* see lg_tape_constant */
+    const unsigned char *constant; /* memory declared constant by lg_tape_constant */
     size_t constant_bytes;
     lg_lasting *lasting;
     uint32_t lasting_count, lasting_capacity;
 
     uint32_t generation;
-    bool unrecorded; /* values come from the pool */
+    bool unrecorded; /* unrecorded mode: values come from the pool */
 
     lg_status status;
-    uint32_t failed_at; /* node count when the error struck */
+    uint32_t failed_at; /* number of nodes when the error occurred */
     char message[320];
     const char *scopes[LG_SCOPE_DEPTH];
     int scope_depth;
-    uint32_t watch; /* 1 + a node at whose recording the scope is written down; 0: none */
+    /* 1 + index of a node; when this node is recorded, the scope is copied to `watched`. 0: no node is
+     * watched. */
+    uint32_t watch;
     char watched[160];
-    struct lg_calls *calls; /* while a function of a program is recorded (program_call.h), else NULL */
-    lg_exchange exchange;   /* of the derivatives of one operation */
+    /* Set while a function of a program is recorded (program_call.h), otherwise NULL. */
+    struct lg_calls *calls;
+    /* The planted error: replaces the derivatives of one operation (lg_exchange). */
+    lg_exchange exchange;
 };
 
 /* ---- the interface of an operation ---- */
 
-/* One reverse step. out[k] is set to the cotangent of input k, LG_NONE for zero, or left when need[k] is
- * false. */
+/* One reverse step: the argument of a vjp. It must set out[k] to the cotangent of input k, or to LG_NONE for
+ * zero, for every k with need[k]; it may leave the others. */
 typedef struct lg_reverse {
-    const lg_op *op; /* the row in use */
+    const lg_op *op; /* the row of the table in use; see lg_row_in_use */
     lg_tape *tape;
     uint32_t node;
     lg_var y, g;
-    const lg_attr *attr; /* a copy: recording may move the nodes */
+    const lg_attr *attr; /* a copy, because recording may move the nodes */
     const lg_var *in;
     uint32_t inputs;
     const bool *need;
     lg_var *out;
-    struct lg_sweep *sweep; /* NULL when recorded */
-    bool put_out;           /* no adjoint is to be written in place: whoever calls looks at `out` */
+    struct lg_sweep *sweep; /* NULL in recorded mode */
+    /* The cotangents must be returned in `out`; lg_reverse_in_place then says no. */
+    bool put_out;
 } lg_reverse;
 
-/* One forward step: tangents[k] is LG_NONE when input k does not vary. Returns the output's tangent. */
+/* One forward step: the argument of a jvp, which returns the output's tangent. tangents[k] is LG_NONE when
+ * input k does not vary. */
 typedef struct lg_forward {
-    const lg_op *op; /* the row in use */
+    const lg_op *op; /* the row of the table in use; see lg_row_in_use */
     lg_tape *tape;
     lg_var y;
     const lg_attr *attr;
@@ -122,23 +131,26 @@ typedef struct lg_forward {
 
 /* ---- recording ---- */
 
-/* Validates handles, asks for the shape, allocates, evaluates, records. `attr` may be NULL. */
+/* Checks the handles, computes the shape, allocates and evaluates the output, and records the node. `attr`
+ * may be NULL. */
 lg_var lg_record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
-/* Records a node whose value is given (a view, a fused result): shape rule and forward are not run. */
+/* Records a node whose value already exists (a view, a fused result), without running the shape rule or
+ * forward. */
 lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags);
-/* lg_record of an operation that works in place of its first input's value, which becomes its own: the
- * input's node must be the newest, and its value never be read again. Recorded mode only. */
+/* Like lg_record, but the operation works in place: the output takes over the memory of the first input's
+ * value. The first input must be the newest node, and its value must never be read again. Recorded mode
+ * only. */
 lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
-/* For operations whose output's shape is `given`. */
+/* Like lg_record, for operations whose output shape is chosen by the caller (lg_op.given). */
 lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
                         const lg_attr *attr, lg_shape shape);
-/* For what is constant to differentiation. */
+/* The vjp and jvp of operations that differentiation treats as constants. */
 void lg_no_vjp(lg_reverse *r);
 lg_var lg_zero_jvp(const lg_forward *f);
-/* NULL when stale or foreign: the error is then on the tape. */
+/* NULL when the handle is stale or belongs to another tape; the tape's error is then set. */
 lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation);
-/* A valid handle's node without ceremony. */
+/* The node of a handle that is known to be valid; nothing is checked. */
 static inline const lg_node *lg_node_at(const lg_tape *tape, lg_var v) {
     return &tape->nodes[v.index];
 }
@@ -146,27 +158,31 @@ static inline lg_var lg_var_at(const lg_tape *tape, uint32_t index) {
     lg_var v = {index, tape->nodes[index].generation};
     return v;
 }
-/* Appends more to a sentence of so many bytes; what has no room is cut. */
+/* Appends `more` to the string `text` in a buffer of `size` bytes. Text that does not fit is cut off. */
 void lg_tape_append(char *text, size_t size, const char *more);
-/* Appends "(2, 3)". */
+/* Appends a shape in the form "(2, 3)". */
 void lg_append_shape(char *text, size_t size, const lg_shape *shape);
 lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const *in, uint32_t inputs);
-/* Memory for a value: from the arena, or from the pool in unrecorded mode. NULL: error set. */
+/* Memory for a value of `count` elements: from the arena in recorded mode, from the pool in unrecorded mode.
+ * NULL: error set. */
 void *lg_value_allocate(lg_tape *tape, size_t count);
-/* Payload that lives as long as the nodes recorded now (indices and the like). NULL: error set. */
+/* Memory for extra data of a node, such as indices. It lives as long as the nodes that are recorded now.
+ * NULL: error set. */
 void *lg_payload_allocate(lg_tape *tape, size_t bytes);
-/* Transpose of a node's value of rank 2, or of rank 3 seen as (d0 d1, d2), made once: it lasts as long as the
- * node, or as the memory that has been declared constant. NULL: error set. */
+/* The transpose of a node's value of rank 2, or of rank 3 seen as (d0 d1, d2). It is computed once. It lives
+ * as long as the node, or, if the value lies in memory declared constant (lg_tape_constant), until that
+ * declaration is replaced. NULL: error set. */
 const void *lg_transposed(lg_tape *tape, uint32_t node);
-/* Gives back the transposes that nodes from `node` on own. */
+/* Returns the transposes owned by nodes `node` and later to the pool. */
 void lg_forget_transposes(lg_tape *tape, uint32_t node);
-/* The transpose where `use` says that it is of use, else NULL. */
+/* The transpose of a node's value if `use` says that it pays off, otherwise NULL. */
 const void *lg_kept_transpose(lg_tape *tape, lg_transpose_use use, uint32_t node);
 static inline lg_crew lg_tape_crew(const lg_tape *tape) {
     return (lg_crew){tape->workers, tape->options.threads};
 }
-/* Promises that all that is done on the tape until the next such call finds these bytes, which lg_parameter
- * points to, as they are now: what is derived from them survives lg_tape_reset. NULL, 0: no promise. */
+/* Promises that these bytes, which lg_parameter points to, keep their present values during everything done
+ * on the tape until the next call of this function. Data derived from them, such as transposes, then survives
+ * lg_tape_reset. NULL, 0: no promise. */
 void lg_tape_constant(lg_tape *tape, const void *memory, size_t bytes);
 
 /* ---- memory ---- */
@@ -174,66 +190,68 @@ void *lg_arena_allocate(lg_tape *tape, lg_arena *arena, size_t bytes);
 void lg_arena_destroy(lg_tape *tape, lg_arena *arena);
 void *lg_pool_take(lg_tape *tape, size_t bytes);
 void lg_pool_give(lg_tape *tape, void *block, size_t bytes);
-/* Grows a plain array to hold `needed` elements; false: out of memory (error set). */
+/* Makes an array hold at least `needed` elements of `element` bytes. False: out of memory, error set. */
 bool lg_grow(lg_tape *tape, void **array, uint32_t *capacity, uint32_t needed, size_t element);
-/* Forgets nodes from `node` on: returns their pool blocks and cached transposes. */
+/* Drops the nodes from `node` on and returns their cached transposes to the pool. */
 void lg_forget_nodes(lg_tape *tape, uint32_t node);
 
-/* ---- help for vjps ---- */
+/* ---- helpers for vjps ---- */
 
-/* Whether this step may write its inputs' adjoints by itself: nobody records it or looks at
- * `out`, and no two wanted inputs share memory. */
+/* Whether this step may write into its inputs' adjoints directly. That requires unrecorded mode, a caller
+ * that does not need `out`, and wanted inputs that do not share memory. */
 bool lg_reverse_in_place(const lg_reverse *r);
-/* Then: memory of input k's adjoint. *add: it holds numbers already and is added to; else it is to be
- * written, all of it. NULL: error set. */
+/* Only if lg_reverse_in_place: the memory of input k's adjoint. If *add is true it already holds numbers, and
+ * the vjp must add to them; otherwise the vjp must write every element. NULL: error set. */
 void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add);
-/* Whether something has been added to input k's adjoint already. */
+/* Whether input k's adjoint may already hold contributions. */
 bool lg_reverse_started(const lg_reverse *r, uint32_t k);
-/* Where lg_reverse_in_place: cotangents of three inputs at once, by a kernel of the form of mix_reverse; n is
- * handed to it. */
+/* Only if lg_reverse_in_place: computes the cotangents of three inputs at once with a kernel that has the
+ * signature of mix_reverse; `n` is passed on to the kernel. */
 typedef void (*lg_reverse_kernel)(size_t n, const void *const *in, const void *g, void *const *out,
                                   const bool *add);
 void lg_reverse_three(lg_reverse *r, lg_reverse_kernel kernel, size_t n);
-/* out[k] = product of the variant (0 nn, 1 nt, 2 tn); unrecorded it goes into the adjoint in place. */
+/* out[k] = op(a) op(b), with variant 0 for a b, 1 for a b^T and 2 for a^T b. In unrecorded mode the product
+ * is added directly to the adjoint. */
 void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg_var b);
-/* [c +] op(a) op(b) into memory, b the value of a node; variant as above. a (m, k) after op, b (k, n) after
- * op.
- */
+/* c = [c +] op(a) op(b), where b is the value of node b_node, and `variant` is as above. op(a) is (m, k),
+ * op(b) is (k, n). The term in brackets applies if `accumulate`. */
 void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, uint32_t b_node,
              void *c, bool accumulate);
 
-/* lg_backward_set that also tells how large the result is at most: *bound is the norm of all of grad or above
- * it, up to rounding; where it is within the type's range, all numbers on the way to grad and in it are
- * finite. It costs less than to measure the gradient where that is mostly made of products of small factors.
- */
+/* Like lg_backward_set, and also sets *bound to an upper bound, up to rounding, on the norm of all of grad
+ * together. If *bound is within the type's range, then every number in grad and every intermediate number of
+ * the sums that form it is finite. The bound costs less than the norm itself where the gradient consists
+ * mostly of products of small factors. */
 lg_status lg_backward_set_bounded(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad,
                                   double *bound);
 
-/* Says that the first axis of a leaf is the rows of a batch. */
+/* Declares that the first axis of a leaf counts the rows of a batch. */
 void lg_tape_mark_rows(lg_tape *tape, lg_var leaf);
-/* The gradients of each row: y is a sum over `count` rows that do not meet, x a variable and theta a leaf,
- * rank 1, that all rows share. What does not depend on a marked leaf is the same for all rows. grad (elements
- * of x) and gradients (count, elements of theta) are set. Double tapes. Errors also: LG_UNSUPPORTED (rows
- * meet). */
+/* Computes the gradient of each row separately. y must be a sum over `count` rows that do not interact; x is
+ * a variable; theta is a leaf of rank 1 that all rows share. Nodes that do not depend on a marked leaf
+ * (lg_tape_mark_rows) are the same for all rows. Sets grad, the gradient of y with respect to x, and
+ * gradients (count, elements of theta). For tapes of type double only. Errors also: LG_UNSUPPORTED when rows
+ * interact. */
 lg_status lg_backward_rows(lg_tape *tape, lg_var y, lg_var x, double *grad, lg_var theta, size_t count,
                            double *gradients);
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v);
-/* Whether a derivative of y by x is anything but zero whatever the numbers; false on failure. */
+/* Whether y depends on x through inputs that are not frozen; if not, the derivative is zero for all values.
+ * Returns false on failure. */
 bool lg_depends_on(lg_tape *tape, lg_var y, lg_var x);
-/* a + b where LG_NONE is zero */
+/* a + b, where LG_NONE stands for zero. */
 static inline lg_var lg_add_or(lg_tape *tape, lg_var a, lg_var b) {
     if (lg_is_none(a)) return b;
     if (lg_is_none(b)) return a;
     return lg_add(tape, a, b);
 }
-/* Resolves a possibly negative axis; -1 on failure. */
+/* Converts a negative axis, which counts from the end, to 0..rank-1. Returns -1 for an invalid axis. */
 static inline int lg_axis(int axis, uint32_t rank) {
     if (axis < 0) axis += (int)rank;
     return axis >= 0 && axis < (int)rank ? axis : -1;
 }
-/* The sticky status. `all` says whether the pointers that the operation needs are there: if not,
- * LG_INVALID_ARGUMENT, which sticks. The same for a tape that is NULL. */
+/* Returns the tape's sticky status. `all` says whether all pointers that the operation needs are non-NULL; if
+ * it is false, the tape fails with LG_INVALID_ARGUMENT. A NULL tape also gives LG_INVALID_ARGUMENT. */
 lg_status lg_tape_needs(lg_tape *tape, const char *operation, bool all);
 
 #endif

@@ -1,5 +1,5 @@
-/* Transposes that the tape keeps, and products that use them. A node owns the transpose of its value; that of
- * constant memory is the tape's and outlives the node. */
+/* Transposes kept by the tape, and products that use them. The transpose of a node's value belongs to the
+ * node; the transpose of memory declared constant belongs to the tape and outlives the node. */
 #include "autodiff/tape/tape_internal.h"
 
 void lg_tape_constant(lg_tape *tape, const void *memory, size_t bytes) {
