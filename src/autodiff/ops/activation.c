@@ -1,9 +1,9 @@
-/* Activations, closed under differentiation.
+/* Activations, a family of operations that is closed under differentiation.
  *
- * ACT(x; kind) is the activation; ACT_DERIVATIVE(x, h[, g]; kind, n) is g times its n-th derivative at x,
- * computed from the stored helper h (the value for tanh, sigmoid and the ReLUs, the sigmoid for swish), to
- * which differentiation is blind. Its own derivative with respect to x is the family's next member.
- */
+ * ACT(x; kind) is the activation. ACT_DERIVATIVE(x, h[, g]; kind, n) is its n-th derivative at x, times g if
+ * given. It is computed from the stored helper h: the activation's value for tanh, sigmoid and the ReLUs, the
+ * sigmoid of x for swish. Differentiation treats h as a constant. The derivative of ACT_DERIVATIVE with
+ * respect to x is ACT_DERIVATIVE with n + 1. */
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/scalars.h"
 #include "autodiff/tape/tape_internal.h"
@@ -24,7 +24,7 @@ _Static_assert((int)LG_K_IDENTITY == (int)LG_IDENTITY && (int)LG_K_TANH == (int)
                    (int)LG_K_SINE == (int)LG_SINE && (int)LG_K_ACTS == LG_ACTIVATION_COUNT,
                "kinds are handed to the kernels as they are");
 
-/* Which value the derivatives are computed from. */
+/* The value from which derivatives are computed. */
 typedef enum helper { HELPER_NONE, HELPER_VALUE, HELPER_SIGMOID } helper;
 static const helper helpers[LG_ACTIVATION_COUNT] = {HELPER_NONE,  HELPER_VALUE, HELPER_VALUE, HELPER_SIGMOID,
                                                     HELPER_VALUE, HELPER_VALUE, HELPER_NONE};
@@ -39,7 +39,7 @@ static lg_status act_shape(const lg_shape *const *in, uint32_t inputs, const lg_
 
 /* ---- scalar code ---- */
 
-/* y prod_k (h^2 - z_k), to = 1 - h^2, as in act.inc */
+/* y prod_k (h^2 - z_k), where z_k are the zeros and to = 1 - h^2; the same factorisation as in act.inc. */
 static lg_scalar times_zeros(lg_scalars *s, uint32_t order, lg_scalar h, lg_scalar to, lg_scalar y) {
     for (uint32_t k = 0; k < (order - 1) / 2; k++) {
         const double zero = lg_act_zeros[order][k];
@@ -49,7 +49,7 @@ static lg_scalar times_zeros(lg_scalars *s, uint32_t order, lg_scalar h, lg_scal
     return y;
 }
 
-/* x > 0 ? yes : no, NaN to yes */
+/* x > 0 ? yes : no; `yes` if x is NaN. */
 static lg_scalar where_positive(lg_scalars *s, lg_scalar x, lg_scalar yes, lg_scalar no) {
     return lg_s_select(s, lg_s(s, LG_S_GE, lg_s_constant(s, 0.0), x), no, yes);
 }
@@ -81,7 +81,7 @@ static lg_scalar sine_code(lg_scalars *s, lg_scalar x, uint32_t order) {
     return order % 4 < 2 ? y : lg_s_neg(s, y);
 }
 
-/* sigma^(order)(x) with the helper h, which is there where the kind has one. */
+/* sigma^(order)(x). h is the helper for kinds that have one; the ReLUs also work without it (has_h). */
 static lg_scalar derivative_code(lg_scalars *s, uint32_t kind, uint32_t order, lg_scalar x, lg_scalar h,
                                  bool has_h) {
     switch ((lg_activation)kind) {
@@ -120,12 +120,12 @@ static lg_scalar act_element(lg_scalars *s, const lg_attr *attr, const lg_scalar
 
 /* ---- derivatives ---- */
 
-/* g * sigma^(order)(x) with the helper that belongs to the kind; g and h may be LG_NONE. */
+/* g * sigma^(order)(x) with the helper h of this kind. g and h may be LG_NONE. */
 static lg_var derivative(lg_tape *tape, lg_var x, lg_var h, lg_var g, uint32_t kind, uint32_t order) {
     lg_attr attr = {.i = {kind, order, !lg_is_none(h), !lg_is_none(g)}};
     lg_var in[3] = {x};
     uint32_t n = 1;
-    /* The helper's place is kept even when there is none, so that its bit in `frozen` is fixed. */
+    /* Without a helper, x fills its place, so that the bit of input 1 in `frozen` always means the helper. */
     in[n++] = lg_is_none(h) ? x : h;
     if (!lg_is_none(g)) in[n++] = g;
     return lg_record(tape, &lg_op_act_derivative, in, n, &attr);
@@ -144,7 +144,7 @@ static lg_status derivative_shape(const lg_shape *const *in, uint32_t inputs, co
     return LG_OK;
 }
 
-/* With a helper that is the activation's own value, the argument is not read. */
+/* Input x is not read when the helper is the activation's value; without a helper, input 1 is not read. */
 static uint32_t derivative_unread(const lg_attr *attr, uint32_t inputs) {
     (void)inputs;
     if (attr->i[2] == 0) return 2u;
@@ -153,7 +153,8 @@ static uint32_t derivative_unread(const lg_attr *attr, uint32_t inputs) {
 
 static lg_status derivative_forward(lg_evaluation *e) {
     const void *x =
-        derivative_unread(e->attr, e->inputs) & 1u ? NULL : e->x[0]; /* a tape has it nevertheless */
+        /* A tape passes x even when it must not be read. */
+        derivative_unread(e->attr, e->inputs) & 1u ? NULL : e->x[0];
     e->k->act((lg_k_act)e->attr->i[0], (int)e->attr->i[1], e->count, x, e->attr->i[2] ? e->x[1] : NULL,
               e->attr->i[3] ? e->x[2] : NULL, e->y);
     return LG_OK;
@@ -170,7 +171,8 @@ static lg_var helper_of(const lg_attr *attr, const lg_var *in) {
     return attr->i[2] ? in[1] : LG_NONE;
 }
 
-/* Both cotangents in one pass, straight into the adjoints. `order` of y = q sigma^(order)(x). */
+/* For y = q sigma^(order)(x): adds the cotangents of q and x directly to their adjoints, in one pass. False:
+ * this is not possible, and nothing was done. */
 static bool reversed_in_place(lg_reverse *r, uint32_t order, lg_var h, bool has_q) {
     if (!lg_reverse_in_place(r)) return false;
     lg_tape *tape = r->tape;
@@ -187,7 +189,8 @@ static bool reversed_in_place(lg_reverse *r, uint32_t order, lg_var h, bool has_
     return true;
 }
 
-/* y = g s_n(x): dg = s_n(x) c, dx = (g c) s_{n+1}(x) */
+/* y = g s_n(x), with s_n the n-th derivative of sigma and c the cotangent of y: dg = s_n(x) c, dx = (g c)
+ * s_{n+1}(x). */
 static void derivative_vjp(lg_reverse *r) {
     uint32_t kind = r->attr->i[0], order = r->attr->i[1];
     lg_var h = helper_of(r->attr, r->in);
@@ -222,7 +225,8 @@ static lg_status act_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* The helper of the activation's own node: its value. Swish has none here. */
+/* The helper available at an ACT node: its value y for kinds whose helper is the value, otherwise LG_NONE.
+ * For swish, whose helper is the sigmoid, this node has none. */
 static lg_var own_helper(uint32_t kind, lg_var y) {
     return helpers[kind] == HELPER_VALUE ? y : LG_NONE;
 }
@@ -267,8 +271,8 @@ lg_var lg_act_derivative(lg_tape *tape, lg_var x, lg_activation kind, int order)
 
 /* ---- fused dense layer ---- */
 
-/* Records z = x W + b and y = sigma(z) in one buffer: z's value is overwritten, which its derivatives never
- * read. Kinds whose derivatives need z itself are not fused. */
+/* Records z = x W + b and y = sigma(z) as two nodes with one buffer. y overwrites z, because derivatives of
+ * these kinds never read z. Kinds whose derivatives need z are not fused. */
 lg_var lg_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind) {
     if ((unsigned)kind >= LG_ACTIVATION_COUNT)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dense", "unknown activation");

@@ -5,7 +5,8 @@
 
 /* ---- broadcasting ---- */
 
-/* Dimension of `shape` at axis i of a rank-`rank` result, aligned at the last axis. */
+/* The dimension of `shape` at axis i of a result of rank `rank`, with last axes aligned; 1 where `shape` has
+ * no such axis. */
 static uint32_t dim_at(const lg_shape *shape, uint32_t rank, uint32_t i) {
     uint32_t missing = rank - shape->rank;
     return i < missing ? 1 : shape->dims[i - missing];
@@ -24,18 +25,18 @@ static lg_status broadcast_shape(const lg_shape *const *in, uint32_t inputs, con
     return LG_OK;
 }
 
-/* A strided loop nest of at most four levels, innermost last; strides in elements. */
+/* A nest of LG_MAX_RANK loops over two strided operands, the innermost loop last; strides are in elements. */
 typedef struct nest {
     uint32_t levels;
     size_t dims[LG_MAX_RANK], a[LG_MAX_RANK], b[LG_MAX_RANK];
 } nest;
 
-/* Levels of length 1 vanish and neighbours that are one run for both operands merge. */
+/* Drops axes of length 1 and merges adjacent axes that form one run in both operands. */
 static nest nest_of(const lg_shape *out, const lg_shape *a, const lg_shape *b) {
     nest n = {0};
     size_t stride_a = 1, stride_b = 1;
     size_t dims[LG_MAX_RANK], sa[LG_MAX_RANK], sb[LG_MAX_RANK];
-    uint32_t levels = 0; /* innermost first here */
+    uint32_t levels = 0; /* filled with the innermost axis first */
     for (uint32_t i = out->rank; i-- > 0;) {
         size_t da = dim_at(a, out->rank, i), db = dim_at(b, out->rank, i), d = out->dims[i];
         size_t ra = da == 1 ? 0 : stride_a, rb = db == 1 ? 0 : stride_b;
@@ -81,12 +82,13 @@ static lg_status binary_forward(lg_evaluation *e, lg_k_binary op) {
     return LG_OK;
 }
 
-/* The cotangent or tangent of an input that was broadcast, brought back to its shape. */
+/* Sums the cotangent g of the output to the shape of input k, which may have been broadcast. */
 static lg_var fold(const lg_reverse *r, uint32_t k, lg_var g) {
     return lg_sum_to(r->tape, g, lg_node_at(r->tape, r->in[k])->shape);
 }
 
-/* fold(a * b) for input k: a row-wise dot product when only the last axis was broadcast. */
+/* The same as fold(a * b) for input k; computed as a row-wise dot product when only the last axis was
+ * broadcast. */
 static lg_var fold_product(const lg_reverse *r, uint32_t k, lg_var a, lg_var b) {
     const lg_shape *target = &lg_node_at(r->tape, r->in[k])->shape;
     const lg_shape *sa = &lg_node_at(r->tape, a)->shape, *sb = &lg_node_at(r->tape, b)->shape;
@@ -98,14 +100,14 @@ static lg_var fold_product(const lg_reverse *r, uint32_t k, lg_var a, lg_var b) 
     return fold(r, k, lg_mul(r->tape, a, b));
 }
 
-/* Brings a tangent of an input to the output's shape. */
+/* Broadcasts a tangent of an input to the output's shape. */
 static lg_var spread(const lg_forward *f, lg_var t) {
     return lg_is_none(t) ? t : lg_broadcast_to(f->tape, t, lg_node_at(f->tape, f->y)->shape);
 }
 
 /* ---- operations ---- */
 
-/* Whether input k has the output's shape and the other one is filled with a number. */
+/* Whether input `input` has the output's shape and all elements of the other input equal `with`. */
 static bool other_is(const lg_known *k, uint32_t input, double with) {
     return lg_same_shape(k->in[input], k->shape) && k->filled(k->user, 1 - input, with);
 }
@@ -207,7 +209,7 @@ static lg_instead div_instead(const lg_known *k) {
 const lg_op lg_op_div = {LG_OP("div", 0, 2, 2, broadcast_shape, div_forward, div_vjp, div_jvp),
                          .element = div_element, .instead = div_instead};
 
-/* The mask a >= b, a frozen constant. */
+/* The mask a >= b. Differentiation treats it as a constant. */
 static lg_status ge_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_GE);
 }
@@ -268,8 +270,9 @@ lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
 static lg_status atan2_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_ATAN2);
 }
-/* d atan2(a, b) = (B da - A db)/(m (A^2 + B^2)) with A = a/m, B = b/m for any m. It is max(|a|, |b|), held
- * constant: no square overflows or vanishes. `unit` becomes A, B; the result is g/(m (A^2 + B^2)). */
+/* d atan2(a, b) = (B da - A db)/(m (A^2 + B^2)) with A = a/m, B = b/m, for any m. Here m = max(|a|, |b|), as
+ * a constant for differentiation, so that no square overflows or underflows. Sets unit to {A, B} and returns
+ * g/(m (A^2 + B^2)). */
 static lg_var over_square(lg_tape *t, lg_var g, const lg_var *in, lg_var *unit) {
     const lg_var m = lg_stop_gradient(t, lg_max(t, lg_abs(t, in[0]), lg_abs(t, in[1])));
     for (int i = 0; i < 2; i++) unit[i] = lg_div(t, in[i], m);

@@ -1,14 +1,15 @@
 /* Convolution along time.
  *
  * CONV1D y = conv(x, w), CONV1D_INPUT x = conv_input(g, w) and CONV1D_WEIGHT w = conv_weight(x, g) are the
- * three bilinear maps with g.conv(x, w) = conv_input(g, w).x = conv_weight(x, g).w: each one's derivatives
- * are the other two. CONV1D may have a bias as third input. attr.i = {stride, padding, extent}: the length of
- * x for CONV1D_INPUT, the kernel for CONV1D_WEIGHT, which the shapes of the inputs leave open.
+ * three bilinear maps with g.conv(x, w) = conv_input(g, w).x = conv_weight(x, g).w. The derivatives of each
+ * map are the other two. CONV1D may have a bias as third input. attr.i = {stride, padding, extent}. The
+ * extent is a size that the inputs' shapes do not determine: the length of x for CONV1D_INPUT, the kernel
+ * length for CONV1D_WEIGHT.
  *
- * CONV1D_BLOCK(x, w[, b]) is CONV1D, an activation and AVG_POOL1D: attr.i = {stride, padding, size and stride
- * of pooling}, attr.c the activation; its slope is the one array that is kept: neither the convolution nor
- * its activation is. Derivatives that are themselves differentiated are made of the three.
- */
+ * CONV1D_BLOCK(x, w[, b]) is CONV1D, an activation and AVG_POOL1D in one; attr.i = {stride, padding, size and
+ * stride of the pooling}, attr.c is the activation. It keeps the slope of the activation as its only array
+ * for the vjp; the convolution's result and the activation's value are not stored. Derivatives that will be
+ * differentiated again are built from the three separate operations. */
 #include "autodiff/ops/op_c.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/ops/conv_code.h"
@@ -19,10 +20,10 @@
 
 extern const lg_op lg_op_conv1d, lg_op_conv1d_block;
 
-/* ---- convolution: sizes ---- */
+/* ---- convolution: shapes ---- */
 
-/* The largest scratch is a number that memory can be asked for: without outputs or samples nothing else
- * bounds it. */
+/* Whether the largest scratch size is a number that memory can be requested for. If there are no outputs or
+ * samples, the sizes of the tensors do not limit it. */
 static bool scratch_fits(const lg_conv *c) {
     const lg_k_windows *w = &c->windows;
     const double width = (double)w->size * (double)w->channels;
@@ -30,7 +31,7 @@ static bool scratch_fits(const lg_conv *c) {
     return width * rows + (double)(w->length + 2 * w->padding) * (double)w->channels < 0x1p56;
 }
 
-/* From the shapes of x and w. */
+/* Sets *out from the shapes of x and w and the attributes. False: they do not fit. */
 static bool conv_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, lg_conv *out) {
     *out = (lg_conv){.windows = {.length = x->dims[1],
                                  .channels = x->dims[2],
@@ -43,7 +44,7 @@ static bool conv_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, l
            out->windows.count <= UINT32_MAX && scratch_fits(out);
 }
 
-/* The shape of y. */
+/* The shape of y, the convolution's output. */
 static lg_shape windows_shape(const lg_conv *c) {
     return lg_shape3((uint32_t)c->batch, (uint32_t)c->windows.count, (uint32_t)c->outputs);
 }
@@ -146,7 +147,7 @@ static lg_status conv1d_weight_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* ---- convolution: C ---- */
+/* ---- convolution: generated C ---- */
 
 static void conv1d_c(lg_c *c, const lg_evaluation *e) {
     const lg_conv conv = conv_at(e);
@@ -169,9 +170,10 @@ static void conv1d_weight_c(lg_c *c, const lg_evaluation *e) {
               lg_windows_text(&conv.windows, text), conv.outputs);
 }
 
-/* ---- convolution: where nothing is recorded ---- */
+/* ---- convolution: unrecorded mode ---- */
 
-/* *memory is NULL where none is wanted; false: error set. */
+/* Takes scratch memory for `count` numbers from the pool; *memory is NULL when count is 0. False: error
+ * set. */
 static bool take_scratch(lg_tape *tape, size_t count, void **memory) {
     *memory = count == 0 ? NULL : lg_pool_take(tape, count * tape->k->size);
     return count == 0 || *memory != NULL;
@@ -231,7 +233,7 @@ static lg_var conv_weight(lg_tape *tape, lg_var x, lg_var g, const lg_attr *attr
     return record_two(tape, &lg_op_conv1d_weight, x, g, attr, kernel);
 }
 
-/* All cotangents straight into the adjoints, from g, that of the convolution c. */
+/* Adds all cotangents directly to the inputs' adjoints. g is the cotangent of the output of convolution c. */
 static void conv1d_reversed(lg_reverse *r, const lg_conv *c, const void *g) {
     lg_tape *tape = r->tape;
     void *to;
@@ -244,7 +246,7 @@ static void conv1d_reversed(lg_reverse *r, const lg_conv *c, const void *g) {
         (void)bias_into(tape, c, g, to, add);
 }
 
-/* The same recorded. */
+/* The same cotangents as recorded operations. */
 static void conv1d_recorded(lg_reverse *r, lg_var g) {
     const lg_shape x = lg_node_at(r->tape, r->in[0])->shape, w = lg_node_at(r->tape, r->in[1])->shape;
     if (r->need[0]) r->out[0] = conv_input(r->tape, g, r->in[1], r->attr, x.dims[1]);
@@ -274,7 +276,7 @@ static lg_var conv1d_jvp(const lg_forward *f) {
     return conv1d_tangent(f, lg_node_at(f->tape, f->y)->shape);
 }
 
-/* h: the cotangent of conv_input(g, w) */
+/* The cotangent r->g of conv_input(g, w) has the shape of x. */
 static void conv1d_input_vjp(lg_reverse *r) {
     const uint32_t kernel = lg_node_at(r->tape, r->in[1])->shape.dims[0];
     if (r->need[0]) r->out[0] = conv(r->tape, r->g, r->in[1], r->attr);
@@ -305,7 +307,7 @@ static lg_var conv1d_weight_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, x, g);
 }
 
-/* Elements of a window. */
+/* lg_op.terms: number of elements of a window. */
 static size_t conv1d_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
     (void)attr, (void)shape;
     return (size_t)in[1]->dims[0] * in[1]->dims[1];
@@ -336,7 +338,7 @@ const lg_op lg_op_conv1d_weight = {LG_OP("conv1d_weight", 0, 2, 2, conv1d_weight
                                    .scratch = conv1d_weight_scratch, .write_c = conv1d_weight_c,
                                    .terms = conv1d_weight_terms};
 
-/* ---- convolution, activation and average pooling in one ---- */
+/* ---- convolution, activation and average pooling in one operation ---- */
 
 static bool block_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, lg_conv *out) {
     if (!conv_of(x, w, attr, out)) return false;
@@ -378,7 +380,8 @@ static lg_status block_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* A sample after the other: what is averaged stands in scratch. */
+/* With pooling, samples are processed one after the other, and scratch holds one sample's activations before
+ * they are averaged. */
 static void block_c(lg_c *c, const lg_evaluation *e) {
     const lg_conv conv = block_at(e);
     const lg_attr kind = {.i = {(uint32_t)e->attr->c}};
@@ -413,7 +416,7 @@ static void block_reversed(lg_reverse *r) {
     give_scratch(tape, count, g);
 }
 
-/* sigma'(z), z and what leads to it recorded. */
+/* sigma'(z), where z is the convolution's result. z and the slope are recorded as nodes. */
 static lg_var block_slope(lg_tape *tape, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
     const lg_attr own = {.i = {attr->i[0], attr->i[1], 0, 0}};
     return lg_act_derivative(tape, lg_record(tape, &lg_op_conv1d, in, inputs, &own), (lg_activation)attr->c,
@@ -450,7 +453,7 @@ const lg_op lg_op_conv1d_block = {
     .rows = lg_rows_first,
     .terms = conv1d_terms};
 
-/* ---- what the caller sees ---- */
+/* ---- public functions ---- */
 
 static bool good_steps(lg_tape *tape, uint32_t stride, const lg_node *w, uint32_t padding,
                        const char *operation) {

@@ -27,7 +27,8 @@ static const lg_c_fragment c_whole_windows = {
     }),
     .needs = {&lg_c_windows}};
 
-/* Where windows or columns are not whole tiles, the last tile takes some of them again. */
+/* If the number of windows or columns is not a multiple of the tile size, the last tile is moved back and
+ * computes some of them a second time. */
 static const lg_c_fragment c_conv_tiles = {
     .comment =
         "y (count, outputs) = windows of x, `in` numbers one every `step`, times weight (in, outputs), "
@@ -70,7 +71,8 @@ const lg_c_fragment lg_c_conv1d = {
     }),
     .needs = {&c_window_rows, &c_whole_windows, &c_conv_tiles, &lg_c_dense_add}};
 
-/* Columns of the panel are rows of the weight, so that a tile of x's cotangent is one product. */
+/* The columns of the panel are rows of the weight, so a tile of x's cotangent is one product computed by
+ * conv_tile. */
 static const lg_c_fragment c_conv_panel = {
     .comment = "Rows row .. row + 7 of weight (in, outputs) as columns, outputs o .. o + rows - 1; zeros for "
                "rows before\n`from`.",

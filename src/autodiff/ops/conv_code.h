@@ -1,4 +1,4 @@
-/* Convolution along time as C. */
+/* Fragments of C for convolution along time. */
 #ifndef LG_OPS_CONV_CODE_H
 #define LG_OPS_CONV_CODE_H
 

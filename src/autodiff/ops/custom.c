@@ -1,6 +1,7 @@
-/* Operations brought by the user. A derivative built with operations is differentiable again; a numeric one
- * is recorded as CUSTOM_DERIVATIVE, whose own derivative is an error that names the operation. With both
- * kinds of a vjp, the numeric one is taken where nothing is recorded. */
+/* Operations defined by the user. A derivative that the user builds with tape operations can be
+ * differentiated again. A numeric derivative is recorded as CUSTOM_DERIVATIVE; differentiating that is an
+ * error that names the operation. If the user gives both kinds of vjp, the numeric one is used in unrecorded
+ * mode. */
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/tape/tape_internal.h"
 
@@ -29,7 +30,8 @@ static lg_var fail_custom(lg_tape *tape, const lg_custom_op *op, lg_status statu
     return lg_tape_fail(tape, status, op->name, reason);
 }
 
-/* A fresh node for a numeric derivative, with the inputs it must not be differentiated through. */
+/* A new node for a numeric derivative. Its inputs are all variables that the derivative depends on, so
+ * differentiating with respect to any of them reaches the error. */
 static lg_var derivative_node(lg_tape *tape, const lg_custom_op *op, const lg_var *in, uint32_t inputs,
                               lg_shape shape) {
     void *value = lg_value_allocate(tape, lg_shape_count(shape));
@@ -59,7 +61,7 @@ static void numeric_vjp(lg_reverse *r, const lg_custom_op *op) {
     if (status != LG_OK) fail_custom(tape, op, status, "the vjp failed");
 }
 
-/* What a callback returned must have the shape that is asked of it. */
+/* Checks that a derivative returned by a callback is LG_NONE or has the required shape. */
 static bool fits(lg_tape *tape, const lg_custom_op *op, lg_var got, lg_var like) {
     if (lg_is_none(got)) return true;
     if (lg_node_of(tape, got, op->name) == NULL) return false;

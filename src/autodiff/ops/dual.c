@@ -1,5 +1,5 @@
-/* Operations on pairs (dual.h). Their derivatives are composed of operations on the halves, where recorded;
- * the last pass has kernels. */
+/* Operations on pairs (dual.h). Recorded derivatives are composed of operations on the halves; the unrecorded
+ * sweep uses kernels. */
 #include "autodiff/ops/dual.h"
 #include "autodiff/ops/op_c.h"
 #include "autodiff/ops/op_rows.h"
@@ -14,7 +14,7 @@ lg_var lg_dual_half(lg_tape *tape, lg_var pairs, int half) {
     return lg_slice(tape, pairs, 0, half == 0 ? 0 : rows, rows);
 }
 
-/* LG_NONE: zero. Not both. */
+/* Joins two halves to pairs. LG_NONE stands for zeros; at most one half may be LG_NONE. */
 static lg_var join(lg_tape *tape, lg_var values, lg_var derivatives) {
     lg_var both[2] = {values, derivatives};
     if (lg_is_none(values)) both[0] = lg_zeros_like(tape, derivatives);
@@ -31,24 +31,24 @@ static bool is_pairs(const lg_shape *shape) {
     return shape->rank == 2 && shape->dims[0] % 2 == 0;
 }
 
-/* ---- activation; attr.i = {kind}, kept: cosines of the sine's arguments ---- */
+/* ---- activation; attr.i = {kind}; for the sine, the cosines of the arguments are kept for the vjp ---- */
 
-/* Kinds of which slope = sigma'(x) and bend = sigma''(x)/sigma'(x) follow from y = sigma(x), so that the
- * argument may be overwritten, and whose node adds a bias. */
+/* Whether slope = sigma'(x) and bend = sigma''(x)/sigma'(x) can be computed from y = sigma(x). The argument
+ * of these kinds may be overwritten, and their node also adds the bias. */
 static bool fused(uint32_t kind) {
     return kind != LG_SWISH && kind != LG_SINE;
 }
 
-/* slope times v */
+/* slope * v */
 static lg_var times_slope(lg_tape *t, uint32_t kind, lg_var y, lg_var v) {
     if (kind == LG_IDENTITY) return v;
     if (kind == LG_TANH)
         return lg_mul(t, v, lg_mul(t, lg_add_scalar(t, y, 1.0), lg_add_scalar(t, lg_neg(t, y), 1.0)));
     if (kind == LG_SIGMOID) return lg_mul(t, v, lg_mul(t, y, lg_add_scalar(t, lg_neg(t, y), 1.0)));
-    return lg_mul(t, v, lg_act_derivative(t, y, (lg_activation)kind, 1)); /* y has the sign of x */
+    return lg_mul(t, v, lg_act_derivative(t, y, (lg_activation)kind, 1)); /* y has the same sign as x */
 }
 
-/* bend times v, LG_NONE for zero */
+/* bend * v, or LG_NONE if that is zero */
 static lg_var times_bend(lg_tape *t, uint32_t kind, lg_var y, lg_var v) {
     if (kind == LG_TANH) return lg_scale(t, lg_mul(t, v, y), -2.0);
     if (kind == LG_SIGMOID) return lg_mul(t, v, lg_add_scalar(t, lg_scale(t, y, -2.0), 1.0));
@@ -64,14 +64,14 @@ static lg_status dual_act_shape(const lg_shape *const *in, uint32_t inputs, cons
     return LG_OK;
 }
 
-/* The cosines of the sine's arguments. */
+/* Bytes for the cosines of the sine's arguments. */
 static size_t dual_act_kept(const lg_evaluation *e) {
     return e->attr->i[0] == LG_SINE ? e->count / 2 * e->k->size : 0;
 }
 
 static lg_status dual_act_forward(lg_evaluation *e) {
     const size_t rows = e->shape->dims[0] / 2, cols = e->shape->dims[1];
-    if (e->y != e->x[0]) /* else fused with the product */
+    if (e->y != e->x[0]) /* otherwise y takes over the memory of the product (lg_record_over) */
         e->k->unary[LG_K_SCALE](e->count, 1.0, e->x[0], e->y);
     e->k->dual_act((lg_k_act)e->attr->i[0], rows, cols, e->inputs > 1 ? e->x[1] : NULL, e->kept, e->y);
     return LG_OK;
@@ -85,8 +85,9 @@ static const lg_c_fragment c_dual_start = {
                 y[i * n + j] = x[i * n + j] + (b != NULL && i < rows ? b[j] : REAL(0.0));
     })};
 
-/* y' = slope x' and y = sigma(x) by the maps of act and act_derivative. Kinds that are fused take the slope
- * from y; the sine from x, and swish from x and its sigmoid, which stands in y meanwhile. */
+/* y' = slope x' and y = sigma(x), with the C functions of act and act_derivative. Fused kinds compute the
+ * slope from y, the sine from x, and swish from x and sigmoid(x), which the first half of y holds until y
+ * itself is computed. */
 static void dual_act_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t kind = e->attr->i[0];
     const lg_attr value = {.i = {kind}}, slope = {.i = {kind, 1, kind != LG_SINE, 1}};
@@ -110,8 +111,9 @@ static void dual_act_c(lg_c *c, const lg_evaluation *e) {
     }
 }
 
-/* The cotangent of the argument in place, and from it that of the bias, while it is near. False when others
- * have added to the argument's: then the bias's cannot be told from it. */
+/* Adds the argument's cotangent directly to its adjoint, then sums it over the rows to get the bias's
+ * cotangent, while it is in the cache. Returns false where that is not possible; for example, if the
+ * argument's adjoint already holds other contributions, the sum would include them. */
 static bool dual_act_in_place(lg_reverse *r) {
     lg_tape *tape = r->tape;
     const bool has_bias = r->inputs > 1;
@@ -129,7 +131,8 @@ static bool dual_act_in_place(lg_reverse *r) {
     return true;
 }
 
-/* dz = slope g + bend y' g', dz' = slope g' */
+/* The argument is (z, z'), the output (y, y'), its cotangent (g, g'): dz = slope g + bend y' g', dz' = slope
+ * g'. */
 static void dual_act_vjp(lg_reverse *r) {
     if (dual_act_in_place(r)) return;
     lg_tape *t = r->tape;
@@ -151,7 +154,7 @@ static void dual_act_vjp(lg_reverse *r) {
     if (r->inputs > 1 && r->need[1]) r->out[1] = lg_sum_to(t, dz, lg_node_at(t, r->in[1])->shape);
 }
 
-/* With s, s' the tangents of z and z': (slope s, bend y' s + slope s'). */
+/* With tangents s, s' of z, z', the tangent of the output is (slope s, bend y' s + slope s'). */
 static lg_var dual_act_jvp(const lg_forward *f) {
     lg_tape *t = f->tape;
     const uint32_t kind = f->attr->i[0];
@@ -184,8 +187,8 @@ lg_var lg_dual_act(lg_tape *tape, lg_var x, lg_activation kind) {
     return lg_record(tape, &lg_op_dual_act, &x, 1, &attr);
 }
 
-/* The product and z = x W + b lie in one buffer, and sigma(z) too where the kind is fused: what is
- * overwritten is not read by derivatives. */
+/* The product x W, z = x W + b and, for fused kinds, sigma(z) share one buffer. Derivatives never read what
+ * was overwritten. */
 lg_var lg_dual_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind) {
     const lg_attr none = {.i = {0, 0, 0, 0}};
     if ((unsigned)kind >= LG_ACTIVATION_COUNT)
@@ -241,8 +244,8 @@ static halves halves_of(lg_tape *t, const lg_var *in) {
 }
 
 /* y = (1 - z) u + z v, y' = z' (v - u) + (1 - z) u' + z v':
- * dz = g (v - u) + g' (v' - u'), dz' = g' (v - u); dv = g z + g' z', dv' = g' z; du = g - dv, du' = g' - dv'
- */
+ * dz = g (v - u) + g' (v' - u'), dz' = g' (v - u);
+ * dv = g z + g' z', dv' = g' z; du = g - dv, du' = g' - dv'. */
 static void dual_mix_vjp(lg_reverse *r) {
     lg_tape *t = r->tape;
     if (lg_reverse_in_place(r)) {
@@ -262,7 +265,7 @@ static void dual_mix_vjp(lg_reverse *r) {
     if (r->need[2]) r->out[2] = to_v;
 }
 
-/* With factors f = (f, f') and pairs p: (f p, f' p + f p'). */
+/* The product of a factor (f, f') and pairs (p, p'): (f p, f' p + f p'). */
 static lg_var times(lg_tape *t, lg_var f, lg_var fd, lg_var pairs) {
     const lg_var p = lg_dual_half(t, pairs, 0), pd = lg_dual_half(t, pairs, 1);
     return join(t, lg_mul(t, f, p), lg_add(t, lg_mul(t, fd, p), lg_mul(t, f, pd)));

@@ -1,4 +1,4 @@
-/* Elementwise operations of inputs that have one shape. */
+/* Elementwise operations of inputs with equal shapes. */
 #include <math.h>
 
 #include "autodiff/ops/op_rows.h"
@@ -7,7 +7,7 @@
 
 extern const lg_op lg_op_mix, lg_op_pow;
 
-/* ---- y = c != 0 ? a : b ---- */
+/* ---- select: y = c != 0 ? a : b ---- */
 
 static lg_status three_alike(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
@@ -19,7 +19,7 @@ static lg_status select_forward(lg_evaluation *e) {
     e->k->select(e->count, e->x[0], e->x[1], e->x[2], e->y);
     return LG_OK;
 }
-/* What is not chosen gets 0, whatever its derivative is. */
+/* The branch that is not chosen gets exactly 0, even if its derivative is infinite or NaN. */
 static void select_vjp(lg_reverse *r) {
     const lg_var zero = lg_zeros_like(r->tape, r->g);
     if (r->need[1]) r->out[1] = lg_select(r->tape, r->in[0], r->g, zero);
@@ -42,7 +42,7 @@ lg_var lg_select(lg_tape *tape, lg_var condition, lg_var yes, lg_var no) {
     return lg_record(tape, &lg_op_select, in, 3, NULL);
 }
 
-/* ---- y = (1 - z) u + z v ---- */
+/* ---- mix: y = (1 - z) u + z v ---- */
 
 static lg_status mix_forward(lg_evaluation *e) {
     e->k->mix(e->count, e->x[0], e->x[1], e->x[2], e->y);
@@ -140,7 +140,7 @@ lg_var lg_linear_combination(lg_tape *tape, const lg_var *x, const double *c, si
     return lg_record(tape, &lg_op_combine, x, (uint32_t)n, &attr);
 }
 
-/* ---- unary: f'(x) is named by each row through its vjp ---- */
+/* ---- unary operations; attr.c is a number that scale, shift and pow use ---- */
 
 static lg_status same_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
@@ -153,9 +153,9 @@ static lg_var unary(lg_tape *tape, const lg_op *op, lg_var x, double c) {
     return lg_record(tape, op, &x, 1, &attr);
 }
 
-/* X(name, kernel, the c with which it does nothing, scalar code, derivative times g): the derivative is an
- * expression in t (tape), x (input), y (output), c and g; it serves the vjp and the jvp, for an elementwise
- * Jacobian is its own transpose. */
+/* X(name, kernel, the c for which the operation is the identity or NAN, scalar code, derivative times g). The
+ * derivative is an expression in t (tape), x (input), y (output), c and g. It serves both vjp and jvp,
+ * because the Jacobian of an elementwise operation is symmetric. */
 #define UNARY_LIST(X)                                                                                        \
     X(scale, LG_K_SCALE, 1.0, lg_s_scale(s, c, x), lg_scale(t, g, c))                                        \
     X(shift, LG_K_SHIFT, 0.0, lg_s_add(s, x, lg_s_constant(s, c)), g)                                        \
@@ -202,7 +202,7 @@ static lg_status pow_forward(lg_evaluation *e) {
         e->k->unary[LG_K_POW](e->count, e->attr->c, e->x[0], e->y);
     return LG_OK;
 }
-/* c x^(c-1) g, exact zeros for c = 0, no powers for c = 1 and 2 */
+/* c x^(c-1) g: exact zeros for c = 0, and no call of pow for c = 1 and c = 2. */
 static lg_var pow_times(lg_tape *t, lg_var x, double c, lg_var g) {
     if (c == 0.0) return lg_scale(t, g, 0.0);
     if (c == 1.0) return g;

@@ -1,4 +1,5 @@
-/* Gather and scatter of rows, each other's adjoints; attr.pointer = indices (payload), attr.i = {n, rows}. */
+/* Gather and scatter of rows; each is the adjoint of the other. attr.pointer = indices (payload), attr.i =
+ * {number of indices, rows of the tensor that they index}. */
 #include "autodiff/ops/op_c.h"
 #include "autodiff/program/scalars.h"
 #include "autodiff/tape/tape_internal.h"
@@ -76,7 +77,8 @@ static void scatter_c(lg_c *c, const lg_evaluation *e) {
               e->attr->i[1]);
 }
 
-/* The payload is already the tape's: derivatives share it. */
+/* Records with attr.pointer as it is: the indices already lie in the tape's memory, and derivatives share
+ * them. */
 static lg_var record_indexed(lg_tape *tape, const lg_op *op, lg_var x, const lg_attr *attr) {
     return lg_record(tape, op, &x, 1, attr);
 }

@@ -1,5 +1,5 @@
-/* Rows of vectors, small symmetric positive definite systems, and the analytic functions of w = |u|^2 from
- * which exp, dexp and dexpinv are built. */
+/* Row-wise vector products, small symmetric positive definite systems, and the analytic functions of w =
+ * |u|^2 that exp, dexp and dexpinv are made of. */
 #include <float.h>
 
 #include "autodiff/ops/op_c.h"
@@ -72,7 +72,7 @@ lg_var lg_rownorm2(lg_tape *tape, lg_var a) {
     return lg_rowdot(tape, a, a);
 }
 
-/* ---- cross product of rows of three ---- */
+/* ---- row-wise cross product of vectors of length 3 ---- */
 
 static lg_status cross_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
@@ -87,7 +87,7 @@ static lg_status cross_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* g.(da x b) = da.(b x g), g.(a x db) = db.(g x a) */
+/* For the vjp: g.(da x b) = da.(b x g), g.(a x db) = db.(g x a). */
 static void cross_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     for (size_t i = 0; i < e->count; i += 3)
         for (size_t c = 0; c < 3; c++) {
@@ -131,8 +131,8 @@ lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {
     return lg_record(tape, &lg_op_cross, in, 2, NULL);
 }
 
-/* ---- batched symmetric positive definite solve; the factor is a node of its own, constant to
- * differentiation ---- */
+/* ---- batched symmetric positive definite solve; the Cholesky factor is a separate node, which
+ * differentiation treats as a constant ---- */
 
 static lg_status factor_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
@@ -148,19 +148,20 @@ static lg_status factor_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* Whether a pivot is a positive number, normal in both types. */
+/* Whether a pivot is positive and normal in both types. */
 static lg_scalar is_positive(lg_scalars *s, lg_scalar pivot) {
     return lg_s(s, LG_S_GE, pivot, lg_s_constant(s, FLT_MIN));
 }
 
-/* The diagonal of a matrix that is not positive becomes NaN, so that solving divides every number by one:
- * zeros that are known beforehand would else keep parts of a row out of it. */
+/* If the matrix is not positive definite (`good` is 0), sets the diagonal of its factor to NaN. The solve
+ * divides every number by a diagonal element, so all of the solution becomes NaN. NaN in other elements would
+ * not suffice: where the scalar code knows a zero in advance it drops the product. */
 static void mark_diagonal(lg_scalars *s, size_t k, lg_scalar good, lg_scalar *l) {
     const lg_scalar minus = lg_s_constant(s, -1.0), nan = lg_s(s, LG_S_SQRT, minus, minus);
     for (size_t j = 0; j < k; j++) l[j * k + j] = lg_s_select(s, good, l[j * k + j], nan);
 }
 
-/* l (k, k), lower */
+/* l (k, k), lower triangular */
 static void factor_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const size_t k = e->shape->dims[1];
     for (size_t b = 0; b < e->shape->dims[0]; b++) {
@@ -204,7 +205,7 @@ static void factor_c(lg_c *c, const lg_evaluation *e) {
     lg_c_call(c, &c_spd_factor, "spd_factor(%u, %u, $0, $y)", e->shape->dims[0], e->shape->dims[1]);
 }
 
-/* Of a factor, and of a solution by it. */
+/* Number of terms (lg_op.terms) of a factorisation and of a solve. */
 static size_t order_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
     (void)in, (void)attr;
     return (size_t)shape->dims[1] * shape->dims[1];
@@ -230,13 +231,13 @@ static lg_status solve_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* The matrix itself is read by derivatives alone. */
+/* Forward uses only the factor; the matrix itself is read only by derivatives. */
 static uint32_t solve_unread(const lg_attr *attr, uint32_t inputs) {
     (void)attr, (void)inputs;
     return 1u;
 }
 
-/* l l^T y = b, a column after another */
+/* Solves l l^T y = b, one column after the other. */
 static void solve_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const size_t k = e->shape->dims[1], m = e->shape->dims[2];
     for (size_t b = 0; b < e->shape->dims[0]; b++) {
@@ -292,14 +293,14 @@ static lg_var symmetric_part(lg_tape *tape, lg_var a) {
     return lg_scale(tape, lg_add(tape, a, lg_transpose(tape, a)), 0.5);
 }
 
-/* X = S^-1 B, S = sym(A): dB = S^-1 G, dA = -sym(dB X^T) */
+/* X = S^-1 B with S = sym(A), and G the cotangent of X: dB = S^-1 G, dA = -sym(dB X^T). */
 static void solve_vjp(lg_reverse *r) {
     lg_var db = solve_with(r->tape, r->in[0], r->g, r->in[2]);
     if (r->need[0]) r->out[0] = lg_neg(r->tape, symmetric_part(r->tape, lg_matmul_nt(r->tape, db, r->y)));
     if (r->need[1]) r->out[1] = db;
 }
 
-/* dX = S^-1 (dB - sym(dA) X) */
+/* dX = S^-1 (dB - sym(dA) X). */
 static lg_var solve_jvp(const lg_forward *f) {
     lg_var right = f->tangents[1];
     if (!lg_is_none(f->tangents[0])) {
@@ -321,7 +322,7 @@ lg_var lg_spd_solve(lg_tape *tape, lg_var a, lg_var b) {
     return solve_with(tape, a, b, factor);
 }
 
-/* ---- Stumpff functions; attr.i = {K, order} ---- */
+/* ---- Stumpff functions c_0..c_K; attr.i = {K, order of the derivative} ---- */
 
 static bool is_column(const lg_shape *shape) {
     return shape->rank > 0 && shape->dims[shape->rank - 1] == 1;
@@ -363,7 +364,7 @@ static void stumpff_c(lg_c *c, const lg_evaluation *e) {
               e->attr->i[0], e->attr->i[1]);
 }
 
-/* The next derivative of the same family. */
+/* Records the same functions with the next higher order of derivative. */
 static lg_var next_order(lg_tape *tape, const lg_op *op, lg_var w, const lg_attr *attr) {
     lg_attr next = *attr;
     next.i[1]++;
@@ -389,7 +390,7 @@ lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
     return lg_record(tape, &lg_op_stumpff, &w, 1, &attr);
 }
 
-/* ---- dexpinv's coefficient; attr.i = {0, order} ---- */
+/* ---- the coefficient g2 of dexpinv; attr.i = {0, order of the derivative} ---- */
 
 static lg_status dexpinv_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {

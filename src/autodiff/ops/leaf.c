@@ -1,4 +1,4 @@
-/* Leaves: values that come from outside, and constants. */
+/* Leaves: inputs, parameters and constants. */
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/tape/tape_internal.h"
 
@@ -63,7 +63,7 @@ lg_var lg_parameter(lg_tape *tape, lg_shape shape, const void *data) {
     if (shape.rank > LG_MAX_RANK || data == NULL || lg_shape_count(shape) > SIZE_MAX / 16)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "parameter", "rank above 4, too large, or no data");
     for (uint32_t i = shape.rank; i < LG_MAX_RANK; i++) shape.dims[i] = 0;
-    /* The tape never writes to a leaf's value. */
+    /* The cast is safe because the tape never writes to a leaf's value. */
     union {
         const void *shared;
         void *value;

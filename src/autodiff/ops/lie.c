@@ -1,6 +1,6 @@
-/* Maps of so(3) and se(3), one node each; attr.i = {map}. The derivative that is recorded is that of
- * the same map built from rows of vectors and analytic functions of w = |u|^2; where nothing is recorded,
- * kernels write the cotangents. */
+/* Maps of so(3) and se(3), one node each; attr.i = {map}. In recorded mode, derivatives are taken of the same
+ * map built from row-wise vector operations and analytic functions of w = |u|^2. In unrecorded mode, kernels
+ * compute the cotangents. */
 #include "autodiff/ops/lie.h"
 
 #include "autodiff/ops/op_c.h"
@@ -8,9 +8,9 @@
 
 extern const lg_op lg_op_lie;
 
-/* ---- built from other operations ---- */
+/* ---- the maps built from other operations ---- */
 
-/* b + c1 u x b + c2 u x (u x b) */
+/* b + c1 u x b + c2 u x (u x b). */
 static lg_var second_order(lg_tape *tape, lg_var u, lg_var b, lg_var c1, lg_var c2) {
     lg_var ub = lg_cross(tape, u, b);
     lg_var uub = lg_cross(tape, u, ub);
@@ -18,7 +18,7 @@ static lg_var second_order(lg_tape *tape, lg_var u, lg_var b, lg_var c1, lg_var 
     return lg_add(tape, b, sum);
 }
 
-/* c_1, c_2 and c_3 of w = |u|^2, each (..., 1) */
+/* c_1, c_2 and c_3 of w = |u|^2, each of shape (..., 1). */
 typedef struct coefficients {
     lg_var c[4];
 } coefficients;
@@ -30,7 +30,8 @@ static coefficients stumpff_of(lg_tape *tape, lg_var u) {
     return k;
 }
 
-/* The columns of X (..., 9) as rows (n, 3, 3), u beside each. */
+/* exp(u) X for matrices X (..., 9): the columns of X become rows of an array (n, 3, 3), and u is repeated for
+ * each of them. */
 static lg_var build_matrix_exp(lg_tape *tape, const lg_var *x) {
     const lg_shape shape = lg_var_shape(tape, x[1]);
     const uint32_t n = (uint32_t)(lg_shape_count(shape) / 9);
@@ -62,7 +63,7 @@ static lg_var build_act(lg_tape *tape, const lg_var *x, uint32_t columns) {
     return lg_add(tape, p, lg_cross(tape, r, q));
 }
 
-/* from + weight by */
+/* from + weight * by */
 static lg_var moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
     lg_var terms[2] = {from, by};
     const double c[2] = {1.0, weight};
@@ -76,7 +77,7 @@ static lg_var build_dexpinv(lg_tape *tape, const lg_var *x, uint32_t columns) {
     return lg_add(tape, moved(tape, x[1], -0.5, ab), lg_mul(tape, g2, aab));
 }
 
-/* The closed form of lg_se3_dexpinv, (A, a) the first argument and (B, b) the second:
+/* The closed form of lg_se3_dexpinv with first argument (A, a) and second argument (B, b):
  *   b - 1/2 (a x B + A x b) + rho gt2 A x (A x B) + g2 (a x (A x B) + A x (a x B) + A x (A x b)), rho = A.a
  */
 static lg_var build_dexpinv_second(lg_tape *tape, const lg_var *x, uint32_t columns) {
@@ -94,7 +95,7 @@ static lg_var build_dexpinv_second(lg_tape *tape, const lg_var *x, uint32_t colu
 }
 
 typedef struct map_row {
-    uint32_t inputs, widest; /* numbers in a row of the last input: 3 or this many */
+    uint32_t inputs, widest; /* the last input has 3 or `widest` numbers per row */
     lg_var (*build)(lg_tape *tape, const lg_var *x, uint32_t columns);
 } map_row;
 
@@ -149,7 +150,8 @@ static void reverse_in_place(lg_reverse *r) {
     tape->k->lie_reverse[r->attr->i[0]](n, columns, values, lg_node_at(tape, r->g)->value, out, add);
 }
 
-/* The map from variables of its own, x: an input may depend on another one, or be it. */
+/* Builds the map from copies x of its inputs, so that each x[k] can be differentiated by itself even if one
+ * input depends on another or is the same variable. */
 static lg_var build(lg_tape *tape, const lg_attr *attr, const lg_var *in, uint32_t inputs, lg_var *x) {
     for (uint32_t k = 0; k < inputs; k++) x[k] = lg_scale(tape, in[k], 1.0);
     const lg_shape last = lg_var_shape(tape, x[inputs - 1]);
@@ -184,7 +186,7 @@ static lg_var lie_jvp(const lg_forward *f) {
     return lg_jvp(f->tape, &y, 1, moving, direction, n, &tangent) == LG_OK ? tangent : LG_NONE;
 }
 
-/* ---- C ---- */
+/* ---- generated C ---- */
 
 static const lg_c_fragment c_vectors = {
     .text = LG_C(
@@ -207,7 +209,8 @@ static const lg_c_fragment c_so3 = {
     }),
     .needs = {&c_vectors}};
 
-/* c_2 and c_3 at 0 <= w <= 4 by the first terms of sum_i (-w)^i/(k + 2i)!, as many as the type can tell. */
+/* c_2 and c_3 for 0 <= w <= 4 by the series sum_i (-w)^i/(k + 2i)!, with as many terms as the type can
+ * resolve. */
 static const lg_c_fragment c_so3_coefficients = {
     .comment = "c[k] = c_k(w), k = 1, 2, 3: sin(x)/x, (1 - cos(x))/x^2, (x - sin(x))/x^3, x = sqrt(w)",
     .text =

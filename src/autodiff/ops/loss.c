@@ -1,7 +1,7 @@
-/* Losses, composed of operations. */
+/* Losses, composed of other operations. */
 #include "autodiff/tape/tape_internal.h"
 
-/* log softmax over the last axis; the maximum is subtracted as a constant. */
+/* log softmax over the last axis. The maximum is subtracted first, as a constant for differentiation. */
 lg_var lg_log_softmax(lg_tape *tape, lg_var x) {
     lg_var top = lg_stop_gradient(tape, lg_max_axis(tape, x, -1, true));
     lg_var shifted = lg_sub(tape, x, top);
@@ -9,7 +9,8 @@ lg_var lg_log_softmax(lg_tape *tape, lg_var x) {
     return lg_sub(tape, shifted, lg_log(tape, total));
 }
 
-/* r^2/2 inside |r| <= 1, |r| - 1/2 outside: with c = min(|r|, 1), c (|r| - c/2) */
+/* The Huber loss: r^2/2 for |r| <= 1, |r| - 1/2 otherwise. With c = min(|r|, 1) both cases are c (|r| -
+ * c/2). */
 static lg_var huber(lg_tape *tape, lg_var residual) {
     lg_var size = lg_abs(tape, residual);
     lg_var minus_one = lg_full(tape, lg_shape0(), -1.0);
@@ -17,14 +18,14 @@ static lg_var huber(lg_tape *tape, lg_var residual) {
     return lg_mul(tape, c, lg_sub(tape, size, lg_scale(tape, c, 0.5)));
 }
 
-/* max(y, 0) - y t + log(1 + exp(-|y|)) */
+/* Binary cross entropy of logits y and targets t: max(y, 0) - y t + log(1 + exp(-|y|)). */
 static lg_var bce_with_logits(lg_tape *tape, lg_var y, lg_var t) {
     lg_var positive = lg_act(tape, y, LG_RELU);
     lg_var tail = lg_log(tape, lg_add_scalar(tape, lg_exp(tape, lg_neg(tape, lg_abs(tape, y))), 1.0));
     return lg_add(tape, lg_sub(tape, positive, lg_mul(tape, y, t)), tail);
 }
 
-/* -sum_c t log softmax(y), (n, 1) */
+/* -sum_c t_c log softmax(y)_c, shape (n, 1). */
 static lg_var cross_entropy(lg_tape *tape, lg_var y, lg_var t) {
     return lg_neg(tape, lg_rowdot(tape, lg_log_softmax(tape, y), t));
 }

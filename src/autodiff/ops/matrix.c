@@ -1,5 +1,6 @@
-/* Matrix products: one family, variants nn, nt, tn, closed under differentiation; rank 2, or rank 3 as
- * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
+/* Matrix products a b (nn), a b^T (nt) and a^T b (tn), a family that is closed under differentiation. The
+ * operands have rank 2, or rank 3 for a batch of matrices. An optional third input is added: a full matrix, a
+ * bias row or a scalar. */
 #include "autodiff/ops/op_c.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/scalars.h"
@@ -10,7 +11,8 @@
 
 enum { NN = LG_NN, NT = LG_NT, TN = LG_TN };
 
-/* Sizes of one product: rows, columns, inner length; batch counts of both operands and of the result. */
+/* Sizes of one product: m rows, n columns, inner length k; and the numbers of matrices in a, b and the
+ * result. */
 typedef struct extent {
     size_t m, n, k, batch_a, batch_b, batch;
 } extent;
@@ -113,7 +115,7 @@ static void matmul_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
     }
 }
 
-/* ---- C ---- */
+/* ---- generated C ---- */
 
 static const lg_c_fragment c_start = {
     .comment = "y (m, n) = c, whose elements are so far apart down and along; NULL: 0.",
@@ -173,7 +175,8 @@ static lg_var product(lg_tape *tape, uint32_t variant, lg_var a, lg_var b) {
     return lg_record(tape, &lg_op_matmul, in, 2, &attr);
 }
 
-/* The two factors' cotangents: which variant, and which of (A, B, G) stand left and right. */
+/* The cotangents of both factors are products, too: for each, the variant, and which of A, B and G (the
+ * cotangent of the product) is the left and the right factor. */
 enum { A, B, G };
 static const struct {
     uint8_t variant, left, right;
@@ -214,7 +217,8 @@ static lg_row_use matmul_rows(const lg_shape *const *in, uint32_t inputs, const 
                               uint32_t copies, lg_attr *attr) {
     (void)copies;
     if (shape->rank == 3) return LG_ROWS_BROADCAST;
-    const bool added = inputs > 2 && lg_shape_count(*in[2]) == lg_shape_count(*shape); /* has rows itself */
+    /* its rows belong to rows of the result */
+    const bool added = inputs > 2 && lg_shape_count(*in[2]) == lg_shape_count(*shape);
     return attr->i[0] != TN && !added ? LG_ROWS_FIRST : LG_ROWS_MEET;
 }
 

@@ -1,4 +1,4 @@
-/* C fragments that several operations need. */
+/* Fragments of C that several operations need. */
 #include "autodiff/ops/op_c.h"
 
 #include <string.h>

@@ -1,4 +1,4 @@
-/* Rows of the table of operations (op_table.h) that other files than their own name. */
+/* Rows of the operation table (op_table.h) that are used outside the file that defines them. */
 #ifndef LG_OP_ROWS_H
 #define LG_OP_ROWS_H
 

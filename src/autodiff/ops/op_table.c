@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* The names of the rows, lg_op_NAME. */
+/* X(NAME) for every row lg_op_NAME of the table. */
 #define LG_OP_LIST(X)                                                                                        \
     X(leaf)                                                                                                  \
     X(add)                                                                                                   \

@@ -1,9 +1,9 @@
 /* Pooling along time.
  *
- * AVG_POOL1D and AVG_POOL1D_ADJOINT are linear; attr.i = {size, stride, length}. POOL_PICK(h, x) takes of
- * each window the element of h where x is largest, POOL_PLACE(g, x) puts it back: linear in the first input,
- * constant to differentiation in the second. Maximum pooling is POOL_PICK(x, x).
- */
+ * AVG_POOL1D and AVG_POOL1D_ADJOINT are linear; attr.i = {size, stride, length}. POOL_PICK(h, x) returns for
+ * each window the element of h at the place where x is largest. POOL_PLACE(g, x) is its adjoint and adds g at
+ * that place. Both are linear in the first input; differentiation treats the second input as a constant.
+ * Maximum pooling is POOL_PICK(x, x). */
 #include "autodiff/ops/pool.h"
 
 #include "autodiff/ops/op_rows.h"
@@ -11,7 +11,7 @@
 
 extern const lg_op lg_op_pool_pick;
 
-/* ---- pooling: sizes ---- */
+/* ---- shapes ---- */
 
 bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out) {
     *out = (lg_k_windows){
@@ -29,7 +29,7 @@ static lg_status pooled_shape(const lg_shape *const *in, uint32_t inputs, const 
     return LG_OK;
 }
 
-/* g (batch, count, channels) belongs to a series x. */
+/* Whether g (batch, count, channels) has the shape of the pooled series x. */
 static bool pooled_from(const lg_shape *g, const lg_shape *x, const lg_attr *attr) {
     lg_k_windows w;
     return lg_pool_of(x, attr, &w) && g->rank == 3 && g->dims[0] == x->dims[0] && g->dims[1] == w.count &&
@@ -255,7 +255,7 @@ const lg_op lg_op_pool_place = {
     LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, pool_place_jvp),
     .write_c = pool_place_c, .rows = lg_rows_each};
 
-/* ---- what the caller sees ---- */
+/* ---- public functions ---- */
 
 static lg_var pool(lg_tape *tape, const lg_op *op, const char *name, lg_var x, bool twice, uint32_t size,
                    uint32_t stride) {

@@ -1,4 +1,4 @@
-/* Pooling along time, which a convolution may end with. */
+/* Pooling along time, also used as the last stage of a convolution block. */
 #ifndef LG_OPS_POOL_H
 #define LG_OPS_POOL_H
 
@@ -6,14 +6,14 @@
 #include "autodiff/tape/tape_internal.h"
 #include "kernels/conv.h"
 
-/* Windows of a series (batch, length, channels) of this shape; attr.i = {size, stride}. False: they do not
- * fit. */
+/* Sets *out to the windows of a series with shape x (batch, length, channels); attr.i = {size, stride}.
+ * False: the windows do not fit the series. */
 bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out);
-/* A pooling operation of a, and of b unless it is LG_NONE, with the size and stride of attr; length: of the
- * series, where the inputs leave it open. */
+/* Records a pooling operation with input a, and with input b unless b is LG_NONE. Size and stride are in
+ * attr. `length` is the length of the series, for operations whose inputs do not determine it. */
 lg_var lg_record_pool(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
                       uint32_t length);
 
-extern const lg_c_fragment lg_c_pool_mean; /* means of windows */
+extern const lg_c_fragment lg_c_pool_mean; /* pool_mean: means of windows */
 
 #endif

@@ -1,8 +1,7 @@
-/* Sums and broadcasts, each other's adjoints; maximum over an axis.
+/* Sums and broadcasts, which are each other's adjoints, and the maximum along an axis.
  *
- * The primitives see a tensor as (outer, length, inner): REDUCE sums over the middle, REPEAT repeats along
- * it. Everything else is a chain of them. attr.i = {outer, length, inner}.
- */
+ * The primitive operations see a tensor as (outer, length, inner): REDUCE sums over the middle axis, REPEAT
+ * repeats along it. Every other sum or broadcast is a chain of these. attr.i = {outer, length, inner}. */
 #include "autodiff/ops/op_c.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/scalars.h"
@@ -20,7 +19,7 @@ static lg_var record_sized(lg_tape *tape, const lg_op *op, lg_var x, size_t oute
     return lg_record_shaped(tape, op, &x, 1, &attr, shape);
 }
 
-/* outer length inner elements on one side, outer inner on the other. */
+/* Whether `whole` has outer * length * inner elements and `part` has outer * inner. */
 static bool sizes_fit(const lg_shape *whole, const lg_shape *part, const lg_attr *attr) {
     const size_t outer = attr->i[0], inner = attr->i[2];
     const size_t more = lg_shape_count(lg_shape3(attr->i[0], attr->i[1], attr->i[2]));
@@ -51,7 +50,8 @@ static lg_status reduce_forward(lg_evaluation *e) {
     size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
     const unsigned char *x = e->x[0];
     unsigned char *y = e->y;
-    if (e->count == 0) return LG_OK; /* outer may be anything then; below likewise */
+    /* with no elements, outer may be arbitrarily large; the same holds below */
+    if (e->count == 0) return LG_OK;
     if (outer == 1 && inner == 1) {
         const double total = k->sum(length, x);
         k->fill(1, total, y);
@@ -108,7 +108,7 @@ static lg_var reduce_jvp(const lg_forward *f) {
                         lg_node_at(f->tape, f->y)->shape);
 }
 
-/* Of sums and broadcasts: rows that lie in `outer`. */
+/* Row rule of sums and broadcasts: rows stay apart if they lie within the outer axis. */
 static lg_row_use outer_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
                              uint32_t copies, lg_attr *attr) {
     (void)in, (void)inputs;
@@ -134,7 +134,7 @@ const lg_op lg_op_reduce = {LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, 
                             .instead = single_instead,
                             .terms = length_terms};
 
-/* y[o, l] = x[o]: the inner length is one, so single elements are repeated. */
+/* y[o, l] = x[o]: the case inner = 1, where single elements are repeated. */
 static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
     if (size == sizeof(double)) {
         const double *from = x;
@@ -205,9 +205,9 @@ const lg_op lg_op_repeat = {LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_for
                             .instead = single_instead,
                             .terms = lg_no_terms};
 
-/* ---- chains: one primitive for each run of axes that differ ---- */
+/* ---- chains: one primitive operation for each run of adjacent axes to be summed or repeated ---- */
 
-/* small's dimension at axis i of big, 1 where small has no such axis */
+/* The dimension of `small` at axis i of `big`, with last axes aligned; 1 where `small` has no such axis. */
 static uint32_t aligned_dim(const lg_shape *small, const lg_shape *big, uint32_t i) {
     uint32_t missing = big->rank - small->rank;
     return i < missing ? 1 : small->dims[i - missing];
@@ -222,12 +222,14 @@ static bool broadcasts_to(const lg_shape *small, const lg_shape *big) {
     return true;
 }
 
-/* Applies `op` for every run of axes of `big` that `small` lacks, from the last run to the first when
- * reducing, from the first to the last when repeating. The result has small's shape (REDUCE) or big's
- * (REPEAT). */
+/* Applies `op` to every run of adjacent axes in which `small` and `big` differ: from the last run to the
+ * first when reducing, from the first to the last when repeating. The result has the shape of `small`
+ * (REDUCE) or `big` (REPEAT). */
 static lg_var chain(lg_tape *tape, const lg_op *op, lg_var x, const lg_shape *small, const lg_shape *big) {
     bool reducing = op == &lg_op_reduce;
-    lg_shape now = *big; /* big's axes, those already (or not yet) treated having length 1 */
+    /* The current shape, with all axes of `big`: an axis to be summed or repeated has length 1 once it is
+     * summed or until it is repeated. */
+    lg_shape now = *big;
     if (!reducing)
         for (uint32_t i = 0; i < big->rank; i++) now.dims[i] = aligned_dim(small, big, i);
     for (uint32_t step = 0; step < big->rank;) {
@@ -328,7 +330,7 @@ static double element(const lg_evaluation *e, size_t i) {
     return e->k->size == sizeof(double) ? ((const double *)e->x[0])[i] : (double)((const float *)e->x[0])[i];
 }
 
-/* Index along the axis of the first maximum of column (o, i); a NaN wins. */
+/* Index along the axis of the first maximum in column (o, i). A NaN counts as the maximum. */
 static size_t first_maximum(const lg_evaluation *e, size_t o, size_t i) {
     const uint32_t *size = e->attr->i;
     size_t best = 0;

@@ -1,4 +1,4 @@
-/* Operations that move numbers: views, slices, pads, concatenation, permutation of axes. */
+/* Operations that only move numbers: views, slices, padding, concatenation and permutation of axes. */
 #include "autodiff/ops/op_c.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/scalars.h"
@@ -8,7 +8,7 @@
 
 extern const lg_op lg_op_slice, lg_op_pad, lg_op_concat, lg_op_permute;
 
-/* Nothing moves when the shape stays. */
+/* The operation can be replaced by its input if it does not change the shape. */
 static lg_instead same_instead(const lg_known *k) {
     return lg_same_shape(k->in[0], k->shape) ? lg_instead_input(0) : lg_instead_nothing();
 }
@@ -89,10 +89,10 @@ lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
     return lg_record_value(tape, &lg_op_reshape, &x, 1, NULL, shape, node->value, LG_NODE_VIEW);
 }
 
-/* ---- slice and pad: each other's adjoints; attr.i = {axis, start or before, length or after, view offset}
- * ---- */
+/* ---- slice and pad, which are each other's adjoints; attr.i = {axis, start of the slice or length of
+ * padding before, length of the slice or of padding after, offset of a view} ---- */
 
-/* Copies `rows` runs of `run` bytes between buffers with their own pitches. */
+/* Copies `rows` runs of `run` bytes each; consecutive runs are from_pitch and to_pitch bytes apart. */
 static void copy_runs(size_t rows, size_t run, const unsigned char *from, size_t from_pitch,
                       unsigned char *to, size_t to_pitch) {
     for (size_t i = 0; i < rows; i++) memcpy(to + i * to_pitch, from + i * from_pitch, run);
@@ -342,7 +342,7 @@ const lg_op lg_op_concat = {
     .instead = concat_instead,
     .terms = lg_no_terms};
 
-/* At most LG_MAX_INPUTS parts. */
+/* Concatenates at most LG_MAX_INPUTS parts. */
 static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
     const lg_node *first = lg_node_of(tape, parts[0], "concat");
     if (first == NULL) return LG_NONE;
@@ -360,7 +360,7 @@ lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
     return lg_concat(tape, both, 2, axis);
 }
 
-/* ---- permutation of axes; attr.i = axes, unused places hold themselves ---- */
+/* ---- permutation of axes; attr.i[d] = the input axis that becomes axis d; i[d] = d for unused d ---- */
 
 static lg_status permute_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
@@ -376,7 +376,7 @@ static lg_status permute_shape(const lg_shape *const *in, uint32_t inputs, const
     return LG_OK;
 }
 
-/* Whether the last two axes alone change places. */
+/* Whether the permutation only swaps the last two axes. */
 static bool is_transpose(uint32_t rank, const uint32_t *axes) {
     if (rank < 2 || axes[rank - 1] != rank - 2 || axes[rank - 2] != rank - 1) return false;
     for (uint32_t i = 0; i + 2 < rank; i++)
@@ -468,7 +468,7 @@ static lg_row_use permute_rows(const lg_shape *const *in, uint32_t inputs, const
     return attr->i[0] == 0 ? LG_ROWS_EACH : LG_ROWS_MEET;
 }
 
-/* Nothing moves when axes that are longer than 1 stay in their order. */
+/* No number moves if the axes longer than 1 keep their order. */
 static lg_instead permute_instead(const lg_known *k) {
     uint32_t last = 0;
     for (uint32_t d = 0; d < k->shape->rank; d++) {

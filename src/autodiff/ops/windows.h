@@ -1,13 +1,13 @@
-/* Windows of a series as C, for operations along time. */
+/* Windows of a time series in generated C, for operations along time. */
 #ifndef LG_OPS_WINDOWS_H
 #define LG_OPS_WINDOWS_H
 
 #include "autodiff/ops/op_c.h"
 #include "kernels/kernels.h"
 
-extern const lg_c_fragment lg_c_windows; /* their type */
+extern const lg_c_fragment lg_c_windows; /* defines the type conv_windows */
 
-/* An expression of them. */
+/* Writes a C expression that constructs these windows. */
 enum { LG_WINDOWS_TEXT = 160 };
 const char *lg_windows_text(const lg_k_windows *windows, char text[LG_WINDOWS_TEXT]);
 
