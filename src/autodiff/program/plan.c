@@ -1,4 +1,4 @@
-/* Plans: a function becomes steps. */
+/* Plans: turn a function into steps. */
 #include "autodiff/program/plan_make.h"
 
 #include <string.h>
@@ -13,7 +13,8 @@ static size_t bits(size_t n) {
     return b;
 }
 
-/* What an operation adds to the longest path: 1, and log2 of the terms of its longest sum. */
+/* What an operation adds to the longest chain: 1 + log2 of the terms of its longest sum, or 0 if it only
+ * moves numbers. */
 static size_t own_depth(const lg_graph *g, const lg_graph_node *n) {
     const lg_shape *shapes[LG_MAX_INPUTS];
     if (lg_is_call(n->op)) return ((const lg_plan *)n->attr.pointer)->depth;
@@ -42,7 +43,8 @@ static lg_status find_depth(lg_planning *p) {
 
 /* ---- calls and loops ---- */
 
-/* A plan of what is called: the caller looks for numbers that are not finite. */
+/* Makes a plan of a called function. mark_unfit is off, because the caller checks for inputs that are not
+ * finite. */
 static lg_status plan_callee(lg_planning *p, const lg_program *program, size_t function,
                              const lg_plan_options *options, lg_plan **out) {
     lg_plan_options inner = *options;
@@ -50,7 +52,7 @@ static lg_status plan_callee(lg_planning *p, const lg_program *program, size_t f
     return lg_plan_create(program, function, &inner, out, p->error);
 }
 
-/* One plan for all calls of a function. */
+/* Makes one plan for all calls of each called function. */
 static lg_status plan_calls(lg_planning *p, const lg_program *program, const lg_plan_options *options) {
     lg_plan *plan = p->plan;
     for (uint32_t i = 0; i < p->g.count; i++) {
@@ -71,7 +73,8 @@ static lg_status plan_calls(lg_planning *p, const lg_program *program, const lg_
 static lg_status plan_loop(lg_planning *p, const lg_program *program, const lg_function *f,
                            const lg_plan_options *options) {
     lg_plan *plan = p->plan, *callee;
-    for (size_t j = 0; j < plan->outputs; j++) plan->spill[j] = LG_NO_SPILL; /* the callee has its own */
+    /* The callee's plan has its own memory for unwanted outputs. */
+    for (size_t j = 0; j < plan->outputs; j++) plan->spill[j] = LG_NO_SPILL;
     LG_TRY(plan_callee(p, program, f->callee, options, &callee));
     lg_plan_step *step = lg_planning_new_step(p, LG_STEP_CALL);
     if (step == NULL) {
@@ -96,7 +99,7 @@ static lg_status plan_loop(lg_planning *p, const lg_program *program, const lg_f
     return LG_OK;
 }
 
-/* ---- a plan ---- */
+/* ---- creation and destruction ---- */
 
 void lg_plan_options_init(lg_plan_options *options) {
     *options = (lg_plan_options){

@@ -1,5 +1,5 @@
-/* A plan inside: the steps of a function for a number of rows. lg_plan_eval walks through them; the writer of
- * C prints them (of a plan of one row). */
+/* Internals of a plan: the steps of a function for a fixed number of rows. lg_plan_eval executes the steps;
+ * the writer of C prints them (for a plan of one row). */
 #ifndef LG_PLAN_H
 #define LG_PLAN_H
 
@@ -7,78 +7,86 @@
 #include "autodiff/program/program.h"
 #include "autodiff/program/scalars.h"
 
-/* Where numbers lie. Offsets are in elements. */
+/* Which memory a number lies in. Offsets are in elements. */
 typedef enum lg_area {
     LG_AREA_WORK,
-    LG_AREA_CONSTANTS, /* lg_plan.constants: made from parameters and constants */
-    LG_AREA_INPUT,     /* + input */
-    LG_AREA_OUTPUT,    /* + output */
-    LG_AREA_NONE       /* not read, not there */
+    LG_AREA_CONSTANTS, /* lg_plan.constants: values of parameters and constants */
+    LG_AREA_INPUT,     /* input `number` */
+    LG_AREA_OUTPUT,    /* output `number` */
+    LG_AREA_NONE       /* the operation does not read it, or it does not exist */
 } lg_area;
 
 typedef struct lg_place {
     lg_area area;
-    uint32_t number; /* which input or output */
+    uint32_t number; /* number of the input or output */
     size_t offset;
 } lg_place;
 
-/* A tensor operation. y may be the place of input `over` when the operation works elementwise in place. */
+/* A tensor operation. y may be the place of an input when the operation works elementwise
+ * (lg_op.over_first). */
 typedef struct lg_tensor_step {
     const lg_op *op;
-    lg_attr attr; /* pointer into the plan's payload */
+    lg_attr attr; /* its pointer points into the plan's memory */
     uint32_t inputs;
-    const lg_shape **shapes; /* of inputs */
+    const lg_shape **shapes; /* shapes of the inputs */
     lg_place *x;
-    lg_place transposed; /* of input 1, or LG_AREA_NONE */
+    lg_place transposed; /* transpose of input 1, or LG_AREA_NONE */
     lg_shape shape;
     size_t count;
     lg_place y, scratch;
     size_t scratch_count; /* elements */
 } lg_tensor_step;
 
-/* y (m, n) = sigma(x (m, k) W (k, n) + b) */
+/* A dense layer y (m, n) = sigma(x (m, k) W (k, n) + b). */
 typedef struct lg_dense_step {
     size_t m, k, n;
-    lg_place x, w, b, y; /* b: LG_AREA_NONE for none */
+    lg_place x, w, b, y; /* the area of b is LG_AREA_NONE if there is no bias */
     lg_activation kind;
 } lg_dense_step;
 
-/* `count` neighbouring elements that go into, or come out of, scalar code. */
+/* `count` adjacent elements that scalar code loads or stores. */
 typedef struct lg_scalar_range {
     lg_place place;
     uint32_t count;
-    uint32_t first; /* in: the first of their registers; out: the first of their entries in `stored` */
+    /* Loads: register of the first element. Stores: index of the first element in lg_scalar_step.stored. */
+    uint32_t first;
 } lg_scalar_range;
 
-/* A run of scalar operations. Registers: constants, what is loaded, then the results of the groups, level by
- * level: an instruction needs results of groups before its own only. */
+/* A run of scalar operations. The registers hold first the constants, then the loaded values, then the
+ * results of the groups of instructions. An instruction uses only constants, loaded values and results of
+ * earlier groups. */
 typedef struct lg_scalar_step {
-    uint32_t constants, loads, instructions; /* registers of each sort, in this order */
-    const void *constant;                    /* of the plan's type */
+    /* Numbers of registers: constants, loaded values and results of instructions, in this order. */
+    uint32_t constants, loads, instructions;
+    const void *constant; /* values of the constants, in the plan's type */
     lg_scalar_range *in;
     uint32_t ins;
     lg_scalar_group *group;
     uint32_t groups;
-    uint32_t *operands; /* registers, or whole numbers: LG_SCALAR_LIST */
+    /* Register numbers of the operands; some are whole numbers instead (LG_SCALAR_LIST). */
+    uint32_t *operands;
     lg_scalar_range *out;
     uint32_t outs;
-    uint32_t *stored;   /* registers that go out */
-    lg_place registers; /* in the work memory */
+    uint32_t *stored;   /* the registers that are stored */
+    lg_place registers; /* memory of the registers, in the work memory */
 } lg_scalar_step;
 
-/* A copy of `count` elements: an input that is an output, a view that has to be whole. */
+/* A copy of `count` elements to an output at the end of a plan. It is needed when the output is an input, a
+ * constant, a view, or the same node as another output. */
 typedef struct lg_copy_step {
     lg_place x, y;
     size_t count;
 } lg_copy_step;
 
-/* `times` runs of another plan. Its inputs and outputs; after each run but the last, outputs take the places
- * of inputs. */
+/* A loop: `times` runs of another plan, with the inputs and outputs of this plan. After each run but the
+ * last, outputs become inputs as `carry` says. */
 typedef struct lg_call_step {
-    struct lg_plan *callee; /* owned */
+    struct lg_plan *callee; /* owned by the step */
     uint32_t times;
-    const uint32_t *carry; /* by input of the callee: its output, or UINT32_MAX */
-    lg_place *next;        /* by input: in the work memory, for two values of what is carried */
+    /* For each input of the callee: the output that becomes this input after a run, or UINT32_MAX. */
+    const uint32_t *carry;
+    /* For each carried input: work memory for two values, used alternately. */
+    lg_place *next;
     lg_place work;
 } lg_call_step;
 
@@ -101,7 +109,8 @@ typedef struct lg_plan_step {
     };
 } lg_plan_step;
 
-/* Of an output that is copied at the end, if anybody wants it, or that another plan makes. */
+/* Value of lg_plan.spill for an output that needs no place in the work memory: an output that is copied at
+ * the end, if it is wanted, or that a called plan computes. */
 #define LG_NO_SPILL SIZE_MAX
 
 struct lg_plan {
@@ -109,20 +118,24 @@ struct lg_plan {
     const lg_kernels *k;
     size_t rows;
     bool mark_unfit;
-    const char *name; /* of the function */
+    const char *name; /* name of the function */
     size_t inputs, outputs;
-    size_t *input_count, *output_count; /* elements for all rows */
+    size_t *input_count, *output_count; /* elements of each port for all rows */
     lg_plan_step *step;
     size_t steps;
-    void *constants; /* of the plan's type, 64-byte aligned pieces */
+    void *constants; /* in the plan's type; each piece is 64-byte aligned unless packed */
     size_t constant_count;
-    size_t work_count; /* elements */
-    size_t depth;      /* operations one after another at most, counting a sum of n terms as log2 n + 1 */
-    double work;       /* operations on numbers of a run */
-    size_t *spill;     /* by output: where in the work memory it goes when nobody wants it, or LG_NO_SPILL */
-    lg_plan **callee;  /* by function of the program: plans of what steps call (program_call.h), owned */
+    size_t work_count; /* elements of work memory */
+    /* Longest chain of dependent operations, where a sum of n terms counts as log2 n + 1. */
+    size_t depth;
+    double work; /* arithmetic operations per run */
+    /* For each output: its place in the work memory, used when the caller does not want the output, or
+     * LG_NO_SPILL. */
+    size_t *spill;
+    /* For each function of the program: its plan if steps call it (program_call.h), owned; otherwise NULL. */
+    lg_plan **callee;
     size_t callees;
-    lg_heap memory; /* everything the plan owns but callees */
+    lg_heap memory; /* everything the plan owns, except the called plans */
 };
 
 #endif

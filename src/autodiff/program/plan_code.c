@@ -2,7 +2,8 @@
 
 #include <string.h>
 
-/* Elements of an output, of all inputs; terms of a sum: kernels are quicker, and shorter as C. */
+/* Limits for scalar code: elements of the output, elements of all inputs, terms of a sum. Beyond them,
+ * kernels are faster, and shorter as C. */
 enum { MOST_OUT = 12, MOST_IN = 64, MOST_TERMS = 16 };
 
 bool lg_code_fits(const lg_graph *g, const lg_graph_node *n) {
@@ -47,13 +48,14 @@ static lg_status new_load(lg_code *code, uint32_t node, uint32_t element, lg_sca
     return LG_OK;
 }
 
-/* The instructions of a node that is not made here: constants, or loads. */
+/* Provides the instructions of a node that is not computed in this run: constants or loads. */
 static lg_status bring(lg_code *code, uint32_t node) {
     const lg_graph_node *n = &code->graph->node[node];
     lg_scalar *value = lg_heap_take(code->temporary, n->count, sizeof *value);
     if (value == NULL) return LG_OUT_OF_MEMORY;
     for (size_t i = 0; i < n->count; i++) {
-        if (n->sort == LG_GRAPH_CONSTANT && !n->weights) /* weights stay where weights are */
+        /* Parameters are loaded, so that the weights stay in one array. */
+        if (n->sort == LG_GRAPH_CONSTANT && !n->weights)
             value[i] = lg_s_constant(&code->s, n->value[i]);
         else
             LG_TRY(new_load(code, node, (uint32_t)i, &value[i]));
@@ -89,10 +91,10 @@ typedef struct finishing {
     lg_code *code;
     lg_heap *memory;
     const lg_kernels *k;
-    uint32_t *level; /* by instruction: 1 + the highest of its operands; 0: not needed */
-    uint32_t *reg;   /* by instruction: its register */
-    uint32_t *order; /* the needed ones, in the order of registers */
-    uint32_t count;  /* of them, without constants and loads */
+    uint32_t *level; /* for each instruction: 1 + the highest level of its operands; 0: not needed */
+    uint32_t *reg;   /* for each instruction: its register */
+    uint32_t *order; /* the needed instructions, in the order of their registers */
+    uint32_t count;  /* number of entries of `order`, which holds no constants and loads */
     lg_scalar_step made;
 } finishing;
 
@@ -115,7 +117,7 @@ static void mark(finishing *f, const uint32_t *stored, size_t count) {
     }
 }
 
-/* Counting sort by a key that is at most `most`, equal keys in their order. */
+/* Stable counting sort by a key of at most `most`. */
 static void sort_by(uint32_t *items, uint32_t *spare, uint32_t count, const uint32_t *key, uint32_t *buckets,
                     uint32_t most) {
     memset(buckets, 0, ((size_t)most + 2) * sizeof *buckets);
@@ -125,8 +127,8 @@ static void sort_by(uint32_t *items, uint32_t *spare, uint32_t count, const uint
     memcpy(items, spare, count * sizeof *items);
 }
 
-/* Registers of constants and loads; the order of the others: by level, then by operation, then (rotation
- * angles together) by the first operand. */
+/* Numbers the registers: constants, loads, then all other instructions, sorted by level, then by operation,
+ * then by their first operand, which puts functions of the same rotation angle together. */
 static lg_status number_registers(finishing *f) {
     lg_code *code = f->code;
     const lg_scalars *s = &code->s;
@@ -136,7 +138,7 @@ static lg_status number_registers(finishing *f) {
     if (key == NULL || spare == NULL || buckets == NULL) return LG_OUT_OF_MEMORY;
     uint32_t constants = 0, loads = 0, top = 0;
     for (uint32_t i = 0; i < s->count; i++) constants += f->level[i] != 0 && s->code[i].op == LG_S_CONSTANT;
-    /* POW's exponents are constants too. */
+    /* The exponents of POW need registers of constants, too. */
     for (uint32_t i = 0; i < s->count; i++) constants += f->level[i] != 0 && s->code[i].op == LG_S_POW;
     for (uint32_t i = 0, c = 0; i < s->count; i++) {
         if (f->level[i] == 0) continue;
@@ -201,7 +203,7 @@ static lg_status make_groups(finishing *f) {
     return LG_OK;
 }
 
-/* Loads in the order of their numbers: elements of a node that stand in a row are one range. */
+/* Makes ranges of loads: adjacent elements of a node form one range. */
 static lg_status make_loads(finishing *f, lg_code_place place_of, void *user) {
     const lg_code *code = f->code;
     const lg_scalars *s = &code->s;

@@ -1,8 +1,8 @@
-/* What becomes of each node of a plan. */
+/* Decides how each node of a plan is computed. */
 #include "autodiff/program/plan_code.h"
 #include "autodiff/program/plan_make.h"
 
-/* It ends a layer whose product nobody else takes. */
+/* Whether the node ends a layer whose product no other node uses. */
 static bool fuses(const lg_planning *p, const lg_graph_node *n) {
     const lg_shape *shapes[LG_MAX_INPUTS];
     if (!n->op->ends_layer || n->in[0] == LG_GRAPH_NONE) return false;
@@ -14,7 +14,8 @@ static bool fuses(const lg_planning *p, const lg_graph_node *n) {
     return product->op->begins_layer(shapes, product->inputs, &product->attr);
 }
 
-/* Elementwise over a tensor of its size that a step makes: the kernel goes on where that step ends. */
+/* Whether an elementwise operation should stay a tensor step, because an input of the same size is computed
+ * by a tensor step. */
 static bool follows_tensor(const lg_planning *p, const lg_graph_node *n) {
     enum { FEW = 6 };
     if (n->op->element == NULL || n->count <= FEW) return false;
@@ -51,7 +52,7 @@ void lg_planning_find_fates(lg_planning *p) {
             it->offset = p->item[n->in[0]].offset + offset;
             continue;
         }
-        const bool fused = fuses(p, n); /* a layer is quicker than its product and scalar code */
+        const bool fused = fuses(p, n); /* one layer step is faster than a product followed by scalar code */
         it->fate = !p->compact && !fused && lg_code_fits(g, n) && !follows_tensor(p, n) ? LG_FATE_CODE
                                                                                         : LG_FATE_TENSOR;
         if (fused) p->item[n->in[0]].fate = LG_FATE_FUSED;

@@ -1,4 +1,4 @@
-/* The graph of a function. */
+/* Makes the graph of a function. */
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan_graph.h"
 #include "autodiff/program/program_call.h"
@@ -6,13 +6,15 @@
 typedef struct making {
     lg_graph *g;
     const lg_program *program;
-    const lg_function *f;  /* what is looked at: the function, or one that it calls */
-    const uint32_t *input; /* nodes that are its inputs; NULL: inputs of the graph */
+    const lg_function *f; /* the function being read: the planned one, or one that it calls */
+    /* Graph nodes that are the inputs of f. NULL: f is the planned function, and the graph gets input
+     * nodes. */
+    const uint32_t *input;
     size_t rows;
     lg_dtype dtype;
-    bool calls;      /* stay; else they are written out */
-    uint8_t *needed; /* by node of f */
-    uint32_t *of;    /* node of f -> node of the graph */
+    bool calls;      /* whether calls stay calls; otherwise they are inlined */
+    uint8_t *needed; /* for each node of f: whether the results need it */
+    uint32_t *of;    /* for each node of f: its node in the graph */
     const double **parameter;
 } making;
 
@@ -23,7 +25,7 @@ static uint32_t unread(const lg_function *f, const lg_program_node *n, size_t ro
     return op->unread(&attr, n->inputs);
 }
 
-/* What the results need that are marked. */
+/* Marks all nodes that the already marked nodes need. */
 static void mark_needed(making *m) {
     const lg_function *f = m->f;
     for (uint32_t i = f->nodes; i-- > 0;) {
@@ -34,7 +36,8 @@ static void mark_needed(making *m) {
     }
 }
 
-/* Values as doubles, rounded to the plan's type. */
+/* Returns `count` values that repeat the first `period` ones, rounded to the plan's type but stored as
+ * doubles. */
 static const double *rounded(making *m, const double *values, size_t count, size_t period) {
     if (m->dtype == LG_F64 && count == period) return values;
     double *own = lg_graph_take(m->g, count, sizeof *own);
@@ -60,7 +63,7 @@ static uint32_t leaf(making *m, const lg_program_node *n, lg_shape shape) {
     return lg_graph_add_constant(m->g, shape, m->parameter[n->number], true);
 }
 
-/* What follows from the rest would tell equal operations apart. */
+/* Clears attributes that follow from other data (lg_op.follows), so that equal operations compare equal. */
 static void tidy(lg_attr *attr, const lg_op *op) {
     for (uint32_t k = 0; k < LG_WHOLE_COUNT; k++)
         if (op->follows >> k & 1) attr->i[k] = 0;
@@ -68,7 +71,8 @@ static void tidy(lg_attr *attr, const lg_op *op) {
 
 static lg_status all_nodes(making *m, lg_error *error);
 
-/* The output of what the node calls, on its inputs: the called function's operations instead of the call. */
+/* Inlines a call: adds the operations of the called function, applied to the nodes `in`; *out is the node of
+ * the output. */
 static lg_status write_out(making *m, const lg_program_node *call, const uint32_t *in, uint32_t *out,
                            lg_error *error) {
     making inner = *m;
@@ -84,7 +88,7 @@ static lg_status write_out(making *m, const lg_program_node *call, const uint32_
     return status;
 }
 
-/* Loops stay. */
+/* Whether a call is inlined. Calls of loops never are. */
 static bool writes_out(const making *m, const lg_program_node *n) {
     return lg_is_call(n->op) && !m->calls && m->program->function[lg_called(n)].times == 0;
 }
@@ -135,7 +139,7 @@ static lg_status all_nodes(making *m, lg_error *error) {
     return LG_OK;
 }
 
-/* What simplification left behind goes. */
+/* Removes nodes that simplification has made unnecessary. */
 static bool drop_unused(making *m) {
     lg_graph *g = m->g;
     uint32_t *place = lg_graph_take(m->g, g->count, sizeof *place), kept = 0;

@@ -1,5 +1,6 @@
-/* A function at a number of rows, simplified: only what the outputs need, constants folded, equal
- * subexpressions once. Values of constants are doubles (of parameters rounded to the plan's type). */
+/* A function for a fixed number of rows, simplified: it holds only what the outputs need, constants are
+ * folded, and equal subexpressions occur once. Values of constants are stored as doubles; parameters are
+ * first rounded to the plan's type. */
 #ifndef LG_PLAN_GRAPH_H
 #define LG_PLAN_GRAPH_H
 
@@ -14,45 +15,47 @@ typedef struct lg_graph_node {
     lg_graph_sort sort;
     const lg_op *op;
     lg_attr attr;
-    uint32_t number; /* of an input */
+    uint32_t number; /* number of an input */
     uint32_t inputs;
-    uint32_t *in; /* nodes before it; LG_GRAPH_NONE where the operation does not read */
+    /* The inputs, nodes before this one; LG_GRAPH_NONE for an input that the operation does not read. */
+    uint32_t *in;
     lg_shape shape;
     size_t count;
-    const double *value; /* of a constant */
-    bool weights;        /* of a constant: it comes from parameters */
+    const double *value; /* values of a constant */
+    bool weights;        /* the constant depends on parameters */
 } lg_graph_node;
 
 typedef struct lg_graph {
-    lg_heap *heap; /* all of it lives there */
+    lg_heap *heap; /* holds all memory of the graph */
     lg_graph_node *node;
     uint32_t count, capacity;
-    uint32_t *table; /* hashes: 1 + node */
+    uint32_t *table; /* hash table of 1 + node number */
     uint32_t slots;
-    uint32_t *result;       /* by output */
-    double work, most_work; /* of folding */
+    uint32_t *result;       /* node of each output */
+    double work, most_work; /* arithmetic operations spent on folding constants, and their limit */
     bool failed;            /* out of memory */
 } lg_graph;
 
-/* rows, dtype, calls and most_work as in the options. LG_UNSUPPORTED: folding takes more than most_work
- * operations. */
+/* Makes the graph. Of the options it uses rows, dtype, calls and most_work. LG_UNSUPPORTED: folding constants
+ * takes more than most_work operations. */
 lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *function,
                         const lg_plan_options *options, lg_graph *out, lg_error *error);
 
-/* Memory of the graph's heap. NULL: `failed` is set. */
+/* Memory from the graph's heap. NULL: out of memory, and `failed` is set. */
 void *lg_graph_take(lg_graph *graph, size_t count, size_t size);
-/* The node's number; an equal node that was there before is taken. node->in may live on the caller's stack.
- * 0 after a failure. */
+/* Adds a node and returns its number, or the number of an equal node that the graph already has. node->in may
+ * be on the caller's stack. Returns 0 on failure. */
 uint32_t lg_graph_add(lg_graph *graph, const lg_graph_node *node);
 uint32_t lg_graph_add_constant(lg_graph *graph, lg_shape shape, const double *value, bool weights);
-/* What stands for an operation after simplification (plan_simplify.c); shapes: of its inputs. */
+/* Adds an operation after simplification (plan_simplify.c) and returns the node that takes its place.
+ * `shapes` are the shapes of its inputs. */
 uint32_t lg_graph_operation(lg_graph *graph, const lg_graph_node *node, const lg_shape *const *shapes);
 
-/* Operations on numbers that a node takes, about: its elements times the terms of its longest sum. */
+/* Approximate number of arithmetic operations of a node: its elements times the terms of its longest sum. */
 double lg_graph_work(const lg_graph *graph, const lg_graph_node *node);
 
-/* The shapes of a node's inputs; of one that is not read, the shape of another place (operations do not
- * look). */
+/* Sets the shapes of a node's inputs. An input that the operation does not read gets a shape of rank 0; the
+ * operation does not use it. */
 void lg_graph_shapes(const lg_graph *graph, const lg_graph_node *node, const lg_shape **shapes);
 
 #endif

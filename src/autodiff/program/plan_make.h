@@ -1,6 +1,6 @@
-/* A plan under construction: what its files share. plan.c makes a plan. It asks plan_fates.c what becomes of
- * each node, and plan_steps.c for the steps. Steps stand in the order of plan_order.c and find their places
- * in plan_memory.c. */
+/* A plan under construction: what the files that make a plan share. plan.c makes a plan. plan_fates.c decides
+ * how each node is computed. plan_order.c puts the steps in order, plan_memory.c assigns memory, and
+ * plan_steps.c makes the steps. */
 #ifndef LG_PLAN_MAKE_H
 #define LG_PLAN_MAKE_H
 
@@ -9,46 +9,52 @@
 
 typedef enum lg_fate {
     LG_FATE_GIVEN,  /* an input or a constant */
-    LG_FATE_VIEW,   /* a part of another node's numbers */
-    LG_FATE_FUSED,  /* a product inside of the dense layer that takes it */
-    LG_FATE_CODE,   /* scalar code */
-    LG_FATE_TENSOR, /* a step of its own */
+    LG_FATE_VIEW,   /* a part of another node's elements */
+    LG_FATE_FUSED,  /* a product that is computed inside the dense layer that uses it */
+    LG_FATE_CODE,   /* computed by scalar code */
+    LG_FATE_TENSOR, /* computed by a tensor step */
 } lg_fate;
 
 /* What is planned for a node of the graph. */
 typedef struct lg_plan_item {
     lg_fate fate;
-    uint32_t base; /* LG_FATE_VIEW: the node whose numbers it is a part of, none itself; others: itself */
-    size_t offset; /* LG_FATE_VIEW: in the base's numbers */
+    /* LG_FATE_VIEW: the node, itself no view, whose elements this node is a part of. Otherwise the node
+     * itself. */
+    uint32_t base;
+    size_t offset; /* LG_FATE_VIEW: offset in the elements of `base` */
     uint32_t uses;
-    uint32_t made, last; /* steps: that computes it, that reads it last */
-    uint32_t phase;      /* in the order of work: even for tensors, odd for scalar code */
-    bool lasting;        /* no place is given away, as outputs are */
+    uint32_t made, last; /* the step that computes it; the last step that reads it */
+    /* Position in the order of steps: even for tensor steps, odd for scalar code. See phase_of. */
+    uint32_t phase;
+    /* Its memory must not be given back: it is an output, or another node has taken the memory over. */
+    bool lasting;
     lg_place place;
 } lg_plan_item;
 
-/* Constants, each once. A piece's values go to place `at` when the plan is finished. */
+/* The plan's constants. A piece that is added again (same pointer and count) is stored once. The values of
+ * piece i are copied to offset at[i] when the plan is finished. */
 typedef struct lg_plan_constants {
     const double **values;
     size_t *at, *count;
     size_t pieces, capacity;
-    size_t room; /* elements of all */
+    size_t room; /* elements of all pieces together */
 } lg_plan_constants;
 
 typedef struct lg_planning {
     lg_plan *plan;
     lg_heap temporary;
     lg_graph g;
-    lg_plan_item *item;        /* by node */
-    struct lg_plan_hole *free; /* holes in the work memory, in order */
+    lg_plan_item *item;        /* one per node */
+    struct lg_plan_hole *free; /* holes in the work memory, sorted by offset */
     size_t step_capacity;
     lg_plan_constants constants;
     lg_exchange exchange;
     lg_error *error;
-    bool compact, packed, failed; /* failed: no memory */
+    bool compact, packed, failed; /* failed: out of memory */
 } lg_planning;
 
-/* A step is one tensor, or a run of scalar code: node[first .. first + count - 1] of the order. */
+/* The nodes of one step, node[first .. first + count - 1] of the order: one tensor, or a run of scalar
+ * code. */
 typedef struct lg_plan_run {
     uint32_t first, count;
     bool code;
@@ -56,13 +62,15 @@ typedef struct lg_plan_run {
 
 typedef struct lg_plan_order {
     uint32_t *node;
-    lg_plan_run *run; /* by step */
+    lg_plan_run *run; /* one per step */
     size_t steps;
-    /* Nodes by the step that reads them last: those of step s are ending[end[s + 1] .. end[s + 2] - 1]. */
+    /* The nodes sorted by the step that reads them last. The nodes that step s reads last are ending[end[s +
+     * 1] .. end[s + 2] - 1]. */
     uint32_t *ending, *end;
 } lg_plan_order;
 
-/* Zeroed memory, until the plan is made and as long as the plan; NULL: none, and `failed` is set. */
+/* Zeroed memory. lg_planning_take: until the plan is made; lg_planning_keep: as long as the plan lives. NULL:
+ * out of memory, and `failed` is set. */
 static inline void *lg_planning_take(lg_planning *p, size_t count, size_t size) {
     void *memory = lg_heap_take(&p->temporary, count, size);
     if (memory == NULL) p->failed = true;
@@ -75,32 +83,35 @@ static inline void *lg_planning_keep(lg_planning *p, size_t count, size_t size) 
     return memory;
 }
 
-/* plan_fates.c: fate, base, offset and uses of every node. */
+/* plan_fates.c: sets fate, base, offset and uses of every node. */
 void lg_planning_find_fates(lg_planning *p);
 
-/* plan_order.c: the order of what has steps; when each node is made and read last. */
+/* plan_order.c: finds the order of the steps, and the steps at which each node is made and read last. */
 lg_status lg_planning_find_order(lg_planning *p, lg_plan_order *out);
 
 static inline bool lg_planning_is_step(const lg_planning *p, uint32_t node) {
     return p->item[node].fate == LG_FATE_CODE || p->item[node].fate == LG_FATE_TENSOR;
 }
 
-/* plan_memory.c: pieces of the work memory. */
+/* plan_memory.c: lg_planning_give_room allocates a piece of the work memory and returns its offset,
+ * lg_planning_take_back frees a piece. */
 size_t lg_planning_give_room(lg_planning *p, size_t count);
 void lg_planning_take_back(lg_planning *p, size_t offset, size_t count);
-/* The place of a node: its own, its base's, or that of a constant. */
+/* The place of a node: its memory, a part of its base's memory, or its place among the constants. */
 lg_place lg_planning_place(lg_planning *p, uint32_t node);
-/* Where step `now` writes the node; UINT32_MAX: not over an input. */
+/* Assigns the memory that the step computing the node writes to. `now` is this step; the node may then
+ * overwrite an input that is not needed after it. UINT32_MAX: the node must not overwrite an input. */
 void lg_planning_give_place(lg_planning *p, uint32_t node, uint32_t now);
-/* Places of outputs, before any other. */
+/* Assigns outputs to nodes. Must be called before any other place is assigned. */
 void lg_planning_place_outputs(lg_planning *p);
-/* Work memory of nodes that nobody reads any more. */
+/* Returns the work memory of nodes that no later step reads. */
 void lg_planning_end_lives(lg_planning *p, const uint32_t *ending, size_t count);
-/* The values have to stay until lg_planning_fill_constants copies them into the plan. */
+/* The values must stay valid until lg_planning_fill_constants copies them into the plan. */
 lg_place lg_planning_add_constant(lg_planning *p, const double *values, size_t count);
 lg_status lg_planning_fill_constants(lg_planning *p);
 
-/* plan_steps.c: an empty step at the end of the plan, NULL: no memory; all steps of the graph. */
+/* plan_steps.c: lg_planning_new_step appends an empty step to the plan (NULL: out of memory);
+ * lg_planning_add_steps adds all steps of the graph. */
 lg_plan_step *lg_planning_new_step(lg_planning *p, lg_plan_step_kind kind);
 lg_status lg_planning_add_steps(lg_planning *p);
 

@@ -1,4 +1,4 @@
-/* Where the numbers of a plan lie. */
+/* Assigns memory to the numbers of a plan. */
 #include "autodiff/program/plan_make.h"
 
 /* ---- the work memory ---- */
@@ -13,7 +13,8 @@ static size_t aligned(const lg_planning *p, size_t count) {
     return (count + unit - 1) / unit * unit;
 }
 
-/* The first hole that is large enough, or the last one, when it ends the memory, made larger. */
+/* Takes the first hole that is large enough. If the last hole reaches the end of the work memory, it may be
+ * extended. */
 size_t lg_planning_give_room(lg_planning *p, size_t count) {
     count = aligned(p, count);
     for (struct lg_plan_hole **at = &p->free; *at != NULL; at = &(*at)->next) {
@@ -115,11 +116,11 @@ lg_place lg_planning_place(lg_planning *p, uint32_t node) {
     return place;
 }
 
-/* Whether y may lie over the numbers that input k reads. The kernel of an elementwise operation reads
- * element i of every input before it writes element i of y: every input that reads these numbers, k among
- * them, must have y's shape, for with another shape the kernel reads element i later too. A kernel that is
- * over_first fills the whole of y before it reads the second input: only the first input may read these
- * numbers. */
+/* Whether y may overwrite the numbers that input k reads. The kernel of an elementwise operation reads
+ * element i of every input before it writes element i of y. So every input that reads these numbers,
+ * including k, must have the shape of y; with another shape the kernel would read element i again later. A
+ * kernel with over_first writes all of y before it reads the second input, so only the first input may read
+ * these numbers. */
 static bool may_lie_over(const lg_planning *p, const lg_graph_node *n, uint32_t k) {
     if (n->in[k] == LG_GRAPH_NONE) return false;
     for (uint32_t j = 0; j < n->inputs; j++) {
@@ -130,7 +131,7 @@ static bool may_lie_over(const lg_planning *p, const lg_graph_node *n, uint32_t 
     return true;
 }
 
-/* An elementwise operation over an input that nobody needs afterwards. */
+/* Lets an elementwise operation overwrite an input that no later step needs, if possible. */
 static bool over_input(lg_planning *p, uint32_t node, uint32_t now) {
     const lg_graph_node *n = &p->g.node[node];
     if (n->op->element == NULL) return false;
@@ -141,7 +142,7 @@ static bool over_input(lg_planning *p, uint32_t node, uint32_t now) {
             p->g.node[p->item[n->in[k]].base].count != n->count)
             continue;
         p->item[node].place = from->place;
-        from->lasting = true; /* the place lives on under another name */
+        from->lasting = true; /* the memory now belongs to the new node */
         return true;
     }
     return false;
@@ -163,8 +164,9 @@ void lg_planning_end_lives(lg_planning *p, const uint32_t *ending, size_t count)
     }
 }
 
-/* An output is written where it belongs by the step that makes it, unless it is a view, given, or twice one.
- * That step and others need a place when nobody wants it. */
+/* Lets the step that computes an output write it directly to the caller's memory, unless the output is a
+ * view, an input or a constant, or the node is already another output. lg_planning_give_place assigns such an
+ * output a place in the work memory, too (`spill`), for runs in which the caller does not want it. */
 void lg_planning_place_outputs(lg_planning *p) {
     for (size_t j = 0; j < p->plan->outputs; j++) {
         lg_plan_item *it = &p->item[p->g.result[j]];

@@ -1,7 +1,8 @@
-/* The order of the steps of a plan. */
+/* Finds the order of the steps of a plan. */
 #include "autodiff/program/plan_make.h"
 
-/* The earliest phase after those of the inputs; a phase may follow upon itself. */
+/* The smallest phase that is not before the phases of the inputs. Tensor steps have even phases, scalar code
+ * has odd phases. A node may have the same phase as its inputs. */
 static uint32_t phase_of(const lg_planning *p, uint32_t node) {
     const lg_graph_node *n = &p->g.node[node];
     const uint32_t odd = p->item[node].fate == LG_FATE_CODE;
@@ -14,9 +15,11 @@ static uint32_t phase_of(const lg_planning *p, uint32_t node) {
     return phase;
 }
 
-/* An elementwise step behind which two or more tensors end that are not needed elsewhere any more, such as an
- * activation's slope, takes less memory than they do: it stands behind the last node that it has to wait for,
- * which is returned. Others stand at their own place. `last`: the node that reads a node last. */
+/* The node behind which `node` is placed; usually the node itself. An elementwise tensor step is placed
+ * earlier if that frees more memory than its output takes, for example in the case of an activation's slope.
+ * This is so when it is the last reader of several inputs that other steps read, too, and that together are
+ * larger than its output. It is then placed behind the last of its inputs and of the other readers of these
+ * inputs. last[i] is the last reader of node i, before[i] the reader before it. */
 static uint32_t anchor_of(const lg_planning *p, uint32_t node, const uint32_t *last, const uint32_t *before,
                           const uint32_t *anchor) {
     const lg_graph_node *n = &p->g.node[node];
@@ -35,7 +38,7 @@ static uint32_t anchor_of(const lg_planning *p, uint32_t node, const uint32_t *l
     return freed > n->count ? after : node;
 }
 
-/* The place of each node: anchors, and for each node the ones that stand behind it. */
+/* Finds the anchor of each node, the node behind which it is placed. */
 static bool find_anchors(lg_planning *p, uint32_t *anchor) {
     const uint32_t nodes = p->g.count;
     uint32_t *last = lg_planning_take(p, nodes, sizeof *last);
@@ -53,7 +56,7 @@ static bool find_anchors(lg_planning *p, uint32_t *anchor) {
     return true;
 }
 
-/* The nodes by their anchors. */
+/* Sorts the nodes by their anchors. */
 static bool sort_by_anchor(lg_planning *p, uint32_t *sorted) {
     const uint32_t nodes = p->g.count;
     uint32_t *anchor = lg_planning_take(p, nodes, sizeof *anchor);
@@ -65,8 +68,9 @@ static bool sort_by_anchor(lg_planning *p, uint32_t *sorted) {
     return true;
 }
 
-/* Everything that can be computed by tensors, then all scalar code that can, and so on: few long runs of it;
- * in a phase by anchors. Returns the number of nodes in the order. `first`, zeros: 2 nodes + 2 of them. */
+/* Sorts the steps by phase, and by anchor within a phase: first everything that tensor steps can compute,
+ * then all scalar code that is possible with these results, and so on. This gives few, long runs of scalar
+ * code. Returns the number of nodes in the order. `first` must hold 2 nodes + 2 zeros. */
 static uint32_t sort_by_phase(lg_planning *p, const uint32_t *sorted, uint32_t *first, uint32_t *order) {
     const uint32_t nodes = p->g.count;
     for (uint32_t i = 0; i < nodes; i++) {
@@ -80,7 +84,7 @@ static uint32_t sort_by_phase(lg_planning *p, const uint32_t *sorted, uint32_t *
     return placed;
 }
 
-/* Scalar code of one phase is one step. */
+/* Makes one step from all scalar code of a phase, and one step from each tensor. */
 static void find_runs(const lg_planning *p, uint32_t placed, lg_plan_order *o) {
     for (uint32_t j = 0; j < placed; j++) {
         const lg_plan_item *it = &p->item[o->node[j]];
@@ -92,7 +96,8 @@ static void find_runs(const lg_planning *p, uint32_t placed, lg_plan_order *o) {
     }
 }
 
-/* When each node is made and read last; a product inside of a dense layer reads when the layer does. */
+/* Finds the steps at which each node is made and read last. The inputs of a product inside a dense layer are
+ * read by the layer's step. */
 static void find_lives(lg_planning *p, const lg_plan_order *o) {
     for (size_t s = 0; s < o->steps; s++)
         for (uint32_t j = 0; j < o->run[s].count; j++) {

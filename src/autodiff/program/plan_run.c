@@ -1,4 +1,4 @@
-/* Plans are walked through: no allocation, no lock. */
+/* Runs plans, without allocation or locks. */
 #include <math.h>
 #include <string.h>
 
@@ -19,13 +19,13 @@ static void *at_output(const running *r, const lg_place *p) {
     return base + p->offset * r->k->size;
 }
 
-/* To be written. */
+/* Address of a place to be written. */
 static void *to(const running *r, const lg_place *p) {
     if (p->area == LG_AREA_WORK) return r->work + p->offset * r->k->size;
     return p->area == LG_AREA_OUTPUT ? at_output(r, p) : NULL;
 }
 
-/* To be read. */
+/* Address of a place to be read. */
 static const void *from(const running *r, const lg_place *p) {
     const size_t bytes = p->offset * r->k->size;
     switch (p->area) {
@@ -46,7 +46,8 @@ static const void *from(const running *r, const lg_place *p) {
 static void run_tensor(const running *r, const lg_tensor_step *s) {
     const void *x[LG_MAX_INPUTS];
     for (uint32_t k = 0; k < s->inputs; k++) x[k] = from(r, &s->x[k]);
-    /* Every field is named: clearing the whole takes longer than many an operation. */
+    /* Every member is listed, so that the compiler need not clear the struct: that would take longer than
+     * many an operation. */
     lg_evaluation e = {.k = r->k,
                        .crew = NULL,
                        .attr = &s->attr,
@@ -98,7 +99,8 @@ static void run_scalars(const running *r, const lg_scalar_step *s) {
         store(size, s->out[i].count, s->stored + s->out[i].first, registers, to(r, &s->out[i].place));
 }
 
-/* What is carried goes from one half of its memory to the other, the last value to the caller. */
+/* Runs a loop. Values that are carried from run to run alternate between the two halves of their memory; the
+ * last run writes to the caller's outputs. */
 static void run_call(const running *r, const lg_call_step *s) {
     const void *in[LG_PROGRAM_MAX_PORTS];
     void *out[LG_PROGRAM_MAX_PORTS], *work = to(r, &s->work);
@@ -119,7 +121,7 @@ static void run_call(const running *r, const lg_call_step *s) {
     }
 }
 
-/* Copies are outputs, at the end. */
+/* Copy steps write outputs only, at the end of a plan. */
 static void run_copy(const running *r, const lg_copy_step *s) {
     void *y = r->outputs[s->y.number];
     if (y != NULL) memcpy(y, from(r, &s->x), s->count * r->k->size);

@@ -1,19 +1,20 @@
-/* What an operation of a graph becomes: a constant where all inputs are constants, one of its inputs, zeros,
- * the operation on fewer rows; else itself. */
+/* Simplifies an operation of a graph: it may become a constant (if all inputs are constants), one of its
+ * inputs, zeros, or the same operation on fewer rows. Otherwise it stays as it is. */
 #include <string.h>
 
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan_graph.h"
 #include "autodiff/program/program_call.h"
 
-/* ---- folding ---- */
+/* ---- folding of constants ---- */
 
-/* Constants are not blown up: elements that a result may have in any case, and more than its inputs have. */
+/* Limits on the size of folded constants: a result may have SMALL elements in any case, or GROWTH times as
+ * many elements as the inputs together. */
 enum { SMALL = 1024, GROWTH = 2 };
 
 static bool folds(const lg_graph *g, const lg_graph_node *n) {
     size_t in = 0;
-    if (lg_is_call(n->op)) return false; /* a graph has no plan of what is called */
+    if (lg_is_call(n->op)) return false; /* a graph has no plan of the called function */
     for (uint32_t k = 0; k < n->inputs; k++) {
         if (n->in[k] == LG_GRAPH_NONE) continue;
         if (g->node[n->in[k]].sort != LG_GRAPH_CONSTANT) return false;
@@ -55,7 +56,8 @@ static uint32_t fold(lg_graph *g, const lg_graph_node *n, const lg_shape *const 
 
 /* ---- simplification ---- */
 
-/* Weights are not: what a plan looks like does not depend on them. */
+/* Whether all elements of a constant equal `with`. The answer is no for weights, because the structure of a
+ * plan must not depend on their values. */
 static bool is_filled(const lg_graph *g, uint32_t i, double with) {
     if (i == LG_GRAPH_NONE) return false;
     const lg_graph_node *n = &g->node[i];
@@ -76,7 +78,7 @@ static uint32_t reshaped(lg_graph *g, uint32_t i, lg_shape shape) {
     if (lg_same_shape(&from->shape, &shape)) return i;
     if (from->sort == LG_GRAPH_CONSTANT) return lg_graph_add_constant(g, shape, from->value, from->weights);
     if (from->sort == LG_GRAPH_OPERATION && from->op == &lg_op_repeat) {
-        lg_graph_node other = *from; /* the shape of a broadcast is given */
+        lg_graph_node other = *from; /* a broadcast may have any shape with the right number of elements */
         other.shape = shape;
         return lg_graph_add(g, &other);
     }
@@ -85,7 +87,7 @@ static uint32_t reshaped(lg_graph *g, uint32_t i, lg_shape shape) {
                .op = &lg_op_reshape, .inputs = 1, .in = &i, .shape = shape, .count = lg_shape_count(shape)});
 }
 
-/* What `instead` of a row may ask. */
+/* The state behind lg_known.filled, which `instead` of a row may call. */
 typedef struct asking {
     const lg_graph *g;
     const lg_graph_node *n;
@@ -96,7 +98,7 @@ static bool asked_filled(void *user, uint32_t input, double with) {
     return is_filled(a->g, a->n->in[input], with);
 }
 
-/* What the node is instead, or LG_GRAPH_NONE. */
+/* The simpler node that replaces this one, or LG_GRAPH_NONE. */
 static uint32_t simpler(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     const lg_op *op = n->op;
     asking asks = {g, n};
@@ -113,9 +115,10 @@ static uint32_t simpler(lg_graph *g, const lg_graph_node *n, const lg_shape *con
     return LG_GRAPH_NONE;
 }
 
-/* ---- rows that stand several times in a batch: the operation on single rows, then repeated ---- */
+/* ---- batches with repeated rows: the operation is done on single rows, then its result is repeated ---- */
 
-/* copies > 1: row r of the node is row r / copies of a tensor with rows / copies rows. */
+/* The number of times each row is repeated: row r of the node is row r / copies of a smaller tensor. 1: no
+ * repetition is known. */
 static uint32_t copies_of(const lg_graph *g, uint32_t i) {
     const lg_graph_node *n = &g->node[i];
     if (n->sort != LG_GRAPH_OPERATION || n->op != &lg_op_repeat || n->shape.rank == 0) return 1;
@@ -127,7 +130,7 @@ static lg_shape fewer_rows(lg_shape shape, uint32_t copies) {
     return shape;
 }
 
-/* The tensor of single rows, LG_GRAPH_NONE when the rows differ. */
+/* The tensor with each row once; LG_GRAPH_NONE when the copies of a row differ. */
 static uint32_t single_rows(lg_graph *g, uint32_t i, uint32_t copies) {
     const lg_graph_node n = g->node[i];
     const lg_shape shape = fewer_rows(n.shape, copies);
@@ -144,8 +147,8 @@ static uint32_t single_rows(lg_graph *g, uint32_t i, uint32_t copies) {
     return g->failed ? LG_GRAPH_NONE : lg_graph_add_constant(g, shape, value, n.weights);
 }
 
-/* An input without an axis of rows (a matrix beside a batch of them: its first axis is none, whatever its
- * length), or with one row for all. */
+/* Whether the input has no row axis (for example one matrix next to a batch of matrices: its first axis is
+ * not the row axis, whatever its length) or has a single row for all rows. */
 static bool serves_all(const lg_shape *shape, const lg_shape *in) {
     return in->rank < shape->rank || in->dims[0] == 1;
 }
@@ -186,7 +189,8 @@ static uint32_t on_single_rows(lg_graph *g, const lg_graph_node *n, const lg_sha
                                                   .count = n->count});
 }
 
-/* How often each row stands in all inputs but the last; 1: they differ. */
+/* The number of times each row is repeated in all inputs except the last; 1 when the inputs differ in
+ * this. */
 static uint32_t rows_of_copies(const lg_graph *g, const lg_graph_node *n) {
     uint32_t copies = 0;
     for (uint32_t k = 0; k + 1 < n->inputs; k++) {
@@ -197,7 +201,8 @@ static uint32_t rows_of_copies(const lg_graph *g, const lg_graph_node *n) {
     return copies == 0 ? 1 : copies;
 }
 
-/* An input that is one row for all rows of an elementwise operation, where the operation takes it so. */
+/* Elementwise operations: an input that repeats one row for all rows is replaced by this single row, and the
+ * operation broadcasts it. */
 static uint32_t with_broadcasts(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     const lg_op *op = n->op;
     const lg_shape *fewer[LG_MAX_INPUTS];
@@ -222,7 +227,8 @@ static uint32_t with_broadcasts(lg_graph *g, const lg_graph_node *n, const lg_sh
     return lg_graph_add(g, &made);
 }
 
-/* Where a factor alone has rows of its own, what it multiplies is computed for single rows. */
+/* If only the factor (lg_op.factor) has different rows, everything else is computed for single rows and then
+ * multiplied by the factor. */
 static uint32_t factor_apart(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     const lg_op *op = n->op;
     const uint32_t last = n->inputs - 1, copies = n->inputs > 1 ? rows_of_copies(g, n) : 1;

@@ -1,4 +1,4 @@
-/* The steps of a plan. */
+/* Makes the steps of a plan. */
 #include "autodiff/program/plan_make.h"
 
 #include <string.h>
@@ -21,7 +21,7 @@ lg_plan_step *lg_planning_new_step(lg_planning *p, lg_plan_step_kind kind) {
     return step;
 }
 
-/* The transpose of a constant that products go through faster. */
+/* Adds the transpose of a constant to the plan's constants if it makes the product faster. */
 static lg_place transposed(lg_planning *p, const lg_graph_node *n, lg_evaluation *e) {
     const lg_place none = {LG_AREA_NONE, 0, 0};
     const lg_op *op = n->op;
@@ -102,7 +102,8 @@ static lg_status add_dense(lg_planning *p, uint32_t node) {
     return p->failed ? LG_OUT_OF_MEMORY : LG_OK;
 }
 
-/* A node of the run whose numbers are needed in memory: by a later step, or as an output. */
+/* Whether the values of a node in a run of scalar code must be stored: a later step reads them, or they are
+ * an output. */
 static bool goes_out(const lg_planning *p, uint32_t node, uint32_t now) {
     return p->item[node].last > now || p->item[node].lasting;
 }
@@ -111,7 +112,7 @@ static lg_place code_place(void *user, uint32_t node) {
     return lg_planning_place(user, node);
 }
 
-/* `value`: for lg_code_begin. */
+/* `value` is the argument of lg_code_begin. */
 static lg_status add_code(lg_planning *p, const uint32_t *nodes, uint32_t count, uint32_t now,
                           lg_scalar **value) {
     lg_code code;

@@ -1,10 +1,10 @@
-/* Programs: what they own, how a part is added, looking at them. */
+/* Programs: creation and destruction, adding parts, reading. */
 #include "autodiff/program/program_check.h"
 
 #include <math.h>
 #include <string.h>
 
-/* ---- life ---- */
+/* ---- creation and destruction ---- */
 
 void lg_program_spec_init(lg_program_spec *spec) {
     *spec = (lg_program_spec){.size = sizeof *spec};
@@ -136,7 +136,8 @@ lg_status lg_program_add_function(lg_program *p, lg_function *f, lg_error *error
     return LG_OK;
 }
 
-/* `loop` has its name; `of`: what it calls. */
+/* Sets one entry of loop->carry. `of` is the function that the loop calls; `loop` needs its name for
+ * messages. */
 static lg_status add_carry(lg_function *loop, const lg_function *of, const lg_carry *carry, lg_error *error) {
     size_t i = 0, j = 0;
     if (carry->input == NULL || carry->output == NULL)
@@ -186,7 +187,7 @@ lg_status lg_program_add_loop(lg_program *p, const char *name, const char *funct
     return status;
 }
 
-/* ---- looking ---- */
+/* ---- reading ---- */
 
 size_t lg_program_functions(const lg_program *p) {
     return p->functions;

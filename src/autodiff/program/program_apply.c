@@ -1,4 +1,4 @@
-/* Functions of a program on a tape again. */
+/* Records functions of a program on a tape. */
 #include <stdio.h>
 #include <string.h>
 
@@ -11,10 +11,11 @@ typedef struct applying {
     const lg_function *f;
     const lg_var *parameters, *inputs;
     size_t rows;
-    lg_var *made; /* by node */
+    lg_var *made; /* for each node of f: its variable on the tape */
 } applying;
 
-/* B, by the first batched input; false with the error set when an input has another shape than its port. */
+/* Sets rows to B, taken from the first batched input, and checks all shapes. False, with the error set: an
+ * input or a parameter has the wrong shape. */
 static bool find_rows(applying *a) {
     const lg_function *f = a->f;
     a->rows = 1;
@@ -40,7 +41,7 @@ static bool find_rows(applying *a) {
     return true;
 }
 
-/* A repeated row, in the tape's type. */
+/* A constant leaf: the stored values, repeated to fill the shape, in the tape's type. */
 static lg_var constant(const applying *a, const lg_program_node *node, lg_shape shape) {
     const double *values = a->f->reals + node->payload;
     void *memory = NULL;
@@ -61,7 +62,8 @@ static lg_var leaf(const applying *a, const lg_program_node *node, lg_shape shap
     return lg_input_f64(a->tape, shape, a->program->parameter[node->number].values);
 }
 
-/* A payload on the tape lives as long as the tape's nodes, not as long as the program. */
+/* Copies the payload to the tape's memory, so that it lives as long as the nodes, even if the program is
+ * destroyed. */
 static bool keep_payload(lg_tape *tape, const lg_program_node *node, lg_attr *attr) {
     const lg_payload kind = node->op->payload;
     const size_t size = kind == LG_PAYLOAD_REALS     ? sizeof(double)

@@ -1,10 +1,9 @@
-/* Recordings become functions.
+/* Makes functions from recordings.
  *
- * A function is recorded at three numbers of rows and several points. Equal structures are one function;
- * every dimension and whole attribute must be affine in the rows, real attributes equal or the reciprocal of
- * an affine number (a mean), constants equal, or equal rows over and over. Only what the outputs need is
- * compared and kept.
- */
+ * A function is recorded at three numbers of rows and several points. All recordings must have the same
+ * structure. Every dimension and whole-number attribute must be affine in the rows; a real attribute must be
+ * constant or the reciprocal of an affine number (a mean); a constant must be the same everywhere, or consist
+ * of equal rows. Only nodes that the outputs need are compared and kept. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -13,8 +12,8 @@
 #include "autodiff/program/program_call.h"
 #include "liegrad/random.h"
 
-/* A derivative is made of operations that are known: three numbers of rows are enough. Other code may branch
- * on numbers, which more points bring to light. */
+/* A derivative consists of known operations, so three numbers of rows suffice. The caller's own code may
+ * branch on values, which recordings at more points reveal. */
 enum { RECORDINGS = 8, OF_DERIVATIVES = 3 };
 static const size_t rows_of[RECORDINGS] = {2, 3, 5, 2, 3, 2, 3, 2};
 
@@ -29,8 +28,8 @@ typedef struct building {
     const lg_function_spec *spec;
     recording r[RECORDINGS];
     size_t recordings;
-    uint32_t *place; /* of a node of the tapes: 1 + its index in the function; 0: not needed */
-    uint32_t count;  /* nodes of a tape */
+    uint32_t *place; /* for each node of the tapes: 1 + its index in the function; 0: not needed */
+    uint32_t count;  /* number of nodes on each tape */
     lg_function made;
     lg_error *error;
 } building;
@@ -64,7 +63,7 @@ static lg_var input_leaf(lg_tape *tape, const lg_port *port, size_t rows, lg_rng
     return leaf;
 }
 
-/* The first leaves are the parameters, then the inputs. */
+/* Records the function once. The first leaves on the tape are the parameters, followed by the inputs. */
 static lg_status record(building *b, size_t which, lg_var *leaves) {
     const lg_program *p = b->program;
     const lg_function_spec *spec = b->spec;
@@ -121,7 +120,8 @@ static const lg_node *node_in(const building *b, size_t which, uint32_t i) {
     return &b->r[which].tape->nodes[i];
 }
 
-/* Where node `i` was recorded: the first recording again, with an eye on it. */
+/* Finds the scope in which node `i` is recorded, by repeating the first recording with a watch on the
+ * node. */
 static void look_at(building *b, uint32_t i) {
     lg_var leaves[LG_PROGRAM_MAX_PARAMETERS + LG_PROGRAM_MAX_PORTS];
     lg_tape *tape = b->r[0].tape;
@@ -132,7 +132,7 @@ static void look_at(building *b, uint32_t i) {
     b->error = error;
 }
 
-/* The first operation that takes node i. */
+/* Name of the first operation that uses node i. */
 static const char *taken_by(const building *b, uint32_t i) {
     const lg_tape *tape = b->r[0].tape;
     for (uint32_t j = i + 1; j < b->count; j++)
@@ -152,7 +152,7 @@ static lg_status refuse(building *b, uint32_t i, const char *why) {
                    where[0] != '\0' ? " (in " : "", where, where[0] != '\0' ? ")" : "", why);
 }
 
-/* ---- structure ---- */
+/* ---- comparison of the structures ---- */
 
 static lg_status refuse_structure(const building *b, uint32_t i) {
     const uint32_t last = i < b->count ? i : b->count - 1;
@@ -188,9 +188,10 @@ static lg_status compare_structure(const building *b) {
     return LG_OK;
 }
 
-/* What node i of the first tape takes: a call takes the inputs of the function. */
+/* The nodes that node i of the first tape depends on in the function. For the result of a call, these are the
+ * inputs of the call. */
 typedef struct taking {
-    const lg_call_mark *call; /* NULL: an operation */
+    const lg_call_mark *call; /* NULL: the node is an ordinary operation */
     const uint32_t *nodes;
     uint32_t count;
 } taking;
@@ -203,7 +204,8 @@ static taking taken_from(const building *b, uint32_t i) {
     return (taking){NULL, tape->parents + tape->nodes[i].parents, tape->nodes[i].inputs};
 }
 
-/* Marks what the outputs need and numbers it. All parameters and inputs that are needed stay leaves. */
+/* Marks the nodes that the outputs need, and numbers them. Needed parameters and inputs stay leaves. Returns
+ * the number of marked nodes. */
 static uint32_t number_nodes(building *b) {
     uint32_t nodes = 0;
     for (size_t j = 0; j < b->spec->output_count; j++) b->place[b->r[0].output[j].index] = 1;
@@ -217,7 +219,7 @@ static uint32_t number_nodes(building *b) {
     return nodes;
 }
 
-/* ---- numbers ---- */
+/* ---- attributes and payload ---- */
 
 static bool affine_of(const building *b, const int64_t *value, lg_affine *out) {
     out->rows = (value[1] - value[0]) / (int64_t)(rows_of[1] - rows_of[0]);
@@ -246,7 +248,7 @@ static bool affine_attributes(const building *b, uint32_t i, lg_program_node *no
     return true;
 }
 
-/* attr.c is the same, or the reciprocal of an affine number. */
+/* attr.c must be the same in all recordings, or the reciprocal of an affine number. */
 static bool real_attribute(const building *b, uint32_t i, lg_program_node *node) {
     int64_t count[RECORDINGS] = {0};
     bool same = true, reciprocal = true;
@@ -269,7 +271,7 @@ static bool same_payload(const building *b, uint32_t i, size_t bytes) {
     return true;
 }
 
-/* Room for more numbers; NULL: out of memory. */
+/* Moves the array to new memory with room for `more` elements. NULL: out of memory. */
 static void *append(building *b, void *array, size_t count, size_t more, size_t size) {
     unsigned char *grown = memory(b, count + more + 1, size);
     if (grown != NULL && count > 0) memcpy(grown, array, count * size);
@@ -315,7 +317,7 @@ static lg_status payload(building *b, uint32_t i, lg_program_node *node) {
         return add_indices(b, node, from->attr.pointer, from->attr.i[0]);
     case LG_PAYLOAD_KEPT:
     case LG_PAYLOAD_NONE:
-    case LG_PAYLOAD_IN_PROCESS: /* refused before */
+    case LG_PAYLOAD_IN_PROCESS: /* refused before this */
         break;
     }
     return LG_OK;
@@ -329,7 +331,8 @@ static bool repeats(const double *values, size_t count, const double *row, size_
     return true;
 }
 
-/* Candidates: one number all over; a row over and over, in a tensor of B of them; all numbers. */
+/* Tries three forms, in this order: one number repeated; one row repeated, if the first axis is the batch;
+ * all numbers. */
 static lg_status constant(building *b, uint32_t i, lg_program_node *node) {
     const lg_node *first = node_in(b, 0, i);
     const double *values = first->value;
@@ -368,7 +371,7 @@ static lg_status leaf(building *b, uint32_t i, lg_program_node *node) {
     return LG_OK;
 }
 
-/* ---- the function ---- */
+/* ---- nodes and outputs ---- */
 
 static lg_status node(building *b, uint32_t i, lg_program_node *out) {
     const lg_node *from = &b->r[0].tape->nodes[i];
@@ -391,7 +394,7 @@ static lg_status node(building *b, uint32_t i, lg_program_node *out) {
     return from->op == &lg_op_leaf ? leaf(b, i, out) : payload(b, i, out);
 }
 
-/* A row's shape, or that of what all rows share. */
+/* Sets whether the output is shared by all rows, and its shape (of one row, or of the whole if shared). */
 static lg_status output_port(building *b, size_t j, lg_port *port) {
     const lg_program_node *from = &b->made.node[b->made.result[j]];
     bool batched = from->rank > 0 && from->dims[0].base == 0 && from->dims[0].rows == 1, fixed = true;
@@ -411,7 +414,8 @@ static lg_status output_port(building *b, size_t j, lg_port *port) {
     return LG_OK;
 }
 
-/* Before anything else: what it is given may be numbers of its own, and would be named in its place. */
+/* This is checked first, because the inputs of such an operation may be constants that differ between
+ * recordings; otherwise the error message would name these constants. */
 static lg_status refuse_custom(building *b) {
     for (uint32_t i = 0; i < b->count; i++)
         if (b->place[i] != 0 && node_in(b, 0, i)->op->payload == LG_PAYLOAD_IN_PROCESS)

@@ -1,12 +1,12 @@
-/* Programs as C, the whole: each function by a plan of one row made in double precision, what is told of it,
- * and the arrays. */
+/* Programs as C, the whole file: each function from a plan of one row made in double precision, its
+ * declaration, and the arrays. */
 #include "autodiff/program/program_c.h"
 
 #include <limits.h>
 #include <stdio.h>
 #include <string.h>
 
-/* ---- what is told ---- */
+/* ---- declarations ---- */
 
 static void add_shape(lg_text *to, const lg_port *port) {
     lg_text_add(to, " %s (", port->name);
@@ -27,7 +27,8 @@ static void add_ports(lg_text *to, const lg_port *ports, size_t count) {
     }
 }
 
-/* Names that a macro or a type could take, and that of the work memory, get a _. */
+/* Writes a parameter of a C function. Its name gets a trailing _ if it could be a macro (no lower-case
+ * letter), is `work`, or begins like the program's own names. */
 static void add_parameter(lg_c *c, lg_text *to, const char *name, bool in) {
     bool lower = false;
     for (const char *s = name; *s != '\0'; s++) lower = lower || (*s >= 'a' && *s <= 'z');
@@ -56,13 +57,13 @@ static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const ch
     lg_text_destroy(&line);
 }
 
-/* Names of functions that would be names of something else. */
+/* Refuses names of functions that would clash with other names in the C file. */
 static bool check_function(lg_c *c, const char *title) {
     static const char *const taken[] = {"real", "weights", "indices", "H"};
     const size_t length = strlen(title), ending = strlen("WORK_SIZE");
     bool bad = lg_program_name_problem(title) != NULL ||
                (length >= ending && strcmp(title + length - ending, "WORK_SIZE") == 0);
-    bool lower = false; /* names in capitals are macros */
+    bool lower = false; /* names without lower-case letters are reserved for macros */
     for (const char *s = title; *s != '\0'; s++) lower = lower || (*s >= 'a' && *s <= 'z');
     bad = bad || !lower;
     for (size_t i = 0; i < LG_COUNT(taken); i++) bad = bad || strcmp(title, taken[i]) == 0;
@@ -71,7 +72,8 @@ static bool check_function(lg_c *c, const char *title) {
 
 /* ---- arrays ---- */
 
-/* The parameter of which the numbers are a part, and from which one on; NULL: made of parameters. */
+/* The program's parameter that contains these numbers; *from is the index of the first. NULL: no parameter
+ * contains them, so they are constants or were computed from parameters. */
 static const lg_program_parameter_own *origin_of(const lg_c *c, const lg_c_piece *piece, size_t *from) {
     const double *values = c->weight + piece->at;
     for (size_t p = 0; p < c->program->parameters; p++) {
@@ -123,14 +125,15 @@ static void add_arrays(lg_c *c, lg_text *arrays, lg_text *weights) {
     lg_text_add(arrays, "#ifdef __cplusplus\n}\n#endif\n");
 }
 
-/* ---- the whole ---- */
+/* ---- the whole file ---- */
 
 void lg_c_options_init(lg_c_options *options) {
     *options = (lg_c_options){.size = sizeof *options, .dtype = LG_F64, .mark_unfit = true};
 }
 
-/* Bytes of the frame of a function that calls, and of a function of a fragment, with gcc and clang, -O0 to
- * -O3. Clang spills many values in loops that it unrolls. */
+/* Upper bounds in bytes on stack frames, for gcc and clang at -O0 to -O3: of a function that calls functions
+ * of plans, and of a fragment's function. They are large because clang spills many values in unrolled
+ * loops. */
 enum { CALLING_FRAME = 1024, FRAGMENT_FRAME = 1024 };
 
 typedef struct writing {
@@ -194,7 +197,7 @@ static bool unfit_or_failed(writing *w) {
     return w->c.status != LG_OK;
 }
 
-/* The text, which belongs to the caller from now on. */
+/* Hands the text over to the caller, who must free it. */
 static char *give(writing *w, lg_text *text) {
     char *data = text->data != NULL ? text->data : lg_strdup(w->c.context, "");
     if (data == NULL) lg_c_fail_memory(&w->c);

@@ -1,6 +1,7 @@
-/* Internals of the writer of C: the code that is already written, and the plan that is being written.
- * program_c_text.c writes pieces of text, program_c_lines.c scalar code as lines, program_c_elements.c,
- * program_c_scalars.c and program_c_body.c bodies of functions, program_c.c the whole file. */
+/* Internals of the writer of C: the code written so far, and the plan that is being written. program_c_text.c
+ * writes pieces of text, program_c_lines.c writes scalar code as lines, program_c_elements.c,
+ * program_c_scalars.c and program_c_body.c write bodies of functions, and program_c.c writes the whole
+ * file. */
 #ifndef LG_PROGRAM_C_H
 #define LG_PROGRAM_C_H
 
@@ -9,30 +10,30 @@
 #include "autodiff/program/scalars.h"
 #include "core/text.h"
 
-/* A function that is already in the code: its text with @ for its name. */
+/* A function that has been written: its text with @ in place of its name. */
 typedef struct lg_c_function {
-    uint64_t hash; /* of the text */
+    uint64_t hash; /* hash of the text */
     char *text;
     char name[96];
 } lg_c_function;
 
-/* A contiguous piece of a table. */
+/* A contiguous piece of an array. */
 typedef struct lg_c_piece {
     size_t at, count;
 } lg_c_piece;
 
-/* A range of a plan's constants, and its place in the table of weights. */
+/* A range of a plan's constants, and its place in the array of weights. */
 typedef struct lg_c_range {
     size_t from, count, at;
 } lg_c_range;
 
-/* A plan that is being written. */
+/* The state of writing one plan. */
 typedef struct lg_c_frame {
     const lg_plan *plan;
-    lg_text body;      /* statements */
-    lg_c_range *range; /* by `from`, apart */
+    lg_text body;      /* statements of the function */
+    lg_c_range *range; /* the plan's constants that its steps read; disjoint ranges */
     size_t ranges, range_capacity;
-    size_t work; /* numbers of work memory so far */
+    size_t work; /* numbers of work memory used so far */
 } lg_c_frame;
 
 struct lg_c {
@@ -42,71 +43,74 @@ struct lg_c {
     lg_dtype dtype;
     lg_status status;
     lg_error *error;
-    lg_text code;                   /* fragments and functions */
-    const lg_c_fragment **fragment; /* already in `code` */
+    lg_text code;                   /* fragments and functions written so far */
+    const lg_c_fragment **fragment; /* the fragments that `code` contains */
     size_t fragments, fragment_capacity;
     lg_c_function *function;
     size_t functions, function_capacity;
     double *weight;
     size_t weights, weight_capacity;
-    lg_c_piece *piece; /* of the weights */
+    lg_c_piece *piece; /* pieces of `weight` */
     size_t pieces, piece_capacity;
     uint32_t *index;
     size_t indices, index_capacity;
-    lg_c_piece *table; /* of the indices */
+    lg_c_piece *table; /* pieces of `index` */
     size_t tables, table_capacity;
-    /* For the bound on the stack: the depth of calls between functions of plans, now and at most; the largest
-     * depth of calls between functions of fragments; bytes of the largest function of an operation, which
-     * calls fragments only. */
+    /* For the bound on the stack: the current and the largest depth of calls between functions of plans; the
+     * largest depth of calls between functions of fragments; and the bytes of the largest frame of an
+     * operation's function, which calls fragments only. */
     size_t nesting, most_nesting, most_chain, largest;
     lg_c_frame *frame;
     const lg_tensor_step *step;
-    size_t indices_at; /* $i */
+    size_t indices_at; /* index of the table that $i stands for */
 };
 
 /* ---- failures ---- */
 
-/* Returns false. */
+/* Always returns false. */
 bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 void lg_c_fail_memory(lg_c *c);
-bool lg_c_good(lg_c *c); /* no failure so far, texts included */
-/* The same, before the words of this text are used: what is wrong with it is wrong with the code. */
+bool lg_c_good(lg_c *c); /* true if nothing has failed so far, including the texts */
+/* The same, to be called before `text` is appended to the code: a failure of `text` becomes a failure of the
+ * code. */
 bool lg_c_takes(lg_c *c, const lg_text *text);
-/* Makes room for `needed` elements of `size` bytes; new elements are zero. */
+/* Grows an array to `needed` elements of `size` bytes; new elements are zero. */
 bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t size);
 
 /* ---- pieces of text ---- */
 
-/* A line of tokens at this depth, broken where it is long. */
+/* Appends one line of code at nesting level `depth`. Long lines are broken. */
 void lg_c_add_line(lg_text *to, int depth, const char *line, size_t length);
-/* `text` with `name` for @. */
+/* Appends `text` with every @ replaced by `name`. */
 void lg_c_add_definition(lg_text *to, const char *text, const char *name);
 void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
-/* A static function with this text (@ for its name), unless it stands there; its name. `title` begins it;
- * NULL on failure. */
+/* Defines a static function with this text (@ stands for its name), unless an equal one exists, and returns
+ * its name. The name begins with `title`. NULL on failure. */
 const char *lg_c_define(lg_c *c, const char *title, const char *text);
-/* An operation's function takes so many bytes of stack. */
+/* Tells that the function of an operation needs this many bytes of stack. */
 void lg_c_largest(lg_c *c, size_t bytes);
-/* The ranges of the plan's constants that its steps read, into the table of weights. */
+/* Puts the ranges of the plan's constants that its steps read into the array of weights. */
 void lg_c_collect_constants(lg_c *c, const lg_plan *plan);
-/* Where an element of the constants that steps read stands in the weights. */
+/* Index in the array of weights of the plan's constant at `offset`. */
 size_t lg_c_constant_at(const lg_c *c, size_t offset);
-/* The memory of a place as C: "work + 12". */
+/* Writes the address of a place as C, for example "work + 12". */
 void lg_c_add_place(lg_c *c, lg_text *to, lg_place place);
-/* Whether the word stands in the text. */
+/* Whether the text contains the word as a whole word. */
 bool lg_c_uses(const char *text, const char *word);
-/* Memory that is used. */
+/* Records that this part of the work memory is used. */
 void lg_c_use(lg_c *c, lg_place place, size_t count);
 
 /* ---- bodies of functions ---- */
 
 void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e);
 void lg_c_scalars(lg_c *c, const lg_scalar_step *step);
-/* A plan as the function `name` of its own, or as a static one that stands once (NULL); its name, NULL on
- * failure. `storage`: "" or "static ". */
+/* Writes a plan as the C function `name`. If `name` is NULL, writes it as a static function, but only once if
+ * several functions have the same text. Returns the function's name, NULL on failure. `storage` is "" or
+ * "static ". */
 const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *storage, const char *name,
                             size_t *work);
-/* The same for a function that others call: `name` calls its body and marks what is not finite. */
+/* The same for a function that other functions of the program call, too. The body becomes a separate static
+ * function; `name` calls it and then marks results of inputs that are not finite. */
 void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *storage, const char *name, size_t *work);
 
 #endif

@@ -1,4 +1,4 @@
-/* Programs as C, the bodies of functions: the steps of a plan as statements. */
+/* Programs as C, bodies of functions: the steps of a plan as statements. */
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/program_c.h"
 
@@ -58,8 +58,8 @@ static void write_dense(lg_c *c, const lg_dense_step *s) {
     c->step = NULL;
 }
 
-/* Inlined, the test would tell gcc 12 that a caller's array may be NULL: it warns of copies that never are
- * (-Warray-bounds). */
+/* NOINLINE is needed: if gcc 12 inlines the function, it concludes from the test that a caller's array may be
+ * NULL and warns (-Warray-bounds) about copies that never happen. */
 static const lg_c_fragment c_copy = {.comment = "y may be NULL: an output that nobody wants",
                                      .text = LG_C(static NOINLINE void copy(int n, const real *x, real *y) {
                                          if (y == NULL) return;
@@ -80,7 +80,8 @@ static size_t half_of(const lg_plan *callee, size_t i) {
     return callee->input_count[i];
 }
 
-/* By input that is carried: from where it comes and, for its output, where it goes. */
+/* Writes a loop. In run i, a carried input is read from the caller's input (i = 0) or from half i % 2 of its
+ * memory, and its next value is written to half (i + 1) % 2. */
 static void write_call(lg_c *c, const lg_call_step *s) {
     const lg_plan *callee = s->callee;
     size_t work = 0;
@@ -97,7 +98,7 @@ static void write_call(lg_c *c, const lg_call_step *s) {
             continue;
         }
         const size_t at = s->next[i].offset;
-        /* an output that is carried into two inputs lies where the first of them has it */
+        /* an output that is carried into several inputs is stored in the memory of the first of them */
         size_t first = i;
         for (size_t k = 0; k < i; k++)
             if (s->carry[k] == s->carry[i] && k < first) first = k;
@@ -146,8 +147,8 @@ static void write_steps(lg_c *c, const lg_plan *plan) {
 
 static const lg_c_fragment c_unfit = {.file = {"unfit", "unfit"}, .needs = {&lg_c_noinline}};
 
-/* Places of outputs that nobody wants; the results last of all. Where the plan is a loop, its callee has
- * places of its own. */
+/* Writes the first statements of a function: unused arguments are marked, and outputs that the caller does
+ * not want get their place in the work memory. In a loop, the callee does the latter. */
 static void add_head(const lg_plan *plan, const char *body, lg_text *to, lg_c *c) {
     char word[32];
     for (size_t i = 0; i < plan->inputs; i++) {
@@ -164,7 +165,8 @@ static void add_head(const lg_plan *plan, const char *body, lg_text *to, lg_c *c
     }
 }
 
-/* `placed`: outputs that nobody wants have places. */
+/* Writes calls that set outputs to NaN if an input is not finite. `placed`: outputs that the caller does not
+ * want have a place in the work memory, so they need no test for NULL. */
 static void add_marks(lg_c *c, const lg_plan *plan, bool placed) {
     if (!plan->mark_unfit) return;
     lg_c_need(c, &c_unfit);
@@ -177,7 +179,8 @@ static void add_marks(lg_c *c, const lg_plan *plan, bool placed) {
         }
 }
 
-/* "void @(const real *x0, ..., real *y0, ..., real *work) {", then `body`. */
+/* Writes the whole function: "void @(const real *x0, ..., real *y0, ..., real *work) {", `head` and
+ * `body`. */
 static void add_whole(lg_text *to, const lg_plan *plan, const char *storage, const lg_text *head,
                       const lg_text *body) {
     lg_text_add(to, "%svoid @(", storage);
@@ -189,7 +192,8 @@ static void add_whole(lg_text *to, const lg_plan *plan, const char *storage, con
     lg_text_add(to, "}\n");
 }
 
-/* Functions with a name of their own stand once; the text of others may be there. */
+/* A function with a given name is always written. Without a name, an existing function with the same text is
+ * used. */
 static const char *define_whole(lg_c *c, const lg_plan *plan, const lg_text *text, const char *name) {
     if (name == NULL) return lg_c_define(c, plan->name, text->data);
     lg_text_add(&c->code, "\n");
@@ -229,7 +233,7 @@ void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *storage, const 
     lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
     lg_text text = {.context = c->context};
     const lg_text nothing = {.data = NULL};
-    c->nesting++; /* the function around the body */
+    c->nesting++; /* counts the function that calls the body */
     const char *body = write_body(c, plan, "static ", NULL, false, work);
     c->nesting--;
     if (body == NULL) return;

@@ -1,11 +1,11 @@
-/* Elementwise operations as C: loops around lines of scalar code. */
+/* Writes elementwise operations as C: loops around lines of scalar code. */
 #include "autodiff/program/program_c_lines.h"
 #include "autodiff/tape/tape_internal.h"
 
 typedef struct element_ends {
-    uint64_t over;   /* bit k: input k is the output's memory */
-    const bool *one; /* NULL, or by input: a single number */
-    uint32_t levels; /* 0: x[i]; else strides */
+    uint64_t over;   /* bit k: input k and the output share memory */
+    const bool *one; /* NULL, or for each input: it is a single number */
+    uint32_t levels; /* 0: elements are x[i]; otherwise the number of nested loops */
     const size_t (*stride)[LG_MAX_RANK];
 } element_ends;
 
@@ -40,7 +40,7 @@ static void element_output_i(lg_c *c, lg_text *to, const void *user, uint32_t nu
     lg_text_add(to, "y[i]");
 }
 
-/* The operation's line in `g`; false on failure. */
+/* Makes the scalar code of one element of the operation in `g`. False on failure. */
 static bool element_graph(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, lg_scalars *s,
                           uint32_t *root, lg_c_graph *g) {
     lg_scalar in[LG_MAX_INPUTS];
@@ -51,7 +51,8 @@ static bool element_graph(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_
     return lg_c_graph_open(g, c, s->code, s->count, root, 1);
 }
 
-/* What stands for the input's memory: an argument, unless it is not read or the output's. */
+/* Whether input k is an argument of the C function: not if forward does not read it or the output overwrites
+ * it. */
 static bool is_argument(const lg_op *op, const lg_attr *attr, uint32_t inputs, uint64_t over, uint32_t k) {
     const uint32_t unread = op->unread != NULL ? op->unread(attr, inputs) : 0;
     return !(over >> k & 1u) && (k >= 32 || !(unread >> k & 1u));
@@ -78,10 +79,12 @@ static void add_loops(lg_text *to, uint32_t levels, const size_t *length) {
                     length[l], l, l + 1 == levels ? " {" : "");
 }
 
-/* Bytes: clang writes loops over short rows out. */
+/* Bound in bytes on the stack frame of a function with nested loops; it is large because clang unrolls loops
+ * over short rows. */
 enum { BROADCAST_FRAME = 4096 };
 
-/* A function over all elements: over n of them, or where there are levels, over `length` of each. */
+/* Defines a function over all elements: one loop over n elements if user->levels is 0, otherwise nested loops
+ * over length[l] elements each. */
 static const char *define_elements(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs,
                                    const element_ends *user, const size_t *length) {
     const lg_c_ends to = {user, element_input, user->levels == 0 ? element_output_i : element_output};
@@ -115,7 +118,8 @@ const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inp
     return name != NULL ? name : "";
 }
 
-/* Strides of the inputs along the output's axes, neighbouring axes that go on alike taken together. */
+/* Sets the lengths of the loops over the output's axes and the inputs' strides, and returns the number of
+ * loops. Adjacent axes are merged into one loop if all inputs allow it. */
 static uint32_t levels_of(const lg_evaluation *e, size_t length[LG_MAX_RANK], size_t (*stride)[LG_MAX_RANK]) {
     uint32_t levels = 0;
     for (uint32_t d = 0; d < e->shape->rank; d++) {
@@ -154,14 +158,14 @@ static bool same_place(const lg_place *a, const lg_place *b) {
            (a->area == LG_AREA_WORK || a->number == b->number);
 }
 
-/* Same shapes and single numbers are one loop over all elements. */
+/* If every input has the output's shape or is a single number, one loop over all elements is written. */
 void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
     size_t length[LG_MAX_RANK], stride[LG_MAX_INPUTS][LG_MAX_RANK] = {{0}};
     bool one[LG_MAX_INPUTS];
     const uint32_t levels = levels_of(e, length, stride);
     uint64_t over = 0;
     for (uint32_t k = 0; k < e->inputs; k++) {
-        /* What is not read is no argument either. */
+        /* An input that is not read is marked, too, because neither kind becomes an argument. */
         if (c->step->x[k].area == LG_AREA_NONE || same_place(&c->step->x[k], &c->step->y))
             over |= (uint64_t)1 << k;
         one[k] = levels == 1 && stride[k][0] == 0;

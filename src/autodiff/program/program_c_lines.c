@@ -2,10 +2,11 @@
 
 #include <string.h>
 
-/* Instructions of a function of straight code: compilers stay quick, stacks small. */
+/* Maximum number of instructions in one function of straight-line code; this keeps compile times short and
+ * stack frames small. */
 #define BLOCK 512
 
-/* At -O0: a slot for each local variable, twice that to be sure. */
+/* At -O0 each local variable takes a stack slot of 8 bytes; twice that is a safe bound. */
 size_t lg_c_frame_of(const lg_text *lines) {
     size_t locals = 0;
     for (const char *s = lines->data; s != NULL && (s = strstr(s, "real ")) != NULL; s++) locals++;
@@ -21,7 +22,7 @@ static const lg_c_fragment c_larger = {
     .comment = "NaN where one of them is.",
     .text = LG_C(static real larger(real a, real b) { return a != a || a >= b ? a : b; })};
 
-/* a, b and c are operands, p and n the constants. */
+/* a, b and c stand for operands, p and n for the instruction's constants. */
 static const struct {
     const char *text;
     const lg_c_fragment *needs;
@@ -48,7 +49,7 @@ static const struct {
     [LG_S_DEXPINV] = {"dexpinv_coef(a, n)", &lg_c_dexpinv},
 };
 
-/* Powers that need no function. */
+/* Powers that are written without a call of POW. */
 static const struct {
     double exponent;
     const char *text;
@@ -64,7 +65,7 @@ static const char *expression_of(const lg_scalar_code *code) {
     return expressions[code->op].text;
 }
 
-/* ---- a directed graph in the order of its results ---- */
+/* ---- sorting the instructions by the results that need them ---- */
 
 static bool is_leaf(const lg_c_graph *g, uint32_t i) {
     return g->code[i].op == LG_S_INPUT || g->code[i].op == LG_S_CONSTANT;
@@ -80,7 +81,8 @@ static void put(lg_c_graph *g, uint32_t i) {
     g->place[i] = g->ordered;
 }
 
-/* The instruction, and those of the same angle that are of use beside it. */
+/* Adds the instruction to the order, together with needed instructions that are cheap to compute with it: SIN
+ * and COS of the same angle, or Stumpff functions of the same argument and order. */
 static void put_family(lg_c_graph *g, uint32_t i) {
     put(g, i);
     if (!has_siblings(&g->code[i])) return;
@@ -91,7 +93,8 @@ static void put_family(lg_c_graph *g, uint32_t i) {
     }
 }
 
-/* What a result needs comes before it: an operand's whole tree before the next operand's. */
+/* Adds everything that a result needs to the order, operands first: all instructions for one operand, then
+ * all for the next. */
 static void sort_from(lg_c_graph *g, uint32_t root) {
     uint32_t depth = 0;
     g->stack[depth++] = root;
@@ -117,7 +120,8 @@ static void mark(uint8_t *used, const lg_c_graph *g) {
             used[g->code[i].in[k]] = 1;
 }
 
-/* What nothing needs is no sibling. Operands stand before what they are of. */
+/* Sorts the instructions. Only needed instructions become siblings. Operands always have smaller numbers than
+ * the instructions that use them. */
 static bool sort(lg_c_graph *g) {
     uint8_t *used = lg_alloc(g->c->context, g->count, 1);
     if (used == NULL) return lg_c_fail(g->c, LG_OUT_OF_MEMORY, "out of memory");
@@ -136,8 +140,8 @@ static uint32_t block_of(const lg_c_graph *g, uint32_t i) {
     return (g->place[i] - 1) / BLOCK;
 }
 
-/* What is read in a later block than it is made gets a slot; roots that are made elsewhere than in the last
- * block are stored where they are made. */
+/* Gives a slot to each value that a later block than its own reads. A root is stored by the block that
+ * computes it, so it needs no slot for that. */
 static void find_slots(lg_c_graph *g) {
     for (uint32_t o = 0; o < g->ordered; o++) {
         const lg_scalar_code *code = &g->code[g->order[o]];
@@ -180,7 +184,7 @@ static void add_operand(const lg_c_graph *g, lg_text *to, uint32_t i) {
     if (code->p < 0) lg_text_add(to, ")");
 }
 
-/* A letter that stands alone is an operand or a constant. */
+/* Writes an expression; in its text, a single letter that stands alone is an operand or a constant. */
 static void add_expression(const lg_c_graph *g, lg_text *to, const lg_scalar_code *code) {
     const char *text = expression_of(code);
     for (const char *s = text; *s != '\0'; s++) {
@@ -200,7 +204,8 @@ static bool same_row(const lg_scalar_code *a, const lg_scalar_code *b) {
     return a->op == LG_S_STUMPFF && b->op == LG_S_STUMPFF && a->in[0] == b->in[0] && a->n / 16 == b->n / 16;
 }
 
-/* Functions of one angle and order are computed as a row, where the first of them stands in a block. */
+/* Stumpff functions of the same argument and order are computed as one row by the first of them in a block;
+ * the others read elements of this row. */
 static void add_stumpff(lg_c_graph *g, lg_text *to, const char *indent, uint32_t i) {
     const lg_scalar_code *own = &g->code[i];
     uint32_t row = i, most = own->n % 16;
@@ -216,7 +221,7 @@ static void add_stumpff(lg_c_graph *g, lg_text *to, const char *indent, uint32_t
     lg_text_add(to, "%sconst real v%u = s%u[%u];\n", indent, i, row, own->n % 16);
 }
 
-/* Operands that are not there yet in this block: inputs, and what was made in an earlier one. */
+/* Loads an operand that this block does not have yet: an input, or a value computed in an earlier block. */
 static void add_loads(lg_c_graph *g, lg_text *to, const char *indent, const lg_c_ends *e, uint32_t block,
                       uint32_t i, size_t slots_at) {
     const bool made = !is_leaf(g, i) && block_of(g, i) == block;
@@ -246,7 +251,8 @@ static void add_line(lg_c_graph *g, lg_text *to, const char *indent, const lg_c_
     lg_text_add(to, ";\n");
 }
 
-/* Roots of this block; those that are inputs or constants belong to the last one. */
+/* Stores the slots and roots that this block computes. The last block also stores roots that are inputs or
+ * constants. */
 static void add_stores(lg_c_graph *g, lg_text *to, const char *indent, const lg_c_ends *e, uint32_t block,
                        bool last, size_t slots_at) {
     for (uint32_t o = block * BLOCK; o < g->ordered && o < (block + 1) * BLOCK; o++)

@@ -1,9 +1,10 @@
-/* A step of scalar code as C: straight lines of local variables, in static functions of bounded size. */
+/* Writes a step of scalar code as C: straight-line code with local variables, in static functions of limited
+ * size. */
 #include <stdio.h>
 
 #include "autodiff/program/program_c_lines.h"
 
-/* x[offset + i] */
+/* Writes element i of a range as C, such as x0[12]. */
 static void add_element(const lg_c *c, lg_text *to, const lg_scalar_range *range, uint32_t i) {
     const lg_place *at = &range->place;
     if (at->area == LG_AREA_CONSTANTS) {
@@ -15,7 +16,7 @@ static void add_element(const lg_c *c, lg_text *to, const lg_scalar_range *range
     lg_text_add(to, "[%zu]", at->offset + i);
 }
 
-/* Ranges are in the order of their numbers. */
+/* Finds the range that contains a register or stored entry; ranges are sorted by `first`. */
 static const lg_scalar_range *range_of(const lg_scalar_range *range, uint32_t count, uint32_t number) {
     uint32_t low = 0, high = count;
     while (high - low > 1) {
@@ -45,7 +46,7 @@ static void add_argument(lg_text *parameters, lg_text *arguments, const char *ty
     lg_text_add(arguments, "%s%s", arguments->length > 0 ? ", " : "", name);
 }
 
-/* The function of a block, and its call. */
+/* Defines the C function of a block, and adds a call of it to the body. */
 static void define_block(lg_c *c, const lg_text *lines) {
     const lg_plan *plan = c->frame->plan;
     lg_text parameters = {.context = c->context}, arguments = {.context = c->context};
@@ -96,7 +97,8 @@ static void add_group(const lg_plan *plan, const lg_scalar_step *step, const lg_
     }
 }
 
-/* Registers as instructions: constants, inputs (by the number of their register), results. */
+/* Turns the registers of a step into instructions: constants, inputs (numbered by their register) and
+ * results. */
 static lg_scalar_code *registers_of(lg_c *c, const lg_scalar_step *step) {
     const uint32_t first = step->constants + step->loads;
     const lg_plan *plan = c->frame->plan;

@@ -1,5 +1,5 @@
-/* Programs as C, the pieces: text of tokens, fragments and functions that stand once, tables of numbers, and
- * statements. */
+/* Programs as C, pieces: text made of tokens, fragments and functions that are written once, arrays of
+ * numbers, and statements. */
 #include "autodiff/program/program_c.h"
 
 #include <stdarg.h>
@@ -55,7 +55,7 @@ static bool starts(const char *s, const char *word) {
     return strncmp(s, word, strlen(word)) == 0;
 }
 
-/* Where a line may end: behind the last comma, else at the last blank, before column `most`. */
+/* Where to break a line: behind the last comma, otherwise at the last blank, before column `most`. */
 static size_t line_break(const char *line, size_t length, size_t most) {
     for (size_t i = most; i > most / 2; i--)
         if (line[i] == ' ' && line[i - 1] == ',') return i;
@@ -86,10 +86,12 @@ static bool is_head(const char *line) {
     return starts(line, "for (") || starts(line, "if (") || starts(line, "while (");
 }
 
-/* Stringized tokens as lines: a new one after { } and ; that stand outside of parentheses and of the braces
- * of a list, and after the head of a loop or branch. */
+/* Writes stringized tokens as lines. A new line begins after {, } and ; outside of parentheses and of
+ * initialiser lists, and after the head of a loop or branch. */
 static void add_tokens(lg_text *to, const char *text) {
-    int depth = 0, inside = 0, list = 0, hanging = 0, branch = 0; /* branch: where the last `if` hangs */
+    /* `hanging`: extra indentation of a statement under heads without braces. `branch`: the indentation of
+     * the last `if`. */
+    int depth = 0, inside = 0, list = 0, hanging = 0, branch = 0;
     const char *line = text;
     for (const char *s = text; *s != '\0'; s++) {
         const char *next = s + 1 + strspn(s + 1, " ");
@@ -107,7 +109,8 @@ static void add_tokens(lg_text *to, const char *text) {
         }
         if (*s == '}' && depth > 0) depth--;
         if (*s == '}' && (starts(next, "else") || (depth == 0 && *next != '\0' && !starts(next, "static"))))
-            continue; /* } else {, } name; */
+            /* The line continues after "} else {" and "} name;". */
+            continue;
         lg_c_add_line(to, depth + hanging, line, (size_t)(s + 1 - line));
         if (head && strstr(line, "if (") != NULL && strstr(line, "if (") < s) branch = hanging;
         hanging = head || otherwise ? hanging + 1 : starts(next, "else") && *s == ';' ? branch : 0;
@@ -127,7 +130,8 @@ bool lg_c_uses(const char *text, const char *word) {
     return false;
 }
 
-/* Functions that a text defines: lines that begin with `static` and hold a parenthesis. */
+/* Number of functions that a text defines: places where `static` is followed by a parenthesis before any {, ;
+ * or =. */
 static size_t functions_in(const char *text) {
     size_t count = 0;
     for (const char *s = text; (s = strstr(s, "static ")) != NULL; s++) {
@@ -150,7 +154,7 @@ static const char *text_of(const lg_c *c, const lg_c_fragment *fragment) {
     return lg_c_text_of(fragment->file[c->dtype == LG_F32 ? 1 : 0]);
 }
 
-/* Functions that may call each other, down to the fragments that need none. */
+/* Largest number of nested calls from this fragment down to fragments that need no others. */
 static size_t chain_of(const lg_c *c, const lg_c_fragment *fragment) {
     size_t below = 0;
     for (size_t i = 0; i < LG_C_NEEDS && fragment->needs[i] != NULL; i++) {
@@ -188,7 +192,7 @@ void lg_c_add_definition(lg_text *to, const char *text, const char *name) {
     }
 }
 
-/* FNV-1a */
+/* The FNV-1a hash. */
 static uint64_t hash_of(const char *text) {
     uint64_t h = 14695981039346656037u;
     for (; *text != '\0'; text++) h = (h ^ (unsigned char)*text) * 1099511628211u;
@@ -220,7 +224,8 @@ const char *lg_c_define(lg_c *c, const char *title, const char *text) {
 
 /* ---- tables ---- */
 
-/* Where these numbers lie in the table of weights; a part of a piece that is there serves. */
+/* Index of these numbers in the array of weights. They are appended unless they are part of a piece that is
+ * already there. */
 static size_t weights_at(lg_c *c, const double *values, size_t count) {
     for (size_t i = 0; i < c->pieces; i++)
         for (size_t k = 0; count > 0 && k + count <= c->piece[i].count; k++) {
@@ -254,7 +259,7 @@ void lg_c_indices(lg_c *c, const uint32_t *values, size_t count) {
     c->indices += count;
 }
 
-/* Ranges of the plan's constants that steps read; those that meet become one. */
+/* Adds a range of the plan's constants that a step reads; overlapping ranges are merged. */
 static void read_constants(lg_c *c, lg_place place, size_t count) {
     lg_c_frame *f = c->frame;
     if (place.area != LG_AREA_CONSTANTS || count == 0 || c->status != LG_OK) return;
@@ -335,7 +340,8 @@ void lg_c_add_place(lg_c *c, lg_text *to, lg_place place) {
     if (offset > 0) lg_text_add(to, " + %zu", offset);
 }
 
-/* A sign of the format: $0 $y $s $i; how many characters it has. */
+/* Writes the memory that $0, $y, $s or $i stands for. `sign` points behind the $; returns the number of its
+ * characters. */
 static size_t add_memory(lg_c *c, lg_text *to, const char *sign) {
     const lg_tensor_step *s = c->step;
     uint32_t k = 0;
@@ -353,7 +359,7 @@ static size_t add_memory(lg_c *c, lg_text *to, const char *sign) {
     return n;
 }
 
-/* " + 0" at the end of an address goes. */
+/* Skips " + 0" at the end of an address. */
 static const char *skip_zero(const char *s) {
     return starts(s, " + 0") && (s[4] == ',' || s[4] == ')') ? s + 4 : s;
 }

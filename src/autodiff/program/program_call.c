@@ -5,9 +5,9 @@
 #include "autodiff/program/plan.h"
 #include "autodiff/program/program_c.h"
 
-/* ---- the operation, in plans ---- */
+/* ---- the operation as it is used in plans ---- */
 
-/* The shape is that of the function's output, which lg_program_add_function checks. */
+/* The output has the shape of the called function's output; lg_program_add_function checks this. */
 static lg_status shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)in, (void)inputs, (void)attr, (void)out;
     return LG_OK;
@@ -24,7 +24,7 @@ static size_t scratch(const lg_evaluation *e) {
     return lg_plan_work_size(e->attr->pointer);
 }
 
-/* "name($0, $1, NULL, $y, $s)" */
+/* Writes a call such as "name($0, $1, NULL, $y, $s)". */
 static void write_c(lg_c *c, const lg_evaluation *e) {
     lg_text call = {.context = c->context};
     const lg_tensor_step *step = c->step;
@@ -56,7 +56,7 @@ size_t lg_program_calls(const lg_program *program, size_t function, size_t calle
     return calls;
 }
 
-/* ---- marks of a recording ---- */
+/* ---- marks of calls during a recording ---- */
 
 void lg_calls_destroy(lg_calls *calls) {
     if (calls->program != NULL) lg_free(calls->program->context, calls->mark);
@@ -96,7 +96,7 @@ lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const
     if (lg_program_record(tape, calls->program, number, calls->parameters, inputs, outputs) != LG_OK)
         return LG_NONE;
     const lg_var out = outputs[output];
-    if (out.index < before) return out; /* one of the inputs */
+    if (out.index < before) return out; /* the output is one of the inputs, so there is no call */
     lg_call_mark *mark = new_mark(calls);
     if (mark == NULL) return lg_tape_fail(tape, LG_OUT_OF_MEMORY, "call", "no memory");
     *mark = (lg_call_mark){.result = out.index, .function = (uint32_t)number, .output = (uint32_t)output};

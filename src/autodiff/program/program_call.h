@@ -1,8 +1,8 @@
-/* Calls: an operation of programs that runs another function of the same program. A tape never has it: there
- * lg_program_call records the operations of the called function, with a mark that makes them one call in the
- * program. attr.i[0] is the number of the called function, which must already exist, i[1] the number of the
- * output that is the result. The inputs are those of the function. In a plan attr.pointer is the plan of that
- * function. */
+/* Calls: an operation that runs another function of the same program. It occurs only in programs, never on a
+ * tape: there, lg_program_call records the operations of the called function, with a mark from which the
+ * program makes one call. attr.i[0] is the number of the called function, which must already exist; attr.i[1]
+ * is the number of the output that is the result. The inputs are the inputs of the called function. In a
+ * plan, attr.pointer is the plan of the called function. */
 #ifndef LG_PROGRAM_CALL_H
 #define LG_PROGRAM_CALL_H
 
@@ -22,13 +22,13 @@ static inline uint32_t lg_called_output(const lg_program_node *call) {
     return (uint32_t)call->i[1].base;
 }
 
-/* The node `result` is the `output` that `function` makes of the nodes `input`. */
+/* Node `result` is output number `output` of function number `function`, applied to the nodes `input`. */
 typedef struct lg_call_mark {
     uint32_t result, function, output;
     uint32_t input[LG_MAX_INPUTS];
 } lg_call_mark;
 
-/* The calls of one recording; lg_tape.calls points to it meanwhile. */
+/* The calls of one recording; during the recording, lg_tape.calls points to it. */
 typedef struct lg_calls {
     const lg_program *program;
     const lg_var *parameters;
@@ -37,7 +37,7 @@ typedef struct lg_calls {
 } lg_calls;
 
 void lg_calls_destroy(lg_calls *calls);
-/* The call whose result the node is, or NULL. */
+/* The call that has this node as its result, or NULL. */
 const lg_call_mark *lg_calls_find(const lg_calls *calls, uint32_t node);
 
 #endif

@@ -1,4 +1,4 @@
-/* What is checked when a function is added to a program. */
+/* Checks that are made when a function is added to a program. */
 #include "autodiff/program/program_check.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@
 #include "autodiff/ops/op_table.h"
 #include "autodiff/program/program_call.h"
 
-/* Units stand in comments of C. */
+/* Units are printed in comments of C, so they must not end a comment or contain escapes. */
 static bool unit_is_sound(const char *unit) {
     if (unit == NULL) return true;
     for (const char *c = unit; *c != '\0'; c++)
@@ -72,7 +72,7 @@ static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t 
     return LG_OK;
 }
 
-/* Calls go to functions that were there before, so they end. */
+/* A call must go to a function that was added before; so calls cannot recurse. */
 static lg_status check_call(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
     const lg_affine to = node->i[0], output = node->i[1];
@@ -114,8 +114,8 @@ static lg_status check_payload(const lg_function *f, uint32_t i, lg_error *error
     return LG_OK;
 }
 
-/* Affine shapes and attributes satisfy the shape rule at these numbers of rows; lg_plan_create and
- * lg_program_record ask it again at theirs. */
+/* Checks that shapes and attributes, which are affine in the rows, satisfy the shape rule for 1, 2 and 3
+ * rows. lg_plan_create and lg_program_record check them again for their numbers of rows. */
 static lg_status check_shapes(const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
     lg_shape shapes[LG_MAX_INPUTS], stated, found;
@@ -137,7 +137,7 @@ static lg_status check_shapes(const lg_function *f, uint32_t i, lg_error *error)
     return LG_OK;
 }
 
-/* No overflow for any number of rows that fits into 32 bits. */
+/* Whether the affine number cannot overflow for any number of rows below 2^32. */
 static bool affine_within(lg_affine a) {
     const int64_t most = 2 * LG_PROGRAM_MAX_DIM, slope = LG_PROGRAM_MAX_DIM / 2;
     return a.base <= most && a.base >= -most && a.rows <= slope && a.rows >= -slope;
@@ -190,7 +190,7 @@ static bool same_port(const lg_port *a, const lg_port *b) {
     return a->shared == b->shared && lg_same_shape(&a->shape, &b->shape);
 }
 
-/* `from`: the output that becomes the input; UINT32_MAX: none. */
+/* `from` is the output that becomes this input, or UINT32_MAX. */
 static lg_status check_carry(const lg_function *f, const lg_port *input, uint32_t from, lg_error *error) {
     if (from == UINT32_MAX) return LG_OK;
     if (from >= f->outputs)

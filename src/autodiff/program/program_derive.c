@@ -1,9 +1,8 @@
-/* Derivatives of functions: further functions, recorded like any other.
+/* Derivatives of functions. A derivative is a further function of the program, recorded like any other.
  *
- * A Jacobian takes all directions at once: each row of the inputs stands N times in the batch, N the number
- * of directions, each time with another unit vector as direction (or cotangent, where the outputs have fewer
- * elements). lg_plan computes once what the copies share.
- */
+ * A Jacobian is computed for all directions at once. With N directions, each row of the inputs stands N times
+ * in the batch, each time with another unit vector as direction (or as cotangent, if the outputs have fewer
+ * elements). lg_plan computes once what the copies have in common. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -14,7 +13,7 @@
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS, NAME = LG_PROGRAM_MAX_NAME + 1 };
 
-/* Something recorded: a function of the program, or its adjoint. */
+/* A function that can be recorded and differentiated: a function of the program, or the adjoint of one. */
 typedef struct differentiable differentiable;
 struct differentiable {
     lg_status (*record)(const differentiable *self, lg_tape *tape, const lg_var *parameters, const lg_var *in,
@@ -23,9 +22,9 @@ struct differentiable {
     size_t function;
     lg_port in[PORTS], out[PORTS];
     size_t inputs, outputs;
-    size_t by[PORTS], of[PORTS]; /* inputs by which, outputs of which */
+    size_t by[PORTS], of[PORTS]; /* inputs to differentiate by, outputs to differentiate */
     size_t by_count, of_count;
-    const differentiable *inner; /* of an adjoint */
+    const differentiable *inner; /* for an adjoint: the function it belongs to */
 };
 
 typedef struct deriving {
@@ -33,7 +32,7 @@ typedef struct deriving {
     lg_derivative_kind kind;
     char names[2 * PORTS + PORTS * PORTS][3 * NAME];
     size_t named;
-    lg_port in[PORTS], out[PORTS]; /* of the new function */
+    lg_port in[PORTS], out[PORTS]; /* ports of the new function */
     size_t inputs, outputs;
 } deriving;
 
@@ -44,7 +43,7 @@ static lg_status record_function(const differentiable *f, lg_tape *tape, const l
     return lg_program_record(tape, f->program, f->function, parameters, in, out);
 }
 
-/* in: the inputs, then a cotangent for each output asked for; out: the cotangents of inputs asked for. */
+/* in: the inputs, then one cotangent per chosen output. out: the cotangents of the chosen inputs. */
 static lg_status record_adjoint(const differentiable *self, lg_tape *tape, const lg_var *parameters,
                                 const lg_var *in, lg_var *out) {
     const differentiable *f = self->inner;
@@ -76,7 +75,7 @@ static uint32_t total(const lg_port *ports, const size_t *chosen, size_t count) 
     return sum;
 }
 
-/* (B, shape...) -> (B copies, shape...), each row `copies` times. */
+/* (B, shape...) -> (B copies, shape...): repeats each row `copies` times. */
 static lg_var repeat_rows(lg_tape *tape, const lg_port *port, lg_var x, uint32_t rows, uint32_t copies) {
     const uint32_t n = elements(port);
     const lg_var one = lg_reshape(tape, x, lg_shape3(rows, 1, n));
@@ -84,7 +83,8 @@ static lg_var repeat_rows(lg_tape *tape, const lg_port *port, lg_var x, uint32_t
     return lg_reshape(tape, all, lg_port_shape(port, (size_t)rows * copies));
 }
 
-/* Unit vectors of one port among `copies` directions: row r of each block is e_{r - first}, or 0. */
+/* The unit vectors for one port. In each block of `copies` rows, row r holds e_(r - first) if this is a unit
+ * vector of the port, otherwise 0. */
 static lg_var unit_rows(lg_tape *tape, const lg_port *port, uint32_t rows, uint32_t copies, uint32_t first) {
     const uint32_t n = elements(port);
     void *memory = NULL;
@@ -98,7 +98,7 @@ static lg_var unit_rows(lg_tape *tape, const lg_port *port, uint32_t rows, uint3
     return lg_reshape(tape, all, lg_port_shape(port, (size_t)rows * copies));
 }
 
-/* Directions or cotangents of all chosen ports, side by side. */
+/* The unit vectors for all chosen ports; each port has its own range of directions (or cotangents). */
 static void unit_vectors(lg_tape *tape, const lg_port *ports, const size_t *chosen, size_t count,
                          uint32_t rows, uint32_t copies, lg_var *out) {
     uint32_t first = 0;
@@ -108,7 +108,8 @@ static void unit_vectors(lg_tape *tape, const lg_port *ports, const size_t *chos
     }
 }
 
-/* block[j by_count + i] of the derivatives (B, copies, n): columns for directions, rows for cotangents. */
+/* Cuts the derivatives (B, copies, n) into blocks: block[j by_count + i] is the Jacobian of output j by input
+ * i. With directions, it is made of columns, with cotangents, of rows. */
 static void cut_blocks(lg_tape *tape, const differentiable *f, bool forward, uint32_t rows, uint32_t copies,
                        const lg_var *derivative, lg_var *block) {
     for (size_t j = 0; j < f->of_count; j++) {
@@ -182,7 +183,8 @@ static bool begins_a_port(const lg_port *ports, size_t count, const char *prefix
     return false;
 }
 
-/* fwd_x; of a function that has fwd_ ports already, fwd2_x and so on. */
+/* The port of a direction or cotangent, such as fwd_x. If the function already has ports that begin with
+ * fwd_, the name is fwd2_x, and so on. */
 static lg_port seed_of(deriving *d, const char *word, const lg_port *port) {
     const differentiable *f = &d->f;
     char prefix[16];
@@ -214,7 +216,8 @@ static lg_status choose(const char *const *names, size_t count, const lg_port *p
                : lg_fail(error, LG_INVALID_ARGUMENT, "there is no %s to differentiate by", what);
 }
 
-/* The adjoint as a differentiable of its own: inputs and cotangents -> cotangents of the inputs. */
+/* Makes the adjoint a function that can be differentiated: inputs and cotangents of outputs -> cotangents of
+ * inputs. */
 static void make_adjoint(deriving *d) {
     const differentiable *f = &d->f;
     differentiable *a = &d->adjoint;
@@ -257,7 +260,7 @@ static lg_status make_ports(deriving *d, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- whether rows are independent: a batch beside its rows one by one ---- */
+/* ---- trial whether rows are independent: a batch is compared with its rows one by one ---- */
 
 enum { ROWS = 3, TRIALS = 3 };
 
@@ -265,7 +268,7 @@ typedef struct row_trial {
     const differentiable *f;
     lg_plan *batch, *single;
     double *in[PORTS], *out[PORTS], *one[PORTS];
-    void *work; /* of either */
+    void *work; /* work memory, large enough for both plans */
 } row_trial;
 
 static void *trial_memory(const row_trial *t, size_t bytes) {
@@ -317,7 +320,7 @@ static void draw_inputs(row_trial *t, uint64_t trial) {
     }
 }
 
-/* Relative to the row's largest number; a NaN agrees with nothing. */
+/* Compares a row, with errors relative to its largest number. A NaN never agrees. */
 static bool row_agrees(const row_trial *t, size_t output, size_t row) {
     const size_t count = lg_plan_output_count(t->single, output);
     const double *batch = t->out[output] + row * count, *one = t->one[output];
@@ -358,7 +361,7 @@ static lg_status check_rows(const differentiable *f, lg_error *error) {
     return status;
 }
 
-/* ---- the function ---- */
+/* ---- the derived function ---- */
 
 void lg_derivative_init(lg_derivative *what) {
     *what = (lg_derivative){.size = sizeof *what};

@@ -1,4 +1,4 @@
-/* Functions of a program to plain data and back. */
+/* Conversion of a program's functions to plain data (images) and back. */
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/ops/op_table.h"
 #include "liegrad/program_image.h"
@@ -8,13 +8,13 @@
 
 #include "autodiff/program/program_call.h"
 
-/* Leaves by name; all of revision 1. */
+/* Names of leaves in images; leaves always have revision 1. */
 static const char *const leaf_names[] = {
     [LG_LEAF_INPUT] = "input", [LG_LEAF_PARAMETER] = "parameter", [LG_LEAF_CONSTANT] = "constant"};
 
 _Static_assert(LG_WHOLE_COUNT == sizeof((lg_program_node *)0)->i / sizeof(lg_affine), "attributes");
 
-/* ---- to plain data ---- */
+/* ---- function to image ---- */
 
 static lg_operation operation_of(const lg_function *f, const lg_program_node *node) {
     const lg_op *op = node->op;
@@ -79,9 +79,9 @@ void lg_function_image_destroy(lg_function_image *image) {
     lg_free(context, owned);
 }
 
-/* ---- from plain data ---- */
+/* ---- image to function ---- */
 
-/* What is being made, and how far its lists are filled. */
+/* The function being made; the counts in `f` say how far its lists are filled. */
 typedef struct making {
     const lg_program *program;
     const lg_function_image *from;
@@ -113,7 +113,7 @@ static lg_status find_operation(const making *m, size_t i, lg_program_node *node
     return LG_OK;
 }
 
-/* Numbers and indices go where the operation looks for them. */
+/* Copies the numbers and indices of an operation to the lists of the function. */
 static lg_status take_payload(making *m, size_t i, lg_program_node *node) {
     const lg_operation *o = &m->from->operations[i];
     lg_function *f = &m->f;
@@ -154,7 +154,7 @@ static lg_status take_operation(making *m, size_t i) {
     return take_payload(m, i, node);
 }
 
-/* Memory for the lists, of the sizes that the operations state. */
+/* Allocates the lists, with the sizes that the operations state. */
 static lg_status make_lists(making *m) {
     const lg_context *context = m->program->context;
     const lg_function_image *from = m->from;
@@ -189,7 +189,7 @@ static uint32_t *copy_numbers(const lg_context *context, const uint32_t *from, s
     return made;
 }
 
-/* Unused dimensions are 0. */
+/* Sets unused dimensions to 0. */
 static void tidy_ports(lg_port *ports, size_t count) {
     for (size_t i = 0; i < count; i++)
         for (uint32_t d = ports[i].shape.rank; d < LG_MAX_RANK; d++) ports[i].shape.dims[d] = 0;

@@ -1,4 +1,4 @@
-/* Names of what programs hold. */
+/* Names of functions, ports and parameters. */
 #include "autodiff/program/program_check.h"
 
 #include <string.h>

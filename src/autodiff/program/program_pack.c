@@ -1,4 +1,5 @@
-/* Functions as bytes, which liegrad/program_image.h describes. The same lines write and read them. */
+/* Functions as bytes, in the format that liegrad/program_image.h describes. The same code writes and reads
+ * them. */
 #include <stdio.h>
 #include <string.h>
 
@@ -7,17 +8,17 @@
 
 enum { VERSION = 1, MOST_NAMES = 256 };
 
-/* Writing changes nothing of the image; without `bytes` they are only counted. Reading fills the image, and
- * takes memory from `heap`. After a failure all numbers are 0. */
+/* The state of writing or reading. Writing leaves the image unchanged; if `bytes` is NULL, the bytes are only
+ * counted. Reading fills the image and takes memory from `heap`. After a failure all numbers are 0. */
 typedef struct coder {
     bool reading;
     unsigned char *bytes;
     size_t at, size;
     lg_heap *heap;
-    const char *function, *where; /* for sentences */
+    const char *function, *where; /* for error messages */
     size_t operation;
-    const lg_operation *coded;    /* operation number `operation`; NULL: none yet */
-    const char *name[MOST_NAMES]; /* of the operations before, each once */
+    const lg_operation *coded;    /* the operation that is being written or read; NULL: none */
+    const char *name[MOST_NAMES]; /* different names of the operations so far, with their revisions */
     uint32_t revision[MOST_NAMES], names;
     lg_status status;
     lg_error *error;
@@ -34,7 +35,7 @@ static void refuse(coder *c, lg_status status, const char *what) {
                   operation, c->where, what);
 }
 
-/* Where numbers lie: there, or in new memory. */
+/* When writing, returns `there`, where the numbers are. When reading, returns new memory for them. */
 static void *room(coder *c, const void *there, uint64_t count, size_t size) {
     if (!c->reading || c->status != LG_OK) return (void *)there;
     void *memory = lg_heap_take(c->heap, (size_t)count, size);
@@ -45,7 +46,7 @@ static void *room(coder *c, const void *there, uint64_t count, size_t size) {
     return memory;
 }
 
-/* ---- numbers and texts ---- */
+/* ---- numbers and strings ---- */
 
 static void code_byte(coder *c, unsigned char *byte) {
     if (c->status == LG_OK && c->at == c->size)
@@ -60,7 +61,8 @@ static void code_byte(coder *c, unsigned char *byte) {
         c->at++;
 }
 
-/* Seven bits a byte, the lowest first; every byte but the last has the eighth bit. */
+/* Unsigned numbers: seven bits per byte, lowest bits first; every byte but the last has the eighth bit
+ * set. */
 static uint64_t coded(coder *c, uint64_t number) {
     uint64_t got = 0;
     unsigned char byte;
@@ -81,7 +83,8 @@ static uint64_t coded_below(coder *c, uint64_t number, uint64_t end) {
     return c->status == LG_OK ? got : 0;
 }
 
-/* How many parts follow; each takes a byte or more. */
+/* The number of parts that follow. It is refused if fewer bytes than parts are left, because each part takes
+ * at least one byte. */
 static size_t coded_count(coder *c, size_t count, size_t most) {
     const uint64_t got = coded(c, count);
     if (got > most) refuse(c, LG_FORMAT, "there are too many");
@@ -94,13 +97,13 @@ static void code_whole(coder *c, void *number) {
     if (c->reading) *(uint32_t *)number = (uint32_t)got;
 }
 
-/* An input is the number of steps back to it. */
+/* An input is stored as its distance back from the current operation. */
 static void code_input(coder *c, void *number) {
     const uint64_t got = coded_below(c, (uint32_t)c->operation - *(uint32_t *)number, (uint64_t)1 << 32);
     if (c->reading) *(uint32_t *)number = (uint32_t)c->operation - (uint32_t)got;
 }
 
-/* 0, -1, 1, -2, ... are 0, 1, 2, 3, ... */
+/* Signed numbers: 0, -1, 1, -2, ... are stored as 0, 1, 2, 3, ... */
 static uint64_t folded(int64_t x) {
     return x < 0 ? ~((uint64_t)x << 1) : (uint64_t)x << 1;
 }
@@ -108,7 +111,7 @@ static int64_t unfolded(uint64_t z) {
     return (int64_t)((z & 1) != 0 ? ~(z >> 1) : z >> 1);
 }
 
-/* Twice the base; plus 1 where the rows follow, which are not 0 then. */
+/* The base, doubled, plus 1 if the rows follow; the rows are left out if they are 0. */
 static void code_affine(coder *c, void *number) {
     lg_affine *a = number;
     if (folded(a->base) >> 63 != 0) refuse(c, LG_FORMAT, "a number is too large");
@@ -117,7 +120,8 @@ static void code_affine(coder *c, void *number) {
     if (c->reading) *a = (lg_affine){unfolded(base >> 1), unfolded(rows)};
 }
 
-/* The 8 bytes, the lowest first, without those at the low end that are 0; before them their number. */
+/* A real number: the count of bytes that follow, then the 8 bytes of the double, lowest first, without zero
+ * bytes at the low end. */
 static void code_real(coder *c, void *number) {
     uint64_t bits, got = 0;
     memcpy(&bits, number, sizeof bits);
@@ -132,7 +136,7 @@ static void code_real(coder *c, void *number) {
     if (c->reading) memcpy(number, &got, sizeof got);
 }
 
-/* An empty text is NULL. */
+/* An empty string is read as NULL. */
 static void code_text(coder *c, const char **text) {
     const size_t length = coded_count(c, *text != NULL ? strlen(*text) : 0, LG_PROGRAM_MAX_NAME);
     char *to = length > 0 ? room(c, *text, length + 1, 1) : NULL;
@@ -153,13 +157,14 @@ static void code_name(coder *c, const char **name) {
 
 /* ---- operations ---- */
 
-/* A member of lg_operation: a number, or a list of them with its count. What is 0 or empty is left out. */
+/* A member of lg_operation: one number, or a list of numbers with its count. Members that are 0 or empty are
+ * left out of the bytes. */
 typedef struct field {
     const char *name;
     void (*code)(coder *c, void *number);
-    size_t size, at; /* of a number; place of the number, or of the list */
-    size_t count;    /* place of the count; 0: one number */
-    size_t most;     /* so many numbers lie in the operation itself; 0: they lie elsewhere */
+    size_t size, at; /* size of one number; offset of the number or list */
+    size_t count;    /* offset of the count; 0: it is one number */
+    size_t most;     /* length of an array inside lg_operation; 0: a pointer to a list */
 } field;
 
 #define ONE(member)         sizeof(((lg_operation *)0)->member), offsetof(lg_operation, member), 0, 1

@@ -1,7 +1,7 @@
-/* Shapes and attributes of a function at a number of rows. */
+/* Shapes and attributes of a function's nodes for a given number of rows. */
 #include "autodiff/program/program_check.h"
 
-/* Product of dimensions, 1 for 0; false: too large. */
+/* Multiplies *count by a dimension, where 0 counts as 1. False: too large. */
 static bool grow_count(size_t *count, size_t length) {
     if (length >= (size_t)LG_PROGRAM_MAX_DIM) return false;
     *count *= length > 0 ? length : 1;

@@ -1,19 +1,20 @@
-/* Which elements of outputs depend on which elements of an input: sets of elements pushed through the
- * simplified graph of one row. Where an operation has scalar code that is short enough, the code tells;
- * elsewhere every element is taken to depend on all that comes in. */
+/* Finds out which elements of an output depend on which elements of an input, by propagating sets of input
+ * elements through the simplified graph of one row. For an operation with scalar code that is short enough,
+ * the code tells the dependencies; otherwise every element is assumed to depend on all elements of all
+ * inputs. */
 #include <math.h>
 #include <string.h>
 
 #include "autodiff/program/plan_graph.h"
 #include "autodiff/program/scalars.h"
 
-enum { MOST_ELEMENTS = 1 << 15 }; /* of an operation whose scalar code is written */
+enum { MOST_ELEMENTS = 1 << 15 }; /* limit on the elements of an operation whose scalar code is examined */
 
 typedef struct spreading {
     lg_heap heap;
     lg_graph g;
-    size_t words;   /* of a set */
-    uint64_t **set; /* by node: a set for each element; NULL: all of them are empty */
+    size_t words;   /* 64-bit words per set */
+    uint64_t **set; /* for each node: one set per element; NULL: all sets are empty */
 } spreading;
 
 static void join(const spreading *s, uint64_t *to, const uint64_t *from) {
@@ -43,7 +44,8 @@ static lg_status spread_all(spreading *s, uint32_t node) {
     return LG_OK;
 }
 
-/* Scalar code whose inputs are numbered through: the sets of instructions, in their order. */
+/* Makes the operation's scalar code, with its inputs' elements numbered consecutively, and propagates the
+ * sets from instruction to instruction. *known: whether the operation has scalar code. */
 static lg_status spread_code(spreading *s, uint32_t node, lg_scalars *code, bool *known) {
     const lg_graph_node *n = &s->g.node[node];
     const lg_scalar *x[LG_MAX_INPUTS];
@@ -128,7 +130,8 @@ lg_status lg_program_sparsity(const lg_program *program, size_t function, size_t
         input >= program->function[function].inputs)
         return lg_fail(error, LG_NOT_FOUND, "there is no such function, output or input");
     const lg_function *f = &program->function[function];
-    if (f->times > 0) { /* what may pass through a loop may reach everything */
+    /* For a loop, every element of the output is assumed to depend on every element of the input. */
+    if (f->times > 0) {
         memset(pattern, 1, lg_shape_count(f->output[output].shape) * lg_shape_count(f->input[input].shape));
         return LG_OK;
     }

@@ -48,7 +48,7 @@ static bool same(const lg_scalar_code *a, const lg_scalar_code *b) {
            memcmp(a->in, b->in, sizeof a->in) == 0;
 }
 
-/* The slot of the instruction, or the free one where it belongs. */
+/* The table's slot of this instruction, or the free slot where it belongs. */
 static uint32_t *slot_of(const lg_scalars *s, const lg_scalar_code *c) {
     uint32_t at = (uint32_t)hash(c) & (s->slots - 1);
     while (s->table[at] != 0 && !same(&s->code[s->table[at] - 1], c)) at = (at + 1) & (s->slots - 1);
@@ -103,7 +103,8 @@ bool lg_s_is_constant(const lg_scalars *s, lg_scalar a, double *value) {
     return true;
 }
 
-/* Of constants; the functions of a rotation angle in double, as the kernels have them. */
+/* Evaluates an operation on constants. Functions of a rotation angle are evaluated in double, as in the
+ * kernels. */
 static double carry_out(const lg_scalar_code *c, const double *x) {
     const double a = x[0], b = x[1];
     double y = NAN;
@@ -162,7 +163,7 @@ static double carry_out(const lg_scalar_code *c, const double *x) {
     return y;
 }
 
-/* Whether all operands are constants whose result is finite. */
+/* If all operands are constants and the result is finite, sets *out to a constant and returns true. */
 static bool folded(lg_scalars *s, const lg_scalar_code *c, lg_scalar *out) {
     double x[3] = {0, 0, 0};
     for (uint8_t k = 0; k < lg_scalar_instructions(c->op); k++)
@@ -178,7 +179,7 @@ static bool is_value(const lg_scalars *s, lg_scalar a, double value) {
     return lg_s_is_constant(s, a, &is) && is == value;
 }
 
-/* x + 0, x - 0, 0 - x, 1 x, -1 x, 0 x, x/1, 0/x, x - x, a - (-b), a + (-b), -(-x). */
+/* Simplifies x + 0, x - 0, 0 - x, 1 x, -1 x, 0 x, x/1, 0/x, x - x, a - (-b), a + (-b), (-a) (-b), -(-x). */
 static bool simpler(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b, lg_scalar *out) {
     const bool negative_a = s->code[a].op == LG_S_NEG, negative_b = s->code[b].op == LG_S_NEG;
     *out = a;
@@ -270,9 +271,9 @@ lg_scalar lg_s_dot(lg_scalars *s, const lg_scalar *a, size_t sa, const lg_scalar
     return lg_s_add(s, left, lg_s_dot(s, a + half * sa, sa, b + half * sb, sb, n - half));
 }
 
-/* ---- operations ---- */
+/* ---- expansion of operations ---- */
 
-/* Index into input k of the element that meets element `at` of the output. */
+/* Index of the element of an input that element `at` of the output uses. */
 static size_t broadcast_index(const lg_shape *in, const lg_shape *out, size_t at) {
     size_t index = 0, stride = 1;
     for (uint32_t d = 0; d < in->rank; d++) {

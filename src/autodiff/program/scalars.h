@@ -1,10 +1,9 @@
-/* Scalar code: small tensors written out element by element.
+/* Scalar code: small tensors computed element by element.
  *
- * An instruction has a number, which is its result; it takes results of instructions before it. Equal
- * instructions are one (they are looked up), operations on constants are carried out, and x + 0, 1 x, 0 x and
- * the like vanish. What differs from the tensor's kernels is rounding alone, that 0 x, 0/x and x - x are 0
- * for every x, and the sign of 0.
- */
+ * The number of an instruction stands for its result. An instruction uses results of earlier instructions.
+ * Equal instructions are stored once (by a hash table), operations on constants are evaluated, and x + 0, 1
+ * x, 0 x and similar expressions are simplified. The results differ from the tensor kernels' results only by
+ * rounding, by the sign of 0, and in that 0 x, 0/x and x - x are 0 for every x. */
 #ifndef LG_SCALARS_H
 #define LG_SCALARS_H
 
@@ -19,32 +18,34 @@ typedef struct lg_scalar_code {
 
 struct lg_scalars {
     const lg_context *context;
-    const lg_op *row;     /* in use: whose `expand` is called */
-    lg_scalar_code *code; /* by number */
+    const lg_op *row;     /* the row whose `expand` or `element` is running */
+    lg_scalar_code *code; /* the instructions, by number */
     uint32_t count, capacity;
-    uint32_t *table; /* hashes: number + 1, 0 for none */
+    uint32_t *table; /* hash table of 1 + number; 0: empty slot */
     uint32_t slots;
     bool failed; /* out of memory, or more than LG_SCALARS_MOST instructions */
 };
 #define LG_SCALARS_MOST (1u << 20)
 
-/* Operands of an instruction that are instructions; all of them. */
+/* Number of operands of an instruction that are instructions; number of all its operands. */
 uint32_t lg_scalar_instructions(lg_scalar_op op);
 uint32_t lg_scalar_operands(lg_scalar_op op);
 
 void lg_scalars_init(lg_scalars *s, const lg_context *context);
 void lg_scalars_destroy(lg_scalars *s);
-/* Each returns an instruction; 0 on failure, which `failed` tells. */
+/* Each of these returns an instruction, or 0 on failure; `failed` is then set. */
 lg_scalar lg_s(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b);
-lg_scalar lg_s_input(lg_scalars *s, uint32_t number); /* a fresh one for a new number */
+lg_scalar lg_s_input(lg_scalars *s, uint32_t number); /* a new number makes a new instruction */
 lg_scalar lg_s_constant(lg_scalars *s, double value);
 lg_scalar lg_s_select(lg_scalars *s, lg_scalar condition, lg_scalar yes, lg_scalar no);
 lg_scalar lg_s_pow(lg_scalars *s, lg_scalar a, double exponent);
-/* Sum of n terms, `step` apart, pairwise: few levels, little rounding. 0 for none. */
+/* Sum of n terms that are `step` entries apart, added pairwise: this keeps depth and rounding errors small. 0
+ * for n = 0. */
 lg_scalar lg_s_sum(lg_scalars *s, const lg_scalar *terms, size_t n, size_t step);
-/* sum a[i sa] b[i sb] likewise */
+/* sum_i a[i sa] b[i sb], added in the same way. */
 lg_scalar lg_s_dot(lg_scalars *s, const lg_scalar *a, size_t sa, const lg_scalar *b, size_t sb, size_t n);
-lg_scalar lg_s_numbered(lg_scalars *s, lg_scalar_op op, lg_scalar a, uint32_t n); /* STUMPFF, DEXPINV */
+/* For STUMPFF and DEXPINV. */
+lg_scalar lg_s_numbered(lg_scalars *s, lg_scalar_op op, lg_scalar a, uint32_t n);
 bool lg_s_is_constant(const lg_scalars *s, lg_scalar a, double *value);
 
 static inline lg_scalar lg_s_add(lg_scalars *s, lg_scalar a, lg_scalar b) {
@@ -66,8 +67,8 @@ static inline lg_scalar lg_s_scale(lg_scalars *s, double c, lg_scalar a) {
     return lg_s(s, LG_S_MUL, lg_s_constant(s, c), a);
 }
 
-/* The operation's output from its inputs' elements: by its row's `element` (elementwise, broadcasting) or
- * `expand`. False: it has neither, or failed. */
+/* Computes the operation's output from the elements of its inputs, with the row's `element` (elementwise,
+ * with broadcasting) or `expand`. False: the row has neither, or the code failed. */
 bool lg_scalars_expand(lg_scalars *s, const lg_op *op, const lg_evaluation *e, const lg_scalar *const *x,
                        lg_scalar *y);
 

@@ -1,13 +1,14 @@
-/* A convolution is taken for a few places and columns of its weights at once: compilers keep their sums in
- * vector registers. */
+/* A convolution is computed for TILE_PLACES windows and TILE_COLUMNS columns of the weight at once, so that
+ * compilers keep the sums in vector registers. */
 enum { TILE_PLACES = 4, TILE_COLUMNS = 8 };
 
 static const real tile_zero[TILE_COLUMNS] = {REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0),
                                              REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0)};
 
-/* y = start (TILE_COLUMNS) + x w over n rows of w, which begin `width` after one another; places of x begin
- * `step`, those of y `pace` after one another. Four rows at a time gcc keeps the sums in registers; one at a
- * time it would take rows for elements of vectors and shuffle them. With clang it is the other way round. */
+/* y = start (TILE_COLUMNS) + x w for TILE_PLACES windows. w has n rows, `width` numbers apart; consecutive
+ * windows of x are `step` numbers apart, consecutive rows of y `pace`. gcc keeps the sums in registers if it
+ * gets four rows at a time; with one row at a time it would build vectors across rows and shuffle them. clang
+ * does better with one row at a time. */
 static NOINLINE void conv_tile(int n, int step, int width, int pace, const real *RESTRICT x,
                                const real *RESTRICT w, const real *RESTRICT start, real *RESTRICT y) {
     real sum[TILE_PLACES][TILE_COLUMNS];

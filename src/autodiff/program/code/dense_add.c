@@ -1,4 +1,4 @@
-/* y += x W: four rows of W at a time, so that y is read and written less often. */
+/* y += x W. Four rows of W are used at a time, so that y is read and written less often. */
 static NOINLINE void dense_add(int in, int out, const real *RESTRICT w, const real *RESTRICT x,
                                real *RESTRICT y) {
     int i = 0;

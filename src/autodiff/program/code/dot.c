@@ -1,5 +1,5 @@
-/* Clang would unroll such a loop where it knows n, or merge several of them into one with gathers. The pragma
- * prevents both. Clang should inline the function. */
+/* If clang knows n, it would unroll the loop of `dot`, or merge several such loops into one with gather
+ * instructions. The pragma in AS_IT_STANDS prevents both. IN_PLACE lets clang inline the function. */
 #if defined(__clang__)
 #define AS_IT_STANDS _Pragma("clang loop vectorize(disable) unroll(disable)")
 #define IN_PLACE     inline
@@ -8,7 +8,7 @@
 #define IN_PLACE
 #endif
 
-/* Sum of w[i] x[i]: eight partial sums side by side, which compilers keep in one vector. */
+/* Sum of w[i] x[i]. The eight partial sums are independent, so compilers keep them in one vector. */
 static IN_PLACE real dot(int n, const real *RESTRICT w, const real *RESTRICT x) {
     real s0 = REAL(0.0), s1 = s0, s2 = s0, s3 = s0, s4 = s0, s5 = s0, s6 = s0, s7 = s0;
     const int whole = n - n % 8;

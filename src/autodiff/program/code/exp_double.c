@@ -1,19 +1,21 @@
 #include <stdint.h>
 #include <string.h>
 
-/* exp(x) = 2^n exp(r), x = n ln 2 + r, |r| <= ln(2)/2, without branches, so that compilers turn loops over it
- * into vector code. Adding 1.5 2^52 rounds to a whole number, which then stands in the low bits of the sum;
- * ln 2 is subtracted in two parts, n times the first is exact. Errors: 3 units in the last place. */
+/* exp(x) = 2^n exp(r) with x = n ln 2 + r, |r| <= ln(2)/2. The code has no branches, so that compilers
+ * vectorise loops over it. Adding 1.5 2^52 rounds to a whole number, which is then in the low bits of the
+ * sum. ln 2 is subtracted in two parts; n times the first part is exact. The error is at most 3 units in the
+ * last place. */
 #define EXP_ROUND    6755399441055744.0
 #define EXP_PER_LN2  1.4426950408889634
 #define EXP_LN2_HIGH 6.93147180369123816490e-01
 #define EXP_LN2_LOW  1.90821492927058770002e-10
-/* exp(-EXP_LEAST) is 0; 2^EXP_LIFT keeps its power of two in the normal range, EXP_LOWER takes it away. */
+/* exp(-EXP_LEAST) is 0. Multiplying by 2^EXP_LIFT keeps the power of two in the range of normal numbers;
+ * EXP_LOWER = 2^-EXP_LIFT undoes it. */
 #define EXP_LEAST 750.0
 #define EXP_LIFT  100
 #define EXP_LOWER 7.888609052210118e-31
 
-/* exp(r) - 1 = r + r^2/2 + r^3 p(r), p a Chebyshev fit on |r| <= 0.3475 */
+/* exp(r) - 1 = r + r^2/2 + r^3 p(r), where p is a Chebyshev fit on |r| <= 0.3475. */
 static inline real exp_core(real r) {
     real p = 2.5095778714723427e-8;
     p = p * r + 2.7614098187529960e-7;
@@ -28,7 +30,7 @@ static inline real exp_core(real r) {
     return p * (r * r) + r;
 }
 
-/* 2^(n + lift) by the field of the exponent; s = EXP_ROUND + n. */
+/* 2^(n + lift), made by setting the exponent bits; s = EXP_ROUND + n. */
 static inline real exp_power(real s, unsigned lift) {
     uint64_t bits;
     real power;

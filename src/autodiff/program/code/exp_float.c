@@ -1,19 +1,21 @@
 #include <stdint.h>
 #include <string.h>
 
-/* exp(x) = 2^n exp(r), x = n ln 2 + r, |r| <= ln(2)/2, without branches, so that compilers turn loops over it
- * into vector code. Adding 1.5 2^23 rounds to a whole number, which then stands in the low bits of the sum;
- * ln 2 is subtracted in two parts, n times the first is exact. Errors: 3 units in the last place. */
+/* exp(x) = 2^n exp(r) with x = n ln 2 + r, |r| <= ln(2)/2. The code has no branches, so that compilers
+ * vectorise loops over it. Adding 1.5 2^23 rounds to a whole number, which is then in the low bits of the
+ * sum. ln 2 is subtracted in two parts; n times the first part is exact. The error is at most 3 units in the
+ * last place. */
 #define EXP_ROUND    12582912.0f
 #define EXP_PER_LN2  1.44269504f
 #define EXP_LN2_HIGH 0.693359375f
 #define EXP_LN2_LOW  (-2.12194440e-4f)
-/* exp(-EXP_LEAST) is 0; 2^EXP_LIFT keeps its power of two in the normal range, EXP_LOWER takes it away. */
+/* exp(-EXP_LEAST) is 0. Multiplying by 2^EXP_LIFT keeps the power of two in the range of normal numbers;
+ * EXP_LOWER = 2^-EXP_LIFT undoes it. */
 #define EXP_LEAST 110.0f
 #define EXP_LIFT  40
 #define EXP_LOWER 9.09494702e-13f
 
-/* exp(r) - 1 = r + r^2/2 + r^3 p(r), p a Chebyshev fit on |r| <= 0.3475 */
+/* exp(r) - 1 = r + r^2/2 + r^3 p(r), where p is a Chebyshev fit on |r| <= 0.3475. */
 static inline real exp_core(real r) {
     real p = 1.988291202e-4f;
     p = p * r + 1.39263759958e-3f;
@@ -24,7 +26,7 @@ static inline real exp_core(real r) {
     return p * (r * r) + r;
 }
 
-/* 2^(n + lift) by the field of the exponent; s = EXP_ROUND + n. */
+/* 2^(n + lift), made by setting the exponent bits; s = EXP_ROUND + n. */
 static inline real exp_power(real s, unsigned lift) {
     uint32_t bits;
     real power;

@@ -1,5 +1,6 @@
-/* Where compilers know the widths of a layer, they unroll its loops whole, and spill kilobytes or no longer
- * turn them into vector code: functions with loops are not inlined, nor copied for constant widths. */
+/* If compilers know the widths of a layer, they unroll its loops completely and then spill kilobytes or no
+ * longer vectorise them. Functions with loops are therefore neither inlined nor cloned for constant
+ * widths. */
 #if defined(__clang__)
 #define NOINLINE __attribute__((noinline))
 #elif defined(__GNUC__)

@@ -1,4 +1,4 @@
-/* 1/(1 + e) or, in the left tail, e/(1 + e), with e = exp(-|x|). */
+/* The sigmoid of x: 1/(1 + e) for x >= 0, e/(1 + e) for x < 0, with e = exp(-|x|). */
 static inline real sigmoid_of(real x) {
     real a = FABS(x);
     a = a > EXP_LEAST ? EXP_LEAST : a;

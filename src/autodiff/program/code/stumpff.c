@@ -1,11 +1,12 @@
-/* Derivative number `order` of c_k(w) = sum_i (-w)^i/(k + 2i)!, k = 0..K, in double for every type.
+/* Derivative of order `order` of c_k(w) = sum_i (-w)^i/(k + 2i)! for k = 0..K; order, K <= 8. It is computed
+ * in double for every type.
  *
- * |w| <= 16: the series; where it cancels (w > 4 and next to the zero of c_0) by cos and sin of x = sqrt(w),
- * with the rounding error of x carried along. Beyond: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
- * c_{k+2} = (1/k! - c_k)/w and 2w c_k^(d+1) = c_{k-1}^(d) - (k + 2d) c_k^(d), but the series where it hardly
- * cancels. order, K <= 8. */
+ * For |w| <= 16 the series is used. Where the series cancels (w > 4, or near the zero of c_0), cos and sin of
+ * x = sqrt(w) are used, corrected for the rounding error of x. For |w| > 16, c_0, c_1 and c_2 = 2
+ * sin(x/2)^2/w have closed forms; the others follow from c_{k+2} = (1/k! - c_k)/w and 2w c_k^(d+1) =
+ * c_{k-1}^(d) - (k + 2d) c_k^(d), except where the series hardly cancels and is used instead. */
 
-/* The coefficients (i + order)!/i!/(k + 2 (i + order))! by Horner's rule. */
+/* The series by Horner's rule, with coefficients (i + order)!/i!/(k + 2 (i + order))!. */
 static void stumpff_series(double w, int K, int order, double *c) {
     const double size = fabs(w);
     const int terms = size <= 1.0 ? 10 : size <= 4.0 ? 14 : 18;
@@ -22,7 +23,7 @@ static void stumpff_series(double w, int K, int order, double *c) {
     }
 }
 
-/* One function by the series, term from term. */
+/* Derivative d of one function c_k by its series; each term is computed from the term before it. */
 static double stumpff_one(double w, int k, int d) {
     double term = d % 2 == 0 ? inverse_factorial[k + 2 * d] : -inverse_factorial[k + 2 * d], total;
     for (int i = 2; i <= d; i++) term *= (double)i;
@@ -35,14 +36,15 @@ static double stumpff_one(double w, int k, int d) {
     return total;
 }
 
-/* x = sqrt(|w|), and what rounding took from it: the square of x is summed from two halves. */
+/* Returns x = sqrt(|w|) and sets dx so that x + dx is the root without rounding error. x is split in two
+ * halves, so that its square is computed accurately. */
 static double stumpff_root(double w, double *dx) {
     const double x = sqrt(fabs(w)), high = (double)(float)x, low = x - high;
     *dx = -(((high * high - fabs(w)) + 2.0 * high * low) + low * low) / (2.0 * x);
     return x;
 }
 
-/* Sine and cosine of x + dx; dx is not small where x is large. */
+/* Sine and cosine of x + dx. If x is large, dx is not small. */
 static double stumpff_sine(double x, double dx) {
     return fabs(dx) > 1e-9 ? sin(x) * cos(dx) + cos(x) * sin(dx) : sin(x) + dx * cos(x);
 }
@@ -51,7 +53,7 @@ static double stumpff_cosine(double x, double dx) {
     return fabs(dx) > 1e-9 ? cos(x) * cos(dx) - sin(x) * sin(dx) : cos(x) - dx * sin(x);
 }
 
-/* c_0, c_1 and c_2, |w| > 1 */
+/* c_0, c_1 and c_2 for |w| > 1. */
 static void stumpff_closed(double w, double *c) {
     double dx, half;
     const double x = stumpff_root(w, &dx);
@@ -65,7 +67,8 @@ static int stumpff_cancels_little(double w, int k, int d) {
     return fabs(w) * (d + 1) <= 2.0 * (k + 2 * d + 1) * (k + 2 * d + 2);
 }
 
-/* Order after order in the same row, from its end. */
+/* Values and derivatives for |w| > 16. Each order overwrites the order before it in c, from the last k down
+ * to 0. */
 static void stumpff_beyond(double w, int K, int order, double *c) {
     stumpff_closed(w, c);
     for (int k = 3; k <= K; k++)

@@ -1,4 +1,4 @@
-/* t/(t + 2) with t = exp(2 |x|) - 1 = 2^n (exp(r) - 1) + (2^n - 1); beyond 22 it is 1. */
+/* tanh(|x|) = t/(t + 2) with t = exp(2 |x|) - 1 = 2^n (exp(r) - 1) + (2^n - 1). For |x| > 22 it is 1. */
 static inline real tanh_of(real x) {
     real a = FABS(x) * REAL(2.0);
     a = a > REAL(44.0) ? REAL(44.0) : a;
