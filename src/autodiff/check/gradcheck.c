@@ -1,5 +1,5 @@
-/* The gradient check. A function of first order is the user's; of second order it is G(x, c) = J(x)^T c, with
- * the cotangent c as one more argument. Both go through the same checks. */
+/* The gradient check. At order 1 it checks the user's function; at order 2 it checks G(x, c) = J(x)^T c, with
+ * the cotangent c as an additional argument. Both functions go through the same checks. */
 #include "autodiff/check/internal.h"
 #include "autodiff/ops/op_table.h"
 
@@ -11,11 +11,12 @@
 
 #define MAX_ARGUMENTS   (LG_GRADCHECK_MAX_INPUTS + 1)
 #define FIRST_STEP      (1.0 / 16.0)
-#define HALVINGS        26 /* down to 2e-9 */
-#define WINDOW          8  /* points of the regression */
+#define HALVINGS        26 /* the smallest step is 2e-9 */
+#define WINDOW          8  /* number of points of the regression */
 #define SMALLEST_WINDOW 4
-#define ROUNDING        5e-13 /* a remainder below this part of the magnitudes involved is rounding */
-#define QUOTIENT_STEP   (1.0 / 1024.0)
+/* A remainder below this fraction of the magnitudes involved counts as rounding. */
+#define ROUNDING      5e-13
+#define QUOTIENT_STEP (1.0 / 1024.0)
 
 void lg_gradcheck_options_init(lg_gradcheck_options *options) {
     *options = (lg_gradcheck_options){.size = sizeof *options,
@@ -27,7 +28,7 @@ void lg_gradcheck_options_init(lg_gradcheck_options *options) {
                                       .rounding_tolerance = 1e-10};
 }
 
-/* Tensors laid one after another: tensor i lies at [at[i], at[i + 1]). */
+/* Several tensors in one array: tensor i occupies elements at[i] .. at[i + 1] - 1. */
 typedef struct layout {
     size_t count, at[MAX_ARGUMENTS + 1];
     lg_shape shape[MAX_ARGUMENTS];
@@ -54,12 +55,12 @@ typedef struct check {
     lg_rng rng;
     int order;
     layout in, out;
-    size_t d_at[MAX_ARGUMENTS + 1]; /* directions: algebra elements, or of the argument's shape */
+    size_t d_at[MAX_ARGUMENTS + 1]; /* offsets in d: algebra elements, or elements of the argument's shape */
     double *memory;
-    /* of in's size */
+    /* arrays with the layout `in` */
     double *x, *moved, *dx, *vjp, *back, *second;
     double *d;
-    /* of out's size */
+    /* arrays with the layout `out` */
     double *c, *y, *jvp, *quotient, *work;
 } check;
 
@@ -77,7 +78,7 @@ static lg_status tape_failed(check *k) {
     return lg_tape_status(k->tape);
 }
 
-/* Notes an error and fails when it is above its bound or NaN. */
+/* Records an error in the report, and fails if it is above its bound or NaN. */
 static lg_status judge(check *k, const char *what, double error, double bound) {
     if (!(error <= k->report->error)) k->report->error = error;
     return error <= bound ? LG_OK : failed(k, what, error, bound);
@@ -93,7 +94,7 @@ double lg_largest_difference(const double *a, const double *b, size_t n) {
     return most;
 }
 
-/* sum a_i b_i and the sum of magnitudes */
+/* Returns sum a_i b_i and adds sum |a_i b_i| to *magnitude. */
 static double dot(const double *a, const double *b, size_t n, double *magnitude) {
     double sum = 0.0;
     for (size_t i = 0; i < n; i++) {
@@ -103,15 +104,15 @@ static double dot(const double *a, const double *b, size_t n, double *magnitude)
     return sum;
 }
 
-/* ---- building ---- */
+/* ---- recording the function ---- */
 
 static void place(check *k, const double *values, lg_var *x) {
     for (size_t i = 0; i < k->in.count; i++)
         x[i] = lg_input_f64(k->tape, k->in.shape[i], values + k->in.at[i]);
 }
 
-/* The user's function. A plant does not strike in the derivatives that it takes itself: they are its value.
- */
+/* Records the user's function. The planted error is switched off meanwhile: derivatives that the function
+ * itself takes belong to its value. */
 static lg_var build_first(check *k, const lg_var *x) {
     const lg_exchange planted = k->tape->exchange;
     k->tape->exchange = (lg_exchange){NULL, NULL};
@@ -120,7 +121,7 @@ static lg_var build_first(check *k, const lg_var *x) {
     return y;
 }
 
-/* The function of this order on the tape; y has out's layout once that is known. */
+/* Records the function of this order on the tape. At order 2, y has the layout `out`. */
 static void build(check *k, const lg_var *x, lg_var *y) {
     lg_var first = build_first(k, x);
     y[0] = first;
@@ -141,7 +142,7 @@ static bool on_manifold(const check *k, size_t i) {
     return i < k->f->inputs && k->f->arguments[i].algebra > 0;
 }
 
-/* moved = x(h) */
+/* Sets k->moved = x(h), the point moved by h along the direction d. */
 static lg_status move(check *k, double h) {
     for (size_t i = 0; i < k->in.count; i++) {
         const double *x = k->x + k->in.at[i], *d = k->d + k->d_at[i];
@@ -153,7 +154,7 @@ static lg_status move(check *k, double h) {
     return LG_OK;
 }
 
-/* y = f(x(h)); k->moved is x(h) */
+/* Sets y = f(x(h)); k->moved is x(h) afterwards. */
 static lg_status evaluate(check *k, double h, double *y) {
     lg_var x[MAX_ARGUMENTS], v[MAX_ARGUMENTS];
     LG_TRY(move(k, h));
@@ -163,9 +164,9 @@ static lg_status evaluate(check *k, double h, double *y) {
     return read_all(k, &k->out, v, y);
 }
 
-/* ---- drawing ---- */
+/* ---- random points and directions ---- */
 
-/* Away from zero, so that no term of a derivative is hidden by a small factor. */
+/* A random number not close to zero, so that no term of a derivative is hidden by a small factor. */
 static double draw(check *k) {
     double size = lg_rng_uniform_in(&k->rng, 0.5, 1.0);
     return lg_rng_below(&k->rng, 2) == 0 ? size : -size;
@@ -183,7 +184,7 @@ static void draw_point(check *k) {
     for (size_t j = k->in.at[k->f->inputs]; j < total(&k->in); j++) k->x[j] = draw(k);
 }
 
-/* d, dx and c */
+/* Draws d, dx and c. */
 static lg_status draw_direction(check *k) {
     for (size_t i = 0; i < k->in.count; i++) {
         double scale = i < k->f->inputs && k->f->arguments[i].scale != 0.0 ? k->f->arguments[i].scale : 1.0;
@@ -199,9 +200,9 @@ static lg_status draw_direction(check *k) {
     return LG_OK;
 }
 
-/* ---- derivatives by the tape ---- */
+/* ---- derivatives computed by the tape ---- */
 
-/* <c, y> summed, as a function to go backward from */
+/* The scalar <c, y>, from which the backward pass starts. */
 static lg_var weighted(check *k, const lg_var *y, const lg_var *c) {
     lg_var sum = LG_NONE;
     for (size_t i = 0; i < k->out.count; i++)
@@ -209,7 +210,8 @@ static lg_var weighted(check *k, const lg_var *y, const lg_var *c) {
     return sum;
 }
 
-/* Sets memory that holds NaN, adds the same again, takes half: exact when nothing but zero was there. */
+/* Checks lg_backward_set and lg_backward together: sets the gradient in memory that holds NaN, adds the same
+ * gradient, and halves the result. It equals the gradient exactly if lg_backward_set overwrote every NaN. */
 static lg_status unrecorded(check *k, lg_var y, const lg_var *x, void *const *grad) {
     for (size_t j = 0; j < total(&k->in); j++) k->back[j] = NAN;
     if (lg_backward_set(k->tape, y, x, k->in.count, grad) != LG_OK) return tape_failed(k);
@@ -254,7 +256,7 @@ static lg_status check_modes_agree(check *k) {
                  k->options->rounding_tolerance);
 }
 
-/* J d against central differences of steps h and h/2, extrapolated. */
+/* Compares J d with central differences of steps h and h/2, extrapolated. */
 static lg_status check_quotient(check *k) {
     size_t n = total(&k->out);
     double h = QUOTIENT_STEP;
@@ -270,7 +272,8 @@ static lg_status check_quotient(check *k) {
                  k->options->difference_tolerance);
 }
 
-/* Slope of log |R| over log h through `n` points, one halving apart, the first at the largest h. */
+/* Slope of log |R| over log h by regression through `n` points; h is halved from point to point, and the
+ * first point has the largest h. */
 static double slope_of(const double *log_remainder, int n) {
     double mean_h = 0.5 * (n - 1), mean_r = 0.0, above = 0.0, below = 0.0;
     for (int i = 0; i < n; i++) mean_r += log_remainder[i] / n;
@@ -281,7 +284,7 @@ static double slope_of(const double *log_remainder, int n) {
     return -above / below;
 }
 
-/* |R(h)|, and whether it stands above rounding. */
+/* Computes |R(h)|, and whether it is above rounding level (*usable). */
 static lg_status remainder_at(check *k, double h, double *remainder, bool *usable) {
     LG_TRY(evaluate(k, h, k->work));
     double magnitude = 0.0, unused = 0.0, sum = 0.0;
@@ -296,8 +299,8 @@ static lg_status remainder_at(check *k, double h, double *remainder, bool *usabl
     return isfinite(*remainder) ? LG_OK : failed(k, "a value is not finite", *remainder, 0.0);
 }
 
-/* The larger of |R(h)| and |R(-h)|: with R = a h^2 + b h^3 this is |a| h^2 + |b| h^3, while one side alone
- * has a zero at h = -a/b, near which no slope can be measured. */
+/* The larger of |R(h)| and |R(-h)|. With R = a h^2 + b h^3 this is |a| h^2 + |b| h^3, whereas one side alone
+ * is zero at h = -a/b, and no slope can be measured near a zero. */
 static lg_status larger_remainder(check *k, double h, double *remainder, bool *usable) {
     double side[2];
     bool above[2];
@@ -311,7 +314,8 @@ static lg_status larger_remainder(check *k, double h, double *remainder, bool *u
 static lg_status check_slope(check *k) {
     double log_remainder[HALVINGS], h = FIRST_STEP;
     int end = 0;
-    /* Three steps in a row at rounding: smaller ones will be too. */
+    /* Stops after three steps in a row at rounding level, because all smaller steps will be at rounding
+     * level, too. */
     for (int i = 0; i < HALVINGS && i < end + 3; i++, h *= 0.5) {
         double remainder;
         bool usable;
@@ -320,7 +324,8 @@ static lg_status check_slope(check *k) {
         if (usable) end = i + 1;
     }
     if (end < SMALLEST_WINDOW)
-        return LG_OK; /* linear to rounding; the other checks have compared the numbers */
+        /* The function is linear up to rounding, and the other checks compare its derivatives. */
+        return LG_OK;
     int first = end > WINDOW ? end - WINDOW : 0;
     double slope = slope_of(log_remainder + first, end - first);
     if (!(k->report->slope <= slope)) k->report->slope = slope;
@@ -331,7 +336,8 @@ static lg_status check_slope(check *k) {
 
 /* ---- second order: symmetry ---- */
 
-/* <c, D^2 f[d, e]> four ways; k->dx is d, k->moved is e, both without the part of the cotangent argument. */
+/* Computes <c, D^2 f[d, e]> in four ways. k->dx is d and k->moved is e, both without the part that belongs to
+ * the cotangent argument. */
 static lg_status check_symmetry(check *k) {
     lg_tape *tape = k->tape;
     uint32_t n = k->f->inputs;
@@ -376,7 +382,8 @@ static void release(check *k) {
     k->memory = NULL;
 }
 
-/* Layouts and memory for this order; `first_output` is the shape of the user's result. */
+/* Makes the layouts, allocates memory and draws the point for this order. `first_output` is the shape of the
+ * user's result. */
 static lg_status prepare(check *k, int order, lg_shape first_output) {
     k->order = order;
     k->report = &k->result->order[order - 1];
@@ -427,7 +434,7 @@ static lg_status check_order(check *k, int order, lg_shape first_output) {
     return status;
 }
 
-/* A numeric derivative inside: the second order must be refused. */
+/* For a function with a numeric derivative inside: checks that the second order is refused. */
 static lg_status check_refusal(check *k, lg_shape first_output) {
     lg_status status = prepare(k, 2, first_output);
     if (status == LG_OK) status = draw_direction(k);
@@ -440,7 +447,7 @@ static lg_status check_refusal(check *k, lg_shape first_output) {
     return LG_OK;
 }
 
-/* ---- the whole ---- */
+/* ---- the whole check ---- */
 
 bool lg_gradcheck_valid(const lg_gradcheck_function *f, const lg_gradcheck_options *o) {
     if (f == NULL || f->name == NULL || f->build == NULL || f->arguments == NULL || f->inputs == 0 ||
@@ -464,7 +471,7 @@ static lg_status open_check(check *k) {
     return LG_OK;
 }
 
-/* An operation outside the table would have no check of its own. */
+/* Refuses operations outside the table of operations, because they would not have checks of their own. */
 static lg_status in_table(check *k) {
     for (uint32_t i = 0; i < k->tape->count; i++) {
         const char *name = k->tape->nodes[i].op->name;
@@ -476,7 +483,7 @@ static lg_status in_table(check *k) {
     return LG_OK;
 }
 
-/* The shape of the user's result, by building it once. */
+/* Finds the shape of the user's result by recording the function once. */
 static lg_status learn_shape(check *k, lg_shape *shape) {
     LG_TRY(prepare(k, 1, lg_shape0()));
     lg_var x[MAX_ARGUMENTS], y;

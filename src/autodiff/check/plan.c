@@ -1,4 +1,4 @@
-/* Planted faults in plans that are made: one step of a plan is changed. */
+/* Planted errors in finished plans: one step of a plan is changed. */
 #include "autodiff/check/internal.h"
 #include "autodiff/ops/op_rows.h"
 #include <string.h>
@@ -7,7 +7,7 @@
 
 #define PLANTED (1.0 / 1024.0)
 
-/* ---- other operations in place of one ---- */
+/* ---- LG_PLANT_OPERATION: another operation ---- */
 
 static const lg_op *other_operation(const lg_op *op) {
     static const lg_op *const pairs[][2] = {
@@ -58,13 +58,14 @@ static bool operation(lg_plan_step *s) {
     return false;
 }
 
-/* ---- other operands ---- */
+/* ---- LG_PLANT_OPERAND: another operand ---- */
 
 static bool same_place(const lg_place *a, const lg_place *b) {
     return a->area == b->area && a->number == b->number && a->offset == b->offset;
 }
 
-/* Another input of a tensor's step; the next register in scalar code, or the one before. */
+/* A tensor step reads another input in place of one input; scalar code reads the next register or, if there
+ * is none, the register before. */
 static bool operand(lg_plan_step *s) {
     if (s->kind == LG_STEP_TENSOR)
         for (uint32_t a = 0; a < s->tensor.inputs; a++)
@@ -83,7 +84,7 @@ static bool operand(lg_plan_step *s) {
     return true;
 }
 
-/* ---- constants ---- */
+/* ---- LG_PLANT_CONSTANT: other constants ---- */
 
 static bool moved(lg_plan *plan, void *values, size_t count) {
     for (size_t at = 0; at < count; at++) {
@@ -109,9 +110,9 @@ static bool constant(lg_plan *plan, lg_plan_step *s) {
     return reads && moved(plan, plan->constants, plan->constant_count);
 }
 
-/* ---- places ---- */
+/* ---- LG_PLANT_CLOBBER: a place that is still needed is overwritten ---- */
 
-/* fn(user, place, written) for every place of the step. */
+/* Calls fn(user, place, written) for every place of the step. */
 typedef void (*place_fn)(void *user, lg_place *place, bool written);
 static void each_place(lg_plan_step *s, place_fn fn, void *user) {
     switch (s->kind) {
@@ -141,7 +142,7 @@ static void each_place(lg_plan_step *s, place_fn fn, void *user) {
 typedef struct moving {
     lg_place from, to;
     bool reads, writes, found;
-    lg_place first; /* the first place written in the work memory */
+    lg_place first; /* the first place in the work memory that the step writes */
 } moving;
 
 static void look(void *user, lg_place *place, bool written) {
@@ -167,7 +168,8 @@ static bool meet(lg_place a, size_t count_a, lg_place b, size_t count_b) {
            b.offset < a.offset + count_a;
 }
 
-/* Whether the step would read what it writes, once a place has moved: what becomes of that is not defined. */
+/* Whether a step would read memory that it writes, after a place has moved. Its result would be undefined
+ * then. */
 static bool reads_its_result(const lg_plan_step *s, const moving *move) {
     bool found = false;
     if (s->kind == LG_STEP_TENSOR)
@@ -184,7 +186,7 @@ static bool reads_its_result(const lg_plan_step *s, const moving *move) {
     return found;
 }
 
-/* The step's result goes where a number lies that a later step reads; its readers follow. */
+/* Moves the step's result, and all later reads of it, to a place whose number a later step still reads. */
 static bool clobber(lg_plan *plan, size_t at) {
     moving made = {.from = {LG_AREA_NONE, 1, 0}};
     each_place(&plan->step[at], look, &made);
@@ -208,7 +210,7 @@ static bool clobber(lg_plan *plan, size_t at) {
     return false;
 }
 
-/* ---- a fault ---- */
+/* ---- planting ---- */
 
 static bool strike(lg_plan *plan, size_t at, lg_plant_mutation mutation) {
     lg_plan_step *s = &plan->step[at];
@@ -230,7 +232,8 @@ static bool strike(lg_plan *plan, size_t at, lg_plant_mutation mutation) {
     }
 }
 
-/* From the middle on, then from the start: the middle has numbers on both sides. */
+/* Tries the steps from the middle of the plan on, then from its start. A step in the middle has steps before
+ * and after it. */
 bool lg_plant_plan(lg_plant *plant, struct lg_plan *plan) {
     for (size_t i = 0; i < plan->steps; i++) {
         const size_t at = (plan->steps / 2 + i) % plan->steps;

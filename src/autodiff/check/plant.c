@@ -1,4 +1,5 @@
-/* Planted errors: mutations of what an operation's vjp or jvp returns and of its scalar code. */
+/* Planted errors in operations: they change what the vjp or jvp of an operation returns, or its scalar
+ * code. */
 #include "autodiff/check/internal.h"
 #include "autodiff/ops/op_table.h"
 #include "autodiff/program/scalars.h"
@@ -17,7 +18,7 @@ static lg_var transposed(lg_tape *tape, lg_var v) {
     return shape.rank < 2 ? v : lg_reshape(tape, lg_transpose(tape, v), shape);
 }
 
-/* The wrong value in place of v; LG_NONE is zero. */
+/* Returns the wrong value that replaces v; LG_NONE stands for zero. */
 static lg_var mutated(lg_tape *tape, lg_plant *plant, lg_var v) {
     lg_var wrong = LG_NONE;
     plant->applied++;
@@ -43,7 +44,7 @@ static void planted_vjp(lg_reverse *r) {
         r->out[k] = mutated(r->tape, plant, r->out[k]);
 }
 
-/* The jvp as if the plant's input did not vary. */
+/* Calls the jvp as if the plant's input did not vary. */
 static lg_var without_input(const lg_forward *f, lg_plant *plant) {
     lg_var kept[LG_MAX_INPUTS];
     bool any = false;

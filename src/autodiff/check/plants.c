@@ -1,9 +1,10 @@
-/* The run of planted errors that wants each one caught. */
+/* Plants every possible error in a case and reports whether the gradient check catches it. */
 #include "autodiff/check/internal.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/ops/op_table.h"
 
-/* Why this mutation cannot be seen, or NULL. The whole output of a jvp is mutated, but by a dropped term. */
+/* The reason why the check cannot notice this mutation, or NULL. In a jvp, LG_PLANT_DROP concerns one input,
+ * while the other mutations change the whole output. */
 static const char *never_asked(const lg_gradcheck_case *test, const lg_gradcheck_plant *plant) {
     const lg_op *op = lg_op_named(plant->operation);
     const uint32_t input = plant->input;
@@ -40,7 +41,7 @@ static lg_status plant_operation(const lg_context *context, const lg_gradcheck_c
                                  lg_plant_report_fn report, void *user) {
     for (int direction = LG_PLANT_VJP; direction <= LG_PLANT_JVP; direction++)
         for (int mutation = 0; mutation < LG_PLANT_MUTATIONS; mutation++) {
-            /* A jvp returns one tangent: only what is dropped depends on the input. */
+            /* A jvp returns a single tangent, so only LG_PLANT_DROP depends on the input. */
             bool whole = direction == LG_PLANT_JVP && mutation != LG_PLANT_DROP;
             for (uint32_t input = 0; input < (whole ? 1 : inputs); input++) {
                 lg_gradcheck_plant plant = {operation, (lg_plant_direction)direction,

@@ -1,4 +1,5 @@
-/* The functions of the gradient check as programs: value, forward and adjoint of plans against the tape. */
+/* The gradient check of programs: value, forward mode and adjoint as computed by plans are compared with the
+ * tape. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -10,9 +11,11 @@
 #include "liegrad/random.h"
 
 enum { MOST = LG_GRADCHECK_MAX_INPUTS, POINTS = 2, VALUE = 0, FORWARD, ADJOINT, FUNCTIONS };
-#define MOVED    0.01  /* of the scale, around given values */
-#define CLOSER   0.01  /* than rounding_tolerance: nothing is differenced here */
-#define ROUNDING 1e-12 /* a fault that changes less, relative to the largest number, cannot be seen */
+#define MOVED  0.01 /* how far points are from given values, relative to the argument's scale */
+#define CLOSER 0.01 /* factor on rounding_tolerance, because no differences are taken here */
+/* A planted error that changes no number by more than this, relative to the largest number, cannot be
+ * seen. */
+#define ROUNDING 1e-12
 
 static const char *const labels[FUNCTIONS] = {"value", "forward", "adjoint"};
 
@@ -26,8 +29,9 @@ typedef struct check {
     lg_plan *plan[FUNCTIONS], *planted[FUNCTIONS];
     lg_plant plant;
     lg_rng rng;
-    lg_shape shape;                                 /* of the output */
-    size_t at[MOST + 1], outputs, count[FUNCTIONS]; /* inputs one after another; numbers of a result */
+    lg_shape shape; /* shape of the output */
+    /* Offsets of the inputs in x and d; elements of the output; elements of each function's result. */
+    size_t at[MOST + 1], outputs, count[FUNCTIONS];
     double *memory, *x, *d, *c, *truth, *got, *other;
 } check;
 
@@ -45,7 +49,8 @@ static lg_status tape_failed(check *k) {
 
 /* ---- the program ---- */
 
-/* Where values are given, the input is what is added to them. */
+/* Records the user's function. For an argument with given values, the program's input is a displacement that
+ * is added to them. */
 static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *in, lg_var *out) {
     const check *k = user;
     lg_var x[MOST];
@@ -101,7 +106,7 @@ static lg_status make_plans(check *k, lg_plan **plans, lg_error *error) {
 
 /* ---- points ---- */
 
-/* Away from zero, so that no term is hidden by a small factor. */
+/* A random number not close to zero, so that no term is hidden by a small factor. */
 static double draw(check *k) {
     const double size = lg_rng_uniform_in(&k->rng, 0.5, 1.0);
     return lg_rng_below(&k->rng, 2) == 0 ? size : -size;
@@ -136,7 +141,7 @@ static lg_status draw_point(check *k) {
     return LG_OK;
 }
 
-/* ---- the tape ---- */
+/* ---- results of the tape ---- */
 
 typedef struct taped {
     lg_var x[MOST], d[MOST], c, y, result[FUNCTIONS][MOST];
@@ -189,14 +194,15 @@ static lg_status applied(check *k, double *to) {
     return LG_OK;
 }
 
-/* ---- plans ---- */
+/* ---- results of plans ---- */
 
 static lg_status run_plans(check *k, lg_plan *const *plans, double *to) {
     for (size_t f = 0; f < FUNCTIONS; to += k->count[f++]) {
         const void *in[2 * MOST];
         void *out[MOST], *work = lg_alloc(k->context, lg_plan_work_size(plans[f]), 1);
         if (work == NULL) return LG_OUT_OF_MEMORY;
-        memset(work, 0xff, lg_plan_work_size(plans[f])); /* NaN: nothing that was there may be read */
+        /* Fills it with NaN, so that reading memory before writing it is noticed. */
+        memset(work, 0xff, lg_plan_work_size(plans[f]));
         for (uint32_t i = 0; i < k->f->inputs; i++) {
             in[i] = k->x + k->at[i];
             in[k->f->inputs + i] = k->d + k->at[i];
@@ -210,7 +216,8 @@ static lg_status run_plans(check *k, lg_plan *const *plans, double *to) {
     return LG_OK;
 }
 
-/* Of the tape's numbers too: a derivative may be as small as its own rounding. */
+/* Error relative to the largest number of `truth`, or to 1e-3 of the largest number of the function's value
+ * if that is greater: a derivative may be as small as its own rounding error. */
 static double difference(const check *k, const double *got, const double *truth, size_t n, double *apart) {
     const double size = fmax(lg_largest(truth, n), 1e-3 * lg_largest(k->truth, k->outputs));
     *apart = lg_largest_difference(got, truth, n);
@@ -251,7 +258,7 @@ static lg_status check_point(check *k) {
     return compare(k, k->other);
 }
 
-/* ---- the whole ---- */
+/* ---- the whole check ---- */
 
 static lg_status make_memory(check *k) {
     for (uint32_t i = 0; i < k->f->inputs; i++)
@@ -274,7 +281,7 @@ static lg_status make_memory(check *k) {
     return LG_OK;
 }
 
-/* Plans with a fault beside those without. */
+/* Makes plans with the planted error, in addition to the right plans. */
 static lg_status make_planted(check *k, lg_error *error) {
     const lg_gradcheck_plant *plant = k->options->plant;
     const bool scalars = plant->direction == LG_PLANT_SCALARS;
@@ -289,7 +296,8 @@ static lg_status make_planted(check *k, lg_error *error) {
     return status;
 }
 
-/* What the test says: that it is refused, in a sentence with a certain word. */
+/* For a case that must be refused (test->no_program): checks that it is, and that the message contains this
+ * text. */
 static lg_status check_refusal(check *k, const lg_gradcheck_case *test, lg_status status,
                                const lg_error *error) {
     k->result->refused = status != LG_OK;
