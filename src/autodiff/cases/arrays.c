@@ -1,4 +1,4 @@
-/* The registry: reductions and shapes. */
+/* Cases of the gradient check: reductions and operations that change shapes. */
 #include "autodiff/cases/rows.h"
 
 /* ---- reductions ---- */
@@ -19,7 +19,7 @@ BUILD(build_max_axis) {
     SETTINGS;
     return lg_max_axis(t, x[0], s->i[0], s->i[1] != 0);
 }
-/* The gradient of the maxima, which is the mask. */
+/* The gradient of the maxima is the mask. */
 BUILD(build_argmax_mask) {
     (void)user;
     lg_var out = LG_NONE;
@@ -60,7 +60,8 @@ BUILD(build_concat) {
     SETTINGS;
     return lg_concat(t, x, 3, s->i[0]);
 }
-/* 100 parts, rows of x in reverse order and doubled in turn: more than one node takes. */
+/* Concatenates 100 parts, more than one node can take: the rows of x in reverse order, every second one
+ * doubled. */
 BUILD(build_concat_many) {
     (void)user;
     lg_var parts[100];
@@ -81,14 +82,14 @@ BUILD(build_scatter) {
     (void)user;
     return lg_scatter(t, x[0], repeated, 6, 5);
 }
-/* Small enough for scalar code. */
+/* A scatter small enough for scalar code. */
 BUILD(build_small_scatter) {
     static const uint32_t rows[3] = {3, 0, 3};
     (void)user;
     return lg_scatter(t, x[0], rows, 3, 4);
 }
 
-/* ---- rows ---- */
+/* ---- the table ---- */
 
 static const lg_gradcheck_case rows[] = {
     ROW("sum of (2, 3, 4)", "sum", build_sum, INPUTS(ANY(S3(2, 3, 4)))),
@@ -101,7 +102,8 @@ static const lg_gradcheck_case rows[] = {
     ROW("sum_to () of (4, 3)", "sum", build_sum_to, WITH(.shape = S0), INPUTS(ANY(S2(4, 3)))),
     ROW("sum_to (4, 1) of (4, 3)", "sum", build_sum_to, WITH(.shape = S2(4, 1)), INPUTS(ANY(S2(4, 3)))),
     ROW("sum_to (3) of (4, 3)", "sum", build_sum_to, WITH(.shape = S1(3)), INPUTS(ANY(S2(4, 3)))),
-    /* chains of two: a sign planted in both would cancel */
+    /* Chains of two equal operations. No errors are planted (ROW_COMPOSED): a wrong sign in both would
+     * cancel. */
     ROW_COMPOSED("sum_to (1, 3, 1) of (2, 2, 3, 4)", build_sum_to, WITH(.shape = S3(1, 3, 1)),
                  INPUTS(ANY(S4(2, 2, 3, 4)))),
     ROW("broadcast_to (4, 3) of ()", "broadcast", build_broadcast_to, WITH(.shape = S2(4, 3)),

@@ -1,5 +1,5 @@
-/* The registry: every operation of the table in the variants of shapes and attributes that matter, a family
- * after the other, then the tables of the rooms. */
+/* The list of all cases: every operation of the table with the shapes and attributes that matter, one family
+ * after the other, followed by the tables of the rooms. */
 #include <stdio.h>
 #include <stdlib.h>
 

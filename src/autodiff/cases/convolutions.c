@@ -1,9 +1,9 @@
-/* The registry: convolution and pooling. */
+/* Cases of the gradient check: convolution and pooling. */
 #include "autodiff/cases/rows.h"
 #include "autodiff/ops/op_rows.h"
 
-/* ---- convolution and pooling; s->i = {stride or size, padding or stride, extent}, or {stride, padding,
- * activation, size and stride of pooling} ---- */
+/* ---- convolution and pooling; s->i = {stride or size, padding or stride, extent}, or for conv1d_pooled
+ * {stride, padding, activation, size and stride of the pooling} ---- */
 
 BUILD(build_conv1d) {
     SETTINGS;
@@ -50,19 +50,20 @@ BUILD(build_max_pool1d) {
     SETTINGS;
     return lg_max_pool1d(t, x[0], (uint32_t)s->i[0], (uint32_t)s->i[1]);
 }
-/* Where x[1], constant, is largest. */
+/* The places are given by the largest elements of a constant, the numbers of `apart`. */
 BUILD(build_pool_place) {
     SETTINGS;
     const lg_var in[2] = {x[0], lg_stop_gradient(t, lg_input_f64(t, s->shape, apart))};
     return record_windows(t, &lg_op_pool_place, in, 2, s);
 }
-/* A block of a network: fused activation, poolings that share their input. */
+/* A block of a network: a fused activation, then two poolings, one of y and one of y^2. */
 BUILD(build_conv_block) {
     (void)user;
     const lg_var y = lg_conv1d_dense(t, x[0], x[1], x[2], 1, 1, LG_TANH);
     return lg_add(t, lg_avg_pool1d(t, y, 2, 2), lg_avg_pool1d(t, lg_square(t, y), 3, 2));
 }
-/* Batch, length and channels of x; kernel, outputs; stride, padding; count of windows. */
+/* Rows for a convolution and its two adjoints: B, L, C are batch, length and channels of x; K kernel length,
+ * O outputs; S stride, P padding; N number of windows. */
 #define CONV_ROWS(label, B, L, C, K, O, S, P, N)                                                             \
     ROW("conv1d " label, "conv1d", build_conv1d, WITH(.i = {S, P}),                                          \
         INPUTS(ANY(S3(B, L, C)), ANY(S3(K, C, O)))),                                                         \
@@ -73,13 +74,13 @@ BUILD(build_conv_block) {
 #define CONV_POOLED_ROW(label, op, S, P, kind, SIZE, STEP)                                                   \
     ROW("conv1d_pooled " label, op, build_conv1d_pooled, WITH(.i = {S, P, kind, SIZE, STEP}),                \
         INPUTS(ANY(S3(2, 6, 2)), ANY(S3(3, 2, 3)), ANY(S1(3))))
-/* Arguments as in DENSE_KINKED. */
+/* The arguments keep every pre-activation away from the kink, as in DENSE_KINKED. */
 #define CONV_KINKED(label, kind)                                                                             \
     ROW("conv1d_pooled " label, "conv1d_block", build_conv1d_pooled, WITH(.i = {1, 0, kind, 2, 2}),          \
         INPUTS({.shape = S3(1, 4, 3), .values = apart, .scale = 0.25},                                       \
                {.shape = S3(1, 3, 5), .values = whole, .scale = 0.125},                                      \
                {.shape = S1(5), .values = quarters, .scale = 0.25}))
-/* Two samples with two channels, 24 numbers; N windows. */
+/* Rows for poolings of x (2, 6, 2), two samples with 24 numbers in all; N is the number of windows. */
 #define POOL_ROWS(label, SIZE, STRIDE, N)                                                                    \
     ROW("avg_pool1d " label, "avg_pool1d", build_avg_pool1d, WITH(.i = {SIZE, STRIDE}),                      \
         INPUTS(ANY(S3(2, 6, 2)))),                                                                           \
@@ -90,7 +91,7 @@ BUILD(build_conv_block) {
         ROW("pool_place " label, "pool_place", build_pool_place,                                             \
             WITH(.i = {SIZE, STRIDE}, .shape = S3(2, 6, 2)), INPUTS(ANY(S3(2, N, 2))))
 
-/* ---- rows ---- */
+/* ---- the table ---- */
 
 static const lg_gradcheck_case rows[] = {
     CONV_ROWS("(2, 6, 3) (3, 3, 2)", 2, 6, 3, 3, 2, 1, 0, 4),

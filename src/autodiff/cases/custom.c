@@ -1,9 +1,9 @@
-/* The registry: custom operations, an argument on a manifold. */
+/* Cases of the gradient check: custom operations, and an argument on a manifold. */
 #include "autodiff/cases/rows.h"
 
 #include <math.h>
 
-/* ---- custom operations: y = a sin b, elementwise of three numbers ---- */
+/* ---- custom operations: y = a sin b for each of three numbers ---- */
 
 static double number(lg_dtype dtype, const void *a, size_t i) {
     return dtype == LG_F64 ? ((const double *)a)[i] : (double)((const float *)a)[i];
@@ -64,7 +64,7 @@ BUILD(build_custom) {
     return lg_custom(t, &custom_ops[s->i[0]], x, 2, lg_shape1(3));
 }
 
-/* ---- an argument on a manifold: q on the sphere, q <- exp(h d) q ---- */
+/* ---- an argument on a manifold: q on the sphere, moved to exp(h d) q ---- */
 
 static const double on_sphere[3] = {2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0};
 static lg_status turn(const void *user, uint32_t argument, const double *q, const double *d, double h,
@@ -92,7 +92,7 @@ BUILD(build_sphere) {
     return lg_add(t, along, lg_act(t, lg_cross(t, x[1], x[0]), LG_TANH));
 }
 
-/* ---- rows ---- */
+/* ---- the table ---- */
 
 static const lg_gradcheck_case rows[] = {
     {.function =

@@ -1,4 +1,4 @@
-/* The registry: elementwise operations and activations. */
+/* Cases of the gradient check: elementwise operations and activations. */
 #include "autodiff/cases/rows.h"
 #include "autodiff/ops/op_rows.h"
 
@@ -26,7 +26,7 @@ BUILD(build_leaf) {
     (void)user, (void)t;
     return x[0];
 }
-/* a where a >= b, else b^2. */
+/* a where a >= b, otherwise b^2. */
 BUILD(build_select) {
     (void)user;
     return lg_select(t, lg_ge(t, x[0], x[1]), x[0], lg_mul(t, x[1], x[1]));
@@ -57,7 +57,7 @@ BUILD(build_combine) {
     (void)user;
     return lg_linear_combination(t, x, coefficients, 3);
 }
-/* A term more than once, each time with its own coefficient. */
+/* A sum in which variables occur more than once, each time with another coefficient. */
 BUILD(build_combine_repeated) {
     (void)user;
     lg_var terms[5] = {x[0], x[1], x[0], lg_mul(t, x[0], x[1]), x[1]};
@@ -68,13 +68,14 @@ BUILD(build_mix) {
     (void)user;
     return lg_lerp(t, x[0], x[1], x[2]);
 }
-/* One variable in two places. */
+/* The same variable is both z and v. */
 BUILD(build_mix_itself) {
     (void)user;
     return lg_lerp(t, x[0], x[1], x[0]);
 }
 
-/* Both orders of each pattern of broadcasting; `a` and `b` make an argument of a shape. */
+/* Rows of a binary operation for each pattern of broadcasting, mostly in both orders. `a` and `b` are macros
+ * that make an argument from a shape. */
 #define BINARY_ROWS(op, a, b)                                                                                \
     ROW(#op " (4, 3) (4, 3)", #op, build_##op, INPUTS(a(S2(4, 3)), b(S2(4, 3)))),                            \
         ROW(#op " (4, 1) (4, 3)", #op, build_##op, INPUTS(a(S2(4, 1)), b(S2(4, 3)))),                        \
@@ -97,7 +98,7 @@ BUILD(build_act_derivative) {
     SETTINGS;
     return lg_act_derivative(t, x[0], (lg_activation)s->i[0], s->i[1]);
 }
-/* The family's member with a factor: x[1] sigma'(x[0]), as a vjp records it. */
+/* The activation's derivative with a factor, x[1] sigma'(x[0]), as a vjp records it. */
 BUILD(build_act_times) {
     SETTINGS;
     lg_var y = lg_act(t, x[0], (lg_activation)s->i[0]), out = LG_NONE;
@@ -118,7 +119,7 @@ BUILD(build_act_times) {
     ROW("act_derivative " label " with a factor", "act_derivative", build_act_times, WITH(.i = {kind}),      \
         INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3))))
 
-/* ---- rows ---- */
+/* ---- the table ---- */
 
 static const lg_gradcheck_case rows[] = {
     ROW("leaf", "leaf", build_leaf, INPUTS(ANY(S2(4, 3)))),
@@ -135,7 +136,8 @@ static const lg_gradcheck_case rows[] = {
     ROW("sub () ()", "sub", build_sub, INPUTS(ANY(S0), ANY(S0))),
     ROW("mul () ()", "mul", build_mul, INPUTS(ANY(S0), ANY(S0))),
     ROW("div () ()", "div", build_div, INPUTS(ANY(S0), POSITIVE(S0))),
-    /* only one of two numbers wins */
+    /* No errors are planted in these (ROW_COMPOSED): only one of the two numbers is the maximum, so the other
+     * has no gradient. */
     ROW_COMPOSED("max () (), the first", build_max, INPUTS(APART(S0), BETWEEN(S0))),
     ROW_COMPOSED("max () (), the second", build_max, INPUTS(BETWEEN(S0), APART(S0))),
     ROW("mix", "mix", build_mix, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)), ANY(S2(4, 3)))),
@@ -168,7 +170,7 @@ static const lg_gradcheck_case rows[] = {
     ACT_ROW("identity", LG_IDENTITY),
     ACT_ROW("tanh", LG_TANH),
     ACT_ROW("sigmoid", LG_SIGMOID),
-    /* swish itself is the family's member of order 0, computed from the sigmoid */
+    /* swish is recorded as its derivative of order 0, computed from the sigmoid */
     ROW("act swish", "act_derivative", build_act, WITH(.i = {LG_SWISH}), INPUTS(APART(S2(4, 3)))),
     ACT_ROW("relu", LG_RELU),
     ACT_ROW("leaky-relu", LG_LEAKY_RELU),

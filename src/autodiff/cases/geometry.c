@@ -1,11 +1,12 @@
-/* The registry: rows of vectors, solves, functions of the angle, Lie groups. */
+/* Cases of the gradient check: row-wise vector products, solves, functions of the rotation angle, Lie
+ * groups. */
 #include "autodiff/cases/rows.h"
 #include "autodiff/ops/lie.h"
 #include "autodiff/ops/op_rows.h"
 
 #include <math.h>
 
-/* ---- rows of vectors, solves, functions of the angle ---- */
+/* ---- row-wise products, solves, functions of the rotation angle ---- */
 
 BUILD_BINARY(rowdot)
 BUILD_BINARY(cross)
@@ -15,7 +16,7 @@ BUILD(build_cross_self) {
     (void)user;
     return lg_cross(t, x[0], lg_mul(t, x[0], x[0]));
 }
-/* A = x0 + 3 I: the symmetric part of x0 has a norm below 3. */
+/* A = x + 3 I, which is positive definite because the symmetric part of x has a norm below 3. */
 static lg_var definite(lg_tape *t, lg_var x, uint32_t k) {
     double eye[6 * 6] = {0};
     for (uint32_t i = 0; i < k; i++) eye[i * k + i] = 3.0;
@@ -57,7 +58,8 @@ BUILD(build_lie) {
         return lg_se3_dexpinv_rows(t, x[0], x[1], x[2], x[3]);
     }
 }
-/* Rows of u: none, a tiny one, angles on both sides of where the series end, beyond pi. */
+/* Five rows u: zero, a tiny rotation, one angle on each side of the limit of the series, and one beyond
+ * pi. */
 static const double rotations[15] = {0.0, 0.0,  0.0, 1e-9, -2e-9, 2e-9, 1.1, -0.3,
                                      0.4, -1.2, 1.6, 1.1,  3.0,   1.0,  -1.5};
 #define ROTATIONS                                                                                            \
@@ -67,7 +69,8 @@ static const double rotations[15] = {0.0, 0.0,  0.0, 1e-9, -2e-9, 2e-9, 1.1, -0.
 #define LIE_FOUR(label, map, u)                                                                              \
     LIE(label, WITH(.i = {map}), INPUTS(u, ANY(S3(5, 1, 3)), ANY(S3(5, 1, 3)), ANY(S3(5, 1, 3))))
 
-/* A row for each angle, for numbers of very different size would hide each other. */
+/* Each w has its own row of the table, because in one tensor, results of very different size would hide
+ * errors of each other. */
 #define ANGLE_ROWS(w)                                                                                        \
     ROW("stumpff w = " #w, "stumpff", build_stumpff, WITH(.i = {3}),                                         \
         INPUTS(IN_VALUES((const double[]){w}, S2(1, 1)))),                                                   \
@@ -75,7 +78,7 @@ static const double rotations[15] = {0.0, 0.0,  0.0, 1e-9, -2e-9, 2e-9, 1.1, -0.
             INPUTS({.shape = S2(1, 1), .values = (const double[]){w}, .scale = 0.25}))
 static const double angles[8] = {0.0, 1e-18, 1e-8, 0.1, 1.0, 9.0, 9.869604401089358, 4.0};
 
-/* ---- rows ---- */
+/* ---- the table ---- */
 
 static const lg_gradcheck_case rows[] = {
     ROW("rowdot (4, 3)", "rowdot", build_rowdot, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),

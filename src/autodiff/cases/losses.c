@@ -1,4 +1,4 @@
-/* The registry: losses. */
+/* Cases of the gradient check: losses. */
 #include "autodiff/cases/rows.h"
 
 /* ---- losses ---- */
@@ -16,7 +16,7 @@ BUILD(build_loss) {
                      INPUTS(a(S2(4, 3)), b(S2(4, 3)), POSITIVE(S1(4))))
 #define PROBABILITY(...) IN_RANGE(0.1, 0.9, __VA_ARGS__)
 
-/* ---- rows ---- */
+/* ---- the table ---- */
 
 static const lg_gradcheck_case rows[] = {
     LOSS_ROWS("mse", LG_LOSS_MSE, ANY, ANY),

@@ -1,4 +1,4 @@
-/* The registry: products, dense layers, pairs of values and derivatives. */
+/* Cases of the gradient check: products, dense layers, pairs of values and derivatives. */
 #include "autodiff/ops/dual.h"
 #include "autodiff/cases/rows.h"
 
@@ -17,7 +17,7 @@ BUILD(build_dense) {
     SETTINGS;
     return lg_dense(t, x[0], x[1], s->i[1] ? x[2] : LG_NONE, (lg_activation)s->i[0]);
 }
-/* The operands as slices and reshapes of one flat vector, used twice: y = tanh(x W + b) W2 with W2 = W^T. */
+/* W and b are a slice and a reshape of one flat vector, and W is used twice: y = tanh(x W + b) W^T. */
 BUILD(build_flat_parameters) {
     (void)user;
     lg_var w = lg_reshape(t, lg_slice(t, x[1], 0, 0, 12), lg_shape2(3, 4)), b = lg_slice(t, x[1], 0, 12, 4);
@@ -56,7 +56,7 @@ BUILD(build_dual_mix) {
     ROW_TWO("dual_dense " label, "matmul", "dual_act", build_dual_dense, WITH(.i = {kind, 1}),               \
             INPUTS(APART(S2(4, 3)), ANY(S2(3, 5)), ANY(S1(5))))
 
-/* ---- rows ---- */
+/* ---- the table ---- */
 
 static const lg_gradcheck_case rows[] = {
     VARIANT_ROWS("nn (3, 4) (4, 5)", 0, (3, 4), (4, 5)),

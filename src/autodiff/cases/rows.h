@@ -1,11 +1,12 @@
-/* How rows of operations are written: a file a family, builders and rows next to each other. */
+/* Macros and data for the cases of operations. Each file holds one family of operations, with its build
+ * functions and its table. */
 #ifndef LG_GRADCHECK_ROWS_H
 #define LG_GRADCHECK_ROWS_H
 
 #include "autodiff/cases/table.h"
 #include "autodiff/tape/tape_internal.h"
 
-/* What a build function is told besides its inputs. */
+/* The parameters of a build function besides its inputs. */
 typedef struct settings {
     int i[5];
     double c;
@@ -36,14 +37,16 @@ typedef struct settings {
         .function = {.name = name_, .build = build_, __VA_ARGS__ }                                           \
     }
 
-/* Numbers at least 1/4 away from zero, from each other by 1/2 within a table, by 1/4 between the tables. */
+/* Numbers at least 1/4 away from zero. Two numbers of one table differ by at least 1/2; a number of one table
+ * differs from every number of the other table by at least 1/4. */
 static const double apart[24] = {0.5,  -1.5, 3.0,  -2.5, 1.0,  5.5, -0.5, 2.0, -3.0, 4.5, -4.0, 1.5,
                                  -1.0, 6.0,  -5.5, 3.5,  -2.0, 2.5, -6.0, 4.0, -3.5, 5.0, -4.5, -5.0};
 static const double between[24] = {-0.75, 2.25, -1.25, 0.75,  1.75, -5.25, 0.25,  4.25,
                                    -0.25, 3.25, 5.25,  -1.75, 2.75, -2.25, 6.25,  -3.25,
                                    1.25,  4.75, -2.75, -4.25, 3.75, -5.75, -3.75, 5.75};
 
-/* ReLU and LeakyReLU: every pre-activation is +-1/4 or more, x W + b with whole numbers for W. */
+/* For ReLU and leaky ReLU: with x from `apart`, W from `whole` and b from `quarters`, every element of x W +
+ * b is at least 1/4 away from the kink at 0, because W consists of whole numbers. */
 static const double whole[15] = {1, 0, -1, 2, 0, 0, 1, 1, -1, 2, -1, 1, 0, 0, 1};
 static const double quarters[5] = {0.25, 0.25, -0.25, 0.25, -0.25};
 

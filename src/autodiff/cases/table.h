@@ -1,16 +1,17 @@
-/* How tables of cases are written. A family of operations is a file of this folder; src/ROOM/cases.c has the
- * cases of what a room makes of operations. */
+/* Macros for tables of cases. Each family of operations has a file in this folder; src/ROOM/cases.c has the
+ * cases of functions that a room composes of operations. */
 #ifndef LG_GRADCHECK_TABLE_H
 #define LG_GRADCHECK_TABLE_H
 
 #include "autodiff/cases/cases.h"
 #include "core/count.h"
 
-/* Memory of rows that are made: zeros, never NULL, kept to the end. */
+/* Memory for rows that are made at run time. It is zeroed, never NULL (the program exits instead), and never
+ * freed. */
 void *lg_gradcheck_alloc(size_t count, size_t size);
 
-/* X(name) of the table lg_gradcheck_<name>. CMakeLists.txt defines LG_GRADCHECK_ROOMS: X(room) of each room
- * that has a file cases.c. */
+/* X(name) for each table lg_gradcheck_<name>. CMakeLists.txt defines LG_GRADCHECK_ROOMS as X(room) for each
+ * room that has a file cases.c. */
 #define LG_GRADCHECK_OPERATIONS                                                                              \
     X(elementwise) X(products) X(convolutions) X(arrays) X(geometry) X(losses) X(custom)
 
@@ -18,14 +19,14 @@ void *lg_gradcheck_alloc(size_t count, size_t size);
 LG_GRADCHECK_OPERATIONS LG_GRADCHECK_ROOMS
 #undef X
 
-/* The end of a file: its array `rows` is the table. */
+/* Must stand at the end of a file; the file's array `rows` becomes the table. */
 #define FAMILY(name)                                                                                         \
     const lg_gradcheck_case *lg_gradcheck_##name(size_t *count) {                                            \
         *count = LG_COUNT(rows);                                                                             \
         return rows;                                                                                         \
     }
 
-/* ---- shapes and arguments, as initialisers: S2(3, 4) is a matrix (3, 4) ---- */
+/* ---- shapes and arguments as initialisers; S2(3, 4) is the shape (3, 4) ---- */
 
 #define S0                                                                                                   \
     {                                                                                                        \
