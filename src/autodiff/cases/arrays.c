@@ -60,8 +60,8 @@ BUILD(build_concat) {
     SETTINGS;
     return lg_concat(t, x, 3, s->i[0]);
 }
-/* Concatenates 100 parts, more than one node can take: the rows of x in reverse order, every second one
- * doubled. */
+/* Concatenates 100 parts, more than one node can have as inputs: the rows of x in reverse order, every second
+ * one doubled. */
 BUILD(build_concat_many) {
     (void)user;
     lg_var parts[100];

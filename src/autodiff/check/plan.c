@@ -186,7 +186,8 @@ static bool reads_its_result(const lg_plan_step *s, const moving *move) {
     return found;
 }
 
-/* Moves the step's result, and all later reads of it, to a place whose number a later step still reads. */
+/* Moves the step's result, and all later reads of it, to the place of an earlier result that a later step
+ * still reads. */
 static bool clobber(lg_plan *plan, size_t at) {
     moving made = {.from = {LG_AREA_NONE, 1, 0}};
     each_place(&plan->step[at], look, &made);

@@ -104,7 +104,7 @@ static lg_status make_plans(check *k, lg_plan **plans, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- points ---- */
+/* ---- random points ---- */
 
 /* A random number not close to zero, so that no term is hidden by a small factor. */
 static double draw(check *k) {

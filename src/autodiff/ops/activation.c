@@ -271,8 +271,8 @@ lg_var lg_act_derivative(lg_tape *tape, lg_var x, lg_activation kind, int order)
 
 /* ---- fused dense layer ---- */
 
-/* Records z = x W + b and y = sigma(z) as two nodes with one buffer. y overwrites z, because derivatives of
- * these kinds never read z. Kinds whose derivatives need z are not fused. */
+/* Records z = x W + b and y = sigma(z) as two nodes with one buffer. y may overwrite z, because the
+ * derivatives of these kinds never read z. Kinds whose derivatives need z are not fused. */
 lg_var lg_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind) {
     if ((unsigned)kind >= LG_ACTIVATION_COUNT)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dense", "unknown activation");

@@ -153,9 +153,9 @@ static lg_var unary(lg_tape *tape, const lg_op *op, lg_var x, double c) {
     return lg_record(tape, op, &x, 1, &attr);
 }
 
-/* X(name, kernel, the c for which the operation is the identity or NAN, scalar code, derivative times g). The
- * derivative is an expression in t (tape), x (input), y (output), c and g. It serves both vjp and jvp,
- * because the Jacobian of an elementwise operation is symmetric. */
+/* X(name, kernel, the value of c for which the operation is the identity (NAN: none), scalar code, derivative
+ * times g). The derivative is an expression in t (tape), x (input), y (output), c and g. It serves both vjp
+ * and jvp, because the Jacobian of an elementwise operation is symmetric. */
 #define UNARY_LIST(X)                                                                                        \
     X(scale, LG_K_SCALE, 1.0, lg_s_scale(s, c, x), lg_scale(t, g, c))                                        \
     X(shift, LG_K_SHIFT, 0.0, lg_s_add(s, x, lg_s_constant(s, c)), g)                                        \

@@ -87,7 +87,7 @@ static lg_status cross_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* For the vjp: g.(da x b) = da.(b x g), g.(a x db) = db.(g x a). */
+/* For cross_vjp: g.(da x b) = da.(b x g), g.(a x db) = db.(g x a). */
 static void cross_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     for (size_t i = 0; i < e->count; i += 3)
         for (size_t c = 0; c < 3; c++) {

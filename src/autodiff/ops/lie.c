@@ -18,7 +18,7 @@ static lg_var second_order(lg_tape *tape, lg_var u, lg_var b, lg_var c1, lg_var 
     return lg_add(tape, b, sum);
 }
 
-/* c_1, c_2 and c_3 of w = |u|^2, each of shape (..., 1). */
+/* The Stumpff functions c_1, c_2 and c_3 of w = |u|^2, each of shape (..., 1). */
 typedef struct coefficients {
     lg_var c[4];
 } coefficients;
@@ -209,8 +209,8 @@ static const lg_c_fragment c_so3 = {
     }),
     .needs = {&c_vectors}};
 
-/* c_2 and c_3 for 0 <= w <= 4 by the series sum_i (-w)^i/(k + 2i)!, with as many terms as the type can
- * resolve. */
+/* The Stumpff functions c_2 and c_3 for 0 <= w <= 4 by the series sum_i (-w)^i/(k + 2i)!, with as many terms
+ * as the type can resolve. */
 static const lg_c_fragment c_so3_coefficients = {
     .comment = "c[k] = c_k(w), k = 1, 2, 3: sin(x)/x, (1 - cos(x))/x^2, (x - sin(x))/x^3, x = sqrt(w)",
     .text =

@@ -217,7 +217,7 @@ static lg_row_use matmul_rows(const lg_shape *const *in, uint32_t inputs, const 
                               uint32_t copies, lg_attr *attr) {
     (void)copies;
     if (shape->rank == 3) return LG_ROWS_BROADCAST;
-    /* its rows belong to rows of the result */
+    /* Whether the third input has its own row for each row of the result. */
     const bool added = inputs > 2 && lg_shape_count(*in[2]) == lg_shape_count(*shape);
     return attr->i[0] != TN && !added ? LG_ROWS_FIRST : LG_ROWS_MEET;
 }

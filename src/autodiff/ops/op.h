@@ -123,7 +123,8 @@ struct lg_op {
      * before it writes element i of y, so y may overwrite any input. True: forward first writes all of y from
      * input 0, so y may overwrite input 0 only, and only if no other input reads the same numbers. */
     bool over_first;
-    /* Elementwise; the derivatives are computed from the value, so their errors are relative to 1. */
+    /* Elementwise, with derivatives computed from the value: their errors are relative to 1, not to their
+     * size. */
     bool saturates;
     /* Whether the operation is a product f(other inputs) times its last input. If so, *rest becomes the
      * attributes of f. NULL: never. */

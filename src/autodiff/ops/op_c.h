@@ -24,7 +24,7 @@
 typedef struct lg_c_fragment {
     const char *comment; /* printed above the code; NULL: no comment */
     const char *text;    /* LG_C(...); NULL: the code is in `file` */
-    /* names of files in program/code/ or kernels/code/, without .c, for f64 and f32 */
+    /* Names of files in program/code/ or kernels/code/, without .c, for f64 and f32. */
     const char *file[2];
     const struct lg_c_fragment *needs[LG_C_NEEDS]; /* fragments that must be printed before this one */
 } lg_c_fragment;

@@ -50,7 +50,8 @@ static lg_status reduce_forward(lg_evaluation *e) {
     size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
     const unsigned char *x = e->x[0];
     unsigned char *y = e->y;
-    /* with no elements, outer may be arbitrarily large; the same holds below */
+    /* Without elements, outer may be arbitrarily large, so the loops must be skipped; the same holds
+     * below. */
     if (e->count == 0) return LG_OK;
     if (outer == 1 && inner == 1) {
         const double total = k->sum(length, x);

@@ -56,7 +56,6 @@ static bool find_anchors(lg_planning *p, uint32_t *anchor) {
     return true;
 }
 
-/* Sorts the nodes by their anchors. */
 static bool sort_by_anchor(lg_planning *p, uint32_t *sorted) {
     const uint32_t nodes = p->g.count;
     uint32_t *anchor = lg_planning_take(p, nodes, sizeof *anchor);

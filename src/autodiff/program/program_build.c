@@ -114,7 +114,7 @@ static lg_status record_all(building *b) {
     return status;
 }
 
-/* ---- refusing ---- */
+/* ---- refusal of a function ---- */
 
 static const lg_node *node_in(const building *b, size_t which, uint32_t i) {
     return &b->r[which].tape->nodes[i];

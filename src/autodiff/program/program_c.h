@@ -67,7 +67,7 @@ struct lg_c {
 
 /* ---- failures ---- */
 
-/* Always returns false. */
+/* Records a failure, unless there is one already. Always returns false. */
 bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 void lg_c_fail_memory(lg_c *c);
 bool lg_c_good(lg_c *c); /* true if nothing has failed so far, including the texts */
@@ -87,7 +87,7 @@ void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
 /* Defines a static function with this text (@ stands for its name), unless an equal one exists, and returns
  * its name. The name begins with `title`. NULL on failure. */
 const char *lg_c_define(lg_c *c, const char *title, const char *text);
-/* Tells that the function of an operation needs this many bytes of stack. */
+/* Takes into account that an operation's function needs this many bytes of stack. */
 void lg_c_largest(lg_c *c, size_t bytes);
 /* Puts the ranges of the plan's constants that its steps read into the array of weights. */
 void lg_c_collect_constants(lg_c *c, const lg_plan *plan);

@@ -19,7 +19,7 @@ typedef struct lg_c_graph {
     uint32_t count;
     const uint32_t *root;
     uint32_t roots;
-    /* Except for `stack`, these arrays are indexed by instruction, or by position for `order`. */
+    /* The following arrays have one entry per instruction. */
     /* The instructions in writing order, `ordered` of them; without inputs and constants. */
     uint32_t *order;
     uint32_t *place;   /* 1 + position in `order`; 0: not in `order` */

@@ -49,7 +49,7 @@ bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t si
 #define ROOM(c, array, capacity, needed)                                                                     \
     lg_c_room(c, (void **)&(c)->array, &(c)->capacity, needed, sizeof *(c)->array)
 
-/* ---- text of tokens ---- */
+/* ---- lines of C from tokens ---- */
 
 static bool starts(const char *s, const char *word) {
     return strncmp(s, word, strlen(word)) == 0;
@@ -192,7 +192,7 @@ void lg_c_add_definition(lg_text *to, const char *text, const char *name) {
     }
 }
 
-/* The FNV-1a hash. */
+/* FNV-1a */
 static uint64_t hash_of(const char *text) {
     uint64_t h = 14695981039346656037u;
     for (; *text != '\0'; text++) h = (h ^ (unsigned char)*text) * 1099511628211u;
@@ -222,7 +222,7 @@ const char *lg_c_define(lg_c *c, const char *title, const char *text) {
     return made->name;
 }
 
-/* ---- tables ---- */
+/* ---- arrays of weights and indices ---- */
 
 /* Index of these numbers in the array of weights. They are appended unless they are part of a piece that is
  * already there. */

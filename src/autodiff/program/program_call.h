@@ -1,8 +1,8 @@
 /* Calls: an operation that runs another function of the same program. It occurs only in programs, never on a
- * tape: there, lg_program_call records the operations of the called function, with a mark from which the
- * program makes one call. attr.i[0] is the number of the called function, which must already exist; attr.i[1]
- * is the number of the output that is the result. The inputs are the inputs of the called function. In a
- * plan, attr.pointer is the plan of the called function. */
+ * tape: on a tape, lg_program_call records the operations of the called function and marks them, and the
+ * program gets a single call for them. attr.i[0] is the number of the called function, which must already
+ * exist; attr.i[1] is the number of the output that is the result. The inputs are the inputs of the called
+ * function. In a plan, attr.pointer is the plan of the called function. */
 #ifndef LG_PROGRAM_CALL_H
 #define LG_PROGRAM_CALL_H
 

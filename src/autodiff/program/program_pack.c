@@ -18,7 +18,7 @@ typedef struct coder {
     const char *function, *where; /* for error messages */
     size_t operation;
     const lg_operation *coded;    /* the operation that is being written or read; NULL: none */
-    const char *name[MOST_NAMES]; /* different names of the operations so far, with their revisions */
+    const char *name[MOST_NAMES]; /* the names so far, each (name, revision) once */
     uint32_t revision[MOST_NAMES], names;
     lg_status status;
     lg_error *error;

@@ -19,7 +19,8 @@
 #include <math.h>
 #include <string.h>
 
-enum { REACHED = 1, ASKED = 2 }; /* ASKED: node of one of the wanted variables, `wrt` */
+/* REACHED: the node depends on a wanted variable. ASKED: it is a wanted variable itself. */
+enum { REACHED = 1, ASKED = 2 };
 
 /* ---- the caller's memory ---- */
 
@@ -128,8 +129,8 @@ static void *block_of(lg_tape *tape, lg_sweep *sweep, uint32_t i, bool demand) {
     return sweep->block[at];
 }
 
-/* Whether node i's block lies in the caller's memory and holds no numbers yet; then it must be overwritten
- * (first_touch). */
+/* Whether node i's block lies in the caller's memory and holds no numbers yet. It must then be overwritten
+ * completely, because first_touch counts it as filled from now on. */
 static bool untouched(const lg_tape *tape, lg_sweep *sweep, uint32_t i) {
     const uint32_t at = i - sweep->range.lo;
     if (sweep->lent[at] == 0) return false;

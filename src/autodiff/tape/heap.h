@@ -7,7 +7,7 @@
 typedef struct lg_heap {
     const lg_context *context;
     struct lg_heap_block *block;
-    size_t used, size; /* bytes of the newest block */
+    size_t used, size; /* of the newest block: bytes taken, bytes in all */
     size_t bytes;      /* total handed out so far */
     size_t most;       /* limit on `bytes`; 0 means no limit */
 } lg_heap;

@@ -13,7 +13,7 @@
 
 enum {
     LG_NODE_POOLED = 1, /* the value is a pool block that the node owns (unrecorded mode only) */
-    /* the value lies inside parent 0's value, contiguous, starting at element attr.i[3] */
+    /* The value lies inside parent 0's value, contiguous, starting at element attr.i[3]. */
     LG_NODE_VIEW = 2,
     LG_NODE_NO_VALUE = 4, /* a fused operation has overwritten the value; the node remains only for handles */
     LG_NODE_ROWS = 8      /* a leaf whose first axis counts the rows of a batch: lg_tape_mark_rows */
@@ -114,7 +114,7 @@ typedef struct lg_reverse {
     const bool *need;
     lg_var *out;
     struct lg_sweep *sweep; /* NULL in recorded mode */
-    /* The cotangents must be returned in `out`; lg_reverse_in_place then says no. */
+    /* The cotangents must be returned in `out`, not written in place (lg_reverse_in_place returns false). */
     bool put_out;
 } lg_reverse;
 

@@ -36,8 +36,8 @@ static double stumpff_one(double w, int k, int d) {
     return total;
 }
 
-/* Returns x = sqrt(|w|) and sets dx so that x + dx is the root without rounding error. x is split in two
- * halves, so that its square is computed accurately. */
+/* Returns x = sqrt(|w|) and sets dx to the correction for its rounding error: x + dx is more accurate than x.
+ * For this, x is split in two halves, so that its square is computed accurately. */
 static double stumpff_root(double w, double *dx) {
     const double x = sqrt(fabs(w)), high = (double)(float)x, low = x - high;
     *dx = -(((high * high - fabs(w)) + 2.0 * high * low) + low * low) / (2.0 * x);
