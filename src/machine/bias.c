@@ -1,5 +1,5 @@
-/* Machines: constant biases of sensors. Logs have positions of lines, angles and poses and velocities of all
- * coordinates with a number each added to them; states and their equations know nothing of it. */
+/* Machines: constant biases of sensors. Logs have the biases added to positions of lines, angles and poses
+ * and to the velocities of all coordinates. States and their equations have no biases. */
 #include <math.h>
 #include <string.h>
 
@@ -7,7 +7,8 @@
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* The numbers of one row of a log, positions, then velocities, that the term's parameters are added to. */
+/* Writes to `out` the columns of a log row (positions, then velocities) to which the term adds its
+ * parameters. Returns their number. */
 static uint32_t columns_of(const lg_machine *machine, const lg_machine_term *term, uint32_t *out) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < term->of_count; i++) {
@@ -42,7 +43,7 @@ void lg_machine_wrap_biases(const lg_machine *machine, double *theta) {
     }
 }
 
-/* (1, positions + velocities) in scaled numbers. */
+/* The biases of all columns, (1, positions + velocities), in scaled units; 0 in columns without a bias. */
 static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     const uint32_t n = machine->positions + machine->velocities;

@@ -1,5 +1,5 @@
-/* Machines, every kind of term and every system of the tables: energy and field with respect to state,
- * parameters and input; the training loss with starts measured and estimated. */
+/* Gradient checks of every kind of term and every system of the tables: energy and field with respect to
+ * state, parameters and input, and the training loss with measured and with estimated starts. */
 #include <stdio.h>
 
 #include "autodiff/cases/table.h"
@@ -10,11 +10,11 @@ enum { BATCH = 2, MOST_ROWS = 64, POINTS = 3, MOST_STATE = 64 };
 
 typedef enum question { ENERGY, FIELD, LOSS } question;
 
-/* What a row checks; it borrows nothing. */
+/* What one case checks. It has copies of everything it needs. */
 typedef struct settings {
     lg_machine machine;
     question asked;
-    lg_machine_starts starts; /* LOSS */
+    lg_machine_starts starts; /* only for LOSS */
     char name[96];
     lg_gradcheck_argument arguments[3];
 } settings;
@@ -23,7 +23,7 @@ static settings all[MOST_ROWS];
 static lg_gradcheck_case cases[MOST_ROWS];
 static size_t rows;
 
-/* ---- machines: a line, an angle, a direction, a rotation and a pose with one term of a kind ---- */
+/* ---- machines: a line, an angle, a direction, a rotation and a pose, with one term of each kind ---- */
 
 static void add_coordinate(lg_machine *machine, const char *name, lg_coordinate_kind kind) {
     lg_machine_coordinate *c = &machine->coordinates[machine->coordinate_count++];
@@ -66,9 +66,9 @@ static bool make_machine(lg_machine_part part, const lg_term_kind *kind, lg_mach
     return lg_machine_init(out, NULL) == LG_OK;
 }
 
-/* ---- what is recorded ---- */
+/* ---- logs and recordings ---- */
 
-/* A log of BATCH parts of POINTS rows; the points of a part need not belong together. */
+/* A log of BATCH parts of POINTS rows. The rows of a part need not be a solution of the equations. */
 typedef struct data {
     double t[BATCH * POINTS], q[BATCH * POINTS * LG_MACHINE_POSITIONS],
         v[BATCH * POINTS * LG_MACHINE_VELOCITIES], u[BATCH * POINTS * 4];
@@ -122,7 +122,7 @@ static lg_var build_loss(const settings *s, lg_tape *tape, lg_var theta) {
     return status == LG_OK ? loss : lg_tape_fail(tape, status, "machine", "the loss failed");
 }
 
-/* x: theta of a loss; else state (B, d), theta, and for the field the input */
+/* x: for LOSS theta alone; else the state (B, d), theta and, for FIELD, the input. */
 static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     const settings *s = user;
     lg_machine_vars vars;
@@ -142,7 +142,7 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_concat(tape, flat, count, 1);
 }
 
-/* ---- rows ---- */
+/* ---- list of cases ---- */
 
 static lg_gradcheck_argument vectors(size_t width) {
     return (lg_gradcheck_argument){.shape = {2, {BATCH, (uint32_t)width}}, .low = 0.2, .high = 0.9};
@@ -166,7 +166,7 @@ static void add_row(const lg_machine *machine, question what, lg_machine_starts 
         .name = s->name, .inputs = (uint32_t)inputs, .arguments = s->arguments, .build = build, .user = s};
 }
 
-/* All parameters of the system are unknown. */
+/* A machine of the system in which all parameters are unknown. */
 static bool make_system(const lg_grey_system *system, lg_machine *out) {
     static const double start = 9.0;
     static const bool unknown = true;

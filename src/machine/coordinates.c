@@ -1,4 +1,4 @@
-/* Machines: kinds of coordinates, and where the numbers of each stand. */
+/* Machines: the kinds of coordinates, and the offsets of each coordinate's numbers in states and logs. */
 #include "core/core.h"
 #include "machine/internal.h"
 

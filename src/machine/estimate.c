@@ -1,4 +1,4 @@
-/* Machines: starts of windows of a machine that is known. */
+/* Machines: estimates the starts of windows when the parameters of the machine are known. */
 #include <string.h>
 
 #include "core/core.h"
@@ -7,7 +7,7 @@
 typedef struct estimate {
     const lg_context *context;
     lg_tape *tape;
-    double *numbers; /* (LG_FIT_CHUNK, numbers of a start) */
+    double *numbers; /* (LG_FIT_CHUNK, lg_machine_start_numbers) */
 } estimate;
 
 static void scales_of_machine(lg_machine_problem *problem) {
@@ -20,7 +20,7 @@ static void scales_of_machine(lg_machine_problem *problem) {
     }
 }
 
-/* The numbers of the starts; 0 where the runs are not finite. */
+/* Fits the numbers of the starts, e->numbers. They stay 0 if a run is not finite. */
 static lg_status fit_starts(const estimate *e, const lg_machine_problem *problem, lg_error *error) {
     enum { MOST_EVALUATIONS = 40 };
     lg_fit_problem fit;
@@ -41,7 +41,8 @@ static lg_status fit_starts(const estimate *e, const lg_machine_problem *problem
     return status;
 }
 
-/* Positions (windows, positions) and velocities (windows, velocities) of the starts. */
+/* Reads the fitted starts in the units of the log: positions (windows, positions) and velocities (windows,
+ * velocities). */
 static lg_status read_starts(const estimate *e, const lg_machine_problem *problem, double *q, double *v) {
     const lg_machine *machine = problem->machine;
     const uint32_t rows = (uint32_t)problem->windows, nq = machine->positions, nv = machine->velocities;
@@ -61,7 +62,8 @@ static lg_status read_starts(const estimate *e, const lg_machine_problem *proble
     return LG_OK;
 }
 
-/* A window whose run is not finite spoils the fit of all: its half is parted again until it is alone. */
+/* A window whose run is not finite spoils the fit of its whole group. The group is then halved until this
+ * window is alone; a window alone keeps the start from the log. */
 static lg_status estimate_group(const estimate *e, const lg_machine_problem *problem, double *q, double *v,
                                 lg_error *error) {
     const lg_machine *machine = problem->machine;
@@ -87,7 +89,7 @@ static uint32_t rows_of(const lg_machine_log *log, size_t row, uint32_t window) 
     return left < window ? (uint32_t)left : window;
 }
 
-/* The first windows among `count` that have one length. */
+/* Fills `problem` with the first windows, at most LG_FIT_CHUNK, that have the same number of rows. */
 static void next_group(lg_machine_problem *problem, const size_t *start, size_t count, uint32_t window) {
     problem->start = start;
     problem->window = rows_of(&problem->log, start[0], window);

@@ -1,11 +1,12 @@
-/* Machines: what a model that explains the logs leaves of them.
+/* Machines: the loss to expect of a model that explains the logs except for their noise.
  *
- * Near the best fit residuals are linear: r = e - S d - J t with the noise e, starts S d and parameters J t.
- * Estimated starts take the part of e along S, window by window, r' = (1 - P) e, and parameters what is left
- * along J' = (1 - P) J. With the covariance C of e
+ * Near the best fit the residuals are linear: r = e - S d - J t with the noise e, changes d of the starts and
+ * changes t of the parameters. P projects onto the columns of S. Estimated starts remove the part of e along
+ * S, window by window: r' = (1 - P) e. The parameters then remove the part along J' = (1 - P) J. With the
+ * covariance C of e
  *   E |r|^2 = tr((1 - P) C) - tr((J'^T J')^-1 J'^T C J'),
- * so a number of a start and a parameter cost about 1 each in units of the noise. Measured starts add their
- * own noise: C = diag + S C_0 S^T and P = 0. */
+ * so each number of a start and each parameter reduces the sum by about 1 in units of the noise. Measured
+ * starts add their own noise, with covariance C_0: C = diag + S C_0 S^T and P = 0. */
 #include <math.h>
 #include <string.h>
 
@@ -17,31 +18,34 @@ enum { CHUNK = 64, MOST_PARAMETERS = 256 };
 
 typedef struct expecting {
     const lg_context *context;
-    lg_machine_problem problem; /* with starts that are estimated */
-    bool measured;              /* the starts are */
+    lg_machine_problem problem; /* its starts are always set to estimated */
+    bool measured;              /* whether the caller's problem has measured starts */
     const lg_machine_noise *noise;
-    const double *theta; /* with the starts */
-    size_t n, own, rows; /* parameters; numbers of a start; of the residuals of a window */
+    const double *theta; /* (parameters, numbers of all starts) */
+    size_t n, own, rows; /* number of parameters, of numbers per start, of residuals per window */
     double *jacobian;    /* (CHUNK, rows, n + own) */
-    double *residuals;   /* (CHUNK, rows), then variances and their parts (rows) and of a start (own) */
-    double *columns;     /* (n + own, rows): of one window */
-    double *J, *K;       /* (n, n): J'^T J', J'^T C J' */
-    double left, unit;   /* tr((1 - P) C); the loss that a number in units of its noise adds */
+    double *residuals;   /* (CHUNK, rows); then add_window's variance, part and of_start */
+    double *columns;     /* (n + own, rows): the Jacobian of one window, by columns */
+    double *J, *K;       /* (n, n): J'^T J' and J'^T C J', summed over windows */
+    /* `left`: tr((1 - P) C), summed over windows. `unit`: what one number with an error of one scale adds to
+     * the loss. */
+    double left, unit;
 } expecting;
 
 static double dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
-/* Sum of a b c. */
+/* Sum of a[i] b[i] c[i]. */
 static double dot3(const double *a, const double *b, const double *c, size_t n) {
     double sum = 0.0;
     for (size_t i = 0; i < n; i++) sum += a[i] * b[i] * c[i];
     return sum;
 }
 
-/* Columns lose their parts along those of the start; the variance along these is lost, too. Of three turns
- * of a direction the last one is the sum of the others: what is left of it is rounding. */
+/* Removes from the other columns their parts along the columns of the start (modified Gram-Schmidt), and from
+ * `left` the variance along these columns. A direction has three rotation parameters, but only two are
+ * independent: what remains of the third column is rounding error, and the column is skipped. */
 static void take_start(expecting *e, const double *variance) {
     static const double rounding = 1e-20;
     double before[2 * LG_MACHINE_VELOCITIES];
@@ -61,7 +65,7 @@ static void take_start(expecting *e, const double *variance) {
     }
 }
 
-/* What the noise of a measured start makes of the residuals. */
+/* Adds the noise of a measured start, as the residuals see it, to `left` and K. */
 static void add_start(expecting *e, const double *variance) {
     for (size_t k = 0; k < e->own; k++) {
         const double *S = e->columns + (e->n + k) * e->rows;
@@ -115,7 +119,8 @@ static lg_status add_windows(expecting *e, lg_tape *tape, size_t all, size_t use
     return LG_OK;
 }
 
-/* tr(J^-1 K) over the directions that the residuals show; weights of networks have the prior N(0, 1). */
+/* Sets `out` to tr(J^-1 K) over the eigenvectors of J that the residuals determine. Network weights have the
+ * prior N(0, 1). */
 static bool taken(expecting *e, double *values, double *out) {
     static const double shown = 1e-12;
     const size_t n = e->n;
@@ -131,9 +136,10 @@ static bool taken(expecting *e, double *values, double *out) {
     return true;
 }
 
-/* ---- what there is to be explained ---- */
+/* ---- changes of the velocities ---- */
 
-/* Adds the squares of what changes of the velocities make of one window: of velocities, and of positions. */
+/* Adds for each coordinate the squares, in units of the loss, of its velocities minus `mean` and of the
+ * displacements that these make from the start of one window. `run` holds the displacements. */
 static void add_change(const lg_machine_problem *problem, const double *mean, size_t start, double *run,
                        double factor, lg_machine_noise *out) {
     const lg_machine *machine = problem->machine;
@@ -179,19 +185,21 @@ static void add_changes(const expecting *e, size_t all, size_t used, lg_machine_
     }
 }
 
-/* ---- all ---- */
+/* ---- the whole loss ---- */
 
 static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_expected *out) {
     const size_t all = e->problem.windows - e->problem.validation;
     const size_t used = all < LG_MACHINE_MOST_WINDOWS ? all : LG_MACHINE_MOST_WINDOWS,
                  first = e->measured ? 1 : 0;
-    /* of sums over points 0 .. M - 1 those over the points that count */
+    /* Turns a mean over points 0 .. M - 1 into a mean over the points that count in the loss. */
     const double points = (double)e->problem.window / (double)(e->problem.window - first);
     const size_t d = e->rows / e->problem.window;
     double lost = 0.0;
     LG_TRY(add_windows(e, tape, all, used));
     const double before = e->left;
-    if (e->problem.theta != NULL) /* many parameters: each but weights as much as an average number */
+    /* Too many parameters for their Jacobian: each except network weights removes as much as an average
+     * residual. */
+    if (e->problem.theta != NULL)
         lost = before * (double)(e->problem.machine->parameters - e->problem.machine->weights) /
                (double)(all * (e->problem.window - first) * d);
     else if (taken(e, values, &lost))

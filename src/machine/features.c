@@ -1,4 +1,4 @@
-/* Machines: what terms see of a state, and building blocks of their recordings. */
+/* Machines: the features that terms take from a state, and building blocks for recording terms. */
 #include <string.h>
 
 #include "core/core.h"
@@ -71,7 +71,7 @@ uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_t
     return used;
 }
 
-/* Rotation number k as (B, 9). */
+/* Rotation k of the state as (B, 9). */
 static lg_var rotation(lg_tape *tape, const lg_machine *machine, const lg_machine_seen *seen, uint32_t k) {
     lg_var R = seen->parts[lg_machine_parts(machine).R];
     if (machine->rotations > 1) R = lg_slice(tape, R, 1, k, 1);
@@ -84,7 +84,7 @@ static lg_var direction(lg_tape *tape, const lg_machine *machine, const lg_machi
     return lg_reshape(tape, q, lg_shape2(seen->rows, VECTOR));
 }
 
-/* The height of a coordinate that is not an angle. */
+/* The height feature of a coordinate that is not an angle. */
 static lg_var height(lg_tape *tape, const lg_machine *machine, const lg_coordinate_row *row,
                      const lg_machine_offsets *at, const lg_machine_seen *seen) {
     if (row->places > 0)
@@ -94,7 +94,7 @@ static lg_var height(lg_tape *tape, const lg_machine *machine, const lg_coordina
     return lg_slice(tape, rotation(tape, machine, seen, at->rotation), 1, 6, VECTOR);
 }
 
-/* Appends the variables of one feature. */
+/* Writes the variables of one feature to `out`; returns their number. */
 static uint32_t record_feature(lg_tape *tape, const lg_machine *machine, lg_machine_feature of,
                                const lg_machine_seen *seen, lg_var *out) {
     if (of.kind == LG_FEATURE_INPUT) {
@@ -136,7 +136,8 @@ lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, cons
 
 /* ---- monomials ---- */
 
-/* Adds those whose first factors are given, with further factors of rising index. */
+/* Appends the monomials that begin with factors[0 .. degree - 1]. The indices of further factors do not
+ * decrease. */
 static bool add_monomials(lg_monomials *m, uint32_t variables, uint32_t least, uint32_t most,
                           uint32_t *factors, uint32_t degree) {
     if (degree >= least && degree > 0) {
@@ -188,7 +189,7 @@ void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *
     fits[1] = (size_t)machine->velocities * machine->velocities;
 }
 
-/* Row k of S (triangle, n n) has the 1 of packed number k. */
+/* Matrix S (triangle, n n): row k has a 1 at the place of packed number k in the row-major matrix (n, n). */
 static lg_var selection(lg_tape *tape, uint32_t n) {
     void *values;
     const uint32_t count = lg_triangle(n);

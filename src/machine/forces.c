@@ -1,11 +1,12 @@
-/* Machines: damping, input maps and residuals. Damping D is a square or L L^T, so that v.f <= 0. */
+/* Machines: damping, input maps and residuals. Damping coefficients are squares of parameters, matrices D are
+ * L L^T, so that v.f <= 0. */
 #include <math.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* Damping to start with is the square of this. */
+/* Initial parameters of learned damping: its coefficients, and the diagonal of D, are START^2. */
 static const double START = 0.1;
 
 static void fill_start(const lg_machine *machine, const lg_machine_term *term, double *theta) {
@@ -23,7 +24,7 @@ static void one_value_each(const lg_machine *machine, const lg_machine_term *ter
     fits[0] = fits[1] = machine->velocities;
 }
 
-/* ---- scales: a force of the log is the scaled one times E/L ---- */
+/* ---- scales: a force in the log's units is the scaled force times E/L ---- */
 
 static void left_scales(const lg_machine *machine, double *left) {
     for (uint32_t i = 0; i < machine->velocities; i++)
@@ -47,7 +48,7 @@ static lg_var known_damping(lg_tape *tape, const lg_machine_vars *vars, uint32_t
     return lg_neg(tape, lg_matmul_nt(tape, seen->v, D));
 }
 
-/* theta^2, (1, velocities) */
+/* theta^2, (1, velocities). */
 static lg_var squares(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
     return lg_reshape(tape, lg_square(tape, vars->theta[term]), lg_shape2(1, vars->machine->velocities));
 }
@@ -57,7 +58,7 @@ static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term
     return drag(tape, squares(tape, vars, term), seen->v);
 }
 
-/* L has `count` numbers: its packed triangle. */
+/* Number of parameters: the packed triangle L of D = L L^T. */
 static size_t triangle(const lg_machine *machine, const lg_machine_term *term) {
     (void)term;
     return lg_triangle(machine->velocities);
@@ -95,7 +96,8 @@ static lg_var damping_network(lg_tape *tape, const lg_machine_vars *vars, uint32
     return lg_neg(tape, lg_reshape(tape, f, lg_shape2(rows, n)));
 }
 
-/* The coefficients (1, velocities): given ones, times right[i] and L/E, or squares of parameters. */
+/* Damping coefficients (1, velocities): the term's values times right[i] L/E or, without values, squares of
+ * its parameters. */
 static lg_var coefficients(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const double *right) {
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
@@ -106,7 +108,7 @@ static lg_var coefficients(lg_tape *tape, const lg_machine_vars *vars, uint32_t 
     return lg_input_f64(tape, lg_shape2(1, machine->velocities), c);
 }
 
-/* c tanh(v/v0) */
+/* The force -c tanh(v/v0). */
 static lg_var coulomb(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                       const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
@@ -120,7 +122,7 @@ static lg_var coulomb(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
     return drag(tape, coefficients(tape, vars, term, ones), lg_act(tape, x, LG_TANH));
 }
 
-/* c |v| v */
+/* The force -c |v| v. */
 static lg_var quadratic(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                         const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
@@ -163,7 +165,7 @@ static size_t map_parameters(const lg_machine *machine, const lg_machine_term *t
     return map_outputs(machine);
 }
 
-/* Input j drives velocity j. */
+/* Initially input j drives velocity j. */
 static void start_map(const lg_machine *machine, const lg_machine_term *term, double *theta) {
     (void)term;
     for (uint32_t i = 0; i < machine->velocities && i < machine->input_count; i++)

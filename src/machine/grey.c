@@ -1,4 +1,4 @@
-/* Machines of a named system: its parameters, and its two terms. */
+/* Machines of a named system: the system's parameters, and the two terms that it adds. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -50,9 +50,9 @@ static lg_status find_system(const char *name, const lg_grey_system **out, lg_er
                    known);
 }
 
-/* ---- coordinates ---- */
+/* ---- coordinates of a system ---- */
 
-/* "line, angle", or "direction, one or more". */
+/* Writes the kinds as text: "line, angle", or "direction, one or more". */
 static void describe_coordinates(const lg_grey_system *system, char *text, size_t size) {
     size_t used = 0;
     const uint32_t count = system->count > 0 ? system->count : 1;
@@ -74,13 +74,13 @@ static lg_status check_coordinates(const lg_machine *machine, const lg_grey_syst
                    "%s: its coordinates are of kind %s, in this order and no others", system->name, wanted);
 }
 
-/* ---- numbers ---- */
+/* ---- parameters of a system ---- */
 
 static uint32_t links_of(const lg_machine *machine) {
     return machine->grey.system->count == 0 ? machine->coordinate_count : 0;
 }
 
-/* Place of the first number of an entry; beyond the last one: how many numbers there are. */
+/* Offset of an entry's first number among all numbers of the system; for NULL the count of all numbers. */
 static uint32_t place_of(const lg_machine *machine, const lg_parameter_entry *entry) {
     uint32_t at = 0;
     const lg_parameter_entry *p = lg_grey_system_parameters(machine->grey.system);
@@ -95,7 +95,7 @@ bool lg_grey_known(const lg_machine *machine) {
     return grey->system != NULL && known;
 }
 
-/* The default of a number; NaN: none. */
+/* The default of number i of an entry; NaN if it has none. */
 static double fallback_of(const lg_parameter_entry *p, size_t i, bool unknown) {
     if (p->fallback != NULL) return p->fallback[p->count > 0 ? i : 0];
     return unknown && p->rule == LG_PARAMETER_POSITIVE ? 1.0 : (double)NAN;
@@ -159,7 +159,7 @@ lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t 
     return LG_OK;
 }
 
-/* ---- theta: 1 for each unknown number, 2 for an unknown unit vector ---- */
+/* ---- theta: 1 number for each unknown number of the system, 2 for an unknown unit vector ---- */
 
 static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *term) {
     const lg_machine_grey *grey = &machine->grey;
@@ -171,14 +171,15 @@ static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *
     return count;
 }
 
-/* Numbers are a exp(g t) + b + t with t = theta S: of positive ones a is the start and g 1; of others b. */
+/* Numbers of the system are a exp(g t) + b + (1 - g) t with t = theta S. A positive number has its start in
+ * a, and g = 1 where it is unknown; other numbers have their start in b. */
 typedef struct mapping {
     double a[LG_MACHINE_PARAMETERS], b[LG_MACHINE_PARAMETERS], g[LG_MACHINE_PARAMETERS];
-    double S[LG_MACHINE_PARAMETERS * LG_MACHINE_PARAMETERS]; /* (unknown, numbers) */
-    uint32_t used;                                           /* rows of S */
+    double S[LG_MACHINE_PARAMETERS * LG_MACHINE_PARAMETERS]; /* (size of theta, numbers of the system) */
+    uint32_t used;                                           /* filled rows of S */
 } mapping;
 
-/* Two unit vectors across a third one. */
+/* Two unit vectors e and f, orthogonal to the unit vector n and to each other. */
 static void across(const double *n, double *e, double *f) {
     int least = 0;
     for (int i = 1; i < 3; i++)
@@ -211,7 +212,8 @@ static void map_entry(const lg_machine_grey *grey, const lg_parameter_entry *p, 
     }
 }
 
-/* Unit vectors n + t become cos|t| n + sin|t|/|t| t, the start turned by the angle |t|. */
+/* Unit vectors n + t (t orthogonal to the start n) become cos|t| n + sin|t|/|t| t: the start turned by the
+ * angle |t|. */
 static lg_var turned(lg_tape *tape, const double *start, lg_var moved, uint32_t n) {
     const lg_var from = lg_input_f64(tape, lg_shape1(n), start), t = lg_sub(tape, moved, from);
     const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, t), 1);
@@ -255,7 +257,7 @@ lg_var lg_grey_record(lg_tape *tape, const lg_machine *machine, lg_var theta) {
 
 /* ---- terms ---- */
 
-/* A number of the log is the scaled one times its scale. */
+/* x in the units of the log: each scaled number times its scale. */
 static lg_var places_in_logs(lg_tape *tape, const lg_machine *machine, lg_var x) {
     bool any = false;
     for (uint32_t i = 0; i < machine->places; i++) any = any || machine->scales.place[i] != 1.0;
@@ -275,7 +277,7 @@ static lg_grey_view view_of(lg_tape *tape, const lg_machine_vars *vars, const lg
     return at;
 }
 
-/* M of the listed velocities in scaled numbers. */
+/* M of the listed velocities, from the units of the log to scaled units. */
 static lg_var scaled_mass(lg_tape *tape, const lg_machine *machine, bool directions, lg_var M) {
     uint32_t list[LG_MACHINE_VELOCITIES];
     double unit[LG_MACHINE_VALUES];
@@ -319,7 +321,7 @@ const lg_term_kind lg_grey_mass_kind = {.name = "system",
 const lg_term_kind lg_grey_potential_kind = {
     .name = "system", .part = LG_MACHINE_POTENTIAL, .record = potential};
 
-/* ---- a machine gets a system ---- */
+/* ---- a system is given to a machine ---- */
 
 static void add_term(lg_machine *machine, const lg_term_kind *kind) {
     lg_machine_term *term = &machine->terms[machine->term_count++];
@@ -371,9 +373,10 @@ void lg_numbers_grey(lg_number_list *list, const lg_machine *machine, const lg_m
     }
 }
 
-/* ---- the size of energies ---- */
+/* ---- scale of energies ---- */
 
-/* The diagonal of M at the start, times L^2/T^2, in energies of the log. */
+/* The diagonal of M at the reference and the starts of the parameters, M_ii L_i^2/T^2: energies in the units
+ * of the log. */
 static lg_status read_masses(lg_tape *tape, const lg_machine *machine, uint32_t *count, double *out) {
     lg_machine_vars vars = {.machine = machine};
     lg_var parts[LG_TAPED_MAX_PARTS];

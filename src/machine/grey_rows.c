@@ -1,11 +1,11 @@
-/* The table of systems: M and V in the units of the log, on a tape. A new row is a system more. */
+/* The table of systems: M and V of each on a tape, in the units of the log. Each system has one row. */
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* ---- parts of formulas ---- */
+/* ---- building blocks of formulas ---- */
 
-/* Numbers first .. first + count - 1. */
+/* The system's numbers first .. first + count - 1. */
 static lg_var numbers(lg_tape *tape, const lg_grey_view *at, uint32_t first, uint32_t count) {
     return lg_slice(tape, at->parameters, 0, first, count);
 }
@@ -14,20 +14,20 @@ static lg_var number(lg_tape *tape, const lg_grey_view *at, uint32_t place) {
     return numbers(tape, at, place, 1);
 }
 
-/* (1, n, n) with `count` numbers from `first` on the diagonal. */
+/* A diagonal matrix (1, n, n), n = count, with the system's numbers from `first` on. */
 static lg_var diagonal(lg_tape *tape, const lg_grey_view *at, uint32_t first, uint32_t count) {
     return lg_mul(tape, lg_reshape(tape, numbers(tape, at, first, count), lg_shape3(1, 1, count)),
                   lg_machine_unit_matrix(tape, count));
 }
 
-/* A constant (1, 2, 2) times c, one number or (B, 1). */
+/* The matrix [a b; b d] times c; c is one number or (B, 1). */
 static lg_var times_matrix(lg_tape *tape, lg_var c, double a, double b, double d) {
     const uint32_t rows = (uint32_t)lg_shape_count(lg_var_shape(tape, c));
     const lg_var M = lg_input_f64(tape, lg_shape3(1, 2, 2), (const double[]){a, b, b, d});
     return lg_mul(tape, lg_reshape(tape, c, lg_shape3(rows, 1, 1)), M);
 }
 
-/* sum_i c_i x_i^power / power, (B, 1); c of one number for all of x (B, n), or n. */
+/* sum_i c_i x_i^power / power, (B, 1), for power 2 or 4 and x (B, n). c has n numbers, or one for all x_i. */
 static lg_var springs(lg_tape *tape, lg_var c, lg_var x, double power) {
     const lg_var all =
         lg_mul(tape, power == 2.0 ? lg_square(tape, x) : lg_square(tape, lg_square(tape, x)), c);
@@ -90,7 +90,7 @@ static lg_var coupled_potential(lg_tape *tape, const lg_grey_view *at) {
                   springs(tape, number(tape, at, 4), second, 4.0));
 }
 
-/* ---- bodies with a fixed point: M = diag(I); heavy-top: V = m L gamma0.R chi ---- */
+/* ---- bodies with a fixed point: M = diag(I); heavy-top also V = m L gamma0.R chi ---- */
 
 enum { INERTIA = 0, MASS = 3, LENGTH = 4, CHI = 5, GAMMA0 = 8 };
 
@@ -107,7 +107,7 @@ static lg_var top_potential(lg_tape *tape, const lg_grey_view *at) {
     return lg_mul(tape, lg_reshape(tape, along, lg_shape2(at->rows, 1)), weight);
 }
 
-/* ---- cart-pole: the pole a point mass at the height L cos(theta), theta from the upright position ---- */
+/* ---- cart-pole: a point mass at the end of the pole, at height L cos(theta); theta is 0 upright ---- */
 
 static const double small = 0.1;
 static const lg_parameter_entry cart_parameters[] = {
@@ -133,7 +133,7 @@ static lg_var cart_potential(lg_tape *tape, const lg_grey_view *at) {
     return lg_mul(tape, cosine, lg_mul(tape, weight, number(tape, at, POLE_LENGTH)));
 }
 
-/* ---- two-link-arm: q_1 from straight down, q_2 from the first link ---- */
+/* ---- two-link-arm: q_1 is 0 straight down, q_2 is relative to the first link ---- */
 
 static const double half[2] = {0.5, 0.5}, rods[2] = {1.0 / 12.0, 1.0 / 12.0};
 static const lg_parameter_entry arm_parameters[] = {
@@ -145,7 +145,7 @@ static const lg_parameter_entry arm_parameters[] = {
     {.key = NULL}};
 enum { ARM_MASSES = 0, CENTRES = 2, ARM_INERTIA = 4, ARM_LENGTH = 6, ARM_GRAVITY = 7 };
 
-/* I_i + m_i c_i^2 of link i, and m_2 c_2 L. */
+/* Inertia of link i about its own joint: I_i + m_i c_i^2. */
 static lg_var link_inertia(lg_tape *tape, const lg_grey_view *at, uint32_t i) {
     const lg_var square = lg_square(tape, number(tape, at, CENTRES + i));
     return lg_add(tape, number(tape, at, ARM_INERTIA + i),
@@ -175,9 +175,9 @@ static lg_var arm_potential(lg_tape *tape, const lg_grey_view *at) {
 
 /* ---- pendulum-chain: m_ij = mu_max(i,j) L_i L_j, V = sum_i mu_i g L_i e3.q_i, mu_i = m_i + m_{i+1} + ... */
 
-enum { CHAIN_GRAVITY = 0, CHAIN_MASSES = 1 }; /* then the lengths */
+enum { CHAIN_GRAVITY = 0, CHAIN_MASSES = 1 }; /* followed by the lengths */
 
-/* (1, k, k): L_i where l >= i. */
+/* The matrix A (1, k, k) with A_il = L_i for l >= i, else 0. M is A diag(m) A^T. */
 static lg_var chain_lengths(lg_tape *tape, const lg_grey_view *at) {
     double ones_above[LG_MACHINE_VALUES] = {0.0};
     const uint32_t k = at->links;

@@ -1,6 +1,6 @@
-/* Machines: standard errors of their numbers, from the Jacobian of the residuals. Its triangular factor is
- * kept, not J^T J: products round away what is below 1e-8 of the largest, and that rounding would count as
- * information on directions that the data do not show. */
+/* Machines: standard errors of their numbers, from the Jacobian J of the residuals. Uses the triangular
+ * factor of J, not J^T J: products lose everything below 1e-8 of the largest entry to rounding, and this
+ * rounding error would look like information on directions that the data do not determine. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -13,23 +13,26 @@
 
 enum { CHUNK = 64 };
 
-/* R of J = Q R (n, n) of the machine's parameters, column-major, the starts of the windows eliminated; the
- * sum of squares. With `last` the residuals are column n - 1. */
+/* R (n, n), column-major, of J = Q R with the machine's parameters as columns, after the starts of the
+ * windows have been eliminated; and the sum of squares. With `last` the residuals are column n - 1. */
 typedef struct normal {
     const lg_context *context;
     const lg_machine_problem *problem;
     lg_fit_problem fit;
     const double *theta;
-    double at[LG_MACHINE_POSITIONS]; /* where M of a network is told */
-    size_t n, starts;                /* parameters of the machine, of one start */
+    double at[LG_MACHINE_POSITIONS]; /* positions at which a network mass is reported */
+    /* columns: parameters of the machine (and the residuals with `last`); parameters of one start */
+    size_t n, starts;
     bool last;
-    size_t rows;       /* numbers of the residuals of a chunk, and room for them */
-    double *jacobian;  /* (rows, n + starts) */
-    double *columns;   /* its transpose */
+    size_t rows;      /* residuals of one chunk */
+    double *jacobian; /* (rows, n + starts) */
+    /* (n + starts, rows): transpose of `jacobian`, with the residuals as row n - 1 if `last` */
+    double *columns;
     double *residuals; /* (rows) */
     double *stack;     /* (n + rows, n), column-major: R above the columns of a chunk */
-    double *triangle;  /* R */
-    double *lagged;    /* NULL, or (n, n): products of columns with columns a row of the log later */
+    double *triangle;  /* (n, n): R */
+    /* NULL, or (n, n): products of the columns with the columns shifted by one row of the log. */
+    double *lagged;
     double squares, weighted;
 } normal;
 
@@ -37,8 +40,8 @@ static double dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
-/* The columns of the parameters lose their components along those of the starts, window by window: each has
- * `each` rows. */
+/* Makes the columns of the parameters orthogonal to the columns of the starts, window by window. Each window
+ * has `each` rows. */
 static void eliminate(normal *s, size_t count) {
     const size_t each = s->rows / count;
     for (size_t w = 0; w < count; w++)
@@ -53,8 +56,9 @@ static void eliminate(normal *s, size_t count) {
         }
 }
 
-/* R (n, n) of the matrix (m, n), which is lost; both column-major. `order` (NULL: as they are): the columns
- * as they were taken, the longest that is left first, from 1. */
+/* R (n, n) of `matrix` (m, n), which is overwritten; both are column-major. With `order` columns are pivoted,
+ * the longest remaining one first, and `order` gets their numbers from 1; with NULL they are not. False: no
+ * memory, or LAPACK failed. */
 static bool triangulate(const lg_context *context, size_t m, size_t n, double *matrix, int *order,
                         double *triangle) {
     const int rows = (int)m, columns = (int)n, query = -1;
@@ -79,7 +83,8 @@ static bool triangulate(const lg_context *context, size_t m, size_t n, double *m
     return there && info == 0;
 }
 
-/* Rows of a window's point are as many as a start has numbers. */
+/* Adds products of the columns with the columns one row of the log later. A row of the log has d residuals,
+ * as many as a start has numbers. */
 static void add_lagged(normal *s, size_t count) {
     const size_t each = s->rows / count, d = lg_machine_start_numbers(s->problem->machine);
     for (size_t j = 0; j < s->n * s->n; j++)
@@ -122,13 +127,13 @@ static lg_status add_all(normal *s, lg_tape *tape) {
         for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)((first + i) * windows / used);
         LG_TRY(add_chunk(s, tape, samples, count, used));
     }
-    /* As if from all windows. */
+    /* Scales R as if all windows had been used. */
     for (size_t i = 0; i < s->n * s->n; i++) s->triangle[i] *= sqrt((double)windows / (double)used);
     return LG_OK;
 }
 
-/* Standard deviation of parameter i before any data: none is nearly bounded, but by the prior weights of
- * networks, which is 1. */
+/* Standard deviation of parameter i before any data. With `prior` it is 1 for the weights of networks;
+ * otherwise it is so large that it hardly matters. */
 static double bound(const normal *s, size_t i, bool prior) {
     const lg_machine *machine = s->problem->machine;
     for (uint32_t t = 0; t < machine->term_count && prior; t++) {
@@ -139,7 +144,8 @@ static double bound(const normal *s, size_t i, bool prior) {
     return prior ? 1e4 : 1e6;
 }
 
-/* D R^T/s of R: what the data say, in units of what was known before; s^2 from the residuals. */
+/* Writes R D/s with D the diagonal matrix of the bounds and s^2 the variance of the residuals: the
+ * information in the data, in units of what was known before. */
 static void put_information(const normal *s, bool prior, double *out) {
     const double freedom = fmax(1.0, s->weighted - (double)s->n);
     const double deviation = sqrt(fmax(s->squares / freedom, DBL_MIN));
@@ -148,8 +154,9 @@ static void put_information(const normal *s, bool prior, double *out) {
             out[j * s->n + i] = s->triangle[j * s->n + i] * bound(s, j, prior) / deviation;
 }
 
-/* W (n, n), column-major: W W^T is the inverse of J^T J/s^2 + D^-2, D the bounds. What is next to nothing
- * beside the largest shows rounding alone. `work` (3 n, n). False: no memory. */
+/* W (n, n), column-major, such that W W^T is the inverse of J^T J/s^2 + D^-2, with D the bounds. Pivots next
+ * to nothing against the largest are rounding error and are set to 0. `work` has (3 n, n). False: no
+ * memory. */
 static bool invert(const normal *s, bool prior, double *work, int *order, double *W) {
     static const double nothing = 1e-12;
     const size_t n = s->n;
@@ -174,8 +181,9 @@ static bool invert(const normal *s, bool prior, double *work, int *order, double
     return info == 0;
 }
 
-/* Numbers that are squares of parameters tell no error where these are 0: such a parameter moves to where
- * they change. theta (n), in and out; `up` and `down` (count). False: none moves. */
+/* A number that is the square of a parameter has derivative 0, and thus no error, where the parameter is 0.
+ * Such a parameter is moved by 1e-2. theta (n) is changed; `up` and `down` (count) are work space. False:
+ * nothing was moved. */
 static bool leave_bounds(const normal *s, double *theta, size_t count, const lg_identified *numbers,
                          lg_identified *up, lg_identified *down) {
     static const double away = 1e-2;
@@ -200,7 +208,7 @@ static bool leave_bounds(const normal *s, double *theta, size_t count, const lg_
     return any;
 }
 
-/* gradient (count, n): the derivative of each number by each parameter, by differences. */
+/* gradient (count, n): derivative of each number with respect to each parameter, by central differences. */
 static void differentiate(const normal *s, double *theta, size_t count, lg_identified *moved,
                           double *gradient) {
     static const double step = 1e-5;
@@ -218,9 +226,9 @@ static void differentiate(const normal *s, double *theta, size_t count, lg_ident
     }
 }
 
-/* The gradients become their shares in the columns of W: error^2 is the sum of their squares. units: what a
- * change of each number is small against, its value, or where that is next to 0 what a parameter makes of it.
- */
+/* Replaces the gradient g of each number by W^T g, whose squares add up to the number's error^2. Sets
+ * `units`, the sizes that relative changes of the numbers refer to: |value|, but at least a hundredth of the
+ * largest derivative. */
 static void propagate(const normal *s, const double *W, size_t count, double *gradient, double *row,
                       lg_identified *numbers, double *units) {
     static const double lost = 1e3, small = 1e-2;
@@ -240,8 +248,8 @@ static void propagate(const normal *s, const double *W, size_t count, double *gr
     }
 }
 
-/* Numbers that ran to 0 or infinity move no more with the parameters, though they depend on them: their
- * errors are infinite and their shares 0. theta (n) and moved (count) are spoiled. */
+/* A number that ran to 0 or infinity no longer changes with the parameters, though it depends on them. Its
+ * error becomes infinite and its row of `gradient` 0. theta (n) and moved (count) are overwritten. */
 static void mark_lost(const normal *s, size_t count, double *gradient, double *theta, lg_identified *moved,
                       lg_identified *numbers, double *units) {
     for (size_t i = 0; i < count; i++) {
@@ -259,8 +267,8 @@ static void mark_lost(const normal *s, size_t count, double *gradient, double *t
     }
 }
 
-/* The covariance of the numbers in their units; that of a number without shares and with an infinite error is
- * that of the bounds. */
+/* The covariance of the numbers in units of `units`. `shares` are propagate's rows W^T g. A number with an
+ * infinite error and no shares gets the variance of the bounds, 1e12. */
 static void multiply(const normal *s, size_t count, const double *shares, const double *units,
                      const lg_identified *numbers, double *out) {
     for (size_t i = 0; i < count; i++)
@@ -276,8 +284,8 @@ static void transpose(size_t n, const double *W, double *out) {
         for (size_t k = 0; k < n; k++) out[i * n + k] = W[k * n + i];
 }
 
-/* What follows from R. Errors and open directions are those of the data alone; a prior would hide that a
- * number is not determined. */
+/* Computes the results from R. Errors and open directions come from the data alone, because a prior would
+ * hide that a number is not determined. */
 static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_identified *moved,
                           lg_identification *out) {
     const size_t n = s->n;

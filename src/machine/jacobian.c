@@ -1,12 +1,12 @@
-/* Machines: residuals of windows and their Jacobian, an interval at a time.
+/* Machines: residuals of windows and their Jacobian, computed interval by interval.
  *
- * z = (positions, velocities) of a row as logs have them. An interval maps z of one row to z of the next one,
- * z' = F(z, theta). A change of z has d numbers, along axes: one for a place or a velocity, three turns for a
- * direction (a x q) and for a rotation (R hat(a)). With S = dz/d(theta, own numbers of the start), of shape
- * (d, columns):
+ * z = (positions, velocities) of a row, in the order of logs. An interval maps z of one row to z of the next
+ * row, z' = F(z, theta). A change of z has d components along axes: one for each place and velocity, three
+ * rotations of a direction (a x q) and three of a rotation (R hat(a)). S = dz/d(theta, numbers of the
+ * window's start) has the shape (d, columns) and follows
  *   S' = A S + (dF/dtheta, 0),  A = dF/dz.
- * A row of A and of dF/dtheta takes one reverse sweep over all windows of the chunk. A known theta has no
- * columns. */
+ * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S has
+ * no columns for it. */
 #include <math.h>
 #include <string.h>
 
@@ -20,12 +20,12 @@ enum { NUMBERS = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
 
 typedef struct axis {
     enum { ALONG, TURN_DIRECTION, TURN_ROTATION } kind;
-    uint32_t first; /* number of z, or the first of 3 or 9 */
-    uint32_t turn;  /* about e_turn: of space, of the body */
+    uint32_t first; /* index in z of the only number that changes, or of the first of 3 or 9 */
+    uint32_t turn;  /* index of the rotation axis, in space for a direction, in the body for a rotation */
 } axis;
 
 typedef struct axes {
-    uint32_t count, numbers; /* d; of z */
+    uint32_t count, numbers; /* d; numbers of z */
     axis each[NUMBERS];
 } axes;
 
@@ -35,7 +35,7 @@ static void add_axes(axes *all, int kind, uint32_t first, uint32_t count) {
             kind == ALONG ? (axis){ALONG, first + k, 0} : (axis){.kind = kind, .first = first, .turn = k};
 }
 
-/* In the order of the numbers of a start, places, directions, rotations, velocities. */
+/* Axes in the order of the numbers of a start: places, directions, rotations, velocities. */
 static axes axes_of(const lg_machine *machine) {
     axes all = {.numbers = machine->positions + machine->velocities};
     for (int kind = ALONG; kind <= TURN_ROTATION; kind++)
@@ -50,12 +50,13 @@ static axes axes_of(const lg_machine *machine) {
     return all;
 }
 
-/* The numbers of z that change along an axis: how many, from `first` on. */
+/* How many numbers of z, from a->first on, change along an axis. */
 static uint32_t width_of(const axis *a) {
     return a->kind == ALONG ? 1 : a->kind == TURN_DIRECTION ? 3 : 9;
 }
 
-/* Their change: 1, e_k x q, or the rows r_i x e_k. */
+/* The change of these numbers: 1 for a place or velocity, e_k x q for a direction, the rows r_i x e_k for a
+ * rotation. */
 static void change_along(const axis *a, const double *z, double *out) {
     const uint32_t k = a->turn, l = (k + 1) % 3, m = (k + 2) % 3;
     if (a->kind == ALONG) {
@@ -71,7 +72,7 @@ static void change_along(const axis *a, const double *z, double *out) {
     }
 }
 
-/* The square of its length. */
+/* Squared length of the change along an axis. */
 static double square_of(const axis *a) {
     return a->kind == TURN_ROTATION ? 2.0 : 1.0;
 }
@@ -89,17 +90,19 @@ typedef struct chain {
     const lg_machine_problem *problem;
     const double *theta;
     const uint32_t *samples;
-    size_t count, shared, own, columns, rows; /* rows: of one window */
+    /* count: windows; shared: learned parameters of the machine; own: numbers of a start; columns: shared +
+     * own; rows: residuals of one window. */
+    size_t count, shared, own, columns, rows;
     double factor;
     axes axes;
-    double *z, *next;  /* (count, numbers) */
-    double *dz;        /* (count, numbers): a gradient */
+    double *z, *next;  /* (count, numbers): z of the current and of the next row */
+    double *dz;        /* (count, numbers): gradient with respect to z */
     double *A;         /* (count, d, d) */
-    double *apart;     /* (count, shared) */
-    double *S, *moved; /* (count, d, columns) */
+    double *apart;     /* (count, shared): gradient with respect to theta, by windows */
+    double *S, *moved; /* (count, d, columns): S of the current and of the next row */
     double *r, *jacobian;
     double loss;
-    size_t done; /* rows of each window */
+    size_t done; /* rows of r and jacobian that are filled in each window */
 } chain;
 
 static size_t chain_numbers(const chain *c) {
@@ -125,7 +128,8 @@ static lg_var joined(lg_tape *tape, lg_var positions, lg_var velocities) {
     return lg_concat(tape, both, 2, 1);
 }
 
-/* The sum over windows of z' along an axis at z' (its value: `next`), by its square. */
+/* Sum over windows of the component of z along an axis at c->next, the value of z: the product with the
+ * change along the axis, divided by its squared length. */
 static lg_var sum_along(lg_tape *tape, const chain *c, lg_var z, const axis *a) {
     void *memory;
     const lg_var seed = lg_input_buffer(tape, lg_var_shape(tape, z), &memory);
@@ -141,14 +145,15 @@ static lg_var sum_along(lg_tape *tape, const chain *c, lg_var z, const axis *a) 
     return lg_sum(tape, lg_mul(tape, z, seed));
 }
 
-/* The gradient of `sum` by z, and by theta (count, shared) where it is learned. */
+/* Gradient of `sum` with respect to z and, where theta is learned, to theta for each window, (count,
+ * shared). */
 static lg_status sweep(lg_tape *tape, chain *c, lg_var sum, lg_var z, lg_var theta) {
     void *const dz = c->dz;
     if (c->shared == 0) return lg_backward_set(tape, sum, &z, 1, &dz);
     return lg_backward_rows(tape, sum, z, c->dz, theta, c->count, c->apart);
 }
 
-/* Rows i of A and of the derivative by theta, which goes to `moved` where there is one. */
+/* Computes row i of A and row i of dF/dtheta. The latter goes to the first columns of `moved`. */
 static lg_status sweep_interval(lg_tape *tape, chain *c, uint32_t i, lg_var from, lg_var theta, lg_var to) {
     const size_t d = c->axes.count;
     const lg_mark mark = lg_tape_mark(tape);
@@ -164,7 +169,7 @@ static lg_status sweep_interval(lg_tape *tape, chain *c, uint32_t i, lg_var from
     return lg_tape_rewind(tape, mark);
 }
 
-/* The machine's parameters, known or the first of the fit's. */
+/* Binds the machine's parameters: known ones, or the first parameters of the fit. */
 static lg_status bind(lg_tape *tape, const chain *c, lg_var *theta, lg_machine_vars *vars) {
     const lg_machine *machine = c->problem->machine;
     *theta = lg_machine_parameter(tape, machine, c->shared > 0 ? c->theta : c->problem->theta);
@@ -175,7 +180,7 @@ static size_t row_of(const chain *c, size_t sample, uint32_t point) {
     return c->problem->start[c->samples[sample]] + point;
 }
 
-/* z and S go on by the interval from point j. */
+/* Moves z and S over the interval from point j to point j + 1. */
 static lg_status pass_interval(lg_tape *tape, chain *c, uint32_t j, size_t *at) {
     const lg_machine *machine = c->problem->machine;
     const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
@@ -210,7 +215,8 @@ static lg_status pass_interval(lg_tape *tape, chain *c, uint32_t j, size_t *at) 
 
 /* ---- starts ---- */
 
-/* S of moved starts: the derivative by the numbers of the starts, which keep to their own columns. */
+/* Moves the starts by their parameters; S becomes the derivative with respect to these, in the last `own`
+ * columns. */
 static lg_status move_starts(lg_tape *tape, chain *c, lg_var positions, lg_var velocities) {
     const size_t d = c->axes.count, own = c->own;
     lg_machine_vars vars;
@@ -258,7 +264,8 @@ static lg_status first_points(lg_tape *tape, chain *c) {
 
 /* ---- residuals ---- */
 
-/* Takes the parts along the logged directions off the velocities' rows of residuals and Jacobian. */
+/* Removes the components along the logged directions from the velocities' rows of the residuals and the
+ * Jacobian. */
 static void keep_across(const chain *c, size_t row, double *r, double *jacobian) {
     const lg_machine *machine = c->problem->machine;
     double along[LG_MACHINE_VELOCITIES];
@@ -278,7 +285,7 @@ static void keep_across(const chain *c, size_t row, double *r, double *jacobian)
     }
 }
 
-/* Rows of the point j of all windows: weight times S, and the residual along each axis. */
+/* Writes the rows of point j of all windows: the residual along each axis, and S times the weight. */
 static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
     const lg_machine *machine = c->problem->machine;
     const size_t d = c->axes.count;

@@ -1,4 +1,4 @@
-/* Machines: description and sizes. */
+/* Machines: the tables of term kinds, checks and sizes of a machine, and initial parameters. */
 #include <math.h>
 #include <string.h>
 
@@ -11,7 +11,7 @@ const char *lg_machine_part_name(lg_machine_part part) {
     return (uint32_t)part < LG_MACHINE_PART_COUNT ? names[part] : NULL;
 }
 
-/* X(name) of the table lg_machine_<name>_kinds, which ends with a row without a name. */
+/* Each X(name) stands for a table lg_machine_<name>_kinds; a table ends with a row without a name. */
 #define TABLES(X)     X(mass) X(potential) X(force) X(bias)
 #define DECLARE(name) extern const lg_term_kind lg_machine_##name##_kinds[];
 #define LIST(name)    lg_machine_##name##_kinds,
@@ -130,7 +130,7 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     return LG_OK;
 }
 
-/* Gravity sees heights, by default those of all coordinates but lines. */
+/* Gravity depends on heights: where `of` lists none, on the heights of all coordinates except lines. */
 static void set_heights(const lg_machine *machine, lg_machine_term *term) {
     for (uint32_t i = 0; i < machine->coordinate_count && term->of_count < LG_MACHINE_FEATURES; i++)
         if (machine->coordinates[i].kind != LG_COORDINATE_LINE)
@@ -166,7 +166,7 @@ static bool has_part(const lg_machine *machine, lg_machine_part part) {
     return false;
 }
 
-/* Every direction has a mass. */
+/* Fails if the machine has no mass, or if its directions have none. */
 static lg_status check_mass(const lg_machine *machine, lg_error *error) {
     bool directions = machine->directions == 0;
     if (!has_part(machine, LG_MACHINE_MASS))
@@ -179,9 +179,9 @@ static lg_status check_mass(const lg_machine *machine, lg_error *error) {
                    "the mass of a direction is one number: add a mass of kind diagonal or known");
 }
 
-/* ---- values that no machine has ---- */
+/* ---- values that are not physical ---- */
 
-/* Adds the values of a known mass or damping, a diagonal or a matrix of all velocities. */
+/* Adds the values of a known mass or damping to `sum`: a diagonal or a matrix of all velocities. */
 static void add_known(const lg_machine *machine, const lg_machine_term *term, double *sum) {
     const uint32_t n = machine->velocities;
     const bool diagonal = term->value_count == n;
@@ -190,7 +190,8 @@ static void add_known(const lg_machine *machine, const lg_machine_term *term, do
             sum[i * n + j] += !diagonal ? term->values[i * n + j] : i == j ? term->values[i] : 0.0;
 }
 
-/* Symmetric, and no eigenvalue below `least` of the largest number. */
+/* Whether the symmetric part of the matrix has no eigenvalue below `least` times the largest absolute entry.
+ * With `least` above 0 the matrix must also be symmetric. */
 static bool is_definite(uint32_t n, const double *matrix, double least) {
     static const double rounding = 1e-12;
     double part[LG_MACHINE_VALUES], values[LG_MACHINE_VELOCITIES], largest = 0.0;
@@ -204,8 +205,8 @@ static bool is_definite(uint32_t n, const double *matrix, double least) {
     return lg_machine_eigen(NULL, n, part, values) && values[0] >= least * largest;
 }
 
-/* Known masses and dampings of a machine are positive in sum: semidefinite, masses to which nothing is added
- * definite. */
+/* Checks that the sum of the known masses, or of the known dampings, is positive semidefinite. A mass that
+ * consists of known terms alone must be positive definite. */
 static lg_status check_positive(const lg_machine *machine, lg_machine_part part, lg_error *error) {
     static const double rounding = 1e-12;
     double sum[LG_MACHINE_VALUES] = {0};
@@ -225,9 +226,9 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
                             : "the values must not be below 0, a matrix not indefinite");
 }
 
-/* ---- gauge ---- */
+/* ---- common factor ---- */
 
-/* What fixes the common factor of M, V, D and B. */
+/* Decides what fixes the common factor of M, V, D and B (see lg_machine in liegrad/machine.h). */
 static void find_gauge(lg_machine *machine) {
     const bool grey = machine->grey.system != NULL;
     bool given = lg_grey_known(machine), moving = false;
@@ -243,7 +244,8 @@ static void find_gauge(lg_machine *machine) {
     machine->free_gauge = !given && !machine->normalised;
 }
 
-/* The parameters of networks, or of the other terms, from `offset` on; returns where they end. */
+/* Sets the offsets of the terms that are networks, or of all other terms, from `offset` on; returns the
+ * end. */
 static size_t place_parameters(lg_machine *machine, bool networks, size_t offset) {
     for (uint32_t i = 0; i < machine->term_count; i++) {
         if ((machine->terms[i].kind->outputs != NULL) != networks) continue;
@@ -270,7 +272,7 @@ lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
     return check_mass(machine, error);
 }
 
-/* ---- parameters to start with ---- */
+/* ---- initial parameters ---- */
 
 static void scale_last(const lg_mlp *net, double *theta) {
     for (size_t i = lg_mlp_weight_offset(net, net->layers - 1); i < lg_mlp_parameters(net); i++)

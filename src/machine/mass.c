@@ -1,4 +1,5 @@
-/* Machines: kinds of mass. Masses are positive: exp of a parameter, or L L^T with exp on the diagonal. */
+/* Machines: kinds of mass. Masses are positive: exp of a parameter, or L L^T where the diagonal of L is exp
+ * of parameters. */
 #include <math.h>
 
 #include "core/core.h"
@@ -35,8 +36,11 @@ static lg_var known_directions(lg_tape *tape, const lg_machine_vars *vars, uint3
     return lg_input_f64(tape, lg_shape3(1, n, 1), m);
 }
 
-/* ---- diagonal: log of n masses, then of those of the directions; constant: the packed triangle, then the
- * logs of the directions' masses. Normalised, number scales.held is not a parameter but 0. ---- */
+/* ---- diagonal and constant ----
+ *
+ * Parameters of "diagonal": logs of the masses of the momenta, then of the directions. Parameters of
+ * "constant": the packed triangle, then logs of the masses of the directions. In a normalised machine the
+ * number scales.held, counted from 1, is fixed at 0 and is not a parameter. */
 
 static uint32_t held(const lg_machine *machine) {
     return machine->normalised ? 1 : 0;
@@ -52,7 +56,7 @@ static size_t constant_parameters(const lg_machine *machine, const lg_machine_te
     return lg_triangle(machine->momenta) + machine->directions - held(machine);
 }
 
-/* Numbers first .. first + count - 1 of the term, (1, count). */
+/* Numbers first .. first + count - 1 of the term, (1, count), with the 0 of a normalised machine. */
 static lg_var numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t first,
                       uint32_t count) {
     const lg_machine *machine = vars->machine;

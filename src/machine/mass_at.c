@@ -1,14 +1,15 @@
-/* Machines: all parameters as numbers with names; where the numbers of a mass that is a network are told. */
+/* Machines: lists all parameters as numbers with names; finds the position at which a network mass is
+ * reported. */
 #include <math.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "machine/internal.h"
 
-/* What is compared: sine and cosine of angles, all other positions as they are. */
+/* Most numbers to compare: sine and cosine of angles, all other positions unchanged. */
 enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_COORDINATES };
 
-/* A mass sees coordinate i. */
+/* Whether a term of the mass depends on coordinate i. */
 static bool is_seen(const lg_machine *machine, uint32_t i) {
     bool seen = machine->grey.system != NULL && (machine->grey.system->seen & 1u << i) != 0;
     for (uint32_t t = 0; t < machine->term_count; t++)
@@ -17,7 +18,8 @@ static bool is_seen(const lg_machine *machine, uint32_t i) {
     return seen;
 }
 
-/* The numbers of the coordinates that a mass sees; returns how many. */
+/* Writes the positions of the coordinates on which the mass depends, angles as sine and cosine; returns how
+ * many numbers these are. */
 static uint32_t embed(const lg_machine *machine, const double *positions, double *out) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
@@ -39,7 +41,7 @@ static const double *start_of(const lg_machine_problem *problem, size_t i) {
     return problem->log.q + problem->start[i] * problem->machine->positions;
 }
 
-/* Mean and variance of the starts of `windows` windows. */
+/* Mean and variance, over the first `windows` windows, of embed's numbers at their first rows. */
 static void measure(const lg_machine_problem *problem, size_t windows, double *mean, double *variance) {
     double x[MOST] = {0.0};
     memset(mean, 0, MOST * sizeof *mean);
@@ -55,8 +57,9 @@ static void measure(const lg_machine_problem *problem, size_t windows, double *m
     for (uint32_t k = 0; k < MOST; k++) variance[k] /= (double)windows;
 }
 
-/* The start nearest to `to`, lengths in standard deviations; its distance. What never moves does not count
- * but by being elsewhere. */
+/* Sets `at` to the window whose start is nearest to `to`, in standard deviations, and returns the distance. A
+ * number that never changes adds nothing where it equals `to`'s, and makes the distance infinite where it
+ * differs. */
 static double nearest(const lg_machine_problem *problem, size_t windows, const double *to,
                       const double *variance, size_t *at) {
     double x[MOST] = {0.0}, least = (double)INFINITY;
@@ -87,7 +90,7 @@ bool lg_machine_mass_at(const lg_machine_problem *problem, double *positions) {
     return true;
 }
 
-/* ---- the numbers ---- */
+/* ---- numbers with names ---- */
 
 bool lg_machine_mass_learned(const lg_machine *machine) {
     for (uint32_t i = 0; i < machine->term_count; i++)
@@ -95,7 +98,8 @@ bool lg_machine_mass_learned(const lg_machine *machine) {
     return false;
 }
 
-/* A mass that is a network, with the other masses. */
+/* Reads M (momenta, momenta), the sum of all terms of the mass, at rest at `positions` into `m`, in scaled
+ * units. */
 static lg_status moving_mass(lg_tape *tape, const lg_machine *machine, const double *theta,
                              const double *positions, double *m) {
     lg_machine_vars vars;
@@ -125,8 +129,8 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
                            "mass.%u.%u", at[i] + 1, at[j] + 1);
 }
 
-/* If the mass has a network, the entries of M at one position stand for all terms of the mass but the numbers
- * of a system (lg_grey_mass_kind). */
+/* If a mass is a network, the entries of M at `positions` replace the numbers of all mass terms, except the
+ * numbers of a system (lg_grey_mass_kind). */
 size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
                              size_t room, lg_identified *out) {
     lg_number_list l = {0, room, out};

@@ -1,14 +1,14 @@
-/* What forces that a machine does not have would explain of the logs.
+/* How much of the loss could be explained by forces that a machine does not have.
  *
- * The machine gets further terms, all zero: constant forces, forces linear in all heights, velocities and
- * inputs, and polynomials of the height and velocity of each coordinate. J_1 are the columns of their
- * parameters in the Jacobian at the fit, r the residuals. Starts and the machine's own parameters are
- * eliminated from both. r_1 is the projection of r onto the p columns J_1, and N numbers are left. Where the
- * residuals are noise,
+ * The machine gets further terms with parameters 0: constant forces, forces linear in all heights, velocities
+ * and inputs, and polynomials of the height and velocity of each coordinate. J_1 are the Jacobian's columns
+ * of their parameters at the fit, r the residuals. Starts and the machine's own parameters are eliminated
+ * from both. r_1 is the projection of r onto the p columns J_1, and N residuals remain after all parameters
+ * are subtracted. If the residuals are noise,
  *   F = (|r_1|^2/p) / (|r - r_1|^2/N)
- * is around 1 (Lagrange multiplier test; Engle 1984). Steps of another program, held inputs and coarse digits
- * leave residuals that are smooth in time but no function of the state. So N is multiplied by
- * (1 - c)/(1 + c), where c is the correlation of r - r_1 between neighbouring rows. */
+ * is around 1 (Lagrange multiplier test; Engle 1984). Integration steps of another program, held inputs and
+ * coarsely rounded logs leave residuals that are smooth in time but no function of the state. Therefore N is
+ * multiplied by (1 - c)/(1 + c), where c is the correlation of r - r_1 between neighbouring rows. */
 #include <math.h>
 #include <string.h>
 
@@ -31,7 +31,8 @@ static void see(lg_machine_term *term, lg_machine_sight kind, uint32_t first, ui
         term->of[term->of_count++] = (lg_machine_feature){kind, i};
 }
 
-/* False: the machine has no room for them. */
+/* Copies the machine to `out` and adds the further terms. False: there are too many terms, monomials or
+ * parameters. */
 static bool extend(const lg_machine *machine, uint32_t degree, lg_machine *out) {
     const uint32_t n = machine->coordinate_count;
     *out = *machine;
@@ -49,11 +50,13 @@ static bool extend(const lg_machine *machine, uint32_t degree, lg_machine *out) 
     return lg_machine_init(out, NULL) == LG_OK && out->parameters <= machine->parameters + MOST_COLUMNS;
 }
 
-/* ---- what they explain ---- */
+/* ---- explained loss ---- */
 
-/* The columns of the triangle (n, n) before the last, made orthonormal one after the other: those from `own`
- * on explain what they take out of the last one. A column of which little is left is a combination of
- * others. Below each column, (n, 2 n), stands how it is combined from the triangle's. */
+/* Orthonormalises the columns 0 .. n - 2 of the triangle (n, n) one after the other and removes each from the
+ * last column, the residuals. `explained` gets the squares that columns from `own` on remove, `left` the
+ * squares that remain. `taken` counts the independent columns before `own` and from `own` on. A column of
+ * which little remains is a combination of earlier ones and becomes 0. `columns` is (n, 2 n): below each
+ * column stand its coefficients in the triangle's columns. */
 static void explain(size_t n, size_t own, double *columns, double *explained, double *left, size_t *taken) {
     static const double combined = 1e-6;
     const lg_kernels *k = lg_kernels_for(LG_F64);
@@ -62,7 +65,7 @@ static void explain(size_t n, size_t own, double *columns, double *explained, do
     for (size_t j = 0; j + 1 < n; j++) {
         double *column = columns + j * 2 * n;
         const double before = k->dot(n, column, column);
-        for (size_t i = 0; i < 2 * j; i++) { /* twice */
+        for (size_t i = 0; i < 2 * j; i++) { /* two passes, for rounding errors */
             const double *basis = columns + i % j * 2 * n;
             k->axpy(2 * n, -k->dot(n, basis, column), basis, column);
         }
@@ -77,7 +80,8 @@ static void explain(size_t n, size_t own, double *columns, double *explained, do
     *left = k->dot(n, last, last);
 }
 
-/* How many numbers of what is left, the combination a of the columns, count as one. */
+/* How many residuals count as one independent residual, (1 + c)/(1 - c). `a`: the remaining residuals as a
+ * combination of the columns. */
 static double correlated(size_t n, const double *lagged, const double *a, double squares) {
     const lg_kernels *k = lg_kernels_for(LG_F64);
     double sum = 0.0;
@@ -86,7 +90,7 @@ static double correlated(size_t n, const double *lagged, const double *a, double
     return (1.0 + c) / (1.0 - c);
 }
 
-/* Windows overlap: rows that differ, as a part of the rows of all windows. */
+/* Windows may overlap: number of different rows in the windows, divided by the sum of the windows' rows. */
 static double distinct(const lg_machine_problem *problem, size_t all, size_t used) {
     size_t rows = 0, end = 0;
     for (size_t w = 0; w < used; w++) {
@@ -97,7 +101,7 @@ static double distinct(const lg_machine_problem *problem, size_t all, size_t use
     return (double)rows / ((double)used * (double)problem->window);
 }
 
-/* work (4 n^2): zeros. */
+/* work: 4 n^2 numbers, zeros at the start. */
 static lg_status look(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                       size_t own, double *work, lg_machine_missing *out, lg_error *error) {
     const size_t n = problem->machine->parameters + 1, all = problem->windows - problem->validation;

@@ -20,7 +20,7 @@ void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
     l->count++;
 }
 
-/* "x", or "body.2" of a velocity with several numbers. */
+/* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
 static void velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size) {
     uint32_t i = 0;
     while (i + 1 < machine->coordinate_count && lg_machine_offsets_of(machine, i + 1).velocity <= k) i++;
@@ -60,7 +60,8 @@ static double mass_unit(const lg_machine *machine, uint32_t i, uint32_t j) {
     return 1.0 / lg_machine_unit_mass(machine, i, j);
 }
 
-/* The numbers of a diagonal or constant mass; one may be held at 0. */
+/* Number `index` of a diagonal or constant mass; in a normalised machine the number scales.held is 0 and not
+ * in theta. */
 static double mass_number(const lg_machine *machine, const double *theta, uint32_t index) {
     const uint32_t held = (uint32_t)machine->scales.held - 1;
     if (!machine->normalised || index < held) return theta[index];
@@ -88,7 +89,7 @@ void lg_numbers_diagonal_mass(lg_number_list *l, const lg_machine *machine, cons
     direction_masses(l, machine, theta, n);
 }
 
-/* L from its packed numbers, the exponential of the diagonal where it is `positive`. */
+/* Unpacks the lower triangle L (n, n). If `positive`, its diagonal is exp of the packed numbers. */
 static void unpack(const double *packed, uint32_t n, bool positive, double *L) {
     uint32_t k = n;
     memset(L, 0, (size_t)n * n * sizeof *L);
@@ -121,7 +122,7 @@ void lg_numbers_constant_mass(lg_number_list *l, const lg_machine *machine, cons
 
 /* ---- potentials ---- */
 
-/* Names of the features' numbers: "x", "sin(theta)", "rod.3", "body.up.1". */
+/* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
 static void feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number, char *text,
                          size_t size) {
     static const char *const suffix[] = {
@@ -143,7 +144,7 @@ static void feature_name(const lg_machine *machine, const lg_machine_term *term,
         (void)snprintf(text, size, "%s%s.%u", name, suffix[of.kind], number + 1);
 }
 
-/* "x^2*y" */
+/* Name of a monomial: "x^2*y". */
 static void monomial_name(const lg_machine *machine, const lg_machine_term *term, const uint32_t *factor,
                           char *text, size_t size) {
     size_t used = 0;
@@ -159,7 +160,7 @@ static void monomial_name(const lg_machine *machine, const lg_machine_term *term
     }
 }
 
-/* The unit of a coefficient: E by the scales of the factors. */
+/* 1 by the product of the factors' scales: times E, the unit of a monomial's coefficient. */
 static double coefficient_unit(const double *scales, const uint32_t *factor) {
     double unit = 1.0;
     for (; *factor != UINT32_MAX; factor++) unit /= scales[*factor];
@@ -184,7 +185,7 @@ void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg
 
 /* ---- forces ---- */
 
-/* Units of a force of velocity i by a velocity j; of its square with power 2. */
+/* Unit of a force on velocity i, divided by the unit of velocity j to the given power (0, 1 or 2). */
 static double drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power) {
     const lg_machine_scales *s = &machine->scales;
     const double speed = s->velocity[j] / s->time;

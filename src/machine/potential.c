@@ -1,4 +1,4 @@
-/* Machines: kinds of potential energy. All but the network are linear in their parameters. */
+/* Machines: kinds of potential energy. All except the network are linear in their parameters. */
 #include <math.h>
 
 #include "core/core.h"
@@ -21,7 +21,8 @@ static void monomial_values(const lg_machine *machine, const lg_machine_term *te
     fits[0] = fits[1] = monomial_count(machine, term);
 }
 
-/* Known coefficients in scaled numbers: those of the log times the scales of the factors, by E. */
+/* Known coefficients in scaled units: the coefficient in the log's units times the scales of its factors,
+ * divided by E. */
 static lg_var known_coefficients(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
                                  const lg_monomials *monomials) {
     double scales[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES], c[LG_MACHINE_MONOMIALS];

@@ -25,7 +25,8 @@ static lg_status begin(lg_tape *tape, const runs *r, lg_machine_vars *vars, lg_m
     return lg_machine_space(r->machine, &flow->space);
 }
 
-/* Reads point `step` of all runs from the parts, and keeps their state. */
+/* Writes point `step` of all runs in the log's units; keeps the scaled states in r->state for the next
+ * step. */
 static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow, const lg_var *parts,
                       size_t step) {
     const lg_machine *machine = r->machine;

@@ -1,5 +1,6 @@
-/* A learned machine as a bundle of functions in the units of the log. What is recorded in scaled units has
- * its inputs divided by factors and its results multiplied by them; steps are taken in the log's units. */
+/* A learned machine as a bundle of functions in the units of the log. Functions that are recorded in scaled
+ * units have their inputs divided by factors and their results multiplied by factors. Steps are taken in the
+ * log's units. */
 #include <math.h>
 
 #include "core/core.h"
@@ -7,20 +8,20 @@
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* Numbers of a state: those of positions and velocities together. */
+/* Bound on the numbers of a state: of positions and velocities together. */
 enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
 
 typedef struct recording {
     const lg_machine *machine;
-    const lg_scheme *scheme; /* NULL: no step */
+    const lg_scheme *scheme; /* of the function `step` */
     lg_space space;
-    /* A number of the log is the scaled one times its factor. */
+    /* A number in the log's units is the scaled number times its factor. */
     double state[MOST], field[MOST], positions[LG_MACHINE_POSITIONS], velocities[LG_MACHINE_VELOCITIES];
 } recording;
 
 /* ---- factors ---- */
 
-/* Of the states' parts: p = dL/dv has E T/L, and what changes it in time E/L. */
+/* Factors of states and of the field: momenta p = dL/dv have E T/L, their rates of change E/L. */
 static void fill_state(recording *r) {
     const lg_machine *machine = r->machine;
     const lg_machine_scales *s = &machine->scales;
@@ -58,7 +59,8 @@ static void fill_log(recording *r) {
     for (uint32_t k = 0; k < machine->velocities; k++) r->velocities[k] = s->velocity[k] / s->time;
 }
 
-/* x (B, n) times one factor each, or divided by it; x itself where all are 1. */
+/* Multiplies the columns of x (B, n) by their factors, or divides by them; returns x itself where all factors
+ * are 1. */
 static lg_var times(lg_tape *tape, lg_var x, const double *factors, uint32_t n, bool divided) {
     double by[MOST];
     bool any = false;
@@ -75,7 +77,7 @@ static lg_status bind(const recording *r, lg_tape *tape, const lg_var *theta, lg
     return lg_machine_bind(tape, r->machine, r->machine->parameters > 0 ? theta[0] : LG_NONE, vars);
 }
 
-/* Parameters and the parts of a state of the log. */
+/* Binds theta and splits x, a state in the log's units, into scaled parts. */
 static lg_status open_state(const recording *r, lg_tape *tape, const lg_var *theta, lg_var x,
                             lg_machine_vars *vars, lg_var *parts) {
     LG_TRY(bind(r, tape, theta, vars));
@@ -110,7 +112,7 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
-/* Inputs: x, then u where the machine has inputs. */
+/* Inputs of the function: x, then u if the machine has inputs. */
 static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     lg_var algebra[LG_TAPED_MAX_PARTS], parts[LG_TAPED_MAX_PARTS], rate[LG_TAPED_MAX_PARTS];
@@ -178,7 +180,8 @@ static lg_status positions(void *user, lg_tape *tape, const lg_var *theta, const
 
 /* ---- the bundle ---- */
 
-/* A port with random numbers up to the smallest factor, so that none is far outside of the scales. */
+/* A port of the program. Its range for random numbers is the smallest factor, so that no number is far beyond
+ * its scale. */
 static lg_port port_of(const char *name, const double *factors, uint32_t n) {
     double least = INFINITY;
     for (uint32_t k = 0; k < n; k++) least = fmin(least, factors[k]);

@@ -22,7 +22,7 @@ static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part
     return sum;
 }
 
-/* (1, k, 1), or (1, k, k) where a term couples the directions. */
+/* Mass of the directions, (1, k, 1), or (1, k, k) where the system couples them. */
 static lg_var record_direction_mass(lg_tape *tape, const lg_machine_vars *vars) {
     const lg_machine *machine = vars->machine;
     const uint32_t k = machine->directions;
@@ -39,7 +39,7 @@ static lg_var record_direction_mass(lg_tape *tape, const lg_machine_vars *vars) 
     return sum;
 }
 
-/* The parameters of the system. */
+/* The parameters of the system: the slice of theta of its mass term. */
 static lg_var grey_theta(const lg_machine_vars *vars) {
     uint32_t i = 0;
     while (vars->machine->terms[i].kind != &lg_grey_mass_kind) i++;
@@ -78,14 +78,15 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
     return lg_tape_status(tape);
 }
 
-/* ---- rows of vectors ---- */
+/* ---- rows of 3-vectors ---- */
 
 static lg_var stack(lg_tape *tape, const lg_var *each, uint32_t count, uint32_t rows, uint32_t width) {
     const lg_var all = count == 1 ? each[0] : lg_concat(tape, each, count, 1);
     return lg_reshape(tape, all, lg_shape3(rows, count, width));
 }
 
-/* Velocities of the directions, or body rates of the rotations: (B, copies, 3). */
+/* Three-vectors out of v (B, velocities), (B, copies, 3): the velocities of the directions, or the last 3
+ * velocities of each rotation and pose. */
 static lg_var rates(lg_tape *tape, const lg_machine *machine, lg_var v, bool directions) {
     lg_var each[LG_MACHINE_COORDINATES];
     uint32_t count = 0;
@@ -100,7 +101,7 @@ static lg_var rates(lg_tape *tape, const lg_machine *machine, lg_var v, bool dir
 
 /* ---- velocities and momenta on R^n ---- */
 
-/* The velocities of log order without those of directions, or, with `omega`, all of them again. */
+/* Drops the velocities of directions from v in log order; with_directions puts them in again. */
 static lg_var without_directions(lg_tape *tape, const lg_machine *machine, lg_var v) {
     lg_var each[LG_MACHINE_COORDINATES];
     uint32_t count = 0;
@@ -137,13 +138,13 @@ static uint32_t rows_of(lg_tape *tape, const lg_var *parts) {
     return lg_var_shape(tape, parts[0]).dims[0];
 }
 
-/* M of the state (B or 1, n, n), or LG_NONE where it is bound. */
+/* M of the state (B or 1, n, n). LG_NONE where M does not depend on the state: then vars->mass has it. */
 static lg_var moving_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
     const bool bound = vars->machine->momenta == 0 || !lg_is_none(vars->mass);
     return bound ? LG_NONE : sum_of(tape, vars, LG_MACHINE_MASS, seen);
 }
 
-/* p = M v and v = M^-1 p, (B, n). */
+/* p = M v, and by_mass v = M^-1 p, (B, n); M as moving_mass returns it. */
 static lg_var times_mass(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_var v) {
     if (lg_is_none(M)) return lg_matmul(tape, v, vars->mass);
     const lg_shape shape = lg_var_shape(tape, v);
@@ -172,7 +173,8 @@ static lg_var direction_momenta(lg_tape *tape, const lg_machine_vars *vars, lg_v
     return lg_sub(tape, p, lg_mul(tape, lg_rowdot(tape, q, p), q));
 }
 
-/* q' = W (p - lambda q), W = m^-1 and (W o q q^T) lambda = q.(W p), so that q.q' = 0. */
+/* q' = W (p - lambda q) with W = m^-1. lambda solves (W o q q^T) lambda = q.(W p), where W o q q^T has the
+ * elements W_ij q_i.q_j, so that q_i.q_i' = 0. */
 static lg_var coupled_velocity(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var p) {
     const lg_var W = vars->direction_inverse;
     const lg_var along = lg_rowdot(tape, q, lg_matmul(tape, W, p));
@@ -184,7 +186,7 @@ static lg_var direction_velocity(lg_tape *tape, const lg_machine_vars *vars, lg_
     return are_coupled(vars) ? coupled_velocity(tape, vars, q, p) : lg_div(tape, p, vars->direction_mass);
 }
 
-/* Positions (B, positions) of a log to the parts x, q, R. */
+/* Splits positions (B, positions) of a log into the parts x, q and R of a state. */
 static void split_positions(lg_tape *tape, const lg_machine *machine, lg_var positions, lg_var *parts) {
     lg_var x[LG_MACHINE_COORDINATES], q[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
     uint32_t xs = 0, qs = 0, Rs = 0;
@@ -220,7 +222,7 @@ static lg_var with_bias(lg_tape *tape, const lg_machine_vars *vars, bool velocit
     return lg_is_none(bias) ? x : lg_add(tape, x, bias);
 }
 
-/* The state from true positions and velocities. */
+/* The state from positions and velocities without biases. */
 static lg_status record_true_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
                                    lg_var velocities, lg_var *parts) {
     const lg_machine *machine = vars->machine;
@@ -353,7 +355,7 @@ lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_ma
     return sum_of(tape, vars, part, &seen);
 }
 
-/* The sum of all forces (B, velocities), or LG_NONE. */
+/* The sum of all forces except the potential's, (B, velocities), or LG_NONE. */
 static lg_var all_forces(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
     lg_var f = LG_NONE;
     for (uint32_t part = LG_MACHINE_DAMPING; part <= LG_MACHINE_RESIDUAL; part++) {
@@ -366,8 +368,8 @@ static lg_var all_forces(lg_tape *tape, const lg_machine_vars *vars, const lg_ma
 
 /* ---- the field ---- */
 
-/* g = -dH/d(x, q, R) at fixed momenta: that of 1/2 v^T M v - V at fixed v. Parts without influence: LG_NONE
- * in all of g when nothing depends on positions. */
+/* g = -dH/d(x, q, R) at fixed momenta, which is the derivative of 1/2 v^T M v - V at fixed v. All of g is
+ * LG_NONE when nothing depends on positions. */
 static lg_status conservative_force(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_var v,
                                     const lg_machine_seen *seen, lg_var *g) {
     const lg_machine *machine = vars->machine;
@@ -410,7 +412,7 @@ static lg_var turned(lg_tape *tape, lg_var R, lg_var w, uint32_t rows, bool back
     return lg_reshape(tape, out, lg_shape2(rows, 3));
 }
 
-/* What the equations of one coordinate see. */
+/* What the equations of one coordinate use. */
 typedef struct body {
     const lg_machine_vars *vars;
     const lg_machine *machine;
@@ -427,7 +429,7 @@ static lg_var moment_of(lg_tape *tape, const body *b, uint32_t k) {
     return lg_sum_axis(tape, lg_cross(tape, R, g), 1, false);
 }
 
-/* m x Omega + f_m - sum_i r_i x g_i for rotation k; m and Omega: (B, 3). */
+/* m x Omega - sum_i r_i x g_i for rotation k, without other forces; m and Omega are (B, 3). */
 static lg_var torque(lg_tape *tape, const body *b, uint32_t k, lg_var m, lg_var Omega) {
     lg_var sum = lg_cross(tape, m, Omega);
     if (lg_is_none(b->g[b->at.R])) return sum;
@@ -435,7 +437,8 @@ static lg_var torque(lg_tape *tape, const body *b, uint32_t k, lg_var m, lg_var 
     return lg_sub(tape, sum, moment);
 }
 
-/* x' and l' of a pose, m' of a rotation or pose: appends to x and to p. */
+/* Appends x' of a pose to x, and l' of a pose and m' of a rotation or pose to p; forces f are not
+ * included. */
 static void move_body(lg_tape *tape, const body *b, uint32_t i, lg_var *x, uint32_t *xs, lg_var *p,
                       uint32_t *ps) {
     const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
@@ -460,7 +463,7 @@ static void move_body(lg_tape *tape, const body *b, uint32_t i, lg_var *x, uint3
     p[(*ps)++] = moment;
 }
 
-/* The places' and the momenta's parts of the algebra element. */
+/* Fills the parts of the algebra element that belong to places and momenta. */
 static void move_places(lg_tape *tape, const body *b, lg_var *algebra) {
     lg_var x[LG_MACHINE_COORDINATES], p[2 * LG_MACHINE_COORDINATES];
     uint32_t xs = 0, ps = 0;
@@ -482,7 +485,7 @@ static void move_places(lg_tape *tape, const body *b, lg_var *algebra) {
     algebra[b->at.m] = sum;
 }
 
-/* The same where all coordinates are lines or angles: no slices. */
+/* As move_places, for machines of lines and angles only; needs no slices. */
 static void move_lines(lg_tape *tape, const body *b, lg_var *algebra) {
     const lg_var g = b->g[b->at.x];
     algebra[b->at.x] = b->v;
@@ -492,7 +495,8 @@ static void move_lines(lg_tape *tape, const body *b, lg_var *algebra) {
         algebra[b->at.m] = lg_is_none(g) ? b->f : lg_is_none(b->f) ? g : lg_add(tape, g, b->f);
 }
 
-/* xi = omega, eta = f - g x q; of a chain with dT/dq = -lambda q': + q x lambda q' + q' x p. */
+/* xi = omega and eta = f - g x q. A chain adds q x lambda q' + q' x p, with lambda as in
+ * liegrad/machine.h. */
 static void move_directions(lg_tape *tape, const body *b, lg_var *algebra) {
     const lg_var omega = rates(tape, b->machine, b->v, true), g = b->g[b->at.q], q = b->parts[b->at.q];
     lg_var eta = lg_is_none(b->f) ? LG_NONE : rates(tape, b->machine, b->f, true);
@@ -507,7 +511,7 @@ static void move_directions(lg_tape *tape, const body *b, lg_var *algebra) {
     algebra[b->at.p] = lg_is_none(eta) ? lg_full(tape, lg_var_shape(tape, omega), 0.0) : eta;
 }
 
-/* R Omega of all rotations. */
+/* Fills the rotations' part of the algebra element, R Omega. */
 static void move_rotations(lg_tape *tape, const body *b, lg_var *algebra) {
     const uint32_t copies = b->rows * b->machine->rotations;
     const lg_var Omega = rates(tape, b->machine, b->v, false), R = b->parts[b->at.R];
@@ -547,9 +551,9 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
     return lg_tape_status(tape);
 }
 
-/* ---- forces apart from the motion ---- */
+/* ---- potential forces and impulses ---- */
 
-/* Appends the potential's forces on coordinate i, in the order of its velocities. */
+/* Appends the potential's forces on coordinate i in the order of its velocities. */
 static void pull(lg_tape *tape, const body *b, uint32_t i, lg_var *each, uint32_t *count) {
     const lg_coordinate_row *row = lg_coordinate_row_of(b->machine->coordinates[i].kind);
     const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);

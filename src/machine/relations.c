@@ -1,4 +1,4 @@
-/* Machines: how the errors of their numbers hang together, and what the logs leave open. */
+/* Machines: correlations of the numbers' errors, and directions that the logs leave open. */
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -34,15 +34,16 @@ static void correlate(size_t n, const double *covariance, const lg_identified *n
 
 /* ---- open directions ---- */
 
-/* Of rows (m, n) makes rows that span the same, each with a number of its own: Gauss-Jordan elimination with
- * the largest element as the pivot. What is left of rounding is 0. */
+/* Replaces rows (m, n) by rows with the same span, each with one number that no other row has: Gauss-Jordan
+ * elimination with the largest element as the pivot. Elements below 0.02 of the largest in their row become
+ * 0. */
 static void reduce(size_t m, size_t n, double *rows) {
     static const double nothing = 0.02;
     for (size_t k = 0; k < m; k++) {
         size_t row = k, column = 0;
         for (size_t i = k; i < m; i++)
             for (size_t j = 0; j < n; j++)
-                /* Among equal ones the first: earlier numbers are named by their own row. */
+                /* Takes the first of nearly equal elements, so that pivots are the earlier numbers. */
                 if (fabs(rows[i * n + j]) > 1.001 * fabs(rows[row * n + column])) row = i, column = j;
         for (size_t j = 0; j < n; j++) {
             const double swapped = rows[k * n + j];
@@ -69,7 +70,7 @@ static void reduce(size_t m, size_t n, double *rows) {
 
 lg_status lg_machine_relate(const lg_context *context, size_t count, double *covariance,
                             lg_identification *out) {
-    /* Numbers that may be off by their own size are not determined. */
+    /* A direction is open if its relative variance is above 1: numbers may then be off by their own size. */
     static const double open = 1.0;
     if (out->correlations != NULL) correlate(count, covariance, out->numbers, out->correlations);
     out->open_count = 0;
@@ -84,7 +85,7 @@ lg_status lg_machine_relate(const lg_context *context, size_t count, double *cov
     return LG_OK;
 }
 
-/* ---- in words ---- */
+/* ---- sentences ---- */
 
 typedef struct listing {
     char *text;
@@ -101,7 +102,7 @@ static void add(listing *l, const char *format, ...) {
     l->used += more > 0 ? (size_t)more : 0;
 }
 
-/* Numbers that move, as "a, b and c"; `changes`: with their changes. */
+/* Lists the names of the numbers that move: "a, b and c". With `changes` each has its relative change. */
 static void list_moving(listing *l, const lg_identified *numbers, size_t count, const double *row,
                         size_t moving, bool changes) {
     size_t told = 0;

@@ -1,8 +1,8 @@
-/* Machines: equations of rows of a batch, solved by Newton's method with numbers.
+/* Machines: solves equations, one system for each row of a batch, by Newton's method on plain numbers.
  *
- * With x* the solution and K = (dr/dx)^-1 there, both constants, the tape keeps x1 = x* - K r(x*) and
- * x2 = x1 - K r(x1), whose first and second derivatives are those of the solution; taped_implicit.c says why.
- * A row's numbers do not depend on the other rows. */
+ * x* is the solution and K = (dr/dx)^-1 at x*; both enter the tape as constants. The tape records x1 = x* - K
+ * r(x*) and x2 = x1 - K r(x1), which has the first and second derivatives of the solution; taped_implicit.c
+ * says why. A row's result does not depend on the other rows. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -18,11 +18,11 @@ typedef struct newton {
     size_t rows, n;
     double eps;
     double *x, *r, *column, *seed; /* (rows, n) */
-    double *matrix, *inverse;      /* (rows, n, n): dr/dx, K */
-    double *change;                /* (rows): of the last step; 0: the row is done */
+    double *matrix, *inverse;      /* (rows, n, n): dr/dx and its inverse K */
+    double *change;                /* (rows): largest change in the last step; 0: the row is done */
 } newton;
 
-/* r and dr/dx at x. One forward pass a column, for all rows at once. */
+/* r and dr/dx at x. Each column takes one forward pass for all rows at once. */
 static lg_status linearise(newton *s) {
     const size_t n = s->n, count = s->rows * n;
     const lg_mark mark = lg_tape_mark(s->tape);
@@ -49,7 +49,8 @@ static void give_up(newton *s, size_t b) {
     s->change[b] = 0.0;
 }
 
-/* A step in row b. The row is done when its change is rounding: as small as that of x, or falling no more. */
+/* One Newton step in row b. The row is done when its change is rounding error: a few eps of x, or small and
+ * hardly smaller than the change before. */
 static void improve(newton *s, size_t b) {
     const size_t n = s->n;
     double *x = s->x + b * n, *K = s->inverse + b * n * n, moved = 0.0, size = 0.0;
@@ -88,7 +89,7 @@ static lg_status solve(newton *s) {
     return LG_OK;
 }
 
-/* x* and K as constants. Scratch is payload of the tape, given back by rewinding. */
+/* Returns x* and K as constants. The work space is payload of the tape; rewinding frees it. */
 static lg_status solution(newton *s, lg_var first, lg_var *x, lg_var *inverse) {
     lg_tape *tape = s->tape;
     const size_t count = s->rows * s->n;

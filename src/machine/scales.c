@@ -1,12 +1,12 @@
-/* Machines: scales from logs. */
+/* Machines: finds the scales from logs. */
 #include <math.h>
 
 #include "core/core.h"
 #include "machine/internal.h"
 
-/* Root mean squares over the log, in its units. */
+/* Root mean squares over the log, in its units. `force`: forces of a known input map. */
 typedef struct moments {
-    double velocity[LG_MACHINE_COORDINATES];    /* of a coordinate's velocities together */
+    double velocity[LG_MACHINE_COORDINATES];    /* over all velocities of a coordinate */
     double acceleration[LG_MACHINE_VELOCITIES]; /* of each velocity */
     double input[LG_MACHINE_INPUTS], force[LG_MACHINE_VELOCITIES];
 } moments;
@@ -26,8 +26,8 @@ static double root(const sums *s) {
     return s->count > 0 ? sqrt(s->sum / (double)s->count) : 0.0;
 }
 
-/* Velocities of a row, differences of positions where they were not measured, in the log's units: the machine
- * has scales of 1. */
+/* Velocities of a row, in the log's units if the scales of `plain` are 1. Velocities that were not measured
+ * are differences of positions. */
 static void velocities_at(const lg_machine *plain, const lg_machine_log *log, size_t row, double *v) {
     double q[LG_MACHINE_POSITIONS];
     lg_machine_scaled_rows(plain, log, &row, 1, q, v);
@@ -79,7 +79,8 @@ static void measure_inputs(const lg_machine *machine, const lg_machine_log *log,
 
 /* ---- time and lengths ---- */
 
-/* The geometric mean over what moves of the time in which a velocity changes by its own size. */
+/* Time scale: the time in which a velocity changes by its own size (root mean square of the velocity by that
+ * of the acceleration), as the geometric mean over the coordinates that move. */
 static double time_of(const lg_machine *machine, const moments *size) {
     double logs = 0.0;
     size_t count = 0;
@@ -112,13 +113,14 @@ static void set_lengths(lg_machine *machine, const moments *size) {
 
 /* ---- energy ---- */
 
-/* A mass of 1 of velocity k in units of E. */
+/* The energy scale in which a mass of 1 of velocity k has the scaled value 1. */
 static double unit_energy(const lg_machine *machine, uint32_t k) {
     const double speed = machine->scales.velocity[k] / machine->scales.time;
     return speed * speed;
 }
 
-/* Velocities in the order of the numbers of a diagonal mass: those of directions, one each, last. */
+/* Velocities in the order of the numbers of a diagonal mass: momenta on R^n first, then one velocity per
+ * direction. */
 static uint32_t mass_velocities(const lg_machine *machine, uint32_t *out) {
     uint32_t count = 0;
     for (int directions = 0; directions < 2; directions++)
@@ -140,7 +142,8 @@ static bool has_diagonal_mass(const lg_machine *machine) {
     return false;
 }
 
-/* Sets the mass that is held: 1 in the log's units; returns its velocity. */
+/* Sets scales.held, the number of the mass that is fixed at 1 in the log's units: of a diagonal mass the one
+ * whose velocity has the largest acceleration, else the first. Returns its velocity. */
 static uint32_t hold_mass(lg_machine *machine, const moments *size) {
     uint32_t at[LG_MACHINE_VELOCITIES], best = 0;
     const uint32_t count = mass_velocities(machine, at);
@@ -150,8 +153,8 @@ static uint32_t hold_mass(lg_machine *machine, const moments *size) {
     return at[best];
 }
 
-/* The geometric mean of the known masses, or of the guesses known force by acceleration, in energies; 0:
- * nothing is known. */
+/* Geometric mean of the known masses times L^2/T^2, an energy. Without a known mass, masses are guessed as
+ * known force by acceleration. 0: nothing is known. */
 static double known_energy(const lg_machine *machine, const moments *size) {
     const lg_machine_term *mass = known_term(machine, LG_MACHINE_MASS);
     const uint32_t n = machine->velocities;
@@ -170,7 +173,7 @@ static double known_energy(const lg_machine *machine, const moments *size) {
     return count > 0 ? exp(logs / (double)count) : 0.0;
 }
 
-/* Why there is no time scale. */
+/* Fails with the reason why there is no time scale. */
 static lg_status refuse_motion(const lg_machine *machine, const moments *size, lg_error *error) {
     bool moves = false, turns = false;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) moves = moves || size->velocity[i] > 0.0;

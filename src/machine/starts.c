@@ -1,4 +1,4 @@
-/* Machines: starts of windows that are unknowns of the fit. */
+/* Machines: starts of windows as unknowns of the fit. */
 #include <math.h>
 #include <string.h>
 
@@ -10,8 +10,8 @@ uint32_t lg_machine_start_numbers(const lg_machine *machine) {
     return machine->places + 3 * machine->directions + 3 * machine->rotations + machine->velocities;
 }
 
-/* The unit of each number of a start: the scales of the loss times the root of the number of windows, so that
- * the loss, a mean over windows, curves by about 1 in the parameters. */
+/* The unit of each number of a start: the scale of the loss times the square root of the number of windows.
+ * The loss is a mean over windows, so that its second derivatives in the parameters are then about 1. */
 static void start_units(const lg_machine_problem *problem, double *scale) {
     const lg_machine *machine = problem->machine;
     const double unit = sqrt((double)problem->windows);
@@ -30,7 +30,8 @@ static void start_units(const lg_machine_problem *problem, double *scale) {
     }
 }
 
-/* `count` copies of 3 numbers from `first` on turn R or q: exp(a) . part. */
+/* Turns each of `count` copies of R or q by its rotation vector: exp(a) . part. The vectors begin at column
+ * `first` of a. */
 static lg_var turn(lg_tape *tape, lg_var a, uint32_t first, uint32_t count, lg_var part) {
     lg_space space;
     const uint32_t rows = lg_var_shape(tape, a).dims[0], width = lg_var_shape(tape, part).dims[2];
@@ -58,6 +59,6 @@ lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *proble
     if (at.x >= 0) parts[at.x] = lg_add(tape, parts[at.x], lg_machine_columns(tape, a, 0, machine->places));
     if (at.q >= 0) parts[at.q] = turn(tape, a, directions, machine->directions, parts[at.q]);
     if (at.R >= 0) parts[at.R] = turn(tape, a, rotations, machine->rotations, parts[at.R]);
-    /* The momenta once more: the mass may depend on the positions. */
+    /* Momenta must be computed again at the new positions, because the mass may depend on them. */
     return lg_machine_record_state(tape, vars, lg_machine_record_positions(tape, vars, parts), v, parts);
 }

@@ -1,4 +1,4 @@
-/* Machines: rows of logs, also in scaled units, and steps over their intervals. */
+/* Machines: rows of logs in their own and in scaled units, and steps over the intervals between rows. */
 #include <math.h>
 #include <string.h>
 
@@ -30,7 +30,7 @@ bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_log *lo
     return true;
 }
 
-/* The rotation vector of the rotation that takes A to B, in the body of A: the vector of A^T B. */
+/* The rotation vector of A^T B: the rotation from A to B, in the body axes of A. */
 static void turn_between(const double *A, const double *B, double *out) {
     double C[9];
     for (int i = 0; i < 3; i++)
@@ -38,12 +38,13 @@ static void turn_between(const double *A, const double *B, double *out) {
     lg_so3_log(C, out);
 }
 
-/* The derivative at `row` of the polynomial through rows first .. last of one number of positions. */
+/* Derivative at `row` of the polynomial through rows first .. last of q, a column of the log with the given
+ * stride. */
 static double slope(const lg_machine_log *log, const double *q, size_t stride, size_t first, size_t last,
                     size_t row) {
     double sum = 0.0;
     for (size_t j = first; j <= last; j++) {
-        double weight = 0.0; /* of the j-th Lagrange polynomial's derivative */
+        double weight = 0.0; /* derivative of the j-th Lagrange polynomial */
         for (size_t k = first; k <= last; k++) {
             if (k == j) continue;
             double product = 1.0 / (log->t[j] - log->t[k]);
@@ -56,7 +57,8 @@ static double slope(const lg_machine_log *log, const double *q, size_t stride, s
     return sum;
 }
 
-/* The velocity of a coordinate in a row, from positions of rows first .. last around it. */
+/* The velocity of coordinate i at `row` from logged positions: places by the polynomial through rows first ..
+ * last, directions and rotations from the two neighbouring rows. */
 static void difference(const lg_machine *machine, const lg_machine_log *log, uint32_t i, size_t first,
                        size_t last, size_t row, double *out) {
     const lg_coordinate_row *kind = lg_coordinate_row_of(machine->coordinates[i].kind);
@@ -81,15 +83,15 @@ static void difference(const lg_machine *machine, const lg_machine_log *log, uin
     }
 }
 
-/* Up to two rows on both sides of a row, in its part. */
+/* Finds up to two rows before and after a row in the same part of the log. */
 static void neighbours(const lg_machine_log *log, size_t row, size_t *first, size_t *last) {
     const size_t *part = log->first + lg_machine_log_part(log, row);
     *first = row < part[0] + 2 ? part[0] : row - 2;
     *last = row + 3 > part[1] ? part[1] - 1 : row + 2;
 }
 
-/* The velocity of coordinate i in a row, from positions where it was not measured; 0 where these are missing,
- * too. */
+/* The velocity of coordinate i in a row. Where it was not measured, it is computed from positions; 0 where
+ * these are missing, too. */
 static void velocity_in(const lg_machine *machine, const lg_machine_log *log, size_t row, uint32_t i,
                         double *out) {
     const lg_coordinate_row *kind = lg_coordinate_row_of(machine->coordinates[i].kind);
@@ -144,9 +146,9 @@ void lg_machine_unscale_row(const lg_machine *machine, double *positions, double
 
 typedef struct interval {
     const lg_machine_vars *vars;
-    lg_var u[4];   /* coefficients (B, inputs); LG_NONE: no input, or none of this power */
-    lg_var h;      /* (B, 1) lengths, the time then runs from 0 to 1; LG_NONE: one length for all */
-    double length; /* of the interval in the time of the scheme */
+    lg_var u[4];   /* coefficients (B, inputs) of u; LG_NONE: no inputs, or this power is 0 in all rows */
+    lg_var h;      /* (B, 1), each row's length; time then runs from 0 to 1. LG_NONE: one length for all */
+    double length; /* length of the interval in the time of the scheme */
 } interval;
 
 static lg_var input_at(lg_tape *tape, const interval *over, double s) {
@@ -182,7 +184,7 @@ static double length_of(const lg_machine *machine, const lg_machine_log *log, si
     return (log->t[row + 1] - log->t[row]) / machine->scales.time;
 }
 
-/* Whether all lengths are that of the first row, to rounding of the times. */
+/* Whether all intervals are as long as the first one, to rounding error of the times. */
 static bool uniform(const lg_machine *machine, const lg_machine_log *log, const size_t *at, uint32_t count) {
     const double h = length_of(machine, log, at[0]);
     for (uint32_t i = 1; i < count; i++)
@@ -190,7 +192,7 @@ static bool uniform(const lg_machine *machine, const lg_machine_log *log, const 
     return true;
 }
 
-/* Coefficients of power k of the rows' inputs; LG_NONE: all are 0. */
+/* Coefficients of power k of the rows' inputs, (count, inputs); LG_NONE if k > 0 and all are 0. */
 static lg_var coefficients(lg_tape *tape, const lg_machine *machine, const lg_machine_log *log,
                            const size_t *at, uint32_t count, uint32_t k) {
     void *memory;
@@ -219,7 +221,7 @@ static lg_var lengths(lg_tape *tape, const lg_machine *machine, const lg_machine
     return h;
 }
 
-/* Steps of an explicit Lie group scheme. */
+/* Steps over the interval by an explicit Lie group scheme. */
 static lg_status scheme_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
     const lg_taped_ode ode = {.space = flow->space, .field = field, .user = over};
     const double h = over->length / flow->substeps;

@@ -1,4 +1,4 @@
-/* Machines: predictions of windows and their loss. */
+/* Machines: predictions of windows, and their loss. */
 #include <math.h>
 #include <string.h>
 
@@ -6,9 +6,10 @@
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* ---- what is given ---- */
+/* ---- logged data ---- */
 
-/* Points of windows: first .. last of each, all windows of one point together: (count points, ...). */
+/* Points first .. last of each window. Arrays are ordered by points, then by windows: (points * count,
+ * ...). */
 typedef struct points {
     const lg_machine_problem *problem;
     const uint32_t *samples;
@@ -20,10 +21,11 @@ static size_t row_of(const points *p, uint32_t point, size_t sample) {
     return p->problem->start[p->samples[sample]] + point;
 }
 
-/* Given positions and velocities of all points, and their weights. */
+/* Logged positions and velocities of all points, and their weights. */
 typedef struct given {
     lg_var positions, velocities, position_weights, velocity_weights;
-    lg_var along; /* as velocities: logged directions, else 0; of machines with directions */
+    /* Shaped as velocities: logged directions, 0 for other coordinates. Only for machines with directions. */
+    lg_var along;
 } given;
 
 static lg_status put_given(lg_tape *tape, const points *p, double factor, given *out) {
@@ -56,7 +58,7 @@ static lg_status put_given(lg_tape *tape, const points *p, double factor, given 
 
 /* ---- predictions of windows ---- */
 
-/* Parameters (B, numbers) of the samples' starts. */
+/* Parameters of the samples' starts, (B, numbers). */
 static lg_var start_parameters(lg_tape *tape, const points *p, lg_var theta) {
     const lg_machine *machine = p->problem->machine;
     const uint32_t numbers = lg_machine_start_numbers(machine), n = (uint32_t)p->problem->windows;
@@ -68,7 +70,7 @@ static lg_var start_parameters(lg_tape *tape, const points *p, lg_var theta) {
 
 enum { PARTS = 5 };
 
-/* Points 0 .. M - 1 of the samples: (M x parts). */
+/* Predicts points 0 .. M - 1 of the samples' windows: M states of `parts` variables each. */
 static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *flow, lg_var theta,
                          lg_var *predicted) {
     const lg_machine_problem *problem = p->problem;
@@ -99,7 +101,7 @@ static lg_status begin(lg_tape *tape, const lg_machine_problem *problem, lg_var 
     return lg_machine_space(problem->machine, &flow->space);
 }
 
-/* Part i of points first .. M - 1, one after the other. */
+/* Joins points first .. last of each part of the state into one variable, point after point. */
 static void join_points(lg_tape *tape, const points *p, size_t parts, const lg_var *predicted, lg_var *all) {
     lg_var each[LG_MACHINE_WINDOW];
     for (size_t i = 0; i < parts; i++) {
@@ -108,7 +110,7 @@ static void join_points(lg_tape *tape, const points *p, size_t parts, const lg_v
     }
 }
 
-/* Numbers (points count, n), point by point, as rows of windows (count, points n). */
+/* Reorders x (points * count, n), ordered by points, to rows of windows (count, points * n). */
 static lg_var by_window(lg_tape *tape, const points *p, lg_var x) {
     const uint32_t n = lg_var_shape(tape, x).dims[1], many = p->last - p->first + 1;
     const uint32_t count = (uint32_t)p->count;
@@ -117,7 +119,7 @@ static lg_var by_window(lg_tape *tape, const points *p, lg_var x) {
     return lg_reshape(tape, x, lg_shape2(count, many * n));
 }
 
-/* Velocities of directions without their parts along the logged directions, r - (r . q) q. */
+/* Removes from the velocities of directions their parts along the logged directions: r - (r . q) q. */
 static lg_var across(lg_tape *tape, const lg_machine *machine, lg_var r, lg_var along) {
     const uint32_t n = machine->velocities;
     void *memory;
@@ -134,7 +136,7 @@ static lg_var across(lg_tape *tape, const lg_machine *machine, lg_var r, lg_var 
     return lg_sub(tape, r, lg_mul(tape, dots, along));
 }
 
-/* The weighted differences of each window, (count, numbers). */
+/* Weighted differences of each window between predicted states `all` and data, (count, numbers). */
 static lg_var differences(lg_tape *tape, const points *p, const lg_machine_vars *vars, const given *data,
                           const lg_var *all) {
     const lg_var positions = lg_machine_record_positions(tape, vars, all),
@@ -151,7 +153,7 @@ static points window_points(const lg_machine_problem *problem, const uint32_t *s
                     problem->window - 1};
 }
 
-/* sum r^2 is the mean of the loss over a batch. */
+/* Factor of the residuals r that makes the sum of r^2 over a batch the mean loss of the batch. */
 static double factor_of(const points *p, size_t batch) {
     return 1.0 / sqrt((double)batch * (double)(p->last - p->first + 1));
 }
@@ -180,7 +182,8 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     return lg_tape_status(tape);
 }
 
-/* As shard_loss, of the differences that twice the substeps make. */
+/* As shard_loss, but for the steps' own error: the difference between predictions with the substeps and with
+ * twice as many, times 2^p/(2^p - 1) for a scheme of order p. */
 static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                              size_t batch, lg_var *floor) {
     const lg_machine_problem *problem = user;
@@ -204,7 +207,7 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
     return lg_tape_status(tape);
 }
 
-/* Numbers that are there in the training part, for the prior. */
+/* How many logged numbers the training part has, for the prior. */
 static size_t observations(const lg_machine_problem *problem) {
     const lg_machine *machine = problem->machine;
     const uint32_t first = lg_machine_starts_estimated(problem) ? 0 : 1;
@@ -220,7 +223,7 @@ static size_t observations(const lg_machine_problem *problem) {
 }
 
 void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out) {
-    /* The prior is for weights of networks. */
+    /* Only weights of networks have a prior. */
     const size_t weights = problem->theta == NULL ? problem->machine->weights : 0;
     *out = (lg_fit_problem){
         .parameters = lg_machine_problem_parameters(problem),
@@ -229,14 +232,14 @@ void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *o
         .residuals = shard_residuals,
         .linearise = lg_machine_linearise,
         .rows = lg_machine_linearised_rows(problem),
-        .user = (void *)(uintptr_t)problem, /* only read */
+        .user = (void *)(uintptr_t)problem, /* never written */
         .validation = problem->validation,
         .own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(problem->machine) : 0,
         .observations = weights > 0 ? observations(problem) : 0,
         .weights = weights};
 }
 
-/* ---- means over all windows ---- */
+/* ---- loss of all windows ---- */
 
 static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
     uint32_t samples[LG_FIT_CHUNK];

@@ -1,17 +1,17 @@
-/* Machines with a constant mass: steps that are symplectic where there are no forces but the potential's.
+/* Variational steps of machines with a constant mass; symplectic where the potential's are the only forces.
  *
  * kick (h/2) - drift (h) - kick (h/2), of order 2. docs/machines.md has the formulas.
  *
- * Kick: positions stand, momenta change by h/2 f(q, v, u) with all forces, v that in the middle of the change
- * (implicit midpoint) where forces depend on it. So the kinetic energy changes by h/2 v.f; of damping that is
- * never above 0.
+ * Kick: positions do not change; momenta change by h/2 f(q, v, u) with all forces f. Where forces depend on
+ * v, v is the velocity in the middle of the change (implicit midpoint). So the kinetic energy changes by h/2
+ * v.f, which is never above 0 for damping.
  *
- * Drift: free motion. With M constant, lines, angles and directions move exactly, g = (x, R) by the
- * variational integrator on the group with the discrete Lagrangian h/2 v^T M v, g1 = g0 exp(h v) (Bou-Rabee
- * and Marsden, Hamilton-Pontryagin integrators on Lie groups, 2009):
+ * Drift: free motion. With M constant, lines, angles and directions move exactly. Bodies, g = (x, R), move by
+ * the variational integrator on the group with the discrete Lagrangian h/2 v^T M v, g1 = g0 exp(h v)
+ * (Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, 2009):
  *   p0 = (dexp_{h v}^-1)^T M v,  p1 = Ad_{exp(h v)}^T p0.
- * v is found by Newton's method. Momenta in space are constant to rounding, whatever v is. Momenta of a body
- * move as pairs (l, m) under SE(3): (dexp_u^-1)^T is dexp_{-u}^-1 of the pair (liegrad/geometry.h). */
+ * Newton's method finds v. Momenta in space are constant to rounding error, whatever v is. Momenta of a body
+ * transform as pairs (l, m) under SE(3): (dexp_u^-1)^T is dexp_{-u}^-1 of the pair (liegrad/geometry.h). */
 #include <string.h>
 
 #include "autodiff/ops/lie.h"
@@ -23,7 +23,7 @@ typedef struct motion {
     const lg_machine_vars *vars;
     const lg_machine_span *over;
     lg_var *parts;
-    /* Of the kick: */
+    /* For the kick: */
     lg_var still; /* forces that do not depend on velocities, (B, velocities), or LG_NONE */
     lg_var u;
 } motion;
@@ -38,7 +38,7 @@ const char *lg_machine_variational_fault(const lg_machine *machine) {
     return NULL;
 }
 
-/* c h x; x (B, n) or (B, k, n) */
+/* c h x for x (B, n) or (B, k, n). */
 static lg_var paced(lg_tape *tape, const lg_machine_span *over, double c, lg_var x) {
     const lg_shape shape = lg_var_shape(tape, x);
     const lg_var y = lg_scale(tape, x, c * over->h);
@@ -54,7 +54,7 @@ static lg_var plus(lg_tape *tape, lg_var a, lg_var b) {
 
 /* ---- kick ---- */
 
-/* Whether forces depend on velocities. */
+/* Whether any force depends on velocities. */
 static bool drags(const lg_machine *machine) {
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
@@ -65,7 +65,7 @@ static bool drags(const lg_machine *machine) {
     return false;
 }
 
-/* The forces at velocities v, (B, velocities), or LG_NONE. */
+/* All forces of the kick at velocities v, (B, velocities), or LG_NONE. */
 static lg_var forces(lg_tape *tape, const motion *s, lg_var v) {
     lg_var sum = s->still;
     static const lg_machine_part with_velocities[] = {LG_MACHINE_DAMPING, LG_MACHINE_RESIDUAL};
@@ -74,7 +74,7 @@ static lg_var forces(lg_tape *tape, const motion *s, lg_var v) {
     return sum;
 }
 
-/* v - v(p + h/4 f(v)) */
+/* Equation of the midpoint velocity: r = v - v(p + h/4 f(v)). */
 static lg_status middle(void *user, lg_tape *tape, lg_var v, lg_var *r) {
     const motion *s = user;
     lg_var pushed[LG_TAPED_MAX_PARTS];
@@ -84,7 +84,7 @@ static lg_status middle(void *user, lg_tape *tape, lg_var v, lg_var *r) {
     return lg_tape_status(tape);
 }
 
-/* `pull`: the potential's forces. */
+/* The kick with inputs u; `pull` are the potential's forces. */
 static lg_status kick(lg_tape *tape, motion *s, lg_var pull, lg_var u) {
     lg_var v = lg_machine_record_rates(tape, s->vars, s->parts);
     s->u = u;
@@ -100,12 +100,13 @@ static lg_status kick(lg_tape *tape, motion *s, lg_var pull, lg_var u) {
 
 /* ---- drift ---- */
 
-/* What moves one body: -h Omega, -h w (LG_NONE: a rotation), (B, 3); its momenta m and l. */
+/* Displacement of one body in a step: turn = -h Omega and shift = -h w, (B, 3); its momenta m and l. A
+ * rotation has no shift and no l (LG_NONE). */
 typedef struct screw {
     lg_var turn, shift, m, l;
 } screw;
 
-/* v, p: (B, momenta) */
+/* v and p: (B, momenta). */
 static screw screw_of(lg_tape *tape, const motion *s, uint32_t coordinate, lg_var v, lg_var p) {
     const lg_machine *machine = s->vars->machine;
     const uint32_t first = lg_machine_offsets_of(machine, coordinate).momentum;
@@ -120,7 +121,8 @@ static screw screw_of(lg_tape *tape, const motion *s, uint32_t coordinate, lg_va
     return out;
 }
 
-/* Coordinates whose momenta are on R^n: the momenta that `body` gives, and those of lines as they are. */
+/* Momenta (B, momenta): `body` computes the momenta of bodies; the momenta of lines and angles are taken from
+ * p. */
 static lg_var each_momentum(lg_tape *tape, const motion *s, lg_var v, lg_var p,
                             void (*body)(lg_tape *, const screw *, lg_var *m, lg_var *l)) {
     const lg_machine *machine = s->vars->machine;
@@ -142,7 +144,7 @@ static lg_var each_momentum(lg_tape *tape, const motion *s, lg_var v, lg_var p,
     return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
 }
 
-/* (dexp_{h v}^-1)^T (m, l) */
+/* (dexp_{h v}^-1)^T (m, l). */
 static void at_start(lg_tape *tape, const screw *a, lg_var *m, lg_var *l) {
     if (lg_is_none(a->l)) {
         *m = lg_so3_dexpinv_rows(tape, a->turn, a->m);
@@ -152,7 +154,7 @@ static void at_start(lg_tape *tape, const screw *a, lg_var *m, lg_var *l) {
     *m = lg_se3_dexpinv_rows(tape, a->turn, a->shift, a->l, a->m);
 }
 
-/* Ad_{exp(h v)}^T (m, l) */
+/* Ad_{exp(h v)}^T (m, l). */
 static void carried(lg_tape *tape, const screw *a, lg_var *m, lg_var *l) {
     if (lg_is_none(a->l)) {
         *m = lg_so3_exp_rows(tape, a->turn, a->m);
@@ -169,7 +171,7 @@ static lg_status legendre(void *user, lg_tape *tape, lg_var v, lg_var *r) {
     return lg_tape_status(tape);
 }
 
-/* x + R dexp_{h Omega}(h w) */
+/* x + R dexp_{h Omega}(h w). */
 static lg_var shifted(lg_tape *tape, const screw *a, lg_var x, lg_var R) {
     const uint32_t rows = lg_var_shape(tape, x).dims[0];
     const lg_var way = lg_neg(tape, lg_so3_dexp_rows(tape, lg_neg(tape, a->turn), a->shift));
@@ -177,14 +179,14 @@ static lg_var shifted(lg_tape *tape, const screw *a, lg_var x, lg_var R) {
     return lg_add(tape, x, lg_reshape(tape, lg_matmul(tape, R, column), lg_shape2(rows, 3)));
 }
 
-/* The rows of R (B, 3, 3) turn as vectors do: r_i' = r_i x Omega. */
+/* R after the step. The rows of R turn like vectors: r_i' = r_i x Omega. */
 static lg_var turned(lg_tape *tape, const screw *a, lg_var R) {
     const lg_shape shape = lg_var_shape(tape, R);
     const lg_var turn = lg_reshape(tape, a->turn, lg_shape3(shape.dims[0], 1, 3));
     return lg_so3_exp_rows(tape, lg_broadcast_to(tape, turn, shape), R);
 }
 
-/* Places and rotations move on by v (B, momenta). */
+/* Moves places and rotations by the step h v; v is (B, momenta). */
 static void move_positions(lg_tape *tape, const motion *s, lg_var v) {
     const lg_machine *machine = s->vars->machine;
     const lg_machine_places at = lg_machine_parts(machine);
@@ -217,7 +219,7 @@ static lg_status move_bodies(lg_tape *tape, motion *s) {
     const lg_machine_places at = lg_machine_parts(machine);
     const lg_var p = s->parts[at.m];
     lg_var v = lg_matmul(tape, p, s->vars->inverse);
-    if (at.R < 0) { /* lines: p = M v */
+    if (at.R < 0) { /* only lines and angles: p = M v */
         s->parts[at.x] = lg_add(tape, s->parts[at.x], paced(tape, s->over, 1.0, v));
         return lg_tape_status(tape);
     }
@@ -227,7 +229,7 @@ static lg_status move_bodies(lg_tape *tape, motion *s) {
     return lg_tape_status(tape);
 }
 
-/* Great circles: q and p turn by h omega, omega = q x p/M. */
+/* Directions move on great circles: q and p turn by h omega with omega = q x p/M. */
 static void move_directions(lg_tape *tape, const motion *s) {
     const lg_machine_places at = lg_machine_parts(s->vars->machine);
     const lg_var q = s->parts[at.q], p = s->parts[at.p];

@@ -1,11 +1,12 @@
-/* Machines: windows of logs, and what their rows weigh. */
+/* Machines: cuts logs into windows, and weighs their rows in the loss. */
 #include <math.h>
 
 #include "core/core.h"
 #include "machine/internal.h"
 
-/* The start of the next window among rows first .. end - 1: the first complete one, unless that is behind
- * `most`, up to which windows cover all rows; then the last complete one before. `end`: none. */
+/* The start of the next window: the first complete row from `first` on. If that is behind `most`, rows would
+ * be left in no window; then the last complete row from `before` to `most`, if there is one. `end`: there is
+ * no next window. */
 static size_t next_start(const lg_machine *machine, const lg_machine_log *log, bool positions_only,
                          size_t before, size_t first, size_t most, size_t end) {
     size_t row = first;
