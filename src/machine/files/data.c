@@ -1,4 +1,4 @@
-/* A machine and its logs, and their noise. */
+/* Reads a machine and its logs, and finds the noise of the logs. */
 #include <math.h>
 #include <string.h>
 
@@ -6,7 +6,7 @@
 
 /* ---- logs ---- */
 
-/* The words of `more` between its commas follow the first paths. */
+/* Lists the training logs, then the comma-separated paths of the validation logs. */
 static lg_status list_paths(const lg_context *context, const lg_machine_sources *from, lg_machine_data *out,
                             lg_error *error) {
     const char *more = from->validation != NULL ? from->validation : "";
@@ -24,7 +24,7 @@ static lg_status list_paths(const lg_context *context, const lg_machine_sources 
     return LG_OK;
 }
 
-/* The parts of the first `files` files come first. */
+/* Makes `training` of the parts that lie in the first `files` files; they come first. */
 static void split(lg_machine_data *data, size_t files) {
     const lg_logs *logs = &data->logs;
     size_t parts = 0;
@@ -46,7 +46,8 @@ static lg_status read_logs(const lg_context *context, int64_t delay, size_t trai
     return status;
 }
 
-/* Reads the logs with delays of 0 to 8 rows, and once more with the delay that gives the smallest error. */
+/* Reads the logs with delays of 0 to 8 rows, and once more with the delay whose unexplained accelerations are
+ * smallest. */
 static lg_status estimate_delay(const lg_context *context, size_t training, lg_machine_data *out,
                                 lg_error *error) {
     enum { MOST = 8 };
@@ -106,8 +107,8 @@ lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *pat
 
 /* ---- noise ---- */
 
-/* The largest noise of columns first .. first + count - 1, where it is more than `least` of their range or
- * `confirmed`. */
+/* The largest noise of columns first .. first + count - 1. Noise given in the machine's file comes first;
+ * estimated noise counts if it is `confirmed` or more than `least` of the columns' range. */
 static double noise_of(const lg_machine_data *data, uint32_t first, uint32_t count, bool confirmed,
                        double least) {
     double range = 0.0, estimated = 0.0, given = 0.0;
@@ -120,7 +121,8 @@ static double noise_of(const lg_machine_data *data, uint32_t first, uint32_t cou
     return given > 0.0 ? given : confirmed || estimated > least * range ? estimated : 0.0;
 }
 
-/* Whether the noise that the position's column shows is there in its motion against the velocity, too. */
+/* Whether the noise of the position's column also shows in its differences from the integrated velocity: more
+ * than half of it. */
 static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
     const lg_log_statistics *found = &data->logs.columns[data->file.coordinates[coordinate].place];
     return !found->noise_at_most && found->noise > 0.0 &&
@@ -134,11 +136,11 @@ static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool co
     *position = fmax(noise_of(data, at->place, at->places, confirmed, least),
                      noise_of(data, at->attitude, at->attitudes, false, least));
     out->velocity[coordinate] = noise_of(data, at->velocity, at->velocities, confirmed, least);
-    if (at->attitudes == 4) *position *= 2.0; /* a quaternion changes by half of the angle */
+    if (at->attitudes == 4) *position *= 2.0; /* the rotation angle is twice the change of a quaternion */
 }
 
-/* What is less than 2e-4 of a range is left to the loss: starts need not be unknown for it, and uneven steps
- * and held inputs can feign it. */
+/* Unconfirmed noise below 2e-4 of a range is ignored: it does not justify estimated starts, and uneven time
+ * steps or held inputs can look like it. */
 bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out) {
     bool any = false;
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {

@@ -1,4 +1,4 @@
-/* How well inputs explain accelerations: for the delay with which they act. */
+/* How well inputs explain accelerations, used to estimate the inputs' delay. */
 #include <math.h>
 
 #include "liegrad/minimise.h"
@@ -9,8 +9,9 @@ enum {
     MOST_ROWS = 20000
 };
 
-/* Positions with sines and cosines of angles, velocities and the input in the middle, means of both ends of
- * an interval; returns how many. */
+/* Writes the numbers that may explain the acceleration between a row and the next one: mean positions (sine
+ * and cosine of angles), mean velocities, and the inputs in the middle of the interval. Returns how many
+ * numbers these are. */
 static size_t fill(const lg_machine *machine, const lg_machine_log *log, size_t row, double *z) {
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
     const double *q = log->q + row * nq, *v = log->v + row * nv, *u = log->u + row * 4 * m;
@@ -31,7 +32,7 @@ static size_t fill(const lg_machine *machine, const lg_machine_log *log, size_t 
     return used;
 }
 
-/* 1, z_i and z_i z_j; returns how many. */
+/* Writes 1, z_i and z_i z_j to x; returns how many. */
 static size_t square(const double *z, size_t count, double *x) {
     size_t used = 0;
     x[used++] = 1.0;
@@ -42,7 +43,7 @@ static size_t square(const double *z, size_t count, double *x) {
     return used;
 }
 
-/* Monomials x of an interval and its accelerations y. False: a number is missing. */
+/* Monomials x and accelerations y of the interval after `row`. False: a number is missing. */
 static bool interval(const lg_machine *machine, const lg_machine_log *log, size_t row, double *x, double *y) {
     double z[MOST_NUMBERS];
     const size_t nv = machine->velocities, n = square(z, fill(machine, log, row, z), x);
@@ -56,10 +57,12 @@ static bool interval(const lg_machine *machine, const lg_machine_log *log, size_
     return finite;
 }
 
-/* Sums of the normal equations, or with `A` of the squares that are left. */
+/* First pass, A NULL: sums of the normal equations. Second pass: sum of the squared residuals of the solution
+ * A. */
 typedef struct regression {
     size_t n, nv;
-    double *matrix, *right, *A, *x, left, rows; /* (n, n); (nv, n), A too; (n) */
+    /* matrix (n, n); right and A (nv, n); x (n); left: sum of squared residuals. */
+    double *matrix, *right, *A, *x, left, rows;
 } regression;
 
 static void add(regression *r, const double *y) {

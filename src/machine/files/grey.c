@@ -1,4 +1,4 @@
-/* The system of a machine and its parameters from YAML. */
+/* Reads the system of a machine and its parameters from YAML. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -11,11 +11,11 @@ typedef lg_machine_reading reading;
 
 static const char unknown_word[] = "unknown";
 
-/* One parameter while it is read: numbers (NaN: its default), and which are unknown. */
+/* One parameter while it is read: its numbers (NaN: use the default), and which of them are unknown. */
 typedef struct parameter {
     const char *key;
-    size_t count;    /* of numbers; 0: all with their defaults */
-    size_t unknowns; /* of `unknown`; 1 stands for all */
+    size_t count;    /* of numbers; 0: all numbers have their defaults */
+    size_t unknowns; /* count of `unknown`; 1 stands for all numbers */
     double values[LG_MACHINE_PARAMETERS];
     bool unknown[LG_MACHINE_PARAMETERS];
 } parameter;
@@ -33,7 +33,7 @@ static bool is_word(const yaml_node_t *node, const char *word) {
            memcmp(node->data.scalar.value, word, strlen(word)) == 0;
 }
 
-/* The items of a list, or a scalar as the only item. */
+/* Number of items of a list; a scalar counts as one item. */
 static size_t items_of(const yaml_node_t *node) {
     if (node->type != YAML_SEQUENCE_NODE) return 1;
     return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
@@ -61,7 +61,7 @@ static lg_status read_number(const reading *r, const yaml_node_t *node, paramete
     return lg_yaml_block(r->yaml, &key, &value, (const size_t[3]){1, 1, 1}, &p->values[i], NULL, r->error);
 }
 
-/* A number, a list of numbers, or the word `unknown` in place of any or all of them. */
+/* Reads a number, a list of numbers, or the word `unknown` in place of any number or of the whole list. */
 static lg_status read_numbers(const reading *r, const yaml_node_t *node, parameter *p) {
     if (is_word(node, unknown_word)) {
         p->count = 0;
@@ -73,7 +73,7 @@ static lg_status read_numbers(const reading *r, const yaml_node_t *node, paramet
     return LG_OK;
 }
 
-/* true, false, or a list of them. */
+/* Reads true, false, or a list of them. */
 static lg_status read_truths(const reading *r, const yaml_node_t *node, parameter *p) {
     LG_TRY(check_items(r, p->key, node, &p->unknowns));
     for (size_t i = 0; i < p->unknowns; i++) {
@@ -92,7 +92,7 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_UNKNOWN] = {.name = "unknown", .type = LG_FIELD_NODE},
 };
 
-/* {start: ..., unknown: true} */
+/* Reads {start: ..., unknown: true}. */
 static lg_status read_start(const reading *r, const yaml_node_t *node, parameter *p) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, KEY_COUNT, values};

@@ -1,4 +1,4 @@
-/* Errors of runs of a learned machine. */
+/* Errors of free runs of a learned machine. */
 #include <math.h>
 #include <string.h>
 
@@ -11,19 +11,19 @@ const char *const lg_run_error_names[LG_RUN_ERRORS] = {[LG_ERROR_LINE] = "line",
                                                        [LG_ERROR_ROTATION] = "rotation",
                                                        [LG_ERROR_VELOCITY] = "velocity"};
 
-/* ---- memory for runs ---- */
+/* ---- runs in memory ---- */
 
 static lg_status no_memory(lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
 }
 
-/* Runs, while they are judged. */
+/* Predicted runs, which a function of type judge then compares with the log. */
 typedef struct runs {
     const lg_machine *machine;
     const lg_machine_log *log;
     size_t steps, count;
-    const size_t *start; /* (count) rows */
-    double *q, *v;       /* (count, steps + 1, ...) */
+    const size_t *start; /* (count) rows of the log where the runs begin */
+    double *q, *v;       /* predictions (count, steps + 1, ...) */
 } runs;
 typedef void judge(void *user, const runs *r);
 
@@ -70,14 +70,16 @@ static double root(const sums *s) {
     return s->count > 0 ? sqrt(s->sum / (double)s->count) : (double)NAN;
 }
 
-/* Angles from chords |a - b| = 2 sin(angle/2) of unit vectors, |A - B|_F = sqrt 8 sin(angle/2). */
+/* The angle between two unit vectors or rotations, from their chord: 2 sin(angle/2) = |a - b| of vectors,
+ * sqrt 8 sin(angle/2) = |A - B|_F of rotation matrices. `diameter` is 2 or sqrt 8. */
 static double angle_of(const double *a, const double *b, int count, double diameter) {
     double square = 0.0;
     for (int i = 0; i < count; i++) square += (a[i] - b[i]) * (a[i] - b[i]);
     return 2.0 * asin(fmin(1.0, sqrt(square) / diameter));
 }
 
-/* Adds the errors of one point; NaN of the data is left out, NaN of the prediction is infinite. */
+/* Adds the errors of one point; numbers that the data do not have (NaN) are skipped. The prediction must not
+ * contain NaN (count_as_infinite). */
 static void add_point(const lg_machine *machine, const double *q, const double *v, const double *given_q,
                       const double *given_v, sums *out) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
@@ -98,7 +100,8 @@ static void add_point(const lg_machine *machine, const double *q, const double *
 
 /* ---- errors up to a horizon ---- */
 
-/* Rows from which a run of so many steps fits into a part, `every` rows apart. */
+/* Complete rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the
+ * part. */
 static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, size_t steps, size_t every,
                           size_t *out) {
     size_t count = 0;
@@ -108,7 +111,8 @@ static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, 
     return count;
 }
 
-/* The most steps within `seconds` of any row of the log; 0: the log is shorter. */
+/* The largest number of steps that fit into `seconds` from any row of the log; 0: intervals are longer, or
+ * there is none. */
 static size_t most_steps(const lg_machine_log *log, double seconds) {
     size_t most = 0;
     for (size_t p = 0; p < log->parts; p++) {
@@ -122,7 +126,7 @@ static size_t most_steps(const lg_machine_log *log, double seconds) {
     return most;
 }
 
-/* The errors of run i up to so many seconds, or of "nothing changes". */
+/* Adds the errors of run i up to `seconds`. With `unchanged` the prediction is that nothing changes. */
 static void judge_run(const runs *r, size_t i, double seconds, bool unchanged, sums *out) {
     const size_t nq = r->machine->positions, nv = r->machine->velocities;
     for (size_t step = 1; step <= r->steps; step++) {
@@ -133,7 +137,8 @@ static void judge_run(const runs *r, size_t i, double seconds, bool unchanged, s
     }
 }
 
-/* A prediction that is not finite is not left out: its errors overflow. */
+/* Replaces predictions that are not finite by 1e300, whose squared errors overflow, so that they are not
+ * skipped. */
 static void count_as_infinite(double *x, size_t count) {
     for (size_t i = 0; i < count; i++)
         if (!isfinite(x[i])) x[i] = 1e300;
@@ -141,7 +146,7 @@ static void count_as_infinite(double *x, size_t count) {
 
 typedef struct horizon {
     lg_horizon *out;
-    double *own; /* (errors, runs) */
+    double *own; /* (errors, runs): the root mean square of each run */
 } horizon;
 
 static void judge_horizon(void *user, const runs *r) {
@@ -184,7 +189,7 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
     return status;
 }
 
-/* ---- starts from positions ---- */
+/* ---- starts estimated from positions ---- */
 
 lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
                                 const lg_machine_log *log, const size_t *row, size_t count,
@@ -218,17 +223,18 @@ void lg_started_log_destroy(lg_started_log *started) {
 
 /* ---- horizons of a model ---- */
 
-/* If the log measures positions alone, this many rows before a start help to estimate the start. */
+/* If the log measures positions alone, the state at a start is estimated from the start's row and this many
+ * rows before it. */
 enum { BEFORE = LG_START_ROWS - 1 };
 
-/* Each run of `all` begins BEFORE rows before its start: copies the last steps + 1 points of each run. */
+/* Copies the last steps + 1 points of each run from `all`, whose runs begin BEFORE rows earlier. */
 static void keep_ends(const double *all, size_t count, size_t steps, size_t n, double *out) {
     for (size_t i = 0; i < count; i++)
         memcpy(out + i * (steps + 1) * n, all + (i * (BEFORE + steps + 1) + BEFORE) * n,
                (steps + 1) * n * sizeof *out);
 }
 
-/* Where to, from rows BEFORE earlier. */
+/* Where keep_runs copies the ends of runs to, and the steps of these ends. */
 typedef struct ends {
     double *q, *v;
     size_t steps;
@@ -257,7 +263,8 @@ static lg_status run_from_positions(void *user, const lg_machine_log *marked, co
     return status;
 }
 
-/* Velocities are there, as 0, where a run can start. */
+/* Sets velocities to 0 in rows where a run can start and to NaN elsewhere: find_starts takes complete
+ * rows. */
 static void mark_starts(const lg_machine *machine, const lg_machine_log *log, size_t every, double *v) {
     const size_t nv = machine->velocities;
     for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
@@ -291,8 +298,9 @@ lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine
 
 /* ---- windows ---- */
 
-/* Of two positions in the order of logs: the mean square of each coordinate's places, the squared angle of
- * directions and rotations, in sum. Missing ones count 0. */
+/* Squared difference of two positions a and b in the order of logs, summed over coordinates: the mean square
+ * of a coordinate's places, and the squared angle of its direction or rotation. Numbers missing in b count as
+ * 0. */
 static double position_loss(const lg_machine *machine, const double *a, const double *b) {
     double sum = 0.0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {

@@ -1,4 +1,4 @@
-/* How well a learned machine explains its logs, and what they say of its numbers. */
+/* Judges how well a learned machine explains its logs, and what the logs say of its numbers. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -6,9 +6,9 @@
 #include "machine/files/recipe.h"
 #include "model/files/learning.h"
 
-/* ---- where the mass of a network is told ---- */
+/* ---- position at which a network mass is reported ---- */
 
-/* A mass sees coordinate i. */
+/* Whether a term of the mass depends on coordinate i. */
 static bool is_seen(const lg_machine *machine, uint32_t i) {
     for (uint32_t t = 0; t < machine->term_count; t++)
         for (uint32_t k = 0; machine->terms[t].part == LG_MACHINE_MASS && k < machine->terms[t].of_count; k++)
@@ -34,9 +34,9 @@ static void find_place(const lg_machine_problem *problem, lg_machine_verdict *ou
     }
 }
 
-/* ---- the numbers and their common factor ---- */
+/* ---- numbers and their common factor ---- */
 
-/* Mass, potential, damping and input map are known up to a common factor. */
+/* Warns if mass, potential, damping and input map are determined only up to a common factor. */
 static void warn_of_gauge(const lg_learning *self, const lg_machine *machine) {
     if (machine->normalised)
         LG_WARN(self,
@@ -57,14 +57,16 @@ static void keep_several(lg_identification *of, size_t count) {
     of->open_count = kept;
 }
 
-/* The first number of the first open direction, or just the first one. */
+/* The first number that moves in the first open direction; without open directions the first of all
+ * numbers. */
 static const lg_identified *first_open(const lg_identification *of, size_t count) {
     size_t i = 0;
     while (of->open_count > 0 && i + 1 < count && of->open[i] == 0.0) i++;
     return count > 0 ? &of->numbers[i] : NULL;
 }
 
-/* Numbers of one kind have the same first word: "mass" of "mass.1.2", "I" of the label "I2". */
+/* Whether two names are of one kind, which means that their first words are equal: "mass" of "mass.1.2", "I"
+ * of the label "I2". */
 static bool are_alike(const char *a, const char *b) {
     size_t word = strcspn(a, ".");
     if (a[word] == '\0')
@@ -79,7 +81,7 @@ static double largest_alike(const lg_identified *numbers, size_t count, size_t i
     return largest;
 }
 
-/* Whether an open direction moves number i, or one like it. */
+/* Whether an open direction moves number i or a number of the same kind. */
 static bool is_open(const lg_identification *of, size_t count, size_t i) {
     for (size_t k = 0; k < of->open_count; k++)
         for (size_t j = 0; j < count; j++)
@@ -96,7 +98,8 @@ static void warn_of_open(const lg_learning *self, const lg_identification *of, s
     }
 }
 
-/* A number that its error exceeds, unless both are next to nothing against the others of its kind. */
+/* Warns of numbers whose error exceeds their value, unless the error is next to nothing against the largest
+ * number of the same kind. */
 static void warn_of_numbers(const lg_learning *self, const lg_machine_verdict *what) {
     static const double nothing = 0.02;
     const lg_identification *of = &what->identified;
@@ -116,8 +119,8 @@ static void warn_of_numbers(const lg_learning *self, const lg_machine_verdict *w
 
 /* ---- the loss ---- */
 
-/* The loss of a model that explains the logs: what their noise leaves of each number, of numbers without
- * noise what .8 % of the forces would make, and what the steps make, unless that is more than all else. */
+/* The loss to expect of a model that explains the logs: what their noise leaves, for numbers without noise
+ * what .8 % of the forces would make, and the steps' error, which counts at most as much as all of these. */
 static lg_status find_expected(const lg_learning *self, const double *theta, lg_machine_verdict *what,
                                lg_error *error) {
     static const double small = 8e-3;
@@ -132,7 +135,8 @@ static lg_status find_expected(const lg_learning *self, const double *theta, lg_
     }
     LG_TRY(lg_machine_expect(self->context, &s->problem, theta, &noise, &expected, error));
     what->tolerated =
-        isfinite(expected.loss) ? expected.loss : 0.0; /* a model that blows up excuses nothing */
+        /* A model whose runs are not finite must not make a large loss acceptable. */
+        isfinite(expected.loss) ? expected.loss : 0.0;
     for (uint32_t i = 0; i < coordinates; i++) {
         what->forces += expected.change.position[i] + expected.change.velocity[i];
         if (!(s->noise.position[i] > 0.0)) what->tolerated += small * small * expected.change.position[i];
@@ -142,7 +146,8 @@ static lg_status find_expected(const lg_learning *self, const double *theta, lg_
     return LG_OK;
 }
 
-/* Whether forces are missing, at least a ten thousandth of all: neither chance nor the error of the steps. */
+/* Whether forces are missing: at least a ten-thousandth of all forces, and more than chance or the error of
+ * the steps explains. */
 static bool are_missing(const lg_machine_verdict *what, double floor) {
     static const double chance = 8.0, least = 1e-4;
     const lg_machine_missing *missing = &what->missing;
@@ -184,7 +189,7 @@ static void warn_of_misfit(const lg_learning *self, const lg_machine_verdict *wh
 
 /* ---- results ---- */
 
-/* {name: {value, error}} */
+/* Writes {name: {value, error}}. */
 static void tell_numbers(lg_learning *self, const lg_machine_verdict *what) {
     lg_result_open(self, "identified", '{');
     for (size_t i = 0; i < what->count; i++) {
@@ -197,7 +202,7 @@ static void tell_numbers(lg_learning *self, const lg_machine_verdict *what) {
     lg_result_close(self, '}');
 }
 
-/* {coordinate: its positions} */
+/* Writes {coordinate: its positions}. */
 static void tell_place(lg_learning *self, const lg_machine *machine, const lg_machine_verdict *what) {
     const double *q = what->positions;
     if (!what->placed) return;
@@ -211,7 +216,7 @@ static void tell_place(lg_learning *self, const lg_machine *machine, const lg_ma
     lg_result_close(self, '}');
 }
 
-/* {"a,b": r} of those that are strong. */
+/* Writes {"a,b": r} for pairs of numbers with a correlation |r| above .9. */
 static lg_status tell_correlations(lg_learning *self, const lg_machine_verdict *what, lg_error *error) {
     enum { BOTH = 2 * LG_IDENTIFIED_NAME + 2 };
     static const double strong = 0.9;
@@ -230,7 +235,8 @@ static lg_status tell_correlations(lg_learning *self, const lg_machine_verdict *
     return LG_OK;
 }
 
-/* What fixes the common factor; where nothing does, the value at which learning left it. */
+/* Writes what fixes the common factor. If nothing does, names a number and the value at which learning left
+ * it. */
 static void tell_gauge(lg_learning *self, const lg_machine *machine, lg_machine_verdict *what) {
     const lg_identified *open = first_open(&what->identified, what->count);
     const bool free = machine->free_gauge || what->identified.open_count > 0;
@@ -264,7 +270,7 @@ static lg_status tell(lg_learning *self, lg_machine_verdict *what, lg_error *err
     return LG_OK;
 }
 
-/* ---- the hook ---- */
+/* ---- hook of the learner ---- */
 
 static lg_status find_numbers(lg_learning *self, const double *theta, lg_machine_verdict *out,
                               lg_error *error) {

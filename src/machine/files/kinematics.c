@@ -1,4 +1,4 @@
-/* Whether positions move as velocities say. */
+/* Compares changes of positions with the integrals of the measured velocities. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -11,9 +11,10 @@ double lg_machine_wrap(double angle) {
     return angle - turn * round(angle / turn);
 }
 
-/* The change of a coordinate from a row to the next, and what the mean of both velocities makes of it. */
+/* Sums over rows: `moved` of the squared changes of a coordinate from row to row, `missed` of their squared
+ * differences from the integral of the velocity (trapezoid). */
 typedef struct motion {
-    double moved, missed; /* sums of squares */
+    double moved, missed;
     size_t count;
 } motion;
 
@@ -74,8 +75,8 @@ void lg_machine_motions(const lg_machine_data *data, int lag, double *out) {
 
 /* ---- two clocks ---- */
 
-/* The velocities that explain the motion twice as well as those of the same rows do, and as velocities of
- * other rows do not by chance. */
+/* A lag is accepted if its velocities leave less than half of what the velocities of the same rows leave;
+ * velocities of other rows do not reach this by chance. */
 void lg_machine_lags(const lg_machine_data *data, int *lag, double *left) {
     enum { MOST = 12 };
     static const double better = 0.5;
@@ -90,16 +91,16 @@ void lg_machine_lags(const lg_machine_data *data, int *lag, double *left) {
     }
 }
 
-/* ---- numbers of lines and angles ---- */
+/* ---- coordinates with one number: lines and angles ---- */
 
 typedef struct number {
     const lg_machine_log *log;
-    const double *q, *v; /* of row 0 */
+    const double *q, *v; /* values in row 0 */
     size_t positions, velocities;
     bool angle;
 } number;
 
-/* The coordinate's number, where it is a line or an angle. */
+/* Finds the number of a line or angle. False: another kind of coordinate, or no velocities. */
 static bool find_number(const lg_machine_data *data, uint32_t coordinate, number *out) {
     const lg_machine *machine = &data->file.machine;
     const lg_machine_log *log = &data->logs.log;
@@ -115,7 +116,7 @@ static bool find_number(const lg_machine_data *data, uint32_t coordinate, number
            (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE);
 }
 
-/* Change from a row to the next, and the way of the velocity. */
+/* The change of position from a row to the next; `way` gets the integral of the velocity (trapezoid). */
 static double change_of(const number *n, size_t row, double *way) {
     const double *q = n->q + row * n->positions, *v = n->v + row * n->velocities;
     const double moved = q[n->positions] - q[0];
@@ -139,8 +140,8 @@ double lg_machine_position_noise(const lg_machine_data *data, uint32_t coordinat
     return count > 0 && sum < 0.0 ? sqrt(-sum / (double)count) : 0.0;
 }
 
-/* The median size of the changes other than 0; infinite if every change is 0. `sizes` has room for one number
- * a row. */
+/* The median size of the changes that are not 0; infinity if all are 0. `sizes` has room for one number per
+ * row. */
 static double usual_change(const number *n, double *sizes) {
     double way;
     size_t count = 0;
@@ -154,7 +155,9 @@ static double usual_change(const number *n, double *sizes) {
 }
 
 static lg_standstill longest_standstill(const number *n, double usual) {
-    static const double far = 6.0; /* usual changes; numbers of few digits stand still for one */
+    /* In usual changes. Coarsely rounded positions stand still only until they have moved by one rounding
+     * step. */
+    static const double far = 6.0;
     lg_standstill worst = {0, 0, 0};
     for (size_t p = 0; p < n->log->parts; p++) {
         double gone = 0.0, way;

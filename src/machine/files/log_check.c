@@ -1,5 +1,6 @@
-/* Do positions move as velocities say? Changes of position over a few rows are compared with the integral of
- * the velocity (trapezoid): correlation and slope, about the means, or of steady motions about 0. */
+/* Checks whether positions move as the velocities say. Changes of position over a few rows are compared with
+ * the integral of the velocity (trapezoid) by correlation and slope, about the means, or about 0 for steady
+ * motions. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -15,18 +16,18 @@ enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000, MOST_SORTED = 50000 }
 #define SLOPE_LOW   0.8
 #define SLOPE_HIGH  1.25
 #define FITS        0.9  /* correlation of columns that belong together */
-#define FITS_WELL   0.99 /* nothing else is tried */
+#define FITS_WELL   0.99 /* correlation from which on no other reading is tried */
 #define UNRELATED   0.5
 #define DEGREE      0.0174532925199433
-#define STEADY      1e-12 /* variances relative to squares */
-#define ABOVE_NOISE 25    /* variances of what moves, over those of its noise */
-#define MOST_ANGLE  0.5   /* radians over a span: changes of attitude add up only when they are small */
+#define STEADY      1e-12 /* variances below this part of the mean square are rounding */
+#define ABOVE_NOISE 25    /* needed ratio of a motion's variance to its noise's */
+#define MOST_ANGLE  0.5   /* radians over a span: only small changes of attitude add up */
 
-/* How columns are understood. The first way is what the machine file says. */
+/* A way to read the columns. The first way of a list is the way of the machine's file. */
 typedef struct way {
-    bool scalar_last; /* a quaternion is x, y, z, w */
-    bool inverse;     /* a rotation is space to body */
-    bool space;       /* rates are in space; of a pose's velocity: the other frame than the file says */
+    bool scalar_last; /* the quaternion is stored as x, y, z, w */
+    bool inverse;     /* the rotation is space to body */
+    bool space;       /* rates are in space; for a pose's velocity: in the other frame than the file says */
     const char *words;
 } way;
 
@@ -49,23 +50,26 @@ static const way rotation_ways[] = {
      "body rates"},
 };
 
-/* A comparison of some columns of the parts of one file, or of all. `count` numbers are compared. */
+/* Compares position columns with velocity columns, `count` numbers each, over the parts of one file or of all
+ * files. */
 typedef struct check check;
 struct check {
     lg_log_table *table;
-    double *sorted;               /* (MOST_SORTED + 1): room */
-    uint32_t file;                /* where the parts begin */
-    size_t begin, end;            /* parts */
-    uint32_t position, positions; /* columns, for sentences and their noise */
+    double *sorted;    /* (MOST_SORTED + 1) work space */
+    uint32_t file;     /* file of the first part */
+    size_t begin, end; /* parts begin .. end - 1 are compared */
+    /* first column and number of columns, also used in messages and for noise */
+    uint32_t position, positions;
     uint32_t velocity, velocities;
-    uint32_t attitude, attitudes; /* of a pose's place: its rotation */
-    int count;                    /* 1 or 3 */
-    bool turns;                   /* y is an angle */
-    bool steady;                  /* about 0 */
-    uint32_t watched;             /* rows are left out where this column ... */
-    double jump;                  /* ... changes by more than this to the next row; 0: none */
-    double low, high;             /* ... or is one of these; low >= high: none */
-    /* The change of position from row a to row b, and the velocity that makes it. */
+    uint32_t attitude, attitudes; /* attitude columns of a pose, for its place */
+    int count;                    /* 1 or 3 numbers */
+    bool turns;                   /* y is a rotation vector */
+    bool steady;                  /* correlation and slope are about 0, not about the means */
+    uint32_t watched;             /* column in which rows are left out, if it ... */
+    double jump;                  /* ... changes by more than this to the next row; 0: not used */
+    double low, high;             /* ... or equals one of these; not used if low >= high */
+    /* `change` computes the change y of position from row a to row b, `velocity_of` the velocity x in a row
+     * that should make this change. */
     void (*change)(const check *c, const way *w, const double *a, const double *b, double *y);
     void (*velocity_of)(const check *c, const way *w, const double *row, double *x);
 };
@@ -80,8 +84,10 @@ typedef struct sums {
 
 typedef struct fit {
     size_t n;
-    double correlation, slope;     /* of y over x; slope by standard deviations, with the sign */
-    double y_variance, x_variance; /* of one number */
+    /* Correlation of y with x; slope is the ratio of their standard deviations, with the correlation's
+     * sign. */
+    double correlation, slope;
+    double y_variance, x_variance; /* per number */
 } fit;
 
 static void add(sums *s, const double *x, const double *y) {
@@ -102,7 +108,7 @@ static fit fit_of(const sums *s, bool steady) {
         yy -= s->y[i] * s->y[i] / n;
         xy -= s->x[i] * s->y[i] / n;
     }
-    /* The differences keep a little of what does not change. */
+    /* A variance as difference of sums keeps a little rounding error where nothing changes. */
     if (xx <= STEADY * s->xx) xx = 0;
     if (yy <= STEADY * s->yy) yy = 0;
     fit f = {.n = s->n, .y_variance = yy / (n * s->count), .x_variance = xx / (n * s->count)};
@@ -113,7 +119,7 @@ static fit fit_of(const sums *s, bool steady) {
     return f;
 }
 
-/* From a row to the next one. */
+/* Whether the watched column jumps from `row` to the next row. */
 static bool is_jump(const check *c, size_t row) {
     const double *here = lg_log_row(c->table, row) + c->watched;
     return c->jump > 0 && fabs(here[c->table->columns] - *here) > c->jump;
@@ -124,7 +130,7 @@ static bool is_clipped(const check *c, size_t row) {
     return c->low < c->high && (x == c->low || x == c->high);
 }
 
-/* Over `span` rows. */
+/* Compares changes over `span` rows with integrals of the velocity. */
 static fit compare(const check *c, const way *w, size_t span) {
     const lg_log_table *table = c->table;
     const size_t stride = table->rows / MOST_COMPARED + span;
@@ -160,14 +166,15 @@ static void scalar_velocity(const check *c, const way *w, const double *row, dou
     for (int i = 0; i < c->count; i++) x[i] = row[c->velocity + (uint32_t)i];
 }
 
-/* omega x q */
+/* q' = omega x q. */
 static void direction_velocity(const check *c, const way *w, const double *row, double *x) {
     (void)w;
     lg_cross3(row + c->velocity, row + c->position, x);
 }
 
-/* x' of a pose: R w. The table has w; were the frame the other one, the log's numbers would have been x' in
- * space (left as they are) or w (turned by R^T for nothing). */
+/* x' of a pose. The table has w, the velocity in the body, so that x' = R w. w->space tries the other frame
+ * than the file says. If the file says "space", the table has R^T times the log's numbers, which then were w
+ * already: x' is R R times the table's. If it says "body", the table's numbers are x' themselves. */
 static void pose_velocity(const check *c, const way *w, const double *row, double *x) {
     double R[9], once[3];
     lg_log_rotation(row + c->attitude, c->attitudes, R);
@@ -209,13 +216,14 @@ static void rotation_velocity(const check *c, const way *w, const double *row, d
     lg_so3_coadjoint(R, row + c->velocity, x);
 }
 
-/* ---- judgements ---- */
+/* ---- verdicts ---- */
 
 static const char *path_of(const check *c) {
     return lg_shown_path(c->table->paths[c->file]);
 }
 
-/* Both the slope of y over x and the inverse of that of x over y are outside; so are negative ones. */
+/* The slope is wrong if both estimates of it, the regression of y on x and the inverse of the regression of x
+ * on y, are too large, or both are too small. Negative slopes are wrong. */
 static bool slope_is_wrong(const fit *f) {
     const double r = fabs(f->correlation);
     return r * f->slope > SLOPE_HIGH || f->slope / r < SLOPE_LOW;
@@ -225,8 +233,9 @@ static bool slope_is_right(const fit *f) {
     return f->slope > SLOPE_LOW && f->slope < SLOPE_HIGH;
 }
 
-/* The least step of a column of coarse numbers; else 0. Between its smallest and its largest value a coarse
- * column has a quarter of its numbers again; a sensor at the end of its range stands at the ends alone. */
+/* The smallest step of a column with coarsely rounded numbers; else 0. A column is coarse if at least a
+ * quarter of its values between the smallest and the largest repeat others. A sensor at the end of its range
+ * repeats only the smallest and the largest value. */
 static double step_of(const check *c, uint32_t column) {
     const size_t first = c->table->first[c->begin], end = c->table->first[c->end];
     size_t count = 0, inner = 0, different = 0;
@@ -249,16 +258,18 @@ static double noise_of(const check *c, uint32_t first, uint32_t count) {
     double most = 0;
     for (uint32_t i = first; i < first + count; i++) {
         const lg_log_statistics *s = &c->table->out->columns[i];
-        const double noise = s->noise_at_most ? s->noise / 10 : s->noise; /* of smooth columns: far less */
+        /* smooth columns have far less noise */
+        const double noise = s->noise_at_most ? s->noise / 10 : s->noise;
         const double rounding = DBL_EPSILON * fmax(fabs(s->low), fabs(s->high));
         most = fmax(most, fmax(fmax(noise, rounding), step_of(c, i) / sqrt(12)));
     }
     return most;
 }
 
-/* The shortest span over which both move well above their noise; false: none. */
+/* The shortest span over which position and velocity change well above their noise. False: there is none. */
 static bool find_span(const check *c, const way *w, size_t *span, fit *f) {
-    const double factor = c->positions == 4 ? 2 : 1; /* a rotation is twice its quaternion's vector */
+    /* a rotation vector is twice the quaternion's vector part */
+    const double factor = c->positions == 4 ? 2 : 1;
     const double q = factor * noise_of(c, c->position, c->positions);
     const double v = noise_of(c, c->velocity, c->velocities) * c->table->out->dt_median;
     for (*span = 1; *span <= MOST_SPAN; *span *= 2) {
@@ -272,7 +283,7 @@ static bool find_span(const check *c, const way *w, size_t *span, fit *f) {
     return false;
 }
 
-/* An angle that moves 180/pi times as fast as its rate: degrees. */
+/* Whether an angle moves 180/pi times as fast as its rate: it is in degrees. */
 static bool is_degrees(const check *c, const fit *f) {
     const lg_log_column *q = &c->table->machine->columns[c->position];
     return c->positions == 1 &&
@@ -280,7 +291,8 @@ static bool is_degrees(const check *c, const fit *f) {
            fabs(fabs(f->slope) * DEGREE - 1) < 0.05;
 }
 
-/* " or {x: 0.001}": a line's or angle's position may be what is in another unit, and so may be the time. */
+/* Other scales that would mend the slope, as text: " or {x: 0.001}" for the position of a line or angle, and
+ * for the time if all coordinates are alike. */
 static void other_scale(const check *c, const fit *f, char *text, size_t size) {
     const lg_log_column *q = &c->table->machine->columns[c->position];
     const lg_log_column *t = &c->table->machine->columns[c->table->machine->time];
@@ -324,9 +336,9 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
                    q.text, v.text, f->correlation, hint);
 }
 
-/* ---- sensors that fail ---- */
+/* ---- failing sensors ---- */
 
-/* The median size of the changes of the watched column from row to row, 0 of none. */
+/* The median change, in absolute value, of the watched column from row to row; 0 if there is none. */
 static double usual_change(const check *c, double *sizes) {
     size_t count = 0;
     for (size_t part = c->begin; part < c->end; part++)
@@ -339,7 +351,7 @@ static double usual_change(const check *c, double *sizes) {
     return count > 0 ? sizes[count / 2] : 0;
 }
 
-/* `first`: the row after the first jump. */
+/* Counts the jumps of the watched column; `first` gets the row after the first jump. */
 static size_t count_jumps(const check *c, size_t *first) {
     size_t count = 0;
     for (size_t part = c->begin; part < c->end; part++)
@@ -348,7 +360,7 @@ static size_t count_jumps(const check *c, size_t *first) {
     return count;
 }
 
-/* Single values of a column that are far off: without their steps it belongs together with the other one. */
+/* Refuses a column with single values far off: without its jumps, position and velocity belong together. */
 static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, uint32_t other,
                                  lg_error *error) {
     static const double far = 20;
@@ -370,8 +382,9 @@ static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, 
         c->table->machine->columns[other].name);
 }
 
-/* A column that stands at its smallest and largest value for many rows, and stands nowhere else. Coarse
- * numbers stand everywhere: the columns must belong together far better without these rows. */
+/* Refuses a column that often stands at its smallest or largest value, like a sensor at the end of its range.
+ * A coarsely rounded column stands still everywhere; it is refused only if position and velocity belong
+ * together far better without these rows. */
 static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, size_t span, const fit *f,
                                 lg_error *error) {
     enum { MANY = 10, PART = 100 };
@@ -398,17 +411,17 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
         path_of(c), table->machine->columns[column].name, without.low, without.high, count, rows);
 }
 
-/* Lines and angles that do not belong together because a sensor fails. */
+/* Refuses lines and angles whose position and velocity do not belong together because a sensor fails. */
 static lg_status refuse_failures(const check *c, const way *w, size_t span, const fit *f, lg_error *error) {
     if (c->count != 1 || c->positions != 1) return LG_OK;
     LG_TRY(refuse_outliers(c, w, c->position, c->velocity, error));
-    /* Velocities may jump: of an impact the correlation is still high. */
+    /* Velocities may jump in an impact; then the correlation is still high. */
     if (f->correlation < UNRELATED) LG_TRY(refuse_outliers(c, w, c->velocity, c->position, error));
     LG_TRY(refuse_clipped(c, w, c->velocity, span, f, error));
     return refuse_clipped(c, w, c->position, span, f, error);
 }
 
-/* Another way of reading the columns that fits far better, or NULL. */
+/* Another way of reading the columns that fits far better; NULL: none. */
 static const way *better_way(const check *c, const way *ways, size_t count, size_t span, const fit *f) {
     const way *best = NULL;
     double most = 0;
@@ -421,7 +434,7 @@ static const way *better_way(const check *c, const way *ways, size_t count, size
     return best;
 }
 
-/* The velocity of another line or angle that fits: " column vy fits", else "". */
+/* If the velocity of another line or angle fits, `hint` names it: " Column vy fits"; else it is "". */
 static void other_velocity(const check *c, size_t span, char *hint, size_t size) {
     const lg_machine_file *file = c->table->machine;
     static const way plain = {.words = ""};
@@ -523,7 +536,7 @@ static lg_status check_parts(const check *where, lg_error *error) {
     return LG_OK;
 }
 
-/* Each file alone, so that the sentence names the one with the fault, then what only all together show. */
+/* Checks each file alone, so that the message names the file at fault, then all files together. */
 static lg_status check_files(check where, lg_error *error) {
     const lg_log_table *table = where.table;
     while (where.begin < table->parts) {

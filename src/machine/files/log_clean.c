@@ -1,4 +1,5 @@
-/* Attitudes become attitudes, angles continuous, velocities those of the machine. */
+/* Cleans the logs' columns: normalises attitudes, makes angles continuous, brings velocities to the machine's
+ * frames. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -7,8 +8,8 @@
 #include "machine/files/log_table.h"
 #include "liegrad/geometry.h"
 
-#define MOST_OFF    1e-2 /* beyond it a quaternion, direction or matrix is none */
-#define NOTABLE_OFF 1e-3 /* beyond it there is a warning */
+#define MOST_OFF    1e-2 /* a quaternion, direction or matrix that is off by more is refused */
+#define NOTABLE_OFF 1e-3 /* an attitude that is off by more is warned of */
 #define PI          3.14159265358979323846
 #define TURN        (2 * PI)
 #define DEGREE      0.0174533
@@ -18,10 +19,10 @@ typedef struct cleaning {
     const lg_machine_coordinate *coordinate;
     const lg_log_coordinate *where;
     lg_error *error;
-    /* of this coordinate */
+    /* Of this coordinate: */
     size_t flips, mended, turns;
-    double worst;         /* distance of an attitude from one */
-    double along, across; /* sums of squares of omega along q and of omega */
+    double worst;         /* largest distance of an attitude from a valid one */
+    double along, across; /* sums of squares: of omega along q, of omega */
 } cleaning;
 
 /* ---- attitudes ---- */
@@ -43,7 +44,7 @@ void lg_log_rotation(const double *q, uint32_t count, double R[9]) {
     R[6] = 2 * (x * z - w * y), R[7] = 2 * (y * z + w * x), R[8] = w * w - x * x - y * y + z * z;
 }
 
-/* A vector of length one: the distance of its length from one. */
+/* Scales a vector to length 1; returns by how much its length was off. */
 static double normalise(double *x, uint32_t n) {
     const double norm = norm_of(x, n);
     for (uint32_t i = 0; i < n && norm > 0; i++) x[i] /= norm;
@@ -140,11 +141,11 @@ static void clean_velocity(cleaning *c, double *values) {
 
 /* ---- angles ---- */
 
-/* Steps of an angle between neighbouring rows. */
+/* Steps above pi of an angle between neighbouring rows. */
 typedef struct steps {
     double largest;
-    size_t at;  /* the row after the largest one */
-    size_t odd; /* a row whose step is more than pi and no turn; 0: none */
+    size_t at;  /* the row after the largest step */
+    size_t odd; /* first row whose step is not near a multiple of 2 pi; 0: none */
     size_t jumps;
 } steps;
 
@@ -179,7 +180,8 @@ static void unwrap(cleaning *c, size_t part) {
     }
 }
 
-/* Before the first unwrapping: a wrapped angle stays within one turn. */
+/* Looks for angles in degrees. Must run before the first unwrapping: a wrapped angle stays within one
+ * turn. */
 static lg_status check_angle(cleaning *c) {
     lg_log_table *table = c->table;
     const uint32_t column = c->where->place;
@@ -205,7 +207,7 @@ static lg_status check_angle(cleaning *c) {
     return LG_OK;
 }
 
-/* ---- all ---- */
+/* ---- whole table ---- */
 
 static lg_status tell(const cleaning *c) {
     lg_csv_names names;

@@ -1,4 +1,4 @@
-/* Logs as text: a header line, then one row a line. */
+/* Logs as text: a header line, then one row per line. */
 #include <string.h>
 
 #include "files/csv.h"
@@ -11,8 +11,8 @@ typedef struct csv {
     lg_csv text;
     lg_log_table *table;
     uint32_t file;
-    uint32_t *column;      /* (cells) column of the machine file, or NO_COLUMN */
-    char run[LG_LOG_NAME]; /* of the row before */
+    uint32_t *column;      /* (cells) index in the machine's file, or NO_COLUMN */
+    char run[LG_LOG_NAME]; /* name of the previous row's run */
     double *values;
 } csv;
 
@@ -63,7 +63,7 @@ static lg_status read_header(csv *c, lg_error *error) {
 
 /* ---- rows ---- */
 
-/* *again becomes true when the row belongs to the run of the row before. */
+/* Reads the run of a row; *again becomes true if it is the run of the previous row. */
 static lg_status read_run(csv *c, const char *cell, bool *again, lg_error *error) {
     const size_t length = strlen(cell);
     if (length == 0 || length >= sizeof c->run)

@@ -1,5 +1,5 @@
-/* Values far from all others of their column, for a row or two: outliers. Values so large that the others are
- * lost in their rounding: faults of the log. */
+/* Warns of outliers: one or two rows far from all other values of their column. Refuses values so large that
+ * the other values are lost in rounding. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -10,15 +10,16 @@
 #include "machine/files/log_table.h"
 
 enum { MOST_SORTED = 50000, FEWEST = 20, LONGEST = 2 };
-#define OUTSIDE 50  /* one part in so many, at each end, is left out of the range of most values */
-#define FAR     5.0 /* ranges from it */
+#define OUTSIDE 50  /* 1/50 of the values at each end does not count for the range */
+#define FAR     5.0 /* an outlier is this many ranges outside of the range */
 
-/* The values of most rows, and how far from them is far. */
+/* The range of most values of a column; a value is far off if its distance from the range is above `far`. */
 typedef struct bulk {
     double low, high, far;
 } bulk;
 
-/* A column that stands still has no range: its size takes its place. False: nothing is far. */
+/* If most values are equal, their size takes the place of their range. False: too few values, or all are
+ * 0. */
 static bool find_bulk(const lg_log_table *t, uint32_t column, size_t first, size_t end, double *work,
                       bulk *out) {
     const size_t stride = (end - first) / MOST_SORTED + 1;
@@ -40,8 +41,8 @@ static double distance(const bulk *b, double x) {
     return x > b->high ? x - b->high : x < b->low ? b->low - x : 0;
 }
 
-/* At the end of a run a value does not come back: a step looks like it, unless it is far beyond the size of
- * all others, too. */
+/* Whether rows row .. after - 1, which are far off, are an outlier. At the end of a run they may be a step,
+ * since nothing comes back; there they must also be far beyond the size of all other values. */
 static bool is_outlier(const lg_log_table *t, uint32_t column, size_t row, size_t after, size_t first,
                        size_t end, const bulk *b) {
     const bool begins = row == first || t->origin[row - 1].run != t->origin[row].run,
@@ -70,7 +71,8 @@ static lg_status warn_of_column(lg_log_table *t, uint32_t column, size_t first, 
                           t->machine->columns[column].name, lg_log_row(t, at)[column], b.low, b.high, count);
 }
 
-/* A square that overflows, or the range of the others below the rounding of the value. */
+/* Refuses a value whose square overflows, or at which rounding error is larger than the range of the
+ * others. */
 static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t first, size_t end, double *work,
                              lg_error *error) {
     bulk b;

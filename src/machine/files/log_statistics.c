@@ -9,11 +9,11 @@
 /* ---- noise ---- */
 
 enum { FIRST_ORDER = 3, LAST_ORDER = 6, MOST_WINDOWS = 50000, FEWEST_WINDOWS = 8 };
-#define NORMAL_MEDIAN 0.6744897501960817 /* of |x| of a standard normal x */
-#define WHITE         0.8                /* residuals of white noise do not fall with the order */
+#define NORMAL_MEDIAN 0.6744897501960817 /* median of |x| for standard normal x */
+#define WHITE         0.8                /* residuals of white noise stay as large when the order rises */
 
-/* Divided difference of order k of rows row..row + k, divided by the root of the sum of the squares of its
- * coefficients: of white noise it has the noise's standard deviation, whatever the steps are. */
+/* Divided difference of order k over rows row .. row + k, divided by the root of the sum of its squared
+ * coefficients. For white noise it has the noise's standard deviation, whatever the time steps are. */
 static double residual(const lg_log_table *table, uint32_t column, size_t row, int k) {
     double sum = 0, squares = 0;
     const double span = lg_log_time(table, row + (size_t)k) - lg_log_time(table, row);
@@ -28,7 +28,8 @@ static double residual(const lg_log_table *table, uint32_t column, size_t row, i
     return sum / sqrt(squares);
 }
 
-/* Robust standard deviation of the residuals of order k; NaN: too few. `work` (MOST_WINDOWS). */
+/* Robust standard deviation of the residuals of order k; NaN: too few rows. `work` has MOST_WINDOWS
+ * numbers. */
 static double deviation(const lg_log_table *table, uint32_t column, int k, double *work) {
     const size_t stride = table->rows / MOST_WINDOWS + 1;
     size_t count = 0;
@@ -44,12 +45,12 @@ static double deviation(const lg_log_table *table, uint32_t column, int k, doubl
     if (count < FEWEST_WINDOWS) return NAN;
     qsort(work, count, sizeof *work, lg_compare_doubles);
     const double median = work[count / 2] / NORMAL_MEDIAN;
-    /* Most residuals of a column with coarse numbers are 0. */
+    /* In a column of coarsely rounded numbers most residuals are 0. */
     return median > 0 ? median : sqrt(squares / (double)count);
 }
 
-/* The step of a column of coarse numbers, of which half at least are there more than once; 0: none. Steps
- * that are equal because a motion is steady have each number once. */
+/* The rounding step of a column whose values are multiples of a step, if at least half of them repeat others;
+ * else 0. A steady motion also has equal steps, but each value only once. */
 static double step_of(const lg_log_table *table, uint32_t column, double *work) {
     const size_t stride = table->rows / MOST_WINDOWS + 1;
     size_t count = 0, different = 0;
@@ -85,8 +86,8 @@ lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise
         if (!*at_most) break;
         *noise = next;
     }
-    /* Numbers that are rounded to steps are off by a step/sqrt(12); where the column is slow, by the same
-     * amount for many rows, which differences do not show. */
+    /* Rounding to steps makes an error of step/sqrt(12). In a slow column the error is the same in many rows,
+     * and differences do not show it. */
     const double rounding = step_of(table, column, work) / sqrt(12);
     if (rounding > *noise) *noise = rounding, *at_most = false;
     lg_free(table->context, work);
@@ -96,7 +97,8 @@ lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise
 /* ---- splines ---- */
 
 /* Second derivatives m (n) of the interpolating cubic spline with equal third derivatives on the first two
- * and on the last two intervals. `d` and `c` (n): the right-hand side and the upper diagonal, reduced. */
+ * and on the last two intervals. `d` and `c` (n) are work space: the reduced right-hand side and upper
+ * diagonal. */
 static void second_derivatives(size_t n, const double *t, const double *y, size_t stride, double *m,
                                double *d, double *c) {
     const double first = (t[1] - t[0]) / (t[2] - t[1]);
@@ -106,8 +108,8 @@ static void second_derivatives(size_t n, const double *t, const double *y, size_
         double below = i > 1 ? h : 0, diagonal = 2 * (h + g), above = i + 2 < n ? g : 0;
         const double slopes =
             (y[(i + 1) * stride] - y[i * stride]) / g - (y[i * stride] - y[(i - 1) * stride]) / h;
-        if (i == 1) diagonal += h * (1 + first), above -= h * first;   /* m_0 by m_1, m_2 */
-        if (i + 2 == n) diagonal += g * (1 + last), below -= g * last; /* likewise */
+        if (i == 1) diagonal += h * (1 + first), above -= h * first;   /* m_0 from m_1, m_2 */
+        if (i + 2 == n) diagonal += g * (1 + last), below -= g * last; /* the same at the end */
         const double pivot = diagonal - (i > 1 ? below * c[i - 1] : 0);
         c[i] = above / pivot;
         d[i] = (6 * slopes - (i > 1 ? below * d[i - 1] : 0)) / pivot;

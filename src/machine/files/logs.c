@@ -1,5 +1,5 @@
-/* Logs: what was read is cut into parts without gaps, mended, checked, and brought into the order of the
- * machine. */
+/* Logs: cuts what was read into parts without gaps, cleans and checks it, and brings it into the machine's
+ * order. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -10,15 +10,15 @@
 #include "files/h5.h"
 #include "machine/files/log_table.h"
 
-#define DEFAULT_STEP 1.4  /* medians */
-#define SAME_STEP    1e-9 /* relative */
-#define OTHER_RATE   3.0  /* medians of files that differ by more */
+#define DEFAULT_STEP 1.4  /* max_step by default, in median steps */
+#define SAME_STEP    1e-9 /* relative tolerance of steps */
+#define OTHER_RATE   3.0  /* files whose median steps differ by more are warned of */
 
 typedef struct reading {
     lg_log_table table;
     uint32_t delay;
     const lg_log_options *options;
-    size_t count; /* files */
+    size_t count; /* number of files */
     lg_error *error;
 } reading;
 
@@ -31,7 +31,7 @@ static lg_status no_memory(const reading *r) {
     return lg_log_no_memory(r->table.paths[0], r->error);
 }
 
-/* The warning that could not be added is an allocation that failed. */
+/* A warning can only fail to be added for lack of memory. */
 static lg_status warned(const reading *r, lg_status status) {
     return status == LG_OK ? LG_OK : no_memory(r);
 }
@@ -47,7 +47,7 @@ static double median(double *x, size_t n) {
     return x[n / 2];
 }
 
-/* The steps of one file, from row *row on; *row becomes the first row of the next file. */
+/* Appends the time steps of one file, from row *row on; *row becomes the first row of the next file. */
 static lg_status steps_of_file(reading *r, size_t *row, double *steps, size_t *count) {
     const lg_log_table *t = &r->table;
     const lg_log_column *time = &t->machine->columns[t->machine->time];
@@ -66,7 +66,7 @@ static lg_status steps_of_file(reading *r, size_t *row, double *steps, size_t *c
     return LG_OK;
 }
 
-/* Medians of files, and of all. */
+/* Finds the median time step of all files, and warns if the files' medians differ much. */
 static lg_status find_steps(reading *r, double *steps) {
     lg_logs *out = r->table.out;
     double least = INFINITY, most = 0;
@@ -104,7 +104,7 @@ static lg_status measure_steps(reading *r) {
     return status;
 }
 
-/* ---- columns ---- */
+/* ---- statistics of columns ---- */
 
 static bool is_value(const lg_log_column *column) {
     return column->role != LG_LOG_TIME && column->role != LG_LOG_RUN;
@@ -121,7 +121,7 @@ static void measure_column(const lg_log_table *t, uint32_t column) {
     t->out->columns[column] = s;
 }
 
-/* A row with all positions and all measured velocities is there. */
+/* Whether a row has all positions and all measured velocities. */
 static bool row_is_complete(const lg_log_table *t, size_t row) {
     for (uint32_t i = 0; i < t->columns; i++) {
         const lg_log_role role = t->machine->columns[i].role;
@@ -131,7 +131,7 @@ static bool row_is_complete(const lg_log_table *t, size_t row) {
     return true;
 }
 
-/* Every file has a complete row, and so a value in each column of states; of inputs it has one, too. */
+/* Checks that a file has a complete row, and a value in each column of an input. */
 static lg_status check_file(reading *r, size_t first, size_t end) {
     const lg_log_table *t = &r->table;
     const char *path = lg_shown_path(t->paths[t->origin[first].file]);
@@ -168,7 +168,7 @@ static lg_status warn_of_columns(reading *r) {
         if (c->role == LG_LOG_INPUT && s->low == s->high)
             LG_TRY(lg_log_warn(&r->table,
                                "column %s: the input is always %.6g: what it does cannot be learned", c->name,
-                               s->low + 0.0)); /* -0 is 0 */
+                               s->low + 0.0)); /* + 0.0 turns -0 into 0 */
     }
     for (uint32_t i = 0; i < m->coordinate_count; i++) {
         bool moves = false;
@@ -194,7 +194,8 @@ static bool follows(const lg_log_table *t, size_t row) {
            lg_log_time(t, row) - lg_log_time(t, row - 1) <= t->out->max_step * (1 + SAME_STEP);
 }
 
-/* Row j of a gap-free stretch gets the inputs of row j - delay; the first ones have none. */
+/* Delays inputs in a stretch without gaps: row j gets the inputs of row j - delay; the first rows get
+ * none. */
 static void delay_inputs(reading *r, size_t begin, size_t end) {
     const lg_log_table *t = &r->table;
     for (size_t row = end; r->delay > 0 && row-- > begin;) {
@@ -211,9 +212,9 @@ static bool input_is_missing(const lg_log_table *t, size_t row) {
     return false;
 }
 
-/* Parts grow at their end; rows move down to `kept`. */
+/* The part that is being built. Its rows move down in the table to row `kept`. */
 typedef struct growing {
-    size_t kept, begin; /* rows so far; the first one of the open part */
+    size_t kept, begin; /* rows that are kept so far; first row of the open part */
 } growing;
 
 static void keep_row(lg_log_table *t, growing *g, size_t row) {
@@ -224,7 +225,7 @@ static void keep_row(lg_log_table *t, growing *g, size_t row) {
     g->kept++;
 }
 
-/* A single row is no part. */
+/* Closes the open part; drops it if it has only one row. */
 static void close_part(lg_log_table *t, growing *g) {
     if (g->kept - g->begin >= 2) {
         t->first[++t->parts] = g->kept;
@@ -233,8 +234,8 @@ static void close_part(lg_log_table *t, growing *g) {
     g->kept = g->begin;
 }
 
-/* A held input that is missing ends its part: nothing is known after that row. Of others the row is of no use
- * either, since the interval before it needs its input. A row that is alone is dropped. */
+/* Cuts a stretch where an input is missing. A held input is unknown after such a row: the row ends its part.
+ * Other inputs are unknown before it, too: the row is dropped. */
 static void cut_stretch(reading *r, growing *g, size_t begin, size_t end) {
     lg_log_table *t = &r->table;
     delay_inputs(r, begin, end);
@@ -246,7 +247,7 @@ static void cut_stretch(reading *r, growing *g, size_t begin, size_t end) {
     close_part(t, g);
 }
 
-/* Tells the files of which nothing is left, where something is left of others. */
+/* Warns of files of which no row is used, if rows of other files are. */
 static lg_status warn_of_files(lg_log_table *t) {
     uint32_t file = 0;
     for (size_t part = 0; part <= t->parts; part++) {
@@ -286,7 +287,7 @@ static lg_status cut(reading *r) {
                    first_path(r), r->delay > 0 ? ": is the delay longer than the runs?" : "");
 }
 
-/* ---- the machine's order ---- */
+/* ---- logs in the machine's order ---- */
 
 static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) {
     const lg_machine *m = &t->machine->machine;
@@ -303,15 +304,15 @@ static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) 
     }
 }
 
-/* Held, and linear between rows. The last row of a part has no interval. */
+/* Held and linear inputs. The last row of a part has no interval. */
 static void fill_input(const reading *r, size_t begin, size_t end, uint32_t column, uint32_t input) {
     const lg_log_table *t = &r->table;
     const size_t inputs = t->machine->machine.input_count;
     for (size_t row = begin; row < end; row++) {
         double *to = t->out->u + 4 * row * inputs + input;
         double value = lg_log_row(t, row)[column];
-        if (isnan(value))
-            value = to[-(ptrdiff_t)(4 * inputs)]; /* the last row; the one before has its input */
+        if (isnan(value)) /* only in the last row of a part; it takes the input of the row before */
+            value = to[-(ptrdiff_t)(4 * inputs)];
         to[0] = value;
         if (t->machine->hold != LG_HOLD_ZERO && row + 1 < end)
             to[inputs] = lg_log_row(t, row + 1)[column] - value;
@@ -376,7 +377,7 @@ static lg_status fill(reading *r) {
     return LG_OK;
 }
 
-/* ---- all ---- */
+/* ---- reading ---- */
 
 static lg_status find_noise(reading *r) {
     const lg_log_table *t = &r->table;
@@ -384,7 +385,7 @@ static lg_status find_noise(reading *r) {
         lg_log_statistics *s = &t->out->columns[i];
         if (is_value(&t->machine->columns[i]) && lg_log_noise(t, i, &s->noise, &s->noise_at_most) != LG_OK)
             return no_memory(r);
-        /* Rounding errors are no noise. */
+        /* Rounding error is not noise. */
         if (s->noise < 4 * DBL_EPSILON * fmax(fabs(s->low), fabs(s->high))) s->noise = 0;
     }
     return LG_OK;

@@ -1,4 +1,4 @@
-/* Machines from YAML: coordinates, columns of logs, inputs. machine/files/terms.c reads the terms. */
+/* Reads machines from YAML: coordinates, columns of logs, inputs. terms.c reads the terms. */
 #include <float.h>
 #include <stdio.h>
 #include <string.h>
@@ -47,7 +47,7 @@ enum {
     KEY_SYSTEM,
     KEY_FORM,
     KEY_PARAMETERS,
-    KEY_PARTS, /* one for each part, in the order of lg_machine_part */
+    KEY_PARTS, /* one key per part, in the order of lg_machine_part */
     KEY_COUNT = KEY_PARTS + LG_MACHINE_PART_COUNT
 };
 
@@ -88,7 +88,8 @@ static const lg_field coordinate_keys[OF_COUNT] = {
     [OF_FRAME] = LG_FIELD(lg_log_coordinate, NULL, "frame", NAME, space_frame, LG_NAMES("body", "space")),
 };
 
-/* How many columns each key of a coordinate has; `other`: or so many; 0: the key is not taken. */
+/* Number of columns that each key of a coordinate takes: `count` or `other`; count 0: the key is not
+ * allowed. */
 static const struct {
     uint32_t count, other;
 } takes[LG_COORDINATE_KIND_COUNT][OF_COUNT] = {
@@ -138,7 +139,7 @@ lg_status lg_machine_texts(reading *r, const void *node, const char *what, lg_te
 
 /* ---- columns ---- */
 
-/* A role that columns are added for. */
+/* Role of the columns that are added, and index of their coordinate or input. */
 typedef struct adding {
     lg_log_role role;
     uint32_t index;
@@ -174,7 +175,7 @@ static lg_status add_named(reading *r, const lg_key_value *value, const char *fa
 
 /* ---- coordinates ---- */
 
-/* Letters, digits, _ and -; a dot would be that of NAME.up. */
+/* Letters, digits, _ and -. No dot, which separates the suffix in NAME.up. */
 static bool is_name(const char *text) {
     if (*text == '\0' || strlen(text) >= LG_MACHINE_NAME) return false;
     for (; *text != '\0'; text++) {
@@ -184,7 +185,7 @@ static bool is_name(const char *text) {
     return true;
 }
 
-/* The keys that are there fit the kind. */
+/* Refuses keys that do not belong to the kind of coordinate. */
 static lg_status check_keys(reading *r, lg_coordinate_kind kind, const lg_key_value *values) {
     for (int k = OF_COLUMNS; k <= OF_RATES; k++) {
         if (values[k].line != 0 && takes[kind][k].count == 0)
@@ -199,7 +200,8 @@ static lg_status check_keys(reading *r, lg_coordinate_kind kind, const lg_key_va
     return LG_OK;
 }
 
-/* The columns of one key of a coordinate; a line's or angle's own name stands for its position. */
+/* Reads the columns of one key of a coordinate. Without a key, a line or angle has its position in the column
+ * of its own name. */
 static lg_status read_columns(reading *r, int k, uint32_t line, const lg_key_value *value, lg_log_role role,
                               uint32_t *first, uint32_t *count) {
     lg_machine_file *out = r->out;
@@ -224,7 +226,7 @@ static lg_status read_columns(reading *r, int k, uint32_t line, const lg_key_val
                         other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
 }
 
-/* Velocities, and a pose's rates. */
+/* Reads the columns of a coordinate's velocities, including a pose's rates. */
 static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *values,
                                  lg_log_coordinate *c) {
     if (r->out->measured != LG_MEASURED_POSITIONS) {
@@ -316,9 +318,9 @@ static lg_status read_inputs(reading *r, const lg_key_value *values) {
     return LG_OK;
 }
 
-/* ---- numbers by column ---- */
+/* ---- numbers of columns ---- */
 
-/* noise: {x: 0.1}, scale: {theta: 0.0174533} */
+/* Reads a map from columns to numbers, like {x: 0.1}, into the member of lg_log_column at `offset`. */
 static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_value *value, size_t offset,
                               double low) {
     const yaml_node_t *map = value->node;
@@ -354,7 +356,7 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
 
 /* ---- the file ---- */
 
-/* The line of the term that a sentence begins with, "mass of kind known: ..."; 0: of none. */
+/* The line of the term that an error sentence begins with, "mass of kind known: ..."; 0: no term. */
 static uint32_t line_at_fault(const reading *r, const char *sentence) {
     char name[64];
     for (uint32_t i = 0; i < r->out->machine.term_count; i++) {

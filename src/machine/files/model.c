@@ -1,4 +1,4 @@
-/* Machines as a kind of model. */
+/* Machines as a kind of model: their model file. */
 #include "liegrad/machine_model.h"
 
 #include <ctype.h>
@@ -10,10 +10,10 @@
 #include "files/h5.h"
 #include "model/files/recipe.h"
 
-/* ---- the YAML text ---- */
+/* ---- YAML text of the machine ---- */
 
-/* Copies a line without its comment and blanks at the end; returns its length with the line's end, 0 for an
- * empty one. A # begins a comment at the start or after a blank, outside of quotes. */
+/* Copies a line without its comment and trailing blanks; returns the length including the line end, 0 for an
+ * empty line. A # outside of quotes begins a comment at the start of the line or after a blank. */
 static size_t copy_line(const char *line, size_t length, char *out) {
     char quote = '\0';
     size_t used = 0;
@@ -49,7 +49,7 @@ lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name,
     return LG_OK;
 }
 
-/* ---- the run ---- */
+/* ---- fields of the run ---- */
 
 enum { SCALES = 3 + LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS };
 _Static_assert(sizeof(lg_machine_scales) == SCALES * sizeof(double),
@@ -75,7 +75,7 @@ static void put_range(void *member, const double *values, uint32_t count) {
     if (count == 2 * LG_MACHINE_RANGE) memcpy(member, values, sizeof(lg_machine_range));
 }
 
-/* Of all coordinates, those that are not there included. */
+/* All LG_MACHINE_COORDINATES entries, also of coordinates that the machine does not have. */
 static uint32_t get_coordinates(const void *member, double *values) {
     memcpy(values, member, LG_MACHINE_COORDINATES * sizeof *values);
     return LG_MACHINE_COORDINATES;
@@ -147,7 +147,7 @@ static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
 
 /* ---- the flat parameter vector as named arrays ---- */
 
-/* "damping", or "damping2" of a second term of the part. */
+/* Name of a term: "damping", or "damping2" for the second term of its part. */
 static void name_term(const lg_machine *machine, uint32_t term, char *text, size_t size) {
     uint32_t before = 1;
     const lg_machine_part part = machine->terms[term].part;
@@ -167,7 +167,7 @@ static void set_slice(lg_slice_info *s, const char *term, const char *name, size
     s->count = (size_t)(first * (rank == 2 ? second : 1));
 }
 
-/* Slice number *index of a network; counts down what it passes. */
+/* Finds slice number *index of a network. Subtracts from *index the slices that are passed. */
 static bool network_slice(const lg_machine_term *term, const char *name, uint32_t *index, lg_slice_info *s) {
     const lg_mlp *net = &term->net;
     char layer_name[24];
@@ -202,7 +202,7 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
     return false;
 }
 
-/* ---- the rest of the file ---- */
+/* ---- other contents of the file ---- */
 
 static const char spread_name[] = "spread";
 
@@ -247,7 +247,7 @@ static const lg_scheme *usual_scheme(const void *file) {
     return ((const lg_machine_model_file *)file)->run.scheme;
 }
 
-extern const struct lg_learner lg_machine_model_learner; /* recipe.c */
+extern const struct lg_learner lg_machine_model_learner; /* in recipe.c */
 LG_RECIPE(machine_model, "machine-checkpoint", .scheme = usual_scheme, .space = space,
           .learner = &lg_machine_model_learner);
 

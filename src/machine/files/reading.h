@@ -1,4 +1,4 @@
-/* Shared by machine.c (coordinates and columns), grey.c (the known system)
+/* Shared by the readers of a machine's file: machine.c (coordinates and columns), grey.c (the named system)
  * and terms.c (mass, potential, ...). */
 #ifndef LG_MACHINE_READING_H
 #define LG_MACHINE_READING_H
@@ -12,18 +12,20 @@ typedef struct lg_machine_reading {
     lg_yaml *yaml;
     lg_machine_file *out;
     lg_error *error;
-    uint32_t lines[LG_MACHINE_TERMS]; /* of the machine's terms; 0: the file does not name them */
+    /* Line of each term of the machine in the file; 0: the file does not name the term. */
+    uint32_t lines[LG_MACHINE_TERMS];
 } lg_machine_reading;
 
-/* visit(r, node, text, user) for the text of a scalar, or for each of a list. `what` names the key. */
+/* Calls visit(r, line, text, user) for the text of a scalar, or for each text of a list. `what` names the key
+ * in messages. */
 typedef lg_status (*lg_text_visit)(lg_machine_reading *r, uint32_t line, const char *text, void *user);
 lg_status lg_machine_texts(lg_machine_reading *r, const void *node, const char *what, lg_text_visit visit,
                            void *user);
 
-/* The terms of one part; `value` is the key's, absent when its line is 0. */
+/* Reads the terms of one part. The file does not have the key if the line of `value` is 0. */
 lg_status lg_machine_read_terms(lg_machine_reading *r, lg_machine_part part, const lg_key_value *value);
 
-/* `system`, `form` and `parameters`; each absent when its line is 0. */
+/* Reads the keys `system`, `form` and `parameters`. A key with line 0 is not in the file. */
 lg_status lg_machine_read_system(lg_machine_reading *r, const lg_key_value *system, const lg_key_value *form,
                                  const lg_key_value *parameters);
 

@@ -1,4 +1,4 @@
-/* How a machine is learned from its logs. */
+/* The recipe of machines: how a machine is learned from its logs. */
 #include "machine/files/recipe.h"
 
 #include <math.h>
@@ -10,7 +10,8 @@ enum { STREAM_WEIGHTS = 1, SHORTEST_LOG = 3 };
 
 /* ---- the data ---- */
 
-/* MACHINE.yaml LOG...; of a model file, which has its machine, the logs alone. */
+/* Paths are MACHINE.yaml LOG...; when a model file is given, which contains its machine, they are LOG...
+ * alone. */
 static lg_status read_data(lg_learning *self, lg_error *error) {
     lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
@@ -39,7 +40,7 @@ static void close_data(lg_learning *self) {
 
 /* ---- the run ---- */
 
-/* Rows of the longest part without a gap. */
+/* Rows of the longest part. */
 static size_t longest_part(const lg_machine_log *log) {
     size_t longest = 0;
     for (size_t p = 0; p < log->parts; p++)
@@ -55,7 +56,8 @@ static size_t count_windows(const lg_machine_model_run *run, const lg_machine_st
     return lg_machine_windows(&run->machine, &s->data.training, run->window, stride, s->positions, NULL);
 }
 
-/* Windows touch; they overlap where there would be too few. */
+/* Neighbouring windows share one row. Measured starts: the stride is halved while there are fewer than 2000
+ * windows. */
 static uint32_t find_stride(const lg_machine_model_run *run, const lg_machine_state *s) {
     enum { ENOUGH = 2000 };
     uint32_t stride = run->window - 1;
@@ -64,7 +66,7 @@ static uint32_t find_stride(const lg_machine_model_run *run, const lg_machine_st
     return stride;
 }
 
-/* About how many parameters the fit has, the unknowns of the starts included. */
+/* Approximate number of the fit's parameters, including those of the starts. */
 static size_t count_parameters(const lg_machine_model_run *run, const lg_machine_state *s) {
     const lg_machine *machine = &run->machine;
     const size_t windows =
@@ -77,7 +79,8 @@ static bool ends_with_lm(const lg_fit_plan *plan) {
     return plan->phases > 0 && plan->phase[plan->phases - 1].method == LG_FIT_LM;
 }
 
-/* What is not given: how measured best, docs/reports/machines.md. */
+/* Chooses the settings that are not given. docs/reports/machines.md has the measurements behind these
+ * choices. */
 static void choose_settings(const lg_learning *self) {
     enum { DENSE = 4000 };
     static const double prior = 0.3;
@@ -112,7 +115,8 @@ static double root_mean_square(const lg_machine_log *log, uint32_t velocities, u
     return count > 0 ? sqrt(sum / (double)count) : 0.0;
 }
 
-/* Errors count in units of the noise; without noise, of velocities and of half the way of a window. */
+/* Sets the scales of the loss: the noise of each coordinate; without noise the root mean square of its
+ * velocities, and for positions half the distance that this velocity covers in a window. */
 static void set_loss_scales(lg_machine_model_run *run, const lg_machine_state *s) {
     const lg_machine *machine = &run->machine;
     for (uint32_t i = 0, first = 0; i < machine->coordinate_count; i++) {
@@ -162,7 +166,8 @@ static lg_status describe(lg_learning *self, lg_error *error) {
 
 /* ---- the problem ---- */
 
-/* Rows that no window has, where they are more than a hundredth and were not left out by --stride. */
+/* Warns if more than a hundredth of the rows is in no window, unless --stride, longer than a window, leaves
+ * them out. */
 static void warn_of_rows(const lg_learning *self) {
     const lg_machine_model_run *run = self->run;
     const lg_machine_state *s = self->state;
@@ -228,7 +233,7 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
     return LG_OK;
 }
 
-/* Windows, and free runs of a second. */
+/* Reports the loss over windows, and errors of free runs of one second. */
 static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
     enum { EVERY = 25 };
     const lg_machine_model_file *file = from;

@@ -1,70 +1,76 @@
-/* Machines and logs as the learner and the commands of lg-identify take them. Sentences for the user go to
- * the context's log as warnings. */
+/* How the learner and the commands of lg-identify read machines and logs. Sentences for the user go to the
+ * context's log as warnings. */
 #ifndef LG_MACHINE_RECIPE_H
 #define LG_MACHINE_RECIPE_H
 
 #include "core/core.h"
 #include "liegrad/machine_model.h"
 
-/* Parameters up to which a model keeps their covariance. */
+/* A model keeps the covariance of its parameters up to this number of parameters. */
 #define LG_MACHINE_MOST_SPREAD 256
 
 /* ---- machines and their logs (data.c) ---- */
 
 typedef struct lg_machine_sources {
-    const char *machine;     /* MACHINE.yaml, or the file that `text` comes from */
-    const char *text;        /* of a machine; NULL: it is read */
+    const char *machine;     /* path of MACHINE.yaml, or the name of the file that `text` comes from */
+    const char *text;        /* the machine as YAML; NULL: it is read from the file */
     const char *const *logs; /* (count) paths of the logs for training */
     size_t count;
-    const char *validation; /* paths of the logs for validation, with commas between them; may be NULL */
-    int64_t delay;          /* rows; < 0: the machine's */
+    const char *validation; /* comma-separated paths of the validation logs; may be NULL */
+    int64_t delay;          /* delay of the inputs in rows; < 0: as in the machine's file */
 } lg_machine_sources;
 
-/* A machine and its logs: first those for training, then those for validation. */
+/* A machine and its logs: first the training logs, then the validation logs. */
 typedef struct lg_machine_data {
     lg_machine_file file;
     lg_logs logs;
-    lg_machine_log training; /* of these logs the parts that are for training */
-    const char *failed;      /* the file that a failure is about */
-    const char **paths;      /* (path_count) of all logs; owned, as is `list`, the words of the last ones */
+    lg_machine_log training; /* the parts of `logs` that are for training */
+    const char *failed;      /* after an error: the path of the file that caused it */
+    /* (path_count) paths of all logs. Owned, as is `list`, the text that the validation paths point into. */
+    const char **paths;
     size_t path_count;
     char *list;
 } lg_machine_data;
-/* `out` is zero, and is destroyed whatever comes of it. Warnings of the reader are told. */
+/* `out` must be zero, and must be destroyed even after an error. Warnings of the reader go to the context's
+ * log. */
 lg_status lg_machine_data_read(const lg_context *context, const lg_machine_sources *from,
                                lg_machine_data *out, lg_error *error);
 void lg_machine_data_destroy(lg_machine_data *data);
-/* LG_UNSUPPORTED where momenta are measured: they cannot be predicted in columns. */
+/* Fails with LG_UNSUPPORTED if the logs measure momenta, because columns of momenta cannot be predicted. */
 lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *path, lg_error *error);
 
-/* Standard deviations of the noise of the coordinates: given in the machine's file, or estimated where a
- * column is noisy; 0: none. True: there is some. */
+/* Standard deviations of the noise of each coordinate: as given in the machine's file, else estimated where
+ * columns are clearly noisy, else 0. Returns whether there is any noise. */
 bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out);
-/* The noise that columns show, however small; 0: smooth columns. That of a line's or angle's position is the
- * part that its motion shows, too, against its velocity. */
+/* As lg_machine_data_noise, but estimated noise counts however small; 0: smooth columns. For the position of
+ * a line or angle it is at most lg_machine_position_noise. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
 
-/* Mean square of the accelerations that are left of those between two rows by a polynomial of degree 2 in
- * positions (sines and cosines of angles), velocities and inputs, fitted to these logs (delay.c); NaN:
+/* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions (sine
+ * and cosine of angles), velocities and inputs, fitted to these logs, does not explain (delay.c). NaN:
  * nothing to fit. */
 lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *machine,
                                  const lg_machine_log *log, double *out, lg_error *error);
 
 /* ---- positions against velocities (kinematics.c) ---- */
 
-double lg_machine_wrap(double angle); /* to [-pi, pi] */
-/* How much of the motion of each coordinate from row to row the velocities `lag` rows later do not explain, a
- * part of its root mean square; NaN: nothing to compare. */
+double lg_machine_wrap(double angle); /* wraps to [-pi, pi] */
+/* For each coordinate, how badly the velocities `lag` rows later explain its motion: root mean square of the
+ * changes from row to row minus integrated velocities, divided by the root mean square of the changes. NaN:
+ * nothing to compare. */
 void lg_machine_motions(const lg_machine_data *data, int lag, double *out);
-/* The lag of the velocities that explain the motion at least twice as well as those of the same rows, within
- * 12 rows; 0: none does. `left`: what they do not explain. */
+/* For each coordinate the lag, within 12 rows, at which the velocities explain the motion best, if they leave
+ * less than half of what velocities of the same rows leave; else 0. `left`: what they leave, as in
+ * lg_machine_motions (at lag 0 half of it). */
 void lg_machine_lags(const lg_machine_data *data, int *lag, double *left);
-/* Noise of a line's or angle's position by what is left of its motion: noise makes neighbours of opposite
- * sign, curvature does not. 0: none, or another kind of coordinate. */
+/* Noise of the position of a line or angle, from differences of its changes and the integrated velocity:
+ * noise gives neighbouring differences opposite signs, curvature does not. 0: no noise, or another kind of
+ * coordinate. */
 double lg_machine_position_noise(const lg_machine_data *data, uint32_t coordinate);
-/* The longest run of rows in which a line or angle keeps its position although its velocity is not 0. */
+/* The longest run of rows in which a line or angle keeps its position although the integrated velocity says
+ * that it moves. */
 typedef struct lg_standstill {
-    size_t row, rows; /* rows 0: none */
+    size_t row, rows; /* rows 0: there is none */
     double value;
 } lg_standstill;
 lg_status lg_machine_stuck(const lg_context *context, const lg_machine_data *data, uint32_t coordinate,
@@ -72,24 +78,25 @@ lg_status lg_machine_stuck(const lg_context *context, const lg_machine_data *dat
 
 /* ---- runs of a learned machine, and their errors (horizons.c) ---- */
 
-/* A model as it runs. */
+/* What it takes to run a learned machine. */
 typedef struct lg_learned_machine {
     const lg_machine *machine;
     const double *theta;
     const lg_scheme *scheme;
     uint32_t substeps;
-    bool positions; /* its logs have these alone */
+    bool positions; /* its logs measure positions alone */
 } lg_learned_machine;
 
 enum { LG_START_ROWS = 50 };
-/* A log that has states at some rows, and at these alone: q (rows, positions) and v (rows, velocities). */
+/* A copy of a log with estimated states at some rows: q (rows, positions) and v (rows, velocities) are set in
+ * these rows alone. */
 typedef struct lg_started_log {
     lg_machine_log log;
     double *q, *v;
     const lg_context *context;
 } lg_started_log;
-/* The states at row[0..count-1] from the positions of LG_START_ROWS rows each, fewer at the end of a part.
- * `out` is destroyed whatever comes of it. */
+/* Estimates the states at row[0..count-1], each from the positions of LG_START_ROWS rows, fewer at the end of
+ * a part. `out` must be destroyed even after an error. */
 lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
                                 const lg_machine_log *log, const size_t *row, size_t count,
                                 lg_started_log *out, lg_error *error);
@@ -105,34 +112,36 @@ typedef enum lg_run_error {
 } lg_run_error;
 extern const char *const lg_run_error_names[LG_RUN_ERRORS];
 
-/* Root mean squares of errors up to a horizon; NaN where there is no such coordinate. */
+/* Root mean square errors of runs up to a horizon of H seconds; NaN for kinds of coordinates that the machine
+ * does not have. */
 typedef struct lg_horizon {
     double seconds;
     size_t starts;
-    double pooled[LG_RUN_ERRORS];    /* over all samples in (0, H] of all starts */
-    double median[LG_RUN_ERRORS];    /* median over starts of each start's own */
-    double unchanged[LG_RUN_ERRORS]; /* pooled, of "nothing changes" */
+    double pooled[LG_RUN_ERRORS];    /* over all samples in (0, H] of all runs */
+    double median[LG_RUN_ERRORS];    /* median over runs of each run's root mean square */
+    double unchanged[LG_RUN_ERRORS]; /* as pooled, for the prediction that nothing changes */
 } lg_horizon;
 
-/* Runs of `steps` intervals from rows `start`: q (count, steps + 1, positions), v (count, steps + 1,
- * velocities). */
+/* Predicts runs of `steps` intervals from rows start[0..count-1]: q (count, steps + 1, positions), v (count,
+ * steps + 1, velocities). */
 typedef lg_status lg_runner(void *user, const lg_machine_log *log, const size_t *start, size_t count,
                             size_t steps, double *q, double *v, lg_error *error);
-/* Of runs that begin every so many rows of a part. */
+/* Errors of runs that begin `every` rows apart in each part. */
 lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
                         const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                         lg_error *error);
-/* With positions alone the LG_START_ROWS rows up to a start estimate its state. */
+/* As lg_horizon_of for a model's own runs. Of logs with positions alone, the states at the starts are
+ * estimated from LG_START_ROWS rows that end at the start. */
 lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine *model,
                              const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                              lg_error *error);
-/* The mean over all windows of so many rows, points 2..M, of: for each coordinate the mean square of its
- * places (angles wrapped) and the squared angles of directions and rotations; the mean square of all
+/* Mean over all windows of `window` rows and their points 2..M of: the mean square of each coordinate's
+ * places (angles wrapped), the squared angles of directions and rotations, and the mean square of all
  * velocities. NaN: there is no window. */
 lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_machine *model,
                                  const lg_machine_log *log, uint32_t window, double *out, lg_error *error);
-/* Root mean squares of the errors of each coordinate over the problem's windows for training, from measured
- * starts: positions (radians; chords of directions and rotations) and velocities. NaN: not measured. */
+/* Root mean square errors of each coordinate's positions (radians; chords of directions and rotations) and
+ * velocities over the problem's training windows, predicted from measured starts. NaN: not measured. */
 lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machine *model,
                                const lg_machine_problem *problem, lg_machine_noise *out, lg_error *error);
 
@@ -140,34 +149,38 @@ lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machi
 
 /* How well a model explains the logs, and what they say of its numbers (judge.c). */
 typedef struct lg_machine_verdict {
-    double loss, expected; /* `expected`: at most, of a model that explains the logs */
-    double tolerated;      /* `expected` without the error of the steps */
-    double forces;         /* the loss of a model in which nothing acts, about */
+    /* The loss, and the largest loss that is expected of a model that explains the logs. */
+    double loss, expected;
+    double tolerated; /* `expected` without the error of the integration steps */
+    double forces;    /* about the loss of a model in which no forces act */
     lg_machine_missing missing;
-    lg_identification identified; /* in the learning's memory */
-    size_t count;                 /* of numbers */
-    bool placed;                  /* M of a network is told at these positions: "at x 1.2, theta 3.1" */
+    lg_identification identified; /* memory of the lg_learning */
+    size_t count;                 /* of identified numbers */
+    /* A network mass is reported at `positions`; `place` has them as text: "at x 1.2, theta 3.1". */
+    bool placed;
     double positions[LG_MACHINE_POSITIONS];
     char place[256];
-    char gauge[160]; /* what fixes the common factor of masses and forces */
+    /* What fixes the common factor of masses and forces. */
+    char gauge[160];
 } lg_machine_verdict;
 
 typedef struct lg_machine_state {
-    const char *validation; /* logs that are not trained on, with commas between them; NULL: none */
+    const char *validation; /* comma-separated paths of validation logs; NULL: none */
     lg_machine_data data;
-    bool positions, noisy;  /* positions alone are measured; there is noise: */
-    lg_machine_noise noise; /* lg_machine_data_noise */
+    bool positions, noisy;  /* the logs measure positions alone; `noise` is not all 0 */
+    lg_machine_noise noise; /* from lg_machine_data_noise */
     lg_machine_problem problem;
     lg_machine_verdict verdict;
 } lg_machine_state;
 
-/* Levenberg-Marquardt takes a forward sweep for each parameter: it wins while these are few. */
+/* Whether the machine has so few parameters that Levenberg-Marquardt, with one forward sweep for each, is
+ * fastest. */
 bool lg_machine_is_small(const lg_machine *machine);
 struct lg_learning;
-/* The parameters theta of the machine, in and out, from short windows, from which longer ones can be
- * predicted; the scales of the loss, and the substeps where they are not given (warm_up.c). */
+/* Improves theta, the machine's parameters (in and out), on short windows until longer windows can be
+ * predicted. Also sets the scales of the loss, and the substeps unless they are given (warm_up.c). */
 lg_status lg_machine_warm_up(struct lg_learning *self, double *theta, lg_error *error);
-/* The learner's hook: also tells what is wrong with the model. */
+/* The learner's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
 lg_status lg_machine_judge(struct lg_learning *self, double *theta, lg_error *error);
 
 #endif

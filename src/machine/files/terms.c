@@ -1,4 +1,4 @@
-/* The terms of a machine from YAML. */
+/* Reads the terms of a machine from YAML. */
 #include <float.h>
 #include <stdio.h>
 #include <string.h>
@@ -41,7 +41,8 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_WIDTH] = {.name = "coulomb_width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
 };
 
-/* The option of a kind that takes the key; 0: looked at elsewhere. */
+/* The options of a kind, any of which makes the key allowed; 0: check_keys decides, or the key is always
+ * allowed. */
 static const uint32_t takes[KEY_COUNT] = {[KEY_OF] = LG_TERM_OF,
                                           [KEY_HIDDEN] = LG_TERM_HIDDEN,
                                           [KEY_ACTIVATION] = LG_TERM_HIDDEN,
@@ -61,7 +62,7 @@ static bool is_true(const lg_key_value *value) {
 
 /* ---- features ---- */
 
-/* What may stand behind the dot of a coordinate's name, and the kinds that have it. */
+/* Suffixes of a coordinate's name, and the kinds of coordinates that have them. */
 #define BIT(kind) (1U << (kind))
 static const struct {
     const char *suffix;
@@ -76,7 +77,7 @@ static const struct {
     {".velocity", LG_FEATURE_VELOCITY, ~0U},
 };
 
-/* NAME or NAME.suffix of a coordinate. */
+/* Finds the feature NAME or NAME.suffix of a coordinate. */
 static bool find_coordinate(const lg_machine *m, const char *text, lg_machine_feature *out) {
     const size_t length = strcspn(text, ".");
     for (uint32_t i = 0; i < m->coordinate_count; i++) {
@@ -91,7 +92,7 @@ static bool find_coordinate(const lg_machine *m, const char *text, lg_machine_fe
     return false;
 }
 
-/* An input, or the column of a line's or angle's velocity. */
+/* Finds the feature of an input's column, or of a velocity's column of a line or angle. */
 static bool find_column(const lg_machine_file *file, const char *text, lg_machine_feature *out) {
     for (uint32_t i = 0; i < file->column_count; i++) {
         const lg_log_column *c = &file->columns[i];
@@ -144,7 +145,7 @@ static lg_status add_feature(reading *r, uint32_t line, const char *text, void *
 
 /* ---- values ---- */
 
-/* A number, a list of numbers or a list of rows. */
+/* Reads a number, a list of numbers or a list of rows. */
 static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_term *term) {
     const lg_field *key = &keys[KEY_VALUES];
     size_t shape[3] = {1, 1, 1};
@@ -200,7 +201,7 @@ static lg_status add_term(reading *r, lg_machine_part part, uint32_t line, const
     return LG_OK;
 }
 
-/* Keys that are there although the kind does not take them. */
+/* Refuses keys that the kind does not take. */
 static lg_status check_keys(reading *r, lg_machine_part part, const char *kind, uint32_t options,
                             const lg_key_value *values) {
     const bool damping = part == LG_MACHINE_DAMPING;
@@ -234,7 +235,7 @@ static lg_status fill_term(reading *r, lg_machine_part part, lg_machine_term *te
     return read_values(r, &values[KEY_VALUES], term);
 }
 
-/* The second and third term of damping. */
+/* Adds the terms of `coulomb: true` and `quadratic: true` to a damping. */
 static lg_status add_friction(reading *r, const lg_key_value *values) {
     lg_machine_term *term = NULL;
     if (is_true(&values[KEY_COULOMB])) {
@@ -245,7 +246,7 @@ static lg_status add_friction(reading *r, const lg_key_value *values) {
     return add_term(r, LG_MACHINE_DAMPING, values[KEY_QUADRATIC].line, "quadratic", &term);
 }
 
-/* The kind whose row describes the term: of a known potential its form. */
+/* The name of the term's kind in the table of terms: for a known potential its `form`. */
 static lg_status kind_of(reading *r, lg_machine_part part, const lg_key_value *values, const char **out) {
     *out = values[KEY_KIND].text;
     if (part != LG_MACHINE_POTENTIAL || strcmp(*out, "known") != 0) return LG_OK;

@@ -1,4 +1,4 @@
-/* Fits of short windows, before that of a learned machine. */
+/* Fits on short windows before the fit of a learned machine. */
 #include <math.h>
 #include <string.h>
 
@@ -10,13 +10,13 @@ bool lg_machine_is_small(const lg_machine *machine) {
     return machine->parameters <= FEW;
 }
 
-/* ---- a machine without residuals and networks that other terms can do without ---- */
+/* ---- the plain machine: without residuals, and without networks where other terms can do ---- */
 
 static bool is_network(const lg_machine_term *term) {
     return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
 }
 
-/* True if term i is a residual, or if it is a network and another term of the same part is not a network. */
+/* Whether term i is spare: a residual, or a network in a part that also has a term which is not a network. */
 static bool is_spare(const lg_machine *machine, uint32_t i) {
     const lg_machine_term *term = &machine->terms[i];
     if (term->part == LG_MACHINE_RESIDUAL) return true;
@@ -26,7 +26,7 @@ static bool is_spare(const lg_machine *machine, uint32_t i) {
     return others && is_network(term);
 }
 
-/* The machine without its spare terms; from[i]: the term that its term i is. */
+/* The machine without its spare terms. from[i]: index of its term i in the full machine. */
 typedef struct plain_machine {
     lg_machine machine;
     uint32_t from[LG_MACHINE_TERMS];
@@ -43,7 +43,7 @@ static lg_status make_plain(const lg_machine *machine, plain_machine *out, lg_er
     return lg_machine_init(&out->machine, error);
 }
 
-/* Copies the parameters of the plain machine's terms to the machine's theta, or back. */
+/* Copies the parameters of the plain machine's terms from `own` to the full machine's theta, or back. */
 static void copy_parameters(const lg_machine *machine, const plain_machine *plain, double *theta, double *own,
                             bool back) {
     for (uint32_t i = 0; i < plain->machine.term_count; i++) {
@@ -54,7 +54,7 @@ static void copy_parameters(const lg_machine *machine, const plain_machine *plai
     }
 }
 
-/* Spare networks begin with next to nothing: their last layers are scaled down. */
+/* Scales down the last layers of spare networks, so that they begin near 0. */
 static void quieten(const lg_machine *machine, double *theta) {
     static const double quiet = 1e-2;
     for (uint32_t i = 0; i < machine->term_count; i++) {
@@ -67,8 +67,8 @@ static void quieten(const lg_machine *machine, double *theta) {
 
 /* ---- fits ---- */
 
-/* Theta becomes what the fit found, where that lowers the loss by more than rounding: along directions that
- * the logs leave open a fit follows rounding as far as numbers go. */
+/* Takes the fit's parameters if they lower the loss by more than rounding error. Along directions that the
+ * logs leave open, a fit would follow rounding error arbitrarily far. */
 static lg_status take_lower(lg_learning *self, const lg_machine_problem *problem, const lg_fit *fit,
                             double *theta, lg_error *error) {
     static const double rounding = 1e-9;
@@ -82,11 +82,12 @@ static lg_status take_lower(lg_learning *self, const lg_machine_problem *problem
     return LG_OK;
 }
 
-/* So few rows do not tell a start that was not measured: it is the derivative of positions. */
+/* Windows up to this length do not determine an estimated start; the velocity is then a difference of
+ * positions. */
 enum { SHORTEST = 3 };
 
-/* A fit of windows of `window` rows at most. theta, in and out: the parameters of `machine`, then with
- * positions alone those of the starts. */
+/* Fits windows of at most `window` rows. theta, in and out: the parameters of `machine`; with positions alone
+ * the parameters of the starts follow. */
 static lg_status fit_short(lg_learning *self, const lg_machine *machine, const lg_scheme *scheme,
                            uint32_t window, double *theta, lg_error *error) {
     enum { EPOCHS = 200 };
@@ -117,9 +118,9 @@ static lg_status fit_short(lg_learning *self, const lg_machine *machine, const l
     return status;
 }
 
-/* Positions that do not follow from the velocities as well as velocities can be predicted (other programs'
- * integrators, sensors with a lag) count less: their errors in units of the scale become those of the
- * velocities. *changed: a scale grew. */
+/* Enlarges the position scale of a coordinate whose positions are predicted much worse, in units of their
+ * scale, than its velocities (logs of another program's integrator, a sensor with a lag): both errors then
+ * count alike. *changed: a scale was enlarged. */
 static lg_status balance(lg_learning *self, const lg_machine *machine, const double *theta, bool *changed,
                          lg_error *error) {
     static const double tolerated = 2.0;
@@ -140,7 +141,7 @@ static lg_status balance(lg_learning *self, const lg_machine *machine, const dou
     return LG_OK;
 }
 
-/* The loss of one-step windows. */
+/* The loss of the shortest windows: one step, or SHORTEST rows if positions alone are measured. */
 static lg_status short_loss(const lg_learning *self, const lg_machine *machine, const double *theta,
                             double *loss, lg_error *error) {
     const lg_machine_state *s = self->state;
@@ -151,7 +152,7 @@ static lg_status short_loss(const lg_learning *self, const lg_machine *machine, 
     return lg_machine_loss(self->context, &problem, theta, loss, NULL, error);
 }
 
-/* The parameters of the system: those of its mass. */
+/* Copies the parameters of the system, which are those of its mass term. */
 static void copy_system(const lg_machine *machine, const double *from, double *to) {
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
@@ -160,9 +161,9 @@ static void copy_system(const lg_machine *machine, const double *from, double *t
     }
 }
 
-/* Parameters of a system may start so far off that it is too stiff for a step. A step of Euler's is linear in
- * the acceleration: no start is too far. What it takes for damping is its own error, so that the system's
- * parameters alone are kept, where they are better. */
+/* The initial parameters of a system may make it too stiff for the integrator's steps. A step of explicit
+ * Euler is linear in the acceleration and works from any start. Euler's own error would appear as damping, so
+ * that only the system's parameters are kept, and only if they do not raise the loss. */
 static lg_status approach(lg_learning *self, const lg_machine *machine, double *theta, lg_error *error) {
     const uint32_t window = ((const lg_machine_state *)self->state)->positions ? SHORTEST : 2;
     double before = 0, after = 0, *own, *start;
@@ -180,7 +181,8 @@ static lg_status approach(lg_learning *self, const lg_machine *machine, double *
     return LG_OK;
 }
 
-/* Windows that grow, or one-step windows again and again until the scales of the loss stand. */
+/* With positions alone fits windows of growing length. Else fits the shortest windows, until the scales of
+ * the loss no longer change. */
 static lg_status fit_windows(lg_learning *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { ROUNDS = 4 };
     static const uint32_t growing[] = {SHORTEST, 15, 50};
@@ -200,8 +202,8 @@ static lg_status fit_windows(lg_learning *self, const lg_machine *machine, doubl
     return LG_OK;
 }
 
-/* Steps between two rows, where they are not given: the error of the steps is small against what the
- * parameters that short windows gave leave of the loss, or below all that matters. */
+/* Chooses the number of steps between two rows unless it is given: the error of the steps must be small
+ * against the loss that the parameters from short windows leave, or below all that matters. */
 static lg_status find_substeps(lg_learning *self, const lg_machine *machine, const double *theta,
                                lg_error *error) {
     enum { MOST = 4 };
@@ -225,7 +227,7 @@ static lg_status find_substeps(lg_learning *self, const lg_machine *machine, con
 lg_status lg_machine_warm_up(lg_learning *self, double *theta, lg_error *error) {
     const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
     const lg_machine_state *s = self->state;
-    /* Numbers of all starts, where short windows find them. */
+    /* With positions alone short windows also give the parameters of all starts. */
     const size_t starts = s->positions ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
     plain_machine *plain;
     double *own;
