@@ -1,5 +1,5 @@
-/* The evidence for weights and their priors: liegrad/table.h has the formulas. H is scaled to beta = 1 where
- * it is factored, so noise that tends to 0 does no harm. */
+/* Maximises the evidence for weights and their priors; liegrad/table.h has the formulas. H is factored as
+ * H/beta, so that noise that tends to 0 does no harm. */
 #include <math.h>
 #include <string.h>
 
@@ -10,9 +10,9 @@
 
 enum { CHUNK = 128, MOST_SLICES = 2 * NET_MAX_DENSE + 1, BURN_IN = 8, REFUSALS = 8, QUIET = 3 };
 
-/* Prior precision over noise precision, for each datum, at the start; bounds on it; no noise is below FLOOR
- * of the outputs' deviation; damping grows by FACTOR, up to REFUSALS times in a row. The search ends after
- * QUIET steps that change E by less than STILL of it. */
+/* START: initial alpha/beta per datum. LEAST and, per datum, MOST: bounds on alpha/beta. FLOOR: least noise,
+ * in deviations of the outputs. FACTOR: growth of the damping after a refused step, up to REFUSALS times in a
+ * row. The search ends after QUIET steps in a row that lower |r|^2 + penalty by less than the part STILL. */
 static const double START = 1e-4, LEAST = 1e-12, MOST = 1e6, FLOOR = 1e-10, FACTOR = 4.0, STILL = 1e-5;
 
 typedef struct evidence {
@@ -20,18 +20,18 @@ typedef struct evidence {
     const lg_table_problem *problem;
     const lg_kernels *k;
     lg_tape *tape;
-    size_t n, rows, data; /* parameters; rows looked at; rows outputs */
+    size_t n, rows, data; /* number of parameters; training rows that are used; rows times outputs */
     uint32_t slices;
     lg_slice_info slice[MOST_SLICES];
-    uint32_t *chosen; /* (rows) */
+    uint32_t *chosen; /* (rows): indices of these rows */
     double *memory;
     double *theta, *trial, *step;  /* (n) */
-    double *g, *trial_g;           /* (n): J^T r */
-    double *A, *trial_A, *H;       /* (n, n): J^T J; the factor */
-    double *jacobian, *r;          /* of a chunk */
-    double ratio[MOST_SLICES];     /* alpha/beta */
+    double *g, *trial_g;           /* (n): J^T r at theta and at trial */
+    double *A, *trial_A, *H;       /* (n, n): J^T J at theta and at trial; the factor */
+    double *jacobian, *r;          /* of one chunk of rows */
+    double ratio[MOST_SLICES];     /* alpha/beta of each slice */
     double variance;               /* 1/beta */
-    double squares, trial_squares; /* |r|^2 */
+    double squares, trial_squares; /* |r|^2 at theta and at trial */
     double gamma[MOST_SLICES], effective;
     uint32_t evaluations;
     bool settled;
@@ -39,7 +39,7 @@ typedef struct evidence {
 
 /* ---- sums over the rows ---- */
 
-/* |r|^2, J^T r and the upper triangle of J^T J (row-major) at theta. */
+/* Computes |r|^2, J^T r and the upper triangle of J^T J (row-major) at theta. */
 static lg_status look(evidence *e, const double *theta, double *squares, double *g, double *A) {
     const uint32_t outputs = e->problem->model->net.outputs;
     const size_t n = e->n;
@@ -72,8 +72,8 @@ static double penalty(const evidence *e, const double *theta) {
     return sum;
 }
 
-/* H/beta = J^T J + diag(ratio) (1 + damping) + damping diag(J^T J), factored. Row-major upper is LAPACK's
- * lower triangle. */
+/* Factors H/beta = J^T J + diag(ratio), with damping times its diagonal added. The upper triangle of a
+ * row-major matrix is LAPACK's lower triangle. */
 static bool factor(evidence *e, double damping) {
     const int n = (int)e->n;
     int info = 0;
@@ -87,7 +87,7 @@ static bool factor(evidence *e, double damping) {
     return info == 0;
 }
 
-/* gamma of each slice by the diagonal of H^-1. */
+/* Computes gamma of each slice from the diagonal of H^-1. */
 static bool count_parameters(evidence *e) {
     const int n = (int)e->n;
     int info = 0;
@@ -103,7 +103,7 @@ static bool count_parameters(evidence *e) {
     return info == 0 && isfinite(e->effective);
 }
 
-/* At theta: alpha and beta once more. */
+/* Estimates alpha and beta again from the current theta. */
 static void estimate(evidence *e) {
     const double data = (double)e->data;
     if (!count_parameters(e)) return;
@@ -117,7 +117,8 @@ static void estimate(evidence *e) {
     }
 }
 
-/* log of the probability of the data for these alpha and beta, without constants of the data. */
+/* Logarithm of the probability of the data with these alpha and beta, without terms that depend on the data
+ * alone. */
 static double log_evidence(evidence *e) {
     double sum =
         -0.5 * (e->squares + penalty(e, e->theta)) / e->variance - 0.5 * (double)e->data * log(e->variance);
@@ -146,7 +147,8 @@ static void swap(double **a, double **b) {
     *b = kept;
 }
 
-/* A step that lowers |r|^2 + penalty; *fall: by which part. LG_NO_CONVERGENCE: none does. */
+/* Takes a step that lowers |r|^2 + penalty. *fall: relative decrease. LG_NO_CONVERGENCE: no step lowers
+ * it. */
 static lg_status advance(evidence *e, double *damping, double *fall) {
     const double before = e->squares + penalty(e, e->theta);
     for (uint32_t refused = 0; refused < REFUSALS; refused++, *damping *= FACTOR) {
@@ -188,7 +190,7 @@ static lg_status search(evidence *e, const lg_table_evidence_options *o) {
 
 /* ---- memory ---- */
 
-/* `most` of the training rows at even distances. */
+/* Chooses e->rows of the training rows, evenly spaced. */
 static void choose_rows(evidence *e) {
     const size_t training = e->problem->samples->training;
     for (size_t i = 0; i < e->rows; i++) e->chosen[i] = (uint32_t)(i * training / e->rows);
@@ -230,7 +232,7 @@ static lg_status run(evidence *e, const lg_table_evidence_options *o, double *th
         e->ratio[s] = o->go_on ? 0.5 * decay[s] * (double)all : START * (double)e->data;
     LG_TRY(search(e, o));
     memcpy(theta, e->theta, e->n * sizeof *theta);
-    /* The loss is |r|^2 over all training numbers. */
+    /* The loss of lg_table_problem divides |r|^2 by the number of all training outputs. */
     for (uint32_t s = 0; s < e->slices; s++) decay[s] = 2.0 * e->ratio[s] / (double)all;
     if (result != NULL)
         *result = (lg_table_evidence_result){e->evaluations, e->settled, e->effective, sqrt(e->variance),

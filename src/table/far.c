@@ -1,11 +1,11 @@
-/* Cells of a table that lie far from the others of their column. */
+/* Finds cells of a table that lie far from the other cells of their column. */
 #include <math.h>
 #include <stddef.h>
 
 #include "core/core.h"
 #include "liegrad/table.h"
 
-/* The element that would stand at `k` if x (n) were sorted; x is put in another order. Hoare's FIND (Comm.
+/* The element that would stand at index k if x (n) were sorted; changes the order of x. Hoare's FIND (Comm.
  * ACM 4 (1961) 321). */
 static double element_of(double *x, size_t n, size_t k) {
     ptrdiff_t low = 0, high = (ptrdiff_t)n - 1;
@@ -27,7 +27,7 @@ static double element_of(double *x, size_t n, size_t k) {
     return x[k];
 }
 
-/* Half of the distance, which cannot overflow. */
+/* Half of the distance, because the distance itself may overflow. */
 static double half_distance(double x, double median) {
     return fabs(0.5 * x - 0.5 * median);
 }
@@ -36,7 +36,7 @@ bool lg_table_is_far(const lg_table_far *far, double x) {
     return half_distance(x, far->median) > far->limit;
 }
 
-/* The cells beyond the limit count only if they have more than half of the sum of squares. */
+/* Cells beyond the limit count as far only if they have more than half of the sum of squared distances. */
 static void count_far(const double *values, size_t stride, size_t rows, lg_table_far *far) {
     double largest = 0.0, all = 0.0, beyond = 0.0;
     for (size_t i = 0; i < rows; i++) {

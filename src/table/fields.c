@@ -1,4 +1,4 @@
-/* The hyperparameters of lg-fit: network and training. */
+/* Hyperparameters of the recipe `table`: network and training. */
 #include "settings/training.h"
 
 static uint32_t get_widths(const void *member, double *values) {

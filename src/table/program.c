@@ -1,5 +1,6 @@
-/* Table networks as programs. The mean of the inputs is the sum of two parameters, the first a number of
- * single precision: an offset causes no rounding errors in single precision. */
+/* Table networks as programs. The mean of the inputs is stored as the sum of two parameters, the first of
+ * which is a single-precision number. In single precision an offset of the inputs then makes no rounding
+ * errors. */
 #include "core/core.h"
 #include "model/record.h"
 #include "table/internal.h"
@@ -18,7 +19,8 @@ static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var
     return lg_tape_status(t);
 }
 
-/* All rows of the Jacobian in one batch, by whichever mode takes fewer of them. */
+/* Records all rows of the Jacobian in one batch, forward or in reverse, whichever takes fewer copies of the
+ * input. */
 static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
     const lg_table *model = user;
     const uint32_t in = model->net.inputs, out = model->net.outputs, rows = lg_var_shape(t, x[0]).dims[0];
@@ -71,7 +73,8 @@ lg_status lg_table_program(const lg_context *context, const lg_table *model, con
     for (uint32_t c = 0; c < n; c++) {
         const float near = (float)inputs->mean[c];
         mean[c] =
-            near - near == 0.0F ? (double)near : 0.0; /* beyond single precision: all of it in the rest */
+            /* A mean beyond single precision is stored in `rest` alone. */
+            near - near == 0.0F ? (double)near : 0.0;
         rest[c] = inputs->mean[c] - mean[c];
         inverse[c] = 1.0 / inputs->scale[c];
     }

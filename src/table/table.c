@@ -75,10 +75,10 @@ void lg_table_initialise(const lg_table *model, lg_rng *rng, double *theta) {
 
 /* ---- scaling ---- */
 
-/* Deviations below this part of the largest value are rounding of a constant column. */
+/* A deviation below this part of the largest absolute value is the rounding error of a constant column. */
 static const double CONSTANT = 1e-13;
 
-/* In two passes, relative to the largest value, whose square may overflow. */
+/* Mean and deviation in two passes, in units of the largest absolute value, because squares may overflow. */
 static lg_status fit_column(const double *values, uint32_t columns, const uint32_t *chosen, size_t count,
                             double *mean, double *scale) {
     double largest = 0, sum = 0, squares = 0;

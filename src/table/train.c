@@ -1,11 +1,11 @@
-/* Table networks as a learning problem: loss, residuals, their Jacobian. */
+/* Table networks as a fit problem: loss, residuals and their Jacobian. */
 #include <math.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "table/internal.h"
 
-/* Samples on a tape at once. */
+/* Samples that are recorded on a tape at once. */
 enum { CHUNK = 256 };
 
 static void put(lg_dtype dtype, void *to, size_t at, const double *from, size_t n) {
@@ -16,7 +16,7 @@ static void put(lg_dtype dtype, void *to, size_t at, const double *from, size_t 
             ((float *)to)[at + i] = (float)from[i];
 }
 
-/* Rows `samples` of values (.., columns). */
+/* Rows `samples` of values (.., columns) as a variable (count, columns). */
 static lg_var put_rows(lg_tape *tape, const double *values, uint32_t columns, const uint32_t *samples,
                        size_t count) {
     void *to;
@@ -41,7 +41,7 @@ static lg_var put_classes(lg_tape *tape, const lg_table_problem *problem, const 
     return t;
 }
 
-/* f - t (count, outputs) of a regression. */
+/* The residuals f - t of a regression, (count, outputs). */
 static lg_var differences(const lg_table_problem *problem, lg_tape *tape, lg_var theta,
                           const uint32_t *samples, size_t count) {
     const lg_net *net = &problem->model->net;
@@ -67,7 +67,7 @@ static lg_status loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *s
     return lg_tape_status(tape);
 }
 
-/* What r is multiplied with so that r.r is the part of the loss. */
+/* Factor of the residuals r that makes r.r their part of the loss. */
 static double factor_of(const lg_table_problem *problem, size_t batch) {
     return 1.0 / sqrt((double)batch * problem->model->net.outputs);
 }
@@ -81,8 +81,9 @@ static lg_status residuals(void *user, lg_tape *tape, lg_var theta, const uint32
 
 /* ---- the Jacobian of the residuals ---- */
 
-/* The rows of J of one output: a layer reads `in` (count, layer->in), and the output's derivative by what it
- * gives is `by` (count, layer->out). */
+/* Fills the columns of one dense layer in the rows of J for one output, in which samples are `stride` apart.
+ * `in` (count, layer->in): the layer's inputs; `by` (count, layer->out): derivative of the output with
+ * respect to the layer's outputs. */
 static void fill_layer(const net_dense *layer, const double *in, const double *by, size_t count,
                        double factor, size_t stride, double *jacobian) {
     for (size_t i = 0; i < count; i++, in += layer->in, by += layer->out, jacobian += stride) {
@@ -93,7 +94,7 @@ static void fill_layer(const net_dense *layer, const double *in, const double *b
     }
 }
 
-/* Column `output` of A is read from z. */
+/* Fills the columns of A in the same rows. Output `output` is z times column `output` of A. */
 static void fill_linear(const lg_table *model, const double *z, size_t count, uint32_t output, double factor,
                         size_t stride, double *jacobian) {
     const uint32_t in = model->net.inputs, out = model->net.outputs;
@@ -105,7 +106,7 @@ static void fill_linear(const lg_table *model, const double *z, size_t count, ui
     }
 }
 
-/* One sweep backwards: the rows of J of this output. */
+/* Fills the rows of J for one output by one reverse sweep. */
 static lg_status fill_output(lg_tape *tape, const lg_table *model, const net_layout *layout,
                              const lg_net_tap *taps, lg_var f, size_t count, uint32_t output, double factor,
                              double *jacobian) {

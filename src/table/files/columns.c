@@ -1,4 +1,4 @@
-/* Columns by name: which are inputs, outputs, classes. */
+/* Chooses columns by name: inputs, outputs, classes. */
 #include <stdio.h>
 #include <string.h>
 
@@ -37,7 +37,8 @@ static bool has_name(const lg_table_names *names, const char *name) {
     return false;
 }
 
-/* In quotes: two are one of the name. Behind the last one; NULL: not closed, or too long. */
+/* Reads a quoted name; two quotes in a row are one quote of the name. Returns the place behind the closing
+ * quote; NULL: no closing quote, or the name is too long. */
 static const char *take_quoted(const char *at, char *name) {
     for (size_t used = 0; *at != '\0' && used + 1 < LG_TABLE_NAME; at++) {
         if (*at == '"' && at[1] != '"') return at + 1;
@@ -48,7 +49,7 @@ static const char *take_quoted(const char *at, char *name) {
     return *at == '"' && at[1] != '"' ? at + 1 : NULL;
 }
 
-/* Up to a comma. Behind it; NULL: too long. */
+/* Reads a name up to a comma. Returns the comma or the end of the text; NULL: the name is too long. */
 static const char *take_plain(const char *at, char *name) {
     const size_t length = strcspn(at, ",");
     size_t kept = length;
@@ -104,14 +105,14 @@ void lg_table_names_list(const lg_table_names *names, lg_text *to) {
         lg_text_add(to, "%s%s", i > 0 ? "," : "", lg_table_quote(names->name[i], quoted));
 }
 
-/* ---- the roles ---- */
+/* ---- roles of columns ---- */
 
-/* An output, or the column with the classes. */
+/* Whether a column is an output or the column with the classes. */
 static bool is_learned(const lg_table_state *s, const char *name) {
     return has_name(&s->outputs, name) || (!lg_table_is_regression(s) && strcmp(name, s->class_name) == 0);
 }
 
-/* All columns with a name that are not learned, and not left out by --without. */
+/* Makes inputs of all columns that have a name, are not learned, and are not left out by --without. */
 static lg_status default_inputs(lg_learning *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     LG_TRY(make_names(self->context, all->count, &s->inputs, error));
@@ -129,7 +130,7 @@ static bool may_be_used(const lg_table_state *s, const char *name) {
     return name[0] != '\0' && !has_name(&s->without, name);
 }
 
-/* The last column that has a name and is not left out. */
+/* Makes an output of the last column that has a name and is not left out. */
 static lg_status default_outputs(lg_learning *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     char quoted[LG_TABLE_QUOTED];
@@ -156,7 +157,7 @@ static lg_status no_column(const lg_learning *self, const lg_table_names *have, 
     return LG_FORMAT;
 }
 
-/* --class and --without: one name, and names of the table. */
+/* Reads --class, one name, and --without, names of columns of the table. */
 static lg_status name_others(lg_learning *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     if (!lg_table_is_regression(s)) LG_TRY(lg_table_class_parse(s->given.class_column, s->class_name, error));
@@ -167,7 +168,7 @@ static lg_status name_others(lg_learning *self, const lg_table_names *all, lg_er
     return LG_OK;
 }
 
-/* Inputs and outputs of all columns. */
+/* Chooses inputs and outputs from all columns of the table. */
 static lg_status name_columns(lg_learning *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     LG_TRY(name_others(self, all, error));
@@ -180,7 +181,7 @@ static lg_status name_columns(lg_learning *self, const lg_table_names *all, lg_e
                : default_inputs(self, all, error);
 }
 
-/* No column has two of the roles input, output and left out. */
+/* Refuses columns that have two of the roles input, output and left out. */
 static lg_status check_roles(const lg_table_state *s, lg_error *error) {
     for (uint32_t i = 0; i < s->inputs.count; i++)
         if (is_learned(s, s->inputs.name[i]))

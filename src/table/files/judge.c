@@ -1,4 +1,4 @@
-/* Errors of a model on rows of a table. */
+/* Errors of a model on the rows of a table. */
 #include <math.h>
 #include <string.h>
 
@@ -6,7 +6,7 @@
 #include "liegrad/metrics.h"
 #include "table/files/recipe.h"
 
-/* By so much of its range an input may be beyond it. */
+/* A row is outside if an input is beyond its training range by more than this part of the range. */
 static const double BEYOND = 0.1;
 
 static bool is_regression(const lg_table_file *file) {
@@ -28,8 +28,8 @@ void lg_table_softmax(double *y, uint32_t classes) {
     for (uint32_t c = 0; c < classes; c++) y[c] /= sum;
 }
 
-/* sqrt(mean (x - y)^2) of a column of (rows, stride); y moves on by `step`. It overflows only where the
- * result does. NaN where a number is not finite. */
+/* Root mean square of x - y for one column. x has `stride` numbers per row; y advances by `step` per row (0:
+ * y is one number). Overflows only if the result does. NaN if a number is not finite. */
 static double distance(const double *x, size_t stride, const double *y, size_t step, size_t rows) {
     double largest = 0, squares = 0;
     for (size_t i = 0; i < rows; i++) largest = fmax(largest, fabs(0.5 * x[i * stride] - 0.5 * y[i * step]));
@@ -83,7 +83,7 @@ static void add_class(const lg_table_file *file, const lg_table_sheet *sheet, si
     j->log_loss -= log(fmax(y[truth], 1e-300)) / (double)j->rows;
 }
 
-/* Arrays for the rows of a judgement. */
+/* Allocates the arrays of a judgement; j->rows must be set. */
 static lg_status make_arrays(lg_learning *self, const lg_table_file *file, lg_table_judgement *j,
                              lg_error *error) {
     const size_t outputs = file->run.model.net.outputs;
@@ -147,7 +147,7 @@ lg_status lg_table_judge(lg_learning *self, const lg_table_file *file, const lg_
     return LG_OK;
 }
 
-/* ---- what is told ---- */
+/* ---- results and warnings ---- */
 
 static void tell_columns(lg_learning *self, const lg_table_file *file, const char *name,
                          const double *values) {

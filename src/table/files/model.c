@@ -1,4 +1,4 @@
-/* Table networks as a kind of model. */
+/* Table networks as a kind of model: their model file. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,7 +8,7 @@
 #include "model/files/recipe.h"
 #include "table/files/recipe.h"
 
-/* ---- the run ---- */
+/* ---- fields of the run ---- */
 
 static const char *name_task(uint32_t value) {
     return lg_table_task_name((lg_table_task)value);
@@ -68,14 +68,14 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
     return lg_table_slice(&((const lg_table_run *)run)->model, index, out);
 }
 
-/* ---- the rest of the file ---- */
+/* ---- other contents of the file ---- */
 
 #define NUMBER(member)                                                                                       \
     { #member, offsetof(lg_table_file, member) }
 static const struct number {
     const char *name;
     size_t offset;
-} numbers[] = {NUMBER(rmse), NUMBER(accuracy), NUMBER(f1)}; /* NaN: not known */
+} numbers[] = {NUMBER(rmse), NUMBER(accuracy), NUMBER(f1)}; /* NaN: unknown, not in the file */
 
 static bool is_regression(const lg_table_file *file) {
     return file->run.model.options.task == LG_TABLE_REGRESSION;
@@ -187,7 +187,8 @@ static lg_status take_name(void *user, uint64_t index, const char *text, lg_erro
     return LG_OK;
 }
 
-/* Without them "x1", "x2", ... */
+/* Reads the names of inputs or outputs. Without names in the file they are "x1", "x2", ... with the given
+ * letter. */
 static lg_status get_names(lg_h5 *h5, const char *name, const char *letter, uint32_t count,
                            char (**out)[LG_TABLE_NAME], lg_error *error) {
     *out = lg_alloc(h5->context, count, sizeof **out);
@@ -242,7 +243,7 @@ void lg_table_file_destroy(lg_table_file *file) {
     *file = (lg_table_file){.parameters = 0};
 }
 
-/* ---- outside ---- */
+/* ---- program and recipe ---- */
 
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
@@ -259,5 +260,5 @@ static const lg_program_source places[] = {{"mean", "single scaler/inputs/mean"}
                                            {"output_scale", "scaler/outputs/scale"},
                                            {NULL, NULL}};
 
-extern const struct lg_learner lg_table_learner; /* recipe.c */
+extern const struct lg_learner lg_table_learner; /* in recipe.c */
 LG_RECIPE(table, "table-checkpoint", .places = places, .learner = &lg_table_learner);

@@ -1,4 +1,4 @@
-/* How a table is learned: its parts, the scaling, the problem, and how good the model is. */
+/* The recipe of tables: splits and scales the rows, makes the fit problem, and judges the model. */
 #include "table/files/recipe.h"
 
 #include <math.h>
@@ -27,7 +27,8 @@ static void close_data(lg_learning *self) {
 
 /* ---- the run ---- */
 
-/* One hidden layer with as many weights as the rows can determine, and few enough to be quick. */
+/* Width of the hidden layer: about as many weights as the rows can determine, but few enough for a quick
+ * fit. */
 static uint32_t width_of(const lg_table_state *s) {
     enum { LEAST = 6, MOST = 40, WEIGHTS = 320, CLASS_WIDTH = 32 };
     if (!lg_table_is_regression(s)) return CLASS_WIDTH;
@@ -36,7 +37,7 @@ static uint32_t width_of(const lg_table_state *s) {
     return (uint32_t)fmin(fmax(width, LEAST), MOST);
 }
 
-/* What is not given on the command line. */
+/* The settings where the command line gives none. */
 static lg_table_run usual_run(const lg_table_state *s) {
     const bool regression = lg_table_is_regression(s);
     lg_table_run from = {.training = {.dtype = LG_F64,
@@ -82,8 +83,7 @@ static lg_status describe(lg_learning *self, lg_error *error) {
 
 /* ---- the scaling ---- */
 
-/* Column c of the scaler from the cells that are not far; `column` and `chosen` have room for the training
- * rows. */
+/* Scales input c without far cells. `column` and `chosen` are work space for the training rows. */
 static lg_status fit_without_far(const lg_context *context, lg_table_state *s, uint32_t c, double *column,
                                  uint32_t *chosen) {
     lg_table_far *far = &s->far[c];
@@ -101,8 +101,8 @@ static lg_status fit_without_far(const lg_context *context, lg_table_state *s, u
     return LG_OK;
 }
 
-/* Inputs are scaled without cells far from all others, which would leave no difference between the others.
- * Outputs are scaled as they are: the loss has all of them. */
+/* Inputs are scaled without far cells, which would make the differences between all other cells vanish.
+ * Outputs are scaled with all cells, because the loss contains all of them. */
 static lg_status fit_scaler(lg_learning *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
@@ -118,13 +118,13 @@ static lg_status fit_scaler(lg_learning *self, lg_error *error) {
     return status == LG_OK ? LG_OK : lg_fail(error, status, "the scaling of the columns");
 }
 
-/* A part of the scaler's columns. */
+/* `count` columns of the scaler from `first` on; borrows its arrays. */
 static lg_scaler part_of(const lg_scaler *scaler, uint32_t first, uint32_t count) {
     return (lg_scaler){.channels = count, .mean = scaler->mean + first, .scale = scaler->scale + first};
 }
 
-/* `count` columns from `first` on, scaled, in the order of the parts. Far cells are learned as MOST
- * deviations at most, whose squares can be summed. */
+/* Writes `count` columns from `first` on, scaled, training rows first. Far cells are cut to MOST deviations,
+ * whose squares can still be summed. */
 static lg_status scaled_rows(lg_learning *self, uint32_t first, uint32_t count, double **out,
                              lg_error *error) {
     static const double MOST = 1e100;
@@ -152,9 +152,9 @@ static lg_status make_samples(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- the parts ---- */
+/* ---- training and validation part ---- */
 
-/* Once, whatever the number of fits. */
+/* Warns once, however many fits are made. */
 static void warn_few(const lg_learning *self) {
     enum { LEAST = 10 };
     lg_table_state *s = self->state;
@@ -186,7 +186,7 @@ static lg_status prepare(lg_learning *self, lg_error *error) {
 
 /* ---- the problem ---- */
 
-/* Whether the evidence of the data gives the priors. */
+/* Whether the priors come from the evidence of the data. */
 static bool seeks_evidence(const lg_learning *self) {
     const lg_table_run *run = self->run;
     return lg_table_is_regression(self->state) && self->stored == NULL &&
@@ -195,7 +195,7 @@ static bool seeks_evidence(const lg_learning *self) {
            lg_table_parameters(&run->model) <= LG_TABLE_MOST_LM;
 }
 
-/* Priors and parameters to start from. */
+/* Finds the priors and initial parameters. */
 static lg_status find_start(lg_learning *self, lg_error *error) {
     const lg_table_run *run = self->run;
     const uint32_t given = run->decay.count, slices = lg_table_slices(&run->model);
@@ -220,8 +220,8 @@ static lg_status spread_decay(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-/* The method and its evaluations, where they are not given: Levenberg-Marquardt where its matrix is small,
- * for as many evaluations as are quick. */
+/* Chooses the method, and the evaluations unless they are limited: Levenberg-Marquardt if its matrix is
+ * small, with as many evaluations as are quick. */
 static void choose_method(lg_learning *self) {
     enum { LEAST = 5, MOST = 60, OTHERS = 300 };
     static const double WORK = 8e9;
@@ -257,7 +257,7 @@ static void release(lg_learning *self) {
 
 /* ---- the model ---- */
 
-/* Least and largest value of each input in the training rows, without cells far from all others. */
+/* Least and greatest value of each input in the training rows, without far cells. */
 static void find_ranges(const lg_table_state *s, double *low, double *high) {
     for (uint32_t c = 0; c < s->inputs.count; c++) {
         low[c] = INFINITY, high[c] = -INFINITY;
@@ -270,7 +270,7 @@ static void find_ranges(const lg_table_state *s, double *low, double *high) {
     }
 }
 
-/* Its rows are the rows that were learned. */
+/* The file's number of rows is the number of training rows. */
 static lg_status make_file(lg_learning *self, double *theta, lg_error *error) {
     lg_table_state *s = self->state;
     const uint32_t inputs = s->inputs.count, outputs = s->outputs.count;
@@ -303,7 +303,7 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- the result ---- */
+/* ---- results ---- */
 
 static lg_status judge_parts(lg_learning *self, lg_error *error) {
     lg_table_state *s = self->state;
@@ -315,7 +315,7 @@ static lg_status judge_parts(lg_learning *self, lg_error *error) {
                           held > 0 ? held : s->trained, &s->judged, error);
 }
 
-/* The far cells of a regression's outputs in a table that is judged. */
+/* Warns of far cells in the outputs of a regression's table that is judged. */
 static lg_status warn_far_outputs(const lg_learning *self, const lg_table_sheet *sheet, lg_error *error) {
     const lg_table_file *file = &((lg_table_state *)self->state)->file;
     return lg_table_warn_far(self->context, sheet, sheet->inputs, file->output_name, sheet->outputs,
@@ -336,7 +336,7 @@ static lg_status warn_of_parts(lg_learning *self, lg_error *error) {
     return warn_far_outputs(self, &s->test, error);
 }
 
-/* What a simple guess would have: the mean, or the most frequent class. */
+/* The error of a simple guess: of the mean (in units of the variance), or of the most frequent class. */
 static double guessed(const lg_table_state *s) {
     if (lg_table_is_regression(s)) return 1.0;
     const uint32_t classes = s->outputs.count;
@@ -349,7 +349,9 @@ static double guessed(const lg_table_state *s) {
     return 1.0 - (double)most / (double)s->learned.rows;
 }
 
-/* A fit that starts from the evidence's parameters has nothing left to lower. */
+/* Compares the training error with the error of a simple guess. After a search for the evidence the fit
+ * starts near its minimum and its loss hardly falls; the caller's check of self->verdict would fault that, so
+ * this function warns instead. */
 static void judge_training(lg_learning *self) {
     static const double LEARNED = 0.99;
     const lg_table_state *s = self->state;
@@ -370,13 +372,13 @@ static void judge_training(lg_learning *self) {
                                                 s->given.test != NULL ? s->given.test : s->table.path);
 }
 
-/* Unknown where no evidence was sought. */
+/* Reports the evidence; values are NaN if none was sought. */
 static void tell_evidence(lg_learning *self) {
     const lg_table_state *s = self->state;
     const lg_table_evidence_result *found = &s->evidence;
     const bool sought = found->evaluations > 0;
     const double numbers = (double)s->trained * s->outputs.count;
-    /* The noise is estimated from the residuals of the last fit. */
+    /* The noise follows from the residuals of the last fit. */
     const double noise =
         s->learned.scaled_rmse * sqrt(numbers / fmax(numbers - found->effective, 0.02 * numbers));
     lg_result_whole(self, "evidence_evaluations", found->evaluations, NULL);

@@ -40,7 +40,7 @@ lg_status lg_table_sheet_read(const lg_context *context, const char *path, const
     return LG_OK;
 }
 
-/* Rows with missing cells are left out, which is told. */
+/* Leaves out rows with missing cells, and warns of them. */
 static lg_status leave_incomplete(lg_learning *self, lg_table_sheet *sheet, lg_error *error) {
     lg_table_data *data = &sheet->data;
     lg_error why = {LG_OK, ""};
@@ -52,7 +52,7 @@ static lg_status leave_incomplete(lg_learning *self, lg_table_sheet *sheet, lg_e
     return LG_OK;
 }
 
-/* Labels become numbers of the model's classes. */
+/* Replaces labels by indices of the model's classes. */
 static lg_status match_classes(lg_learning *self, lg_table_sheet *sheet, const lg_table_names *classes,
                                lg_error *error) {
     lg_table_data *data = &sheet->data;
@@ -71,8 +71,8 @@ static lg_status match_classes(lg_learning *self, lg_table_sheet *sheet, const l
     return LG_OK;
 }
 
-/* Complete rows of a table that a model is judged on. `outputs`: its columns or, with a class column, its
- * classes. */
+/* Reads the complete rows of a table on which a model is judged. `outputs`: columns of the outputs or, with a
+ * class column, names of the classes. */
 static lg_status read_judged(lg_learning *self, const char *path, const lg_table_names *inputs,
                              const lg_table_names *outputs, const char *classes, lg_table_sheet *out,
                              lg_error *error) {
@@ -85,7 +85,7 @@ static lg_status read_judged(lg_learning *self, const char *path, const lg_table
 
 /* ---- columns that cannot be read ---- */
 
-/* Whether these inputs, the outputs and the classes can be read. */
+/* Whether the table can be read with these inputs, the outputs and the classes. */
 static bool is_readable(const lg_learning *self, const lg_table_names *inputs) {
     const lg_table_state *s = self->state;
     lg_table_sheet sheet;
@@ -95,9 +95,9 @@ static bool is_readable(const lg_learning *self, const lg_table_names *inputs) {
     return status == LG_OK;
 }
 
-/* The inputs that cannot be read, where all the rest can. */
+/* Finds the inputs that cannot be read as numbers, if all other columns can be read. */
 static lg_status find_unreadable(lg_learning *self, lg_table_names *bad, lg_error *error) {
-    enum { MOST_TRIED = 100 }; /* each reads the file again */
+    enum { MOST_TRIED = 100 }; /* each try reads the file again */
     const lg_table_names *inputs = &((lg_table_state *)self->state)->inputs;
     *bad = (lg_table_names){.count = 0};
     if (inputs->count > MOST_TRIED || !is_readable(self, bad)) return LG_OK;
@@ -109,7 +109,7 @@ static lg_status find_unreadable(lg_learning *self, lg_table_names *bad, lg_erro
     return LG_OK;
 }
 
-/* Where inputs were not named and some are no numbers: how to leave them out. */
+/* If inputs were not named and some columns are not numbers, adds to the message how to leave them out. */
 static lg_status fail_columns(lg_learning *self, lg_error *error) {
     enum { MOST_SHOWN = 200 };
     const lg_error was = *error;
@@ -141,7 +141,7 @@ static bool is_constant(const lg_table_data *data, uint32_t column) {
     return same == data->rows;
 }
 
-/* The columns of `keep` (columns of the table) stay; the outputs are among them. */
+/* Keeps the columns with keep[c] true. All outputs must be kept. */
 static void keep_columns(lg_table_state *s, const bool *keep) {
     lg_table_data *data = &s->table.data;
     uint32_t kept = 0, inputs = 0;
@@ -155,7 +155,7 @@ static void keep_columns(lg_table_state *s, const bool *keep) {
     s->inputs.count = s->table.inputs = inputs;
 }
 
-/* Constant inputs are left out, as if they had not been named: they would change width and priors. */
+/* Leaves constant inputs out as if they had not been named: they would change the width and the priors. */
 static lg_status leave_constant(lg_learning *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
@@ -178,7 +178,8 @@ static lg_status leave_constant(lg_learning *self, lg_error *error) {
 
 /* ---- cells out of range ---- */
 
-/* Numbers that differ by less than normal numbers cannot be scaled to 1. */
+/* Refuses a column whose values differ by so little (below the smallest normal number) that they cannot be
+ * scaled. */
 static lg_status check_spread(const lg_table_state *s, uint32_t column, lg_error *error) {
     const lg_table_data *data = &s->table.data;
     const double *values = data->values + column;
@@ -222,7 +223,7 @@ lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *she
     return LG_OK;
 }
 
-/* All columns that are used. */
+/* Checks all cells of the inputs and outputs. */
 static lg_status check_cells(lg_learning *self, lg_error *error) {
     const lg_table_state *s = self->state;
     const lg_table_sheet *sheet = &s->table;
@@ -235,7 +236,7 @@ static lg_status check_cells(lg_learning *self, lg_error *error) {
 
 /* ---- classes ---- */
 
-/* The rows of each class; two classes at least have some. */
+/* Counts the rows of each class. Fails if fewer than two classes have rows. */
 static lg_status count_classes(lg_learning *self, uint64_t *members, lg_error *error) {
     const lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
@@ -252,7 +253,7 @@ static lg_status count_classes(lg_learning *self, uint64_t *members, lg_error *e
     return LG_OK;
 }
 
-/* The classes become the outputs. */
+/* Makes the classes the names of the outputs. */
 static lg_status take_classes(lg_learning *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
@@ -266,9 +267,9 @@ static lg_status take_classes(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- the tables of a learning ---- */
+/* ---- tables of the learner ---- */
 
-/* The columns that are learned, and learned from; complete rows. */
+/* Reads the complete rows of the table to learn from: inputs, outputs and classes. */
 static lg_status read_learned(lg_learning *self, lg_error *error) {
     lg_table_state *s = self->state;
     lg_table_sheet *sheet = &s->table;
@@ -302,7 +303,7 @@ lg_status lg_table_read_rows(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- rows that are there twice ---- */
+/* ---- repeated rows ---- */
 
 typedef struct sorted_row {
     const double *values;

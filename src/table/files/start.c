@@ -1,12 +1,11 @@
-/* Where the training of a table begins: the width, the priors and the parameters that make the data most
- * probable. */
+/* Start of the training of a table: the width, priors and parameters with the highest evidence. */
 #include "table/files/recipe.h"
 
 #include <math.h>
 #include <string.h>
 
 enum { STREAM_WEIGHTS = 1, RACE_EVALUATIONS = 60 };
-/* Multiplications and additions: a width that was given is worth some ten seconds. */
+/* Bounds on work, in units of lg_table_work. A search with a given width may take some ten seconds. */
 static const double RACE_WORK = 8e9, EVIDENCE_WORK = 3e9, GIVEN_WORK = 7e11;
 
 /* ---- parameters ---- */
@@ -27,8 +26,8 @@ uint32_t lg_table_slices(const lg_table *model) {
     return slices;
 }
 
-/* The parameters of the wide model with those of a narrower one in it: its units, and new ones of little
- * weight. */
+/* Copies the parameters of a narrower model into a wider one. The weights of new units are made small, except
+ * those that read the inputs. */
 static void grow_parameters(const lg_table *wide, const lg_table *narrow, const double *from, double *theta) {
     static const double LITTLE = 0.1;
     lg_slice_info a, b;
@@ -42,7 +41,7 @@ static void grow_parameters(const lg_table *wide, const lg_table *narrow, const 
     }
 }
 
-/* ---- what it takes ---- */
+/* ---- work ---- */
 
 double lg_table_work(const lg_table *model, double rows) {
     static const double BESIDE = 100.0, AT_LEAST = 3e6;
@@ -50,7 +49,7 @@ double lg_table_work(const lg_table *model, double rows) {
     return rows * m * n * (0.5 * n + BESIDE) + n * n * n + AT_LEAST;
 }
 
-/* The model with one hidden layer. */
+/* Gives the model one hidden layer of this width. */
 static lg_status set_width(lg_table *model, uint32_t width, lg_error *error) {
     lg_table_options options = model->options;
     options.hidden_count = 1;
@@ -58,7 +57,7 @@ static lg_status set_width(lg_table *model, uint32_t width, lg_error *error) {
     return lg_table_init(model, &options, model->net.inputs, model->net.outputs, error);
 }
 
-/* What a lane of the race takes. */
+/* Work of one lane of the race: one search with a width. */
 static double lane_work(const lg_table_run *run, uint32_t width, double rows) {
     lg_table model = run->model;
     (void)set_width(&model, width, NULL);
@@ -69,13 +68,14 @@ static double lane_work(const lg_table_run *run, uint32_t width, double rows) {
 
 typedef struct race {
     lg_table_run best;
-    double *theta; /* of the best model; NULL: none yet */
+    double *theta; /* parameters of the best model; NULL: none yet */
     double high, work;
     size_t rows;
-    bool better; /* the last width was */
+    bool better; /* whether the last width was clearly better */
 } race;
 
-/* One width: *theta and the priors of the run, and how probable they make the data. */
+/* Searches priors and parameters with one width. Fills *theta, the priors of the run, and *found with the
+ * evidence. */
 static lg_status try_width(lg_learning *self, uint32_t width, bool grown, race *r, double **theta,
                            lg_table_evidence_result *found, lg_error *error) {
     const lg_table_state *s = self->state;
@@ -95,9 +95,9 @@ static lg_status try_width(lg_learning *self, uint32_t width, bool grown, race *
     return status;
 }
 
-/* A width from parameters as they are drawn, or grown from those of the best narrower one. */
+/* Runs a lane: one width, from parameters as they are drawn, or grown from the best narrower model. */
 static lg_status run_lane(lg_learning *self, uint32_t width, bool grown, race *r, lg_error *error) {
-    static const double CLEARLY = 2.0; /* seven times as probable */
+    static const double CLEARLY = 2.0; /* in log evidence: e^2, about 7 times as probable */
     lg_table_run *run = self->run;
     double *theta = NULL;
     lg_table_evidence_result result = {0};
@@ -111,7 +111,8 @@ static lg_status run_lane(lg_learning *self, uint32_t width, bool grown, race *r
     return status == LG_NOT_FINITE ? LG_OK : status;
 }
 
-/* Both lanes of a width, or the second alone where there is no time for two. */
+/* Runs both lanes of a width, first from grown and then from drawn parameters; the drawn lane alone if the
+ * work for both is too much. */
 static lg_status run_lanes(lg_learning *self, uint32_t width, double lane, race *r, lg_error *error) {
     lg_status status = LG_OK;
     r->better = false;
@@ -119,8 +120,9 @@ static lg_status run_lanes(lg_learning *self, uint32_t width, double lane, race 
     return status == LG_OK ? run_lane(self, width, false, r, error) : status;
 }
 
-/* The width whose evidence is highest, from small to large, until three in a row are not clearly better or
- * the work is done. The run gets its model and priors; self->theta its parameters. */
+/* Chooses the width with the highest evidence. Tries widths from small to large, until three in a row are not
+ * clearly better or RACE_WORK is used up. The run gets the best model and its priors, self->theta its
+ * parameters. */
 static lg_status choose_width(lg_learning *self, size_t rows, lg_error *error) {
     static const uint32_t widths[] = {1, 2, 4, 6, 8, 12, 16, 24, 32, 48};
     enum { WORSE = 3 };
@@ -141,9 +143,9 @@ static lg_status choose_width(lg_learning *self, size_t rows, lg_error *error) {
     return r.theta != NULL ? LG_OK : lg_fail(error, LG_NOT_FINITE, "no width has finite residuals");
 }
 
-/* ---- the priors ---- */
+/* ---- priors ---- */
 
-/* The priors of the run's model on as many rows as its weights need. */
+/* Finds the priors of the run's model on as many rows as its weights need. */
 static lg_status find_priors(lg_learning *self, bool go_on, double least_rows, lg_error *error) {
     static const double FOR_WEIGHTS = 3.0;
     lg_table_state *s = self->state;
