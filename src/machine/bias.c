@@ -1,5 +1,5 @@
-/* Machines: constant biases of sensors. Logs have the biases added to positions of lines, angles and poses
- * and to the velocities of all coordinates. States and their equations have no biases. */
+/* Machines: constant biases of sensors. Biases are added to the positions of lines, angles and poses and to
+ * the velocities of all coordinates in logs. States and their equations contain no biases. */
 #include <math.h>
 #include <string.h>
 

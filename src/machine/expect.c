@@ -27,8 +27,8 @@ typedef struct expecting {
     double *residuals;   /* (CHUNK, rows); then add_window's variance, part and of_start */
     double *columns;     /* (n + own, rows): the Jacobian of one window, by columns */
     double *J, *K;       /* (n, n): J'^T J' and J'^T C J', summed over windows */
-    /* `left`: tr((1 - P) C), summed over windows. `unit`: what one number with an error of one scale adds to
-     * the loss. */
+    /* `left`: tr((1 - P) C), summed over windows. `unit`: what one number adds to the loss if its error is
+     * one scale of the loss. */
     double left, unit;
 } expecting;
 
@@ -65,7 +65,7 @@ static void take_start(expecting *e, const double *variance) {
     }
 }
 
-/* Adds the noise of a measured start, as the residuals see it, to `left` and K. */
+/* Adds the effect of a measured start's noise on the residuals to `left` and K. */
 static void add_start(expecting *e, const double *variance) {
     for (size_t k = 0; k < e->own; k++) {
         const double *S = e->columns + (e->n + k) * e->rows;
@@ -197,8 +197,8 @@ static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_
     double lost = 0.0;
     LG_TRY(add_windows(e, tape, all, used));
     const double before = e->left;
-    /* Too many parameters for their Jacobian: each except network weights removes as much as an average
-     * residual. */
+    /* Too many parameters for their Jacobian: every parameter except network weights is taken to remove as
+     * much as one average residual. */
     if (e->problem.theta != NULL)
         lost = before * (double)(e->problem.machine->parameters - e->problem.machine->weights) /
                (double)(all * (e->problem.window - first) * d);

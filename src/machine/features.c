@@ -189,7 +189,8 @@ void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *
     fits[1] = (size_t)machine->velocities * machine->velocities;
 }
 
-/* Matrix S (triangle, n n): row k has a 1 at the place of packed number k in the row-major matrix (n, n). */
+/* Matrix S (triangle, n n) that unpacks triangles: row k has a 1 at the place of packed number k in the
+ * row-major matrix (n, n). */
 static lg_var selection(lg_tape *tape, uint32_t n) {
     void *values;
     const uint32_t count = lg_triangle(n);

@@ -1,12 +1,13 @@
-/* Machines: damping, input maps and residuals. Damping coefficients are squares of parameters, matrices D are
- * L L^T, so that v.f <= 0. */
+/* Machines: damping, input maps and residuals. Learned damping coefficients are squares of parameters,
+ * learned matrices D are L L^T, so that v.f <= 0. */
 #include <math.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* Initial parameters of learned damping: its coefficients, and the diagonal of D, are START^2. */
+/* Initial value of the parameters of learned damping. The coefficients, or the diagonal of D, are then
+ * START^2. */
 static const double START = 0.1;
 
 static void fill_start(const lg_machine *machine, const lg_machine_term *term, double *theta) {

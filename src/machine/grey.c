@@ -277,7 +277,7 @@ static lg_grey_view view_of(lg_tape *tape, const lg_machine_vars *vars, const lg
     return at;
 }
 
-/* M of the listed velocities, from the units of the log to scaled units. */
+/* Converts M, in the order of lg_machine_mass_velocities, from the log's units to scaled units. */
 static lg_var scaled_mass(lg_tape *tape, const lg_machine *machine, bool directions, lg_var M) {
     uint32_t list[LG_MACHINE_VELOCITIES];
     double unit[LG_MACHINE_VALUES];
@@ -375,8 +375,8 @@ void lg_numbers_grey(lg_number_list *list, const lg_machine *machine, const lg_m
 
 /* ---- scale of energies ---- */
 
-/* The diagonal of M at the reference and the starts of the parameters, M_ii L_i^2/T^2: energies in the units
- * of the log. */
+/* The diagonal of M at the reference and the initial parameters, M_ii L_i^2/T^2: energies in the units of the
+ * log. */
 static lg_status read_masses(lg_tape *tape, const lg_machine *machine, uint32_t *count, double *out) {
     lg_machine_vars vars = {.machine = machine};
     lg_var parts[LG_TAPED_MAX_PARTS];

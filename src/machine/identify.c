@@ -13,15 +13,18 @@
 
 enum { CHUNK = 64 };
 
-/* R (n, n), column-major, of J = Q R with the machine's parameters as columns, after the starts of the
- * windows have been eliminated; and the sum of squares. With `last` the residuals are column n - 1. */
+/* Sums over windows. R (n, n), column-major, is the factor of J = Q R after the starts of the windows have
+ * been eliminated; the columns of J are the machine's parameters and, with `last`, the residuals as the last
+ * column. `squares` is the sum of the squared residuals, `weighted` the number of residuals that are not
+ * 0. */
 typedef struct normal {
     const lg_context *context;
     const lg_machine_problem *problem;
     lg_fit_problem fit;
     const double *theta;
     double at[LG_MACHINE_POSITIONS]; /* positions at which a network mass is reported */
-    /* columns: parameters of the machine (and the residuals with `last`); parameters of one start */
+    /* n: columns of J, which are the parameters of the machine and, with `last`, the residuals. starts:
+     * parameters of one start; 0 for measured starts. */
     size_t n, starts;
     bool last;
     size_t rows;      /* residuals of one chunk */
@@ -154,9 +157,9 @@ static void put_information(const normal *s, bool prior, double *out) {
             out[j * s->n + i] = s->triangle[j * s->n + i] * bound(s, j, prior) / deviation;
 }
 
-/* W (n, n), column-major, such that W W^T is the inverse of J^T J/s^2 + D^-2, with D the bounds. Pivots next
- * to nothing against the largest are rounding error and are set to 0. `work` has (3 n, n). False: no
- * memory. */
+/* W (n, n), column-major, such that W W^T is the inverse of J^T J/s^2 + D^-2, with D the bounds. Rows of the
+ * factor whose pivot is below 1e-12 of the largest are rounding error and are set to 0. `work` has (3 n, n).
+ * False: no memory. */
 static bool invert(const normal *s, bool prior, double *work, int *order, double *W) {
     static const double nothing = 1e-12;
     const size_t n = s->n;

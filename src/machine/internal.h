@@ -107,8 +107,8 @@ lg_status lg_grey_check(const lg_machine *machine, lg_error *error);
 lg_var lg_grey_record(lg_tape *tape, const lg_machine *machine, lg_var theta);
 /* Whether the machine has a system with a known number. */
 bool lg_grey_known(const lg_machine *machine);
-/* Geometric mean of the masses at the starts of the parameters, times L^2/T^2: an energy in the log's units.
- * 0: no system. */
+/* Geometric mean of the masses at the initial parameters, times L^2/T^2: an energy in the log's units. 0: no
+ * system. */
 double lg_grey_energy(const lg_machine *machine);
 
 /* Writes the reference position: places and angles are 0, directions e3, attitudes the unit matrix. */
@@ -120,8 +120,9 @@ lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, con
 /* Whether a mass of the machine is a network. */
 bool lg_machine_mass_learned(const lg_machine *machine);
 
-/* Number of numbers of a feature; scales of all features of a term, whose number is returned. A number in the
- * log's units is the scaled number times its scale. */
+/* lg_machine_feature_count: how many numbers a feature has. lg_machine_feature_scales writes the scales of
+ * all numbers of a term's features, and returns how many there are. A number in the log's units is the scaled
+ * number times its scale. */
 uint32_t lg_machine_feature_count(const lg_machine *machine, lg_machine_feature feature);
 uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_term *term, double *scales);
 /* The features of a term, (B, numbers), in scaled units. */
@@ -146,7 +147,7 @@ typedef struct lg_monomials {
     uint32_t count;
     uint32_t factor[LG_MACHINE_MONOMIALS][LG_MACHINE_DEGREE + 1];
 } lg_monomials;
-/* False: there are more than LG_MACHINE_MONOMIALS. */
+/* Lists the monomials in `out`. False: there are more than LG_MACHINE_MONOMIALS. */
 bool lg_machine_monomials(uint32_t variables, uint32_t least, uint32_t most, lg_monomials *out);
 /* The values of all monomials at x (B, variables): (B, count). */
 lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials, lg_var x);
@@ -268,15 +269,15 @@ enum { LG_MACHINE_MOST_WINDOWS = 512 };
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
-/* Variances of the residuals of one row of the log, in the order of lg_machine_linearise and of the numbers
- * of a start: `noise` times `factor`, in units of the loss's scales. The variance of a missing number is 0.
- * The three numbers of a direction q, or of its omega, have the covariance variance (1 - q q^T), and `part`
- * is the diagonal of (1 - q q^T). Along a column of the Jacobian, which is across q, the whole variance
- * counts. `part` of other numbers is 1. */
+/* Variances (factor noise/scale)^2, with the scales of the loss, of the residuals of one row of the log, in
+ * the order of lg_machine_linearise and of the numbers of a start. The variance of a missing number is 0. The
+ * three numbers of a direction q, or of its omega, have the covariance variance (1 - q q^T), and `part` is
+ * the diagonal of (1 - q q^T). Along a column of the Jacobian, which is across q, the whole variance counts.
+ * `part` of other numbers is 1. */
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
                               double factor, double *out, double *part);
 
-/* Number of all numbers of a term's features: the inputs of its network. */
+/* How many numbers all features of a term have: the inputs of its network. */
 uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
 /* lg_machine_numbers with a network mass reported at `positions`, in the units of the log; NULL: the
  * reference. */

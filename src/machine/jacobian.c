@@ -98,7 +98,7 @@ typedef struct chain {
     double *z, *next;  /* (count, numbers): z of the current and of the next row */
     double *dz;        /* (count, numbers): gradient with respect to z */
     double *A;         /* (count, d, d) */
-    double *apart;     /* (count, shared): gradient with respect to theta, by windows */
+    double *apart;     /* (count, shared): gradient with respect to theta for each window */
     double *S, *moved; /* (count, d, columns): S of the current and of the next row */
     double *r, *jacobian;
     double loss;
@@ -128,8 +128,8 @@ static lg_var joined(lg_tape *tape, lg_var positions, lg_var velocities) {
     return lg_concat(tape, both, 2, 1);
 }
 
-/* Sum over windows of the component of z along an axis at c->next, the value of z: the product with the
- * change along the axis, divided by its squared length. */
+/* Sum over windows of z's component along an axis, which is z . c/|c|^2 with c the change along the axis at
+ * c->next, the value of z. */
 static lg_var sum_along(lg_tape *tape, const chain *c, lg_var z, const axis *a) {
     void *memory;
     const lg_var seed = lg_input_buffer(tape, lg_var_shape(tape, z), &memory);

@@ -58,8 +58,8 @@ static void measure(const lg_machine_problem *problem, size_t windows, double *m
 }
 
 /* Sets `at` to the window whose start is nearest to `to`, in standard deviations, and returns the distance. A
- * number that never changes adds nothing where it equals `to`'s, and makes the distance infinite where it
- * differs. */
+ * number with variance 0 adds nothing if it equals its number in `to`; otherwise it makes the distance
+ * infinite. */
 static double nearest(const lg_machine_problem *problem, size_t windows, const double *to,
                       const double *variance, size_t *at) {
     double x[MOST] = {0.0}, least = (double)INFINITY;

@@ -160,7 +160,7 @@ static void monomial_name(const lg_machine *machine, const lg_machine_term *term
     }
 }
 
-/* 1 by the product of the factors' scales: times E, the unit of a monomial's coefficient. */
+/* 1 divided by the product of the factors' scales. The unit of a monomial's coefficient is this times E. */
 static double coefficient_unit(const double *scales, const uint32_t *factor) {
     double unit = 1.0;
     for (; *factor != UINT32_MAX; factor++) unit /= scales[*factor];

@@ -144,7 +144,7 @@ static lg_var moving_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_m
     return bound ? LG_NONE : sum_of(tape, vars, LG_MACHINE_MASS, seen);
 }
 
-/* p = M v, and by_mass v = M^-1 p, (B, n); M as moving_mass returns it. */
+/* times_mass: p = M v; by_mass: v = M^-1 p; both (B, n). M is the result of moving_mass. */
 static lg_var times_mass(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_var v) {
     if (lg_is_none(M)) return lg_matmul(tape, v, vars->mass);
     const lg_shape shape = lg_var_shape(tape, v);
@@ -166,7 +166,7 @@ static bool are_coupled(const lg_machine_vars *vars) {
     return !lg_is_none(vars->direction_inverse);
 }
 
-/* p_i = P_i sum_j m_ij q_j' */
+/* p_i = P_i sum_j m_ij q_j' with P_i = 1 - q_i q_i^T, (B, k, 3). */
 static lg_var direction_momenta(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var velocity) {
     if (!are_coupled(vars)) return lg_mul(tape, velocity, vars->direction_mass);
     const lg_var p = lg_matmul(tape, vars->direction_mass, velocity);

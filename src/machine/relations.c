@@ -70,7 +70,8 @@ static void reduce(size_t m, size_t n, double *rows) {
 
 lg_status lg_machine_relate(const lg_context *context, size_t count, double *covariance,
                             lg_identification *out) {
-    /* A direction is open if its relative variance is above 1: numbers may then be off by their own size. */
+    /* A direction is open if its relative variance is above 1: its numbers may then be off by as much as
+     * their own values. */
     static const double open = 1.0;
     if (out->correlations != NULL) correlate(count, covariance, out->numbers, out->correlations);
     out->open_count = 0;

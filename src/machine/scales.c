@@ -79,8 +79,9 @@ static void measure_inputs(const lg_machine *machine, const lg_machine_log *log,
 
 /* ---- time and lengths ---- */
 
-/* Time scale: the time in which a velocity changes by its own size (root mean square of the velocity by that
- * of the acceleration), as the geometric mean over the coordinates that move. */
+/* Time scale: the time in which a velocity changes by its own size, as the geometric mean over the
+ * coordinates that move. It is the root mean square of the velocity divided by the root mean square of the
+ * acceleration. */
 static double time_of(const lg_machine *machine, const moments *size) {
     double logs = 0.0;
     size_t count = 0;
@@ -154,7 +155,7 @@ static uint32_t hold_mass(lg_machine *machine, const moments *size) {
 }
 
 /* Geometric mean of the known masses times L^2/T^2, an energy. Without a known mass, masses are guessed as
- * known force by acceleration. 0: nothing is known. */
+ * known force divided by acceleration. 0: nothing is known. */
 static double known_energy(const lg_machine *machine, const moments *size) {
     const lg_machine_term *mass = known_term(machine, LG_MACHINE_MASS);
     const uint32_t n = machine->velocities;

@@ -4,9 +4,10 @@
 #include "core/core.h"
 #include "machine/internal.h"
 
-/* The start of the next window: the first complete row from `first` on. If that is behind `most`, rows would
- * be left in no window; then the last complete row from `before` to `most`, if there is one. `end`: there is
- * no next window. */
+/* The start of the next window: the first complete row from `first` on. It should not lie behind `most`,
+ * because rows between the windows would then be left out (with a stride above `window`: more rows than the
+ * stride leaves out). If it does, the last complete row from `before` to `most` is taken, if there is one.
+ * `end`: there is no next window. */
 static size_t next_start(const lg_machine *machine, const lg_machine_log *log, bool positions_only,
                          size_t before, size_t first, size_t most, size_t end) {
     size_t row = first;

@@ -73,7 +73,7 @@ lg_status lg_table_program(const lg_context *context, const lg_table *model, con
     for (uint32_t c = 0; c < n; c++) {
         const float near = (float)inputs->mean[c];
         mean[c] =
-            /* A mean beyond single precision is stored in `rest` alone. */
+            /* A mean beyond the range of single precision is stored in `rest` alone. */
             near - near == 0.0F ? (double)near : 0.0;
         rest[c] = inputs->mean[c] - mean[c];
         inverse[c] = 1.0 / inputs->scale[c];

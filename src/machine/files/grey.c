@@ -14,8 +14,8 @@ static const char unknown_word[] = "unknown";
 /* One parameter while it is read: its numbers (NaN: use the default), and which of them are unknown. */
 typedef struct parameter {
     const char *key;
-    size_t count;    /* of numbers; 0: all numbers have their defaults */
-    size_t unknowns; /* count of `unknown`; 1 stands for all numbers */
+    size_t count;    /* how many numbers are given; 0: all have their defaults */
+    size_t unknowns; /* how many truths are given; 1 stands for all numbers */
     double values[LG_MACHINE_PARAMETERS];
     bool unknown[LG_MACHINE_PARAMETERS];
 } parameter;

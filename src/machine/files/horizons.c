@@ -111,8 +111,8 @@ static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, 
     return count;
 }
 
-/* The largest number of steps that fit into `seconds` from any row of the log; 0: intervals are longer, or
- * there is none. */
+/* The largest number of steps that fit into `seconds` from any row of the log; 0: all intervals are longer,
+ * or no part has two rows. */
 static size_t most_steps(const lg_machine_log *log, double seconds) {
     size_t most = 0;
     for (size_t p = 0; p < log->parts; p++) {

@@ -157,7 +157,8 @@ static bool are_missing(const lg_machine_verdict *what, double floor) {
 static void warn_of_misfit(const lg_learning *self, const lg_machine_verdict *what) {
     const lg_machine_model_run *run = self->run;
     const double floor = self->floor;
-    /* The loss may exceed the expected one by half, and by four standard deviations of chance. */
+    /* The loss may exceed the expected loss by half and by four standard deviations of its random
+     * variation. */
     const double numbers = 2.0 * (double)run->windows * run->window * run->machine.velocities,
                  more = 1.5 + 4.0 * sqrt(2.0 / numbers);
     if (floor > what->tolerated)

@@ -20,7 +20,7 @@ enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000, MOST_SORTED = 50000 }
 #define UNRELATED   0.5
 #define DEGREE      0.0174532925199433
 #define STEADY      1e-12 /* variances below this part of the mean square are rounding */
-#define ABOVE_NOISE 25    /* needed ratio of a motion's variance to its noise's */
+#define ABOVE_NOISE 25    /* least ratio of a motion's variance to its noise's variance */
 #define MOST_ANGLE  0.5   /* radians over a span: only small changes of attitude add up */
 
 /* A way to read the columns. The first way of a list is the way of the machine's file. */
@@ -58,14 +58,14 @@ struct check {
     double *sorted;    /* (MOST_SORTED + 1) work space */
     uint32_t file;     /* file of the first part */
     size_t begin, end; /* parts begin .. end - 1 are compared */
-    /* first column and number of columns, also used in messages and for noise */
+    /* The first column and the number of columns; messages name them, and their noise is looked up. */
     uint32_t position, positions;
     uint32_t velocity, velocities;
-    uint32_t attitude, attitudes; /* attitude columns of a pose, for its place */
-    int count;                    /* 1 or 3 numbers */
+    uint32_t attitude, attitudes; /* a pose's attitude columns, used when its place is compared */
+    int count;                    /* numbers that are compared: 1 or 3 */
     bool turns;                   /* y is a rotation vector */
     bool steady;                  /* correlation and slope are about 0, not about the means */
-    uint32_t watched;             /* column in which rows are left out, if it ... */
+    uint32_t watched;             /* rows are left out of the comparison where this column ... */
     double jump;                  /* ... changes by more than this to the next row; 0: not used */
     double low, high;             /* ... or equals one of these; not used if low >= high */
     /* `change` computes the change y of position from row a to row b, `velocity_of` the velocity x in a row
@@ -258,7 +258,7 @@ static double noise_of(const check *c, uint32_t first, uint32_t count) {
     double most = 0;
     for (uint32_t i = first; i < first + count; i++) {
         const lg_log_statistics *s = &c->table->out->columns[i];
-        /* smooth columns have far less noise */
+        /* For smooth columns the estimate is only an upper bound; their noise is far smaller. */
         const double noise = s->noise_at_most ? s->noise / 10 : s->noise;
         const double rounding = DBL_EPSILON * fmax(fabs(s->low), fabs(s->high));
         most = fmax(most, fmax(fmax(noise, rounding), step_of(c, i) / sqrt(12)));
@@ -268,7 +268,7 @@ static double noise_of(const check *c, uint32_t first, uint32_t count) {
 
 /* The shortest span over which position and velocity change well above their noise. False: there is none. */
 static bool find_span(const check *c, const way *w, size_t *span, fit *f) {
-    /* a rotation vector is twice the quaternion's vector part */
+    /* A rotation vector is twice the quaternion's vector part. */
     const double factor = c->positions == 4 ? 2 : 1;
     const double q = factor * noise_of(c, c->position, c->positions);
     const double v = noise_of(c, c->velocity, c->velocities) * c->table->out->dt_median;
@@ -415,7 +415,8 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
 static lg_status refuse_failures(const check *c, const way *w, size_t span, const fit *f, lg_error *error) {
     if (c->count != 1 || c->positions != 1) return LG_OK;
     LG_TRY(refuse_outliers(c, w, c->position, c->velocity, error));
-    /* Velocities may jump in an impact; then the correlation is still high. */
+    /* Velocities may really jump, in an impact; the correlation is still high then, and they are not
+     * refused. */
     if (f->correlation < UNRELATED) LG_TRY(refuse_outliers(c, w, c->velocity, c->position, error));
     LG_TRY(refuse_clipped(c, w, c->velocity, span, f, error));
     return refuse_clipped(c, w, c->position, span, f, error);

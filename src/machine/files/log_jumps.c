@@ -11,7 +11,7 @@
 
 enum { MOST_SORTED = 50000, FEWEST = 20, LONGEST = 2 };
 #define OUTSIDE 50  /* 1/50 of the values at each end does not count for the range */
-#define FAR     5.0 /* an outlier is this many ranges outside of the range */
+#define FAR     5.0 /* least distance of an outlier from the range, in ranges */
 
 /* The range of most values of a column; a value is far off if its distance from the range is above `far`. */
 typedef struct bulk {
@@ -41,8 +41,9 @@ static double distance(const bulk *b, double x) {
     return x > b->high ? x - b->high : x < b->low ? b->low - x : 0;
 }
 
-/* Whether rows row .. after - 1, which are far off, are an outlier. At the end of a run they may be a step,
- * since nothing comes back; there they must also be far beyond the size of all other values. */
+/* Whether rows row .. after - 1, which are far off, are an outlier. At either end of a run they may also be a
+ * step, since no return to the other values is seen; there they must be far beyond the size of all other
+ * values, too. */
 static bool is_outlier(const lg_log_table *t, uint32_t column, size_t row, size_t after, size_t first,
                        size_t end, const bulk *b) {
     const bool begins = row == first || t->origin[row - 1].run != t->origin[row].run,

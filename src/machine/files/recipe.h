@@ -42,8 +42,8 @@ lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *pat
 /* Standard deviations of the noise of each coordinate: as given in the machine's file, else estimated where
  * columns are clearly noisy, else 0. Returns whether there is any noise. */
 bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out);
-/* As lg_machine_data_noise, but estimated noise counts however small; 0: smooth columns. For the position of
- * a line or angle it is at most lg_machine_position_noise. */
+/* As lg_machine_data_noise, but estimated noise counts however small; 0: smooth columns. If velocities are
+ * measured, the position noise of a line or angle is at most lg_machine_position_noise. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
 
 /* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions (sine
@@ -60,8 +60,8 @@ double lg_machine_wrap(double angle); /* wraps to [-pi, pi] */
  * nothing to compare. */
 void lg_machine_motions(const lg_machine_data *data, int lag, double *out);
 /* For each coordinate the lag, within 12 rows, at which the velocities explain the motion best, if they leave
- * less than half of what velocities of the same rows leave; else 0. `left`: what they leave, as in
- * lg_machine_motions (at lag 0 half of it). */
+ * less than half of what velocities of the same rows leave; else 0. `left`: what the velocities at this lag
+ * leave, as in lg_machine_motions; if the lag is 0, half of it. */
 void lg_machine_lags(const lg_machine_data *data, int *lag, double *left);
 /* Noise of the position of a line or angle, from differences of its changes and the integrated velocity:
  * noise gives neighbouring differences opposite signs, curvature does not. 0: no noise, or another kind of
@@ -155,7 +155,7 @@ typedef struct lg_machine_verdict {
     double forces;    /* about the loss of a model in which no forces act */
     lg_machine_missing missing;
     lg_identification identified; /* memory of the lg_learning */
-    size_t count;                 /* of identified numbers */
+    size_t count;                 /* number of identified numbers */
     /* A network mass is reported at `positions`; `place` has them as text: "at x 1.2, theta 3.1". */
     bool placed;
     double positions[LG_MACHINE_POSITIONS];

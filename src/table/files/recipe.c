@@ -154,7 +154,7 @@ static lg_status make_samples(lg_learning *self, lg_error *error) {
 
 /* ---- training and validation part ---- */
 
-/* Warns once, however many fits are made. */
+/* Warns of too few training rows, once, however many fits are made. */
 static void warn_few(const lg_learning *self) {
     enum { LEAST = 10 };
     lg_table_state *s = self->state;
