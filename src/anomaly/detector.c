@@ -1,4 +1,4 @@
-/* Detectors: description, scaling of windows, evaluation. */
+/* Detectors: check of the description, scaling of windows, evaluation by a plan. */
 #include <inttypes.h>
 #include <math.h>
 #include <string.h>
@@ -41,7 +41,8 @@ lg_status lg_detector_check(const lg_detector *model, lg_error *error) {
 
 /* ---- scaling ---- */
 
-/* The window's mean of one channel, or 0. Four sums side by side. */
+/* Returns the mean of one channel over the window if the model is centred, otherwise 0. It uses four partial
+ * sums. */
 static double own_mean(const lg_detector *model, const float *x) {
     const size_t n = model->net.length;
     double sum[4] = {0.0};
@@ -53,7 +54,8 @@ static double own_mean(const lg_detector *model, const float *x) {
     return ((sum[0] + sum[1]) + (sum[2] + sum[3])) / (double)n;
 }
 
-/* x is usually near its mean, so the difference is taken in double and loses no digits. */
+/* Computes x - mean in double, because x is often close to the mean and single precision would lose
+ * digits. */
 void lg_detector_scale(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype, const float *x,
                        void *out) {
     const size_t n = model->net.length, channels = model->net.channels;
@@ -79,7 +81,7 @@ struct lg_detector_plan {
     lg_dtype dtype;
 };
 
-/* The caller's memory: a scaled window, the results and the plan's work, in this order. */
+/* Parts of the caller's work memory, in this order: scaled window, probabilities, plane, work of the plan. */
 typedef struct pieces {
     char *z, *probability, *plane, *plan;
 } pieces;
@@ -154,7 +156,7 @@ void lg_detector_plan_destroy(lg_detector_plan *plan) {
     lg_free(plan->context, plan);
 }
 
-/* Scales in double, so that an offset of the sensors causes no rounding errors. */
+/* Scales the window in double, so that a large constant offset of a sensor causes no rounding errors. */
 void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
                       void *work) {
     const lg_kernels *k = lg_kernels_for(plan->dtype);

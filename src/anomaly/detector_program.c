@@ -1,11 +1,12 @@
 /* Detectors as programs, with their Jacobians.
  *
- * The network reads z (length, channels) of a window x (channels, length) as recorded,
- *   z_tc = (x_ct - m_c - mean_c)/scale_c,
- * with m_c the channel's own mean over the window for `centred` models, else 0. The scaling's mean is the sum
- * of two parameters; the first is a number of single precision. A window's own mean is computed from the
- * differences to its first sample. An offset therefore causes no rounding errors, in single precision too.
- */
+ * The program takes a window x (channels, length) as recorded, and the network reads the scaled window z
+ * (length, channels),
+ *   z_tc = (x_ct - m_c - mean_c)/scale_c.
+ * For `centred` models m_c is the mean of channel c over the window, otherwise 0. mean_c is the sum of two
+ * parameters: `mean`, which is rounded to single precision, and the remainder `mean_rest`. m_c is computed
+ * from the differences between the samples and the window's first sample. A large constant offset of a sensor
+ * therefore causes no rounding errors, even if the program runs in single precision. */
 #include "core/core.h"
 #include "liegrad/detector.h"
 #include "liegrad/ops.h"
@@ -31,12 +32,14 @@ static lg_var logits(lg_tape *t, const lg_detector *model, const lg_var *theta, 
     return lg_cnn_record(t, &model->net, theta[THETA], 0, scaled(t, model, theta, x), NULL);
 }
 
-/* The same with the recording that the Jacobian differentiates. */
+/* Like logits, but with the recording of the network that suits programs with derivatives
+ * (lg_cnn_record_apart). */
 static lg_var logits_apart(lg_tape *t, const lg_detector *model, const lg_var *theta, lg_var x) {
     return lg_cnn_record_apart(t, &model->net, theta[THETA], scaled(t, model, theta, x));
 }
 
-/* Logits (B, outputs) -> probabilities (B, classes). Of two classes, a small probability keeps all digits. */
+/* Logits (B, outputs) -> probabilities (B, classes). With two classes and one logit, a small probability has
+ * the full relative accuracy. */
 static lg_var probabilities(lg_tape *t, const lg_detector *model, lg_var y) {
     if (model->loss == LG_DETECTOR_MSE) {
         const lg_var both[2] = {lg_neg(t, y), y};
@@ -51,7 +54,7 @@ static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var
     return lg_tape_status(t);
 }
 
-/* All rows of the Jacobian in one batch. */
+/* Outputs the logits y and their Jacobian g, all rows of which come from one batched vjp. */
 static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
     const lg_detector *model = user;
     const uint32_t outputs = model->net.outputs, rows = lg_var_shape(t, x[0]).dims[0];
@@ -71,7 +74,7 @@ static lg_status probability(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
-/* The functions of a window that is already scaled. */
+/* Outputs the probabilities and the plane of a window that is already scaled. */
 static lg_status scores(void *user, lg_tape *t, const lg_var *theta, const lg_var *z, lg_var *y) {
     const lg_detector *model = user;
     lg_var plane;
@@ -82,7 +85,7 @@ static lg_status scores(void *user, lg_tape *t, const lg_var *theta, const lg_va
 
 lg_status lg_detector_build(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,
                             const double *theta, bool scores_alone, lg_program **out, lg_error *error) {
-    /* The union only drops const: recording only reads the model. */
+    /* This union only drops const, which is safe because recording does not write to the model. */
     union {
         const lg_detector *borrowed;
         void *user;

@@ -1,4 +1,4 @@
-/* Detectors as a learning problem: scaled windows, the loss on a tape, settings. */
+/* Training of detectors: scaled windows as data, the loss on a tape, presets of the settings. */
 #include <inttypes.h>
 #include <math.h>
 #include <string.h>
@@ -83,7 +83,7 @@ void lg_detector_data_destroy(lg_detector_data *data) {
 
 /* ---- loss ---- */
 
-/* n numbers of type `from` into type `to`. */
+/* Copies n numbers and converts them from type `from` to type `to`. */
 static void copy_numbers(lg_dtype from, lg_dtype to, size_t n, const char *x, void *out) {
     if (from == to)
         memcpy(out, x, n * lg_kernels_for(to)->size);
@@ -110,7 +110,8 @@ lg_var lg_detector_put_windows(const lg_detector_problem *problem, lg_tape *tape
     return x;
 }
 
-/* Targets (count, outputs): the label itself, or a 1 in its column. */
+/* Puts the targets (count, outputs) on the tape. With one output the target is the label; with more outputs
+ * it is one-hot, 1 in the label's column. */
 static lg_var put_targets(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
                           uint32_t count) {
     const uint32_t outputs = problem->model->net.outputs;
@@ -142,8 +143,8 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     return lg_tape_status(tape);
 }
 
-/* About how many numbers one window leaves on a tape: each block's input, sums, activations and their
- * cotangents. */
+/* Estimates how many numbers one window puts on a tape: the input of the network, and for each block sums,
+ * activations and their cotangents. */
 static size_t numbers_a_window(const lg_cnn *net) {
     size_t sum = (size_t)net->length * net->channels;
     for (uint32_t i = 0; i < net->blocks; i++)
@@ -152,8 +153,9 @@ static size_t numbers_a_window(const lg_cnn *net) {
     return sum;
 }
 
-/* Windows on a tape at once: their values fill about one megabyte of L2 cache. From 8 to 15 windows of 6 x
- * 300 the speed is the same; with fewer or more it is lower. */
+/* Chooses the number of windows recorded at once so that their values take at most 1.5 MiB and stay in the
+ * L2 cache. Measured on windows of 6 x 300: 8 to 15 windows at once are equally fast; fewer or more are
+ * slower. */
 size_t lg_detector_chunk(const lg_detector_problem *problem) {
     const size_t limit = ((size_t)3 << 19) / lg_kernels_for(problem->data->dtype)->size;
     const size_t chunk = limit / numbers_a_window(&problem->model->net);
@@ -161,7 +163,7 @@ size_t lg_detector_chunk(const lg_detector_problem *problem) {
 }
 
 void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out) {
-    /* The union only drops const: the loss only reads the problem. */
+    /* This union only drops const, which is safe because the loss does not write to the problem. */
     union {
         const lg_detector_problem *borrowed;
         void *user;
@@ -175,7 +177,7 @@ void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem 
                             .revive = lg_detector_revive};
 }
 
-/* ---- settings ---- */
+/* ---- presets ---- */
 
 #define TRAINING(epochs_, batch_, lr_, schedule_, factor_, decay_, clip_)                                    \
     {                                                                                                        \
@@ -197,8 +199,8 @@ static const lg_detector_preset presets[] = {
 };
 /* clang-format on */
 
-/* Distance between levels of noise. An unknown level is at distance 0 from the row for unknown levels
- * only. */
+/* Distance between two noise levels, where NaN means that the level is unknown. An unknown level has distance
+ * 0 from another unknown level and infinite distance from a known one. */
 static double level_distance(double row, double noise) {
     if (isnan(row) || isnan(noise)) return isnan(row) && isnan(noise) ? 0 : INFINITY;
     return fabs(row - noise);

@@ -1,4 +1,4 @@
-/* Units of a detector that died, and other weights to start from. */
+/* Finds units whose output is constant, detects networks that died, and gives those new weights. */
 #include <math.h>
 
 #include "core/core.h"
@@ -14,19 +14,19 @@ void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint64_t re
     for (uint64_t i = 0; i <= restart; i++) lg_cnn_initialise(&model->net, LG_INIT_FAN_IN, &rng, theta);
 }
 
-/* ---- least and largest values ---- */
+/* ---- smallest and largest output of each unit ---- */
 
 typedef struct survey {
     const lg_detector_problem *problem;
     cnn_layout layout;
-    uint32_t layers; /* without the output */
+    uint32_t layers; /* number of layers without the output layer */
     size_t units, chunk;
     lg_tape *tape;
-    void *theta;       /* of the tape's type */
-    double *low;       /* (units), layer by layer */
-    double *high;      /* (units) */
-    double *values;    /* one layer of a chunk */
-    uint32_t *samples; /* (chunk) */
+    void *theta;       /* parameters in the tape's type */
+    double *low;       /* (units) smallest output, layer by layer */
+    double *high;      /* (units) largest output */
+    double *values;    /* outputs of one layer for one chunk of windows */
+    uint32_t *samples; /* (chunk) indices of the windows on the tape */
 } survey;
 
 static void survey_end(survey *s) {
@@ -38,7 +38,8 @@ static void survey_end(survey *s) {
     lg_free(context, s->samples);
 }
 
-/* Units of all layers, and in *largest the values of the largest layer for one window. */
+/* Returns the number of units of all layers but the output. *largest becomes the number of values that the
+ * largest of these layers has for one window. */
 static size_t count_units(const lg_cnn *net, const cnn_layout *layout, size_t *largest) {
     size_t units = 0;
     *largest = 0;
@@ -79,7 +80,7 @@ static lg_status survey_begin(const lg_detector_problem *problem, const double *
     return LG_OK;
 }
 
-/* Values (rows, units) of a layer. */
+/* Updates low and high (units) with the values (rows, units) of a layer. */
 static void widen(const double *values, size_t rows, size_t units, double *low, double *high) {
     for (size_t r = 0; r < rows; r++)
         for (size_t u = 0; u < units; u++) {
@@ -89,7 +90,7 @@ static void widen(const double *values, size_t rows, size_t units, double *low, 
         }
 }
 
-/* Windows from..from + count - 1. */
+/* Evaluates the training windows from .. from + count - 1 and updates low and high of all units. */
 static lg_status look(survey *s, size_t from, size_t count) {
     lg_var layers[CNN_MAX_LAYERS];
     size_t at = 0;
@@ -129,7 +130,8 @@ static lg_detector_units conclude(const survey *s) {
     return out;
 }
 
-/* `whole`: all training windows; else as many as show that the network lives. */
+/* Counts constant units. If `whole`, all training windows are evaluated. Otherwise evaluation stops as soon
+ * as the windows seen so far show that the network has not died. */
 static lg_status count(const lg_detector_problem *problem, const double *theta, bool whole,
                        lg_detector_units *out) {
     survey s;

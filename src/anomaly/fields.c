@@ -1,8 +1,9 @@
 /* The hyperparameters of a fault detector. */
 #include "settings/training.h"
 
-/* The network. The validation part is drawn here and not by lg_fit, so that recordings and groups stay
- * whole. */
+/* Value of .methods for fields that apply to the network only. The network's validation part is drawn by the
+ * field validation_fraction, so that recordings and groups stay whole; therefore lg_fit's field `validation`
+ * has no option and stays 0. */
 enum { NETWORK = 1 };
 
 static const char *name_split(uint32_t value) {

@@ -1,13 +1,13 @@
-/* Scores of a model on windows, and its errors. */
+/* Evaluation of a model on windows: scores by several threads, then metrics from the scores. */
 #include "anomaly/judge.h"
 
 #include <math.h>
 
 #include "core/core.h"
 
-enum { BUNDLE = 64 }; /* windows of a task */
+enum { BUNDLE = 64 }; /* number of windows per task of the thread pool */
 
-/* ---- windows by threads ---- */
+/* ---- visiting windows in threads ---- */
 
 typedef struct visit {
     const lg_context *context;
@@ -17,7 +17,7 @@ typedef struct visit {
     size_t work;
     lg_status (*each)(void *user, size_t i, const float *x, void *work);
     void *user;
-    lg_status *status; /* of each bundle */
+    lg_status *status; /* (bundles) result of each bundle */
 } visit;
 
 static void visit_bundle(void *user, size_t index) {
@@ -55,9 +55,9 @@ lg_status lg_windows_each(const lg_context *context, const lg_series *series, co
     return status;
 }
 
-/* ---- from scores to numbers ---- */
+/* ---- metrics from scores ---- */
 
-/* One block, which begins at `score`. */
+/* Allocates all arrays as one block, which begins at out->score. */
 static lg_status allocate(lg_judgement *out, bool plane) {
     const size_t n = out->count, classes = out->classes, scores = n * classes + (plane ? 2 * n : 0);
     const size_t words = scores + classes * classes;
@@ -119,7 +119,7 @@ void lg_judgement_destroy(lg_judgement *judged) {
     *judged = (lg_judgement){.count = 0};
 }
 
-/* ---- what they say ---- */
+/* ---- checks and derived numbers ---- */
 
 lg_status lg_judgement_check(const lg_judgement *judged, lg_error *error) {
     size_t infinite = 0, first = 0;

@@ -1,19 +1,20 @@
-/* Results of a model on the windows of a set. */
+/* Evaluation of a model on the windows of a data set: scores, confusion matrix, metrics. */
 #ifndef LG_ANOMALY_JUDGE_H
 #define LG_ANOMALY_JUDGE_H
 
 #include "liegrad/metrics.h"
 #include "liegrad/series.h"
 
-/* Indices of windows, rising. */
+/* Indices of windows in rising order. */
 typedef struct lg_window_list {
     uint32_t *list;
     size_t count;
 } lg_window_list;
 
-/* Calls each(user, i, x, work) with x (channels, length), window number list[i], in bundles, by several
- * threads; `work` bytes are the thread's alone, 64-byte aligned. LG_CANCELLED where the context is, otherwise
- * the first failure. */
+/* Calls each(user, i, x, work) for every i below part->count. x (channels, length) is window number
+ * part->list[i]. Several threads do this, in bundles of windows. Each call has `work` bytes of memory,
+ * aligned to 64 bytes, which no other thread uses. Returns LG_CANCELLED if the context is cancelled, or the
+ * first failure in the order of the list. */
 lg_status lg_windows_each(const lg_context *context, const lg_series *series, const lg_windows *windows,
                           const lg_window_list *part, uint64_t threads, size_t work,
                           lg_status (*each)(void *user, size_t i, const float *x, void *work), void *user);
@@ -21,29 +22,37 @@ lg_status lg_windows_each(const lg_context *context, const lg_series *series, co
 typedef struct lg_judgement {
     size_t count;
     uint32_t classes;
-    uint32_t *window, *truth, *given; /* (count); window: index in lg_windows */
-    double *score;                    /* (count, classes) */
-    double *plane;                    /* (count, 2) or NULL */
-    uint64_t *confusion;              /* (classes, classes) */
+    /* Arrays (count). window: index of the window in lg_windows; truth: its class; given: the class that the
+     * model gave it. */
+    uint32_t *window, *truth, *given;
+    double *score;       /* (count, classes) */
+    double *plane;       /* (count, 2) or NULL */
+    uint64_t *confusion; /* (classes, classes) */
     lg_metrics metrics;
     double auc;
-    double mse;     /* two classes with probabilities: mean of (p - label)^2; otherwise NaN */
-    double seconds; /* of scoring */
+    /* Mean of (p - label)^2, where p is the probability of class 1. NaN unless there are two classes and the
+     * scores are probabilities. */
+    double mse;
+    double seconds; /* time that the scoring took */
     const lg_context *context;
 } lg_judgement;
 
-/* The windows of a part; the time of scoring begins. Without windows all numbers are NaN. */
+/* Allocates the arrays of *out for the windows of `part`, fills in `window` and `truth`, and starts the
+ * clock. The metrics are NaN until lg_judgement_end sets them; they stay NaN if there are no windows. */
 lg_status lg_judgement_begin(const lg_context *context, const lg_series *series, const lg_windows *windows,
                              const lg_window_list *part, uint32_t classes, bool plane, lg_judgement *out,
                              lg_error *error);
-/* Scores are there, unless `status` is a failure, with which *judged is destroyed. `probabilities`: that is
- * what the scores are; otherwise decisions, distances. */
+/* Stops the clock and computes the metrics from the scores, which the caller has filled in. `probabilities`
+ * tells whether the scores are probabilities; otherwise they are decision values or distances. If `status` is
+ * a failure, or computing fails, *judged is destroyed and the failure is returned. */
 lg_status lg_judgement_end(lg_judgement *judged, bool probabilities, lg_status status, lg_error *error);
 void lg_judgement_destroy(lg_judgement *judged);
-/* LG_NOT_FINITE: a window whose numbers overflow in the model has no class. */
+/* Checks that all scores are finite. LG_NOT_FINITE means that the numbers of a window overflow in the model,
+ * so that it has no class. */
 lg_status lg_judgement_check(const lg_judgement *judged, lg_error *error);
-/* False alarms a day: the false positive rate times the number of windows a day, one every `hop` samples. NaN
- * when the rate is unknown. */
+/* Returns the expected number of false alarms per day: the false positive rate times the number of windows
+ * per day. A window begins every `hop` samples, at `rate` samples per second. NaN if the rate is unknown
+ * (0). */
 double lg_judgement_alarms(const lg_judgement *judged, uint64_t hop, double rate);
 
 #endif

@@ -1,4 +1,4 @@
-/* Novelty of a window: its features, distances and their causes. */
+/* Novelty detector: features of a window, its distances to the classes, and the cause of a novelty. */
 #include "liegrad/novelty.h"
 
 #include <math.h>
@@ -8,9 +8,10 @@
 #include "kernels/kernels.h"
 #include "anomaly/novelty_internal.h"
 
-/* Added to standard deviations and amplitudes, in units of the channel's scale. */
+/* Added to standard deviations and amplitudes, in units of the channel's scale, so that logarithms stay
+ * finite. */
 static const double FLOOR = 1e-3;
-/* Largest correlation, by absolute value, that is told from 1. */
+/* Factor on correlations before atanh, so that the feature of a correlation of 1 stays finite. */
 static const double CORRELATED = 0.999999;
 
 /* ---- layout ---- */
@@ -112,7 +113,7 @@ lg_status lg_novelty_factor(lg_novelty *v, lg_error *error) {
 
 /* ---- features ---- */
 
-/* z = (x - mean)/scale less its own mean, which is returned. */
+/* z becomes (x - mean)/scale minus its average over the window. Returns this average. */
 static double centre_channel(const lg_novelty *v, uint32_t channel, const float *x, double *z) {
     const double inverse = 1.0 / v->scale[channel];
     double sum = 0;
@@ -125,7 +126,8 @@ static double centre_channel(const lg_novelty *v, uint32_t channel, const float 
     return mean;
 }
 
-/* The longest run of equal samples, and the samples at the least or the largest value, whichever are more. */
+/* *still becomes the length of the longest run of equal samples. *extreme becomes the number of samples at
+ * the least value or at the largest value, whichever number is larger. */
 static void count_equal(const float *x, uint32_t length, double *still, double *extreme) {
     uint32_t run = 1, longest = 1, least = 0, largest = 0;
     float low = x[0], high = x[0];
@@ -154,7 +156,7 @@ static double channel_features(const lg_novelty *v, const double *z, double *f, 
 }
 
 typedef struct pieces {
-    double *z, *deviation, *spectrum; /* (channels, length); (channels) */
+    double *z, *deviation, *spectrum; /* z: (channels, length); deviation: (channels) */
 } pieces;
 
 static pieces cut(const lg_novelty *v, void *work) {
@@ -193,7 +195,7 @@ bool lg_novelty_features(const lg_novelty *v, const float *x, double *features, 
 
 /* ---- distances ---- */
 
-/* |L^-1 w|^2, L (n, n) lower; w is destroyed. */
+/* Returns |L^-1 w|^2 for a lower triangular L (n, n). w is overwritten. */
 static double solved_square(size_t n, const double *L, double *w) {
     double sum = 0;
     for (size_t i = 0; i < n; i++) {
@@ -221,7 +223,7 @@ void lg_novelty_distances(const lg_novelty *v, uint32_t class_index, const doubl
     }
 }
 
-/* The largest part of its limit that a distance takes. */
+/* Returns the largest ratio of a group's distance to its limit. */
 static double farthest(const lg_novelty *v, const double *square) {
     double ratio = 0;
     for (uint32_t g = 0; g < lg_novelty_groups(v); g++) ratio = fmax(ratio, square[g] / v->limit[g]);
@@ -237,7 +239,8 @@ static void name_pair(const lg_novelty *v, uint32_t pair, uint32_t *channel, uin
     *other = a + 1 + pair;
 }
 
-/* The feature of a group that deviates most from the centre, in units of its spread. */
+/* Finds the feature of a group that deviates most from the centre. Returns its deviation in units of its
+ * spread. */
 static double most_deviating(const lg_novelty *v, const double *f, const double *centre, uint32_t group,
                              uint32_t *feature) {
     const novelty_group among = lg_novelty_group(v, group);
@@ -249,8 +252,9 @@ static double most_deviating(const lg_novelty *v, const double *f, const double 
     return most;
 }
 
-/* A channel whose own features are strange comes before pairs: what happens to a channel happens to its
- * pairs. */
+/* Finds the feature that explains the novelty best. A feature of a single channel that deviates by more
+ * than 5 spreads has precedence over pairs, because a fault of a channel also changes the channel's
+ * correlations. */
 static uint32_t find_feature(const lg_novelty *v, const double *f, const double *centre) {
     static const double STRANGE = 5;
     double most = STRANGE;
@@ -278,7 +282,7 @@ static void find_cause(const lg_novelty *v, const double *f, lg_novelty_result *
     r->deviation = exp(f[deviation] - centre[deviation]);
 }
 
-/* A channel that stands still, or is cut off. */
+/* Looks for a channel that stands still, or whose values are cut off at its least or largest value. */
 static bool find_fault(const lg_novelty *v, const double *still, const double *extreme,
                        lg_novelty_result *r) {
     for (uint32_t c = 0; c < v->channels; c++) {
@@ -331,7 +335,7 @@ void lg_novelty_eval(const lg_novelty *v, const float *x, lg_novelty_result *res
     *result = r;
 }
 
-/* ---- telling ---- */
+/* ---- results as numbers and text ---- */
 
 double lg_novelty_noise_from(const lg_novelty *v) {
     return v->bands == 0 ? 0 : (v->spectrum.edge[v->bands - 1] - 0.5) / v->spectrum.segment;
@@ -352,7 +356,8 @@ static int name_channel(char (*names)[LG_SERIES_NAME], uint32_t channel, char te
                : snprintf(text, LG_SERIES_NAME + 16, "channel %u", channel + 1);
 }
 
-/* What the feature says that the standard deviation does not. */
+/* Writes how the deviating feature differs from the usual. Writes nothing for the standard deviation, which
+ * the caller writes anyway. */
 static int explain_feature(const lg_novelty *v, const lg_novelty_result *r, double rate, char *text,
                            size_t size) {
     const uint32_t kind = r->feature % of_channel(v), band = kind - NOVELTY_BAND;

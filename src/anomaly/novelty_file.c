@@ -1,4 +1,4 @@
-/* Novelty in archives. */
+/* Saving and loading of lg_novelty in archives. */
 #include <math.h>
 #include <string.h>
 
@@ -16,7 +16,7 @@ typedef struct item {
 
 enum { ITEMS = 9, SIZES = 4 };
 
-/* For sizes that are set. */
+/* Lists the arrays with their shapes. The sizes in *v must be set. */
 static void list(lg_novelty *v, item out[ITEMS]) {
     const uint64_t m = v->channels, k = v->classes, d = v->features;
     const item rows[ITEMS] = {{ROOT "mean", &v->mean, 1, {m}, false},
@@ -35,7 +35,7 @@ static const char *const sizes[SIZES] = {ROOT "channels", ROOT "length", ROOT "c
 
 lg_status lg_novelty_save(const lg_novelty *novelty, const lg_archive_writer *w, lg_error *error) {
     LG_NEEDS(error, novelty, w);
-    lg_novelty v = *novelty; /* only read */
+    lg_novelty v = *novelty; /* a copy that is only read, because list takes a pointer without const */
     item items[ITEMS];
     const uint32_t size[SIZES] = {v.channels, v.length, v.classes, v.bands};
     lg_status status = LG_OK;
@@ -73,7 +73,7 @@ static lg_status read_sizes(const lg_archive_reader *r, uint32_t size[SIZES], lg
                           length, classes, bands);
 }
 
-/* Checks stored shapes before anything of that size is allocated. */
+/* Compares the shapes in the file with the expected ones before any array of that size is allocated. */
 static lg_status check_shapes(const lg_archive_reader *r, lg_novelty *sized, lg_error *error) {
     item items[ITEMS];
     list(sized, items);

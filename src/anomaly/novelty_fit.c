@@ -1,4 +1,5 @@
-/* Novelty: distributions and limits from training windows. Rows of the table are features (rows, d). */
+/* Fits the distributions and limits of the novelty detector to training windows. Each row of the table has
+ * the features of one window: (rows, d). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,10 +9,11 @@
 #include "anomaly/novelty_internal.h"
 
 enum { LEAST_WINDOWS = 8 };
-/* Standard deviations of features are not taken for smaller: logarithms to 2 %. */
+/* Lower bound for the standard deviation of a feature. Most features are logarithms, so 0.02 means 2 %. */
 static const double SMALLEST = 0.02;
-/* Equal samples that are always allowed, as parts of a window, and by how much the training's are exceeded:
- * a bridged gap stands still for up to a tenth of a window. */
+/* The number of equal samples that is allowed is at least the part STILL, or EXTREME, of a window, and at
+ * least MORE times the largest number in the training windows. STILL is generous because a bridged gap stands
+ * still for up to a tenth of a window. */
 static const double STILL = 0.25, EXTREME = 0.125, MORE = 3;
 
 void lg_novelty_options_init(lg_novelty_options *options) {
@@ -27,13 +29,13 @@ typedef struct fitting {
     lg_novelty *v;
     size_t rows;
     uint32_t *window, *label, *fold; /* (rows) */
-    double *table;                   /* (rows, d) */
+    double *table;                   /* (rows, d) features of the windows */
     double *still, *extreme;         /* (rows, channels) */
-    double *z, *squares, *sums;      /* (rows, d) of a class; (d, d) twice */
-    double *square, *work;           /* (rows, groups): of rows outside the fit; 2 d */
-    size_t parts, bytes;             /* of the table's threads */
-    char *memory;                    /* (parts, bytes) */
-    bool *failed;                    /* (parts) */
+    double *z, *squares, *sums;      /* z: (rows, d), rows of one class; squares, sums: (d, d) each */
+    double *square, *work; /* square: (rows, groups), distances of rows that the fit left out; work: 2 d */
+    size_t parts, bytes;   /* number of tasks that fill the table; bytes of memory per task */
+    char *memory;          /* (parts, bytes) */
+    bool *failed;          /* (parts) whether a feature was not finite */
 } fitting;
 
 /* ---- the table ---- */
@@ -89,7 +91,8 @@ static void allow_equal(const fitting *f) {
 
 /* ---- distributions ---- */
 
-/* Rows of all folds but `left_out`: centres and windows of the classes, and the spread within them. */
+/* Computes the centre and number of windows of each class, and the spread within the classes, from the rows
+ * of all folds but `left_out`. */
 static void find_centres(const fitting *f, uint32_t left_out) {
     lg_novelty *v = f->v;
     const size_t d = v->features;
@@ -114,7 +117,8 @@ static void find_centres(const fitting *f, uint32_t left_out) {
     for (size_t j = 0; j < d; j++) v->spread[j] = sqrt(v->spread[j] / (double)rows + SMALLEST * SMALLEST);
 }
 
-/* The rows of a class, less its centre and over the spread, in z; their number. */
+/* Fills f->z with (row - centre)/spread for the rows of a class, without the fold `left_out`. Returns the
+ * number of rows. */
 static size_t standardise(const fitting *f, uint32_t class_index, uint32_t left_out) {
     const lg_novelty *v = f->v;
     const size_t d = v->features;
@@ -128,14 +132,15 @@ static size_t standardise(const fitting *f, uint32_t class_index, uint32_t left_
     return count;
 }
 
-/* out (d, d), upper triangle row-major = z^T z/count. */
+/* The upper triangle (row-major) of out (d, d) becomes z^T z/count. */
 static void second_moments(size_t count, size_t d, const double *z, double *out) {
     const double zero = 0, weight = 1 / (double)count;
     const int order = (int)d, rows = (int)count;
     dsyrk_("L", "N", &order, &rows, &weight, z, &order, &zero, out, &order);
 }
 
-/* Share of the diagonal: sum var(s_ij)/sum s_ij^2 over i < j, within 0..1. S in `sums`; z is squared. */
+/* Returns the share by which the covariance S shrinks to the identity: sum var(s_ij)/sum s_ij^2 over i < j,
+ * limited to 0..1. S is in f->sums. The entries of f->z are squared in place. */
 static double shrinkage(const fitting *f, size_t count) {
     const size_t d = f->v->features;
     double variance = 0, square = 0;
@@ -188,8 +193,8 @@ static int compare(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Distances of the rows of a fold to their own class, fitted on the other folds. Rows of a class that is in
- * this fold alone have none. */
+/* Computes the distance of each row of a fold to its own class, which was fitted on the other folds. Skips
+ * rows whose class occurs in this fold only. Returns the number of rows measured so far. */
 static size_t measure_fold(const fitting *f, uint32_t fold, size_t measured) {
     const lg_novelty *v = f->v;
     const uint32_t groups = lg_novelty_groups(v);
@@ -212,7 +217,8 @@ static void set_limits(const fitting *f, size_t measured) {
     }
 }
 
-/* Without two folds that have windows, units are left out of account. */
+/* Deals the rows to folds. Rows of one group, otherwise of one run, go to the same fold. If all rows would
+ * then be in one fold, each row is dealt on its own. */
 static lg_status deal(const fitting *f, lg_error *error) {
     const uint32_t *const units[] = {f->series->group, f->series->run, NULL};
     uint32_t *unit = lg_alloc(f->context, f->rows, sizeof *unit);
@@ -243,7 +249,7 @@ static lg_status fit_all(fitting *f, int threads, lg_error *error) {
     return fit_classes(f, UINT32_MAX, error);
 }
 
-/* ---- all of it ---- */
+/* ---- check, allocation, fit ---- */
 
 static uint32_t bands_of(uint32_t wanted, uint32_t channels, uint32_t length) {
     const uint32_t room = LG_NOVELTY_FEATURES / channels - NOVELTY_BAND;

@@ -1,4 +1,4 @@
-/* The riser scene: parameters, matrices, periods, the standard runs. */
+/* Riser scene: parameters, matrices, periods, the standard runs. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -122,8 +122,8 @@ static void add_square(double factor, const double *d, double *matrix) {
         for (size_t j = 0; j < LG_RISER_DOF; j++) matrix[i * LG_RISER_DOF + j] += factor * d[i] * d[j];
 }
 
-/* Row i of y: offset of the flex joint (0), of node i (1..12), of the fixed top (13), in degrees of freedom.
- */
+/* Row i of y expresses an offset by the degrees of freedom: row 0 the offset of the flex joint, rows 1..12 of
+ * riser node i, row 13 of the fixed top (zero). */
 static void offsets(const lg_riser_parameters *p, double y[LG_RISER_NODES + 2][LG_RISER_DOF]) {
     memset(y, 0, (LG_RISER_NODES + 2) * sizeof *y);
     y[0][0] = 1.0;
@@ -135,7 +135,7 @@ static double tension(const lg_riser_parameters *p, double z) {
     return p->top_tension - p->submerged_weight * (p->depth - z);
 }
 
-/* Tension, bending and flex joint. */
+/* Adds the stiffness from tension, bending and flex joint. */
 static void add_riser_stiffness(const lg_riser_parameters *p, double y[][LG_RISER_DOF], double *k) {
     const double l = lg_riser_segment(p);
     double d[LG_RISER_DOF];
@@ -174,7 +174,7 @@ void lg_riser_matrices_make(const lg_riser_parameters *p, lg_riser_matrices *out
     out->stiffness[N + 1] += tension(p, L) * L - p->bop_weight * h;
 }
 
-/* Cholesky factor, in place in the lower triangle; false: not positive definite. */
+/* Cholesky factor, in place in the lower triangle. Returns false if the matrix is not positive definite. */
 static bool factor(double *a) {
     enum { N = LG_RISER_DOF };
     for (size_t j = 0; j < N; j++) {
@@ -188,7 +188,7 @@ static bool factor(double *a) {
     return true;
 }
 
-/* Stiffness with the springs of soil and wellhead. */
+/* Adds the springs of soil and wellhead to the stiffness matrix. */
 static void add_springs(const lg_riser_parameters *p, double wellhead, double *stiffness) {
     stiffness[0] += p->soil_stiffness;
     stiffness[LG_RISER_DOF + 1] += wellhead;
@@ -196,7 +196,7 @@ static void add_springs(const lg_riser_parameters *p, double wellhead, double *s
 
 /* ---- check ---- */
 
-/* Whether the riser stands with the housing at its stiffest, beyond its gap. */
+/* Whether mass and stiffness are positive definite with the housing at its stiffest, beyond its gap. */
 static bool stands(const lg_riser_parameters *p) {
     lg_riser_matrices m;
     lg_wellhead w;
@@ -234,7 +234,7 @@ lg_status lg_riser_parameters_check(const lg_riser_parameters *p, lg_error *erro
 
 /* ---- periods ---- */
 
-/* a := L^-1 a L^-T, symmetric. */
+/* a := L^-1 a L^-T. a is symmetric before and after. */
 static void reduce(const double *l, double *a) {
     enum { N = LG_RISER_DOF };
     for (int pass = 0; pass < 2; pass++) {
@@ -252,7 +252,7 @@ static void reduce(const double *l, double *a) {
     }
 }
 
-/* One rotation that makes a[p, q] zero (Golub & Van Loan, Matrix Computations, 8.5). */
+/* One Jacobi rotation, which makes a[p, q] zero (Golub & Van Loan, Matrix Computations, 8.5). */
 static void rotate(double *a, size_t p, size_t q) {
     enum { N = LG_RISER_DOF };
     const double apq = a[p * N + q];
@@ -273,7 +273,7 @@ static void rotate(double *a, size_t p, size_t q) {
     a[p * N + q] = a[q * N + p] = 0.0;
 }
 
-/* Eigenvalues to the diagonal; false when the sweeps run out. */
+/* Jacobi's method: the diagonal of a becomes the eigenvalues. Returns false if 50 sweeps do not suffice. */
 static bool diagonalise(double *a) {
     enum { N = LG_RISER_DOF, SWEEPS = 50 };
     for (int sweep = 0; sweep < SWEEPS; sweep++) {

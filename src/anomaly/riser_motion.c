@@ -1,7 +1,8 @@
-/* Motion of the riser by Newmark's rule with beta = 1/4, gamma = 1/2 (Newmark 1959). The linear part, with
- * nominal springs of the foundation, is implicit. Drag is evaluated at predicted velocities. The difference
- * between the foundation's laws and their springs depends on four numbers. It is evaluated at a prediction of
- * these, which is corrected twice. */
+/* Motion of the riser by Newmark's rule with beta = 1/4, gamma = 1/2 (Newmark 1959). The linear part is
+ * implicit; it includes linear springs of soil and wellhead with their nominal stiffness. Drag is evaluated
+ * at predicted velocities. The foundation's true force laws differ from the linear springs; this difference
+ * depends on four numbers, the offsets and rotations in x and y. It is evaluated at predicted offsets and
+ * rotations, which two fixed-point rounds correct. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -9,7 +10,7 @@
 #include "liegrad/random.h"
 #include "anomaly/riser.h"
 
-#define ROUNDS 2 /* of the fixed point for the foundation: see docs/riser.md */
+#define ROUNDS 2 /* fixed-point rounds for the foundation, see docs/riser.md */
 
 /* ---- foundation ---- */
 
@@ -72,7 +73,8 @@ static void add_foundation(const lg_riser_motion *m, double *k) {
     k[LG_RISER_DOF + 1] += m->wellhead.outer;
 }
 
-/* S = M + dt/2 C + dt^2/4 K; rows of the table: S^-1, -K S^-1, -C S^-1. */
+/* Makes the table of Newmark's acceleration from S = M + dt/2 C + dt^2/4 K. The three blocks of its rows are
+ * S^-1, -K S^-1, -C S^-1. */
 static lg_status make_operator(const lg_riser_motion *m, const double *c, double dt, lg_riser_operator *out) {
     enum { N = LG_RISER_DOF };
     double s[LG_RISER_MATRIX], l[LG_RISER_MATRIX], x[LG_RISER_MATRIX];
@@ -127,8 +129,8 @@ static double radius(const double *q, size_t dof) {
     return sqrt(x * x + y * y);
 }
 
-/* The water's generalised forces at velocities v, in the first LG_RISER_ROW entries of each direction of
- * m->input. */
+/* Writes the generalised forces of the water at the velocities v into the first LG_RISER_ROW entries of each
+ * direction of m->input. */
 static void water_forces(lg_riser_motion *m, const double *water, const double *v) {
     enum { R = LG_RISER_ROW };
     const double *inertia = water + LG_RISER_STATE, h = m->bop_centre, L = m->bop_height;
@@ -148,7 +150,8 @@ static void water_forces(lg_riser_motion *m, const double *water, const double *
     }
 }
 
-/* Nominal springs minus the foundation's laws: forces and moments at x = (ux, thx, uy, thy). */
+/* Difference between the linear springs of the foundation and its true laws: forces and moments at x = (ux,
+ * thx, uy, thy). */
 static void shortfall(const lg_riser_motion *m, const double x[4], double out[4]) {
     const double soil = m->soil_stiffness -
                         lg_soil_secant(m->soil_stiffness, m->soil_strength, sqrt(x[0] * x[0] + x[2] * x[2]));
@@ -164,7 +167,8 @@ static void apply(lg_riser_motion *m, const lg_riser_operator *operator, double 
                      LG_RISER_ROW, a, LG_RISER_ROW, false);
 }
 
-/* a += S^-1 f; f acts on offset and rotation, the first two rows of the table. */
+/* a += S^-1 f. The force f acts on offset and rotation only, so only the first two rows of the table are
+ * needed. */
 static void add_shortfall(const lg_riser_operator *operator, const double f[4], double *a) {
     const double *u = operator->table, *th = u + LG_RISER_ROW;
     for (size_t d = 0; d < 2; d++)
@@ -186,9 +190,9 @@ void lg_riser_motion_start(lg_riser_motion *m, const double *water) {
     add_shortfall(&m->start, f, m->a);
 }
 
-/* The shortfall at the end of the step, by fixed point from a prediction. m->input has q~, and a is the
- * acceleration without any shortfall. A round multiplies the error by dt^2/4 times S^-1 times the change of
- * stiffness. */
+/* Computes the difference f between springs and laws (see shortfall) at the end of the step, by fixed-point
+ * iteration from a prediction. m->input holds the predictor q~. `a` is the acceleration at the end of the
+ * step without f. Each round multiplies the error by dt^2/4 times S^-1 times the difference in stiffness. */
 static void end_shortfall(const lg_riser_motion *m, const double *a, double f[4]) {
     const double quarter = 0.25 * m->dt * m->dt, *u = m->step.table, *th = u + LG_RISER_ROW;
     double base[4], x[4];
@@ -216,7 +220,7 @@ void lg_riser_motion_step(lg_riser_motion *m, const double *water) {
         for (size_t i = d * R, k = 0; k < R; i++, k++) {
             half[k] = m->q[i] + dt * m->v[i] + quarter * m->a[i];
             half[R + k] = m->v[i] + 0.5 * dt * m->a[i];
-            v[i] = m->v[i] + dt * m->a[i]; /* predicted with the acceleration at the start */
+            v[i] = m->v[i] + dt * m->a[i]; /* predicted with the acceleration at the start of the step */
         }
     }
     water_forces(m, water, v);
@@ -350,7 +354,8 @@ static const char *run_fault(const lg_riser_run *r) {
     if (!is_size(r->discard) || r->discard / r->dt > 1e12)
         return "discard must be zero or positive, and finite";
     if (!is_size(r->ramp)) return "ramp must be zero or positive";
-    if (!(r->crack_time >= 0.0)) return "crack_time must be zero or positive"; /* infinite: never */
+    /* INFINITY is allowed: the crack never comes */
+    if (!(r->crack_time >= 0.0)) return "crack_time must be zero or positive";
     if (!is_size(r->drag_scale)) return "drag_scale must be zero or positive";
     return NULL;
 }
@@ -358,14 +363,16 @@ static const char *run_fault(const lg_riser_run *r) {
 struct lg_riser_stream {
     lg_riser_motion motion;
     lg_water water;
-    lg_riser_parameters parameters; /* from the crack on */
+    lg_riser_parameters parameters; /* parameters after the crack */
     const lg_context *context;
     lg_rng noise;
     double sigma[LG_RISER_CHANNELS];
     size_t step;   /* number of the current step */
     size_t sample; /* number of the next sample */
     size_t discarded, steps;
-    size_t crack; /* first sample of the broken well, SIZE_MAX: never, or from the start */
+    /* Number of the first sample after the crack. SIZE_MAX if the crack never comes or is there from the
+     * start. */
+    size_t crack;
 };
 
 static size_t crack_sample(const lg_riser_run *run) {
@@ -424,7 +431,7 @@ void lg_riser_stream_destroy(lg_riser_stream *s) {
     lg_free(s->context, s);
 }
 
-/* The measurements without noise. */
+/* Computes the measurements without noise. */
 static void measure(const lg_riser_stream *s, double out[LG_RISER_CHANNELS]) {
     const lg_riser_parameters *p = &s->parameters;
     const lg_riser_motion *m = &s->motion;

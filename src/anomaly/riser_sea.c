@@ -1,16 +1,17 @@
-/* Waves and current on the riser: linear (Airy) waves of finite depth in a JONSWAP spectrum (Hasselmann et
- * al. 1973; DNV-RP-C205, 3.5), and their kinematics in blocks of time steps. */
+/* Waves and current at the riser: linear (Airy) waves in finite depth with a JONSWAP spectrum (Hasselmann et
+ * al. 1973; DNV-RP-C205, 3.5). The motion of the water is computed in blocks of time steps. */
 #include <math.h>
 #include <string.h>
 
 #include "liegrad/random.h"
 #include "anomaly/riser.h"
 
-#define PI          3.14159265358979323846
-#define GAMMA       3.3
-#define SPREADING   12 /* power of the cosine */
-#define LOWEST      0.4
-#define HIGHEST     5.0 /* frequencies over that of the peak; 0.1 % of the energy is above */
+#define PI        3.14159265358979323846
+#define GAMMA     3.3
+#define SPREADING 12 /* exponent of the cosine */
+#define LOWEST    0.4
+/* LOWEST and HIGHEST bound frequency/peak frequency. 0.1 % of the energy is above HIGHEST. */
+#define HIGHEST     5.0
 #define GRID        4096
 #define NEWTON      50
 #define STREAM_SEA  1
@@ -20,8 +21,8 @@
 
 double lg_dispersion(double frequency, double depth, double gravity) {
     const double deep = frequency * frequency / gravity, x = deep * depth;
-    if (x < 1e-30) return frequency / sqrt(gravity) / sqrt(depth); /* shallow: tanh(k h) = k h */
-    double kh = x / sqrt(tanh(x));                                 /* Eckart 1952: within 5 % */
+    if (x < 1e-30) return frequency / sqrt(gravity) / sqrt(depth); /* shallow water: tanh(k h) = k h */
+    double kh = x / sqrt(tanh(x)); /* first guess by Eckart 1952, within 5 % */
     for (int i = 0; i < NEWTON; i++) {
         const double t = tanh(kh), change = (kh * t - x) / (t + kh * (1.0 - t * t));
         kh -= change;
@@ -30,14 +31,15 @@ double lg_dispersion(double frequency, double depth, double gravity) {
     return kh / depth;
 }
 
-/* JONSWAP over frequency/peak, not normalised. */
+/* JONSWAP spectrum, not normalised; x = frequency/peak frequency. */
 static double spectrum(double x) {
     const double width = x <= 1.0 ? 0.07 : 0.09, r = (x - 1.0) / width;
     const double peak = pow(GAMMA, exp(-0.5 * r * r));
     return pow(x, -5.0) * exp(-1.25 * pow(x, -4.0)) * peak;
 }
 
-/* Frequencies over the peak's: x[j] where the share of energy below is (j + a random number)/n. */
+/* Draws x = frequency/peak frequency of each wave. Below x[j] lies the share (j + r_j)/n of the energy, with
+ * a uniform random number r_j in [0, 1). */
 static void draw_frequencies(lg_rng *rng, double x[LG_RISER_COMPONENTS]) {
     const double h = (HIGHEST - LOWEST) / GRID;
     double cdf[GRID + 1] = {0.0}, before = spectrum(LOWEST);
@@ -54,7 +56,7 @@ static void draw_frequencies(lg_rng *rng, double x[LG_RISER_COMPONENTS]) {
     }
 }
 
-/* From a density proportional to cos^12 on (-pi/2, pi/2), by rejection. */
+/* Draws an angle with density proportional to cos^12 on (-pi/2, pi/2), by rejection. */
 static double draw_direction(lg_rng *rng) {
     for (;;) {
         const double angle = PI * (lg_rng_uniform(rng) - 0.5);
@@ -66,7 +68,8 @@ static bool is_positive(double x) {
     return x > 0.0 && isfinite(x);
 }
 
-/* Whether the numbers of all waves are finite: a period may be too short or too long for floating point. */
+/* Whether frequency and wavenumber of all waves are positive and finite. For extreme periods they overflow or
+ * underflow. */
 static bool waves_fit(const lg_wave *waves) {
     for (size_t j = 0; j < LG_RISER_COMPONENTS; j++)
         if (!is_positive(waves[j].frequency) || !is_positive(waves[j].wavenumber)) return false;
@@ -100,22 +103,22 @@ lg_status lg_sea_components(const lg_sea_state *sea, double depth, double gravit
     return LG_OK;
 }
 
-/* ---- kinematics ---- */
+/* ---- motion of the water ---- */
 
-/* cosh(k z)/sinh(k h), in a form that does not overflow. */
+/* cosh(k z)/sinh(k h), rewritten so that it does not overflow. */
 static double decay(double k, double z, double h) {
     return exp(k * (z - h)) * (1.0 + exp(-2.0 * k * z)) / -expm1(-2.0 * k * h);
 }
 
-/* N per m/s^2 of the undisturbed water at a station. */
+/* Inertia force on a station per acceleration of the undisturbed water, N/(m/s^2). */
 static double inertia_of(const lg_riser_parameters *p, size_t station) {
     const double area = PI / 4.0 * p->hydro_diameter * p->hydro_diameter;
     const double segment = p->rho * area * (1.0 + p->added_mass) * lg_riser_segment(p);
     return station == 0 ? p->rho * p->bop_volume + p->bop_added_mass : station == 1 ? segment / 2.0 : segment;
 }
 
-/* Amplitudes of one wave: velocity = row cos(frequency t + phase) at stations, generalised inertia force =
- * row sin(frequency t + phase) on degrees of freedom. */
+/* Amplitudes for one wave. The water velocity at a station is velocity[...] cos(frequency t + phase). The
+ * generalised inertia force on a degree of freedom is inertia[...] sin(frequency t + phase). */
 static void wave_rows(const lg_riser_parameters *p, const lg_wave *wave, double *velocity, double *inertia) {
     const double course[2] = {cos(wave->direction), sin(wave->direction)};
     for (size_t d = 0; d < 2; d++) {
@@ -162,7 +165,7 @@ static void water_arrays(lg_water *w, double *at) {
     (LG_RISER_COMPONENTS * (6 * (size_t)LG_RISER_STATE + 2 * (LG_WATER_HALF + 1) + 5) +                      \
      (size_t)LG_RISER_STATE * (4 * (LG_WATER_HALF + 1) + 2 * LG_WATER_BLOCK))
 
-/* Whether velocities and forces of all waves are finite. */
+/* Whether the velocities and forces of all waves are finite. */
 static bool rows_fit(const lg_water *w) {
     bool fit = true;
     for (size_t i = 0; i < (size_t)LG_RISER_COMPONENTS * LG_RISER_STATE; i++)
@@ -212,12 +215,13 @@ void lg_water_destroy(const lg_context *context, lg_water *water) {
     water->memory = NULL;
 }
 
-/* Grows as half a cosine from 0 at t = 0 to 1 at t = ramp. */
+/* Factor on all forcing. It grows as half a cosine from 0 at t = 0 to 1 at t = ramp. */
 static double ramp_at(const lg_water *w, double t) {
     return t >= w->ramp ? 1.0 : 0.5 - 0.5 * cos(PI * t / w->ramp);
 }
 
-/* even, odd: parts of velocity and inertia that keep and change their sign with the time from the middle. */
+/* Computes w->even and w->odd, the parts of velocity and inertia force that are even and odd in the time from
+ * the middle of the block. */
 static void waves_of_block(lg_water *w, double middle) {
     enum { N = LG_RISER_COMPONENTS, S = LG_RISER_STATE, H = LG_WATER_HALF + 1 };
     for (size_t j = 0; j < N; j++) {
@@ -240,7 +244,8 @@ static void waves_of_block(lg_water *w, double middle) {
     w->kernels->gemm(H, 2 * S, N, w->sines, N, 1, w->odd_in, 2 * S, w->odd, 2 * S, false);
 }
 
-/* Rows LG_WATER_HALF + i and - i from the parts; current; ramp. */
+/* Computes the rows of the block, at LG_WATER_HALF + i and LG_WATER_HALF - i, from the even and odd parts.
+ * Adds the current and applies the ramp. */
 static void rows_of_block(lg_water *w, double first) {
     enum { W = 2 * LG_RISER_STATE };
     for (size_t r = 0; r < LG_WATER_BLOCK; r++) {

@@ -1,4 +1,4 @@
-/* Sets of series: memory, windows, scaling. */
+/* Sets of time series: memory, windows, scaling. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -52,7 +52,7 @@ void lg_series_destroy(lg_series *series) {
 
 /* ---- windows ---- */
 
-/* One past the last stored window of the run that begins at `first`. */
+/* Returns one past the last stored window of the run that begins at `first`. */
 static size_t end_of_run(const lg_series *series, size_t first) {
     size_t end = first + 1;
     if (series->run == NULL) return end;
@@ -60,7 +60,8 @@ static size_t end_of_run(const lg_series *series, size_t first) {
     return end;
 }
 
-/* One past the last stored window from `first` on that has the same label and group, at most `end`. */
+/* Returns one past the last of the stored windows first, first + 1, ... that have the same label and group as
+ * `first`; at most `end`. */
 static size_t end_of_label(const lg_series *series, size_t first, size_t end) {
     size_t i = first + 1;
     while (i < end && series->label[i] == series->label[first] &&
@@ -69,12 +70,13 @@ static size_t end_of_label(const lg_series *series, size_t first, size_t end) {
     return i;
 }
 
-/* Writes the windows of one run, [first, end), to *out from place `at` on, or only counts them if out->first
- * is NULL. Returns the number of windows including those before `at`. */
+/* Cuts the run of stored windows [first, end) into windows and writes them to *out from index `at` on. If
+ * out->first is NULL, the windows are only counted. Returns `at` plus the number of windows of the run. */
 static size_t cut_run(const lg_series *series, size_t first, size_t end, uint64_t hop, size_t at,
                       lg_windows *out) {
     const uint64_t stored = series->length, samples = (end - first) * stored;
-    size_t same = first; /* end of the stretch of one label in which the window begins */
+    /* One past the last stored window with the label and group of `from`, where the current window begins. */
+    size_t same = first;
     for (uint64_t start = 0; start + out->length <= samples; start += hop) {
         const size_t from = first + (size_t)(start / stored);
         const size_t last = first + (size_t)((start + out->length - 1) / stored);
@@ -111,7 +113,8 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
                        series->count, length);
     lg_windows made = {.length = (uint32_t)length, .context = context};
     const uint64_t all = (uint64_t)series->count * series->length;
-    const uint64_t step = hop < all ? hop : all; /* no overflow: one hop beyond the end is enough */
+    /* start + hop must not overflow; any hop beyond the end gives the same windows */
+    const uint64_t step = hop < all ? hop : all;
     made.count = cut_all(series, step, &made);
     if (made.count == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
@@ -157,7 +160,7 @@ void lg_windows_copy(const lg_series *series, const lg_windows *windows, size_t 
 
 /* ---- scaling ---- */
 
-/* Mean of n samples; the mean of equal samples is exact. */
+/* Mean of n samples. If all samples are equal, the mean is exactly their value. */
 static double mean_of(const float *x, size_t n) {
     double sum = 0.0;
     bool constant = true;
@@ -174,20 +177,21 @@ static double squares_about(const float *x, size_t n, double mean) {
     return sum;
 }
 
-/* Data for the passes over the windows. */
+/* Arguments of the passes over the windows. */
 typedef struct scan {
     const lg_series *series;
     const lg_windows *windows;
-    const uint32_t *chosen; /* NULL: all */
+    const uint32_t *chosen; /* NULL: all windows */
     size_t count;
-    float *window; /* (channels, length) */
+    float *window; /* (channels, length), the window that was read last */
 } scan;
 
 static void load(const scan *s, size_t i) {
     lg_windows_copy(s->series, s->windows, s->chosen != NULL ? s->chosen[i] : i, s->window);
 }
 
-/* Means of the means of the windows, which have equal lengths; a constant channel keeps its value exactly. */
+/* Averages the means of the windows, which all have the same length. For a constant channel the mean is
+ * exactly its value. mean (3, channels): the rows 1 and 2 are work memory. */
 static void fit_means(const scan *s, double *mean) {
     const size_t channels = s->series->channels, length = s->windows->length;
     double *first = mean + channels, *constant = mean + 2 * channels;

@@ -1,4 +1,5 @@
-/* Splits and folds of sets of series: units that stay together are sorted into strata and dealt out. */
+/* Splits and folds of a set of windows. A unit is a set of windows that stay together. Units with the same
+ * set of classes form a stratum, and the units of each stratum are distributed over the parts or folds. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,22 +24,24 @@ lg_status lg_split_parse(const char *name, lg_split *out) {
     return LG_NOT_FOUND;
 }
 
-#define SPLIT_STREAM 0x73657269u /* keeps the split apart from other draws with the same seed */
+/* random stream of the split, so that its draws are independent of others with the same seed */
+#define SPLIT_STREAM 0x73657269u
 
-/* A window, a run or a group: the classes that it holds, without repetition, by rising number. */
+/* A unit: a window, a run or a group. `classes` (count) are the classes that occur in it, each once, in
+ * rising order. */
 typedef struct unit {
     uint32_t id;
     size_t count;
     const uint32_t *classes;
-    uint32_t part; /* or fold */
+    uint32_t part; /* LG_PART_... in a split, the number of the fold in lg_folds */
 } unit;
 
-/* Made of a number and a class for each item. */
+/* The units of a list of items, each of which has a unit number (id) and a class. */
 typedef struct unit_set {
     size_t items, units;
-    uint64_t *keys;    /* (items): unit, class */
-    uint32_t *classes; /* (items): of one unit after the other */
-    unit *unit;        /* (items), `units` of them used */
+    uint64_t *keys;    /* (items): id << 32 | class */
+    uint32_t *classes; /* (items): classes of the units, unit after unit */
+    unit *unit;        /* (items), of which the first `units` are used */
 } unit_set;
 
 static lg_status allocate_units(const lg_context *context, size_t items, unit_set *out) {
@@ -65,8 +68,8 @@ typedef struct split_task {
     const lg_windows *windows;
     lg_split split;
     double test, validation;
-    unit_set set; /* of windows */
-    bool *seen;   /* (classes): by training */
+    unit_set set; /* the items are the windows */
+    bool *seen;   /* (classes): whether the class occurs in the training part */
 } split_task;
 
 static uint32_t unit_id(const split_task *t, size_t window) {
@@ -85,7 +88,7 @@ static int by_id(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Order of the strata. */
+/* Order of the strata: compares the lists of classes. */
 static int by_classes(const unit *a, const unit *b) {
     for (size_t i = 0; i < a->count && i < b->count; i++)
         if (a->classes[i] != b->classes[i]) return a->classes[i] < b->classes[i] ? -1 : 1;
@@ -97,7 +100,7 @@ static int by_stratum(const void *a, const void *b) {
     return order != 0 ? order : by_id(a, b);
 }
 
-/* The units of the keys, stratum by stratum, sorted by number within a stratum. */
+/* Makes the units from set->keys. They are sorted by stratum, and by id within a stratum. */
 static void collect_units(unit_set *set) {
     uint32_t *classes = set->classes;
     qsort(set->keys, set->items, sizeof *set->keys, by_key);
@@ -119,7 +122,7 @@ static size_t end_of_stratum(const unit_set *set, size_t first) {
     return end;
 }
 
-/* For units sorted by number. */
+/* The units must be sorted by id. */
 static const unit *find_unit(const unit_set *set, uint32_t id) {
     const unit key = {.id = id};
     return bsearch(&key, set->unit, set->units, sizeof key, by_id);
@@ -134,7 +137,8 @@ static void shuffle_units(unit *units, size_t n, lg_rng *rng) {
     }
 }
 
-/* One stratum. Training keeps one unit, then testing has precedence over validation. */
+/* Distributes the units of one stratum over the parts. At least one unit stays in the training part; if too
+ * few are left, the test part gets its units before the validation part. Returns the number of test units. */
 static size_t deal(const split_task *t, unit *units, size_t n, lg_rng *rng) {
     size_t test = (size_t)floor(t->test * (double)n + 0.5);
     size_t validation = (size_t)floor(t->validation * (double)n + 0.5);
@@ -157,7 +161,8 @@ static size_t deal_all(split_task *t, uint64_t seed) {
     return tested;
 }
 
-/* The first class without a unit in the training part, or the number of classes. */
+/* Returns the first class that no unit of the training part has, or the number of classes if there is
+ * none. */
 static uint32_t unseen_class(split_task *t) {
     const unit *u = t->set.unit;
     for (size_t i = 0; i < t->set.units; i++)
@@ -241,13 +246,14 @@ lg_status lg_series_split(const lg_context *context, const lg_series *series, co
 /* ---- folds ---- */
 
 typedef struct fold_task {
-    size_t folds, classes; /* the largest label and one */
+    size_t folds, classes; /* classes: the largest label + 1 */
     unit_set set;
-    double *total; /* (classes) units that hold the class */
-    double *held;  /* (folds, classes) of them in the fold */
+    double *total; /* (classes): number of units that hold the class */
+    double *held;  /* (folds, classes): number of units of the fold that hold the class */
 } fold_task;
 
-/* The fold with the least part of the classes of u, the first of equals. */
+/* Returns the fold that holds the smallest share of the units with the classes of u; the first such fold if
+ * several are equal. */
 static size_t emptiest_fold(const fold_task *t, const unit *u) {
     size_t best = 0;
     double least = INFINITY;

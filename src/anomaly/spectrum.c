@@ -1,4 +1,5 @@
-/* Welch's band powers: all segments of a series times one matrix of windowed waves. */
+/* Power in frequency bands by Welch's method. One matrix product of all segments with the windowed cosines
+ * and sines gives the Fourier coefficients of all segments. */
 #include "liegrad/spectrum.h"
 
 #include <math.h>
