@@ -13,7 +13,7 @@ enum { NOVELTY_MEAN, NOVELTY_DEVIATION, NOVELTY_CREST, NOVELTY_BAND };
  * + channels the features of all pairs. */
 typedef struct novelty_group {
     uint32_t first, count; /* index of the first feature, number of features */
-    /* offset of the group's Cholesky factor from where the class's factors begin in lg_novelty.block */
+    /* Offset of the group's Cholesky factor from where the class's factors begin in lg_novelty.block. */
     size_t block;
 } novelty_group;
 uint32_t lg_novelty_groups(const lg_novelty *novelty);

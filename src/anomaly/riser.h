@@ -20,7 +20,7 @@
 void lg_riser_parameters_init(lg_riser_parameters *out);
 
 double lg_riser_segment(const lg_riser_parameters *p); /* length of a riser segment, m */
-/* height of a station above the sea floor, m */
+/* Height of a station above the sea floor, m. */
 double lg_riser_height(const lg_riser_parameters *p, size_t station);
 
 /* Matrices of one direction, symmetric, row-major. Stiffness and damping leave out the springs of wellhead

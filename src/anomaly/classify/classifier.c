@@ -1,4 +1,4 @@
-/* The chain: standardise, principal components, model. */
+/* The classifier's chain: features, standardisation, principal components, model. */
 #include "anomaly/classify/classify_internal.h"
 
 #include <string.h>
@@ -36,7 +36,7 @@ typedef struct fitting {
     const lg_method_options *options;
     size_t n;
     uint32_t d;
-    double *x, *p;   /* (n, d), (n, k) */
+    double *x, *p;   /* (n, d) features, (n, k) components */
     uint32_t *label; /* (n) */
 } fitting;
 
@@ -116,7 +116,7 @@ void lg_classifier_destroy(lg_classifier *classifier) {
     *classifier = (lg_classifier){0};
 }
 
-/* ---- judging; work: d features, k components, then the work of the stages, which share it in turn ---- */
+/* ---- scores. work: d features, k components, then memory that the stages use one after the other ---- */
 
 static size_t larger(size_t a, size_t b) {
     return a > b ? a : b;
@@ -155,10 +155,10 @@ lg_status lg_classifier_window(const lg_classifier *c, const float *x, double *s
 /* ---- decisions and their Jacobian ---- */
 
 typedef struct pieces {
-    double *f, *p;       /* (d), (k) */
-    double *by_f, *by_p; /* cotangents */
-    double *kernel;      /* of an svm */
-    double *features;    /* of lg_features_compute, read by its derivative */
+    double *f, *p;       /* (d) features, (k) components */
+    double *by_f, *by_p; /* cotangents of f and p */
+    double *kernel;      /* kernel values of an SVM */
+    double *features;    /* work memory of lg_features_compute, which its derivative reads */
 } pieces;
 
 static pieces cut(const lg_classifier *c, double *work) {
@@ -202,7 +202,8 @@ static void decide(const lg_classifier *c, const pieces *p, double *y) {
     }
 }
 
-/* Derivative of output o by p. There is none for a tree. */
+/* Returns the derivative of output o with respect to the components p. Not for trees, whose derivative is
+ * 0. */
 static const double *gradient_of(const lg_classifier *c, const pieces *p, size_t o) {
     if (c->method == LG_METHOD_LOGISTIC) return c->logistic.weight + o * c->logistic.inputs;
     lg_svm_decision_gradient(&c->svm, p->p, p->kernel, o, p->by_p);

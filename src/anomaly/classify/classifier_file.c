@@ -1,5 +1,5 @@
-/* Classifiers in archives. One list names what is stored, for reading and writing. The reader checks sizes
- * before it allocates, and then all values. */
+/* Saving and loading of classifiers in archives. The same lists name the stored items for reading and for
+ * writing. The reader checks all sizes before it allocates, and all values afterwards. */
 #include "anomaly/classify/classify_internal.h"
 
 #include <math.h>
@@ -11,7 +11,8 @@
 typedef struct item {
     const char *path;
     lg_element type;
-    uint32_t rank; /* 0: `data` is the number itself; else *data is an array */
+    /* 0: `data` points to the number itself; otherwise `data` points to a pointer to the array. */
+    uint32_t rank;
     uint64_t dims[2];
     void *data;
     bool used;
@@ -20,13 +21,13 @@ typedef struct item {
 #define SCALARS 14
 #define ARRAYS  15
 
-/* The numbers of the file that determine the sizes of all arrays. */
+/* The numbers in the file that determine the sizes of all arrays. */
 typedef struct header {
     uint32_t classes, channels, length, selected, segments, pairs, bands, count, inputs, components,
         variances, nodes, vectors, iterations;
 } header;
 
-/* Files of other kinds of features have no bands. */
+/* `bands` is stored for spectrum features only. */
 static void list_scalars(header *h, lg_feature_kind kind, item out[SCALARS]) {
     const struct {
         const char *path;
@@ -53,8 +54,8 @@ static void list_scalars(header *h, lg_feature_kind kind, item out[SCALARS]) {
     }
 }
 
-/* Arrays of the method and the features that the header describes; `nodes` stands for the tree's (nodes, 6):
- * feature, left, right, threshold, impurity, samples. */
+/* Lists the arrays of the method and features in *c, whose sizes must be set. The nodes of a tree are stored
+ * as one array *nodes (count, 6): feature, left, right, threshold, impurity, samples. */
 static void list_arrays(lg_classifier *c, double **nodes, item out[ARRAYS]) {
     const bool features = c->features.count > 0, logistic = c->method == LG_METHOD_LOGISTIC;
     const bool tree = c->method == LG_METHOD_TREE, svm = !logistic && !tree;
@@ -128,7 +129,8 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
     (void)lg_fail(error, LG_OK, "%s", "");
     if (classifier == NULL || writer == NULL || (unsigned)classifier->method >= LG_METHOD_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no classifier to save");
-    lg_classifier c = *classifier; /* only read */
+    /* A copy that is only read, because the list takes pointers without const. */
+    lg_classifier c = *classifier;
     const lg_features *f = &c.features;
     header h = {c.classes,       f->channels,  f->length,     f->selected,          f->segments,
                 f->pairs,        f->bands,     f->count,      c.pca.inputs,         c.pca.components,
@@ -203,7 +205,7 @@ static lg_status check_rules(const rule *rules, size_t count, lg_error *error) {
     return LG_OK;
 }
 
-/* Puts the sizes into *c after checking that they fit each other. */
+/* Writes the sizes in the header to *c and checks that they fit each other. */
 static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) {
     lg_features *f = &c->features;
     const bool baseline = f->kind == LG_FEATURES_BASELINE, spectrum = f->kind == LG_FEATURES_SPECTRUM;
@@ -247,7 +249,7 @@ static size_t element_size(lg_element type) {
     return type == LG_ELEMENT_F64 ? sizeof(double) : sizeof(uint32_t);
 }
 
-/* Checks the stored shape before it allocates. */
+/* Checks the shape in the file before it allocates the array. */
 static lg_status read_array(const lg_context *context, const lg_archive_reader *r, const item *it,
                             lg_error *error) {
     uint32_t rank = 0;
@@ -261,7 +263,7 @@ static lg_status read_array(const lg_context *context, const lg_archive_reader *
     const size_t count = (size_t)(it->dims[0] * columns);
     void *block = lg_alloc(context, count, element_size(it->type));
     if (block == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to read %s", it->path);
-    memcpy(it->data, &block, sizeof block); /* whatever the pointer points to */
+    memcpy(it->data, &block, sizeof block); /* sets the array pointer, whatever its type */
     LG_TRY(refused(r->array(r->user, it->path, it->type, it->rank, it->dims, block), it->path, error));
     if (it->type != LG_ELEMENT_F64) return LG_OK;
     for (size_t i = 0; i < count; i++)
@@ -295,8 +297,9 @@ static bool is_index(double x, double below) {
     return x >= 0.0 && x < below && floor(x) == x;
 }
 
-/* Checks that the nodes form a tree: children come after their parent, and each node except the root is the
- * child of exactly one node. */
+/* Converts rows (count, 6) to tree->node and checks that they form a tree: children come after their parent,
+ * and each node except the root is the child of exactly one node. Returns NULL, or what is wrong. child
+ * (count) must be false on entry. */
 static const char *unpack_nodes(lg_tree *tree, const double *rows, bool *child) {
     for (uint32_t i = 0; i < tree->count; i++) {
         const double *row = rows + 6 * (size_t)i;
@@ -358,7 +361,7 @@ static lg_status read_classifier(const lg_context *context, const lg_archive_rea
     return LG_OK;
 }
 
-/* Zeroes the models of the other methods. */
+/* Clears the models of the other methods; only their sizes have been set. */
 static void forget_others(lg_classifier *c) {
     if (c->method != LG_METHOD_LOGISTIC) c->logistic = (lg_logistic){0};
     if (c->method != LG_METHOD_TREE) c->tree = (lg_tree){0};

@@ -1,23 +1,26 @@
-/* Shared by the files of src/anomaly/classify. */
+/* Functions shared by the source files of src/anomaly/classify. */
 #ifndef LG_CLASSIFY_INTERNAL_H
 #define LG_CLASSIFY_INTERNAL_H
 
 #include "core/core.h"
 #include "liegrad/classify.h"
 
-/* Largest number of features. */
+/* Largest number of features per window. */
 #define LG_FEATURES_MAX (UINT32_C(1) << 20)
-/* Largest symmetric matrix whose eigenvectors are computed: with LAPACK's workspace 2 GiB. */
+/* Largest order of a symmetric matrix whose eigenvectors are computed. The matrix and LAPACK's workspace then
+ * take 2 GiB. */
 #define LG_EIGEN_MAX   8192
 #define LG_CLASSES_MAX (UINT32_C(1) << 16)
 
-/* Work of lg_eigen for an n x n matrix, in doubles; integers follow the doubles. */
+/* Size of the work memory of lg_eigen for an n x n matrix, in doubles. The memory holds LAPACK's doubles,
+ * then its integers. */
 size_t lg_eigen_work(size_t n);
-/* Replaces a symmetric a (n, n), row-major, by its eigenvectors, one a row; values (n) rising. Only the upper
- * triangle of a is read. */
+/* Replaces the symmetric matrix a (n, n), row-major, by its eigenvectors, one per row. values (n) become the
+ * eigenvalues in rising order, and the rows have the same order. Only the upper triangle of a is read. */
 lg_status lg_eigen(double *a, size_t n, double *values, double *work);
 
-/* sum a_i b_i in eight interleaved sums: the same bits whatever the alignment. */
+/* Sum of a_i b_i by eight interleaved partial sums, so that the result has the same bits for any
+ * alignment. */
 static inline double lg_dot(const double *a, const double *b, size_t n) {
     double lane[8] = {0};
     size_t i = 0;
@@ -35,33 +38,37 @@ static inline double lg_sum_of(const double *a, size_t n) {
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-/* Checks for every fit's table: sizes within LAPACK's integers, finite numbers, labels below `classes`, at
- * least two classes that occur. counts (classes) becomes the number of rows of each class. */
+/* Checks that every fit makes on its table. lg_check_table: the sizes fit LAPACK's integers and all numbers
+ * are finite. lg_check_labels: labels are below `classes` and at least two classes occur; counts (classes)
+ * becomes the number of rows of each class. */
 lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error);
 lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, size_t *counts, lg_error *error);
 
-/* The number of features for kind, channels and length. */
+/* Number of features for the kind, channels and window length in *features. */
 uint64_t lg_features_count(const lg_features *features);
 
-/* gradient (channels, length) = sum_i cotangent[i] d feature_i/dx at the window for which
- * lg_features_compute was called last with this `work`. */
+/* gradient (channels, length) becomes sum_i cotangent[i] d feature_i/dx. The derivative is taken at the
+ * window for which lg_features_compute was last called with this `work`. */
 void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
                          double *work);
 
-/* The cotangent of x (d) from the cotangent p (k); the arrays may not overlap. */
+/* Computes the cotangent x (d) of the features from the cotangent p (k) of the components. The arrays must
+ * not overlap. */
 void lg_pca_reverse(const lg_pca *pca, const double *p, double *x);
 
-/* b_c + w_c.x: one number for two classes, else one for each class. */
+/* Computes the scores b_c + w_c.x: one number for two classes, otherwise one number per class. */
 void lg_logistic_scores(const lg_logistic *model, const double *x, double *score);
 
-/* Decisions of all pairs at x. kernel (vectors) receives K(x_v, x). For a pair in which one class has no
- * vectors the decision is 1 for the other class; without any vectors it is 0. */
+/* Computes the decisions of all pairs of classes at x. kernel (vectors) becomes K(x_v, x) for every support
+ * vector x_v. If only one class of a pair has support vectors, the decision is in its favour (1 for the first
+ * class of the pair, -1 for the second); if neither has any, it is 0. */
 void lg_svm_decisions(const lg_svm *svm, const double *x, double *decision, double *kernel);
-/* gradient (d) of decision number `pair`, with the kernel that lg_svm_decisions wrote. */
+/* Computes the gradient (d) of decision number `pair` at x, from the `kernel` that lg_svm_decisions wrote for
+ * this x. */
 void lg_svm_decision_gradient(const lg_svm *svm, const double *x, const double *kernel, size_t pair,
                               double *gradient);
 
-/* Row r of a table is row chosen[r] of another (NULL: r). */
+/* Index in the table of the r-th chosen row. chosen = NULL means that all rows are chosen. */
 static inline size_t lg_chosen_row(const uint32_t *chosen, size_t r) {
     return chosen != NULL ? chosen[r] : r;
 }

@@ -1,5 +1,5 @@
-/* Features of windows: their kinds and their channels. The computation of each kind, with its derivatives and
- * names, is in features_channel.c, features_cov.c, features_spectrum.c and features_baseline.c. */
+/* Features of windows: the table of kinds and the choice of channels. Computation, derivative and names of
+ * each kind are in features_channel.c, features_cov.c, features_spectrum.c and features_baseline.c. */
 #include "anomaly/classify/features.h"
 
 #include <math.h>
@@ -26,7 +26,7 @@ lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out) {
     return LG_NOT_FOUND;
 }
 
-/* ---- which channels ---- */
+/* ---- choice of channels ---- */
 
 static bool has_names(const lg_series *series) {
     return series->channel_name != NULL;
@@ -37,7 +37,7 @@ static bool ends_in(const char *text, const char *end) {
     return a >= b && strcmp(text + a - b, end) == 0;
 }
 
-/* The rest of `text` after `start`, or NULL. */
+/* Returns the rest of `text` behind `start`, or NULL if the text does not begin with `start`. */
 static const char *after(const char *text, const char *start) {
     const size_t length = strlen(start);
     return strncmp(text, start, length) == 0 ? text + length : NULL;
@@ -47,8 +47,9 @@ static bool is_x(const lg_series *series, uint32_t channel) {
     return has_names(series) ? ends_in(series->channel_name[channel], "_x") : channel % 2 == 0;
 }
 
-/* The moment that belongs to acceleration `channel`, or UINT32_MAX. Channels without names are two
- * acceleration sensors followed by the moments, each (x, y). */
+/* Returns the moment channel that belongs to the acceleration `channel`, or UINT32_MAX if there is none.
+ * Channels without names are taken as two acceleration sensors (x, y each), followed by the moments (x,
+ * y). */
 static uint32_t moment_of(const lg_series *series, uint32_t channel) {
     if (!has_names(series)) return channel < 2 && channel + 4 < series->channels ? channel + 4 : UINT32_MAX;
     const char *direction = after(series->channel_name[channel], "acc_lower");
@@ -161,7 +162,7 @@ void lg_features_destroy(lg_features *features) {
     *features = (lg_features){0};
 }
 
-/* ---- what the kinds do ---- */
+/* ---- calls of the kind's functions ---- */
 
 size_t lg_features_work_doubles(const lg_features *f) {
     return kinds[f->kind]->work(f);

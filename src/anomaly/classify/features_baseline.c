@@ -1,14 +1,15 @@
-/* Features of pairs of channels: standard deviations in parts of the window, and the regression line of the
- * moment on the acceleration over the parts. */
+/* Features of pairs of channels (an acceleration and a moment). Each window is cut into parts, and the
+ * standard deviation of both channels is taken in each part. The features are the regression line of the
+ * moment's deviations on the acceleration's deviations. */
 #include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>
 
-/* Numbers that the computation leaves in `work` for the derivative. */
+/* Layout of `work`: numbers that compute_baseline keeps for the derivative. */
 typedef struct kept {
-    double *z;         /* (pairs, 2, length): the scaled channels without the means of their parts */
-    double *deviation; /* (pairs, 2, segments) */
+    double *z;         /* (pairs, 2, length): scaled channels, centred in each part */
+    double *deviation; /* (pairs, 2, segments): standard deviation in each part */
 } kept;
 
 static kept keep_in(const lg_features *f, double *work) {
@@ -23,7 +24,7 @@ static uint64_t baseline_count(const lg_features *f) {
     return 2 * (uint64_t)f->pairs;
 }
 
-/* Samples first..last - 1. */
+/* The samples first .. last - 1 of a window. */
 typedef struct stretch {
     size_t first, last;
 } stretch;
@@ -33,10 +34,11 @@ static stretch part_of(const lg_features *f, uint32_t number) {
                      ((size_t)number + 1) * f->length / f->segments};
 }
 
-/* Sums of a line y = intercept + slope x through n points by least squares. */
+/* Least-squares line y = intercept + slope x through n points: the means, xx = sum of (x - mean_x)^2, and the
+ * slope. */
 typedef struct line {
     double mean_x, mean_y, xx, slope;
-    bool level; /* x does not vary: slope 0 */
+    bool level; /* x does not vary; then the slope is 0 */
 } line;
 
 static line regress(const double *x, const double *y, size_t n) {
@@ -79,7 +81,7 @@ static lg_status compute_baseline(const lg_features *f, const float *x, double *
 
 /* ---- derivative ---- */
 
-/* Derivatives of slope and intercept by the deviations x_s, y_s of part s:
+/* Derivatives of slope and intercept with respect to the deviations x_s, y_s of part s:
  *   d slope/dy_s = (x_s - mean x)/xx,  d slope/dx_s = (y_s - mean y - 2 slope (x_s - mean x))/xx,
  *   d intercept = d mean y - slope d mean x - mean x d slope. */
 static void reverse_line(const line *l, size_t n, double x, double y, const double *cotangent, double *by_x,

@@ -5,7 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Sums in the order of lg_sum_of. The sum of up to 2^29 equal numbers is exact, and so is their mean. */
+/* Adds in the same order as lg_sum_of. The sum of up to 2^29 equal numbers is exact, so their mean is exact
+ * too. */
 static double sum_of_floats(const float *x, size_t n) {
     double lane[8] = {0};
     size_t i = 0;
@@ -15,12 +16,12 @@ static double sum_of_floats(const float *x, size_t n) {
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-/* The mean is subtracted first, while x is exact, so a constant becomes exactly 0 and leaves no rounding for
- * standardisation to enlarge. */
+/* The mean is subtracted before the division, while x is exact. A constant channel therefore becomes exactly
+ * 0, and no rounding error is left that standardisation would magnify. */
 double lg_centre(const float *x, size_t length, double scale, double *z) {
     const double mean = sum_of_floats(x, length) / (double)length;
     for (size_t i = 0; i < length; i++) z[i] = ((double)x[i] - mean) / scale;
-    const double rest = lg_sum_of(z, length) / (double)length; /* the part of the mean left by rounding */
+    const double rest = lg_sum_of(z, length) / (double)length; /* mean that is left because of rounding */
     for (size_t i = 0; i < length; i++) z[i] -= rest;
     return sqrt(lg_dot(z, z, length) / (double)length);
 }
@@ -32,7 +33,7 @@ void lg_deviation_reverse(const double *z, size_t n, double deviation, double sc
     for (size_t t = 0; t < n; t++) gradient[t] += factor * z[t];
 }
 
-/* ---- raw: the window ---- */
+/* ---- raw: the samples themselves ---- */
 
 static uint64_t raw_count(const lg_features *f) {
     return (uint64_t)f->selected * f->length;
@@ -71,7 +72,7 @@ const lg_feature_row lg_feature_raw = {.name = "raw",
                                        .reverse = reverse_raw,
                                        .describe = describe_raw};
 
-/* ---- standard deviations; work: the channels without their means (m, length), deviations (m) ---- */
+/* ---- std: standard deviations. work: the centred channels (m, length), then the deviations (m) ---- */
 
 static uint64_t std_count(const lg_features *f) {
     return f->selected;

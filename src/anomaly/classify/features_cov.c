@@ -1,4 +1,4 @@
-/* Features of all channels together: the symmetric square root of their covariance. */
+/* Features of all selected channels together: the symmetric square root of their covariance. */
 #include "anomaly/classify/features.h"
 
 #include <float.h>
@@ -6,12 +6,12 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Numbers that the computation leaves in `work` for the derivative. */
+/* Layout of `work`: numbers that compute_cov keeps for the derivative, and temporary numbers. */
 typedef struct kept {
-    double *z;       /* (m, length): the scaled channels without their means */
-    double *vectors; /* (m, m) orthonormal eigenvectors of the covariance, one a row */
-    double *roots;   /* (m) square roots of its eigenvalues, in the order of the vectors */
-    double *rest;    /* m max(length, 2 m) temporary numbers */
+    double *z;       /* (m, length): scaled channels without their means */
+    double *vectors; /* (m, m): orthonormal eigenvectors of the covariance, one per row */
+    double *roots;   /* (m): square roots of the eigenvalues, in the order of the vectors */
+    double *rest;    /* temporary: m max(length, 2 m) numbers */
 } kept;
 
 static kept keep_in(const lg_features *f, double *work) {
@@ -31,12 +31,12 @@ static uint64_t cov_count(const lg_features *f) {
 }
 
 /* The covariance C = Z Z^T/n is never formed, because its small eigenvalues would lose half of their digits.
- * Its eigenvectors are the left singular vectors of Z (m, n); the square roots of its eigenvalues are the
- * singular values over sqrt(n). */
+ * Instead the singular values of Z (m, n) are computed: the left singular vectors of Z are the eigenvectors
+ * of C, and the singular values divided by sqrt(n) are the square roots of its eigenvalues. */
 
-/* Orthogonalises the rows of z (m, n): z = G^T Q, G (m, m) upper triangular, rows of Q orthonormal. The
- * method is modified Gram-Schmidt, whose G is as accurate as Householder's (Bjorck 1967). Q is not kept, z is
- * destroyed. */
+/* QR factorisation of the rows of z (m, n): z = G^T Q, where G (m, m) is upper triangular and the rows of Q
+ * are orthonormal. The method is modified Gram-Schmidt, which computes G as accurately as Householder's
+ * method (Bjorck 1967). Q is not kept; z is overwritten. */
 static void triangle(double *z, size_t m, size_t n, double *g) {
     memset(g, 0, m * m * sizeof *g);
     for (size_t k = 0; k < m; k++) {
@@ -52,7 +52,7 @@ static void triangle(double *z, size_t m, size_t n, double *g) {
     }
 }
 
-/* Dot product of rows of m numbers; m is too small for several partial sums. */
+/* Dot product of two rows of m numbers. For small m one plain sum is faster than lg_dot's partial sums. */
 static double product(const double *a, const double *b, size_t m) {
     if (m >= 16) return lg_dot(a, b, m);
     double sum = 0.0;
@@ -60,7 +60,8 @@ static double product(const double *a, const double *b, size_t m) {
     return sum;
 }
 
-/* Makes rows a and b (m) orthogonal by a rotation; ab is their dot product, na and nb their norms. */
+/* Rotates the rows a and b (m) so that they become orthogonal. ab is their dot product before, na and nb are
+ * their norms. */
 static void rotate(double *a, double *b, size_t m, double ab, double na, double nb) {
     const double middle = (nb - na) * (nb + na) / (2.0 * ab);
     const double size = 1.0 / (fabs(middle) + sqrt(1.0 + middle * middle));
@@ -73,8 +74,9 @@ static void rotate(double *a, double *b, size_t m, double ab, double na, double 
     }
 }
 
-/* Visits every pair of rows of g (m, m) once. Returns whether any pair was rotated; rows of norm at most
- * `least` are left alone. norm (m): norms of the rows. */
+/* One sweep over all pairs of rows of g (m, m). Rotates the pairs that are not yet orthogonal and updates the
+ * norms (m) of the rows. Rows with a norm of at most `least` stay as they are. Returns whether any pair was
+ * rotated. */
 static bool sweep(double *g, size_t m, double least, double *norm) {
     const double tolerance = DBL_EPSILON * sqrt((double)m + 2.0);
     bool rotated = false;
@@ -92,10 +94,10 @@ static bool sweep(double *g, size_t m, double least, double *norm) {
     return rotated;
 }
 
-/* Rotates rows of g (m, m) until all are orthogonal (one-sided Jacobi, Hestenes 1958): they become singular
- * values times right singular vectors. norm (m): the singular values. */
+/* Rotates the rows of g (m, m) until all are orthogonal (one-sided Jacobi, Hestenes 1958). Each row then is a
+ * singular value times a right singular vector. norm (m) becomes the singular values. */
 static lg_status singular_rows(double *g, size_t m, double *norm) {
-    enum { SWEEPS = 60 }; /* convergence is quadratic: more than ten are rare */
+    enum { SWEEPS = 60 }; /* convergence is quadratic: more than ten sweeps are rare */
     for (size_t k = 0; k < m; k++) norm[k] = sqrt(lg_dot(g + k * m, g + k * m, m));
     const double all = sqrt(lg_dot(norm, norm, m));
     if (!isfinite(all)) return LG_NOT_FINITE;
@@ -104,15 +106,17 @@ static lg_status singular_rows(double *g, size_t m, double *norm) {
     return LG_NO_CONVERGENCE;
 }
 
-/* Roots below this number count as 0: the square root of LG_NULL_EIGENVALUE times the largest eigenvalue. */
+/* Threshold for the roots: roots up to this value count as 0. It is the square root of LG_NULL_EIGENVALUE
+ * times the largest eigenvalue. */
 static double null_root(const double *roots, size_t m) {
     double largest = 0.0;
     for (size_t k = 0; k < m; k++) largest = fmax(largest, roots[k]);
     return sqrt(LG_NULL_EIGENVALUE) * largest;
 }
 
-/* Sets row k of v (m, m) to a unit vector orthogonal to the known rows. It orthogonalises, twice, the unit
- * coordinate vector of which the known rows leave most. */
+/* Sets row k of v (m, m) to a unit vector orthogonal to the rows j with known[j] = 1 (otherwise known[j] =
+ * 0). It begins with the coordinate axis that is farthest from the span of these rows and orthogonalises it
+ * twice. */
 static void complete_row(double *v, size_t m, size_t k, const double *known) {
     double *row = v + k * m, least = INFINITY;
     size_t best = 0;
@@ -133,8 +137,8 @@ static void complete_row(double *v, size_t m, size_t k, const double *known) {
     for (size_t i = 0; i < m; i++) row[i] /= norm;
 }
 
-/* Makes the rows of v orthonormal. Directions within the null space are only rounding; its rows become any
- * basis of it. known (m) is overwritten. */
+/* Makes the rows of v orthonormal. Rows whose root is in the null space contain only rounding errors; they
+ * are replaced by any orthonormal basis of the null space. known (m) is work memory. */
 static void orthonormalise(double *v, size_t m, const double *roots, double *known) {
     const double null = null_root(roots, m);
     for (size_t k = 0; k < m; k++) {
@@ -152,7 +156,8 @@ static void orthonormalise(double *v, size_t m, const double *roots, double *kno
     }
 }
 
-/* Computes singular values and vectors of the scaled channels of window x, by triangle and rotations. */
+/* Computes the scaled, centred channels of window x, and their singular values and vectors: first `triangle`,
+ * then `singular_rows`. */
 static lg_status decompose(const lg_features *f, const float *x, const kept *k) {
     const size_t m = f->selected, length = f->length;
     for (size_t i = 0; i < m; i++) {
@@ -164,7 +169,8 @@ static lg_status decompose(const lg_features *f, const float *x, const kept *k) 
     return singular_rows(k->vectors, m, k->roots);
 }
 
-/* Upper triangle of sum_k v_k s_k v_k^T/sqrt(n). */
+/* out becomes the upper triangle of the root, sum_k v_k s_k v_k^T/sqrt(n), with the singular values s_k and
+ * the singular vectors v_k of the channels. */
 static lg_status compute_cov(const lg_features *f, const float *x, double *out, double *work) {
     const kept keep = keep_in(f, work);
     const size_t m = f->selected;
@@ -187,9 +193,10 @@ static lg_status compute_cov(const lg_features *f, const float *x, double *out, 
 
 /* ---- derivative ---- */
 
-/* to = V a V^T, or V^T a V for `back`; a symmetric, rows of V its eigenvectors; both (m, m). */
+/* to = V a V^T, or V^T a V if `back`. All matrices are (m, m), a is symmetric. The rows of V are
+ * eigenvectors. */
 static void turn(const double *v, size_t m, bool back, const double *a, double *half, double *to) {
-    const size_t row = back ? 1 : m, column = back ? m : 1; /* of element (i, k) of the left factor */
+    const size_t row = back ? 1 : m, column = back ? m : 1; /* strides of element (i, k) of the left factor */
     for (size_t i = 0; i < m; i++)
         for (size_t j = 0; j < m; j++) {
             double sum = 0.0;
@@ -204,10 +211,11 @@ static void turn(const double *v, size_t m, bool back, const double *a, double *
         }
 }
 
-/* From S S = C follows Sylvester's equation S dS + dS S = dC. It is diagonal in the eigenvectors of C,
+/* The root S satisfies S S = C, hence Sylvester's equation S dS + dS S = dC. In the basis of the eigenvectors
+ * of C the equation is diagonal,
  *   (V dS V^T)_ij = (V dC V^T)_ij/(s_i + s_j),
- * and self-adjoint (Higham, Functions of Matrices, 2008, section 6.1). Within the null space the root has a
- * kink; the derivative is taken as 0. */
+ * and it is self-adjoint (Higham, Functions of Matrices, 2008, section 6.1). Within the null space the root
+ * has a kink, and the derivative is set to 0. */
 static void solve_sylvester(const double *roots, size_t m, double *a) {
     const double null = null_root(roots, m);
     for (size_t i = 0; i < m; i++)
@@ -217,7 +225,8 @@ static void solve_sylvester(const double *roots, size_t m, double *a) {
         }
 }
 
-/* If H is the cotangent of C = Z Z^T/n, that of Z is 2 H Z/n. Its rows have mean 0 like those of Z. */
+/* If H is the cotangent of C = Z Z^T/n, the cotangent of Z is 2 H Z/n. Its rows have mean 0 because the rows
+ * of Z have; so the derivative of the centring adds nothing. */
 static void reverse_cov(const lg_features *f, const double *cotangent, double *work, double *gradient) {
     const kept k = keep_in(f, work);
     const size_t m = f->selected, length = f->length;
@@ -240,7 +249,7 @@ static void reverse_cov(const lg_features *f, const double *cotangent, double *w
 
 /* ---- names ---- */
 
-/* Row and column of entry `index` of an upper triangle, row by row. */
+/* Row and column of entry `index` of an upper triangle that is stored row by row. */
 static void entry_of(uint32_t m, uint32_t index, uint32_t *row, uint32_t *column) {
     *row = 0;
     while (index >= m - *row) index -= m - (*row)++;

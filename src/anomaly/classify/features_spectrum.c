@@ -1,14 +1,15 @@
-/* Features of single channels: logarithms of their power in bands of frequency. */
+/* Features of single channels: logarithm of the channel's power in each frequency band. */
 #include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>
 
-/* Numbers that the computation leaves in `work` for the derivative, and temporary ones. */
+/* Layout of `work`: numbers that compute_spectrum keeps for the derivative, and temporary numbers. */
 typedef struct kept {
-    double *waves;  /* (m, lg_spectrum_work) */
-    double *powers; /* (m, bands), with the floor */
-    double *rest;   /* max(length, bands) temporary numbers */
+    /* (m, lg_spectrum_work): the spectrum's work memory for each channel. */
+    double *waves;
+    double *powers; /* (m, bands): powers plus LG_FEATURES_FLOOR */
+    double *rest;   /* temporary: max(length, bands) numbers */
 } kept;
 
 static kept keep_in(const lg_features *f, double *work) {
@@ -40,7 +41,8 @@ static lg_status compute_spectrum(const lg_features *f, const float *x, double *
     return LG_OK;
 }
 
-/* If g is the cotangent of the centred, scaled channel, that of the channel is (g - mean g)/scale. */
+/* If g is the cotangent of the centred and scaled channel, (g - mean of g)/scale is the cotangent of the
+ * channel. */
 static void reverse_spectrum(const lg_features *f, const double *cotangent, double *work, double *gradient) {
     const kept k = keep_in(f, work);
     for (size_t i = 0; i < f->selected; i++) {
@@ -54,7 +56,8 @@ static void reverse_spectrum(const lg_features *f, const double *cotangent, doub
     }
 }
 
-/* Bin k has the frequencies (k - 1/2)/segment .. (k + 1/2)/segment, none above 1/2. */
+/* Bin k covers the frequencies (k - 1/2)/segment .. (k + 1/2)/segment, in cycles per sample. The last bin
+ * ends at 1/2. */
 static int describe_spectrum(const lg_features *f, const lg_series *series, uint32_t index, char *text,
                              size_t size) {
     const lg_spectrum *s = &f->spectrum;

@@ -1,4 +1,4 @@
-/* The features of all windows of a series, by several threads. */
+/* Features of all windows of a series, computed by several threads. */
 #include "anomaly/classify/features.h"
 
 typedef struct table_job {
@@ -7,10 +7,11 @@ typedef struct table_job {
     const lg_series *series;
     const lg_windows *windows;
     double *out;
-    size_t parts, work; /* doubles of a part: `work` and the window */
-    double *memory;     /* (parts, work) */
-    lg_status *status;  /* (parts) */
-    size_t *failed;     /* (parts): the window that failed */
+    /* parts: number of tasks; work: doubles of memory per task, for the features' work and one window. */
+    size_t parts, work;
+    double *memory;    /* (parts, work) */
+    lg_status *status; /* (parts) result of each task */
+    size_t *failed;    /* (parts) index of the window that failed */
 } table_job;
 
 static size_t window_doubles(const lg_features *f) {

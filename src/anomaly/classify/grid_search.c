@@ -10,22 +10,23 @@
 typedef struct search {
     const lg_context *context;
     const lg_method_options *options;
-    size_t count; /* options */
+    size_t count; /* number of options */
     uint32_t folds;
     const double *x;
-    const uint32_t *label, *unit; /* of the table; unit may be NULL */
+    const uint32_t *label, *unit; /* labels and units of the table's rows; unit may be NULL */
     const uint32_t *chosen;
     size_t rows;
     uint32_t d, classes;
-    uint32_t *fold;     /* (rows) */
-    uint32_t *own;      /* (rows) labels of the rows, in their order */
-    uint32_t *own_unit; /* (rows) or NULL */
-    double *part;       /* (count, folds) accuracy */
+    uint32_t *fold;     /* (rows) fold of each chosen row */
+    uint32_t *own;      /* (rows) label of each chosen row */
+    uint32_t *own_unit; /* (rows) unit of each chosen row, or NULL */
+    double *part;       /* (count, folds) accuracy of each option in each fold */
     lg_status *status;  /* (count, folds) */
     lg_error *error;    /* (count, folds) */
 } search;
 
-/* Rows of the table that train fold `fold`, or test it. Without folds all rows do both. */
+/* Collects the table rows that fold `fold` is tested on (`test`), or the rows that it is trained on. Without
+ * folds (fewer than 2) all rows are used for both. Returns their number. */
 static size_t gather(const search *s, uint32_t fold, bool test, uint32_t *out) {
     size_t n = 0;
     for (size_t i = 0; i < s->rows; i++)
@@ -48,7 +49,8 @@ static lg_status try_fold(const search *s, size_t option, uint32_t fold, double 
     if (rows == NULL) return LG_OUT_OF_MEMORY;
     size_t n = gather(s, fold, false, rows);
     lg_method_options o = s->options[option];
-    const size_t most = n < s->d ? n : s->d; /* a fold has fewer rows than the whole */
+    /* Training on a part of the rows may allow fewer components than training on all rows. */
+    const size_t most = n < s->d ? n : s->d;
     if (o.components > most && most < s->rows) o.components = (uint32_t)most;
     lg_classifier c = {0};
     lg_status status =
@@ -81,7 +83,7 @@ static int by_key(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* counts (classes): number of units with rows of the class. */
+/* counts (classes) becomes the number of units that have rows of each class. */
 static lg_status count_units(const search *s, size_t *counts) {
     uint64_t *keys = lg_alloc(s->context, s->rows, sizeof *keys);
     if (keys == NULL) return LG_OUT_OF_MEMORY;
@@ -94,7 +96,8 @@ static lg_status count_units(const search *s, size_t *counts) {
     return LG_OK;
 }
 
-/* Limits the folds to the number of rows, or units, of the rarest class. */
+/* Limits the number of folds to the number of rows, or of units, of the rarest class that occurs. Then deals
+ * the rows to the folds. */
 static lg_status limit_folds(search *s, uint32_t folds, size_t *counts, lg_error *error) {
     size_t smallest = s->rows;
     LG_TRY(lg_check_labels(s->own, s->rows, s->classes, counts, error));
@@ -124,7 +127,8 @@ static lg_status prepare(search *s, uint32_t folds, lg_error *error) {
     return lg_fail(error, status, "no memory for %zu rows", s->rows);
 }
 
-/* Averages each option over its folds. An option that did not converge gets NaN and is not chosen. */
+/* Averages the accuracy of each option over its folds and finds the best option. An option that did not
+ * converge in some fold gets NaN and is not chosen. */
 static lg_status collect(const search *s, double *accuracy, size_t *best, lg_error *error) {
     const uint32_t folds = s->folds < 2 ? 1 : s->folds;
     size_t chosen = s->count;
@@ -137,7 +141,7 @@ static lg_status collect(const search *s, double *accuracy, size_t *best, lg_err
         double sum = 0.0;
         for (uint32_t f = 0; f < folds; f++)
             sum += s->status[o * folds + f] == LG_OK ? s->part[o * folds + f] : NAN;
-        s->part[o] = sum / folds; /* overwrites only folds that have been read: o <= o folds */
+        s->part[o] = sum / folds; /* does not overwrite entries that are still needed, because o <= o folds */
         if (!isnan(s->part[o]) && (chosen == s->count || s->part[o] > s->part[chosen])) chosen = o;
     }
     if (chosen == s->count)

@@ -1,9 +1,10 @@
 /* Logistic regression by Newton's method (Nelder and Wedderburn 1972; Boyd and Vandenberghe, "Convex
  * Optimization", 9.5: damped steps, Newton decrement).
  *
- * Rows of the table are centred and get a last column of ones, q = d + 1. The problem stays the same,
- * because the intercept is not penalised. theta is (rows, q); its last column has the intercepts. If d >= n,
- * x^T = Q R, and the columns of R replace the rows: the minimiser has w = Q v, |w| = |v|. */
+ * The rows of the table are centred and get a last column of ones, so they have q = d + 1 numbers. This does
+ * not change the problem, because the intercept is not penalised. theta is (rows, q); its last column holds
+ * the intercepts. If d >= n, the centred table is factored, x^T = Q R, and the columns of R take the place of
+ * the rows (q = n + 1). This is possible because the minimiser has the form w = Q v, with |w| = |v|. */
 #include "anomaly/classify/classify_internal.h"
 
 #include <cblas.h>
@@ -15,22 +16,25 @@
 
 #define MAX_ITERATIONS 200
 #define MAX_HALVINGS   60
-/* Newton's method stops when the squared decrement is this part of the objective. It still takes the step
- * that was measured, which squares the error. */
+/* Newton's method stops when the squared Newton decrement is at most this fraction of the objective. It still
+ * takes the step for which the decrement was computed, which squares the error once more. */
 #define TOLERANCE 1e-13
-/* Largest number of conjugate gradient iterations in a step. */
+/* Largest number of conjugate gradient iterations per Newton step. */
 #define MAX_CG 2000
 /* A factorisation takes about as long as FACTOR_COST q (1 + q/(3 n))/rows products with the Hessian. It is
- * made after that many products. The products below are credited before the first step, so that short tables
- * are factored at once. */
+ * made after that many products. The count begins at START instead of 0, so that short tables are factored at
+ * once. */
 #define FACTOR_COST (1.0 / 16.0)
 #define START       8.0
 #define SMALL_Q     12
-/* Tolerance of conjugate gradients in the last steps, as a part of the decrease of the quadratic model. */
+/* Tolerance of conjugate gradients in the last Newton steps, as a fraction of the decrease of the quadratic
+ * model. */
 #define EXACT 1e-9
-/* Doubles of the table in one block: both passes over a block find it in the cache. */
+/* A product with the Hessian passes twice over the table. It does so in blocks of about this many doubles, so
+ * that the second pass finds the block in the cache. */
 #define BLOCK_DOUBLES 32768
-/* Score of a class that does not occur in training. The other scores add up to 0, so its probability is 0. */
+/* Intercept of a class that does not occur in training. The other intercepts and weights add up to 0, so the
+ * probability of this class is 0. */
 #define UNSEEN (-1e4)
 
 typedef struct problem {
@@ -38,25 +42,27 @@ typedef struct problem {
     size_t n, q, unknowns;
     uint32_t rows, classes;
     double c;
-    double *x;       /* (n, q) */
-    uint32_t *label; /* (n), among the classes that occur */
+    double *x;       /* (n, q): table, centred, with a last column of ones */
+    uint32_t *label; /* (n): label, counted among the classes that occur */
     double *theta, *trial, *step, *gradient;
     double *score;    /* (n, rows) */
-    double *residual; /* (n, rows): p - y */
-    double *weight;   /* (n, rows): rows == 1: p (1 - p), else p */
-    double *scaled;   /* (n, q); with `factor` */
-    double *factor;   /* (q, q) Cholesky factor, for conjugate gradients; NULL until it pays */
-    double *diagonal; /* (q) until then */
-    double *vectors;  /* (4, unknowns): of conjugate gradients */
+    double *residual; /* (n, rows): p - y, probability minus target */
+    double *weight;   /* (n, rows): p (1 - p) if rows == 1, otherwise p */
+    double *scaled;   /* (n, q): rows times the root of their curvature; allocated with `factor` */
+    /* (q, q): Cholesky factor of the preconditioner of conjugate gradients. NULL until factoring pays off. */
+    double *factor;
+    double *diagonal; /* (q): diagonal preconditioner, used until there is a factor */
+    double *vectors;  /* (4, unknowns): vectors of conjugate gradients */
     double objective, forcing;
-    double worth; /* number of products that take as long as a factorisation */
-    double spent; /* products since the factor was made */
-    bool solved;  /* the last step is as exact as `forcing` */
+    double worth; /* number of Hessian products that take as long as a factorisation */
+    double spent; /* number of Hessian products since the last factorisation */
+    bool solved;  /* whether the last step meets the tolerance `forcing` */
 } problem;
 
 /* ---- the objective ---- */
 
-/* Sums log(1 + e), e >= 0, as the logarithm of a product: one logarithm for many terms. */
+/* Sum of log(1 + e) for many e >= 0. It is computed as the logarithm of a product, so that one logarithm
+ * serves many terms. */
 typedef struct log_sum {
     double sum, product;
     int count;
@@ -74,14 +80,15 @@ static inline void log_sum_add(log_sum *s, double e) {
     s->count = 0;
 }
 
-/* Two classes, one logit. Small probabilities are computed without cancellation. */
+/* Loss of two classes with one logit. Small probabilities are computed without cancellation. */
 static double binary_loss(problem *p) {
     log_sum logs = {0.0, 1.0, 0};
     double linear = 0.0;
     for (size_t i = 0; i < p->n; i++) {
         const double s = p->score[i], e = exp(-fabs(s)), small = e / (1.0 + e), large = 1.0 / (1.0 + e);
-        const bool right = (s >= 0.0) == (p->label[i] == 1); /* the likelier class is the true one */
-        const double miss = right ? small : large;           /* probability of the other class */
+        /* Whether the more probable class is the true one. */
+        const bool right = (s >= 0.0) == (p->label[i] == 1);
+        const double miss = right ? small : large; /* probability of the wrong class */
         p->residual[i] = p->label[i] == 1 ? -miss : miss;
         p->weight[i] = small * large;
         if (!right) linear += fabs(s);
@@ -110,7 +117,7 @@ static double softmax_loss(problem *p) {
     return loss;
 }
 
-/* score = x theta^T, of rows first..last-1 of the table. */
+/* score = x theta^T for the rows first .. last - 1 of the table. */
 static void scores(const problem *p, size_t first, size_t last, const double *theta) {
     const int n = (int)(last - first), q = (int)p->q, rows = (int)p->rows;
     const double *x = p->x + first * p->q;
@@ -127,7 +134,7 @@ static void scores(const problem *p, size_t first, size_t last, const double *th
         cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, rows, q, 1.0, x, q, theta, q, 0.0, out, rows);
 }
 
-/* The objective at `theta`. Sets residual and weight for that point. */
+/* Returns the objective at `theta`, and sets p->residual and p->weight for this theta. */
 static double evaluate(problem *p, const double *theta) {
     scores(p, 0, p->n, theta);
     double square = 0.0;
@@ -135,7 +142,7 @@ static double evaluate(problem *p, const double *theta) {
     return p->c * (p->rows == 1 ? binary_loss(p) : softmax_loss(p)) + 0.5 * square;
 }
 
-/* out (rows, q) += factor r^T x, of rows first..last-1 of the table. */
+/* out (rows, q) += factor r^T x, summed over the rows first .. last - 1 of the table. */
 static void add_transposed(const problem *p, size_t first, size_t last, double factor, const double *r,
                            double *out) {
     const int n = (int)(last - first), q = (int)p->q, rows = (int)p->rows;
@@ -155,11 +162,13 @@ static void add_penalty(const problem *p, const double *v, double *out) {
         for (size_t j = 0; j + 1 < p->q; j++) out[a * p->q + j] += v[a * p->q + j];
 }
 
-/* ---- the step: conjugate gradients ---- */
+/* ---- the Newton step by conjugate gradients ---- */
 
-/* The Hessian is sum_i C (diag(p_i) - p_i p_i^T) (x) x_i x_i^T plus the penalty. All steps add up to 0 over
- * the classes. On such vectors diag(p) - p p^T is 1/K for K equal p. The preconditioner therefore uses one
- * number, sum_c p_c (1 - p_c)/(K - 1), for every class. With one row of theta it is the Hessian itself. */
+/* The Hessian is sum_i C (diag(p_i) - p_i p_i^T) (x) x_i x_i^T plus the penalty, where (x) is the Kronecker
+ * product. The preconditioner replaces the factor diag(p_i) - p_i p_i^T by one number for all classes, sum_c
+ * p_c (1 - p_c)/(K - 1). Steps add up to 0 over the classes, and on such vectors the factor is exactly this
+ * number (1/K) when all K probabilities are equal. With one row of theta the preconditioner is the Hessian
+ * itself. This function returns C times the number for row i. */
 static double curvature(const problem *p, size_t i) {
     const size_t k = p->rows;
     const double *w = p->weight + i * k;
@@ -169,7 +178,7 @@ static double curvature(const problem *p, size_t i) {
     return p->c * sum / (double)(k - 1);
 }
 
-/* For few features: rank-one updates of the upper triangle, without calls of BLAS. */
+/* For few features: adds rank-one updates to the upper triangle without calling BLAS. */
 static void form_small(const problem *p) {
     const size_t q = p->q;
     double upper[SMALL_Q * SMALL_Q] = {0};
@@ -193,8 +202,8 @@ static void form_large(const problem *p) {
                 p->factor, (int)q);
 }
 
-/* The preconditioner's upper triangle, row-major. `ridge` times the largest entry is added to the
- * diagonal. */
+/* Forms the preconditioner in p->factor, as a row-major upper triangle. `ridge` times the largest diagonal
+ * entry is added to the diagonal. */
 static void form(const problem *p, double ridge) {
     const size_t q = p->q;
     double largest = 0.0;
@@ -221,7 +230,7 @@ static lg_status make_factor(problem *p) {
     for (int attempt = 0; attempt < 8; attempt++) {
         int info = 0;
         form(p, ridge);
-        dpotrf_("L", &q, p->factor, &q, &info); /* its lower is our upper triangle */
+        dpotrf_("L", &q, p->factor, &q, &info); /* LAPACK's lower triangle is the row-major upper triangle */
         if (info == 0) return LG_OK;
         ridge = ridge == 0.0 ? 1e-14 : 100.0 * ridge;
     }
@@ -238,7 +247,7 @@ static void make_diagonal(problem *p) {
     for (size_t j = 0; j < q; j++) p->diagonal[j] += j + 1 < q ? 1.0 : 0x1p-1000;
 }
 
-/* out = P^-1 r */
+/* out = P^-1 r, where P is the preconditioner. */
 static void precondition(const problem *p, const double *r, double *out) {
     const int q = (int)p->q, rows = (int)p->rows;
     int info = 0;
@@ -246,7 +255,7 @@ static void precondition(const problem *p, const double *r, double *out) {
     if (p->factor != NULL) dpotrs_("L", &q, &rows, p->factor, &q, out, &q, &info);
 }
 
-/* s = (diag(w) - w w^T) s of each row; two classes: w s. */
+/* Replaces each row s of p->score by (diag(w) - w w^T) s; for two classes by w s. */
 static void curve(const problem *p, size_t first, size_t last) {
     const size_t k = p->rows;
     for (size_t i = first; i < last; i++) {
@@ -261,7 +270,7 @@ static void curve(const problem *p, size_t first, size_t last) {
     }
 }
 
-/* out = H v */
+/* out = H v, where H is the Hessian at the current theta. */
 static void hessian_product(problem *p, const double *v, double *out) {
     const size_t q = p->q, block = BLOCK_DOUBLES / q + 1;
     memset(out, 0, p->unknowns * sizeof *out);
@@ -275,9 +284,9 @@ static void hessian_product(problem *p, const double *v, double *out) {
     p->spent += 1.0;
 }
 
-/* Minimiser, gradients and steps add up to 0 over the classes. This subtracts what rounding leaves of the
- * sum: in that direction the preconditioner is far from the Hessian, which is 0 for the sum of the
- * intercepts. */
+/* Minimiser, gradients and steps add up to 0 over the classes. This function subtracts the part of v that
+ * rounding has added to the sum. Without it, errors would grow in that direction: the Hessian is 0 there for
+ * the intercepts, so the preconditioner is far from it. */
 static void balance(const problem *p, double *v) {
     for (size_t j = 0; j < p->q && p->rows > 1; j++) {
         double sum = 0.0;
@@ -286,8 +295,9 @@ static void balance(const problem *p, double *v) {
     }
 }
 
-/* The tolerance follows from the last decrement (Dembo, Eisenstat, Steihaug 1982). Without a factor the
- * iteration stops when it has taken as long as a factorisation. */
+/* Solves for the Newton step. The tolerance `forcing` follows from the decrement of the previous step (Dembo,
+ * Eisenstat, Steihaug 1982). Without a factor the iteration stops after as many products as a factorisation
+ * would cost. */
 static lg_status conjugate_gradients(problem *p) {
     const size_t n = p->unknowns;
     const double limit = p->factor == NULL ? p->worth + 1.0 : MAX_CG;
@@ -297,7 +307,8 @@ static lg_status conjugate_gradients(problem *p) {
     balance(p, r);
     precondition(p, r, direction);
     double rho = lg_dot(r, direction, n);
-    double fallen = 0.0, last = 1.0; /* decrease of the quadratic model: in all, by the last direction */
+    /* Decrease of the quadratic model: in total, and by the last direction. */
+    double fallen = 0.0, last = 1.0;
     size_t iteration = 0;
     for (; rho > 0.0 && (double)(iteration + 1) * last > p->forcing * fallen; iteration++) {
         p->solved = p->factor != NULL;
@@ -320,8 +331,9 @@ static lg_status conjugate_gradients(problem *p) {
     return LG_OK;
 }
 
-/* Factors, first or again, when the products since the last factorisation have taken as long as one. With one
- * row of theta a new factor solves the equations alone. */
+/* Computes the Newton step. When the products since the last factorisation have taken as long as a
+ * factorisation, a new factor is made. With one row of theta the new factor solves the equations directly;
+ * otherwise it serves as preconditioner. */
 static lg_status find_step(problem *p) {
     if (p->spent < p->worth) {
         if (p->factor == NULL) make_diagonal(p);
@@ -339,7 +351,8 @@ static lg_status find_step(problem *p) {
 
 /* ---- Newton's method ---- */
 
-/* Backtracks until the objective falls enough; a fall below rounding is accepted. */
+/* Halves the step until the objective decreases enough. A decrease too small to be seen in spite of rounding
+ * is accepted. */
 static lg_status backtrack(problem *p, double decrement) {
     const double slack = 0x1p-48 * p->objective;
     double length = 1.0;
@@ -368,7 +381,7 @@ static lg_status newton(problem *p, uint32_t *iterations) {
         LG_TRY(find_step(p));
         const double decrement = -lg_dot(p->gradient, p->step, p->unknowns);
         if (!isfinite(decrement)) return LG_NOT_FINITE;
-        if (decrement <= 0.0) return LG_OK; /* at the minimum to the last bit */
+        if (decrement <= 0.0) return LG_OK; /* theta is at the minimum up to rounding */
         const bool exact = p->solved && p->forcing <= EXACT;
         p->forcing = fmin(1e-2, fmax(EXACT, decrement / p->objective));
         const lg_status moved = backtrack(p, decrement);
@@ -380,7 +393,7 @@ static lg_status newton(problem *p, uint32_t *iterations) {
 
 /* ---- fitting ---- */
 
-/* x^T = Q R in LAPACK's form: the row-major table (n, d) is a column-major (d, n). */
+/* Householder form of x^T = Q R by LAPACK. The row-major table (n, d) is a column-major matrix (d, n). */
 typedef struct span {
     double *qr, *tau, *work;
     int lwork;
@@ -417,7 +430,7 @@ static lg_status take_span(const lg_context *context, const double *x, const dou
     return info == 0 ? LG_OK : LG_NO_CONVERGENCE;
 }
 
-/* w = Q v in place: on entry w (d) has v (n), then zeros. */
+/* Computes w = Q v in place. On entry w (d) holds v (n) followed by zeros. */
 static void leave_span(const span *s, size_t n, size_t d, double *w) {
     const int rows = (int)d, one = 1, reflections = (int)n;
     int info = 0;
@@ -456,8 +469,9 @@ static void problem_free(problem *p) {
     for (size_t i = 0; i < LG_COUNT(blocks); i++) lg_free(p->context, blocks[i]);
 }
 
-/* Writes the model from theta of the classes that occur, in the coordinates and with the origin of the
- * table. */
+/* Writes weights and intercepts of the model from theta. theta has rows only for the classes that occur, and
+ * refers to the centred table (and to v instead of w if the table was factored); the model refers to the
+ * original features. */
 static void write_model(const problem *p, const size_t *counts, const double *mean, const span *s,
                         lg_logistic *model) {
     const size_t d = model->inputs, rows = p->classes == 2 ? 1 : p->classes;
@@ -553,7 +567,7 @@ void lg_logistic_destroy(lg_logistic *model) {
     *model = (lg_logistic){0};
 }
 
-/* ---- predicting ---- */
+/* ---- prediction ---- */
 
 static void softmax(double *s, size_t k) {
     double largest = s[0], sum = 0.0;

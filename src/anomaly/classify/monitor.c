@@ -1,4 +1,4 @@
-/* Cuts a feed of samples into windows, passes them to a judge one by one, and counts the votes of the last
+/* Cuts a feed of samples into windows, passes each window to a judge, and counts the votes of the last
  * windows. */
 #include <math.h>
 #include <string.h>
@@ -6,28 +6,31 @@
 #include "core/core.h"
 #include "liegrad/monitor.h"
 
-/* Slot s % window of the ring holds sample s. All arrays follow the structure in the caller's memory. */
+/* Sample number s of the feed is in slot s % window of the ring. All arrays are behind the structure in the
+ * caller's memory. */
 struct lg_monitor {
     uint32_t channels, window, hop, bridge;
-    uint32_t most_missing; /* in a window that is judged */
+    uint32_t most_missing; /* largest number of missing samples in a window that is judged */
     uint32_t votes, votes_of;
     lg_monitor_judge judge;
     void *user;
-    uint64_t samples; /* pushed so far */
-    uint64_t windows; /* complete so far */
-    uint64_t gap;     /* samples lost since the last received one */
-    bool received;    /* any sample */
-    uint32_t slot;    /* of the next sample */
-    uint32_t until;   /* samples until the next window is complete */
-    uint32_t missing; /* among the last `window` samples */
-    uint64_t ballots; /* of the last judged windows that are not novel, bit 0 the latest */
-    uint64_t novels;  /* of the last judged windows */
-    uint32_t cast;    /* how many ballots there are */
+    uint64_t samples; /* number of samples pushed so far */
+    uint64_t windows; /* number of complete windows so far */
+    uint64_t gap;     /* number of samples lost since the last received one */
+    bool received;    /* whether any sample has been received */
+    uint32_t slot;    /* slot of the next sample */
+    uint32_t until;   /* number of samples until the next window is complete */
+    uint32_t missing; /* number of lost samples among the last `window` samples */
+    /* Votes of the last judged windows that were not novel, one bit each; bit 0 is the latest. */
+    uint64_t ballots;
+    /* Whether the last judged windows were novel, one bit each; bit 0 is the latest. */
+    uint64_t novels;
+    uint32_t cast; /* number of valid bits in `ballots` */
     bool alarm, novel;
     float *ring;   /* (window, channels) */
-    float *x;      /* (channels, window) for the judge */
-    float *last;   /* (channels) the last received sample; zeros before the first */
-    uint8_t *lost; /* (window) */
+    float *x;      /* (channels, window): the window for the judge */
+    float *last;   /* (channels): last received sample; zeros before the first one */
+    uint8_t *lost; /* (window): whether the sample in the slot was lost */
 };
 
 void lg_monitor_options_init(lg_monitor_options *options) {
@@ -96,7 +99,7 @@ lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge ju
     monitor->window = options->window;
     monitor->hop = options->hop == 0 ? options->window : options->hop;
     monitor->bridge = options->bridge;
-    /* the factor makes 0.1 of 300 equal 30 in spite of the rounding of 0.1 */
+    /* The factor compensates the rounding of numbers such as 0.1, so that 0.1 of 300 samples is 30. */
     monitor->most_missing = (uint32_t)floor(options->missing * options->window * (1.0 + 1e-12));
     monitor->votes = options->votes;
     monitor->votes_of = options->votes_of;
@@ -111,15 +114,15 @@ lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge ju
     return LG_OK;
 }
 
-/* Sample `back` before the one that goes to `slot`, back <= window. */
+/* Returns the sample that is `back` samples older than the one that will go to `slot`; back <= window. */
 static float *before(const lg_monitor *monitor, uint64_t back) {
     const uint64_t slot = (uint64_t)monitor->slot + monitor->window - back;
     return &monitor->ring[(size_t)(slot % monitor->window) * monitor->channels];
 }
 
-/* Fills the gap that ends with `sample`. A short gap gets a straight line from the last received sample; at
- * the beginning of a feed the gap gets the first received sample. Samples that have left the ring are already
- * judged. */
+/* Fills the gap before the received `sample`. A gap of at most `bridge` samples is filled by a straight line
+ * from the last received sample. A gap at the beginning of the feed, of any length, is filled with `sample`.
+ * Only the part of the gap that is still in the ring is filled. */
 static void fill_gap(lg_monitor *monitor, const float *sample) {
     const uint64_t gap = monitor->gap, inside = gap < monitor->window ? gap : monitor->window;
     const float *last = monitor->received ? monitor->last : sample;
@@ -157,7 +160,8 @@ static void store(lg_monitor *monitor, const float *sample) {
     monitor->samples++;
 }
 
-/* x (channels, window), oldest first. `slot` is the oldest: the ring is full. */
+/* Copies the ring to x (channels, window), oldest sample first. The ring is full, so `slot` holds the oldest
+ * sample. */
 static void copy_window(lg_monitor *monitor) {
     const uint32_t channels = monitor->channels, window = monitor->window;
     for (uint32_t i = 0; i < window; i++) {

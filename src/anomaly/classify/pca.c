@@ -18,7 +18,8 @@ size_t lg_eigen_work(size_t n) {
     return eigen_doubles(n) + (3 + 5 * n) / 2 + 1;
 }
 
-/* The rows of a row-major matrix are the columns of LAPACK's, and its upper triangle is LAPACK's lower. */
+/* The row-major upper triangle of `a` is the lower triangle of LAPACK's column-major matrix, and LAPACK's
+ * eigenvectors, its columns, are the rows of `a`. */
 lg_status lg_eigen(double *a, size_t n, double *values, double *work) {
     const int order = (int)n, lwork = (int)eigen_doubles(n), liwork = (int)(3 + 5 * n);
     int info = 0;
@@ -26,7 +27,7 @@ lg_status lg_eigen(double *a, size_t n, double *values, double *work) {
     return info == 0 ? LG_OK : LG_NO_CONVERGENCE;
 }
 
-/* ---- checks of every fit's table ---- */
+/* ---- checks of the table of a fit ---- */
 
 lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error) {
     if (x == NULL || n == 0 || d == 0)
@@ -60,12 +61,12 @@ lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, siz
 
 /* ---- standardisation ---- */
 
-/* Mean and scale of each column. The scale is 1 for a column that is constant to rounding. */
+/* Computes mean and scale of each column. A column that is constant up to rounding gets scale 1. */
 static lg_status measure(const double *x, size_t n, uint32_t d, lg_pca *p) {
     const double weight = 1.0 / (double)n;
     for (size_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < d; j++) p->mean[j] += weight * x[i * d + j];
-    for (size_t i = 0; i < n; i++) /* second pass: `scale` holds the variance */
+    for (size_t i = 0; i < n; i++) /* second pass: p->scale first holds the variance */
         for (uint32_t j = 0; j < d; j++) {
             const double z = x[i * d + j] - p->mean[j];
             p->scale[j] += weight * z * z;
@@ -82,9 +83,10 @@ static void standardise(const lg_pca *p, const double *x, double *z) {
     for (uint32_t j = 0; j < p->inputs; j++) z[j] = (x[j] - p->mean[j]) / p->scale[j];
 }
 
-/* ---- components: rows v (k, d) ---- */
+/* ---- components: the rows v of a matrix (k, d) ---- */
 
-/* Makes v orthogonal to the rows before it, twice because of rounding. Returns its norm. */
+/* Makes v orthogonal to the first `before` rows. It does so twice, because of rounding. Returns the norm of
+ * the result. */
 static double orthogonalise(const double *rows, size_t before, size_t d, double *v) {
     for (int pass = 0; pass < 2; pass++)
         for (size_t i = 0; i < before; i++)
@@ -92,8 +94,8 @@ static double orthogonalise(const double *rows, size_t before, size_t d, double 
     return sqrt(lg_dot(v, v, d));
 }
 
-/* A unit vector orthogonal to all `before` < d rows. At least one coordinate axis has a squared distance of
- * (d - before)/d or more from their span. */
+/* v becomes a unit vector orthogonal to the first `before` < d rows. At least one coordinate axis has a
+ * squared distance of (d - before)/d or more from the span of the rows; the loop accepts half of that. */
 static void complete(const double *rows, size_t before, size_t d, double *v) {
     const double enough = sqrt(0.5 * (double)(d - before) / (double)d);
     double norm = 0.0;
@@ -105,8 +107,9 @@ static void complete(const double *rows, size_t before, size_t d, double *v) {
     cblas_dscal((int)d, 1.0 / norm, v, 1);
 }
 
-/* From eigenvectors u of Z Z^T/n (n, n; rows, by rising eigenvalue): v = Z^T u/|Z^T u|, made orthogonal to
- * rounding. A component without variance becomes any orthogonal direction. */
+/* Computes the components from the eigenvectors u of Z Z^T/n (n, n), which are rows in order of rising
+ * eigenvalue: v = Z^T u/|Z^T u|, orthogonalised against rounding errors. A component without variance becomes
+ * an arbitrary direction orthogonal to the others. */
 static void from_gram(const double *z, const double *u, const double *variance, size_t n, size_t d, size_t k,
                       double *rows) {
     for (size_t j = 0; j < k; j++) {
@@ -125,7 +128,8 @@ static void from_gram(const double *z, const double *u, const double *variance, 
     }
 }
 
-/* Makes the largest component positive. If several are equal up to rounding, the first one counts. */
+/* Changes the sign of v so that its largest entry in absolute value is positive. Of several entries that are
+ * equal up to 1e-9, the first one decides. */
 static void fix_sign(double *v, size_t d) {
     double largest = 0.0;
     for (size_t i = 0; i < d; i++) largest = fmax(largest, fabs(v[i]));

@@ -1,5 +1,5 @@
-/* Support vector classification. libsvm (Chang and Lin 2011) solves the dual; this file converts and
- * evaluates the models. */
+/* Support vector classification. libsvm (Chang and Lin 2011) solves the dual problem; this file converts its
+ * models and evaluates them. */
 #include "anomaly/classify/classify_internal.h"
 
 #include <libsvm/svm.h>
@@ -11,15 +11,16 @@
 #include <cblas.h>
 
 #define CACHE_MB 200.0
-/* For each entry of the kernel libsvm walks through lists of (index, value). When it needs many entries and
- * the lists are long, a table of the whole kernel by BLAS is faster. Below TABLE_FEATURES features and above
- * TABLE_ROWS rows (8 bytes an entry) there is no table. Otherwise there is one up to TABLE_ALWAYS rows;
- * beyond that a trial on PILOT_ROWS rows decides. */
+/* To compute an entry of the kernel matrix, libsvm walks through two lists of (index, value). If it needs
+ * many entries and the lists are long, it is faster to compute the whole kernel matrix beforehand with
+ * BLAS ("table", 8 bytes per entry). There is no table below TABLE_FEATURES features or above TABLE_ROWS
+ * rows. Otherwise there always is one up to TABLE_ALWAYS rows; with more rows a trial on PILOT_ROWS rows
+ * decides. */
 #define TABLE_FEATURES 8
 #define TABLE_ROWS     8192
 #define TABLE_ALWAYS   1500
 #define PILOT_ROWS     300
-/* Memory of libsvm besides its cache, bytes a row. */
+/* Memory that libsvm needs besides its cache, in bytes per row. */
 #define ROW_BYTES 256
 
 /* ---- training ---- */
@@ -28,19 +29,20 @@ static void silent(const char *text) {
     (void)text;
 }
 
-/* Rows sorted by class: libsvm numbers the classes by first appearance. */
+/* The rows are sorted by class, because libsvm numbers the classes in the order in which they first
+ * appear. */
 typedef struct training {
     const lg_context *context;
-    const double *x; /* (n, d), the caller's */
+    const double *x; /* (n, d), the caller's table */
     size_t n;
     uint32_t d, classes;
-    size_t *counts;  /* (classes) */
-    uint32_t *order; /* (n) caller's row of each row */
-    double *target;  /* (n) */
-    double *scaled;  /* (n, d): sorted, times `factor` */
+    size_t *counts;  /* (classes): number of rows */
+    uint32_t *order; /* (n): index in the caller's table of each sorted row */
+    double *target;  /* (n): class of each sorted row */
+    double *scaled;  /* (n, d): sorted rows times `factor` */
     struct svm_node *nodes;
-    struct svm_node **rows; /* (n) into nodes */
-    double factor;          /* a power of two */
+    struct svm_node **rows; /* (n): pointers into nodes */
+    double factor;          /* a power of two, see factor_for */
     struct svm_parameter parameter;
 } training;
 
@@ -59,15 +61,16 @@ static void sort_rows(training *t, const uint32_t *label) {
             t->scaled[i * t->d + j] = t->factor * t->x[t->order[i] * (size_t)t->d + j];
 }
 
-/* For libsvm's kernel PRECOMPUTED: `value` of node 0 of a row is the row's number, `value` of node j its
- * kernel with row j. libsvm reads nothing else of a node. A node is two doubles wide, so two rows share their
- * nodes: the second row begins one double later. */
+/* Returns row i of the table in the layout of libsvm's kernel PRECOMPUTED. The `value` of a row's node 0 is
+ * the number of the row, from 1 on; the `value` of its node j is the kernel with row j. libsvm reads no other
+ * member of these nodes. A node is two doubles wide, so two rows share their nodes: the second row begins one
+ * double later, in the members that are not read. */
 static double *table_row(const training *t, size_t i) {
     return (double *)(void *)t->nodes + i / 2 * 2 * (t->n + 1) + i % 2;
 }
 
-/* Fills the entries of rows first..first+rows-1 with columns first..n-1, and their transposes. product (rows,
- * n - first) */
+/* Computes the kernel of the rows first .. first + rows - 1 with the columns first .. n - 1, and writes the
+ * entries and their transposes to the table. product (rows, n - first) is work memory. */
 static void fill_stripe(const training *t, size_t first, size_t rows, const double *square, double *product) {
     const size_t columns = t->n - first, d = t->d;
     const double gamma = t->parameter.gamma, *x = t->scaled + first * d;
@@ -89,7 +92,7 @@ static void fill_stripe(const training *t, size_t first, size_t rows, const doub
 
 #define STRIPE 64
 
-/* work: (STRIPE + 1) n */
+/* Fills the whole table. work: (STRIPE + 1) n doubles. */
 static void fill_table(const training *t, double *work) {
     const size_t n = t->n, d = t->d;
     for (size_t i = 0; i < n; i++) {
@@ -127,8 +130,8 @@ static void training_free(training *t) {
     lg_free(t->context, t->nodes);
 }
 
-/* libsvm does not check its allocations. Therefore this allocates and frees the memory that libsvm will
- * take. */
+/* libsvm does not check its allocations. This function allocates as much memory as libsvm will need, and
+ * frees it again, to see whether there is enough. */
 static bool memory_is_there(const training *t) {
     const double kernel = 4.0 * (double)t->n * (double)t->n, cache = CACHE_MB * 1048576.0;
     void *volatile probe = malloc((size_t)(kernel < cache ? kernel : cache) +
@@ -144,7 +147,7 @@ static struct svm_model *run_libsvm(const training *t, size_t n, const struct sv
     return svm_train(&problem, parameter);
 }
 
-/* The fraction of support vectors in a rough solution on PILOT_ROWS equidistant rows. */
+/* Returns the fraction of support vectors in a rough solution on PILOT_ROWS equidistant rows. */
 static double pilot(const training *t) {
     double target[PILOT_ROWS];
     struct svm_node *rows[PILOT_ROWS];
@@ -164,8 +167,9 @@ static double pilot(const training *t) {
     return part;
 }
 
-/* Lists take about 8 + 1.1 d ns an entry, for as many columns as there are support vectors. The table takes
- * 6 + d/16 ns for every entry. The fraction of support vectors falls as the rows grow. */
+/* Measured times: lists take about 8 + 1.1 d ns per kernel entry, and libsvm needs about as many columns as
+ * there are support vectors. The table takes 6 + d/16 ns per entry, for all entries. The factor 0.7: the
+ * fraction of support vectors falls as the number of rows grows, so the pilot overestimates it. */
 static bool table_pays(const training *t) {
     if (t->d < TABLE_FEATURES || t->n > TABLE_ROWS) return false;
     if (t->n <= TABLE_ALWAYS) return true;
@@ -190,8 +194,9 @@ static lg_status lay_table(training *t) {
     return work != NULL && t->nodes != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* libsvm stores linear kernels in single precision, so their squares must stay inside its range. With x' = f
- * x and C' = C/f^2 the dual has alpha' = alpha/f^2 and the same margins. */
+/* Factor by which the features are multiplied for a linear kernel. libsvm stores the kernel in single
+ * precision, so the squares of the features must stay inside that range. With x' = f x and C' = C/f^2 the
+ * dual variables are alpha' = alpha/f^2, and the margins stay the same. */
 static double factor_for(const double *x, size_t count) {
     double largest = 0.0;
     for (size_t i = 0; i < count; i++) largest = fmax(largest, fabs(x[i]));
@@ -203,7 +208,8 @@ static double factor_for(const double *x, size_t count) {
 
 /* ---- conversion ---- */
 
-/* The row with the coefficients of vectors of class `own` against class `other`. */
+/* Row of the coefficient matrix that holds the coefficients of the vectors of class `own` against class
+ * `other`. */
 static size_t coefficient_row(size_t own, size_t other) {
     return other > own ? other - 1 : other;
 }
@@ -264,7 +270,7 @@ static lg_status train(training *t, const uint32_t *label, lg_svm *out) {
     return status;
 }
 
-/* 1/(d var), var over all numbers; 1 if all numbers are equal. */
+/* Returns 1/(d var), where var is the variance over all numbers of x; 1 if all numbers are equal. */
 static double default_gamma(const double *x, size_t count, uint32_t d) {
     const double mean = lg_sum_of(x, count) / (double)count;
     double variance = 0.0;
@@ -343,10 +349,10 @@ void lg_svm_destroy(lg_svm *svm) {
 
 /* ---- evaluation ---- */
 
-/* sum_v coefficient_v x_v of a pair; the vectors of both classes. */
+/* The support vectors of a pair of classes (i, j), and their coefficients for this pair. */
 typedef struct pair_view {
-    const double *a, *b; /* coefficients of the vectors of class i, of class j */
-    size_t first, last;  /* first vector of each */
+    const double *a, *b; /* coefficients of the vectors of class i, and of class j */
+    size_t first, last;  /* index of the first vector of class i, and of class j */
     size_t count_a, count_b;
 } pair_view;
 
@@ -393,7 +399,8 @@ static void kernel_values(const lg_svm *svm, const double *x, double *k) {
             k[v] = exp(-svm->gamma * square_distance(svm->vector + v * d, x, d));
 }
 
-/* libsvm answers the first class with the most votes. This makes its score the largest. votes (classes) */
+/* libsvm answers with the first class that has the most votes. If the score of this class is not the largest,
+ * it is raised just above the largest. votes (classes). */
 static void prefer_first(const double *votes, size_t classes, double *score) {
     size_t first = 0, largest = 0;
     for (size_t i = 1; i < classes; i++) {
@@ -403,13 +410,13 @@ static void prefer_first(const double *votes, size_t classes, double *score) {
     if (largest != first) score[first] = nextafter(score[largest], INFINITY);
 }
 
-/* A number of size at most 1/3, rising with x. */
+/* Maps x to a number between -1/3 and 1/3 that rises with x. */
 static double bounded(double x) {
     return isfinite(x) ? x / (3.0 * (fabs(x) + 1.0)) : 0.0;
 }
 
-/* Counts votes in `score` and sums the decisions for each class in `lean`. If one class of a pair has no
- * vectors, the other class wins. */
+/* Computes the scores of more than two classes: votes plus a bounded sum of the decisions. `lean` (classes)
+ * is work memory. If only one class of a pair has support vectors, it gets the vote of the pair. */
 static void vote(const lg_svm *svm, const double *k, double *score, double *lean) {
     const size_t classes = svm->classes;
     size_t pair = 0, first_i = 0;
@@ -479,7 +486,7 @@ static pair_view pair_at(const lg_svm *svm, size_t pair) {
     return view_pair(svm, i, j, first_i, first_j);
 }
 
-/* Whether one class of the pair has no vectors. With two classes this does not happen. */
+/* Whether a class of the pair has no support vectors. This does not happen with two classes. */
 static bool is_empty(const lg_svm *svm, const pair_view *p) {
     return svm->classes > 2 && (p->count_a == 0 || p->count_b == 0);
 }
@@ -498,7 +505,8 @@ void lg_svm_decisions(const lg_svm *svm, const double *x, double *decision, doub
     }
 }
 
-/* Adds the gradients of the kernels x_v.x or exp(-gamma |x_v - x|^2) for vectors first..first + count - 1. */
+/* Adds coefficient times the gradient of the kernel, x_v.x or exp(-gamma |x_v - x|^2), for the vectors first
+ * .. first + count - 1. */
 static void add_gradients(const lg_svm *svm, const double *x, const double *kernel, const double *coefficient,
                           size_t first, size_t count, double *gradient) {
     const size_t d = svm->inputs;

@@ -1,9 +1,10 @@
 /* Classification trees: Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees" (1984).
  *
- * Each column is sorted once. A node owns the same range of positions in every column; when it is split, the
- * range is partitioned and keeps its order, so that a level of the tree costs O(d n). A column whose values
- * are all equal within a node is not searched or partitioned below that node. Its range may then hold rows of
- * the sibling, which is harmless because all its values are equal. */
+ * Each column of the table is sorted once. A node owns the same range of positions in every column. When a
+ * node is split, its range in each column is partitioned, and both parts keep their order; so a level of the
+ * tree costs O(d n). A column whose values are all equal within a node is neither searched nor partitioned
+ * from that node on. Its range may then hold rows of the sibling node, which is harmless because all values
+ * in the range are equal. */
 #include "anomaly/classify/tree.h"
 
 #include <math.h>
@@ -45,30 +46,30 @@ typedef struct item {
     uint32_t row, label;
 } item;
 
-/* A node that waits to be split: positions first..last-1 of every column. */
+/* A node that waits to be split. It owns the positions first .. last - 1 of every column. */
 typedef struct task {
     uint32_t node, first, last, depth;
 } task;
 
 typedef struct split {
     bool found;
-    uint32_t feature, position; /* the first position of the right part */
-    double threshold, score;    /* the higher the better */
+    uint32_t feature, position; /* first position of the right part */
+    double threshold, score;    /* a higher score is better */
 } split;
 
 typedef struct grower {
     const lg_context *context;
     lg_tree_options options;
     size_t n;
-    item *items;            /* (d, n): the columns */
-    item *spare;            /* (n) */
-    uint8_t *side;          /* (n), by row: 1 goes right */
-    double *i_log_i;        /* (n + 1), entropy only */
-    uint32_t *left, *right; /* (classes) of the split in question */
-    task *stack;            /* (n): tasks are disjoint ranges, none empty */
+    item *items;            /* (d, n): sorted columns */
+    item *spare;            /* (n): work memory */
+    uint8_t *side;          /* (n), indexed by row: 1 if the row goes right */
+    double *i_log_i;        /* (n + 1): i log2(i), for the entropy criterion only */
+    uint32_t *left, *right; /* (classes): rows of each class on either side of a split */
+    task *stack;            /* (n): enough, as tasks are disjoint non-empty ranges of rows */
     size_t tasks;
     lg_tree tree;
-    uint32_t room; /* nodes */
+    uint32_t room; /* number of nodes for which there is memory */
 } grower;
 
 static double impurity_of(lg_criterion criterion, const uint32_t *counts, uint32_t classes,
@@ -85,7 +86,7 @@ static double impurity_of(lg_criterion criterion, const uint32_t *counts, uint32
     return criterion == LG_GINI ? 1.0 - sum / (n * n) : sum;
 }
 
-/* Room for two more nodes. */
+/* Makes room for two more nodes. */
 static lg_status reserve(grower *g) {
     lg_tree *tree = &g->tree;
     if (tree->count + 2 <= g->room) return LG_OK;
@@ -118,7 +119,7 @@ static bool may_split(const grower *g, const lg_tree_node *node, const uint32_t 
     return true;
 }
 
-/* Appends a leaf, and a task if the leaf may be split. True if there is a task. */
+/* Appends a leaf to the tree. If the leaf may be split, also pushes a task for it and returns true. */
 static bool add_node(grower *g, const uint32_t *counts, uint32_t first, uint32_t last, uint32_t depth) {
     lg_tree *tree = &g->tree;
     const uint32_t index = tree->count++;
@@ -131,7 +132,7 @@ static bool add_node(grower *g, const uint32_t *counts, uint32_t first, uint32_t
     return true;
 }
 
-/* Half-way between both values; below the upper value in spite of rounding. */
+/* Returns the middle between both values, or the lower value if the middle rounds to the upper one. */
 static double between(double lower, double upper) {
     const double middle = 0.5 * lower + 0.5 * upper;
     return middle >= lower && middle < upper ? middle : lower;
@@ -143,8 +144,8 @@ static void take(split *best, double score, uint32_t feature, uint32_t position,
         (split){true, feature, position, between(column[position - 1].value, column[position].value), score};
 }
 
-/* Gini score: the sum over both sides of |counts|^2/samples. n times the impurity is samples minus the
- * score. */
+/* Finds the best Gini split of a column. The score is the sum of |counts|^2/samples over both sides. (The
+ * impurity of the split times the number of samples is the number of samples minus the score.) */
 static void search_gini(grower *g, const task *t, uint32_t feature, split *best) {
     const item *column = &g->items[(size_t)feature * g->n];
     const uint32_t samples = t->last - t->first, leaf = g->options.min_samples_leaf;
@@ -167,7 +168,8 @@ static double entropy_score(const grower *g, const uint32_t *counts, uint32_t sa
     return sum - g->i_log_i[samples];
 }
 
-/* Entropy score: minus the sum over both sides of samples times impurity. */
+/* Finds the best entropy split of a column. The score is minus the sum of samples times impurity over both
+ * sides. */
 static void search_entropy(grower *g, const task *t, uint32_t feature, split *best) {
     const item *column = &g->items[(size_t)feature * g->n];
     const uint32_t samples = t->last - t->first, leaf = g->options.min_samples_leaf;
@@ -201,7 +203,8 @@ static split find_split(grower *g, const task *t) {
     return best;
 }
 
-/* Puts left rows first in every column that varies. Both parts keep their order. */
+/* In every column that is not constant, moves the rows of the left child to the front. Both parts keep their
+ * order. */
 static void partition(grower *g, const task *t) {
     for (uint32_t j = 0; j < g->tree.inputs; j++) {
         if (is_constant(g, t, j)) continue;
@@ -219,7 +222,8 @@ static void partition(grower *g, const task *t) {
     }
 }
 
-/* Children become leaves or tasks, the left one on top of the stack. */
+/* Splits a node. Its children become leaves, or tasks if they may be split; the left child's task is on top
+ * of the stack. */
 static lg_status split_node(grower *g, const task *t, const split *s) {
     const uint32_t classes = g->tree.classes;
     const item *column = &g->items[(size_t)s->feature * g->n];
@@ -257,9 +261,9 @@ static lg_status grow(grower *g, const uint32_t *label) {
     return LG_OK;
 }
 
-/* ---- the sorted columns ---- */
+/* ---- sorting of columns ---- */
 
-enum { RUN = 16 }; /* items sorted by insertion */
+enum { RUN = 16 }; /* length of the runs that are sorted by insertion before merging */
 
 static void insertion_sort(item *items, size_t count) {
     for (size_t i = 1; i < count; i++) {
@@ -282,7 +286,7 @@ static void merge(const item *a, size_t a_count, const item *b, size_t b_count, 
     memcpy(out + (a_end - a), b, (size_t)(b_end - b) * sizeof *out);
 }
 
-/* Sorts by rising value, equal values by row. */
+/* Sorts by rising value, equal values by rising row. */
 static void sort_items(item *items, item *spare, size_t n) {
     item *from = items, *to = spare;
     for (size_t i = 0; i < n; i += RUN) insertion_sort(&items[i], n - i < RUN ? n - i : RUN);
@@ -307,9 +311,9 @@ static void fill_columns(grower *g, const double *x, const uint32_t *label) {
     }
 }
 
-/* ---- the public side ---- */
+/* ---- public functions ---- */
 
-/* With this limit the number of nodes, and twice that number, fit in 32 bits. */
+/* With this limit the number of nodes, and twice that number, fit into 32 bits. */
 #define MOST_ROWS ((size_t)1 << 29)
 
 static lg_status check_options(const lg_tree_options *o, lg_error *error) {

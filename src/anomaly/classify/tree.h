@@ -1,11 +1,11 @@
-/* Functions that growing and pruning of decision trees share. */
+/* Functions shared by the growing and the pruning of decision trees. */
 #ifndef LG_CLASSIFY_TREE_H
 #define LG_CLASSIFY_TREE_H
 
 #include "liegrad/classify.h"
 
-/* A copy in depth-first order, left before right, in which the nodes with cut[i] are leaves (NULL: none cut).
- */
+/* Copies a tree into depth-first order, left before right. A node with cut[i] becomes a leaf, and the nodes
+ * below it are dropped. cut = NULL copies all nodes. */
 lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const bool *cut, lg_tree *out);
 
 #endif

@@ -1,9 +1,10 @@
 /* Minimal cost-complexity pruning: Breiman et al. (1984), chapter 3.
  *
- * R(t) = (n_t/n) impurity_t; R(T_t) is its sum over the leaves below t and |T_t| their number. The branch at
- * t is worth keeping as long as alpha < g(t) = (R(t) - R(T_t))/(|T_t| - 1). The branch of the smallest g is
- * cut, its ancestors get new R(T), |T| and g, and so on to the root. A tournament tree over the nodes finds
- * the smallest g: a cut costs O(depth log nodes). */
+ * R(t) = (n_t/n) impurity_t is the cost of node t as a leaf. R(T_t) is the sum of R over the leaves below t,
+ * and |T_t| is the number of these leaves. The branch at t is worth keeping as long as alpha < g(t) = (R(t) -
+ * R(T_t))/(|T_t| - 1). The algorithm cuts the branch with the smallest g, updates R(T), |T| and g of its
+ * ancestors, and repeats this until only the root is left. A tournament tree over the nodes finds the
+ * smallest g, so that a cut costs O(depth log nodes). */
 #include <math.h>
 #include <string.h>
 
@@ -12,10 +13,10 @@
 
 #define NO_NODE UINT32_MAX
 
-/* ---- copies, depth ---- */
+/* ---- copies and depth of trees ---- */
 
 typedef struct visit {
-    uint32_t from, parent; /* parent in the copy */
+    uint32_t from, parent; /* node in the original, parent in the copy */
     bool right;
 } visit;
 
@@ -76,8 +77,10 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
     return all ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* Visits the child of fewer samples first while the larger one waits. Every node that waits halves the number
- * of samples of the current node, so 32 places are enough for any tree whose samples add up. */
+/* Computes the depth without allocation. Of two children it visits the one with fewer samples first; the
+ * other one waits on the stack. With every node on the stack the number of samples of the current node has
+ * halved at least once, so 32 places are enough if the samples of children add up to those of their
+ * parent. */
 uint32_t lg_tree_depth(const lg_tree *tree) {
     struct {
         uint32_t node, depth;
@@ -106,15 +109,17 @@ uint32_t lg_tree_depth(const lg_tree *tree) {
 
 typedef struct pruner {
     const lg_context *context;
-    const lg_tree *tree; /* in depth-first order, its own */
+    const lg_tree *tree; /* points to `ordered` */
     lg_tree ordered;
-    uint32_t nodes, depth;                                /* of the current subtree */
-    uint32_t base;                                        /* leaves of the tournament, a power of two */
+    uint32_t nodes, depth; /* number of nodes and depth of the current (pruned) tree */
+    uint32_t base;         /* number of leaves of the tournament tree, a power of two */
     uint32_t *parent, *leaves, *level, *at_depth, *stack; /* (count) */
-    double *own, *branch;                                 /* R(t), R(T_t) */
-    double *link; /* (2 base): g(t) of leaf base + t; above, the smaller of two */
+    double *own, *branch;                                 /* R(t) and R(T_t) */
+    /* (2 base): the tournament tree. Entry base + t is g(t); each entry above is the smaller of its two
+     * children. */
+    double *link;
     bool *cut;
-    double alpha; /* of the last cut */
+    double alpha; /* alpha of the last cut */
 } pruner;
 
 static void pruner_free(pruner *p) {
@@ -135,7 +140,8 @@ static void play(pruner *p, uint32_t t) {
     for (i /= 2; i > 0; i /= 2) p->link[i] = fmin(p->link[2 * i], p->link[2 * i + 1]);
 }
 
-/* The node of the smallest g, the first of equals; NO_NODE when only the root is left. */
+/* Returns the node with the smallest g, the first one if several are equal, or NO_NODE if only the root is
+ * left. */
 static uint32_t weakest(const pruner *p) {
     if (p->leaves[0] < 2) return NO_NODE;
     uint32_t i = 1;
@@ -161,7 +167,8 @@ static lg_status pruner_allocate(pruner *p) {
 }
 
 static lg_status pruner_create(pruner *p, const lg_tree *tree) {
-    if (tree->count > (uint32_t)1 << 30) return LG_OUT_OF_MEMORY; /* twice the count must fit */
+    /* Twice the number of nodes must fit into 32 bits. */
+    if (tree->count > (uint32_t)1 << 30) return LG_OUT_OF_MEMORY;
     LG_TRY(lg_tree_compact(p->context, tree, NULL, &p->ordered));
     p->tree = &p->ordered;
     p->nodes = p->tree->count;
@@ -193,7 +200,7 @@ static lg_status pruner_create(pruner *p, const lg_tree *tree) {
     return LG_OK;
 }
 
-/* Removes all nodes below t from the subtree. */
+/* Removes all nodes below t from the current tree. */
 static void remove_below(pruner *p, uint32_t t) {
     size_t used = 0;
     p->stack[used++] = t;
@@ -212,7 +219,8 @@ static void remove_below(pruner *p, uint32_t t) {
     while (p->at_depth[p->depth] == 0) p->depth--;
 }
 
-/* Cuts the weakest link when its alpha, which never falls, is at most `limit`. */
+/* Cuts the weakest link if its alpha is at most `limit`, and returns whether it did. The alphas of successive
+ * cuts never fall. */
 static bool cut_weakest(pruner *p, double limit) {
     const uint32_t t = weakest(p);
     if (t == NO_NODE) return false;
