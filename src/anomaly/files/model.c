@@ -1,4 +1,4 @@
-/* Detectors as a kind of model. */
+/* Detectors as a kind of model: their attributes and arrays in model files. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,7 +8,7 @@
 #include "model/files/recipe.h"
 #include "datasets/series_files.h"
 
-/* ---- blocks as a text: "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel ..." ---- */
+/* ---- blocks as text, such as "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel ..." ---- */
 
 static void show_blocks(const void *user, char *text, size_t size) {
     const lg_cnn *net = &((const lg_detector_run *)user)->model.net;
@@ -25,8 +25,8 @@ static void show_blocks(const void *user, char *text, size_t size) {
     }
 }
 
-/* Takes the next word, up to a blank, comma or slash; blanks before it are skipped. False: no word, or a long
- * one. */
+/* Skips blanks and takes the next word, up to a blank, comma or slash. Returns false if there is no word or
+ * the word has 16 characters or more. */
 static bool next_word(const char **at, char word[16]) {
     *at += strspn(*at, " ");
     const size_t length = strcspn(*at, " ,/");
@@ -45,7 +45,8 @@ static bool next_number(const char **at, uint32_t *out) {
     return true;
 }
 
-/* "kernel 5": true, with the number. Takes nothing at another word or at the end. */
+/* Takes a name with its number, such as "kernel 5", and returns true; *bad tells whether the number is
+ * missing or wrong. If the next word is not `name`, takes nothing and returns false. */
 static bool named_number(const char **at, const char *name, uint32_t *out, bool *bad) {
     const char *look = *at;
     char word[16];
@@ -55,7 +56,7 @@ static bool named_number(const char **at, const char *name, uint32_t *out, bool 
     return true;
 }
 
-/* [none | average 2/2 | max 2/2] */
+/* Parses an optional pooling: "none", "average 2/2" or "max 2/2", the numbers being pool_size/pool_stride. */
 static bool parse_pooling(const char **at, lg_cnn_block *b) {
     const char *look = *at;
     char word[16];
@@ -66,7 +67,7 @@ static bool parse_pooling(const char **at, lg_cnn_block *b) {
     return next_number(at, &b->pool_size) && *(*at)++ == '/' && next_number(at, &b->pool_stride);
 }
 
-/* "12 kernel 5 [stride 1] [padding 0] [pooling]" */
+/* Parses a block: "12 kernel 5 [stride 1] [padding 0] [pooling]". */
 static bool parse_block(const char **at, lg_cnn_block *b) {
     bool bad = false;
     *b = (lg_cnn_block){.stride = 1, .pool_size = 1, .pool_stride = 1};
@@ -139,7 +140,7 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     return LG_OK;
 }
 
-/* lg_detector_check has compared the lengths with those that lg_cnn_init sets. */
+/* lg_detector_check also compares the network's lengths with the lengths that lg_cnn_init computes. */
 static lg_status check(const void *user) {
     const lg_detector_run *run = user;
     LG_TRY(lg_detector_check(&run->model, NULL));
@@ -164,7 +165,7 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
     return lg_cnn_slice(&((const lg_detector_run *)run)->model.net, index, out);
 }
 
-/* ---- the rest of the file ---- */
+/* ---- other arrays and numbers of the file ---- */
 
 typedef struct number {
     const char *name;
@@ -173,7 +174,8 @@ typedef struct number {
 
 #define NUMBER(member)                                                                                       \
     { #member, offsetof(lg_detector_file, member) }
-static const number numbers[] = {NUMBER(accuracy), NUMBER(f1), NUMBER(test_mse)}; /* NaN: not known */
+/* NaN: not known, then not stored. */
+static const number numbers[] = {NUMBER(accuracy), NUMBER(f1), NUMBER(test_mse)};
 
 static lg_sensing sensing_of(const lg_detector_file *file) {
     return (lg_sensing){.classes = file->run.model.classes,
@@ -272,7 +274,7 @@ static lg_status get_scaler(lg_h5 *h5, lg_detector_file *file, lg_error *error) 
     return check_scales(h5->path, &file->scaler, LG_FORMAT, error);
 }
 
-/* Without names they are "0", "1", ... */
+/* Names the classes "0", "1", ... if the file has no names for them. */
 static lg_status number_classes(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
     const uint32_t classes = file->run.model.classes;
     if (file->class_name != NULL) return LG_OK;
@@ -315,7 +317,7 @@ void lg_detector_file_destroy(lg_detector_file *file) {
     *file = (lg_detector_file){.parameters = 0};
 }
 
-/* ---- outside ---- */
+/* ---- program and recipe ---- */
 
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
@@ -329,5 +331,5 @@ static const lg_program_source places[] = {{"mean", "single scaler/mean"},
                                            {"inverse_scale", "inverse scaler/scale"},
                                            {NULL, NULL}};
 
-extern const struct lg_learner lg_detector_learner; /* recipe.c */
+extern const struct lg_learner lg_detector_learner; /* defined in recipe.c */
 LG_RECIPE(detector, "detector-checkpoint", .places = places, .learner = &lg_detector_learner);

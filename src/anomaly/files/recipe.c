@@ -1,4 +1,4 @@
-/* How a detector is learned from labelled series. */
+/* The learner of detectors: how a convolutional network is trained on labelled series. */
 #include "anomaly/files/recipe.h"
 
 #include <math.h>
@@ -87,7 +87,7 @@ static bool any_given(const lg_learning *self, const char *const *options, size_
     return false;
 }
 
-/* What the user says of every block. */
+/* Applies the options that the user has given for all blocks. */
 static void adopt_block(const lg_learning *self, lg_cnn_block *block) {
     const lg_detector_state *s = self->state;
     if (self->given(self, "kernel")) block->kernel = (uint32_t)s->kernel;
@@ -96,8 +96,9 @@ static void adopt_block(const lg_learning *self, lg_cnn_block *block) {
     if (self->given(self, "pool-size")) block->pool_size = block->pool_stride = (uint32_t)s->pool_size;
 }
 
-/* The default blocks for given convolutions and pooling: three, or as many as leave a sample of the window.
- * The first block is always there, so that lg_cnn_init can refuse it. */
+/* Sets the default blocks with the convolutions and pooling that the user has given: three blocks, or fewer
+ * if a further block would leave no sample of the window. The first block is set in any case, so that
+ * lg_cnn_init can report it as wrong. */
 static void default_blocks(const lg_learning *self, lg_cnn *net) {
     lg_cnn full;
     lg_cnn_init_default(&full, net->channels, DEFAULT_LENGTH, net->outputs, net->activation);
@@ -116,7 +117,8 @@ static void default_blocks(const lg_learning *self, lg_cnn *net) {
     }
 }
 
-/* Sets blocks from the options; the others do not change. */
+/* Sets the blocks from the options that are given; without any of these options the blocks stay as they are.
+ * `fresh`: there is no stored model to continue from. */
 static void build_blocks(const lg_learning *self, bool fresh, lg_cnn *net) {
     static const char *const options[] = {"filters", "kernel", "stride", "pooling", "pool-size"};
     const lg_detector_state *s = self->state;
@@ -139,7 +141,9 @@ static void build_blocks(const lg_learning *self, bool fresh, lg_cnn *net) {
     }
 }
 
-/* The model of options and data. The blocks of a stored model are not hyperparameters. */
+/* Completes run->model from the options, the data and the stored model, if there is one. Activation and plane
+ * are hyperparameters and come from the run; the blocks of a stored model are kept, except for options that
+ * are given. */
 static lg_status complete_model(const lg_learning *self, lg_error *error) {
     const lg_series *series = &((lg_detector_state *)self->state)->all.data.series;
     const lg_detector_run *stored = self->stored;
@@ -183,7 +187,7 @@ static lg_status adopt_preset(lg_learning *self, lg_error *error) {
     const lg_fit_plan *plan = &training->plan;
     for (uint32_t i = 0; i < plan->phases && !self->given(self, "dtype"); i++)
         if (!lg_fit_method_batches((lg_fit_method)plan->phase[i].method))
-            training->dtype = LG_F64; /* the others need it */
+            training->dtype = LG_F64; /* methods without batches need double precision */
     return LG_OK;
 }
 
@@ -194,7 +198,7 @@ static lg_status describe(lg_learning *self, lg_error *error) {
     s->from = NULL;
     if (stored == NULL) LG_TRY(adopt_preset(self, error));
     if (s->test != NULL) run->test_fraction = 0;
-    /* Before the windows are cut they are taken to be as many as they were. */
+    /* The windows are not cut yet; until then the stored number of windows, if any, is used. */
     run->windows = stored != NULL ? stored->windows : 0;
     memcpy(run->data_sha256, s->all.data.sha256, sizeof run->data_sha256);
     run->window = s->all.data.series.length;
@@ -281,7 +285,7 @@ static lg_status judge_part(const lg_learning *self, const lg_detector_plan *pla
     return lg_judgement_end(out, true, status, error);
 }
 
-/* The training part is judged where there is one. */
+/* Judges the training part (if it has windows) and the test part. */
 static lg_status judge_parts(const lg_learning *self, const lg_scaler *scaler, const double *theta,
                              lg_error *error) {
     lg_detector_state *s = self->state;
@@ -296,7 +300,8 @@ static lg_status judge_parts(const lg_learning *self, const lg_scaler *scaler, c
     return status;
 }
 
-/* The share of windows of other classes than the most frequent one, in the part that was trained on. */
+/* Returns the error of always guessing the most frequent class: the share of windows of the other classes.
+ * `judged` is the training part. */
 static double rare_share(const lg_judgement *judged) {
     uint64_t most = 0;
     for (uint32_t i = 0; i < judged->classes; i++) {
@@ -308,7 +313,7 @@ static double rare_share(const lg_judgement *judged) {
     return 1.0 - (double)most / (double)judged->count;
 }
 
-/* Dead units of the result; a network that has died is of no use. */
+/* Counts the dead units of the result. A network that has died makes the training fail. */
 static lg_status judge_units(lg_learning *self, const double *theta, uint64_t *dead, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_status status = lg_detector_count_units(&s->problem, theta, &s->units);
@@ -428,7 +433,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     return LG_OK;
 }
 
-/* What is wrong with the units is told after the verdict. */
+/* The warnings about dead units are here because `save` runs after the verdict has been told. */
 static lg_status save(lg_learning *self, void *into, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_series *series = &s->all.data.series;
@@ -448,7 +453,8 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
     return LG_OK;
 }
 
-/* The windows for testing of the data that the model was trained on, or all windows of others. */
+/* Evaluates a stored model. If the data are the ones that the model was trained on, only the test part is
+ * used; otherwise all windows are used. */
 static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
     const lg_detector_file *file = from;
     const lg_detector_run *run = self->run;

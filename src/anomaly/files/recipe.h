@@ -1,5 +1,5 @@
-/* Learning a detector from labelled series: what the classical methods and `evaluate` need besides the hooks.
- */
+/* Declarations for learning a detector from labelled series that are shared by the recipe, the classical
+ * methods and the program `evaluate`. */
 #ifndef LG_ANOMALY_RECIPE_H
 #define LG_ANOMALY_RECIPE_H
 
@@ -8,29 +8,30 @@
 #include "liegrad/novelty.h"
 #include "model/files/learning.h"
 
-/* One file, cut in windows. */
+/* A data file and the windows cut out of it. */
 typedef struct lg_cut_series {
     lg_series_data data;
     lg_windows windows;
 } lg_cut_series;
 
-/* Of the learner; first its options. */
+/* State of the learner of detectors. The values of its options come first. */
 typedef struct lg_detector_state {
     const char *test;
     double window, hop;
     uint32_t preset, pooling;
     uint64_t kernel, stride, pool_size;
     lg_wholes filters;
-    /* Filled by `read`. */
-    bool any_class;        /* --test may have classes that the data do not have */
-    lg_cut_series all;     /* the data */
-    lg_cut_series foreign; /* --test */
-    /* Filled by lg_detector_split. */
-    lg_window_list train, validation, tested; /* of all; tested: of foreign when that is given */
-    /* Filled by judge. */
+    /* Set by the hook `read`. */
+    bool any_class;        /* whether the --test file may have classes that the data do not have */
+    lg_cut_series all;     /* the data file */
+    lg_cut_series foreign; /* the --test file, if given */
+    /* Set by lg_detector_split. */
+    /* Windows of `all`; `tested` are windows of `foreign` if --test is given. */
+    lg_window_list train, validation, tested;
+    /* Set by the hook `judge`. */
     lg_judgement train_judged, judged;
-    /* The network's. */
-    const lg_detector_preset *from; /* NULL when resumed */
+    /* Used by the network (cnn) only. */
+    const lg_detector_preset *from; /* preset that was adopted; NULL when training is resumed */
     lg_scaler scaler;
     lg_detector_data data;
     lg_detector_problem problem;
@@ -39,27 +40,32 @@ typedef struct lg_detector_state {
 } lg_detector_state;
 extern const lg_field lg_detector_options[];
 
-/* The series with the test part. */
+/* Returns the series that the test windows belong to: `foreign` with --test, otherwise `all`. */
 const lg_cut_series *lg_detector_tested(const lg_detector_state *state);
-/* Reads data for a model whose names, classes, channels and rate `like` has: channels come in its order;
- * classes are its own, or any where like->classes is 0. Warns of other names and another rate. */
+/* Reads data for a model. `like` has the model's channel names, classes, number of channels and rate.
+ * Channels are put into the order of like->channel_name. Classes are numbered as in `like`; if like->classes
+ * is 0, any classes are allowed. Warns if channel names or the rate differ from the model's. */
 lg_status lg_series_read_like(const lg_context *context, const char *path, const lg_series *like,
                               lg_series_data *out, lg_error *error);
-/* Samples of a window, and from one to the next, by the options for these data; *window and *hop are the
- * defaults, hop 0: the window. */
+/* Determines the length of a window and the distance between windows, in samples, from the options --window
+ * and --hop and the rate of the data. On entry *window and *hop are the defaults; a hop of 0 becomes the
+ * window. */
 lg_status lg_detector_window(const lg_learning *self, uint64_t *window, uint64_t *hop, lg_error *error);
-/* The windows that belong to the part `wanted` of a training by `run`; run NULL: all of them. */
+/* Lists the windows that are in the part `wanted` if the windows are split as `run` says. run = NULL lists
+ * all windows. */
 lg_status lg_window_part(const lg_context *context, const lg_cut_series *from, const lg_detector_run *run,
                          lg_part wanted, lg_window_list *out, lg_error *error);
-/* Windows and parts by the run, which gets their number; warns of parts that say little. */
+/* Cuts the data into windows, splits them into parts, and writes their number to run->windows. Warns if the
+ * split makes the results misleading. */
 lg_status lg_detector_split(lg_learning *self, lg_error *error);
-lg_status lg_detector_split_training(lg_learning *self, lg_error *error); /* without the part for testing */
-/* What the windows of training look like; a warning where that cannot be found out, and *out is untouched.
- * LG_CANCELLED alone is a failure. */
+lg_status lg_detector_split_training(lg_learning *self, lg_error *error); /* the same without the test part */
+/* Fits the novelty detector to the training windows. Of all failures only LG_CANCELLED is returned; others
+ * cause a warning and leave *out unchanged. */
 lg_status lg_detector_fit_novelty(const lg_learning *self, lg_novelty *out);
-/* Results: accuracy, precision, recall, f1, auc, false_positive_rate, false_alarms_per_day, confusion. */
+/* Writes the results accuracy, precision, recall, f1, auc, false_positive_rate, false_alarms_per_day and
+ * confusion. */
 void lg_detector_tell(lg_learning *self, const lg_judgement *judged, uint64_t hop, double rate);
-/* The results of the test part, and the numbers that every method has. */
+/* Writes the results of the test part and the numbers that all methods report about their training. */
 void lg_detector_tell_training(lg_learning *self, const char *method, uint32_t classes,
                                char (*class_name)[LG_SERIES_NAME]);
 

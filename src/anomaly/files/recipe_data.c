@@ -1,4 +1,4 @@
-/* The data of a detector's training: read, cut into windows, split into parts. */
+/* Data for training a detector: reading, cutting into windows, splitting into parts. */
 #include <math.h>
 #include <string.h>
 
@@ -17,7 +17,8 @@ static void warn_of_names(const lg_context *context, const char *path, const lg_
         }
 }
 
-/* from (channels): which channel of the series each name is. False: not all of them are there, each once. */
+/* from[c] becomes the number of the series' channel with the name name[c]. Returns false unless each name
+ * belongs to exactly one channel of the series. */
 static bool find_channels(const lg_series *series, char (*name)[LG_SERIES_NAME], uint32_t *from) {
     for (uint32_t c = 0; c < series->channels; c++) {
         from[c] = 0;
@@ -29,7 +30,8 @@ static bool find_channels(const lg_series *series, char (*name)[LG_SERIES_NAME],
     return true;
 }
 
-/* Channels in the order of `name` (channels), where they have these names in another one. */
+/* Reorders the channels of the series so that their names are in the order of `name` (channels). Does nothing
+ * if the names are not the same up to their order. */
 static lg_status order_channels(const lg_context *context, lg_series *series, char (*name)[LG_SERIES_NAME]) {
     const uint32_t m = series->channels;
     const size_t n = series->length;
@@ -65,7 +67,7 @@ lg_status lg_series_read_like(const lg_context *context, const char *path, const
 
 /* ---- windows ---- */
 
-/* Seconds, or samples if the rate is unknown. */
+/* Converts the value of an option to samples. It is in seconds, or in samples if the rate is unknown (0). */
 static lg_status samples_of(const char *option, double value, double rate, uint64_t *out, lg_error *error) {
     const double samples = rate > 0 ? value * rate : value, whole = floor(samples + 0.5);
     if (!(whole >= 1 && whole < 4294967296.0))
