@@ -1,11 +1,11 @@
-/* The training losses of the elastica's surrogates, with respect to all parameters. */
+/* Cases of the gradient check: losses of the surrogates, differentiated by all parameters. */
 #include "autodiff/cases/table.h"
 #include "liegrad/surrogate.h"
 
 enum { CURVES = 2, INTERVALS = 3, NODES = INTERVALS + 1, MAX_SAMPLES = CURVES * NODES };
 
-/* Two curves that need not be minima of anything: nodes, then unit tangents. The second is reflected by
- * `mirror`. */
+/* Two curves: nodes, then unit tangents. They need not be minima of the energy. `mirror` reflects the second
+ * one. */
 static double nodes[CURVES * NODES * 2] = {0.0, 0.0,  0.3, 0.35, 0.7, 0.3,   0.9,  0.0,
                                            0.0, -0.1, 0.4, -0.3, 0.8, -0.35, 0.95, 0.05};
 static double tangents[CURVES * NODES * 2] = {0.6, 0.8,  0.8, 0.6,  1.0, 0.0,  0.6, -0.8,
@@ -13,7 +13,7 @@ static double tangents[CURVES * NODES * 2] = {0.6, 0.8,  0.8, 0.6,  1.0, 0.0,  0
 static double boundary[CURVES * 8] = {0.0, 0.0,  0.6, 0.8,  0.9,  0.0,  0.6, -0.8,
                                       0.0, -0.1, 0.8, -0.6, 0.95, 0.05, 0.0, 1.0};
 
-/* Of networks of modes: mean and two vectors, and the targets of both curves. */
+/* For networks with modes: mean and two vectors; targets of both curves. */
 enum { MODES = 2 };
 static const double modes[(MODES + 1) * 4 * (INTERVALS - 1)] = {0.3, 0.1, 0.6,  0.2, 0.7, 0.1, 0.9,  -0.1,
                                                                 0.5, 0.2, -0.1, 0.4, 0.2, 0.3, -0.3, 0.1,
@@ -46,9 +46,9 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     return status == LG_OK ? loss : lg_tape_fail(tape, status, "surrogate", "the loss failed");
 }
 
-/* i -> h -> outputs with one layer of 3: a perceptron has (i + 1) 3 + 12 + 4 o parameters, a residual network
- * 9 more; a multiplicative one 3 (i + 1) 3 + 12 + 4 o, with an affine gate 12 more; an embedding of 2 puts
- * (i + 1) 2 in front and makes i = 2. */
+/* Number of parameters with i inputs, o outputs and one hidden layer of 3: a perceptron has (i + 1) 3 + 12 +
+ * 4 o parameters, a residual network 9 more. A multiplicative network has 3 (i + 1) 3 + 12 + 4 o parameters,
+ * with an affine gate 12 more. An embedding of 2 adds (i + 1) 2 parameters in front, and then i = 2. */
 #define ROW(label, parameters, ...)                                                                          \
     {                                                                                                        \
         .function = {                                                                                        \

@@ -1,4 +1,4 @@
-/* Boundary value problems of the elastica: description, families, energy, curve and the discrete
+/* Boundary value problems of the elastica: description, families of problems, energy, curve, and the discrete
  * Euler-Lagrange equations. */
 #include <float.h>
 #include <math.h>
@@ -6,7 +6,7 @@
 
 #include "elastica/elastica.h"
 
-/* Beyond these an angle's rounding or the length of the continuation would spoil the result. */
+/* Larger angles would lose digits by rounding; more turns would make the continuation very long. */
 #define ANGLE_MAX 1e6
 #define TURNS_MAX 20.0
 
@@ -21,9 +21,9 @@ void lg_elastica_options_init(lg_elastica_options *options) {
                                      .max_step = 0.05};
 }
 
-/* ---- the two families ---- */
+/* ---- the two families of boundary conditions ---- */
 
-/* Shares of w in theta(0) and theta(L). */
+/* Factors of w in theta(0) and theta(L). */
 static const struct {
     const char *name;
     double first, last;
@@ -34,7 +34,7 @@ const char *lg_elastica_case_name(lg_elastica_case kind) {
     return (unsigned)kind < LG_ELASTICA_CASE_COUNT ? families[kind].name : "unknown";
 }
 
-/* To (-pi, pi]. */
+/* Wraps x to (-pi, pi]. */
 static double wrap(double x) {
     const double w = remainder(x, 2.0 * LG_PI);
     return w <= -LG_PI ? LG_PI : w;
@@ -105,7 +105,8 @@ lg_status lg_elastica_options_take(const lg_elastica_options *options, lg_elasti
 
 /* ---- the frame of the chord ---- */
 
-/* Coincident ends have no chord: half the rotation on each side of the x axis, as in a drop. */
+/* If the ends coincide there is no chord. Then the frame is turned so that the end angles are -rotation/2 and
+ * rotation/2, symmetric to the x axis, as in a drop. */
 lg_beam_frame lg_beam_frame_make(const lg_elastica *problem) {
     const double L = problem->length, EI = problem->stiffness;
     const double x = problem->qN[0] - problem->q0[0], y = problem->qN[1] - problem->q0[1];
@@ -164,8 +165,9 @@ void lg_elastica_curve(const lg_elastica *problem, const double *theta, double *
 
 /* ---- discrete Euler-Lagrange equations ---- */
 
-/* With e_k = (q_{k+1} - q_k)/h - (v_k + v_{k+1})/2 the action is (EI/(4 h)) sum (72 |e_k|^2 + 2 |v_{k+1} -
- * v_k|^2) + h sum Lambda_k (|v_k|^2 - 1). Its derivatives in q_k and v_k, times h^2/EI and h/EI:
+/* Formulas for lg_elastica_euler_lagrange. With e_k = (q_{k+1} - q_k)/h - (v_k + v_{k+1})/2 the action is
+ * (EI/(4 h)) sum (72 |e_k|^2 + 2 |v_{k+1} - v_k|^2) + h sum Lambda_k (|v_k|^2 - 1). Its derivatives with
+ * respect to q_k and v_k, multiplied by h^2/EI and h/EI, are
  *   36 (e_{k-1} - e_k),   2 v_k - v_{k-1} - v_{k+1} - 18 (e_{k-1} + e_k) + 2 h^2 Lambda_k v_k/EI. */
 static double relative(double value, double term) {
     return value == 0.0 ? 0.0 : value / term;

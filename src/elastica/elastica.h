@@ -1,8 +1,7 @@
 /* Internals of the elastica: the problem in the frame of its chord, and the searches in that frame.
  *
- * Lengths are measured in L, energies in EI/L, and the chord q_N - q_0 = (d, 0) lies along the x axis. The
- * number of intervals, d and the two end angles describe the problem completely.
- */
+ * In this frame lengths are in units of L, energies in units of EI/L, and the chord q_N - q_0 = (d, 0) lies
+ * along the x axis. The number of intervals, d and the two end angles describe the problem completely. */
 #ifndef LG_ELASTICA_INTERNAL_H
 #define LG_ELASTICA_INTERNAL_H
 
@@ -12,122 +11,134 @@
 #define LG_PI 3.14159265358979323846
 
 typedef struct lg_beam {
-    size_t n;     /* intervals, >= 2 */
-    double d;     /* chord, in [0, 1) */
-    double first; /* theta_0, in (-pi, pi] unless the caller's choice of turns is kept */
+    size_t n;     /* number of intervals, >= 2 */
+    double d;     /* length of the chord, in [0, 1) */
+    double first; /* theta_0; lg_beam_frame_make puts it into (-pi, pi] if d > 0 */
     double last;  /* theta_N */
 } lg_beam;
 
-/* The way back to the caller's frame: theta = theta_beam + turn, force = rotation(chord) force_beam *
- * EI/L^2. */
+/* A beam with its conversion to the caller's frame and units: theta = theta_beam + turn, force =
+ * rotation(chord) force_beam EI/L^2, where rotation(chord) turns by the angle of the chord. */
 typedef struct lg_beam_frame {
     lg_beam beam;
     double turn, chord;
-    double energy, force; /* EI/L, EI/L^2 */
+    double energy, force; /* units: EI/L and EI/L^2 */
 } lg_beam_frame;
 
 lg_beam_frame lg_beam_frame_make(const lg_elastica *problem);
 
-/* A point theta with its force, all derivatives there and a factorisation. One block of memory serves beams
- * of up to `room` intervals. Arrays have n + 1 entries; arrays over inner angles use entries 1..n-1. */
+/* A point (the angles theta and the force), the energy and its derivatives there, and a factorisation of the
+ * Hessian. One block of memory serves beams of up to `room` intervals. Arrays have n + 1 entries; arrays over
+ * the inner angles use the entries 1 .. n - 1. */
 typedef struct lg_beam_work {
     const lg_context *context;
     size_t room;
     void *memory;
-    double tolerance;  /* of the relative gradient */
-    uint32_t limit;    /* Newton steps for one problem */
-    bool keep_saddles; /* a stationary point is a result, whatever its inertia */
+    double tolerance;  /* a point is solved when its relative gradient is at most this */
+    uint32_t limit;    /* largest number of Newton steps per problem */
+    bool keep_saddles; /* true: a search may end at any stationary point, also at a saddle */
 
     double *theta;
     double force[2];    /* lambda */
-    double energy;      /* E(theta), with 2 P r for the force */
-    double *gradient;   /* of E, with `force` in place of 2 P r */
-    double largest;     /* the largest term in the gradient */
+    double energy;      /* E(theta), whose force is 2 P r and not `force` */
+    double *gradient;   /* gradient of E with `force` in place of 2 P r */
+    double largest;     /* largest term in the sums of the gradient */
     double defect[2];   /* r - lambda/(2 P) */
-    double *diag, *off; /* the tridiagonal part T of the Hessian; off[k] couples k and k + 1 */
+    double *diag, *off; /* T, the tridiagonal part of the Hessian; off[k] couples k, k + 1 */
     double *ux, *uy;    /* U = h (-sin theta, cos theta) */
 
-    double *pivot, *factor;  /* of T + shift h */
-    double *z, *yx, *yy;     /* its inverse on -gradient, U */
-    double capacity[3], det; /* 1/(2 P) + U^T (T + shift h)^-1 U: xx, xy, yy; its determinant */
-    uint32_t negative;       /* eigenvalues of the shifted Hessian */
-    double *saved;           /* point of the line search */
-    double *base, *way;      /* points of an escape */
-    double *before;          /* the last point but one of a continuation */
-    uint32_t iterations;     /* counted up by every Newton step */
+    double *pivot, *factor; /* factorisation of T + shift h */
+    double *z, *yx, *yy;    /* (T + shift h)^-1 times -gradient, and times the columns of U */
+    /* C = 1/(2 P) + U^T (T + shift h)^-1 U: its entries xx, xy, yy, and its determinant. */
+    double capacity[3], det;
+    uint32_t negative;   /* number of negative eigenvalues of the shifted Hessian */
+    double *saved;       /* theta where the line search or `polish` began */
+    double *base, *way;  /* points of the search for a way down from a saddle */
+    double *before;      /* the last but one point of a continuation */
+    uint32_t iterations; /* total number of Newton steps */
     uint32_t problems;
 } lg_beam_work;
 
 lg_status lg_beam_work_create(const lg_context *context, size_t room, lg_beam_work *out);
 void lg_beam_work_destroy(lg_beam_work *work);
 
-/* max |dE/dtheta_k|, and the same over the largest term. */
+/* lg_beam_gradient returns the largest |dE/dtheta_k|; lg_beam_relative_gradient divides it by
+ * work->largest. */
 double lg_beam_gradient(const lg_beam *beam, const lg_beam_work *work);
 double lg_beam_relative_gradient(const lg_beam *beam, const lg_beam_work *work);
 
 typedef enum lg_beam_end {
     LG_BEAM_MINIMUM,
     LG_BEAM_SADDLE,
-    LG_BEAM_FOLDED, /* neighbouring angles differ by pi or more: not the rotation asked for */
-    LG_BEAM_LOST    /* no stationary point within the limit */
+    LG_BEAM_FOLDED, /* neighbouring angles differ by pi or more, so the rotation is not the one asked for */
+    LG_BEAM_LOST    /* no stationary point found within the limit of steps */
 } lg_beam_end;
 
-/* Goes downhill from work->theta, whose ends are set, to a stationary point. The point stays in `work` with
- * force, energy, gradient and inertia. Unless saddles are kept, the search leaves a saddle along its
- * direction of lowest curvature, both ways, and takes the lower one of the two minima. */
+/* Goes downhill in energy from work->theta, whose end angles must be set, to a stationary point. Point,
+ * force, energy, gradient and inertia are then in `work`. If this is a saddle, and work->keep_saddles is
+ * false, the search goes on downhill from both sides of it, along the direction of lowest curvature, and
+ * takes the lower one of the two minima. */
 lg_beam_end lg_beam_minimise(const lg_beam *beam, lg_beam_work *work);
-/* Newton's method without regard to the energy; steps are limited to half a radian. */
+/* Newton's method without regard to the energy, so it may end at any stationary point. Each step changes
+ * angles by at most half a radian. */
 lg_beam_end lg_beam_stationary(const lg_beam *beam, lg_beam_work *work);
-/* Implicit steps of the gradient flow, each 1/rate long or shorter. The flow removes the short waves
- * first. */
+/* Takes implicit steps of the gradient flow of the energy. Each step is 1/rate long in time, or shorter. The
+ * flow damps short waves first. */
 void lg_beam_flow(const lg_beam *beam, lg_beam_work *work, double rate, int steps);
-/* The number of negative eigenvalues of the second variation at `theta` under `force`, with q_N - q_0 held
- * exactly. */
+/* Returns the number of negative eigenvalues of the second variation at `theta` with the multiplier `force`,
+ * under the constraint that q_N - q_0 is fixed exactly. */
 uint32_t lg_beam_inertia(const lg_beam *beam, lg_beam_work *work, const double theta[],
                          const double force[2]);
 double lg_beam_energy(const lg_beam *beam, const double *theta);
-/* Cubic interpolation between equidistant nodes; `to` and `from` do not overlap. */
+/* Interpolates angles from from_n + 1 to to_n + 1 equidistant nodes by cubics; `to` and `from` must not
+ * overlap. */
 void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to);
-/* Number of intervals, <= n, of the coarse problem that finds the branch before `beam` itself is solved. */
+/* Number of intervals, at most beam->n, of the coarse problem on which the branch is found before `beam`
+ * itself is solved. */
 size_t lg_beam_coarse(const lg_beam *beam);
 
-/* Continuation from a moderate problem to this one; angles change by at most `step` between two problems. The
- * result stays in `work`. Errors: LG_CANCELLED, LG_OUT_OF_MEMORY; *end has the outcome otherwise. */
+/* Follows the minimum from a moderate problem to `beam` by continuation. End angles change by at most `step`
+ * between two problems. The result is in `work`. Errors: LG_CANCELLED, LG_OUT_OF_MEMORY; without an error
+ * *end tells whether a minimum was found. */
 lg_status lg_beam_follow(const lg_beam *beam, lg_beam_work *work, double step, lg_beam_end *end);
-/* Continuation from the solution of `from`, which is in work->theta, to `beam`; both have the same n. */
+/* Continuation from the beam `from`, whose solution is in work->theta, to `beam`. Both must have the same
+ * n. */
 lg_status lg_beam_continue(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
                            lg_beam_end *end);
-/* Calls lg_beam_follow, and searches from many starts when that finds no minimum. */
+/* Calls lg_beam_follow; if that finds no minimum, searches from many starts. */
 lg_status lg_beam_solve(const lg_beam *beam, lg_beam_work *work, double step, lg_beam_end *end);
 
 typedef struct lg_beam_branch {
     double energy, gradient, force[2];
     uint32_t negative, iterations;
 } lg_beam_branch;
-/* Distinct stationary points found from many starts, sorted by rising energy: branches (room), theta (room,
- * n + 1). If there are more than `room`, the lowest are kept. `quick`: fewer starts. */
+/* Finds distinct stationary points from many starts and sorts them by rising energy: branches (room), theta
+ * (room, n + 1). Without `saddles` only minima are kept. If there are more than `room`, the lowest are kept.
+ * `quick` uses fewer starts. */
 lg_status lg_beam_search(const lg_beam *beam, lg_beam_work *work, bool saddles, bool quick, size_t room,
                          double *theta, lg_beam_branch *branches, size_t *count);
 
-/* Copies the options, or the defaults for NULL. Error: LG_INVALID_ARGUMENT. */
+/* Copies the options after checking them, or copies the defaults if `options` is NULL. Error:
+ * LG_INVALID_ARGUMENT. */
 lg_status lg_elastica_options_take(const lg_elastica_options *options, lg_elastica_options *out,
                                    lg_error *error);
-/* The failure of a search that ended at `end`. */
+/* Reports the failure of a search with the outcome `end`; LG_OK for a minimum. */
 lg_status lg_elastica_no_minimum(lg_beam_end end, const lg_beam *beam, const lg_beam_work *work,
                                  lg_error *error);
 
 /* ---- the continuous problem (elastica_collocation.c) ---- */
 
-/* Solution of the continuous problem of a beam; create once, solve many. */
+/* The solution of a beam's continuous problem, with the memory for computing it. It can be used for many
+ * problems one after the other. */
 typedef struct lg_collocation lg_collocation;
 lg_status lg_collocation_create(const lg_context *context, lg_collocation **out);
 void lg_collocation_destroy(const lg_context *context, lg_collocation *collocation);
-/* Starts from the angles at `beam->n` + 1 equidistant points and the force. Errors: LG_NO_CONVERGENCE,
- * LG_CANCELLED, LG_OUT_OF_MEMORY. */
+/* Solves the problem of `beam`. Starts from the force and from theta, the angles at beam->n + 1 equidistant
+ * points. Errors: LG_NO_CONVERGENCE, LG_CANCELLED, LG_OUT_OF_MEMORY. */
 lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam, const double *theta,
                                const double force[2], double tolerance);
-/* Starts from the solution of another problem that `collocation` holds: multiplies the angles by `factor` and
- * keeps the force. */
+/* Like lg_collocation_solve, but starts from the solution that `collocation` holds for another problem: its
+ * angles are multiplied by `factor`, its force is kept. */
 lg_status lg_collocation_solve_scaled(lg_collocation *collocation, const lg_beam *beam, double factor,
                                       double tolerance);
 typedef struct lg_collocation_result {
@@ -135,28 +146,30 @@ typedef struct lg_collocation_result {
     uint32_t iterations;
 } lg_collocation_result;
 void lg_collocation_result_get(const lg_collocation *collocation, lg_collocation_result *out);
-/* At n + 1 equidistant nodes: angles (n + 1), nodes from (0, 0) (n + 1, 2); q may be NULL. */
+/* Evaluates the solution at n + 1 equidistant points: theta (n + 1), and positions q (n + 1, 2) relative to
+ * the beginning of the beam. q may be NULL. */
 void lg_collocation_sample(const lg_collocation *collocation, size_t n, double *theta, double *q);
 
-/* ---- from the discrete solution (elastica_continuous.c) ---- */
+/* ---- start from the discrete solution (elastica_continuous.c) ---- */
 
-/* Intervals of the discrete problem that the collocation starts from. */
+/* Number of intervals of the first discrete problem that the collocation starts from. */
 size_t lg_collocation_grid(const lg_beam *beam);
-/* Starts from the discrete solution in `work`. LG_NO_CONVERGENCE also when the result is on another
- * branch. */
+/* Solves the continuous problem, starting from the discrete solution in `work`, and tells by *end whether the
+ * result is a minimum. LG_NO_CONVERGENCE also means that the result was on another branch. */
 lg_status lg_collocation_polish(lg_collocation *collocation, const lg_beam *beam, lg_beam_work *work,
                                 lg_beam_end *end);
-/* Angles (N + 1) and nodes (N + 1, 2) of the problem; q may be NULL. */
+/* Writes the angles (N + 1) and nodes (N + 1, 2) in the frame and units of `problem`. q may be NULL. */
 void lg_collocation_export(const lg_collocation *collocation, const lg_elastica *problem,
                            const lg_beam_frame *frame, double *theta, double *q);
 
-/* Solves one problem of a family, starting from the solution of `from` in work->theta (from NULL: no start is
- * given). On LG_OK the minimum is in `work`. */
+/* Solves the next problem of a family. If `from` is not NULL, its solution must be in work->theta, and
+ * continuation starts there. If that fails, or without `from`, lg_beam_solve is called. If *end is
+ * LG_BEAM_MINIMUM, the result is in `work`. */
 lg_status lg_beam_next(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
                        lg_beam_end *end);
 
-/* Allocates boundary, q and v, with `optional` the other arrays too; numbers are zero. LG_INVALID_ARGUMENT,
- * LG_OUT_OF_MEMORY. */
+/* Allocates boundary, q and v, and if `optional` also energy, x and kind, all zeroed. Errors:
+ * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
 lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uint32_t intervals,
                                     bool optional, lg_elastica_curves *out);
 

@@ -1,4 +1,4 @@
-/* Equilibria from many starts. */
+/* Search for all equilibria from many starts. */
 #include <math.h>
 #include <string.h>
 
@@ -6,15 +6,16 @@
 #include "elastica/elastica.h"
 
 #define RANDOM_STARTS 64
-#define FLOW_RATE     200.0 /* curvatures of the longest waves are of order 10 to 100 */
-#define FLOWS         5     /* Newton's method starts after 2, 6, 14, 30, 62 steps of the flow */
+#define FLOW_RATE     200.0 /* the energy's curvatures along the longest waves are about 10 to 100 */
+#define FLOWS         5     /* Newton's method is tried after 2, 6, 14, 30 and 62 steps of the flow */
 #define FLOW_LIMIT    40
 #define MODES         5
 #define PATH_STEP     0.05
-#define SAME          1e-6 /* radians between two nodes of one equilibrium */
+/* Two equilibria are the same if their angles differ by less than this at every node, radians. */
+#define SAME 1e-6
 
-/* Amplitudes of sin(m pi s/L) added to the line from theta_0 to theta_N: arches and loops to either side,
- * then S-shapes with and without them. */
+/* Amplitudes of sin(m pi s/L), m = 1 .. MODES, that are added to the straight line from theta_0 to theta_N.
+ * The shapes are arches and loops to either side, S-shapes, and combinations of them. */
 static const double regular[][MODES] = {{0},
                                         {1},
                                         {-1},
@@ -52,11 +53,11 @@ static const double regular[][MODES] = {{0},
                                         {-8, 0, -1},
                                         {0, 0, 0, 0, 2},
                                         {0, 0, 0, 0, -2}};
-/* Each start is used as it stands and multiplied by sqrt(1 - d), the size of angles of a nearly straight
- * beam. */
+/* Each start is used twice: as it stands, and with the amplitudes multiplied by sqrt(1 - d), which is the
+ * size of the angles of a nearly straight beam. */
 #define STARTS        (2 * (LG_COUNT(regular) + RANDOM_STARTS))
-#define BETWEEN       8 /* starts between two minima */
-#define BETWEEN_TILTS 3 /* with 0, 1, -1 sqrt(1 - d) sin(2 pi s/L) */
+#define BETWEEN       8 /* number of starts between two minima */
+#define BETWEEN_TILTS 3 /* number of variants of each: 0, 1 or -1 times sqrt(1 - d) sin(2 pi s/L) is added */
 
 static void set_start(const lg_beam *beam, size_t number, double *theta) {
     double modes[MODES];
@@ -78,7 +79,7 @@ static void set_start(const lg_beam *beam, size_t number, double *theta) {
     theta[beam->n] = beam->last;
 }
 
-/* The branches found so far, sorted. */
+/* The branches found so far, sorted by energy. */
 typedef struct branch_list {
     size_t room, count, nodes;
     double *theta;
@@ -95,8 +96,8 @@ static bool is_known(const branch_list *list, const double *theta) {
     return false;
 }
 
-/* Mirror images have the same energy up to rounding. Of such a pair the one with the larger first inner
- * angle comes first. */
+/* Whether branch a is sorted before branch b: by energy. Mirror images have the same energy up to rounding;
+ * of such a pair the one with the larger first inner angle comes first. */
 static bool goes_before(const lg_beam_branch *a, const double *theta_a, const lg_beam_branch *b,
                         const double *theta_b) {
     if (fabs(a->energy - b->energy) > 1e-11 * fmax(fabs(a->energy), fabs(b->energy)))
@@ -118,8 +119,8 @@ static void insert(branch_list *list, const lg_beam_branch *branch, const double
     memcpy(list->theta + at * nodes, theta, nodes * sizeof(double));
 }
 
-/* When the end angles sum to c, a whole number of turns, c - theta(L - s) is a solution when theta(s) is.
- * Uses w->way. */
+/* Adds the mirror image of the branch in w->theta. If the sum c of the end angles is a whole number of turns
+ * and theta(s) is a solution, then c - theta(L - s) is a solution, too. Overwrites w->way. */
 static void take_image(branch_list *list, const lg_beam *beam, lg_beam_work *w, lg_beam_branch branch) {
     const size_t n = beam->n;
     const double sum = beam->first + beam->last;
@@ -142,15 +143,16 @@ static void take(branch_list *list, const lg_beam *beam, lg_beam_work *w, uint32
     take_image(list, beam, w, branch);
 }
 
-/* A stationary point whose neighbouring nodes differ by more than a right angle has a kink. It is an
- * artefact of the grid. */
+/* A stationary point where the angles of neighbouring nodes differ by a right angle or more has a kink. It is
+ * an artefact of the grid. */
 static bool is_kinked(const lg_beam *beam, const double *theta) {
     for (size_t k = 0; k < beam->n; k++)
         if (!(fabs(theta[k + 1] - theta[k]) < 0.5 * LG_PI)) return true;
     return false;
 }
 
-/* Newton's method from points along the gradient flow from w->base, which passes near the saddles. */
+/* Follows the gradient flow from w->base, which passes near saddles, and starts Newton's method from several
+ * points along it. */
 static void search_saddles(const lg_beam *beam, lg_beam_work *w, branch_list *list) {
     const uint32_t limit = w->limit;
     w->limit = limit < FLOW_LIMIT ? limit : FLOW_LIMIT;
@@ -173,7 +175,8 @@ static size_t minimum_rank(const branch_list *list, size_t index) {
     return rank;
 }
 
-/* A path from the lowest minimum to any other minimum passes over a saddle. */
+/* Searches for saddles between the lowest minimum and each other minimum, because every path between two
+ * minima passes over a saddle. */
 static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_list *list) {
     const size_t n = beam->n, nodes = list->nodes;
     double *ends = lg_alloc(w->context, 2 * nodes, sizeof *ends);
@@ -182,7 +185,7 @@ static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_lis
     const size_t count = list->count;
     if (count > 0) memcpy(ends, list->theta, nodes * sizeof *ends);
     for (size_t minimum = 1; count > 0 && !lg_cancelled(w->context); minimum++) {
-        for (other = 0; other < list->count; other++) /* the list grows meanwhile */
+        for (other = 0; other < list->count; other++) /* the list grows during the search */
             if (list->branches[other].negative == 0 && minimum_rank(list, other) == minimum) break;
         if (other >= list->count) break;
         memcpy(ends + nodes, list->theta + other * nodes, nodes * sizeof *ends);
@@ -201,7 +204,9 @@ static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_lis
 
 static lg_status search(const lg_beam *beam, lg_beam_work *w, bool saddles, bool quick, branch_list *list) {
     const size_t starts = quick ? 2 * LG_COUNT(regular) : STARTS;
-    if (!quick) { /* a branch near its end is reached from few starts, but along a path */
+    /* Few starts reach a branch that is about to vanish as the boundary conditions change; continuation
+     * reaches it more easily. */
+    if (!quick) {
         lg_beam_end end;
         LG_TRY(lg_beam_follow(beam, w, PATH_STEP, &end));
         if (end == LG_BEAM_MINIMUM) take(list, beam, w, w->iterations);
@@ -219,7 +224,7 @@ static lg_status search(const lg_beam *beam, lg_beam_work *w, bool saddles, bool
     return saddles ? search_between(beam, w, list) : LG_OK;
 }
 
-/* Carries each branch of a coarser beam's list over to the nodes of `beam`. */
+/* Interpolates each branch of a coarser beam to the nodes of `beam` and solves again there. */
 static lg_status refine_all(const branch_list *coarse, const lg_beam *beam, lg_beam_work *w, bool saddles,
                             branch_list *list) {
     for (size_t i = 0; i < coarse->count; i++) {

@@ -1,17 +1,18 @@
 /* The continuous problem, theta'' = lx sin theta - ly cos theta, by Chebyshev collocation on panels.
  *
  * A panel has length l and begins at s_0. Its unknowns are theta and theta' at s_0, and w = theta'' at the
- * extreme points t_i of a Chebyshev polynomial, t in [0, 1]. Angles are integrals of the interpolant of w,
+ * extreme points t_i of a Chebyshev polynomial, t in [0, 1]. The angles follow by integrating the interpolant
+ * of w twice,
  *
  *   theta_i = theta_0 + l t_i theta'_0 + l^2 sum_k B_ik w_k,   w_i = f(theta_i).
  *
- * Integration loses no digits, unlike differentiation. Newton's method eliminates w panel by panel: I - l^2
- * f' B is dense and small. It then solves for the unknowns that join the panels, theta and theta' at their
- * ends, and for the force. The equations are the continuity of both, the end angles and int v ds = (d, 0).
- * All of them form one system, so solutions that grow like exp(s/layer) along the beam do no harm. Panels
- * are halved until w satisfies the equation between the t_i too and the tails of the series of w, cos theta
- * and sin theta have vanished.
- */
+ * Integration loses no digits, unlike differentiation. Newton's method first eliminates w in each panel; the
+ * matrix I - l^2 f' B is small and dense. It then solves for the unknowns that join the panels, theta and
+ * theta' at the ends of the panels, and for the force. The equations are the continuity of theta and theta',
+ * the end angles, and int v ds = (d, 0). They are all solved as one system, so solutions that grow like
+ * exp(s/layer) along the beam do no harm. Panels are halved until w satisfies the differential equation
+ * between the points t_i too, and the last coefficients of the series of cos theta and sin theta are
+ * negligible. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -20,8 +21,8 @@
 
 #define DEGREE       16
 #define M            (DEGREE + 1)
-#define SERIES       (M + 2) /* coefficients of the series of theta */
-#define RIGHT        5       /* right-hand sides: defect, theta_0, theta'_0, lx, ly */
+#define SERIES       (M + 2) /* number of coefficients of the series of theta */
+#define RIGHT        5       /* number of right-hand sides: defect, theta_0, theta'_0, lx, ly */
 #define PANELS_FIRST 8
 #define PANELS_MAX   256
 #define REFINEMENTS  16
@@ -31,37 +32,40 @@
 #define TAIL         1e-13
 #define STEP_MAX     0.5
 
-/* Matrices of the reference panel. */
+/* Matrices for the interval [0, 1], which all panels use. */
 typedef struct reference {
-    double t[M], weight[M];         /* points and the quadrature weights of [0, 1] */
-    double series[M][M];            /* values to coefficients */
-    double once[M][M], twice[M][M]; /* integrals from 0 to t_i, and of those */
-    double middle[DEGREE][M], middle_twice[DEGREE][M], middle_t[DEGREE]; /* the same between the points */
+    double t[M], weight[M]; /* collocation points, quadrature weights */
+    double series[M][M];    /* maps values at the points to Chebyshev coefficients */
+    /* Map values of w to its integral from 0 to t_i, and to its double integral. */
+    double once[M][M], twice[M][M];
+    /* Map values of w to values and double integrals at the points middle_t, which lie between the points
+     * t_i. */
+    double middle[DEGREE][M], middle_twice[DEGREE][M], middle_t[DEGREE];
 } reference;
 
 typedef struct panel {
     double start, length;
-    double theta, slope; /* at the start */
+    double theta, slope; /* at the start of the panel */
     double w[M];
     double angle[M], cosine[M], sine[M];
-    double response[M][RIGHT]; /* of w */
-    double angles[SERIES];     /* series of theta */
-    double x[M + 1], y[M + 1]; /* and of the curve, from the beginning of the beam */
+    double response[M][RIGHT]; /* change of w per unit of each right-hand side */
+    double angles[SERIES];     /* Chebyshev series of theta */
+    double x[M + 1], y[M + 1]; /* series of the position, relative to the beginning of the beam */
 } panel;
 
 struct lg_collocation {
     reference reference;
     const lg_context *context;
-    size_t count;           /* panels */
-    panel *panels, *halves; /* room for PANELS_MAX each */
-    double *matrix;         /* the system of the joints */
-    size_t room;            /* of it */
+    size_t count;           /* number of panels */
+    panel *panels, *halves; /* PANELS_MAX each; refine() writes the next panels to `halves` */
+    double *matrix;         /* system of the joints between panels */
+    size_t room;            /* largest order of the system that fits into `matrix` */
     double last, slope;     /* theta and theta' at the end of the beam */
     double force[2], energy, defect, gradient;
     uint32_t iterations;
 };
 
-/* ---- series on [0, 1] ---- */
+/* ---- Chebyshev series on [0, 1] ---- */
 
 static double sum_series(const double *c, size_t count, double t) {
     const double x = 2.0 * t - 1.0;
@@ -74,7 +78,7 @@ static double sum_series(const double *c, size_t count, double t) {
     return x * b1 - b2 + c[0];
 }
 
-/* out (count + 1): the integral from 0. */
+/* out (count + 1) becomes the series of the integral from 0. */
 static void integrate_series(const double *c, size_t count, double *out) {
     double at_zero = 0.0;
     for (size_t j = 1; j <= count; j++) {
@@ -151,7 +155,7 @@ static size_t unknowns(size_t panels) {
     return 2 * panels + 4;
 }
 
-/* Room for the system of the joints, one column more for the right-hand side. */
+/* Makes room for the system of the joints, with one more column for the right-hand side. */
 static lg_status make_room(lg_collocation *c) {
     const size_t n = unknowns(c->count);
     if (c->room >= n) return LG_OK;
@@ -165,8 +169,9 @@ static lg_status make_room(lg_collocation *c) {
 
 /* ---- small dense systems ---- */
 
-/* Gaussian elimination with partial pivoting on rows of `columns` numbers. The right-hand sides follow the n
- * columns of the matrix and are replaced by the solution. False when the matrix is singular. */
+/* Gaussian elimination with partial pivoting. The rows of `a` have `columns` numbers: n columns of the
+ * matrix, then the right-hand sides, which are replaced by the solutions. Returns false if the matrix is
+ * singular. */
 static bool eliminate(size_t n, size_t columns, double *a) {
     for (size_t k = 0; k < n; k++) {
         size_t p = k;
@@ -205,7 +210,8 @@ static void panel_angles(const reference *r, panel *p) {
     }
 }
 
-/* The change of w caused by its defect and by changes of theta_0, theta'_0 and the force. */
+/* Computes p->response: how w changes because of its defect, and per unit change of theta_0, theta'_0 and the
+ * two components of the force. Returns false if the matrix is singular. */
 static bool panel_respond(const reference *r, const double force[2], panel *p) {
     double a[M * (M + RIGHT)];
     const size_t columns = M + RIGHT;
@@ -226,9 +232,10 @@ static bool panel_respond(const reference *r, const double force[2], panel *p) {
     return true;
 }
 
-/* Contributions of the panel. Column 0 holds its values at the end: theta, theta', then the two components
- * of its chord, with the effect of w's defect. Columns 1..4 hold their derivatives by theta_0, theta'_0 and
- * the force. */
+/* Computes what the panel contributes to the system of the joints. Rows of `out`: theta and theta' at the end
+ * of the panel, and the two components of the panel's chord. Column 0 holds these values, including the
+ * effect of the defect of w. Columns 1..4 hold their derivatives with respect to theta_0, theta'_0 and the
+ * two components of the force. */
 static void panel_transfer(const reference *r, const panel *p, double out[4][RIGHT]) {
     const double l = p->length;
     memset(out, 0, 4 * sizeof *out);
@@ -256,10 +263,11 @@ static void panel_transfer(const reference *r, const panel *p, double out[4][RIG
     }
 }
 
-/* ---- Newton's method for all ---- */
+/* ---- Newton's method for the whole beam ---- */
 
-/* Rows: first angle; continuity of theta and theta' at the end of each panel; last angle; chord. Columns:
- * changes of theta, theta' at the joints 0..count, of the force; right-hand side. */
+/* Fills the system of the joints. Rows: the first angle; continuity of theta and theta' at the end of each
+ * panel; the last angle; the two components of the chord. Columns: changes of theta and theta' at the joints
+ * 0..count; changes of the force; the right-hand side. */
 static bool assemble(lg_collocation *c, const lg_beam *beam) {
     const size_t K = c->count, n = unknowns(K), columns = n + 1;
     double *a = c->matrix, out[4][RIGHT];
@@ -293,7 +301,8 @@ static bool assemble(lg_collocation *c, const lg_beam *beam) {
     return true;
 }
 
-/* Moves everything; returns the largest change of an angle, or NAN. */
+/* Takes one Newton step, shortened if an angle would change by more than STEP_MAX. Returns the largest change
+ * of an angle before shortening, or NAN on failure. */
 static double advance(lg_collocation *c, const lg_beam *beam) {
     const size_t K = c->count, n = unknowns(K), columns = n + 1;
     double *a = c->matrix, largest = 0.0;
@@ -334,16 +343,16 @@ static lg_status newton(lg_collocation *c, const lg_beam *beam) {
     return LG_NO_CONVERGENCE;
 }
 
-/* ---- defect and panels ---- */
+/* ---- defect and refinement of panels ---- */
 
-/* The size of the terms of the equation: force, and theta'^2/2. */
+/* Size of the terms of the differential equation: the largest of |force| and theta'^2/2. */
 static double equation_scale(const lg_collocation *c) {
     double scale = hypot(c->force[0], c->force[1]);
     for (size_t j = 0; j < c->count; j++) scale = fmax(scale, 0.5 * c->panels[j].slope * c->panels[j].slope);
     return fmax(scale, 0.5 * c->slope * c->slope);
 }
 
-/* Largest w - f(theta) of a panel between its points. */
+/* Largest |w - f(theta)| of a panel at the points between the collocation points. */
 static double panel_defect(const reference *r, const double force[2], const panel *p) {
     double largest = 0.0;
     for (size_t i = 0; i < DEGREE; i++) {
@@ -375,7 +384,7 @@ static void make_series(const reference *r, panel *p, double *x, double *y) {
     integrate_series(c, M, once);
     integrate_series(once, M + 1, w);
     for (size_t j = 0; j < SERIES; j++) p->angles[j] = p->length * p->length * w[j];
-    p->angles[0] += p->theta + 0.5 * p->length * p->slope; /* t = (1 + T_1)/2 */
+    p->angles[0] += p->theta + 0.5 * p->length * p->slope; /* because t = (1 + T_1)/2 */
     p->angles[1] += 0.5 * p->length * p->slope;
     values_to_series(r, p->cosine, c);
     integrate_series(c, M, p->x);
@@ -406,7 +415,8 @@ static void halve(const reference *r, const panel *p, panel out[2]) {
     }
 }
 
-/* Sets defect, gradient and series, and halves panels that need it. *done is set when none does. */
+/* Sets defect and gradient, makes the series of all panels, and halves the panels that are not fine enough.
+ * *done tells that no panel had to be halved. */
 static lg_status refine(lg_collocation *c, double tolerance, bool *done) {
     const double scale = equation_scale(c);
     size_t count = 0;
@@ -439,9 +449,10 @@ static lg_status refine(lg_collocation *c, double tolerance, bool *done) {
     return LG_OK;
 }
 
-/* ---- start and end ---- */
+/* ---- start, solution and sampling ---- */
 
-/* Cubic interpolation at s, and its slope by a central difference. */
+/* Cubic interpolation at s in [0, 1] of the angles theta (n + 1) at equidistant points. slope_at computes the
+ * derivative by a central difference. */
 static double angle_at(size_t n, const double *theta, double s) {
     const double x = fmin(fmax(s, 0.0), 1.0) * (double)n;
     const size_t points = n >= 3 ? 4 : n + 1;
@@ -496,7 +507,7 @@ static double bending_energy(const lg_collocation *c) {
     return energy;
 }
 
-/* Newton's method and refinement from what is there. */
+/* Newton's method and refinement, starting from the panels and force that are set. */
 static lg_status solve_on(lg_collocation *collocation, const lg_beam *beam, double tolerance) {
     bool done = false;
     for (int i = 0; i < REFINEMENTS && !done; i++) {
@@ -514,7 +525,7 @@ lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam,
     return solve_on(collocation, beam, tolerance);
 }
 
-/* All angles times `factor`, under the same force. */
+/* Multiplies all angles by `factor`; the force stays the same. */
 static void scale_angles(lg_collocation *c, double factor) {
     for (size_t j = 0; j < c->count; j++) {
         panel *p = &c->panels[j];

@@ -1,22 +1,24 @@
-/* Continuation in the end angles and the chord, and the public solver.
+/* Continuation in the end angles and the chord, and the public solver of the discrete problem.
  *
- * The start is a moderate problem: its end angles have the same ratio as those of the problem asked for, the
- * larger of them is 1 radian, and its chord has a moderate length. The continuation goes from the minimum of
- * the moderate problem to the problem asked for along a line in both end angles and log(1 - d). It finds a
- * minimum at every step. For theta_N = -theta_0 and for theta_0 = 0 this is the branch of global minima.
- */
+ * The start is a moderate problem: its end angles have the same ratio as the end angles of the given problem,
+ * the larger of them is 1 radian, and its chord has a moderate length. The continuation goes from the minimum
+ * of the moderate problem to the given problem along a straight line in both end angles and log(1 - d), and
+ * finds a minimum at every step. For theta_N = -theta_0 and for theta_0 = 0 this is the branch of global
+ * minima. */
 #include <math.h>
 #include <string.h>
 
 #include "elastica/elastica.h"
 
-#define CHORD_LOW    0.3
-#define CHORD_HIGH   0.92
-#define CHORD_STEP   0.2  /* of log(1 - d) */
-#define PROBLEMS_MAX 4000 /* a longer path means many turns: they wind evenly and need no path */
+#define CHORD_LOW  0.3
+#define CHORD_HIGH 0.92
+#define CHORD_STEP 0.2 /* largest change of log(1 - d) per problem */
+/* With more problems there is no continuation. Such a long path means many turns; these beams wind evenly and
+ * are solved directly. */
+#define PROBLEMS_MAX 4000
 #define COARSE       256
 #define BRANCHES     16
-#define SEARCH_LIMIT 60 /* Newton steps from one of many starts */
+#define SEARCH_LIMIT 60 /* largest number of Newton steps from one of many starts */
 
 /* ---- paths ---- */
 
@@ -42,8 +44,8 @@ static void set_line(const lg_beam *beam, double *theta) {
     }
 }
 
-/* The next guess. `secant`: it extrapolates the last two points; otherwise the last point moves with the
- * ends. */
+/* Predicts the angles of the next problem in w->theta. If `secant`, it extrapolates the last two solutions;
+ * otherwise it adds to the last solution a linear function that gives the new end angles. */
 static void predict(const lg_beam *beam, lg_beam_work *w, bool secant) {
     const size_t n = beam->n;
     const double first = beam->first - w->theta[0], last = beam->last - w->theta[n];
@@ -102,7 +104,7 @@ void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to)
         const double x = (double)k / (double)to_n * (double)from_n;
         size_t j = (size_t)x;
         if (j + 2 > from_n) j = from_n < 2 ? 0 : from_n - 2;
-        if (j > 0) j--; /* from[j] .. from[j + 3] */
+        if (j > 0) j--; /* interpolates from[j] .. from[j + 3] */
         const size_t points = from_n >= 3 ? 4 : from_n + 1;
         if (j + points > from_n + 1) j = from_n + 1 - points;
         to[k] = 0.0;
@@ -117,7 +119,7 @@ void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to)
     to[to_n] = from[from_n];
 }
 
-/* Interpolates work->theta from `from` intervals to those of the beam, and finds the minimum there. */
+/* Interpolates work->theta from `from` intervals to beam->n intervals, and finds the minimum there. */
 static lg_beam_end refine(size_t from, const lg_beam *beam, lg_beam_work *work) {
     memcpy(work->before, work->theta, (from + 1) * sizeof(double));
     lg_beam_prolong(from, work->before, beam->n, work->theta);
@@ -127,7 +129,7 @@ static lg_beam_end refine(size_t from, const lg_beam *beam, lg_beam_work *work) 
     return lg_beam_minimise(beam, work);
 }
 
-/* ---- from many starts ---- */
+/* ---- search from many starts ---- */
 
 static lg_status solve_anyhow(const lg_beam *beam, lg_beam_work *work, lg_beam_end *end) {
     const size_t n = beam->n;

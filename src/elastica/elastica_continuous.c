@@ -1,14 +1,18 @@
-/* The continuous problem: the discrete one is solved on finer and finer grids until the collocation
- * converges from it. */
+/* The continuous problem. The discrete problem is solved on finer and finer grids until the collocation
+ * converges from its solution. */
 #include <math.h>
 
 #include "elastica/elastica.h"
 
 #define FINE_MAX 4096
-#define SHORT    1e-3 /* of 1 - d; 60 times what the coarsest discrete problem takes up */
-#define FAR      0.3  /* radians; a result farther from its discrete start is on another branch */
+/* Value of 1 - d for the scaled beam of solve_small. It is 60 times 1.1/n^2 for the coarsest grid (256
+ * intervals). */
+#define SHORT 1e-3
+/* Radians. If the collocation is farther from its discrete start, it is on another branch. */
+#define FAR 0.3
 
-/* True when the collocation stayed on the branch it was given: `sampled` has room for n + 1. */
+/* Whether the collocation stayed on the branch of its discrete start `theta`. `sampled` (n + 1) is work
+ * memory. */
 static bool is_near(const lg_collocation *c, const lg_beam *beam, const double *theta, double *sampled) {
     lg_collocation_sample(c, beam->n, sampled, NULL);
     for (size_t k = 0; k <= beam->n; k++)
@@ -22,7 +26,7 @@ size_t lg_collocation_grid(const lg_beam *beam) {
     return lg_beam_coarse(&fine);
 }
 
-/* Whether the solution is a minimum. */
+/* Tells by work->negative and *end whether the solution is a minimum. */
 static lg_status judge(const lg_collocation *c, const lg_beam *beam, lg_beam_work *work, lg_beam_end *end) {
     lg_collocation_result found;
     lg_collocation_result_get(c, &found);
@@ -39,8 +43,8 @@ lg_status lg_collocation_polish(lg_collocation *c, const lg_beam *beam, lg_beam_
     return judge(c, beam, work, end);
 }
 
-/* Solves finer and finer discrete problems until the collocation converges from one of them. Gives up when
- * two of them have no solution. */
+/* Solves the discrete problem on finer and finer grids until the collocation converges from one of the
+ * solutions. Gives up when there is no discrete solution on two grids. */
 static lg_status solve_from(lg_collocation *c, lg_beam *fine, const double *guess, size_t guess_n,
                             double step, lg_beam_work *work, lg_beam_end *end) {
     lg_status status = LG_NO_CONVERGENCE;
@@ -63,9 +67,10 @@ static lg_status solve_from(lg_collocation *c, lg_beam *fine, const double *gues
     return status;
 }
 
-/* Nearly straight beams. The discrete problem has no bent minimum for 1 - d below about 1.1/n^2: its soft
- * ends take up so much. Angles go like sqrt(1 - d). So the beam with f times the angles and f^2 times 1 - d
- * is solved; 1/f of its angles, under its force, is the start, right but for terms of order 1 - d. */
+/* For nearly straight beams. The discrete problem has no bent minimum for 1 - d below about 1.1/n^2, because
+ * its soft ends take up that much of the slack. The angles are proportional to sqrt(1 - d). Therefore a beam
+ * with f times the end angles and f^2 times 1 - d is solved. The angles of its solution, divided by f,
+ * together with its force, are the start for the given beam; the error of this start is of order 1 - d. */
 static lg_status solve_small(lg_collocation *c, const lg_beam *beam, double step, lg_beam_work *work,
                              lg_beam_end *end) {
     const double largest = fmax(fabs(beam->first), fabs(beam->last));
@@ -125,7 +130,7 @@ void lg_collocation_export(const lg_collocation *c, const lg_elastica *problem, 
     }
 }
 
-/* The guess in the frame of the chord, its ends set. */
+/* Converts the guess to the frame of the chord and sets its end angles. */
 static lg_status take_guess(const lg_beam_frame *frame, const double *guess, double *out, lg_error *error) {
     const size_t n = frame->beam.n;
     for (size_t k = 1; k < n; k++) {

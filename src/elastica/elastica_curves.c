@@ -1,13 +1,13 @@
-/* Sets of curves over families of boundary conditions. */
+/* Generation of sets of curves over families of boundary conditions. */
 #include <math.h>
 #include <string.h>
 
 #include "elastica/elastica.h"
 
-/* Within a block of this many values of x each curve starts from the one before. Blocks do not depend on the
- * number of threads. */
+/* Number of values of x per block. In a block each curve starts from the one before. Blocks do not depend on
+ * the number of threads, so the results do not either. */
 #define BLOCK 25
-/* The next curve starts from the last one when no end angle changes by more than this, radians. */
+/* A curve starts from the one before only if no end angle changes by more than this, radians. */
 #define NEAR 0.2
 
 /* ---- memory ---- */
@@ -62,7 +62,8 @@ static lg_status check_sampling(const lg_elastica_sampling *s, lg_error *error) 
     if (s->threads < 1 || s->threads > 1024)
         return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: %d threads", s->threads);
     lg_elastica problem = s->problem;
-    lg_elastica_set_case(&problem, LG_ELASTICA_BOTH_ENDS, 1.0); /* replaces what the caller left there */
+    /* Valid end angles; lg_elastica_generate replaces the caller's end angles anyway. */
+    lg_elastica_set_case(&problem, LG_ELASTICA_BOTH_ENDS, 1.0);
     return lg_elastica_check(&problem, error);
 }
 
@@ -73,16 +74,16 @@ static double boundary_angle(const lg_elastica_sampling *s, size_t number) {
     return LG_PI * ((double)half + s->gap + t * (1.0 - 2.0 * s->gap));
 }
 
-/* A set under construction; each block writes its own rows. */
+/* A set of curves that is being generated. Each block writes its own rows. */
 typedef struct job {
     const lg_context *context;
     const lg_elastica_sampling *sampling;
     lg_elastica_curves *curves;
-    size_t blocks; /* of one family */
+    size_t blocks; /* number of blocks per family */
     lg_error *errors;
 } job;
 
-/* The memory of one block. */
+/* Memory for computing one block. */
 typedef struct block_memory {
     lg_beam_work work;
     lg_collocation *collocation;
@@ -97,7 +98,7 @@ static void block_free(const job *j, block_memory *m) {
 
 static lg_status block_create(const job *j, block_memory *m) {
     lg_beam beam = lg_beam_frame_make(&j->sampling->problem).beam;
-    beam.first = 2.0 * LG_PI; /* the widest of both families */
+    beam.first = 2.0 * LG_PI; /* a rotation of 2 pi, the largest in both families */
     beam.last = 0.0;
     const size_t grid = j->sampling->continuous ? lg_collocation_grid(&beam) : beam.n;
     *m = (block_memory){.theta = lg_alloc(j->context, beam.n + 1, sizeof(double))};
@@ -138,7 +139,7 @@ static bool is_near(const lg_beam *a, const lg_beam *b) {
     return a->last * b->last > 0.0 && fabs(a->last - b->last) <= NEAR && fabs(a->first - b->first) <= NEAR;
 }
 
-/* Families in the order of the enumeration, as far as they are asked for. */
+/* Returns family number `place` among the families that are wanted, in the order of the enumeration. */
 static lg_elastica_case family(const lg_elastica_sampling *s, size_t place) {
     return place == 1 || !s->both_ends ? LG_ELASTICA_RIGHT_END : LG_ELASTICA_BOTH_ENDS;
 }

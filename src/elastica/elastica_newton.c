@@ -1,34 +1,35 @@
-/* Newton's method for the inner angles of a beam, O(n) a step.
+/* Newton's method for the inner angles of a beam. A step costs O(n).
  *
- * The force lambda = 2 P r is kept as an unknown of its own: with U = h (-sin theta, cos theta), T the
- * tridiagonal part of the Hessian and c = r - lambda/(2 P) a step solves
+ * The force lambda = 2 P r is treated as a separate unknown. With U = h (-sin theta, cos theta), the gradient
+ * g, the tridiagonal part T of the Hessian and c = r - lambda/(2 P), a step solves
  *
  *   [ T    -U       ] [dtheta ]     [g]
- *   [ -U^T -1/(2 P) ] [dlambda] = - [c],   C = 1/(2 P) + U^T T^-1 U,   C dlambda = c + U^T T^-1 g,
+ *   [ -U^T -1/(2 P) ] [dlambda] = - [c],   C = 1/(2 P) + U^T T^-1 U,   C dlambda = c + U^T T^-1 g.
  *
- * which for c = 0 is the step of the Hessian T + 2 P U U^T (Sherman, Morrison, Woodbury). On the way down
- * lambda is 2 P r. For the last digits lambda is free, because P grows like n^2 and r then loses them.
+ * For c = 0 this is the step with the Hessian T + 2 P U U^T (Sherman, Morrison, Woodbury). During the descent
+ * lambda is set to 2 P r. For the last digits lambda is independent of r, because P grows like n^2 and 2 P r
+ * then loses digits.
  *
- * Inertia (Haynsworth): the number of negative eigenvalues of T + 2 P U U^T is that of T, plus the number of
- * positive ones of C, minus 2. T is often indefinite where T + 2 P U U^T is not. It is therefore factored
- * with pivots of one and two rows (Bunch 1974; N. Higham, Accuracy and Stability of Numerical Algorithms,
- * 11.1.4), which needs no exchange of rows. A pivot of zero is replaced by one rounding unit of the largest
- * entry.
- */
+ * Inertia (Haynsworth): the number of negative eigenvalues of T + 2 P U U^T is the number of negative
+ * eigenvalues of T, plus the number of positive eigenvalues of C, minus 2. T is often indefinite where T + 2
+ * P U U^T is not. T is therefore factored with pivots of one and two rows (Bunch 1974; N. Higham, Accuracy
+ * and Stability of Numerical Algorithms, 11.1.4), which needs no exchange of rows. A pivot of zero is
+ * replaced by one rounding unit of the largest entry. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "elastica/elastica.h"
 
-#define STEP_MAX    0.5  /* largest change of an angle, radians */
-#define CLOSE       1e-2 /* steps below it are taken whole, without looking at the energy */
+#define STEP_MAX    0.5  /* largest change of an angle per step, radians */
+#define CLOSE       1e-2 /* smaller steps are taken whole, without a test of the energy */
 #define POLISH      30
 #define HALVINGS    40
 #define SUFFICIENT  1e-4
 #define CORRECTIONS 4
-#define SMALL       1e-2 /* of the energy that a step gains */
-#define ESCAPE      0.2  /* radians */
+/* Tolerance of correct_closure, relative to the decrease of energy that is expected. */
+#define SMALL       1e-2
+#define ESCAPE      0.2 /* distance from a saddle at which the descents start, radians */
 #define ESCAPES     4
 #define STAGNATION  1e-8
 #define SHIFT_FIRST 1.0
@@ -65,15 +66,15 @@ static double penalty(const lg_beam *beam) {
     return 18.0 * (double)beam->n * (double)beam->n;
 }
 
-/* sum += x; `carry` keeps the rounding error (Kahan). */
+/* sum += x; `carry` holds the rounding error (Kahan summation). */
 static void add(double *sum, double *carry, double x) {
     const double y = x - *carry, t = *sum + y;
     *carry = (t - *sum) - y;
     *sum = t;
 }
 
-/* Energy, r, U and the bending part of gradient and Hessian at `theta`. `own`: the force keeps its value and
- * the defect is r - lambda/(2 P). Otherwise the force is set to 2 P r. */
+/* Computes energy, gradient, T and U at w->theta. If `own`, the force keeps its value and the defect is r -
+ * lambda/(2 P). Otherwise the force is set to 2 P r and the defect is 0. */
 static void evaluate(const lg_beam *beam, lg_beam_work *w, bool own) {
     const size_t n = beam->n;
     const double *theta = w->theta, h = 1.0 / (double)n, N = (double)n, P = penalty(beam);
@@ -129,9 +130,10 @@ double lg_beam_energy(const lg_beam *beam, const double *theta) {
 
 /* ---- factorisation ---- */
 
-/* pivot[k]: the diagonal of D; factor[k]: the coupling l of a pivot of one row. In a pivot of two rows k and
- * k + 1, marked by factor[k] = NAN, pivot[k], off[k], pivot[k + 1] are its entries and factor[k + 1] its
- * determinant. Returns the number of negative eigenvalues. */
+/* Factors T + shift as L D L^T, where D has blocks of one or two rows. In general pivot[k] is the entry of D,
+ * and factor[k] the entry of L in row k + 1 and column k. A block of the two rows k and k + 1 is marked by
+ * factor[k] = NAN; its entries are pivot[k], off[k], pivot[k + 1], and factor[k + 1] is its determinant.
+ * Returns the number of negative eigenvalues. */
 static uint32_t factor_tridiagonal(size_t n, lg_beam_work *w, double shift) {
     const double alpha = 0.6180339887498949;
     double largest = 0.0;
@@ -152,7 +154,7 @@ static uint32_t factor_tridiagonal(size_t n, lg_beam_work *w, double shift) {
             continue;
         }
         const double det = w->pivot[k] * w->pivot[k + 1] - e * e;
-        negative += 1; /* det < 0 */
+        negative += 1; /* det < 0: one negative and one positive eigenvalue */
         w->factor[k] = NAN;
         w->factor[k + 1] = det;
         if (k + 2 < n) w->pivot[k + 2] -= w->off[k + 1] * w->off[k + 1] * (w->pivot[k] / det);
@@ -161,7 +163,7 @@ static uint32_t factor_tridiagonal(size_t n, lg_beam_work *w, double shift) {
     return negative;
 }
 
-/* Three right-hand sides at once, in place. */
+/* Solves for three right-hand sides at once, in place. */
 static void solve_tridiagonal(size_t n, const lg_beam_work *w, double *const x[3]) {
     for (size_t k = 1; k < n; k++) {
         if (!isnan(w->factor[k])) {
@@ -182,7 +184,7 @@ static void solve_tridiagonal(size_t n, const lg_beam_work *w, double *const x[3
         if (k + 1 >= n) continue;
         if (!isnan(w->factor[k]) && !(k > 1 && isnan(w->factor[k - 1]))) {
             for (int i = 0; i < 3; i++) x[i][k] -= w->factor[k] * x[i][k + 1];
-        } else if (k > 1 && isnan(w->factor[k - 1])) { /* second row of a pivot of two */
+        } else if (k > 1 && isnan(w->factor[k - 1])) { /* k is the second row of a block of two */
             const double a = w->pivot[k - 1], e = w->off[k - 1], det = w->factor[k], f = w->off[k];
             for (int i = 0; i < 3; i++) {
                 const double u = f * x[i][k + 1];
@@ -193,8 +195,8 @@ static void solve_tridiagonal(size_t n, const lg_beam_work *w, double *const x[3
     }
 }
 
-/* Factors T + shift h, solves for U and -gradient, and counts the negative eigenvalues of the shifted
- * Hessian. False when that is singular to rounding. */
+/* Factors T + shift h, solves for the right-hand sides U and -gradient, computes C, and counts the negative
+ * eigenvalues of the shifted Hessian. Returns false if C is singular or not finite. */
 static bool factor(const lg_beam *beam, lg_beam_work *w, double shift) {
     const size_t n = beam->n;
     const double soft = 0.5 / penalty(beam);
@@ -220,7 +222,7 @@ static bool factor(const lg_beam *beam, lg_beam_work *w, double shift) {
     return isfinite(w->det) && w->det != 0.0;
 }
 
-/* Computes the step from z, Y and C: z becomes dtheta, `force` dlambda. */
+/* Computes the Newton step: w->z becomes dtheta, `force` becomes dlambda. Needs the results of `factor`. */
 static void step(const lg_beam *beam, lg_beam_work *w, double force[2]) {
     double a = w->defect[0], b = w->defect[1];
     for (size_t k = 1; k < beam->n; k++) {
@@ -258,8 +260,9 @@ static bool is_solved(const lg_beam *beam, const lg_beam_work *w) {
            fmax(fabs(w->defect[0]), fabs(w->defect[1])) <= allowed;
 }
 
-/* Takes whole steps in (theta, lambda) until the problem is solved, or until steps below STAGNATION no longer
- * shrink, which is rounding. When the steps grow it restores the start and returns false. */
+/* Takes whole Newton steps in (theta, lambda) until the problem is solved, or until steps below STAGNATION no
+ * longer shrink because of rounding. `within` is the size of the step before. If the steps grow or the matrix
+ * is singular, restores the starting point and returns false. */
 static bool polish(const lg_beam *beam, lg_beam_work *w, double within) {
     double before = within, force[2];
     copy(beam, w->saved, w->theta);
@@ -286,9 +289,10 @@ static bool polish(const lg_beam *beam, lg_beam_work *w, double within) {
     return false;
 }
 
-/* ---- downhill ---- */
+/* ---- descent ---- */
 
-/* Tries rising shifts until the Hessian is positive definite; the shift is 0 when it already is. */
+/* Factors with a shift that makes the Hessian positive definite. Tries 0 first, then larger and larger
+ * shifts. */
 static bool factor_definite(const lg_beam *beam, lg_beam_work *w) {
     if (factor(beam, w, 0.0) && w->negative == 0) return true;
     for (double shift = SHIFT_FIRST; shift < SHIFT_LAST; shift *= 4.0)
@@ -296,10 +300,11 @@ static bool factor_definite(const lg_beam *beam, lg_beam_work *w) {
     return false;
 }
 
-/* lambda = 2 P r is stiff: a first-order step leaves the valley of small |r| along a tangent, so it would
- * have to be short. This second-order correction (Nocedal and Wright, Numerical Optimization, 18.3) moves
- * theta by a combination of the columns of Y, the smallest in the metric of T, until r equals its first-order
- * value `wanted` up to an energy of `small`. */
+/* Second-order correction of a step (Nocedal and Wright, Numerical Optimization, 18.3). The energy P |r|^2 is
+ * stiff: it is low only in a narrow curved valley around r = 0. A plain Newton step goes along the tangent
+ * and leaves the valley, so it would have to be short. The correction moves theta by a combination of the
+ * columns of Y = T^-1 U, which is the smallest change in the metric of T. It does so until r equals its
+ * first-order value `wanted`, up to an energy of `small`. */
 static void correct_closure(const lg_beam *beam, lg_beam_work *w, const double wanted[2], double small) {
     const double P = penalty(beam), soft = 0.5 / P;
     const double xx = w->capacity[0] - soft, xy = w->capacity[1], yy = w->capacity[2] - soft;
@@ -316,7 +321,8 @@ static void correct_closure(const lg_beam *beam, lg_beam_work *w, const double w
     }
 }
 
-/* Line search along z from theta; false when the energy does not decrease. */
+/* Line search from w->theta along w->z, beginning with the step length `share`. Returns false if the energy
+ * does not decrease enough. */
 static bool search_line(const lg_beam *beam, lg_beam_work *w, double share) {
     const double start = w->energy, soft = 0.5 / penalty(beam);
     double slope = 0.0, r[2] = {w->force[0] * soft, w->force[1] * soft}, change[2] = {0.0, 0.0};
@@ -345,7 +351,7 @@ static lg_beam_end end_of(const lg_beam *beam, const lg_beam_work *w) {
     return w->negative == 0 ? LG_BEAM_MINIMUM : LG_BEAM_SADDLE;
 }
 
-/* Goes downhill to a stationary point. */
+/* Goes downhill in energy to a stationary point. */
 static lg_beam_end descend(const lg_beam *beam, lg_beam_work *w) {
     double force[2];
     evaluate(beam, w, false);
@@ -361,7 +367,7 @@ static lg_beam_end descend(const lg_beam *beam, lg_beam_work *w) {
         const double size = length(beam, w->z);
         if (!isfinite(size)) return LG_BEAM_LOST;
         if (definite && size < CLOSE && polish(beam, w, size)) return end_of(beam, w);
-        if (definite && size < CLOSE) { /* polish() has evaluated another point */
+        if (definite && size < CLOSE) { /* polish() has overwritten the factorisation and the step */
             factor(beam, w, 0.0);
             step(beam, w, force);
         }
@@ -371,8 +377,9 @@ static lg_beam_end descend(const lg_beam *beam, lg_beam_work *w) {
     return polish(beam, w, CLOSE) ? end_of(beam, w) : LG_BEAM_LOST;
 }
 
-/* Writes the direction of lowest curvature to z, scaled to a largest entry of 1. Inverse iteration uses the
- * smallest shift that makes the Hessian definite, found by bisection on the inertia. */
+/* Writes the direction of lowest curvature to w->z, scaled so that its largest entry is 1. Inverse iteration
+ * is used, with the smallest shift that makes the Hessian definite. Bisection on the inertia finds this
+ * shift. */
 static bool lowest_direction(const lg_beam *beam, lg_beam_work *w) {
     const size_t n = beam->n;
     double low = 0.0, high = SHIFT_FIRST, force[2];
@@ -401,8 +408,8 @@ static bool lowest_direction(const lg_beam *beam, lg_beam_work *w) {
     return true;
 }
 
-/* Goes downhill from a saddle in both directions. The result is the minimum of lower energy, or the first of
- * two equally low ones. */
+/* Goes downhill from a saddle to both sides. The result is the minimum with the lower energy, or the first
+ * one if both are equally low. */
 static lg_beam_end escape(const lg_beam *beam, lg_beam_work *w) {
     lg_beam_end ends[2];
     double energies[2], middle = 0.0;

@@ -1,4 +1,4 @@
-/* Surrogates of the elastica: description, symmetry, split, range. */
+/* Surrogates of the elastica: description, mirror, input of the network, split of the data, trained range. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -96,8 +96,8 @@ size_t lg_surrogate_parameters(const lg_surrogate *model) {
 
 /* ---- the network's input ---- */
 
-/* The sign of the first number that is not zero. All of these numbers change sign under reflection. If all
- * are zero, the boundary conditions are their own mirror image. */
+/* Returns the sign of the first number in `order` that is not zero. All of these numbers change sign under
+ * reflection. If all are zero, the boundary conditions are their own mirror image. */
 double lg_surrogate_sign(const lg_surrogate *model, const double *x) {
     const double order[] = {x[LG_AT_V0 + 1] - x[LG_AT_VN + 1], x[LG_AT_V0 + 1],
                             x[LG_AT_QN + 1] - x[LG_AT_Q0 + 1]};
@@ -107,7 +107,7 @@ double lg_surrogate_sign(const lg_surrogate *model, const double *x) {
     return 1.0;
 }
 
-/* -0 would turn pi into -pi; -0 + 0 = 0. */
+/* Adding 0.0 turns -0 into 0, because atan2 would give -pi for -0. */
 void lg_surrogate_angles(const double *x, double sign, double *angles) {
     angles[0] = atan2(sign * x[LG_AT_V0 + 1] + 0.0, x[LG_AT_V0]);
     angles[1] = atan2(sign * x[LG_AT_VN + 1] + 0.0, x[LG_AT_VN]);
@@ -171,14 +171,15 @@ lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica
 
 /* ---- split ---- */
 
-#define SPLIT_STREAM 0x73706c74u /* keeps the split apart from other draws with the same seed */
+/* Random stream of the split, so that its draws are independent of others with the same seed. */
+#define SPLIT_STREAM 0x73706c74u
 
 static bool fraction(double x) {
     return x >= 0.0 && x <= 1.0;
 }
 
-/* Shuffles labels instead of indices: label i has the same place for all fractions, and no memory is
- * needed. */
+/* Shuffles the array of parts itself instead of a list of indices. The permutation depends on n and the seed
+ * only, not on the fractions, and no memory is needed. */
 lg_status lg_surrogate_split(size_t n, double train_fraction, double test_fraction, uint64_t seed,
                              uint8_t *parts) {
     if (!fraction(train_fraction) || !fraction(test_fraction) || parts == NULL) return LG_INVALID_ARGUMENT;
@@ -200,9 +201,9 @@ lg_status lg_surrogate_split(size_t n, double train_fraction, double test_fracti
     return LG_OK;
 }
 
-/* ---- range ---- */
+/* ---- trained range ---- */
 
-/* (v0, qN - q0, vN), reflected for sign -1. */
+/* (v0, qN - q0, vN), mirrored for sign = -1. */
 static void relative(const double *x, double sign, double *out) {
     for (size_t c = 0; c < 6; c++) {
         const double from = c == 2 || c == 3 ? x[c - 2] : 0.0;
@@ -210,7 +211,8 @@ static void relative(const double *x, double sign, double *out) {
     }
 }
 
-/* Squared distance of x from its nearest neighbour among the training curves without number `but`. */
+/* Squared distance of x, mirrored for sign = -1, from the nearest trained boundary condition other than
+ * number `but`. */
 static double nearest(const double *trained, size_t n, size_t but, const double *x, double sign) {
     double least = INFINITY, here[6], there[6];
     relative(x, sign, here);
@@ -223,7 +225,8 @@ static double nearest(const double *trained, size_t n, size_t but, const double 
     return least;
 }
 
-/* The largest distances so far, in decreasing order: those that the range leaves out, and one more. */
+/* lg_surrogate_reach leaves out at most this many of the largest distances. It keeps these and one more in a
+ * list, in decreasing order. */
 enum { LONERS = 32 };
 
 double lg_surrogate_reach(const double *trained, size_t n) {

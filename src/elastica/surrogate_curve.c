@@ -1,5 +1,6 @@
-/* Surrogates without a tape: plans of the model's program compute curves in the caller's memory, and their
- * errors against given curves. Cubics and integrals around the network's functions are in double. */
+/* Surrogates without a tape: plans of the model's program compute curves in the caller's memory. Also
+ * computes errors against given curves. Cubics and integrals around the network's functions are computed in
+ * double. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -8,10 +9,11 @@
 #include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
 
-/* Rows in one batch of a network at most, and the least number of panels of the quadrature. */
+/* BLOCK: largest number of rows in a batch of the network. PANELS: least number of panels of the
+ * quadrature. */
 enum { BLOCK = 64, PANELS = 50 };
 
-/* Functions of the bundle that curves need; `many`: also with a plan for many rows. */
+/* Program functions that curves need. `many`: there is also a plan for many rows at once. */
 typedef enum asked { VALUE, ENDS, POINT, PLACE, ASKED } asked;
 static const struct {
     const char *name;
@@ -25,13 +27,13 @@ struct lg_surrogate_curves {
     const lg_context *context;
     lg_surrogate model;
     lg_dtype dtype;
-    size_t rows;                      /* of the plans `all`: points, or curves of the discrete network */
-    lg_plan *one[ASKED], *all[ASKED]; /* NULL: the kind has no such function, or rows is 1 */
-    size_t plan_work;                 /* bytes, of the largest plan */
+    size_t rows;                      /* rows of the plans `all`: points, or curves (discrete network) */
+    lg_plan *one[ASKED], *all[ASKED]; /* NULL: not needed for this kind; `all` also if rows is 1 */
+    size_t plan_work;                 /* work memory of the largest plan in bytes */
 };
 
-/* Outputs of the function of boundary conditions: those of the discrete network, or the numbers of a
- * curve. */
+/* Number of outputs of the function that is evaluated once per curve: `value` of the discrete network, `ends`
+ * of the angle network. */
 static size_t made_numbers(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? lg_surrogate_outputs(model) : LG_SURROGATE_ENDS;
 }
@@ -39,21 +41,24 @@ static size_t made_numbers(const lg_surrogate *model) {
 /* ---- memory ---- */
 
 typedef enum role { WHOLE, PART, ASKED_FOR } role;
-/* A place at which the angle network is evaluated: a point of the curve, or a Gauss point with its share of
- * the integral over a whole panel or a part of one. */
+/* A point at which the angle network is evaluated. It is a point of the curve that was asked for (ASKED_FOR),
+ * or a Gauss point, with its weight `share`, of an integral over a whole panel (WHOLE) or a part of a panel
+ * (PART). */
 typedef struct place {
     double share;
     role role;
 } place;
 
-/* The caller's memory, cut into pieces. All numbers except `curve` have the plans' type. */
+/* The caller's work memory, cut into arrays. All numbers except `places` and `curve` have the plans' type. */
 typedef struct run {
     const lg_surrogate_curves *c;
-    char *x, *made; /* boundary conditions (8), the numbers made from them; discrete: (rows) of each */
-    char *s;        /* (rows) */
-    char *q, *v;    /* (rows, 2), or theta (rows) */
-    place *places;  /* (rows) */
-    double *curve;  /* discrete: nodes (N + 1, 2), then tangents */
+    /* x: boundary conditions (8); made: the outputs computed from them once per curve (made_numbers). The
+     * discrete network has (rows) of each. */
+    char *x, *made;
+    char *s;       /* (rows) */
+    char *q, *v;   /* (rows, 2); the angle network writes theta (rows) to q */
+    place *places; /* (rows) */
+    double *curve; /* discrete network: nodes (N + 1, 2), then tangents */
     char *plan;
 } run;
 
@@ -132,14 +137,15 @@ static lg_status create(const lg_context *context, const lg_surrogate *model, co
     return status;
 }
 
-/* Number of panels. It does not depend on the points: panels are equal parts of the data's intervals, at
- * least PANELS in all, so that the data's nodes are ends of panels as in training. */
+/* Number of panels of the quadrature. It does not depend on the points. Panels are equal parts of the data's
+ * intervals, at least PANELS in total. So the data's nodes are ends of panels, as in training. */
 static size_t panels_of(const lg_surrogate *model) {
     const size_t n = model->intervals;
     return n * ((PANELS + n - 1) / n);
 }
 
-/* Rows of a block: the places of a curve of `points` points are cut into equal blocks. */
+/* Number of rows per batch. The evaluations for a curve of `points` points are divided into batches of equal
+ * size, at most BLOCK. */
 static size_t rows_for(const lg_surrogate *model, size_t points) {
     const bool angle = model->options.kind == LG_SURROGATE_ANGLE;
     const size_t places = points + (angle ? LG_GAUSS_POINTS * panels_of(model) : 0);
@@ -164,14 +170,15 @@ void lg_surrogate_curves_destroy(lg_surrogate_curves *curves) {
     lg_free(curves->context, curves);
 }
 
-/* Computes r->made from the boundary conditions. */
+/* Computes r->made from the boundary conditions in r->x. */
 static void make_of_ends(const run *r, asked which) {
     const lg_plan *plan = r->c->all[which] != NULL ? r->c->all[which] : r->c->one[which];
     lg_plan_eval(plan, (const void *const[]){r->x}, (void *const[]){r->made}, r->plan);
 }
 
-/* Computes r->q and r->v at the first `count` places of r->s, for the curve `shared`. A few places go one by
- * one. Otherwise the last place is repeated until the plan's rows are full. */
+/* Computes r->q and r->v at the first `count` points in r->s; `shared` is the input that all points of the
+ * curve share. If count is less than a quarter of the plan's rows, the points are evaluated one by one;
+ * otherwise in one batch, which is filled up with copies of the last point. */
 static void ask(const run *r, asked which, const char *shared, size_t count) {
     const size_t rows = r->c->rows, size = size_of(r->c->dtype);
     const size_t width = size * (r->c->model.options.kind == LG_SURROGATE_CONTINUOUS ? 2 : 1);
@@ -190,7 +197,7 @@ static double number(const run *r, const char *values, size_t at) {
     return lg_surrogate_get(r->c->dtype, values, at);
 }
 
-/* A curve to compute: its boundary conditions, and the arrays for its points; q and v may be NULL. */
+/* A curve to be computed: its boundary conditions, and the arrays for its points. q and v may be NULL. */
 typedef struct target {
     const double *x;
     double *q, *v;
@@ -201,9 +208,9 @@ static void hand_over(const target *t, size_t i, const double *q, const double *
     if (t->v != NULL) memcpy(t->v + 2 * i, v, 2 * sizeof *v);
 }
 
-/* ---- discrete ---- */
+/* ---- discrete network ---- */
 
-/* The network's numbers `values` (4(N - 1)) with the given ends. */
+/* Fills r->curve with the network's numbers values[first ...] (4(N - 1)) between the ends given by x. */
 static void spread_nodes(const run *r, const char *values, size_t first, const double *x) {
     const size_t n = r->c->model.intervals, inner = 2 * (n - 1);
     for (size_t part = 0; part < 2; part++) {
@@ -249,7 +256,7 @@ static void discrete_curve(const run *r, const target *t, const double *s, size_
     read_nodes(r, t, s, points);
 }
 
-/* ---- continuous ---- */
+/* ---- continuous network ---- */
 
 static void continuous_curve(const run *r, const target *t, const double *s, size_t points) {
     const size_t most = r->c->rows;
@@ -264,17 +271,18 @@ static void continuous_curve(const run *r, const target *t, const double *s, siz
     }
 }
 
-/* ---- angle ---- */
+/* ---- angle network ---- */
 
-/* The state of the integration along a curve. */
+/* State of the integration along a curve. */
 typedef struct walk {
-    double whole[2], part[2]; /* integral over whole panels, and from their end to the next point */
-    size_t panels;            /* whole panels so far */
-    size_t filled;            /* places that wait for evaluation */
-    size_t done;              /* points written */
+    double whole[2], part[2]; /* integral over the whole panels, and from their end to the next point */
+    size_t panels;            /* number of whole panels so far */
+    size_t filled;            /* number of places that wait for evaluation */
+    size_t done;              /* number of points written */
 } walk;
 
-/* Evaluates the waiting places in their order: adds shares to the integral and writes points. */
+/* Evaluates the waiting places and processes them in their order: Gauss points add to the integral, asked
+ * points are written. */
 static void empty(const run *r, const target *t, walk *w) {
     if (w->filled == 0) return;
     ask(r, POINT, r->made, w->filled);
@@ -305,7 +313,7 @@ static void gauss(const run *r, const target *t, walk *w, double a, double b, ro
         wait_for(r, t, w, a + lg_gauss_at[g] * (b - a), (b - a) * lg_gauss_weight[g], as);
 }
 
-/* Queues the integral up to s: whole panels, then the part of the next one. */
+/* Queues the Gauss points of the integral up to s: whole panels, then the part of the next panel. */
 static void integrate_to(const run *r, const target *t, walk *w, double s) {
     const double panels = (double)panels_of(&r->c->model), h = r->c->model.length / panels;
     const double place_in = s / h;
@@ -316,7 +324,7 @@ static void integrate_to(const run *r, const target *t, walk *w, double s) {
     if (place_in > (double)w->panels + 1e-9) gauss(r, t, w, h * (double)w->panels, s, PART);
 }
 
-/* Spreads what is missing of qN along the beam. */
+/* For `symmetric`: distributes the distance that is missing to qN linearly along the beam. */
 static void close_curve(const run *r, const target *t, walk *w, const double *s, size_t points) {
     const double length = r->c->model.length;
     integrate_to(r, t, w, length);
@@ -338,10 +346,10 @@ static void angle_curve(const run *r, const target *t, const double *s, size_t p
     if (r->c->model.options.symmetric && t->q != NULL) close_curve(r, t, &w, s, points);
 }
 
-/* ---- any curve ---- */
+/* ---- curves of all kinds ---- */
 
-/* A number of x that is not finite makes the whole curve NaN; an s that is not finite makes its point NaN. A
- * branch of ReLU, or limiting s to an end, would hide such a number. */
+/* Makes the whole curve NaN if a number of x is not finite, and a point NaN if its s is not finite. Otherwise
+ * a ReLU, or the limitation of s to the ends of the beam, could hide such a number. */
 static void mark_unfit(const target *t, const double *s, size_t points) {
     double mark = 0.0;
     for (size_t i = 0; i < 8; i++) mark += 0.0 * t->x[i];
@@ -369,15 +377,15 @@ void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, cons
 
 /* ---- evaluation ---- */
 
-/* Comparison of one model's curves with given curves. */
+/* Comparison of a model's curves with given curves. */
 typedef struct judging {
     const lg_elastica_curves *curves;
-    const uint32_t *chosen; /* NULL: all */
+    const uint32_t *chosen; /* NULL: all curves */
     size_t count;
-    double *s, *half_way; /* nodes (N + 1), and half-way between them (N) */
-    double *q, *v;        /* (N + 1, 2): the curve there */
-    double *node_sums;    /* (N + 1, 2) */
-    double square[2];     /* sums over curves, nodes and components, of q and of v */
+    double *s, *half_way; /* arc lengths of the nodes (N + 1), and half-way between the nodes (N) */
+    double *q, *v;        /* (N + 1, 2): the model's curve at these points */
+    double *node_sums;    /* (N + 1, 2): sums over the curves of |q - q_k| and |v - v_k| */
+    double square[2];     /* squared errors of q and of v, summed over curves, nodes and components */
     lg_surrogate_errors e;
 } judging;
 
@@ -385,12 +393,12 @@ static size_t number_of(const judging *j, size_t i) {
     return j->chosen != NULL ? j->chosen[i] : i;
 }
 
-/* The larger number; NaN if a or b is NaN. */
+/* Returns the larger number, or NaN if a or b is NaN. */
 static double larger(double a, double b) {
     return b <= a || isnan(a) ? a : b;
 }
 
-/* Largest ||v| - 1| over points. */
+/* Returns the largest ||v| - 1| over the points. */
 static double off_unit(const double *v, size_t points) {
     double largest = 0.0;
     for (size_t k = 0; k < points; k++)
@@ -412,7 +420,7 @@ static void judge_ends(judging *j, const lg_surrogate *model, const double *x) {
             j->e.boundary_error = larger(j->e.boundary_error, fabs(got[i][c] - given[i][c]));
 }
 
-/* Node k of the curve, part 0 (q) or 1 (v). */
+/* Adds the error at node k. part: 0 for q, 1 for v. counts: whether the node counts in mse and max_error. */
 static void judge_node(judging *j, size_t k, size_t part, const double *got, const double *given,
                        bool counts) {
     const double dx = got[0] - given[0], dy = got[1] - given[1], square = dx * dx + dy * dy;
@@ -422,7 +430,7 @@ static void judge_node(judging *j, size_t k, size_t part, const double *got, con
     j->e.max_error = larger(j->e.max_error, larger(fabs(dx), fabs(dy)));
 }
 
-/* Adds the errors of the curve in j->q and j->v, number i of the chosen curves. */
+/* Adds the errors of the curve in j->q and j->v, which belongs to number i of the chosen curves. */
 static void judge(judging *j, const lg_surrogate *model, size_t i) {
     const size_t at = number_of(j, i), nodes = (size_t)j->curves->intervals + 1;
     const double *q = j->curves->q + 2 * nodes * at, *v = j->curves->v + 2 * nodes * at;
@@ -435,12 +443,13 @@ static void judge(judging *j, const lg_surrogate *model, size_t i) {
     judge_ends(j, model, j->curves->boundary + 8 * at);
 }
 
-/* j->v holds the tangents half-way between the nodes. */
+/* Judges the tangents half-way between the nodes, which are in j->v. */
 static void judge_between(judging *j) {
     j->e.unit_tangent_between = larger(j->e.unit_tangent_between, off_unit(j->v, j->curves->intervals));
 }
 
-/* Evaluates the discrete network for many curves at once, so that its parameters are read once for all. */
+/* Evaluates the discrete network for many curves at once, so that its parameters are read from memory once
+ * for all of them. */
 static void judge_discrete(judging *j, const run *r) {
     const size_t nodes = (size_t)r->c->model.intervals + 1, outputs = made_numbers(&r->c->model);
     const target t = {NULL, j->q, j->v};

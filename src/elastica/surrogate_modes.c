@@ -1,4 +1,5 @@
-/* The fixed last layer of the discrete network: leading singular vectors of its training curves. */
+/* Modes of the discrete network: a fixed last layer, made of the leading singular vectors of the training
+ * curves. */
 #include <limits.h>
 #include <math.h>
 #include <string.h>
@@ -29,7 +30,7 @@ lg_var lg_surrogate_sum_modes(lg_tape *tape, const lg_surrogate *model, lg_var c
     return lg_dense(tape, c, vectors, mean, LG_IDENTITY);
 }
 
-/* ---- the numbers of a curve ---- */
+/* ---- curves as vectors ---- */
 
 static lg_status check(const lg_surrogate *model, const lg_elastica_curves *curves, const uint32_t *training,
                        size_t count, lg_error *error) {
@@ -42,7 +43,8 @@ static lg_status check(const lg_surrogate *model, const lg_elastica_curves *curv
     return LG_OK;
 }
 
-/* Inner nodes relative to q0, then inner tangents, on the network's side of the mirror: y (4(N - 1)). */
+/* Writes curve number `at` as a vector y (4(N - 1)): the inner nodes relative to q0, then the inner tangents,
+ * on the network's side of the mirror. */
 static void numbers_of(const lg_surrogate *model, const lg_elastica_curves *curves, size_t at, double *y) {
     const size_t inner = 2 * ((size_t)model->intervals - 1), stride = inner + 4;
     const double *x = curves->boundary + 8 * at, *q = curves->q + stride * at, *v = curves->v + stride * at;
@@ -54,7 +56,8 @@ static void numbers_of(const lg_surrogate *model, const lg_elastica_curves *curv
     }
 }
 
-/* Subtracts the part of y (n) along `vector` = s u. Returns the coefficient, 0 for s = 0. */
+/* Subtracts from y (n) its component along `vector` = s u. Returns the coefficient of the vector, 0 if s =
+ * 0. */
 static double take_out(const double *vector, size_t n, double *y) {
     double dot = 0.0, square = 0.0;
     for (size_t i = 0; i < n; i++) {
@@ -90,8 +93,9 @@ lg_status lg_surrogate_coefficients(const lg_context *context, const lg_surrogat
 
 /* ---- singular vectors ---- */
 
-/* Arrays of a decomposition: centred curves a (count, n) by columns, singular values s, left vectors u
- * (count, least), right ones vt (least, n), both by columns; iwork (8 least), work as dgesdd asks. */
+/* Arrays of a singular value decomposition: centred curves a (count, n), singular values s, left vectors u
+ * (count, least), right vectors vt (least, n); a, u and vt are column-major. iwork (8 least) and work are the
+ * work memory of dgesdd. */
 typedef struct decomposition {
     size_t count, n, least;
     double *mean, *y, *a, *s, *u, *vt, *work;
@@ -104,7 +108,8 @@ static void release(const lg_context *context, decomposition *d) {
     lg_free(context, d->iwork);
 }
 
-/* dgesdd with `lwork` numbers of work; lwork -1: work[0] becomes the number that it asks for. */
+/* Calls dgesdd with `lwork` numbers of work memory. With lwork = -1, work[0] becomes the size that it
+ * needs. */
 static int decompose(decomposition *d, double *work, int lwork) {
     const int rows = (int)d->count, columns = (int)d->n, least = (int)d->least;
     int info = 0;
@@ -135,7 +140,7 @@ static lg_status reserve(const lg_context *context, decomposition *d) {
     return LG_OK;
 }
 
-/* d->mean and d->a from the curves. False if a number is not finite. */
+/* Fills d->mean and d->a from the curves. Returns false if a number is not finite. */
 static bool lay_out(decomposition *d, const lg_surrogate *model, const lg_elastica_curves *curves,
                     const uint32_t *training) {
     double all = 0.0;
@@ -154,7 +159,8 @@ static bool lay_out(decomposition *d, const lg_surrogate *model, const lg_elasti
     return isfinite(all);
 }
 
-/* s_k = sigma_k/sqrt(count): the singular values sigma are those of all curves together. */
+/* Writes the mean and the first `count` modes s_k u_k, with s_k = sigma_k/sqrt(number of curves), where
+ * sigma_k are the singular values. */
 static void hand_over(const decomposition *d, uint32_t count, double *modes) {
     memcpy(modes, d->mean, d->n * sizeof *modes);
     for (size_t k = 0; k < count; k++)
@@ -162,7 +168,7 @@ static void hand_over(const decomposition *d, uint32_t count, double *modes) {
             modes[d->n * (k + 1) + j] = d->s[k] / sqrt((double)d->count) * d->vt[d->least * j + k];
 }
 
-/* The decomposition of these curves, to be released. */
+/* Computes the decomposition of these curves. The caller releases *d, also after a failure. */
 static lg_status take_apart(const lg_context *context, const lg_surrogate *model,
                             const lg_elastica_curves *curves, const uint32_t *training, decomposition *d,
                             lg_error *error) {
@@ -178,8 +184,9 @@ static lg_status take_apart(const lg_context *context, const lg_surrogate *model
     return LG_OK;
 }
 
-/* The least K whose rest, the sum of s_k^2 over k >= K, is at most NEGLIGIBLE of the whole, or has less than
- * NOISE of itself in s_K^2. */
+/* Returns the least K for which the rest, the sum of s_k^2 over k >= K, is negligible or noise; at most
+ * `most`. The rest is negligible if it is at most NEGLIGIBLE times the sum over all k. It is noise if its
+ * largest term s_K^2 is less than NOISE times the rest. */
 static const double NEGLIGIBLE = 1e-12, NOISE = 0.1;
 static uint32_t needed(const double *s, size_t count, uint32_t most) {
     double whole = 0.0, rest = 0.0;

@@ -1,12 +1,12 @@
-/* Published hyperparameters of the surrogates, and our own. Each row is a setting. Among the rows that fit,
- * the one with the nearest part of the data is used. */
+/* Presets of hyperparameters for the surrogates: published ones and our own. Among the rows that match a
+ * request, the row whose fraction of training data is nearest to the requested one is used. */
 #include <math.h>
 #include <string.h>
 
 #include "core/count.h"
 #include "liegrad/surrogate.h"
 
-/* Network, then training, in the order of the columns below. */
+/* The settings of network and training, in the order of the table's columns. */
 #define MODEL(kind_, architecture_, embedding_, layers_, hidden_, activation_, normalise_, mirror_,          \
               boundary_, between_, modes_, loss_, gamma_)                                                    \
     {                                                                                                        \
@@ -21,14 +21,15 @@
         .lr_step = every_, .lr_gamma = factor_, .weight_decay = decay_, .adam_eps = 1e-8, .clip = clip_,     \
         .validation = 0.0, .shards = shards_, .seed = 1                                                      \
     }
-/* A minimiser of the loss of all samples; batches and rates are those of --method adam. */
+/* Training by a minimiser that uses the loss of all samples (ssbroyden). Batch and learning rate are for
+ * --method adam. */
 #define SECOND_ORDER(epochs_, batch_, shards_)                                                               \
     {                                                                                                        \
         .plan = {1, {{LG_FIT_SSBROYDEN, 0}}}, .dtype = LG_F64, .epochs = epochs_, .batch = batch_,           \
         .lr = 3e-3, .schedule = LG_SCHEDULE_COSINE, .lr_step = 1, .lr_gamma = 1e-3, .weight_decay = 0.0,     \
         .adam_eps = 1e-8, .clip = 1e-2, .validation = 0.0, .shards = shards_, .seed = 1                      \
     }
-/* Perceptrons to modes, with the mean square error, and to angles, with the energy. */
+/* Perceptrons that output modes (mean square error) or angles (energy). */
 #define SMALL(merged, layers, hidden, modes, loss, epochs)                                                   \
     {                                                                                                        \
         "best", LG_SURROGATE_DISCRETE, false, merged, 0.9, "ours",                                           \
@@ -36,7 +37,8 @@
                   modes, loss, 0.0),                                                                         \
             SECOND_ORDER(epochs, 16, 4), 0                                                                   \
     }
-/* Perceptrons of s. An evaluation of the loss takes all points of all curves, hence few curves. */
+/* Perceptrons that take s. Each evaluation of the loss uses all points of all curves; that is why few curves
+ * are used. */
 #define SMALL_OF_S(kind, boundary, merged, layers, hidden, between, gamma, epochs, batch, curves)            \
     {                                                                                                        \
         "best", LG_SURROGATE_##kind, boundary, merged, 0.9, "ours",                                          \
@@ -46,7 +48,7 @@
             SECOND_ORDER(epochs, batch, 4), curves                                                           \
     }
 /* Multilayer perceptron from the boundary conditions to all inner nodes. It has more parameters than a batch
- * has numbers, hence one shard. */
+ * has numbers; that is why there is only one shard. */
 #define DISCRETE(name, merged, fraction, source, layers, hidden, act, normalise, mirror, gamma, ...)         \
     {                                                                                                        \
         name, LG_SURROGATE_DISCRETE, false, merged, fraction, source,                                        \
@@ -54,7 +56,7 @@
                   false, 0, LG_SURROGATE_MSE, gamma),                                                        \
             TRAINING(__VA_ARGS__), 0                                                                         \
     }
-/* Multiplicative network of s and the boundary conditions, after an embedding of the same width. */
+/* Multiplicative network of s and the boundary conditions, behind an embedding of the same width. */
 #define CONTINUOUS(name, merged, fraction, source, kind, layers, hidden, act, normalise, mirror, between,    \
                    gamma, ...)                                                                               \
     {                                                                                                        \
@@ -63,7 +65,7 @@
                   false, between, 0, LG_SURROGATE_MSE, gamma),                                               \
             TRAINING(__VA_ARGS__), 0                                                                         \
     }
-/* The same network of the end angles and s; a batch of 20 curves has about 1000 points. */
+/* The same kind of network, of the end angles and s. A batch of 20 curves has about 1000 points. */
 #define ANGLE(name, boundary, merged, fraction, source, kind, layers, hidden, act, mirror, ...)              \
     {                                                                                                        \
         name, LG_SURROGATE_ANGLE, boundary, merged, fraction, source,                                        \

@@ -1,17 +1,18 @@
 /* Surrogates as programs, with their Jacobians.
  *
- * R is the sign of the mirror (1, or -1 on y-components), f the network on its own side of the mirror.
- *   discrete    q_i = q0 + R f_i, v_i = R f_i', both functions of (v0, qN - q0, vN)
- *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN), with held ends q = H + w R f, H and w as in
+ * R is the sign of the mirror: 1, or -1, which changes the sign of y-components. f is the network, evaluated
+ * on its side of the mirror.
+ *   discrete    q_i = q0 + R f_i, v_i = R f_i', where f_i and f_i' depend on (v0, qN - q0, vN)
+ *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN); with held ends q = H + w R f, with H and w of
  *               surrogate_internal.h
  *   angle       theta = R (pi f(s) + m_0 w_0(s) + m_N w_N(s)), f(s) = f(theta_0/pi, theta_N/pi, s),
  *               m_0 = theta_0 - pi f(0), m_N = theta_N - pi f(L)
- * For discrete and continuous, the derivative by q0 is the negative of that by qN, plus the identity for q.
- * w are the weights at the ends; they are 0 without `boundary`. A tangent of length 0 has no angle: the
- * derivatives by it are NaN.
+ * For the discrete and the continuous network, the derivative with respect to q0 is minus the derivative with
+ * respect to qN, plus the identity for q. w_0 and w_N are the weights of the ends; they are 0 without
+ * `boundary`. A tangent of length 0 has no angle: derivatives with respect to it are NaN.
  *
- * x are boundary conditions (B, 8). Kinds with an arc length have s before them in the network's input.
- */
+ * x are boundary conditions (B, 8). For the continuous and the angle network the functions' input begins with
+ * s. */
 #include <math.h>
 
 #include "core/core.h"
@@ -23,11 +24,11 @@
 enum { BOUNDARY = 8, MOST_DIRECTIONS = 7 };
 enum { THETA, MEAN, MODES, PARAMETERS };
 
-/* A model that is recorded on a tape. */
+/* The recording of a model on a tape. */
 typedef struct drawing {
     lg_tape *tape;
     const lg_surrogate *model;
-    const lg_var *theta; /* parameters of the program: theta, then mean and modes where there are modes */
+    const lg_var *theta; /* the program's parameters: theta, then mean and modes if there are any */
 } drawing;
 
 static uint32_t rows_of(const drawing *d, lg_var x) {
@@ -43,7 +44,7 @@ static lg_var beside(const drawing *d, lg_var a, lg_var b) {
     return lg_concat(d->tape, both, 2, 1);
 }
 
-/* (1, count), the same numbers for all rows. */
+/* Returns a row (1, count), to be used with all rows of a batch. */
 static lg_var row(const drawing *d, const double *values, uint32_t count) {
     return lg_input_f64(d->tape, lg_shape2(1, count), values);
 }
@@ -56,14 +57,15 @@ static lg_var net(const drawing *d, lg_var input) {
     return lg_dense(d->tape, c, modes, d->theta[MEAN], LG_IDENTITY);
 }
 
-/* How many inputs stand before the boundary conditions: 1, arc length, or 0 for the discrete network. */
+/* Number of inputs before the boundary conditions: 1 (s), or 0 for the discrete network. */
 static uint32_t places(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? 0 : 1;
 }
 
 /* ---- the mirror ---- */
 
-/* R (B, 1): the sign of the first of turn, v0, rise that is not zero. */
+/* R (B, 1): the sign of the first of these numbers that is not zero: v0y - vNy, v0y, qNy - q0y. 1 without
+ * `mirror`. */
 static lg_var sign_of(const drawing *d, lg_var x) {
     lg_tape *t = d->tape;
     if (!d->model->options.mirror) return lg_full(t, lg_shape2(rows_of(d, x), 1), 1.0);
@@ -73,13 +75,13 @@ static lg_var sign_of(const drawing *d, lg_var x) {
     return lg_select(t, turn, lg_sign(t, turn), lg_select(t, v0, lg_sign(t, v0), lg_sign(t, rise)));
 }
 
-/* (1, R) (B, 1, 2), for pairs of an x- and a y-component. */
+/* Returns (1, R) with the shape (B, 1, 2), a factor for pairs of an x- and a y-component. */
 static lg_var mirror(const drawing *d, lg_var sign) {
     const lg_var one = lg_full(d->tape, lg_var_shape(d->tape, sign), 1.0);
     return lg_reshape(d->tape, beside(d, one, sign), lg_shape3(rows_of(d, sign), 1, 2));
 }
 
-/* y (B, n), each pair times (1, R). */
+/* Multiplies the y-components of y (B, n) by R; y consists of pairs (x, y). */
 static lg_var reflected(const drawing *d, lg_var y, lg_var sign) {
     const lg_shape shape = lg_var_shape(d->tape, y);
     if (!d->model->options.mirror) return y;
@@ -87,10 +89,10 @@ static lg_var reflected(const drawing *d, lg_var y, lg_var sign) {
     return lg_reshape(d->tape, lg_mul(d->tape, pairs, mirror(d, sign)), shape);
 }
 
-/* ---- discrete and continuous ---- */
+/* ---- discrete and continuous networks ---- */
 
-/* The network takes x-coordinates of the ends as (x - centre)/centre. `centre` is subtracted, `scale`
- * divides. */
+/* Computes the scaling of the network's input, (input - centre)/scale. With `normalise` the x-coordinates of
+ * the ends have centre and scale model->centre; all other inputs have 0 and 1. */
 static void scaling(const lg_surrogate *model, double *centre, double *scale) {
     for (size_t c = 0; c < BOUNDARY; c++) {
         const bool point = c == LG_AT_Q0 || c == LG_AT_QN;
@@ -99,7 +101,8 @@ static void scaling(const lg_surrogate *model, double *centre, double *scale) {
     }
 }
 
-/* x relative to q0, on the network's side of the mirror (B, 8). */
+/* Computes the network's input (B, 8) from x: relative to q0, on the network's side of the mirror, and
+ * scaled. */
 static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
     static const double counted[BOUNDARY] = {1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0};
     lg_tape *t = d->tape;
@@ -112,7 +115,7 @@ static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
     return lg_div(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, scale, BOUNDARY));
 }
 
-/* Number of outputs that are points relative to q0; they stand before the tangents. */
+/* Number of outputs that are positions relative to q0. They come before the tangents. */
 static uint32_t points_in(const lg_surrogate *model) {
     const uint32_t outputs = lg_surrogate_outputs(model);
     return model->options.kind == LG_SURROGATE_DISCRETE ? outputs / 2 : outputs;
@@ -122,7 +125,8 @@ static bool is_held(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_CONTINUOUS && model->options.boundary;
 }
 
-/* The shares of (q0, v0, qN, vN) in H at s (B, 1), then w; `slopes`: their derivatives by s. (B, 5) */
+/* Coefficients of q0, v0, qN and vN in H at s (B, 1), then the weight w: (B, 5). With `slopes` their
+ * derivatives with respect to s. */
 static lg_var shares_of_ends(const drawing *d, lg_var s, bool slopes) {
     const double length = d->model->length;
     const double(*table)[LG_HELD] = slopes ? lg_held_slope : lg_held_value;
@@ -140,7 +144,7 @@ static lg_var shares_of_ends(const drawing *d, lg_var s, bool slopes) {
                      lg_input_f64(tape, lg_shape2(LG_HELD, LG_HELD), numbers));
 }
 
-/* The sum of (q0, v0, qN, vN) of x (B, 8), and of y (B, 2), with these shares (B, 5): (B, 2) */
+/* Combines q0, v0, qN and vN of x (B, 8), and y (B, 2), with the coefficients `shares` (B, 5): (B, 2). */
 static lg_var held(const drawing *d, lg_var shares, lg_var x, lg_var y) {
     lg_var sum = lg_mul(d->tape, columns(d, shares, LG_HELD - 1, 1), y);
     for (uint32_t j = 0; j + 1 < LG_HELD; j++)
@@ -148,7 +152,8 @@ static lg_var held(const drawing *d, lg_var shares, lg_var x, lg_var y) {
     return sum;
 }
 
-/* The curve's numbers (B, outputs) from the network's output f (B, outputs). */
+/* Converts the network's output f (B, outputs) to the outputs of the program (B, outputs): undoes the mirror,
+ * then adds q0 or, with held ends, combines with H. */
 static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var sign) {
     lg_tape *t = d->tape;
     const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, f);
@@ -160,7 +165,7 @@ static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var s
     return n == outputs ? q : beside(d, q, columns(d, y, n, outputs - n));
 }
 
-/* x -> R and the network's input from x (B, 9) */
+/* Program function `side`: x -> R and the network's input from the boundary conditions, (B, 9). */
 static lg_status curve_side(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const lg_var sign = sign_of(&d, in[0]);
@@ -168,7 +173,7 @@ static lg_status curve_side(void *user, lg_tape *t, const lg_var *theta, const l
     return lg_tape_status(t);
 }
 
-/* The same by a call. Returns the network's input and sets R. */
+/* Calls `side`. Returns the network's input, with s/L in front if the network needs it, and sets R. */
 static lg_var called_input(const drawing *d, lg_var s, lg_var x, lg_var *sign) {
     const lg_var side = lg_program_call(d->tape, "side", 0, &x);
     const lg_var ends = columns(d, side, 1, BOUNDARY);
@@ -184,8 +189,8 @@ static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
-/* Derivatives of the network's input by the directions, (B, 1, directions): s if the kind has it, then v0,
- * qN - q0, vN. Each direction changes one column of the input. */
+/* Derivatives of the network's input with respect to the directions: (B, 1, directions). The directions are s
+ * (if the network has it), then v0, qN - q0 and vN. Each direction changes one column of the input only. */
 static lg_var moves(const drawing *d, lg_var sign, uint32_t rows) {
     lg_tape *t = d->tape;
     double centre[BOUNDARY], scale[BOUNDARY], ones[BOUNDARY];
@@ -198,7 +203,7 @@ static lg_var moves(const drawing *d, lg_var sign, uint32_t rows) {
     return lg_reshape(t, all, lg_shape3(rows, 1, count + places(d->model)));
 }
 
-/* dq/dq0 with all else fixed (1, outputs, 2). */
+/* dq/dq0 with all else relative to q0 fixed: (1, outputs, 2). */
 static lg_var identity(const drawing *d) {
     static const double pair[4] = {1.0, 0.0, 0.0, 1.0};
     const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model);
@@ -207,7 +212,8 @@ static lg_var identity(const drawing *d) {
     return lg_pad(d->tape, lg_reshape(d->tape, all, lg_shape3(1, n, 2)), 1, 0, outputs - n);
 }
 
-/* From the directions to the columns of the input x: by (B, outputs, directions) -> (B, outputs, inputs). */
+/* Converts derivatives with respect to the directions, by (B, outputs, directions), to derivatives with
+ * respect to the columns of x: (B, outputs, inputs). */
 static lg_var input_columns(const drawing *d, lg_var by) {
     lg_tape *t = d->tape;
     const uint32_t first = places(d->model), count = BOUNDARY - LG_AT_V0;
@@ -217,7 +223,8 @@ static lg_var input_columns(const drawing *d, lg_var by) {
     return lg_concat(t, parts + 1 - first, 2 + first, 2);
 }
 
-/* Columns of the network's input that the directions change: s if the kind has it, then all except q0. */
+/* Picks the columns of the network's input that the directions change: s if the network has it, then all
+ * except q0. */
 static lg_var moved_columns(const drawing *d, lg_var by) {
     const uint32_t first = places(d->model);
     const lg_var ends = lg_slice(d->tape, by, 2, first + LG_AT_V0, BOUNDARY - LG_AT_V0);
@@ -225,8 +232,8 @@ static lg_var moved_columns(const drawing *d, lg_var by) {
     return first > 0 ? lg_concat(d->tape, both, 2, 2) : ends;
 }
 
-/* Derivatives of f by these columns (B, outputs, directions), in one batch. They are computed in reverse mode
- * if there are no more outputs than directions, else in forward mode. */
+/* Derivatives of f with respect to these columns (B, outputs, directions), in one batch. Reverse mode is used
+ * if there are no more outputs than directions, otherwise forward mode. */
 static lg_var net_jacobian(const drawing *d, lg_var input, uint32_t directions) {
     static const uint32_t column[MOST_DIRECTIONS] = {0, 3, 4, 5, 6, 7, 8};
     lg_tape *t = d->tape;
@@ -247,7 +254,7 @@ static lg_var net_jacobian(const drawing *d, lg_var input, uint32_t directions) 
     return moved_columns(d, lg_reshape(t, by, lg_shape3(rows, count, inputs)));
 }
 
-/* `by` (B, outputs, directions) with each pair of outputs times (1, R). */
+/* Multiplies each pair of outputs in `by` (B, outputs, directions) by (1, R). */
 static lg_var reflected_rows(const drawing *d, lg_var by, lg_var sign) {
     const lg_shape shape = lg_var_shape(d->tape, by);
     const uint32_t rows = shape.dims[0];
@@ -259,7 +266,7 @@ static lg_var reflected_rows(const drawing *d, lg_var by, lg_var sign) {
     return lg_reshape(d->tape, lg_mul(d->tape, pairs, factor), shape);
 }
 
-/* The derivatives of both components of q, in reverse mode. */
+/* Outputs y and the derivatives of both components of q, in reverse mode. */
 static lg_status held_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const lg_shape row = lg_shape3(rows_of(&d, in[0]), 1, 1 + BOUNDARY);
@@ -285,27 +292,27 @@ static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, con
     return lg_tape_status(t);
 }
 
-/* ---- angle ---- */
+/* ---- angle network ---- */
 
-/* theta of a tangent v (B, 2), of its mirror image for R = -1. */
+/* Angle of a tangent v (B, 2); of its mirror image for R = -1. */
 static lg_var angle_of(const drawing *d, lg_var v, lg_var sign) {
     const lg_var y = lg_mul(d->tape, sign, columns(d, v, 1, 1));
     return lg_surrogate_angle(d->tape, beside(d, columns(d, v, 0, 1), y));
 }
 
-/* pi f at s (B, 1) for end angles (B or 1, 2). */
+/* pi f at s (B, 1) for the end angles `angles` (B or 1, 2). */
 static lg_var net_angle(const drawing *d, lg_var s, lg_var angles) {
     const lg_var ends = lg_scale(d->tape, angles, 1.0 / LG_SURROGATE_PI);
     const lg_var all = lg_broadcast_to(d->tape, ends, lg_shape2(rows_of(d, s), 2));
     return lg_scale(d->tape, net(d, beside(d, all, s)), LG_SURROGATE_PI);
 }
 
-/* w_0 and w_N at s (B, 1): (B, 2), (1, 0) at s = 0 and (0, 1) at s = L. */
+/* w_0 and w_N at s (B, 1): (B, 2). They are (1, 0) at s = 0 and (0, 1) at s = L. */
 static lg_var end_weights(const drawing *d, lg_var s) {
     lg_tape *t = d->tape;
     const double length = d->model->length, c = exp(-100.0 * length * length);
     const double mixed = 1.0 / ((1.0 - c) * (1.0 + c));
-    const double high = (double)(float)length; /* s - L is exact near L, in single precision too */
+    const double high = (double)(float)length; /* so that s - L is exact near L, also in single precision */
     const lg_var rest = lg_add_scalar(t, lg_add_scalar(t, s, -high), high - length);
     const lg_var a = lg_exp(t, lg_scale(t, lg_square(t, s), -100.0));
     const lg_var b = lg_exp(t, lg_scale(t, lg_square(t, rest), -100.0));
@@ -314,10 +321,10 @@ static lg_var end_weights(const drawing *d, lg_var s) {
     return beside(d, lg_linear_combination(t, both, own, 2), lg_linear_combination(t, both, other, 2));
 }
 
-/* The numbers of a curve that serve all its places: R, theta_0, theta_N, m_0, m_N (B, 5). */
+/* Columns of the quantities that are computed once per curve: R, theta_0, theta_N, m_0, m_N (B, 5). */
 enum { CURVE_SIGN, CURVE_ANGLES, CURVE_MISSING = 3, CURVE_NUMBERS = LG_SURROGATE_ENDS };
 
-/* R, theta_0, theta_N (B, 3) */
+/* Computes R, theta_0, theta_N: (B, 3). */
 static lg_var side_and_angles(const drawing *d, lg_var x) {
     const lg_var sign = sign_of(d, x);
     const lg_var first = angle_of(d, columns(d, x, LG_AT_V0, 2), sign);
@@ -325,7 +332,7 @@ static lg_var side_and_angles(const drawing *d, lg_var x) {
     return beside(d, beside(d, sign, first), last);
 }
 
-/* pi f at s (B, n) of curves (B, 3 or more): (B, n) */
+/* pi f (B, n) at the points s (B, n) of the curves `curve` (B, 3 or more). */
 static lg_var net_angles(const drawing *d, lg_var s, lg_var curve) {
     const lg_shape shape = lg_var_shape(d->tape, s);
     const uint32_t n = shape.dims[1];
@@ -339,7 +346,8 @@ static lg_var both_ends(const drawing *d, uint32_t rows) {
     return lg_broadcast_to(d->tape, row(d, at, 2), lg_shape2(rows, 2));
 }
 
-/* theta at s (B, 1) from pi f there; curve (B or 1, 3), missing (B or 1, 2). */
+/* Computes theta at s (B, 1) from `angle`, the value of pi f there: adds the corrections of the end angles
+ * and undoes the mirror. curve (B or 1, 3 or more), missing (B or 1, 2). */
 static lg_var hold_ends(const drawing *d, lg_var angle, lg_var s, lg_var curve, lg_var missing) {
     lg_tape *t = d->tape;
     if (d->model->options.boundary) {
@@ -349,7 +357,8 @@ static lg_var hold_ends(const drawing *d, lg_var angle, lg_var s, lg_var curve, 
     return d->model->options.mirror ? lg_mul(t, angle, columns(d, curve, CURVE_SIGN, 1)) : angle;
 }
 
-/* Evaluates the network at s and at both ends in one batch. */
+/* Program function `value` of the angle network. The network is evaluated at s and at both ends in one
+ * batch. */
 static lg_status angle_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const lg_var s = columns(&d, in[0], 0, 1), curve = side_and_angles(&d, columns(&d, in[0], 1, BOUNDARY));
@@ -373,15 +382,15 @@ static lg_status angle_gradient(void *user, lg_tape *t, const lg_var *theta, con
     return lg_tape_status(t);
 }
 
-/* ---- along a curve ---- */
+/* ---- functions for many points of one curve ---- */
 
-/* Repeats the numbers of the curve (count) for every row of s. */
+/* Repeats `numbers` (count), which belong to the curve, for every row of s. */
 static lg_var for_all(const drawing *d, lg_var numbers, uint32_t count, lg_var s) {
     const lg_var row = lg_reshape(d->tape, numbers, lg_shape2(1, count));
     return lg_broadcast_to(d->tape, row, lg_shape2(rows_of(d, s), count));
 }
 
-/* s, x of the curve -> q, v */
+/* Program function `point` of the continuous network: s, and x of the curve -> q, v. */
 static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const lg_var x = for_all(&d, in[1], BOUNDARY, in[0]);
@@ -398,7 +407,7 @@ static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
-/* s, x of the curve -> q */
+/* Program function `place`: s, and x of the curve -> q. */
 static lg_status curve_place(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const lg_var both = beside(&d, in[0], for_all(&d, in[1], BOUNDARY, in[0]));
@@ -406,7 +415,7 @@ static lg_status curve_place(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
-/* x -> the curve's numbers */
+/* Program function `ends`: x -> R, theta_0, theta_N, m_0, m_N. */
 static lg_status angle_ends(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const uint32_t rows = rows_of(&d, in[0]);
@@ -418,7 +427,7 @@ static lg_status angle_ends(void *user, lg_tape *t, const lg_var *theta, const l
     return lg_tape_status(t);
 }
 
-/* s, the curve's numbers -> theta */
+/* Program function `point` of the angle network: s, and the outputs of `ends` -> theta. */
 static lg_status angle_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const lg_var curve = lg_reshape(t, in[1], lg_shape2(1, CURVE_NUMBERS));
@@ -427,9 +436,9 @@ static lg_status angle_point(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
-/* ---- the bundles ---- */
+/* ---- functions of each kind of network ---- */
 
-/* Ports. */
+/* Inputs and outputs of the functions. */
 static const lg_port x8 = {.name = "x", .shape = {1, {BOUNDARY}}},
                      x9 = {.name = "x", .shape = {1, {1 + BOUNDARY}}};
 static const lg_port point_in[2] = {{.name = "s", .shape = {1, {1}}},
@@ -465,7 +474,7 @@ static const struct bundle {
 lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model, const double *theta,
                                lg_program **out, lg_error *error) {
     LG_NEEDS(error, model, theta, out);
-    /* The union only drops const: recording only reads the model. */
+    /* This union only drops const, which is safe because recording does not write to the model. */
     union {
         const lg_surrogate *borrowed;
         void *user;

@@ -1,4 +1,5 @@
-/* The numbers of a curve from the output of the discrete network: as they are, from modes, or from angles. */
+/* Computes the numbers of a curve from the output of the discrete network: directly, from modes, or from
+ * angles. */
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "elastica/surrogate_internal.h"
@@ -9,7 +10,7 @@ static lg_var column(lg_tape *tape, lg_var x, uint32_t at, uint32_t count) {
     return lg_slice(tape, x, 1, at, count);
 }
 
-/* Angle of the tangent v (B, 2). A component -0 would turn pi into -pi; |-0| = 0. */
+/* Angle of the tangent v (B, 2). A y-component of -0 would give -pi instead of pi; lg_abs makes it 0. */
 lg_var lg_surrogate_angle(lg_tape *tape, lg_var v) {
     const lg_var y = column(tape, v, 1, 1), zero = lg_full(tape, lg_var_shape(tape, y), 0.0);
     const lg_var upper = lg_select(tape, lg_ge(tape, y, zero), lg_abs(tape, y), y);
@@ -24,7 +25,7 @@ lg_var lg_surrogate_chord(lg_tape *tape, const lg_surrogate *model, lg_var x) {
                   lg_input_f64(tape, lg_shape2(1, 2), centre));
 }
 
-/* k/N, k = 0..N, and 1 - k/N, as rows (1, N + 1). */
+/* Rows (1, N + 1) with the numbers k/N, and with the numbers 1 - k/N, for k = 0..N. */
 static void put_shares(lg_tape *tape, uint32_t intervals, lg_var *rising, lg_var *falling) {
     const lg_shape shape = lg_shape2(1, intervals + 1);
     void *up, *down;
@@ -48,14 +49,15 @@ lg_var lg_surrogate_node_angles(lg_tape *tape, const lg_surrogate *model, lg_var
     return lg_add(tape, line, lg_pad(tape, f, 1, 1, 1));
 }
 
-/* Sums over the first 1, 2, ..., n of the points (B, n, 2), by doubling. */
+/* Sums over the first 1, 2, ..., n of the points (B, n, 2), computed by doubling. */
 static lg_var running_sums(lg_tape *tape, lg_var points, uint32_t n) {
     for (uint32_t d = 1; d < n; d *= 2)
         points = lg_add(tape, points, lg_pad(tape, lg_slice(tape, points, 1, 0, n - d), 1, d, 0));
     return points;
 }
 
-/* q_k - q_0 = S_k + (k/N) r, S_k = (h/2) sum_{j < k} (v_j + v_{j+1}), r = q_N - q_0 - S_N. */
+/* Nodes and tangents from the angles: q_k - q_0 = S_k + (k/N) r, where S_k = (h/2) sum_{j < k} (v_j +
+ * v_{j+1}) and r = q_N - q_0 - S_N. */
 static lg_var curve_of_angles(lg_tape *tape, const lg_surrogate *model, lg_var angles, lg_var chord) {
     const uint32_t n = model->intervals, rows = lg_var_shape(tape, angles).dims[0];
     const lg_shape one = lg_shape3(rows, n + 1, 1), flat = lg_shape2(rows, 2 * (n - 1));
@@ -75,7 +77,7 @@ static lg_var curve_of_angles(lg_tape *tape, const lg_surrogate *model, lg_var a
     return lg_concat(tape, both, 2, 1);
 }
 
-/* ---- any network ---- */
+/* ---- all forms of the network ---- */
 
 lg_var lg_surrogate_net(lg_tape *tape, const lg_surrogate *model, lg_var theta, lg_var x) {
     if (model->options.angles)

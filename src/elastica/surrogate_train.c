@@ -1,4 +1,4 @@
-/* Training losses of the surrogates on a tape. Reflection and normalisation are done on the numbers of a
+/* Training losses of the surrogates on a tape. Mirroring and normalisation are applied to the numbers of a
  * batch before they enter the tape. */
 #include <math.h>
 #include <string.h>
@@ -7,7 +7,7 @@
 #include "liegrad/ops.h"
 #include "elastica/surrogate_internal.h"
 
-/* A part of a batch. */
+/* The samples of a shard, for which a loss is recorded. */
 typedef struct part {
     const lg_surrogate_problem *problem;
     lg_tape *tape;
@@ -15,7 +15,7 @@ typedef struct part {
     size_t count;
 } part;
 
-/* Curve number i of the training part, reflected for `sign` -1. */
+/* A training curve; sign is -1 if the network sees its mirror image. */
 typedef struct curve {
     const double *x, *q, *v;
     double sign;
@@ -30,7 +30,7 @@ static curve curve_at(const part *b, size_t i) {
 
 static const double origin[2] = {0.0, 0.0};
 
-/* Points (n, 2) of a curve, counted from `start`, into values[at ...]. */
+/* Writes points (n, 2) of a curve, relative to `start` and mirrored for sign = -1, to values[at ...]. */
 static void put_points(const part *b, void *values, size_t at, const double *points, size_t n,
                        const double *start, double sign) {
     for (size_t k = 0; k < n; k++) {
@@ -47,16 +47,18 @@ static void put_row(const part *b, void *values, size_t row, const curve *c, dou
     lg_surrogate_put(lg_tape_dtype(b->tape), values, row * n, numbers, n);
 }
 
-/* Arc length of node k of the data. For networks of a continuous s the data may have another N. */
+/* Arc length of node k of the training data, whose N may differ from the model's for networks of a continuous
+ * s. */
 static double node_of_data(const part *b, uint32_t k) {
     const uint32_t n = b->problem->curves->intervals;
     return k == n ? b->problem->model->length : b->problem->model->length * k / n;
 }
 
-/* ---- discrete ---- */
+/* ---- discrete network ---- */
 
-/* Mean of squares of the node-to-node differences of d (B, 4(N - 1)), which is zero at the ends: 4N numbers a
- * sample. In the shape (B, 2, 2(N + 1)) the next node of a component is two places further. */
+/* Mean square of the differences of d (B, 4(N - 1)) between neighbouring nodes, where d is zero at the ends:
+ * 4N differences per sample. In the shape (B, 2, 2(N + 1)) the same component at the next node is two places
+ * further. */
 static lg_var rough(lg_tape *tape, lg_var d, uint32_t count, uint32_t intervals) {
     lg_var nodes = lg_reshape(tape, d, lg_shape3(count, 2, 2 * (intervals - 1)));
     nodes = lg_pad(tape, nodes, 2, 2, 2);
@@ -64,7 +66,7 @@ static lg_var rough(lg_tape *tape, lg_var d, uint32_t count, uint32_t intervals)
                   lg_slice(tape, nodes, 2, 0, 2 * intervals));
 }
 
-/* Mean of squares of W d for d (B, 4(N - 1)), W = I + gamma G'G, G = S - I. */
+/* Mean square of W d for d (B, 4(N - 1)), W = I + gamma G'G, G = S - I (liegrad/surrogate.h). */
 static lg_var weighted(lg_tape *tape, lg_var d, double gamma) {
     const uint32_t n = lg_var_shape(tape, d).dims[1];
     const lg_var next = lg_pad(tape, lg_slice(tape, d, 1, 1, n - 1), 1, 0, 1);
@@ -86,7 +88,7 @@ static lg_var inputs_of(const part *b) {
     return x;
 }
 
-/* Errors of the curves' numbers (B, 4(N - 1)). */
+/* Errors of the network's nodes and tangents (B, 4(N - 1)). */
 static lg_var curve_errors(const part *b, lg_var theta) {
     const lg_surrogate *model = b->problem->model;
     const uint32_t count = (uint32_t)b->count, inner = model->intervals - 1;
@@ -102,7 +104,7 @@ static lg_var curve_errors(const part *b, lg_var theta) {
     return lg_sub(b->tape, lg_surrogate_net(b->tape, model, theta, x), target);
 }
 
-/* sum_k s_k^2 (c_k - c_k*)^2 as a mean over 4(N - 1) numbers. */
+/* Loss of a network with modes: sum_k s_k^2 (c_k - c_k*)^2, divided by the 4(N - 1) numbers of a curve. */
 static lg_var modes_loss(const part *b, lg_var theta) {
     const lg_surrogate *model = b->problem->model;
     const uint32_t modes = model->options.modes, n = lg_surrogate_outputs(model);
@@ -125,8 +127,8 @@ static lg_var modes_loss(const part *b, lg_var theta) {
     return lg_mean(b->tape, lg_square(b->tape, lg_mul(b->tape, d, weight)));
 }
 
-/* L/EI times the energy of the data's curves, summed: E of liegrad/elastica.h from their tangents, with
- * 1 - cos(theta_{k+1} - theta_k) = |v_{k+1} - v_k|^2/2. */
+/* Returns L/EI times the sum of the energies of the data's curves: E of liegrad/elastica.h, computed from
+ * their tangents with 1 - cos(theta_{k+1} - theta_k) = |v_{k+1} - v_k|^2/2. */
 static double given_energy(const part *b) {
     const double length = b->problem->model->length;
     const uint32_t n = b->problem->model->intervals;
@@ -144,7 +146,7 @@ static double given_energy(const part *b) {
     return sum;
 }
 
-/* Mean of (E - E_curve) L/EI, with 1 - cos = 2 sin^2(./2). */
+/* Mean of (E - E_curve) L/EI. E uses 1 - cos(a) = 2 sin^2(a/2). */
 static lg_var energy_loss(const part *b, lg_var theta) {
     const lg_surrogate *model = b->problem->model;
     const uint32_t n = model->intervals, rows = (uint32_t)b->count;
@@ -180,15 +182,15 @@ static lg_var discrete_loss(const part *b, lg_var theta) {
     return lg_add(b->tape, loss, lg_scale(b->tape, differences, model->options.gamma));
 }
 
-/* ---- continuous ---- */
+/* ---- continuous network ---- */
 
-/* d/ds of the inputs (s/L, x), one row for all samples. */
+/* Derivative of the network's inputs (s/L, x) with respect to s, one row for all samples. */
 static lg_var along_s(const part *b) {
     const double tangent[9] = {1.0 / b->problem->model->length};
     return lg_input_f64(b->tape, lg_shape2(1, 9), tangent);
 }
 
-/* splitmix64: Steele, Lea & Flood 2014. */
+/* A hash by splitmix64: Steele, Lea & Flood 2014. */
 double lg_surrogate_shift(uint64_t sample) {
     uint64_t z = (sample + 1) * 0x9e3779b97f4a7c15u;
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -196,7 +198,8 @@ double lg_surrogate_shift(uint64_t sample) {
     return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53 - 0.5;
 }
 
-/* Interpolation uses up to INTERPOLATED of the nodes 0..n, those nearest to `at`. The first of them. */
+/* Interpolation uses up to INTERPOLATED neighbouring nodes of 0..n. Returns the first of the `points` nodes
+ * that are nearest to `at`. */
 enum { INTERPOLATED = 6 };
 static uint32_t first_of(uint32_t n, uint32_t points, double at) {
     const uint32_t last = n + 1 - points;
@@ -204,7 +207,7 @@ static uint32_t first_of(uint32_t n, uint32_t points, double at) {
     return wanted <= 0.0 ? 0 : wanted >= last ? last : (uint32_t)wanted;
 }
 
-/* Lagrange's polynomial through the values (n + 1, 2). */
+/* Lagrange interpolation of values (n + 1, 2), given at the nodes, at the place `at` (in intervals). */
 static void interpolate(const double *values, uint32_t n, double at, double *out) {
     const uint32_t points = n + 1 < INTERPOLATED ? n + 1 : INTERPOLATED, first = first_of(n, points, at);
     out[0] = out[1] = 0.0;
@@ -216,16 +219,16 @@ static void interpolate(const double *values, uint32_t n, double at, double *out
     }
 }
 
-/* Hermite's polynomial through as many nodes with their tangents, of degree 11, and its derivative by arc
- * length. With Lagrange's L_i, q = sum_i (1 - 2 (t - i) L_i'(i)) L_i^2 q_i + (t - i) L_i^2 h v_i.
- * `at` is no node. */
+/* Hermite interpolation at `at` (in intervals) through up to 6 nodes with their tangents, degree 11, and its
+ * derivative with respect to arc length. With t = at and the Lagrange polynomials L_i, q = sum_i (1 - 2 (t -
+ * i) L_i'(i)) L_i^2 q_i + (t - i) L_i^2 h v_i. `at` must not be a node. */
 static void osculate(const curve *c, uint32_t n, double h, double at, double *q, double *v) {
     const uint32_t points = n + 1 < INTERPOLATED ? n + 1 : INTERPOLATED, first = first_of(n, points, at);
     q[0] = q[1] = v[0] = v[1] = 0.0;
     for (uint32_t i = 0; i < points; i++) {
         const double from = at - (first + i), *node = c->q + 2 * (size_t)(first + i);
         const double *tangent = c->v + 2 * (size_t)(first + i);
-        double value = 1.0, slope = 0.0, own = 0.0; /* L_i and L_i'/L_i at t, L_i' at i */
+        double value = 1.0, slope = 0.0, own = 0.0; /* L_i(t), L_i'(t)/L_i(t), L_i'(i) */
         for (uint32_t j = 0; j < points; j++) {
             if (j == i) continue;
             value *= (at - (first + j)) / ((double)i - (double)j);
@@ -241,8 +244,8 @@ static void osculate(const curve *c, uint32_t n, double h, double at, double *q,
     }
 }
 
-/* q and v between the nodes. Only in the continuous problem are the tangents exactly the derivative of the
- * curve. In the discrete one q and v are therefore interpolated separately. */
+/* Interpolates q and v between the nodes. Only curves of the continuous problem have tangents that are
+ * exactly their derivatives. For discrete curves q and v are therefore interpolated separately. */
 static void between_nodes(const part *b, const curve *c, double at, double *q, double *v) {
     const uint32_t n = b->problem->curves->intervals;
     if (!b->problem->curves->continuous) {
@@ -253,7 +256,7 @@ static void between_nodes(const part *b, const curve *c, double at, double *q, d
     osculate(c, n, b->problem->model->length / n, at, q, v);
 }
 
-/* The sample: a point of a curve with s, q and v. */
+/* Computes q and v of the point of a curve that the sample stands for, and returns its s. */
 static double point_of_sample(const part *b, const curve *c, uint32_t sample, double *q, double *v) {
     const uint32_t n = b->problem->curves->intervals, node = sample % (n + 1);
     double at = node;
@@ -268,7 +271,8 @@ static double point_of_sample(const part *b, const curve *c, uint32_t sample, do
     return b->problem->model->length * at / n;
 }
 
-/* With held ends, q relative to H and v in place of f and df/ds; held (B, 4): dH/ds, w, dw/ds. */
+/* For held ends: computes q - H and dq/ds from the network's f = *q and df/ds = *v. held (B, 4): dH/ds, w,
+ * dw/ds. */
 static void hold(lg_tape *tape, lg_var held, lg_var *q, lg_var *v) {
     const lg_var weight = lg_slice(tape, held, 1, 2, 1), slope = lg_slice(tape, held, 1, 3, 1);
     const lg_var turned = lg_add(tape, lg_mul(tape, *v, weight), lg_mul(tape, *q, slope));
@@ -308,9 +312,10 @@ static lg_var continuous_loss(const part *b, lg_var theta) {
     return lg_add(b->tape, loss, lg_scale(b->tape, penalty, 0.5 * model->options.gamma));
 }
 
-/* ---- angle ---- */
+/* ---- angle network ---- */
 
-/* A curve has R = 4N + 1 places: its N + 1 nodes, then Gauss point 0 of every interval, point 1, point 2. */
+/* Arc length of place r of a curve. A curve has R = 4N + 1 places: its N + 1 nodes, then Gauss point 0 of
+ * every interval, Gauss point 1 of every interval, Gauss point 2 of every interval. */
 static double place(const part *b, uint32_t r) {
     const uint32_t n = b->problem->curves->intervals;
     if (r <= n) return node_of_data(b, r);
@@ -318,8 +323,8 @@ static double place(const part *b, uint32_t r) {
     return b->problem->model->length * (j + lg_gauss_at[g]) / n;
 }
 
-/* theta (B, R) with the end angles of the boundary conditions: pi f + (given - pi f(ends)) W, where W (2, R)
- * are the weights of the ends. */
+/* Corrects the angles pi f (B, R) so that they have the given end angles: pi f + (given - pi f(ends)) W,
+ * where W (2, R) are the weights of the ends. */
 static lg_var hold_ends(const part *b, lg_var angle, uint32_t places) {
     const lg_dtype dtype = lg_tape_dtype(b->tape);
     void *given_values, *weight_values;
@@ -344,7 +349,7 @@ static lg_var hold_ends(const part *b, lg_var angle, uint32_t places) {
     return lg_matmul_add(b->tape, missing, weights, angle);
 }
 
-/* theta at all places of the curves, (B, R). */
+/* theta (B, R) at all places of the curves. */
 static lg_var angles_of(const part *b, lg_var theta, uint32_t places) {
     const lg_surrogate *model = b->problem->model;
     const uint32_t count = (uint32_t)b->count;
@@ -360,9 +365,9 @@ static lg_var angles_of(const part *b, lg_var theta, uint32_t places) {
     return model->options.boundary ? hold_ends(b, angle, places) : angle;
 }
 
-/* Integrals from 0 to s_k, k = 0..N, of the function with values `trig` (2B, R): (2B, N + 1). Only the Gauss
- * points are used. Sums over intervals are made by doubling: after the step of length d each column is the
- * sum of the 2d intervals that end there. */
+/* Integrals from 0 to s_k, k = 0..N, of the function with the values `trig` (2B, R): (2B, N + 1). Only the
+ * values at Gauss points are used. The integrals over the intervals are summed up by doubling: after the step
+ * with d, each column is the sum over the 2d intervals that end there (or over all, if there are fewer). */
 static lg_var integrals(const part *b, lg_var trig) {
     const uint32_t n = b->problem->curves->intervals;
     const double h = b->problem->model->length / n;
@@ -378,8 +383,8 @@ static lg_var integrals(const part *b, lg_var trig) {
     return lg_pad(b->tape, sum, 1, 1, 0);
 }
 
-/* `points` relative to their start, (2B, N + 1): the x-components of all curves, then their y-components, in
- * the order of the rows of cos and sin. */
+/* Writes points relative to `start` into values (2B, N + 1): the x-components of all curves, then the
+ * y-components of all curves. The rows of cos and sin on the tape have the same order. */
 static void put_components(const part *b, void *values, size_t i, const double *points, const double *start,
                            double sign) {
     const size_t nodes = (size_t)b->problem->curves->intervals + 1;
@@ -390,7 +395,7 @@ static void put_components(const part *b, void *values, size_t i, const double *
         }
 }
 
-/* The integrals I(s) (2B, N + 1) plus (s/L) (qN - q0 - I(L)). */
+/* For `symmetric`: the integrals I(s) (2B, N + 1) plus (s/L) (qN - q0 - I(L)). */
 static lg_var from_both_ends(const part *b, lg_var integral) {
     const uint32_t n = b->problem->curves->intervals, rows = 2 * (uint32_t)b->count;
     const lg_dtype dtype = lg_tape_dtype(b->tape);
@@ -436,13 +441,14 @@ static lg_var angle_loss(const part *b, lg_var theta) {
     return lg_add(b->tape, lg_mse(b->tape, q, q_given), lg_mse(b->tape, v, v_given));
 }
 
-/* ---- as a learning problem ---- */
+/* ---- learning problem ---- */
 
-/* chunk: samples on a tape at once, few enough that the values stay in the L2 cache; for the angle network as
- * many curves as have about 400 places. */
+/* The loss of each kind of network. chunk is the number of samples that are on a tape at once; it is small
+ * enough that the values stay in the L2 cache. For the angle network (0 here) it is the number of curves with
+ * about 400 places in total; for the discrete network 0 means the default. */
 static const struct learned {
     lg_var (*loss)(const part *b, lg_var theta);
-    bool points; /* samples are points of curves */
+    bool points; /* true: a sample is a point of a curve; false: a sample is a curve */
     size_t chunk;
 } learned[LG_SURROGATE_KIND_COUNT] = {
     [LG_SURROGATE_DISCRETE] = {discrete_loss, false, 0},
@@ -451,7 +457,7 @@ static const struct learned {
 };
 enum { ANGLE_PLACES = 402 };
 
-/* The loss of `count` samples is a mean over them. */
+/* Records the share of these samples in the loss of the batch: their mean times count/batch. */
 static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                             size_t batch, lg_var *loss) {
     const lg_surrogate_problem *problem = user;
@@ -493,7 +499,7 @@ lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_err
 }
 
 void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit_problem *out) {
-    /* The union only drops const: the loss only reads the problem. */
+    /* This union only drops const, which is safe because the loss does not write to the problem. */
     union {
         const lg_surrogate_problem *borrowed;
         void *user;

@@ -1,4 +1,4 @@
-/* Sets of curves: /boundary (n, 8), /q and /v (n, N + 1, 2), /energy, /x, /case (n). */
+/* Files with sets of curves: /boundary (n, 8), /q and /v (n, N + 1, 2), /energy, /x, /case (n). */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -42,7 +42,7 @@ static lg_status get_doubles(read_call *call, const char *name, uint32_t rank, u
     return lg_missing_is_format(lg_h5_get_doubles(call->h5, name, rank, dims, out, error), error);
 }
 
-/* (n, N + 1, 2) */
+/* Reads an array of nodes or tangents (n, N + 1, 2). */
 static lg_status read_nodes(read_call *call, const char *name, uint64_t dims[4], double **out,
                             lg_error *error) {
     LG_TRY(get_doubles(call, name, 3, dims, out, error));
@@ -92,7 +92,7 @@ static lg_status kinds_of(read_call *call, const double *values, lg_error *error
     return LG_OK;
 }
 
-/* Whole numbers of any type: other programs write floats. */
+/* Reads /case, whole numbers in any number type, because other programs write floats. */
 static lg_status read_kinds(read_call *call, lg_error *error) {
     double *values = NULL;
     uint64_t dims[4];
@@ -119,7 +119,7 @@ static lg_status read_optional(read_call *call, lg_error *error) {
     return read_kinds(call, error);
 }
 
-/* ---- what curves must satisfy ---- */
+/* ---- checks of the curves ---- */
 
 static bool near(double a, double b) {
     return fabs(a - b) <= END_TOLERANCE * (1 + fabs(b));
@@ -153,7 +153,8 @@ static lg_status check_ends(const read_call *call, lg_error *error) {
 
 /* ---- attributes ---- */
 
-/* Length of one curve: an arc that turns by phi has a chord of sin(phi/2)/(phi/2) times its length. */
+/* Length of a curve whose nodes are joined by circular arcs: an arc that turns by phi has a chord of
+ * sin(phi/2)/(phi/2) times its length. */
 static double arc_length(const double *q, const double *v, uint32_t intervals) {
     double sum = 0;
     for (uint32_t k = 0; k < intervals; k++, q += 2, v += 2) {
@@ -164,9 +165,9 @@ static double arc_length(const double *q, const double *v, uint32_t intervals) {
     return sum;
 }
 
-/* Length of a curve that minimises the discrete energy (liegrad/elastica.h): q_{k+1} - q_k - (h/2)(v_k +
- * v_{k+1}) is the same for all k, so h is the regression of the second differences of q on those of v. NaN
- * for a straight curve. */
+/* Length of a curve that minimises the discrete energy (liegrad/elastica.h). For such a curve q_{k+1} - q_k -
+ * (h/2)(v_k + v_{k+1}) is the same for all k. So h is the regression coefficient of the second differences of
+ * q on the differences (v_{k+1} - v_{k-1})/2. NaN for a straight curve. */
 static double trapezoid_length(const double *q, const double *v, uint32_t intervals) {
     double products = 0, squares = 0;
     for (size_t i = 0; i < 2 * (size_t)(intervals - 1); i++) {
@@ -182,14 +183,15 @@ static int compare(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Rounds to three significant digits, which changes the length by at most 0.5 %: the setting of the other
- * program. */
+/* Rounds to three significant digits, which changes the length by at most 0.5 %. This is meant to give the
+ * value that was set in the program that wrote the file. */
 static double rounded(double x) {
     const double unit = pow(10, floor(log10(x)) - 2);
     return unit >= 1 ? round(x / unit) * unit : round(x / unit) / round(1 / unit);
 }
 
-/* The length, estimated in the way on which the curves agree better. */
+/* Returns the median length of the curves. Of the two ways to estimate the length, the one is used whose
+ * results differ less between the curves (from the 10th to the 90th percentile). */
 static double agreed_length(const lg_elastica_curves *c, double *lengths) {
     static double (*const rules[])(const double *, const double *, uint32_t) = {arc_length, trapezoid_length};
     const size_t row = 2 * ((size_t)c->intervals + 1), n = c->count;
@@ -231,7 +233,7 @@ static lg_status positive_attribute(const read_call *call, const char *name, dou
                    *out);
 }
 
-/* No curve is shorter than the distance of its ends. */
+/* Checks that no curve is shorter than the distance of its ends. */
 static lg_status check_length(const read_call *call, lg_error *error) {
     const lg_elastica_curves *c = &call->out->curves;
     for (size_t i = 0; i < c->count; i++) {
@@ -301,7 +303,7 @@ lg_status lg_elastica_data_read(const lg_context *context, const char *path, con
 
 /* ---- writing ---- */
 
-/* The data sets of doubles; optional ones may be NULL. */
+/* An array of doubles to be written. `data` of optional arrays may be NULL. */
 typedef struct array {
     const char *name;
     uint32_t rank;

@@ -1,4 +1,4 @@
-/* Surrogates of the elastica as a kind of model. */
+/* Surrogates of the elastica as a kind of model: their attributes and arrays in model files. */
 #include <math.h>
 #include <string.h>
 
@@ -69,13 +69,13 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
     return lg_net_slice(&((const lg_surrogate_run *)run)->model.net, index, out);
 }
 
-/* ---- the rest of the file ---- */
+/* ---- other arrays and numbers of the file ---- */
 
 static lg_status missing_modes(const lg_h5 *h5, lg_status status, lg_error *error) {
     return lg_fail(error, status, "%s: a model with modes without their numbers", lg_shown_path(h5->path));
 }
 
-/* /model/mean (n) and /model/modes (K, n), n = 4(N - 1) */
+/* Writes /model/mean (n) and /model/modes (K, n), n = 4(N - 1). */
 static lg_status put_modes(lg_h5 *h5, const lg_surrogate *model, lg_error *error) {
     const uint64_t n = 4 * ((uint64_t)model->intervals - 1), dims[2] = {model->options.modes, n};
     if (model->options.modes == 0) return LG_OK;
@@ -86,7 +86,7 @@ static lg_status put_modes(lg_h5 *h5, const lg_surrogate *model, lg_error *error
     return lg_h5_put(h5, "model/modes", LG_ELEMENT_F64, 2, dims, model->modes + n, error);
 }
 
-/* An array of the shape that the attributes ask for, as finite numbers. */
+/* Reads an array, which must have the shape that the attributes imply and finite numbers. */
 static lg_status get_fixed(lg_h5 *h5, const char *name, uint32_t rank, const uint64_t *wanted, double *out,
                            lg_error *error) {
     uint64_t dims[4];
@@ -156,7 +156,7 @@ void lg_surrogate_file_destroy(lg_surrogate_file *file) {
     *file = (lg_surrogate_file){0};
 }
 
-/* ---- outside ---- */
+/* ---- program and recipe ---- */
 
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
@@ -167,5 +167,5 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
 
 static const lg_program_source places[] = {{"mean", "model/mean"}, {"modes", "model/modes"}, {NULL, NULL}};
 
-extern const struct lg_learner lg_surrogate_learner; /* recipe.c */
+extern const struct lg_learner lg_surrogate_learner; /* defined in recipe.c */
 LG_RECIPE(surrogate, "surrogate-checkpoint", .places = places, .learner = &lg_surrogate_learner);

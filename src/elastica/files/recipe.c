@@ -1,4 +1,4 @@
-/* How a surrogate learns curves. */
+/* The learner of surrogates: how a surrogate learns curves. */
 #include "elastica/files/recipe.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 
 enum { STREAM_WEIGHTS = 1 };
 
-/* Indices of the curves of one part, rising. */
+/* Indices of the curves of one part, in rising order. */
 typedef struct part {
     uint32_t *list;
     size_t count;
@@ -16,16 +16,17 @@ typedef struct part {
 
 typedef struct state {
     lg_elastica_data data;
-    const lg_surrogate_preset *preset;        /* NULL when resumed */
-    part train, test;                         /* in a search `test` is held out of the training part */
-    part learned;                             /* of the training part, at most run->most_curves */
-    double *modes, *coefficients, truncation; /* of a network with modes; NULL, NULL, NaN */
+    const lg_surrogate_preset *preset; /* preset that was adopted; NULL when training is resumed */
+    part train, test; /* in a hyperparameter search `test` is held out of the training part */
+    part learned;     /* curves of `train` that are learned, at most run->most_curves */
+    double *modes, *coefficients, truncation; /* of a network with modes; otherwise NULL, NULL, NaN */
     lg_surrogate_problem problem;
 } state;
 
 /* ---- the data ---- */
 
-/* Twice as far as any number of a curve can be from its first node, or of a tangent from 0. */
+/* Whether a node is impossible: its distance from the curve's first node, or the length of its tangent, is
+ * more than twice the largest possible value. */
 static bool is_impossible(const lg_elastica_curves *curves, size_t curve, size_t node) {
     const size_t nodes = (size_t)curves->intervals + 1;
     const double *first = curves->q + 2 * nodes * curve, *q = first + 2 * node,
@@ -102,7 +103,7 @@ static lg_status prepare(lg_learning *self, lg_error *error) {
     return take_part(self, LG_PART_TEST, &s->test, error);
 }
 
-/* The training part without the held-out curves. */
+/* Divides the training part: some curves are held out as s->test, the others stay in s->train. */
 static lg_status hold_out(lg_learning *self, double validation, lg_error *error) {
     state *s = self->state;
     const lg_surrogate_run *run = self->run;
@@ -124,7 +125,7 @@ static lg_status hold_out(lg_learning *self, double validation, lg_error *error)
                    whole.count);
 }
 
-/* `most` curves of a part at even distances in it, or all for 0. */
+/* Picks `most` curves of a part at even distances in it, or all curves if `most` is 0. */
 static lg_status thin(lg_learning *self, const part *from, uint64_t most, part *out, lg_error *error) {
     out->count = most > 0 && most < from->count ? (size_t)most : from->count;
     LG_LEARNING_ARRAY(self, out->list, out->count, error);
@@ -147,7 +148,8 @@ lg_elastica_families lg_elastica_families_of(const double *boundary, size_t n) {
     return found;
 }
 
-/* Half of the largest distance of the ends: the same bits wherever all curves have one distance. */
+/* Returns half of the largest distance between the ends of a curve. A maximum has the same bits for all sets
+ * of curves with the same distance. */
 static double centre_of(const lg_elastica_curves *curves) {
     double largest = 0;
     for (size_t i = 0; i < curves->count; i++) {
@@ -157,7 +159,8 @@ static double centre_of(const lg_elastica_curves *curves) {
     return 0.5 * largest;
 }
 
-/* A preset's modes are a limit; the curves that are learned say how many it takes. */
+/* Sets the number of modes. The preset's number is an upper limit; the curves that will be learned determine
+ * how many are needed. */
 static lg_status modes_of_curves(lg_learning *self, lg_error *error) {
     const lg_elastica_curves *curves = &((state *)self->state)->data.curves;
     lg_surrogate_run *run = self->run;
@@ -212,7 +215,7 @@ static lg_status describe(lg_learning *self, lg_error *error) {
 
 /* ---- the problem ---- */
 
-/* The fixed last layer, from the curves that are learned. */
+/* Computes the modes and the targets of the coefficients from the curves that are learned. */
 static lg_status find_modes(lg_learning *self, lg_error *error) {
     state *s = self->state;
     lg_surrogate_run *run = self->run;
@@ -251,7 +254,7 @@ static void release(lg_learning *self) {
 
 /* ---- result ---- */
 
-/* All NaN for a part without curves. */
+/* Computes the errors over a part. All are NaN if the part has no curves. */
 static lg_status errors_of(const lg_learning *self, const part *of, const double *theta,
                            lg_surrogate_errors *out, lg_error *error) {
     const state *s = self->state;
@@ -271,8 +274,8 @@ static double objective(lg_learning *self) {
     return errors_of(self, &s->test, theta, &errors, NULL) == LG_OK ? errors.mse : (double)NAN;
 }
 
-/* The mean squared error of the mean curve on the part that was trained on, over the nodes that the network
- * gives. */
+/* Mean squared error of always guessing the mean curve, on the training part, over the nodes that the network
+ * outputs. */
 static double mean_curve_error(const state *s, lg_surrogate_kind kind) {
     const lg_elastica_curves *curves = &s->data.curves;
     const part *of = &s->train;
@@ -342,7 +345,7 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
     return LG_OK;
 }
 
-/* Over all curves. */
+/* Evaluates the model on all curves. */
 static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
     const lg_surrogate_file *file = from;
     const lg_elastica_curves *curves = &((state *)self->state)->data.curves;
