@@ -54,7 +54,7 @@ static double own_mean(const lg_detector *model, const float *x) {
     return ((sum[0] + sum[1]) + (sum[2] + sum[3])) / (double)n;
 }
 
-/* Computes x - mean in double, because x is often close to the mean and single precision would lose
+/* Computes x - mean in double: x is often close to its mean, far from 0, and single precision would lose
  * digits. */
 void lg_detector_scale(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype, const float *x,
                        void *out) {
@@ -156,7 +156,6 @@ void lg_detector_plan_destroy(lg_detector_plan *plan) {
     lg_free(plan->context, plan);
 }
 
-/* Scales the window in double, so that a large constant offset of a sensor causes no rounding errors. */
 void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
                       void *work) {
     const lg_kernels *k = lg_kernels_for(plan->dtype);

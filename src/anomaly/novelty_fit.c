@@ -11,9 +11,10 @@
 enum { LEAST_WINDOWS = 8 };
 /* Lower bound for the standard deviation of a feature. Most features are logarithms, so 0.02 means 2 %. */
 static const double SMALLEST = 0.02;
-/* The number of equal samples that is allowed is at least the part STILL, or EXTREME, of a window, and at
- * least MORE times the largest number in the training windows. STILL is generous because a bridged gap stands
- * still for up to a tenth of a window. */
+/* Limits for equal samples in a window. Consecutive equal samples are always allowed up to the fraction STILL
+ * of a window, samples at the extreme value up to the fraction EXTREME, and both up to MORE times the largest
+ * number in a training window. STILL is large because a bridged gap stands still for up to a tenth of a
+ * window. */
 static const double STILL = 0.25, EXTREME = 0.125, MORE = 3;
 
 void lg_novelty_options_init(lg_novelty_options *options) {
@@ -194,7 +195,8 @@ static int compare(const void *a, const void *b) {
 }
 
 /* Computes the distance of each row of a fold to its own class, which was fitted on the other folds. Skips
- * rows whose class occurs in this fold only. Returns the number of rows measured so far. */
+ * rows whose class occurs in this fold only. Returns `measured` plus the number of distances computed
+ * here. */
 static size_t measure_fold(const fitting *f, uint32_t fold, size_t measured) {
     const lg_novelty *v = f->v;
     const uint32_t groups = lg_novelty_groups(v);
@@ -217,8 +219,8 @@ static void set_limits(const fitting *f, size_t measured) {
     }
 }
 
-/* Deals the rows to folds. Rows of one group, otherwise of one run, go to the same fold. If all rows would
- * then be in one fold, each row is dealt on its own. */
+/* Deals the rows to folds so that rows of one group are in the same fold. Without groups, or if all rows
+ * would be in one fold, runs take the place of groups, and if that fails too, single rows. */
 static lg_status deal(const fitting *f, lg_error *error) {
     const uint32_t *const units[] = {f->series->group, f->series->run, NULL};
     uint32_t *unit = lg_alloc(f->context, f->rows, sizeof *unit);

@@ -9,8 +9,8 @@
  * features of the channel pairs (0, 1), (0, 2), ..., (1, 2), ... follow the last channel. */
 enum { NOVELTY_MEAN, NOVELTY_DEVIATION, NOVELTY_CREST, NOVELTY_BAND };
 
-/* A group of features. Group 0 is all features of the window, group 1 + c the features of channel c, group 1
- * + channels the features of all pairs. */
+/* Groups of features: group 0 is all features of the window, group 1 + c is channel c, and group 1 + channels
+ * is all pairs. */
 typedef struct novelty_group {
     uint32_t first, count; /* index of the first feature, number of features */
     /* Offset of the group's Cholesky factor from where the class's factors begin in lg_novelty.block. */
@@ -18,7 +18,7 @@ typedef struct novelty_group {
 } novelty_group;
 uint32_t lg_novelty_groups(const lg_novelty *novelty);
 novelty_group lg_novelty_group(const lg_novelty *novelty, uint32_t group);
-size_t lg_novelty_block(const lg_novelty *novelty); /* length of `block` per class */
+size_t lg_novelty_block(const lg_novelty *novelty); /* doubles in `block` per class */
 
 /* Returns an lg_novelty with these sizes and the numbers of pairs and features that follow from them. Its
  * arrays are NULL. */

@@ -188,7 +188,6 @@ static bool factor(double *a) {
     return true;
 }
 
-/* Adds the springs of soil and wellhead to the stiffness matrix. */
 static void add_springs(const lg_riser_parameters *p, double wellhead, double *stiffness) {
     stiffness[0] += p->soil_stiffness;
     stiffness[LG_RISER_DOF + 1] += wellhead;

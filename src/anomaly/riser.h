@@ -138,8 +138,8 @@ double lg_riser_motion_energy(const lg_riser_motion *motion);
  * LG_NO_CONVERGENCE; LG_INVALID_ARGUMENT (also for a structure that cannot stand with that stiffness). */
 lg_status lg_riser_periods(const lg_riser_parameters *parameters, bool locked, double periods[LG_RISER_DOF]);
 
-/* Integrates the free motion without waves, current and noise, for tests and pictures. The state q, v (2,
- * LG_RISER_DOF), x before y, is advanced in place over `steps` steps of dt. energy (steps + 1) may be NULL;
+/* Integrates the free motion without waves, current and noise, for tests and pictures. q and v (2,
+ * LG_RISER_DOF), x before y, are advanced in place over `steps` steps of dt. energy (steps + 1) may be NULL;
  * it becomes the kinetic plus potential energy of the conservative part, J. Damping and drag have the values
  * of the parameters; damped = false leaves both out. */
 lg_status lg_riser_free_motion(const lg_context *context, const lg_riser_parameters *parameters, double dt,

@@ -165,7 +165,6 @@ static void water_arrays(lg_water *w, double *at) {
     (LG_RISER_COMPONENTS * (6 * (size_t)LG_RISER_STATE + 2 * (LG_WATER_HALF + 1) + 5) +                      \
      (size_t)LG_RISER_STATE * (4 * (LG_WATER_HALF + 1) + 2 * LG_WATER_BLOCK))
 
-/* Whether the velocities and forces of all waves are finite. */
 static bool rows_fit(const lg_water *w) {
     bool fit = true;
     for (size_t i = 0; i < (size_t)LG_RISER_COMPONENTS * LG_RISER_STATE; i++)

@@ -75,7 +75,7 @@ static size_t end_of_label(const lg_series *series, size_t first, size_t end) {
 static size_t cut_run(const lg_series *series, size_t first, size_t end, uint64_t hop, size_t at,
                       lg_windows *out) {
     const uint64_t stored = series->length, samples = (end - first) * stored;
-    /* One past the last stored window with the label and group of `from`, where the current window begins. */
+    /* end of the stored windows with the same label and group as the one where the window begins */
     size_t same = first;
     for (uint64_t start = 0; start + out->length <= samples; start += hop) {
         const size_t from = first + (size_t)(start / stored);

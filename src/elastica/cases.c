@@ -46,9 +46,10 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     return status == LG_OK ? loss : lg_tape_fail(tape, status, "surrogate", "the loss failed");
 }
 
-/* Number of parameters with i inputs, o outputs and one hidden layer of 3: a perceptron has (i + 1) 3 + 12 +
- * 4 o parameters, a residual network 9 more. A multiplicative network has 3 (i + 1) 3 + 12 + 4 o parameters,
- * with an affine gate 12 more. An embedding of 2 adds (i + 1) 2 parameters in front, and then i = 2. */
+/* Number of parameters with i inputs, o outputs and one hidden layer of 3:
+ *   perceptron             (i + 1) 3 + 12 + 4 o; a residual network has 9 more
+ *   multiplicative network 3 (i + 1) 3 + 12 + 4 o; with an affine gate 12 more
+ * An embedding of 2 adds (i + 1) 2 parameters in front, and then i = 2. */
 #define ROW(label, parameters, ...)                                                                          \
     {                                                                                                        \
         .function = {                                                                                        \

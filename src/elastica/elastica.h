@@ -17,8 +17,9 @@ typedef struct lg_beam {
     double last;  /* theta_N */
 } lg_beam;
 
-/* A beam with its conversion to the caller's frame and units: theta = theta_beam + turn, force =
- * rotation(chord) force_beam EI/L^2, where rotation(chord) turns by the angle of the chord. */
+/* A beam with its conversion to the caller's frame and units:
+ *   theta = theta_beam + turn,   force = rotation(chord) force_beam EI/L^2,
+ * where rotation(chord) turns by the angle `chord` of the chord. */
 typedef struct lg_beam_frame {
     lg_beam beam;
     double turn, chord;

@@ -6,11 +6,12 @@
 #include "elastica/elastica.h"
 
 #define RANDOM_STARTS 64
-#define FLOW_RATE     200.0 /* the energy's curvatures along the longest waves are about 10 to 100 */
-#define FLOWS         5     /* Newton's method is tried after 2, 6, 14, 30 and 62 steps of the flow */
-#define FLOW_LIMIT    40
-#define MODES         5
-#define PATH_STEP     0.05
+/* Rate of the gradient flow. The energy's curvatures along the longest waves are about 10 to 100. */
+#define FLOW_RATE  200.0
+#define FLOWS      5 /* Newton's method is tried after 2, 6, 14, 30 and 62 steps of the flow */
+#define FLOW_LIMIT 40
+#define MODES      5
+#define PATH_STEP  0.05
 /* Two equilibria are the same if their angles differ by less than this at every node, radians. */
 #define SAME 1e-6
 

@@ -525,7 +525,6 @@ lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam,
     return solve_on(collocation, beam, tolerance);
 }
 
-/* Multiplies all angles by `factor`; the force stays the same. */
 static void scale_angles(lg_collocation *c, double factor) {
     for (size_t j = 0; j < c->count; j++) {
         panel *p = &c->panels[j];

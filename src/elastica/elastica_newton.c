@@ -6,15 +6,15 @@
  *   [ T    -U       ] [dtheta ]     [g]
  *   [ -U^T -1/(2 P) ] [dlambda] = - [c],   C = 1/(2 P) + U^T T^-1 U,   C dlambda = c + U^T T^-1 g.
  *
- * For c = 0 this is the step with the Hessian T + 2 P U U^T (Sherman, Morrison, Woodbury). During the descent
- * lambda is set to 2 P r. For the last digits lambda is independent of r, because P grows like n^2 and 2 P r
- * then loses digits.
+ * For c = 0 this is the step with the Hessian H = T + 2 P U U^T (Sherman, Morrison, Woodbury). During the
+ * descent lambda is set to 2 P r. For the last digits lambda is independent of r, because P grows like n^2
+ * and 2 P r then loses digits.
  *
- * Inertia (Haynsworth): the number of negative eigenvalues of T + 2 P U U^T is the number of negative
- * eigenvalues of T, plus the number of positive eigenvalues of C, minus 2. T is often indefinite where T + 2
- * P U U^T is not. T is therefore factored with pivots of one and two rows (Bunch 1974; N. Higham, Accuracy
- * and Stability of Numerical Algorithms, 11.1.4), which needs no exchange of rows. A pivot of zero is
- * replaced by one rounding unit of the largest entry. */
+ * Inertia (Haynsworth): the number of negative eigenvalues of H is the number of negative eigenvalues of T,
+ * plus the number of positive eigenvalues of C, minus 2. T is often indefinite where H is not. T is therefore
+ * factored with pivots of one and two rows (Bunch 1974; N. Higham, Accuracy and Stability of Numerical
+ * Algorithms, 11.1.4), which needs no exchange of rows. A pivot of zero is replaced by one rounding unit of
+ * the largest entry. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -73,8 +73,8 @@ static void add(double *sum, double *carry, double x) {
     *sum = t;
 }
 
-/* Computes energy, gradient, T and U at w->theta. If `own`, the force keeps its value and the defect is r -
- * lambda/(2 P). Otherwise the force is set to 2 P r and the defect is 0. */
+/* Computes energy, gradient, T and U at w->theta. If `own`, the force keeps its value, and the defect becomes
+ * r - lambda/(2 P). Otherwise the force is set to 2 P r and the defect is 0. */
 static void evaluate(const lg_beam *beam, lg_beam_work *w, bool own) {
     const size_t n = beam->n;
     const double *theta = w->theta, h = 1.0 / (double)n, N = (double)n, P = penalty(beam);
@@ -351,7 +351,7 @@ static lg_beam_end end_of(const lg_beam *beam, const lg_beam_work *w) {
     return w->negative == 0 ? LG_BEAM_MINIMUM : LG_BEAM_SADDLE;
 }
 
-/* Goes downhill in energy to a stationary point. */
+/* Goes downhill in energy to a stationary point, which may be a saddle. */
 static lg_beam_end descend(const lg_beam *beam, lg_beam_work *w) {
     double force[2];
     evaluate(beam, w, false);

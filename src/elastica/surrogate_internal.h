@@ -9,7 +9,6 @@
 static const double lg_gauss_at[LG_GAUSS_POINTS] = {0.11270166537925831, 0.5, 0.88729833462074169};
 static const double lg_gauss_weight[LG_GAUSS_POINTS] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
 
-/* Pi in double precision. */
 #define LG_SURROGATE_PI 3.14159265358979323846
 
 /* Number of quantities that the angle network computes once per curve, for all points of it: R (the sign of
@@ -41,14 +40,14 @@ void lg_surrogate_angles(const double *x, double sign, double *angles);
 /* For training with `between`: returns how far the point of a sample is from its node, in intervals. The
  * number is pseudo-random, uniform in [-1/2, 1/2), and depends only on the number of the sample. */
 double lg_surrogate_shift(uint64_t sample);
-/* Evaluates the cubic on an interval of length h between two nodes q (2, 2) with the tangents v (2, 2), at 0
- * <= t <= 1. `tangent` becomes its derivative with respect to arc length. */
+/* Evaluates the cubic on an interval of length h between two nodes q (2, 2) with the tangents v (2, 2), at t
+ * in [0, 1]. `tangent` becomes its derivative with respect to arc length. */
 void lg_surrogate_hermite(const double *q, const double *v, double h, double t, double *point,
                           double *tangent);
 /* Computes one row of the network's input at s: 8 numbers (discrete), 9 (continuous) or 3 (angle). */
 void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, double s, double *row);
-/* Computes the weights at s with which the errors of the two end angles are corrected: (1, 0) at s = 0, (0,
- * 1) at s = L. */
+/* Computes the weights at s with which the errors of the two end angles are corrected. They are (1, 0) at s =
+ * 0 and (0, 1) at s = L. */
 void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights);
 /* Number of outputs of the program's function `value`: 4(N - 1) for the discrete network, otherwise the
  * number of outputs of the network. */

@@ -203,7 +203,7 @@ static lg_var moves(const drawing *d, lg_var sign, uint32_t rows) {
     return lg_reshape(t, all, lg_shape3(rows, 1, count + places(d->model)));
 }
 
-/* dq/dq0 with all else relative to q0 fixed: (1, outputs, 2). */
+/* dq/dq0 while the network's input stays the same: (1, outputs, 2). */
 static lg_var identity(const drawing *d) {
     static const double pair[4] = {1.0, 0.0, 0.0, 1.0};
     const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model);
@@ -254,7 +254,7 @@ static lg_var net_jacobian(const drawing *d, lg_var input, uint32_t directions) 
     return moved_columns(d, lg_reshape(t, by, lg_shape3(rows, count, inputs)));
 }
 
-/* Multiplies each pair of outputs in `by` (B, outputs, directions) by (1, R). */
+/* Multiplies the rows of `by` (B, outputs, directions) that belong to y-components by R. */
 static lg_var reflected_rows(const drawing *d, lg_var by, lg_var sign) {
     const lg_shape shape = lg_var_shape(d->tape, by);
     const uint32_t rows = shape.dims[0];

@@ -56,8 +56,8 @@ static lg_var running_sums(lg_tape *tape, lg_var points, uint32_t n) {
     return points;
 }
 
-/* Nodes and tangents from the angles: q_k - q_0 = S_k + (k/N) r, where S_k = (h/2) sum_{j < k} (v_j +
- * v_{j+1}) and r = q_N - q_0 - S_N. */
+/* Nodes and tangents from the angles: q_k - q_0 = S_k + (k/N) r, where
+ *   S_k = (h/2) sum_{j < k} (v_j + v_{j+1}),   r = q_N - q_0 - S_N. */
 static lg_var curve_of_angles(lg_tape *tape, const lg_surrogate *model, lg_var angles, lg_var chord) {
     const uint32_t n = model->intervals, rows = lg_var_shape(tape, angles).dims[0];
     const lg_shape one = lg_shape3(rows, n + 1, 1), flat = lg_shape2(rows, 2 * (n - 1));

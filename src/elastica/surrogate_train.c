@@ -7,7 +7,7 @@
 #include "liegrad/ops.h"
 #include "elastica/surrogate_internal.h"
 
-/* The samples of a shard, for which a loss is recorded. */
+/* The samples of a batch whose loss is recorded together. */
 typedef struct part {
     const lg_surrogate_problem *problem;
     lg_tape *tape;
@@ -219,9 +219,10 @@ static void interpolate(const double *values, uint32_t n, double at, double *out
     }
 }
 
-/* Hermite interpolation at `at` (in intervals) through up to 6 nodes with their tangents, degree 11, and its
- * derivative with respect to arc length. With t = at and the Lagrange polynomials L_i, q = sum_i (1 - 2 (t -
- * i) L_i'(i)) L_i^2 q_i + (t - i) L_i^2 h v_i. `at` must not be a node. */
+/* Hermite interpolation at t = `at` (in intervals) through up to 6 nodes with their tangents, degree 11, and
+ * its derivative with respect to arc length. With the Lagrange polynomials L_i,
+ *   q = sum_i (1 - 2 (t - i) L_i'(i)) L_i^2 q_i + (t - i) L_i^2 h v_i.
+ * `at` must not be a node. */
 static void osculate(const curve *c, uint32_t n, double h, double at, double *q, double *v) {
     const uint32_t points = n + 1 < INTERPOLATED ? n + 1 : INTERPOLATED, first = first_of(n, points, at);
     q[0] = q[1] = v[0] = v[1] = 0.0;

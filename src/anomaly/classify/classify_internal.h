@@ -7,8 +7,8 @@
 
 /* Largest number of features per window. */
 #define LG_FEATURES_MAX (UINT32_C(1) << 20)
-/* Largest order of a symmetric matrix whose eigenvectors are computed. The matrix and LAPACK's workspace then
- * take 2 GiB. */
+/* Largest order of a symmetric matrix whose eigenvectors are computed. With LAPACK's workspace it takes at
+ * most 2 GiB. */
 #define LG_EIGEN_MAX   8192
 #define LG_CLASSES_MAX (UINT32_C(1) << 16)
 

@@ -114,9 +114,9 @@ static double null_root(const double *roots, size_t m) {
     return sqrt(LG_NULL_EIGENVALUE) * largest;
 }
 
-/* Sets row k of v (m, m) to a unit vector orthogonal to the rows j with known[j] = 1 (otherwise known[j] =
- * 0). It begins with the coordinate axis that is farthest from the span of these rows and orthogonalises it
- * twice. */
+/* Sets row k of v (m, m) to a unit vector orthogonal to the known rows: known[j] is 1 for a known row j,
+ * otherwise 0. It begins with the coordinate axis that is farthest from the span of the known rows and
+ * orthogonalises it twice. */
 static void complete_row(double *v, size_t m, size_t k, const double *known) {
     double *row = v + k * m, least = INFINITY;
     size_t best = 0;
@@ -137,8 +137,8 @@ static void complete_row(double *v, size_t m, size_t k, const double *known) {
     for (size_t i = 0; i < m; i++) row[i] /= norm;
 }
 
-/* Makes the rows of v orthonormal. Rows whose root is in the null space contain only rounding errors; they
- * are replaced by any orthonormal basis of the null space. known (m) is work memory. */
+/* Makes the rows of v orthonormal. Rows whose root counts as 0 contain only rounding errors; they are
+ * replaced by any orthonormal basis of the null space. known (m) is work memory. */
 static void orthonormalise(double *v, size_t m, const double *roots, double *known) {
     const double null = null_root(roots, m);
     for (size_t k = 0; k < m; k++) {

@@ -1,10 +1,11 @@
 /* Minimal cost-complexity pruning: Breiman et al. (1984), chapter 3.
  *
  * R(t) = (n_t/n) impurity_t is the cost of node t as a leaf. R(T_t) is the sum of R over the leaves below t,
- * and |T_t| is the number of these leaves. The branch at t is worth keeping as long as alpha < g(t) = (R(t) -
- * R(T_t))/(|T_t| - 1). The algorithm cuts the branch with the smallest g, updates R(T), |T| and g of its
- * ancestors, and repeats this until only the root is left. A tournament tree over the nodes finds the
- * smallest g, so that a cut costs O(depth log nodes). */
+ * and |T_t| is the number of these leaves. The branch at t is worth keeping as long as alpha is below
+ *   g(t) = (R(t) - R(T_t))/(|T_t| - 1).
+ * The algorithm cuts the branch with the smallest g, updates R(T), |T| and g of its ancestors, and repeats
+ * this until only the root is left. A tournament tree over the nodes finds the smallest g, so that a cut
+ * costs O(depth log nodes). */
 #include <math.h>
 #include <string.h>
 
@@ -78,9 +79,9 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
 }
 
 /* Computes the depth without allocation. Of two children it visits the one with fewer samples first; the
- * other one waits on the stack. With every node on the stack the number of samples of the current node has
- * halved at least once, so 32 places are enough if the samples of children add up to those of their
- * parent. */
+ * other one waits on the stack. So each node on the stack means that the number of samples has at least
+ * halved on the way to the current node. 32 places are enough if the samples of children add up to their
+ * parent's. */
 uint32_t lg_tree_depth(const lg_tree *tree) {
     struct {
         uint32_t node, depth;
@@ -115,8 +116,8 @@ typedef struct pruner {
     uint32_t base;         /* number of leaves of the tournament tree, a power of two */
     uint32_t *parent, *leaves, *level, *at_depth, *stack; /* (count) */
     double *own, *branch;                                 /* R(t) and R(T_t) */
-    /* (2 base): the tournament tree. Entry base + t is g(t); each entry above is the smaller of its two
-     * children. */
+    /* (2 base): the tournament tree. Entry base + t is g(t); entry i < base is the smaller of entries 2 i and
+     * 2 i + 1. */
     double *link;
     bool *cut;
     double alpha; /* alpha of the last cut */

@@ -67,7 +67,8 @@ lg_status lg_series_read_like(const lg_context *context, const char *path, const
 
 /* ---- windows ---- */
 
-/* Converts the value of an option to samples. It is in seconds, or in samples if the rate is unknown (0). */
+/* Converts the value of an option to samples. The value is in seconds, or in
+ * samples if the rate is unknown (0). */
 static lg_status samples_of(const char *option, double value, double rate, uint64_t *out, lg_error *error) {
     const double samples = rate > 0 ? value * rate : value, whole = floor(samples + 0.5);
     if (!(whole >= 1 && whole < 4294967296.0))

@@ -165,9 +165,10 @@ static double arc_length(const double *q, const double *v, uint32_t intervals) {
     return sum;
 }
 
-/* Length of a curve that minimises the discrete energy (liegrad/elastica.h). For such a curve q_{k+1} - q_k -
- * (h/2)(v_k + v_{k+1}) is the same for all k. So h is the regression coefficient of the second differences of
- * q on the differences (v_{k+1} - v_{k-1})/2. NaN for a straight curve. */
+/* Length of a curve that minimises the discrete energy (liegrad/elastica.h). For such a curve
+ *   q_{k+1} - q_k - (h/2)(v_k + v_{k+1})
+ * is the same for all k. So h is the regression coefficient of the second differences of q on the differences
+ * (v_{k+1} - v_{k-1})/2. NaN for a straight curve. */
 static double trapezoid_length(const double *q, const double *v, uint32_t intervals) {
     double products = 0, squares = 0;
     for (size_t i = 0; i < 2 * (size_t)(intervals - 1); i++) {
