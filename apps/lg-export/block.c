@@ -1,4 +1,4 @@
-/* Variables and functions of a block, and the C that evaluates it. */
+/* Collects the variables and functions of a block, and writes the C that evaluates it. */
 #include "lg-export/block.h"
 
 #include <stdlib.h>
@@ -17,7 +17,8 @@ static bool add_variable(block *b, const char *name, const lg_port *like, causal
     return true;
 }
 
-/* The input of a function: an earlier one of this name and size, or a new one. */
+/* Finds the variable of a function's input: an earlier variable with this name, or a new one. Returns false
+ * if the earlier one has another size, or if there are too many variables. */
 static bool add_input(block *b, const lg_port *port, size_t *at) {
     for (size_t i = 0; i < b->count; i++) {
         const variable *v = &b->variables[i];
@@ -42,7 +43,7 @@ static void add_derivatives(block *b, part *p) {
     if (p->adjoint != NULL) use(b, p->adjoint);
 }
 
-/* State and derivative come first, whatever the order of what follows. */
+/* Adds the rate. The state and its derivative are always the first two variables. */
 static bool add_rate(block *b, const char *function) {
     size_t ins, outs;
     const lg_port *in = export_ports(b->program, function, false, &ins),
@@ -61,7 +62,8 @@ static bool add_rate(block *b, const char *function) {
     return fits;
 }
 
-/* False: too many variables, or a name that means two things. */
+/* Adds a function and its outputs. Returns false if there are too many variables, or if one name has two
+ * sizes. */
 static bool add_outputs(block *b, const char *function) {
     size_t ins, outs;
     const lg_port *in = export_ports(b->program, function, false, &ins),
@@ -79,14 +81,15 @@ static bool add_outputs(block *b, const char *function) {
     return fits;
 }
 
-/* ---- which functions ---- */
+/* ---- choosing functions ---- */
 
 static bool has(const block *b, const char *function) {
     size_t at;
     return lg_program_find(b->program, function, &at) == LG_OK;
 }
 
-/* x' from x and inputs: one result, as long as the first input. */
+/* Returns whether the function computes x' from x and inputs: it has one result, as long as the first
+ * input. */
 static bool is_rate(const block *b, const char *function) {
     if (!has(b, function)) return false;
     size_t ins, outs;
@@ -96,7 +99,7 @@ static bool is_rate(const block *b, const char *function) {
            lg_shape_count(in[0].shape) == lg_shape_count(out[0].shape);
 }
 
-/* The step takes the inputs of the rate and h. */
+/* Returns whether the program has a `step` that takes the inputs of the rate and then h. */
 static bool fits_step(const block *b) {
     if (!has(b, "step")) return false;
     size_t ins, outs;
@@ -109,8 +112,9 @@ static bool fits_step(const block *b) {
     return fits;
 }
 
-/* A function of other inputs than the rate, or for all rows of a batch, is an output if it is asked for
- * alone. */
+/* Returns whether a function is an output by default. If the block has a rate, functions with other inputs
+ * than the block's variables, or with an output that all rows of a batch share, are outputs only when
+ * --functions names them. */
 static bool is_usual(const block *b, const char *function) {
     size_t ins, outs;
     const lg_port *in = export_ports(b->program, function, false, &ins),
@@ -125,7 +129,8 @@ static bool is_usual(const block *b, const char *function) {
     return usual || !b->rate || b->source->options->functions != NULL;
 }
 
-/* Parts of the rate and the step are none. */
+/* Returns whether a function can be an output. In a block with a rate, the rate, its parts and `step`
+ * cannot. */
 static bool is_output(const char *function, const char *rate) {
     static const char *const parts[] = {"step",  "grad",  "field",   "velocity",
                                         "force", "drift", "momenta", NULL};
@@ -134,14 +139,14 @@ static bool is_output(const char *function, const char *rate) {
     return rate == NULL || strcmp(rate, function) != 0;
 }
 
-/* What is asked for and is no part of the block. */
+/* Warns about a function that --functions names but that is only a part of the rate. */
 static void warn_left_out(const block *b, const char *function, const char *rate) {
     if (b->source->options->functions != NULL && strcmp(function, rate) != 0 && strcmp(function, "step") != 0)
         app_warn(b->self, "%s is left out: it is a part of the rate, %s, and no output of a block", function,
                  rate);
 }
 
-/* Another output. False: it does not fit. */
+/* Adds a function as an output if it can be one. Returns false if it does not fit. */
 static bool take_function(block *b, const char *function, const char *rate) {
     if (!is_output(function, rate)) {
         warn_left_out(b, function, rate);
@@ -279,8 +284,8 @@ double block_start(const block *b, size_t variable_at, size_t k) {
     const export_source *source = b->source;
     const variable *v = &b->variables[variable_at];
     const bool shared = v->kind == PARAMETER && variable_at + 1 < b->count;
-    if (shared && b->rate && source->tunable > 0) /* one number each, behind x and x' */
-        return source->start[source->starts + variable_at - 2];
+    /* Each tunable parameter is one number; the first two variables are x and x'. */
+    if (shared && b->rate && source->tunable > 0) return source->start[source->starts + variable_at - 2];
     if (v->kind == PARAMETER && !shared) return source->step > 0 ? source->step : 0.01;
     if (variable_at == 0 && source->starts == v->count) return source->start[k];
     return 0.0;

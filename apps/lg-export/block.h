@@ -1,6 +1,6 @@
-/* A model as a block: states, inputs and outputs, as tools for simulation see it. A model with a rate
- * (`velocity`, or `field` or `rate` of a program: x, inputs -> x') has states; outputs are the results of its
- * other functions. A model without one is a function: inputs and outputs. */
+/* A model as a block of a simulation tool, with states, inputs and outputs. If the program has a rate x' of x
+ * and inputs (`velocity`, `field` or `rate`), x is the block's state, and the results of the other functions
+ * are outputs. A model without a rate is a plain function from inputs to outputs. */
 #ifndef LG_EXPORT_BLOCK_H
 #define LG_EXPORT_BLOCK_H
 
@@ -8,12 +8,12 @@
 
 enum { MOST_PORTS = 64, MOST_FUNCTIONS = 16 };
 
-/* What a variable is for; the generated C has the same names, CAUSALITY_STATE and so on. */
+/* What a variable is for. The generated C has the same names with a prefix: CAUSALITY_STATE and so on. */
 #define CAUSALITY_LIST(ROW)  ROW(STATE) ROW(DERIVATIVE) ROW(INPUT) ROW(OUTPUT) ROW(PARAMETER)
 #define CAUSALITY_NAME(name) name,
 typedef enum causality { CAUSALITY_LIST(CAUSALITY_NAME) CAUSALITIES } causality;
 
-/* A variable of the model: numbers one behind the other in the instance's array. */
+/* A variable of the model: `count` numbers from place `at` on in the instance's array. */
 typedef struct variable {
     char name[160];
     const char *unit;
@@ -21,7 +21,8 @@ typedef struct variable {
     causality kind;
 } variable;
 
-/* A function of the program in the FMU: where its inputs and outputs are among the variables. */
+/* A function of the program in the block: `in` and `out` are the indices of the variables that it reads and
+ * writes; `forward` and `adjoint` are the names of its derivatives. */
 typedef struct part {
     char *name, *forward, *adjoint;
     size_t in[MOST_PORTS], out[MOST_PORTS], ins, outs;
@@ -31,27 +32,28 @@ typedef struct block {
     const app *self;
     lg_program *program;
     export_source *source;
-    bool derivatives; /* forward and adjoint functions are wanted */
-    bool rate, step;  /* the first part is the rate; the program has `step` */
+    bool derivatives; /* Forward and adjoint derivatives are wanted. */
+    bool rate, step;  /* rate: the first part is the rate. step: the program's `step` fits the rate. */
     part parts[MOST_FUNCTIONS];
     size_t part_count;
     variable variables[MOST_PORTS];
     size_t count, numbers, states;
-    text list; /* the functions that are written */
+    text list; /* Names of the functions to be written, separated by commas. */
 } block;
 
-/* Finds variables and functions of the program, and adds derivatives where `derivatives`. An exit code; on
- * failure a message has been printed. */
+/* Finds the variables and functions of the program, and adds derivatives if `derivatives`. Returns an exit
+ * code; on failure a message has been printed. */
 int block_collect(block *b, bool derivatives);
 void block_free(block *b);
-/* All functions have forward ones, or adjoint ones. */
+/* Returns whether all functions have a forward derivative (or an adjoint one if `forward` is false). */
 bool block_has(const block *b, bool forward);
-/* The start of number k of a variable. */
+/* Initial value of number k of a variable. */
 double block_start(const block *b, size_t variable, size_t k);
 
-/* C: enumerations and tables; evaluate(r, out, work), derivatives and outputs of the values; forward and
- * adjoint; take_step(r, h, next, work), the program's `step`, which stays on the manifold, or the classical
- * Runge-Kutta scheme where there is none. */
+/* Add C. block_add_tables: enumerations and tables. block_add_evaluate: evaluate(r, out, work), which
+ * computes derivatives and outputs from the values r. block_add_forward, block_add_adjoint: forward and
+ * adjoint derivatives. block_add_step: take_step(r, h, next, work), which is the program's `step` (it stays
+ * on the manifold) or, without one, the classical Runge-Kutta scheme. */
 void block_add_tables(const block *b, text *to);
 void block_add_evaluate(const block *b, text *to);
 void block_add_forward(const block *b, text *to);

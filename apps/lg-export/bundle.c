@@ -1,10 +1,10 @@
-/* Models whose functions are a program: the library writes their code. */
+/* Models whose functions are a program: the library writes their C code. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/export.h"
 
-/* Parameters as the code has them. */
+/* Rounds the parameters to the exported type, as the C code stores them. */
 lg_status export_round_parameters(export_source *source, lg_program *program) {
     lg_status status = LG_OK;
     for (size_t i = 0; i < lg_program_parameters(program) && status == LG_OK; i++) {
@@ -21,14 +21,15 @@ lg_status export_round_parameters(export_source *source, lg_program *program) {
     return status;
 }
 
-/* The declarations behind the first `skip`, each of which begins with an empty line and a comment. */
+/* Returns the declarations after the first `skip` ones. Each declaration begins with an empty line and a
+ * comment. */
 static const char *other_declarations(const char *declarations, int skip) {
     for (int skipped = 0; declarations != NULL && skipped < skip; skipped++)
         declarations = strstr(declarations + 1, "\n/*");
     return declarations != NULL ? declarations : "";
 }
 
-/* `skip`: declarations that NAME.h has itself. */
+/* Adds the texts and sizes of `c` to `source`. `skip`: number of declarations that NAME.h already has. */
 static void take_texts(export_source *source, const lg_c_source *c, int skip) {
     source->written = true;
     lg_text_add(&source->declarations, "%s", other_declarations(c->declarations, skip));
@@ -76,7 +77,7 @@ int export_bundle(const app *self, export_source *source, lg_program *program, e
     for (size_t i = 0; status == LG_OK && i < count; i++)
         functions[i].work = c->work[i], functions[i].depth = c->depth[i];
     if (status == LG_OK) lg_text_add(&source->code, "\n");
-    if (status == LG_NOT_FINITE) source->weights.unfit = true; /* export_write says so */
+    if (status == LG_NOT_FINITE) source->weights.unfit = true; /* export_write reports it. */
     lg_c_source_destroy(c);
     free(hidden);
     free((void *)names);

@@ -1,24 +1,26 @@
-/* CasADi externals: each function of a program with its derivatives under the names that CasADi looks for
- * (casadi/core/external.cpp): f, jac_f, adj1_f, jac_adj1_f and fwd1_f, with the symbols _n_in, _name_in,
+/* CasADi externals: each function of a program, with its derivatives under the names that CasADi looks for
+ * (casadi/core/external.cpp): f, jac_f, adj1_f, jac_adj1_f and fwd1_f, each with the symbols _n_in, _name_in,
  * _sparsity_in, _work and so on. Arguments and results are columns in the library's order (rows of matrices
- * one behind the other); blocks of Jacobians are sparse where the program's sparsity says so. */
+ * one behind the other). Blocks of Jacobians are sparse if the program's sparsity says so. */
 #include "lg-export/export.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-/* Of more numbers a second derivative has too many. */
+/* Functions with more input numbers get no second derivative. */
 enum { MOST_SECOND = 512 };
 
-/* An argument or result in the order of CasADi. */
+/* An argument or result, in the order of CasADi. */
 typedef struct slot {
     char name[256];
     size_t rows, columns;
-    int port;                     /* of the program's function, -1: none, without nonzeros */
-    const unsigned char *pattern; /* (rows, columns), NULL: dense or none */
+    /* Index of the port of the program's function; -1: the function has no such port, and the slot has no
+     * nonzeros. */
+    int port;
+    const unsigned char *pattern; /* (rows, columns); NULL: dense, or a slot without a port. */
 } slot;
 
-/* A function that gets symbols: one of the program, and its arguments and results. */
+/* A function of the program that gets symbols, with its arguments and results. */
 typedef struct entry {
     char *function;
     slot *in, *out;
@@ -30,7 +32,7 @@ typedef struct job {
     lg_program *program;
     export_source *source;
     text *to;
-    bool has_zeros; /* a block without nonzeros */
+    bool has_zeros; /* Some block has a port but no nonzeros. */
     size_t entries, tables, most_in, most_out, most_zeros;
     text symbols;
 } job;
@@ -43,7 +45,8 @@ static int port_named(const lg_port *ports, size_t count, const char *name) {
     return -1;
 }
 
-/* A column of the port's numbers; a port that the function has not got is empty. */
+/* Adds a slot for a column of the port's numbers. If the function has no port of this name, the slot is
+ * empty. */
 static void add_column(slot *slots, size_t *count, const char *begin, const lg_port *like,
                        const lg_port *ports, size_t port_count) {
     slot *s = &slots[(*count)++];
@@ -57,7 +60,8 @@ static void add_columns(slot *slots, size_t *count, const char *begin, const lg_
     for (size_t i = 0; i < like_count; i++) add_column(slots, count, begin, &like[i], ports, port_count);
 }
 
-/* What depends on what, (rows, columns); to be freed with the entry. NULL: dense. */
+/* Returns which elements of the output depend on which elements of the input, (rows, columns); NULL: dense.
+ * Freed with the entry. */
 static unsigned char *pattern_of(const job *j, const char *function, const char *output, const char *input,
                                  size_t size) {
     size_t ins, outs;
@@ -75,7 +79,7 @@ static unsigned char *pattern_of(const job *j, const char *function, const char 
     return NULL;
 }
 
-/* The blocks of the Jacobian of `of`: outputs in the outer loop, arguments in the inner one. */
+/* Adds the blocks of the Jacobian of `of`: outputs in the outer loop, arguments in the inner loop. */
 static void add_blocks(const job *j, entry *e, const char *of, const slot *out, size_t outs, const slot *in,
                        size_t ins) {
     size_t count;
@@ -96,7 +100,8 @@ static bool is_empty(const slot *s) {
     return s->port < 0;
 }
 
-/* {rows, columns, 1}, or the compressed columns; then the places of the nonzeros. */
+/* Writes {rows, columns, 1} for a dense slot, otherwise its compressed columns and then the places of the
+ * nonzeros in the dense row-major matrix. */
 static void write_sparsity(job *j, const slot *s, size_t table) {
     text *to = j->to;
     lg_text_add(to, "static const casadi_int sparsity_%zu[] = {%zu, %zu", table, s->rows, s->columns);
@@ -139,7 +144,8 @@ static void write_slots(job *j, const char *what, const slot *slots, size_t coun
     for (size_t i = 0; i < count; i++) {
         const slot *s = &slots[i];
         const size_t nonzeros = nonzeros_of(s);
-        /* a pattern without nonzeros is not written to, but the function's result is still computed */
+        /* If a pattern has no nonzeros, nothing is written to CasADi's result, but the function still
+         * computes its own. */
         lg_text_add(j->to, "    {\"%s\", sparsity_%zu, %d, ", s->name, first + i, s->port);
         if (nonzeros > 0)
             lg_text_add(j->to, "nonzeros_%zu, %zu},\n", first + i, nonzeros);
@@ -150,7 +156,7 @@ static void write_slots(job *j, const char *what, const slot *slots, size_t coun
     lg_text_add(j->to, "};\n");
 }
 
-/* Passes arguments and results to the function of the code. */
+/* Writes call_<n>, which passes arguments and results to the function of the exported code. */
 static void write_call(job *j, const entry *e) {
     size_t ins, outs;
     (void)export_ports(j->program, e->function, false, &ins);
@@ -208,7 +214,7 @@ static ports ports_of(const job *j, const char *function) {
     return p;
 }
 
-/* The symbol of a derivative: the kind's beginning stands before the model's name. */
+/* Name of a derivative's symbol: the prefix of the derivative's kind stands before the model's name. */
 static char *symbol_of(const job *j, const char *begin, const char *function) {
     return app_format("%s%s_%s", begin, j->source->options->name, function);
 }
@@ -245,7 +251,7 @@ static void write_jacobian(job *j, char *function, char *derived) {
     free_entry(&e);
 }
 
-/* (x, out_y, seeds of `seeds`) -> sensitivities of `results` */
+/* (x, out_y, fwd_x) -> fwd_y if `forward`, otherwise (x, out_y, adj_y) -> adj_x */
 static void write_sensitivity(job *j, const char *begin, char *function, char *derived, bool forward) {
     const ports f = ports_of(j, function), d = ports_of(j, derived);
     const char *letters = forward ? "fwd_" : "adj_";
@@ -262,7 +268,7 @@ static void write_sensitivity(job *j, const char *begin, char *function, char *d
     free_entry(&e);
 }
 
-/* (x, out_y, adj_y, out_adj_x) -> jac_adj_x_by, by: x, out_y, adj_y */
+/* (x, out_y, adj_y, out_adj_x) -> jac_adj_x_w for each w of x, out_y, adj_y */
 static void write_second(job *j, char *function, char *adjoint, char *derived) {
     const ports f = ports_of(j, function), d = ports_of(j, derived);
     entry e = {.function = derived};
@@ -299,8 +305,8 @@ static bool has_shared(const ports *p) {
 
 enum { FORWARD, ADJOINT, JACOBIAN, SECOND, DERIVATIVES };
 
-/* Derivatives of the function, added to the program and the list of what is written. A second derivative
- * needs the adjoint. */
+/* Adds the function's derivatives to the program, and the names of the function and of its derivatives to
+ * `list`. A second derivative needs the adjoint. */
 static void derive(job *j, const char *function, char *derived[DERIVATIVES], text *list) {
     static const lg_derivative_kind kinds[DERIVATIVES] = {[FORWARD] = LG_DERIVATIVE_FORWARD,
                                                           [ADJOINT] = LG_DERIVATIVE_ADJOINT,
@@ -341,7 +347,7 @@ static const char rules[] =
     "\t$(CC) $(CFLAGS) -fPIC -shared '-Dcasadi_int=$(CASADI_INT)' NAME_casadi.c NAME_.c NAME_weights.c "
     "$(LDFLAGS) -lm -o libNAME_.so\n";
 
-/* The tables go to `body`, whose sizes stand before the fragment. */
+/* Writes the file. The tables are collected in `body`, because the sizes that they need stand before them. */
 static void write_file(job *j, char **functions, char *(*derived)[DERIVATIVES], size_t count) {
     const char *name = j->source->options->name;
     text body = app_text(), *to = export_add_file(j->source, "%s_casadi.c");

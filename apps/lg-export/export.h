@@ -1,22 +1,25 @@
-/* lg-export: declarations that its files share.
+/* lg-export: declarations that the files of this folder share.
  *
- * A model becomes five files. Code that is the same for every model of a kind are fragments: C files below
- * code/, built into the executable as text. Sizes, tables and weights differ between models; the functions
- * here write them.
+ * A model becomes five files. Code that is the same for every model of a kind stands in fragments: C files
+ * below code/, which are built into the executable as text. Sizes, tables and weights differ from model to
+ * model; the functions declared here write them.
  *
  *   NAME.h          inputs, outputs, units, order, provenance, error; sizes; prototypes
- *   NAME.c          constants and tables of this model, then the fragments its kind needs
+ *   NAME.c          constants and tables of this model, then the fragments that its kind needs
  *   NAME_weights.c  all arrays
  *   NAME_test.c     golden vectors and code/frame/test_main.c
  *   Makefile
  *
  * Fragments are C99 and C++14 without warnings (-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow
- * -pedantic), need libm alone, and follow these rules: functions are static except those of NAME.h, no static
- * variables; `real` is the type; numbers are REAL(0.5), with a point; mathematics by macros of the prelude
- * (EXP, SIN, COS, SQRT, FABS, FLOOR, ATAN2, ...); sizes and indices int; RESTRICT for restrict; arrays only
- * in `work`, except a few numbers; no recursion, no function pointers; loops over tables instead of unrolled
- * code. The letters NAME_ at the beginning of a word become the model's name and _.
- */
+ * -pedantic), need libm alone, and follow these rules:
+ *   - All functions but the ones declared in NAME.h are static. There are no static variables.
+ *   - The type of numbers is `real`; constants are written REAL(0.5), with a point. Sizes and indices are
+ *     int.
+ *   - Mathematics uses macros of the prelude (EXP, SIN, COS, SQRT, FABS, FLOOR, ATAN2, ...); RESTRICT means
+ *     restrict.
+ *   - Arrays live in `work`, except arrays of a few numbers.
+ *   - No recursion and no function pointers; loops over tables instead of unrolled code.
+ * NAME_ at the beginning of a word is replaced by the model's name and _. */
 #ifndef LG_EXPORT_H
 #define LG_EXPORT_H
 
@@ -34,172 +37,189 @@ typedef lg_text text;
 enum { EXPORT_UNITS = 256 };
 
 typedef struct export_options {
-    const char *name;            /* a C identifier */
-    const char *file;            /* the model's file, without its folder */
-    char sha256[LG_SHA256_TEXT]; /* of that file, "" if unknown */
-    lg_dtype dtype;              /* of the exported code */
-    const lg_scheme *scheme;     /* of Hamiltonians, never NULL there */
-    const char *functions;       /* of programs: names with commas, NULL: all */
-    bool compact;                /* of programs: loops instead of straight code */
-    uint64_t golden;             /* golden vectors in the self-test, >= 1 */
-    uint64_t seed;               /* of their inputs */
-    char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS]; /* from the model's file, or "" */
+    const char *name;            /* A C identifier. */
+    const char *file;            /* Name of the model's file, without its folder. */
+    char sha256[LG_SHA256_TEXT]; /* Of the model's file; "" if unknown. */
+    lg_dtype dtype;              /* Of the exported code. */
+    /* Scheme of the exported step; NULL: the target takes the model's own scheme. Never NULL when the C of a
+     * Hamiltonian's faces is written. */
+    const lg_scheme *scheme;
+    const char *functions; /* Programs: names separated by commas; NULL: all functions. */
+    bool compact;          /* Programs: loops instead of straight code. */
+    uint64_t golden;       /* Number of golden vectors in the self-test, >= 1. */
+    uint64_t seed;         /* Of the random inputs of the golden vectors. */
+    /* From the model's file; "" if it has none. */
+    char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS];
 } export_options;
 
-/* Golden vectors of the self-test. Inputs are numbers of the exported type (export_round). The library
- * computes the outputs from them in double with the stored parameters. */
+/* Golden vectors of the self-test. The inputs are rounded to the exported type (export_round). From these
+ * inputs the library computes the outputs in double precision, with the stored parameters. */
 typedef struct export_golden {
     size_t count;
     double *x;        /* (count, inputs) */
     double *y;        /* (count, outputs) */
-    double *jacobian; /* (count, outputs, inputs), or NULL: the model has no NAME_grad */
-    size_t extras; /* numbers that test_*.c below code/ computes from x in `static void extra(x, out, work)`;
-                      0: none */
-    double *extra; /* (count, extras) */
-    const char *extra_name; /* "field and step" */
+    double *jacobian; /* (count, outputs, inputs); NULL if the model has no NAME_grad. */
+    /* Number of further results that a test_*.c below code/ computes from x in `static void extra(x, out,
+     * work)`; 0: there is no such function. */
+    size_t extras;
+    double *extra;          /* (count, extras) */
+    const char *extra_name; /* What the self-test calls these results: "field and step". */
 } export_golden;
 
-/* A file as it will be written. */
+/* A file that is going to be written. */
 typedef struct export_file {
-    char *name; /* in the folder */
+    char *name; /* Without folder. */
     text content;
 } export_file;
 enum { EXPORT_MOST_FILES = 16 };
 
-/* The C of a model under construction. The texts hold finished C with the model's name. */
+/* The C of a model under construction. The texts hold finished C, in which the model's name is already
+ * inserted. */
 typedef struct export_source {
     const export_options *options;
     size_t inputs, outputs;
-    bool written; /* the library wrote arrays, and the code with its prelude, in the texts below */
-    bool bundle;  /* a program: functions of its own instead of NAME_eval and NAME_grad, all of the sizes and
-                     golden vectors in the texts below */
-    size_t functions;   /* of a bundle */
-    const char *prefix; /* of its functions in C, behind NAME_: "" or "c_" */
-    size_t work;        /* NAME_WORK_SIZE, in reals, enough for every function */
-    size_t stack; /* NAME_STACK_SIZE: bound on the frames of functions that call each other, in bytes, gcc and
-                     clang, -O0 to -O3 */
-    size_t calls; /* bound on the depth of calls; 0: `stack` bounds the sum of all frames */
-    size_t depth; /* number of maps in succession; the stated tolerance is 20 eps depth condition */
-    double condition; /* 1, or the factor by which the model multiplies rounding; `about` explains it */
-    text about;       /* lines (without comment signs, any bytes) for the head of NAME.h: description, inputs,
-                   units, order, data, error */
-    text state, input;        /* words for the numbers of x and u, or empty */
-    text places, inputs_each; /* a name for each of their numbers, each followed by a newline, or empty */
-    text range;               /* lines on the range of the data, or empty */
-    text delay;               /* "inputs act 2 rows of the log, ... later than they are logged", or empty */
-    text sizes;               /* #define NAME_LINKS 1 ... for NAME.h */
-    text declarations;        /* prototypes with comments, beside NAME_eval and NAME_grad */
-    text arrays;              /* extern declarations of arrays, for NAME.c */
-    text weights;             /* their definitions, for NAME_weights.c */
-    text code;                /* enumerations, tables and fragments, for NAME.c */
-    text test;                /* for NAME_test.c, before code/test_main.c: `extra` */
+    bool written; /* True: the library wrote the arrays and the code, with its prelude, to the texts below. */
+    /* True for a program: it has its own functions instead of NAME_eval and NAME_grad. All sizes and golden
+     * vectors then stand in the texts `sizes` and `test`. */
+    bool bundle;
+    size_t functions; /* Number of functions of a bundle. */
+    /* Of the bundle's functions in C, between NAME_ and the function's name: "" or "c_". */
+    const char *prefix;
+    size_t work; /* NAME_WORK_SIZE: number of reals that is enough for every function. */
+    /* NAME_STACK_SIZE in bytes: bound on the sum of the stack frames of functions that call each other, with
+     * gcc and clang, -O0 to -O3. */
+    size_t stack;
+    size_t calls; /* Bound on the depth of calls; 0: `stack` bounds the sum of all frames. */
+    /* Number of maps that are applied one after another; the stated tolerance is 20 eps depth condition. */
+    size_t depth;
+    /* 1, or the factor by which the model multiplies rounding errors; `about` explains the factor. */
+    double condition;
+    /* Lines for the head of NAME.h: description, inputs, units, order, data, error. They have no comment
+     * signs and may hold any bytes. */
+    text about;
+    text state, input; /* What the numbers of x and of u are, in words; may be empty. */
+    /* One name for each number of x and of u, each followed by a newline; may be empty. */
+    text places, inputs_each;
+    text range;        /* Lines about the range of the training data; may be empty. */
+    text delay;        /* "inputs act 2 rows of the log, ... later than they are logged"; may be empty. */
+    text sizes;        /* "#define NAME_LINKS 1" and others, for NAME.h. */
+    text declarations; /* Prototypes with comments, besides NAME_eval and NAME_grad. */
+    text arrays;       /* `extern` declarations of the arrays, for NAME.c. */
+    text weights;      /* Definitions of the arrays, for NAME_weights.c. */
+    text code;         /* Enumerations, tables and fragments, for NAME.c. */
+    text test; /* The function `extra` and its tables, for NAME_test.c, before code/frame/test_main.c. */
     export_golden golden;
-    char fragments[4096]; /* names already added, each followed by a blank */
-    size_t parameters;    /* of the model; 0: `numbers` is told */
-    size_t numbers;       /* reals in NAME_weights.c */
-    size_t integers;      /* ints there */
-    size_t lost;          /* numbers of the model that are too small for the exported type */
-    double *start; /* (starts) a state at rest on the manifold, then (tunable) values of the shared inputs
-                               behind the first input; or NULL */
+    char fragments[4096]; /* Names of the fragments that are already added, each between blanks. */
+    size_t parameters;    /* Number of the model's parameters; 0: `numbers` is reported instead. */
+    size_t numbers;       /* Number of reals in NAME_weights.c. */
+    size_t integers;      /* Number of ints in NAME_weights.c. */
+    size_t lost;          /* How many numbers of the model are too small for the exported type. */
+    /* First the initial state (`starts` numbers: a state at rest on the manifold, or the state of the scene),
+     * then the initial values of the tunable parameters (`tunable` numbers, inputs that all rows share); or
+     * NULL. */
+    double *start;
     size_t starts, tunable;
-    double step;   /* between two points of the training data, 0 unknown */
-    double stop;   /* the end of the scene, 0 unknown */
-    bool single;   /* the target chose single precision */
-    text products; /* what the Makefile makes beside the objects: names, each behind a blank */
-    text rules;    /* how: rules for the end of the Makefile */
+    double step;   /* Time between two points of the training data; 0: unknown. */
+    double stop;   /* End time of the scene; 0: unknown. */
+    bool single;   /* True: the target chose single precision by itself. */
+    text products; /* What the Makefile builds besides the objects: names, each after a blank. */
+    text rules;    /* Rules that build these products, for the end of the Makefile. */
     size_t file_count;
     export_file files[EXPORT_MOST_FILES];
 } export_source;
 
-/* The fragments: <name>.c below code/ as text. The table ends with a row of NULL. */
+/* The fragments: the text of <name>.c below code/. The table ends with a row of NULL. */
 typedef struct export_fragment {
     const char *name, *text;
 } export_fragment;
 extern const export_fragment export_fragments[];
-/* `#error` for a name that is none. */
+/* Returns the text of a fragment, or a line with #error if there is no fragment of this name. */
 const char *export_fragment_text(const char *name);
 
-/* Adds a fragment (<fragment>.c below code/) to source->code, once. */
+/* Adds a fragment (<fragment>.c below code/) to source->code, at most once. */
 void export_code(export_source *source, const char *fragment);
-/* The same to source->test. */
+/* Adds a fragment to source->test, at most once. */
 void export_test_code(export_source *source, const char *fragment);
-/* `#define`s for NAME.h, enumeration constants for NAME.c: NAME of the constant as it stands. */
+/* Add a constant: export_size a `#define NAME_<constant>` for NAME.h, export_constant an enumeration constant
+ * for NAME.c, which is called <constant> without a prefix. */
 void export_size(export_source *source, const char *constant, size_t value, const char *comment);
 void export_constant(export_source *source, const char *constant, size_t value);
-/* A real constant for NAME.c: `static const real constant = ...;` */
+/* Adds a real constant for NAME.c: `static const real constant = ...;` */
 void export_real(export_source *source, const char *constant, double value);
-/* `extern const NAME_real NAME_<array>[count]`: a table of its own in NAME_weights.c with a comment; values
- * are rounded to the exported type there. */
+/* One part of an array, with a comment that stands above its numbers. */
 typedef struct export_part {
     const char *comment; /* "layer1/weight (3, 100)" */
     size_t count;
     const double *values;
 } export_part;
 void export_array(export_source *source, const char *array, const export_part *parts, size_t count);
-/* `extern const int NAME_<array>[count]`; values below 2^31. */
+/* Adds `extern const int NAME_<array>[count]` with its values, which must be below 2^31. */
 void export_integers(export_source *source, const char *array, const char *comment, const uint32_t *values,
                      size_t count);
-/* To the exported type and back. */
+/* Rounds a number to the exported type and returns it as double. */
 double export_round(const export_options *options, double value);
-double export_eps(const export_options *options); /* of the exported type */
-/* |a - b| of `count` numbers; b NULL: |a|. */
+double export_eps(const export_options *options); /* Machine epsilon of the exported type. */
+/* Euclidean norm of a - b (count numbers); b NULL: norm of a. */
 double export_norm(const double *a, const double *b, size_t count);
 /* NAME_TOLERANCE: 20 eps depth condition. */
 double export_tolerance(const export_source *source);
-/* input_units and output_units from the attributes of /model in the file, "" where there are none. */
+/* Reads input_units and output_units from the attributes of /model in the file; "" for a missing
+ * attribute. */
 void export_read_units(const app *self, const char *path, export_options *options);
-/* Lines for `about`: the file's units, or `otherwise` if the file has none. */
+/* Adds lines to `about`: the file's units, or `otherwise` if the file has none. */
 void export_units(export_source *source, const char *otherwise);
-/* Lines for `about`: command line, seed, CPU and version of the training, SHA-256 of its data ("": unknown).
- */
+/* Adds lines to `about`: command line, seed, CPU and version of the training, and the SHA-256 of its data
+ * (NULL or "": unknown). */
 void export_provenance(export_source *source, const lg_provenance *provenance, const char *sha256);
-/* The same of a file of any kind. */
+/* Adds the same lines for a file of any kind, without the SHA-256 of its data. */
 void export_file_provenance(const app *self, export_source *source, const char *path);
-/* Empty texts, no files. */
+/* Begins with empty texts and no files. */
 void export_source_begin(export_source *source, const export_options *options);
 void export_source_free(export_source *source);
 
 /* ---- golden vectors (golden.c) ---- */
 
-/* Makes zeroed arrays for options->golden vectors; inputs and outputs of `source` are already set. `jacobian`
- * and `extras` say which arrays there are besides x and y. */
+/* Allocates zeroed arrays for options->golden vectors; source->inputs and source->outputs must be set.
+ * `jacobian` and `extras` say which arrays there are besides x and y. */
 void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name);
-/* Whether all numbers, and the squares of their norms that the self-test computes, are finite in the exported
- * type. */
+/* Returns whether all numbers are finite in the exported type, and also the squares of their norms, which the
+ * self-test computes. */
 bool export_golden_fits(const export_source *source);
 /* Writes the golden vectors as text for NAME_test.c. */
 void export_golden_write(const export_source *source, text *to);
 
 /* ---- code that the library writes (bundle.c) ---- */
 
-/* A function of a model's program, and its name in C. Those of NAME_eval and NAME_grad stand first; NAME.h
- * always declares these two. */
+/* A function of a model's program, and its name in C. If the model has outputs, NAME_eval and NAME_grad are
+ * the first two functions of a list; the head of NAME.h declares these two. */
 typedef struct export_function {
     const char *function, *name;
-    size_t work, depth; /* out: reals of work memory that it needs; operations one after another */
-    bool hidden;        /* static: for the fragments after it */
+    /* Outputs: reals of work memory that the function needs; operations one after another. */
+    size_t work, depth;
+    bool hidden; /* True: the function is static, for the fragments that follow it. */
 } export_function;
-/* Adds code, arrays, weights and all declarations but the first `skip` of a program's functions; `source` has
- * name and type. Errors: those of lg_program_write_c. */
+/* Adds code, arrays, weights and declarations of a program's functions, without the first `skip`
+ * declarations. Name and type are taken from `source`. Returns the errors of lg_program_write_c. */
 lg_status export_c(export_source *source, lg_program *program, const lg_c_options *how, int skip,
                    lg_c_source **out, lg_error *error);
-/* The same of functions with loops, all of which the program has. A number that does not fit the type is left
- * to export_write. Returns an exit code; on failure a message has been printed. */
+/* Adds the same for the given functions, written with loops; the program must have all of them. If a number
+ * does not fit the exported type, export_write reports it later. Returns an exit code; on failure a message
+ * has been printed. */
 int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
                   size_t count);
-/* Replaces all parameters of the program by their rounded values. */
+/* Rounds all parameters of the program to the exported type. */
 lg_status export_round_parameters(export_source *source, lg_program *program);
 
-/* ---- what models are (motion.c, machine/machine_words.c) ---- */
+/* ---- checks of moving models (motion.c, machine/machine_words.c) ---- */
 
-/* Schemes without an explicit step on the space: a sentence and APP_EXIT_USAGE. */
+/* Refuses a scheme that has no explicit step on the space: prints a message and returns APP_EXIT_USAGE. */
 int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme);
-/* A warning where inputs act later. */
+/* Warns if the model's inputs act later than they are logged. */
 void export_warn_delay(const app *self, const export_source *source);
 
 /* ---- the library's own results (program.c) ---- */
 
-/* A plan of a function with memory for it. */
+/* A plan of a function and its work memory. */
 typedef struct export_evaluation {
     lg_plan *plan;
     void *work;
@@ -207,91 +227,98 @@ typedef struct export_evaluation {
     size_t ins, outs;
     bool single;
 } export_evaluation;
-/* `most`: lg_plan_options.most_work, 0: the default. Errors: those of lg_plan_create. */
+/* `most`: lg_plan_options.most_work; 0: its default. Returns the errors of lg_plan_create. */
 lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,
                                  export_evaluation *e, lg_error *error);
-/* All inputs one behind the other, all outputs likewise. */
+/* x holds all inputs one behind the other, y all outputs. */
 void export_evaluate(const export_evaluation *e, const double *x, double *y);
 void export_evaluation_close(export_evaluation *e);
-/* Numbers within the range of a port, or from -1 to 1; returns how many. */
+/* Draws the numbers of a port within its range, or from -1 to 1 if it has none. Returns how many. */
 size_t export_draw_port(const lg_port *port, lg_rng *rng, double *x);
-/* By how much a function of the program multiplies rounding, seen in the library's own single precision at
- * `points` inputs, one behind the other, numbers of single precision: the largest error over its eps times
- * the depth; infinite or NaN where single precision cannot hold the results. */
+/* Measures by how much a function of the program multiplies rounding errors: evaluates it in single precision
+ * at `points` inputs and compares the results with double precision. x holds the inputs one behind the other,
+ * as numbers of single precision. *out is the largest error over (eps of single precision times depth); it is
+ * infinite or NaN where single precision cannot hold the results. */
 lg_status export_amplification(lg_program *program, size_t function, const double *x, size_t points,
                                size_t depth, double *out, lg_error *error);
 
-/* ---- files without faces (golden vectors included) ---- */
+/* ---- models that are exported without faces (golden vectors included) ---- */
 
-/* These return an exit code; on failure a message has been printed. The caller sets `source->options`. */
+/* These functions return an exit code; on failure a message has been printed. The caller sets
+ * `source->options`. */
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
-/* Functions of a program (a list with commas; NULL: all) under their own names, with source->prefix. `path`:
- * of the model's file. */
+/* Exports functions of a program (`functions`: names separated by commas; NULL: all) under their own names,
+ * with source->prefix before them. `path`: the model's file. */
 int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
                  export_source *source);
 
-/* ---- targets: tools that take more than C (one file each) ---- */
+/* ---- targets: exports for other tools (one file each) ---- */
 
-/* Warns that a file of an unknown kind is no model, and why (load.c). */
+/* Warns that a file of an unknown kind is not a model, and says why (load.c). */
 void export_warn_program(const app *self, const lg_error *why);
-/* A model as a program, whatever its kind, and start and step of `source` (load.c). */
+/* Loads a model of any kind as a program, and sets the initial state and the step of `source` (load.c). */
 int export_load(const app *self, const char *path, const char *kind, export_source *source, lg_program **out);
-/* A scene of lg-simulate as a program; `tunable`: its parameters are inputs (scene.c). */
+/* Loads a scene of lg-simulate as a program. `tunable`: the scene's parameters become inputs (scene.c). */
 int export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
                       lg_program **out);
-/* Inputs or outputs of a function of a program; NULL and 0: it has no such function. */
+/* Returns the inputs or outputs of a function of a program; NULL, with *count 0, if there is no such
+ * function. */
 const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count);
-/* The functions that a target offers, a list with commas to be freed: those of --functions, or else those of
- * `usual` (ends with NULL) that the program has; of a program that has none of them all but derivatives.
- * NULL: a message has been printed. */
+/* Returns the functions that a target exports, as a list with commas, to be freed: the names given with
+ * --functions; otherwise the names of `usual` (ends with NULL) that the program has; if it has none of these,
+ * all functions but derivatives. NULL: a message has been printed. */
 char *export_choose(const app *self, const export_options *options, const lg_program *program,
                     const char *const *usual);
-/* Name of a derivative of a function, to be freed; the program gets it if it has not got it yet. NULL: it
- * cannot be had, and a warning says why. */
+/* Returns the name of a derivative of a function, to be freed. Adds the derivative to the program if the
+ * program does not have it yet. NULL: the derivative cannot be made, and a warning says why. */
 char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function);
 
-/* A target: a row in a file that has what it writes, and its name in the list. */
+/* A target: a row, which stands in the target's own file. The list of all targets is in main.c. */
 typedef struct export_target {
-    /* Fills the files from the model's program; NULL: the C of its faces. Returns an exit code; on failure a
-     * message has been printed. */
+    /* Makes the files from the model's program. NULL (targets of plain C): the model's faces or functions are
+     * written as C instead. Returns an exit code; on failure a message has been printed. */
     int (*build)(const app *self, const char *path, lg_program *program, export_source *source);
-    void (*add)(export_source *source); /* files beside those of C, or NULL */
-    bool tunable;                       /* parameters of a scene are inputs */
-    const char *wide; /* "an FMU computes": it is in double precision, --dtype f32 is refused; or NULL */
+    void (*add)(export_source *source); /* Adds files besides the C files; may be NULL. */
+    bool tunable;                       /* Parameters of a scene become inputs. */
+    /* Why the target needs double precision ("an FMU computes"): --dtype f32 is refused with these words; or
+     * NULL. */
+    const char *wide;
 } export_target;
 
 /* ---- the model's name in C (name.c) ---- */
 
-/* Returns the reason why `name` is refused, or NULL: not a C identifier, a word of C, C++ or the code, too
- * long. */
+/* Returns why `name` is refused, or NULL if it is accepted. Refused are names that are not C identifiers, too
+ * long, or words of C, C++ or the exported code. */
 const char *export_name_problem(const char *name);
-/* A name made from the file's name (without folder), to be freed; NULL if that is impossible. */
+/* Makes a name from the file's name (without folder), to be freed; NULL if no valid name can be made. */
 char *export_name_from(const char *file);
 
 /* ---- files (files.c) ---- */
 
-/* Adds a file, which begins with a comment that says who wrote it where its format (by the ending) has
- * comments; other formats need the words "lg-export: NAME" in their first 500 bytes. %s in the name: the
- * model's. */
+/* Adds a file. If its format (known by the ending) has comments, it begins with a comment that names
+ * lg-export as its writer. Files of other formats must hold the words "lg-export: NAME" in their first 500
+ * bytes. A %s in the name stands for the model's name. */
 text *export_add_file(export_source *source, const char *name);
-/* Lines (without comment signs, any bytes) inside of a comment, broken where they are long. */
+/* Adds lines (without comment signs, any bytes) as lines inside a comment, and breaks long ones. */
 void export_add_lines(text *to, const char *lines);
-/* What the numbers of x and u are, and the delay: as lines, and inside of a comment. */
+/* Add what the numbers of x and u are, and the delay of the inputs: export_tell_words as plain lines,
+ * export_add_words as lines inside a comment. */
 void export_tell_words(const export_source *source, text *to);
 void export_add_words(const export_source *source, text *to);
-/* Text of a Makefile: NAME_. and NAME_x become the model's name with . and _x, %NAME% the name. */
+/* Adds text for a Makefile: NAME_. and NAME_x become the model's name with . and _x, %NAME% becomes the
+ * name. */
 void export_add_named(const export_source *source, const char *lines, text *to);
-/* Adds to the Makefile: what `all` makes and `clean` removes, and rules for it. NAME_. and NAME_x become the
- * model's name. Before export_compose. */
+/* Adds to the Makefile: products that `all` makes and `clean` removes, and the rules for them. NAME_. and
+ * NAME_x become the model's name. Must be called before export_compose. */
 void export_add_rules(export_source *source, const char *products, const char *rules);
-/* Adds NAME.h, NAME.c, NAME_weights.c, NAME_test.c and Makefile of what `source` has. */
+/* Adds NAME.h, NAME.c, NAME_weights.c, NAME_test.c and the Makefile, made from the texts of `source`. */
 void export_compose(export_source *source);
-/* Writes the files to folder `out`: to a temporary folder, then they are renamed. A folder that does not
- * exist or is empty gets all or none. In any other folder they are replaced one by one after all are
- * written. An existing file is replaced only if it has the words by which lg-export marks its files for this
- * name. A model with numbers or golden vectors that are not finite is refused. Returns an exit code; on
- * failure a message has been printed. */
+/* Writes the files to folder `out`: first to a temporary folder, then they are renamed. If `out` does not
+ * exist or is empty, it gets all files or none. In any other folder the files are replaced one by one after
+ * all of them are written. An existing file is replaced only if it holds the words by which lg-export marks
+ * its files for this name. A model with numbers or golden vectors that are not finite is refused. Returns an
+ * exit code; on failure a message has been printed. */
 int export_write(const app *self, const export_source *source, const char *out);
 
 #endif

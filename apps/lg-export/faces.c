@@ -1,4 +1,4 @@
-/* Writes the C of a model: every face whose functions the model's program has. */
+/* Writes the C of a model: all faces whose functions the model's program has. */
 #include "lg-export/faces.h"
 
 #include <math.h>
@@ -27,7 +27,7 @@ const export_kind *export_kind_of(const lg_recipe *recipe) {
     return kinds[i];
 }
 
-/* ---- which faces ---- */
+/* ---- choosing faces ---- */
 
 static bool has_function(const lg_program *program, const char *name) {
     return lg_program_find(program, name, &(size_t){0}) == LG_OK;
@@ -39,7 +39,7 @@ bool export_has(const export_model *m, const export_face *face) {
     return i < m->face_count;
 }
 
-/* The place of a function in the code; m->count: it is not there. */
+/* Returns the index of a function in m->functions, or m->count if it is not written. */
 static size_t place_of(const export_model *m, const char *function) {
     size_t i = 0;
     while (i < m->count && strcmp(m->functions[i].function, function) != 0) i++;
@@ -80,7 +80,8 @@ static void choose(export_model *m) {
 
 /* ---- code ---- */
 
-/* A step's depth is not that of its rounding, since h is small. */
+/* Returns the kind's depth, or the depth of the deepest function other than `step`. The depth of a step would
+ * overestimate its rounding errors, because the small h reduces them. */
 static size_t depth_of(const export_model *m) {
     size_t depth = 1;
     if (m->kind->depth != NULL) return m->kind->depth(m->file->contents);
@@ -121,7 +122,7 @@ static void draw_state(export_model *m, double *x) {
     free(element);
 }
 
-/* A start on the space, or what the program's ports allow. */
+/* Draws a random start on the space, or numbers within the ranges of the ports of `value`. */
 static void draw_start(export_model *m, double *x) {
     size_t count;
     if (m->space != NULL) {
@@ -185,8 +186,9 @@ lg_status export_keep_condition(export_model *m, lg_error *error) {
     return LG_OK;
 }
 
-/* By how much value, gradient, field and step multiply rounding at the golden vectors: the largest, of models
- * that do not move a whole number. */
+/* Sets source->condition to the largest factor by which one of these functions multiplies rounding errors at
+ * the golden vectors: grad, field and step of models that move; value and grad of other models, rounded up to
+ * a whole number. */
 static lg_status measure_condition(export_model *m, lg_error *error) {
     static const char *const names[] = {"value", "grad", "field", "step"};
     const export_golden *golden = &m->source->golden;
@@ -237,7 +239,7 @@ static int write_model(export_model *m) {
     return APP_EXIT_OK;
 }
 
-/* Sizes of what the library knows of the model. */
+/* Sets the sizes that the library knows about the model. */
 static void measure(export_model *m) {
     const lg_model *model = m->file->model;
     const lg_program *program = lg_model_program(model);
@@ -260,7 +262,7 @@ static void measure(export_model *m) {
     m->window.classes = count > 0 ? (uint32_t)lg_shape_count(chances[0].shape) : 0;
 }
 
-/* Before the program is made: a scheme that fits, a model that can be exported. */
+/* Checks the scheme and the model before the program is made. */
 static int check(export_model *m) {
     const lg_scheme *scheme = m->source->options->scheme;
     int code = APP_EXIT_OK;

@@ -1,6 +1,7 @@
-/* Faces: the C of a model that stands around functions of its program. A model has the faces whose functions
- * its program has, whatever its kind: a face is a row. A row of export_kind says more about a known kind: how
- * golden inputs are drawn, and what its numbers are. */
+/* Faces: pieces of exported C that stand around functions of a model's program, such as NAME_field and
+ * NAME_step. A model has every face whose functions its program has, whatever the model's kind. Each face is
+ * a row of a table. A row of export_kind adds what is known about one kind of model: how golden inputs are
+ * drawn, and what the model's numbers mean. */
 #ifndef LG_EXPORT_FACES_H
 #define LG_EXPORT_FACES_H
 
@@ -15,66 +16,75 @@ enum { EXPORT_MOST_FACES = 8, EXPORT_MOST_FUNCTIONS = 3 };
 typedef struct export_model {
     const app *self;
     const lg_model_file *file;
-    const export_kind *kind; /* never NULL */
+    const export_kind *kind; /* Never NULL. */
     lg_program *program;
-    const lg_space *space; /* of the states; NULL: the model does not move */
+    const lg_space *space; /* Space of the states; NULL: the model does not move. */
     export_source *source;
-    size_t dim, algebra, forces,
-        tangent;                   /* numbers of state, field, input, coordinates; 0: it does not move */
-    size_t positions, velocities;  /* in a log; 0: none */
-    export_window window;          /* classes 0: it has none */
-    export_evaluation probability; /* of the classes */
-    const export_face *faces[EXPORT_MOST_FACES]; /* in the table's order */
+    /* Numbers of a state, of an element of the algebra (the field), of an input, and of the tangent space's
+     * coordinates; 0: the model does not move. */
+    size_t dim, algebra, forces, tangent;
+    size_t positions, velocities;                /* Numbers of positions and velocities in a log; 0: none. */
+    export_window window;                        /* classes is 0 if the model has no classes. */
+    export_evaluation probability;               /* Plan of the probabilities of the classes. */
+    const export_face *faces[EXPORT_MOST_FACES]; /* In the order of the table. */
     size_t face_count;
-    size_t extras; /* numbers of a golden extra */
+    size_t extras; /* Number of extra results per golden vector. */
     export_function functions[EXPORT_MOST_FACES * EXPORT_MOST_FUNCTIONS];
     size_t count;
-    lg_rng rng;    /* of golden vectors */
-    double *input; /* of all steps (forces), at least one number */
-    double h;      /* of all steps */
-    void *work;    /* lg_model_work_size bytes */
+    lg_rng rng;    /* For golden vectors. */
+    double *input; /* The input of all golden steps: `forces` numbers, allocated for at least one. */
+    double h;      /* The step size of all golden steps. */
+    void *work;    /* lg_model_work_size bytes. */
 } export_model;
 
-/* A face: functions of the program that it needs and their names in C, what else it needs, and what it adds.
- * All but `functions` and `fits` may be missing. */
+/* A face: the functions of the program that it needs, with their names in C; what else it requires; and what
+ * it adds. All members but `functions` and `fits` may be missing. */
 struct export_face {
     struct {
         const char *function, *name;
-        bool hidden; /* static: for the fragments */
+        bool hidden; /* Static: only fragments call it. */
     } functions[EXPORT_MOST_FUNCTIONS];
     bool (*fits)(const export_model *m);
-    void (*code)(export_model *m);           /* fragments, constants, sizes, declarations */
-    size_t (*extras)(const export_model *m); /* numbers in a golden extra */
-    /* These numbers of golden vector v; false: it is drawn again. */
+    void (*code)(export_model *m);           /* Adds fragments, constants, sizes, declarations. */
+    size_t (*extras)(const export_model *m); /* Number of extra results per golden vector. */
+    /* Computes the extra results of golden vector v. Returns false if the vector has to be drawn again. */
     bool (*draw)(export_model *m, size_t v, double *extra);
-    /* These numbers of all vectors, from number `at` of each on, and the self-test's code. */
+    /* Computes the extra results of all golden vectors, from number `at` of each vector on, and adds the code
+     * for the self-test. */
     lg_status (*golden)(export_model *m, size_t at);
-    const char *extra_name; /* what the self-test calls them; of several faces the last one's */
-    size_t stack, calls; /* bytes of the frames of the fragments, gcc and clang, -O0 to -O3, and how many */
+    /* What the self-test calls the extra results; if several faces have a name, the last one is used. */
+    const char *extra_name;
+    /* The fragments' stack frames: their bytes (gcc and clang, -O0 to -O3) and their number. */
+    size_t stack, calls;
 };
 
-/* What is known of a kind; every member may be missing. */
+/* What is known about one kind of model; every member may be missing. */
 struct export_kind {
-    const lg_recipe *recipe; /* NULL: any other kind */
-    uint64_t stream;         /* of the random numbers of golden vectors */
-    bool gradient;           /* an evaluation of the field is told as one of a network's gradient */
-    /* What the numbers of state and input are, range and dt of the data, whatever the target. */
+    const lg_recipe *recipe; /* NULL in the row for all other kinds. */
+    uint64_t stream;         /* Stream of the random numbers that golden vectors are drawn from. */
+    /* NAME_STEP_EVALUATIONS is described as the number of evaluations of the network's gradient, not of the
+     * field. */
+    bool gradient;
+    /* Describes the state and the input in words, and sets the range of the data, and its dt; used for every target. */
     void (*words)(const void *contents, export_source *source);
-    /* Refuses a model that cannot be exported, gives sizes of its kind. Returns an exit code. */
+    /* Refuses a model that cannot be exported, and adds sizes of its kind. Returns an exit code. */
     int (*begin)(export_model *m);
-    /* Input x of golden vector `v`. NULL: a start on the space, or numbers that the program's ports allow. */
+    /* Draws input x of golden vector `v`. NULL: a random start on the space, or numbers within the ranges of
+     * the program's ports. */
     void (*draw)(export_model *m, double *x, size_t v);
-    double (*draw_input)(export_model *m, size_t k); /* number k of the input of steps */
-    /* False: golden vector `v`, with value, gradient and classes, is drawn again. */
+    double (*draw_input)(export_model *m, size_t k); /* Draws number k of the input of golden steps. */
+    /* Called when value, gradient and classes of golden vector `v` are computed. Returns false if the vector
+     * has to be drawn again because rounding could change these results. */
     bool (*is_smooth)(export_model *m, size_t v);
-    size_t (*depth)(const void *contents); /* NULL: the functions' own */
-    /* Sets source->condition. NULL: measured at the golden vectors. */
+    size_t (*depth)(const void *contents); /* NULL: the depth of the written functions. */
+    /* Sets source->condition. NULL: the condition is measured at the golden vectors. */
     lg_status (*condition)(export_model *m, lg_error *error);
-    void (*window)(const void *contents, export_window *out); /* NULL: classes have no names */
-    void (*tell)(export_model *m);                            /* lines for source->about */
+    /* Fills in the names of the classes and the shape of the window. NULL: the classes have no names. */
+    void (*window)(const void *contents, export_window *out);
+    void (*tell)(export_model *m); /* Adds lines to source->about. */
 };
-/* The tables. A new row is a name here; the row stands in the file of the face or kind. Faces are written in
- * this order; `other` is the row of all kinds that have no row. */
+/* The lists of all faces and kinds. A new one needs its name here and its row in a file of its own. Faces are
+ * written in this order; the row `other` serves all kinds that have no row. */
 #define EXPORT_FACE_LIST(ROW)                                                                                \
     ROW(value) ROW(motion) ROW(states) ROW(linearise) ROW(classes) ROW(points) ROW(angle) ROW(nodes)
 #define EXPORT_KIND_LIST(ROW) ROW(hamiltonian) ROW(machine) ROW(surrogate) ROW(table) ROW(detector) ROW(other)
@@ -84,27 +94,30 @@ EXPORT_FACE_LIST(EXPORT_FACE_ROW)
 EXPORT_KIND_LIST(EXPORT_KIND_ROW)
 const export_kind *export_kind_of(const lg_recipe *recipe);
 
-/* The C of a model with one face or more, golden vectors and words included. `none`: it has no face, and
- * nothing is written. Returns an exit code; on failure a message has been printed. */
+/* Writes the C of a model that has at least one face, with golden vectors and a description. Sets *none if the model
+ * has no face; nothing is written then. Returns an exit code; on failure a message has been printed. */
 int export_faces(const app *self, const lg_model_file *file, export_source *source, bool *none);
 
-/* ---- for rows ---- */
+/* ---- functions for the rows ---- */
 
-void export_machine_words(const void *contents, export_source *source); /* (machine/machine_words.c) */
+void export_machine_words(const void *contents, export_source *source); /* In machine/machine_words.c. */
 bool export_has(const export_model *m, const export_face *face);
-/* Numbers of golden extra `v` from number `at` on. */
+/* Extra results of golden vector `v`, from number `at` on. */
 static inline double *export_extra(const export_model *m, size_t at, size_t v) {
     return m->source->golden.extra + v * m->source->golden.extras + at;
 }
-/* Reals of work of a function that the faces have, 0 of another one. */
+/* Returns the reals of work memory of a function that belongs to the model's faces, 0 for any other
+ * function. */
 size_t export_work_of(const export_model *m, const char *function);
-/* A state (dim zeros) becomes the one at rest: places 0, directions down, rotations 1 (load.c). */
+/* Turns `y` (dim zeros) into the state at rest: places 0, directions down, rotations the identity
+ * (load.c). */
 void export_rest(const lg_space *space, double *y);
-/* For kinds whose condition is 1, or set before the code is written. */
+/* The `condition` of kinds whose condition is 1 or was set before the code is written: changes nothing. */
 lg_status export_keep_condition(export_model *m, lg_error *error);
-/* "state (6)     words" */
+/* Adds a line: "state (6)     words". */
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
-/* The scheme, `what` a step evaluates, and what the condition is (motion.c). */
+/* Adds lines about the scheme, about `what` (the function that a step evaluates), and about the condition if
+ * it exceeds 1 (motion.c). */
 void export_tell_motion(const export_model *m, const char *what, const char *condition);
 
 #endif

@@ -1,4 +1,4 @@
-/* The files: frames of the C ones, and how all reach the disk. */
+/* The exported files: the frames of the C files, and how all files are written to the disk. */
 #include "lg-export/export.h"
 
 #include <dirent.h>
@@ -13,7 +13,8 @@
 
 enum { COLUMNS = 105, HANGING = 14 };
 
-/* The line up to `end` as lines of a comment, broken at blanks; never behind a backslash. */
+/* Adds the line up to `end` as lines of a comment. Long lines are broken at blanks, but never after a
+ * backslash. */
 static void add_wrapped(text *to, const char *line, const char *end) {
     for (size_t indent = 0; line < end || indent == 0; indent = HANGING) {
         const size_t room = COLUMNS - indent;
@@ -144,7 +145,7 @@ static void add_header(const export_source *source, text *to) {
                 source->declarations.data != NULL ? source->declarations.data : "");
 }
 
-/* ---- the other four ---- */
+/* ---- the other four files ---- */
 
 static const char *or_nothing(const text *from) {
     return from->data != NULL ? from->data : "";
@@ -256,7 +257,7 @@ static const char makefile[] =
 void export_add_named(const export_source *source, const char *lines, text *to) {
     const struct {
         const char *token, *text;
-        size_t number; /* where text is NULL */
+        size_t number; /* Used where text is NULL. */
     } rows[] = {{"NAME_.", source->options->name, 0}, {"NAME_", source->options->name, 0},
                 {"%NAME%", source->options->name, 0}, {"%ALL%", or_nothing(&source->products), 0},
                 {"%STACK%", NULL, source->stack},     {"%CALLS%", NULL, source->calls}};
@@ -281,14 +282,14 @@ void export_add_rules(export_source *source, const char *products, const char *r
     export_add_named(source, rules, &source->rules);
 }
 
-/* The Makefile, and the target's rules behind it. */
+/* Adds the Makefile and, behind it, the rules of the target. */
 static void add_rules(const export_source *source, text *to) {
     export_add_named(source, makefile, to);
     if (source->rules.length > 0) lg_text_add(to, "\n%s", source->rules.data);
 }
 
 static const struct {
-    const char *name; /* %s: the model's */
+    const char *name; /* %s stands for the model's name. */
     void (*add)(const export_source *source, text *to);
 } composers[] = {{"%s.h", add_header},
                  {"%s.c", add_code},
@@ -296,7 +297,7 @@ static const struct {
                  {"%s_test.c", add_test},
                  {"Makefile", add_rules}};
 
-/* The line by which a file is known again: in its first numbers of bytes, whatever the format. */
+/* Adds the beginning by which lg-export recognises a file as its own. Formats without comments get none. */
 static void add_marker(const char *file, const char *name, text *to) {
     const char *dot = strrchr(file, '.');
     const bool c = dot != NULL && (strcmp(dot, ".c") == 0 || strcmp(dot, ".h") == 0);
@@ -321,15 +322,15 @@ void export_compose(export_source *source) {
         composers[i].add(source, export_add_file(source, composers[i].name));
 }
 
-/* ---- the disk ---- */
+/* ---- writing to the disk ---- */
 
 typedef struct place {
     const export_source *source;
-    const char *out;    /* without slashes at its end */
-    const char *parent; /* the folder that `out` is in */
-    bool replace;       /* `out` is a folder with files */
+    const char *out;    /* Without slashes at its end. */
+    const char *parent; /* The folder that contains `out`. */
+    bool replace;       /* True: `out` is a folder that already has files. */
     lg_temporary holds;
-    const char *temporary; /* the folder they are written in, once it exists */
+    const char *temporary; /* The folder in which the files are written first; NULL until it exists. */
 } place;
 
 static lg_status place_error(const place *at, const char *what, int code, lg_error *error) {
@@ -349,8 +350,8 @@ static bool is_empty_folder(const char *path) {
     return empty;
 }
 
-/* Whether the file begins with the marker of its name or, without one, has the words among its first bytes:
- * it is one of ours, for this name. */
+/* Returns whether lg-export wrote the file for this model's name: the file begins with the marker line, or,
+ * in formats without one, has the words "lg-export: NAME" among its first 511 bytes. */
 static bool is_ours(const place *at, size_t file, const char *path) {
     char found[512];
     text marker = app_text();
@@ -370,7 +371,7 @@ static bool is_ours(const place *at, size_t file, const char *path) {
     return ours;
 }
 
-/* A name may be taken by a file that was written here before. */
+/* Checks that the name of a file is free, or taken by a file that lg-export wrote for the same model name. */
 static lg_status look_at(const place *at, size_t file, lg_error *error) {
     struct stat information;
     char *path = app_format("%s/%s", at->out, at->source->files[file].name);
@@ -388,7 +389,7 @@ static lg_status look_at(const place *at, size_t file, lg_error *error) {
     return status;
 }
 
-/* The folder that `out` is made in has to exist. */
+/* Checks that the folder exists in which `out` is to be made. */
 static lg_status look_above(const place *at, lg_error *error) {
     struct stat information;
     if (stat(at->parent, &information) == 0 || errno != ENOENT) return LG_OK;
@@ -396,7 +397,8 @@ static lg_status look_above(const place *at, lg_error *error) {
                      at->parent);
 }
 
-/* What stands at `out`: nothing or an empty folder, or a folder in which the names are free or ours. */
+/* Checks what exists at `out`: nothing, an empty folder, or a folder in which every file name is free or
+ * taken by a file of lg-export. */
 static lg_status look(place *at, lg_error *error) {
     struct stat information;
     if (stat(at->out, &information) != 0)
@@ -410,7 +412,7 @@ static lg_status look(place *at, lg_error *error) {
     return LG_OK;
 }
 
-/* Beside the folder, or in it where it stays. */
+/* Makes the temporary folder: inside `out` if `out` keeps its other files, otherwise next to it. */
 static lg_status make_temporary(const app *self, place *at, lg_error *error) {
     char *target = app_format("%s%s", at->out, at->replace ? "/" : "");
     const lg_status status = lg_temporary_create(self->context, target, true, &at->holds, error);
@@ -419,8 +421,8 @@ static lg_status make_temporary(const app *self, place *at, lg_error *error) {
     return status;
 }
 
-/* From here to the end of the file nothing allocates: a program that ends for want of memory would leave
- * some of the files. */
+/* From the first write on (this function to remove_temporary), nothing may allocate: a program that stops
+ * because memory ran out would leave some of the files behind. */
 static int write_whole(int folder, const char *name, const text *content) {
     const int fd = openat(folder, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0) return errno;
@@ -439,7 +441,7 @@ static int write_whole(int folder, const char *name, const text *content) {
     return code;
 }
 
-/* Some file systems cannot sync a folder; what was renamed stands all the same. */
+/* Some file systems cannot sync a folder. That is no error: the rename has taken place anyway. */
 static void sync_folder(const char *path) {
     const int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0) return;
@@ -505,7 +507,7 @@ static lg_status refuse_unfit(const export_source *source, const char *does, lg_
         does, source->options->dtype == LG_F32 ? " in single precision: export it with --dtype f64" : "");
 }
 
-/* The folder that a path without slashes at its end is in. Freed with free. */
+/* Returns the folder that contains a path (without slashes at its end). To be freed. */
 static char *folder_of(const char *path) {
     const char *slash = strrchr(path, '/');
     return slash == NULL ? app_format(".")

@@ -1,5 +1,6 @@
-/* FMUs (fmi-standard.org, 2.0 and 3.0), model exchange and co-simulation in one file with sources. Both have
- * exact directional derivatives from the program's forward and adjoint functions. */
+/* FMUs (fmi-standard.org, versions 2.0 and 3.0): model exchange and co-simulation in one file, with sources.
+ * Both versions offer exact directional derivatives, computed by the program's forward functions; 3.0 also
+ * offers adjoint derivatives. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -25,7 +26,7 @@ static void add_source(job *j) {
     block_add_tables(&j->b, to);
     block_add_evaluate(&j->b, to);
     block_add_forward(&j->b, to);
-    if (j->version > 2) block_add_adjoint(&j->b, to); /* FMI 2.0 has none */
+    if (j->version > 2) block_add_adjoint(&j->b, to); /* FMI 2.0 has no adjoint derivatives. */
     block_add_step(&j->b, to);
     lg_text_add(to, "#define HAS_STATES %d\n", j->b.rate);
     lg_text_add(to, "%s\n%s", export_fragment_text("fmu_core"),
@@ -74,7 +75,7 @@ static void add_units(const job *j, text *to) {
 }
 
 static const struct {
-    const char *causality, *variability, *initial; /* NULL: not written */
+    const char *causality, *variability, *initial; /* NULL: the attribute is not written. */
     bool start;
 } xml[CAUSALITIES] = {[STATE] = {"local", "continuous", "exact", true},
                       [DERIVATIVE] = {"local", "continuous", "calculated", false},
@@ -85,7 +86,8 @@ static const struct {
 static const char longest_step[] =
     "Co-simulation: no internal step is longer, in units of time; the interval of the data by default";
 
-/* A model without outputs gives its state. */
+/* Returns whether the variable is an output of the FMU. If the block has no outputs, the FMU's output is the
+ * state. */
 static bool is_output(const block *b, const variable *v) {
     bool any = false;
     for (size_t i = 0; i < b->count; i++) any = any || b->variables[i].kind == OUTPUT;
@@ -94,7 +96,7 @@ static bool is_output(const block *b, const variable *v) {
 
 enum { WHOLE = -1 };
 
-/* Line k of a list, or all words where there is none. */
+/* Adds line k of `each`, or `whole` if k is WHOLE or `each` is empty. */
 static void add_words(text *to, const text *each, const text *whole, long k) {
     const char *line = k != WHOLE && each->length > 0 ? each->data : NULL;
     for (long i = 0; line != NULL && i < k; i++) line = strchr(line, '\n') + 1;
@@ -104,7 +106,7 @@ static void add_words(text *to, const text *each, const text *whole, long k) {
         lg_text_add(to, "%s", whole->data != NULL ? whole->data : "");
 }
 
-/* What number k of the variable is, or all of them. */
+/* Adds a description of number k of the variable, or of all its numbers if k is WHOLE. */
 static void add_meaning(const block *b, text *to, const variable *v, long k) {
     const export_source *source = b->source;
     text words = app_text();
@@ -128,7 +130,7 @@ static void add_kind(const block *b, text *to, const variable *v, long k) {
     add_meaning(b, to, v, k);
 }
 
-/* "x[2]", "der(x[2])", "value": the name of number k. */
+/* Adds the name of number k of a variable: "x[2]", "der(x[2])", "value". */
 static void add_scalar_name(text *to, const variable *v, size_t k) {
     char name[200];
     const char *close = v->kind == DERIVATIVE ? ")" : "";
@@ -163,7 +165,7 @@ static void add_variables2(const job *j, text *to) {
     lg_text_add(to, "  </ModelVariables>\n");
 }
 
-/* Numbers of the kinds as <Unknown index=.../>; indices begin with 1. */
+/* Lists derivatives, outputs or both as <Unknown index=.../>; indices begin with 1. */
 static void add_unknowns2(const job *j, const char *element, bool derivatives, bool outputs, text *to) {
     bool any = false;
     for (size_t i = 0; i < j->b.count; i++) {
@@ -194,7 +196,7 @@ static void add_common(const job *j, text *to) {
                 lg_version());
 }
 
-/* To the end of the scene, or a second. */
+/* The default experiment ends at the scene's end, or after 1 unit of time. */
 static void add_experiment(const job *j, text *to) {
     lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"");
     add_number(to, j->b.source->stop > 0 ? j->b.source->stop : 1);
@@ -319,7 +321,8 @@ static void add_rules(job *j) {
     export_add_rules(j->b.source, "NAME_.fmu NAME_.so", rules);
 }
 
-/* A name for the instance to be asked for: the model file's SHA-256 as a guid. */
+/* Makes the identifier (guid or instantiation token) that the caller must give when it makes an instance:
+ * taken from the SHA-256 of the model's file. */
 static void make_token(job *j) {
     const char *s = j->b.source->options->sha256[0] != '\0' ? j->b.source->options->sha256
                                                             : "00000000000000000000000000000000";

@@ -1,4 +1,4 @@
-/* Golden vectors: memory for them, and their text. */
+/* Golden vectors: their memory and their text. */
 #include "lg-export/export.h"
 
 #include <math.h>
@@ -40,7 +40,7 @@ void export_golden_write(const export_source *source, text *to) {
         if (tables[i] != NULL && sizes[i] > 0) add_table(source, to, names[i], tables[i], sizes[i]);
 }
 
-/* The sum of squares of a table, as the self-test takes it. */
+/* Sum of squares of a table, computed as the self-test computes it. */
 static double squares_of(const export_source *source, const double *values, size_t size) {
     double sum = 0;
     for (size_t i = 0; values != NULL && i < source->golden.count * size; i++) {

@@ -3,10 +3,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Outputs of a function of a program: its own bound. */
+/* MOST_NODES is a limit of this file; MOST_OUTPUTS is the limit of outputs per function of a program. */
 enum { MOST_NODES = 1 << 20, MOST_OUTPUTS = 64 };
 
-/* ---- writing calls out ---- */
+/* ---- writing out calls and loops ---- */
 
 static uint32_t add_node(graph *g, const lg_operation *op) {
     if (g->count == g->room) {
@@ -34,7 +34,7 @@ static lg_status image_of(graph *g, const lg_program *program, size_t function, 
 static lg_status inline_function(graph *g, const lg_program *program, size_t function, const uint32_t *inputs,
                                  uint32_t *results);
 
-/* The nodes that the operation takes; kept until the graph is freed. */
+/* Returns the nodes that the operation reads; kept until the graph is freed. */
 static uint32_t *inputs_of(const lg_operation *op, const uint32_t *place) {
     uint32_t *inputs = app_alloc(op->input_count, sizeof *inputs);
     for (uint32_t i = 0; i < op->input_count; i++) inputs[i] = place[op->inputs[i]];
@@ -99,7 +99,7 @@ static lg_status inline_function(graph *g, const lg_program *program, size_t fun
 
 /* ---- inputs ---- */
 
-/* A node for each input stands first. */
+/* Adds one node per input, before all other nodes. */
 static uint32_t *add_inputs(graph *g) {
     uint32_t *nodes = app_alloc(g->input_count, sizeof *nodes);
     for (size_t i = 0; i < g->input_count; i++) {
@@ -138,7 +138,7 @@ static void mark(graph *g) {
     }
 }
 
-/* Constants as outputs of a function of a program with the same parameters. */
+/* Adds a function to the program that returns the given constants as its outputs. */
 static lg_status add_constants_function(const graph *g, lg_program *program, const uint32_t *which,
                                         size_t count, lg_error *error) {
     char name[48];
@@ -190,7 +190,7 @@ static lg_status evaluate_constants(graph *g, lg_program *program, const uint32_
     return LG_OK;
 }
 
-/* All constants that are needed; a function has MOST_OUTPUTS of them at most. */
+/* Computes all constants that are needed, at most MOST_OUTPUTS of them per added function. */
 static lg_status fold(graph *g, lg_program *program, lg_error *error) {
     uint32_t *which = app_alloc(g->count, sizeof *which);
     size_t count = 0;
@@ -206,7 +206,7 @@ static lg_status fold(graph *g, lg_program *program, lg_error *error) {
     return status;
 }
 
-/* ---- all ---- */
+/* ---- the graph ---- */
 
 lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error *error) {
     *out = (graph){.count = 0};

@@ -1,5 +1,6 @@
-/* A function of a program as one list of operations: calls and loops are written out, what nothing needs is
- * left out, and what depends on parameters alone is a constant, computed by the library. */
+/* A function of a program as one list of operations. Calls and loops are written out, operations that no
+ * result needs are marked as not needed, and operations that depend on parameters alone become constants,
+ * which the library computes. */
 #ifndef LG_EXPORT_GRAPH_H
 #define LG_EXPORT_GRAPH_H
 
@@ -7,10 +8,10 @@
 #include "liegrad/program_image.h"
 
 typedef struct graph_node {
-    lg_operation op; /* its inputs are nodes of the graph */
-    bool needed;     /* a result depends on it and it is not inside of a constant */
-    bool varies;     /* it depends on an input */
-    double *values;  /* constants that are needed: all elements; NULL otherwise */
+    lg_operation op; /* Its inputs are indices of nodes of this graph. */
+    bool needed;     /* A result depends on it, and it is not merely an operand of a constant. */
+    bool varies;     /* It depends on an input or on the number of rows. */
+    double *values;  /* All elements of a constant that is needed; NULL otherwise. */
     size_t count;
 } graph_node;
 
@@ -24,7 +25,7 @@ typedef struct graph {
     size_t image_count;
 } graph;
 
-/* Errors, with a sentence: LG_UNSUPPORTED (more than 2^20 operations), those of lg_plan_create. */
+/* Errors, with a sentence: LG_UNSUPPORTED (more than 2^20 operations) and the errors of lg_plan_create. */
 lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error *error);
 void graph_free(graph *g);
 

@@ -1,12 +1,12 @@
-/* A model of any kind as a program, and functions of it for a target. */
+/* Loads a model of any kind as a program, and chooses functions of it for a target. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
 
-/* ---- a start ---- */
+/* ---- the initial state ---- */
 
-/* At rest: places, momenta 0; directions down, -e3; rotations 1. */
+/* A state at rest: places and momenta 0, directions down (-e3), rotations the identity. */
 static void add_factor(const lg_space_factor *factor, double *y) {
     const lg_space_entry *entry = lg_space_kind_entry(factor->kind);
     for (size_t i = 0; i < factor->count; i++, y += entry->state) {
@@ -28,7 +28,7 @@ static void make_start(const lg_space *space, export_source *source) {
     export_rest(space, source->start);
 }
 
-/* ---- a model of any kind ---- */
+/* ---- models of any kind ---- */
 
 static void tell_words(const lg_model_file *file, export_source *source) {
     const export_kind *kind = export_kind_of(file->recipe);
@@ -86,7 +86,7 @@ static bool is_derivative(const char *name) {
     return is;
 }
 
-/* Whether a list with commas has the name. */
+/* Returns whether a list with commas holds the name. */
 static bool is_listed(const char *list, const char *name) {
     const size_t length = strlen(name);
     for (const char *at = list; at != NULL; at = strchr(at, ',')) {
@@ -101,7 +101,8 @@ static void add_name(text *list, const char *name) {
         lg_text_add(list, "%s%s", list->length > 0 ? "," : "", name);
 }
 
-/* The names of --functions, each once; *missing: one that the program has not got. */
+/* Adds the names of --functions to the list, each once. *missing: the first name that the program does not
+ * have. */
 static void add_given(const char *functions, const lg_program *program, text *list, char **missing) {
     size_t at;
     char *given = app_format("%s", functions);
@@ -126,7 +127,8 @@ static void add_usual(const lg_program *program, const char *const *usual, text 
     }
 }
 
-/* What the code of machines has beside their program, other targets have as derivatives. */
+/* Refuses an unknown function. `linearise` is written as C around the program of a machine; other targets
+ * have derivatives of functions instead. */
 static void refuse_function(const app *self, const lg_program *program, const char *name) {
     size_t at;
     if (strcmp(name, "linearise") == 0 && lg_program_find(program, "step", &at) == LG_OK)

@@ -1,4 +1,4 @@
-/* lg-export: a trained model as C sources for control code. */
+/* lg-export: writes a trained model as C sources for control code. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,7 +14,7 @@ typedef struct export_values {
 
 static export_values given;
 
-/* The rows of all targets (export_target_NAME), one file each; the first one is C. */
+/* The rows of all targets (export_target_NAME), each in its own file; the first target is plain C. */
 #define EXPORT_TARGET_LIST(ROW)                                                                              \
     ROW(c) ROW(casadi) ROW(fmu2) ROW(fmu3) ROW(simulink) ROW(onnx) ROW(safetensors) ROW(package)
 #define DECLARE(name) extern const export_target export_target_##name;
@@ -68,12 +68,12 @@ static const lg_field options[] = {
               .high = 1000, .value = "8"),
     LG_FIELD_END};
 
-/* What is being exported, and what has to be freed. */
+/* The model that is being exported, and what has to be freed. */
 typedef struct job {
     const app *self;
-    const char *path; /* of the model */
+    const char *path; /* The model's file. */
     char *name;
-    lg_scheme *scheme; /* from a file */
+    lg_scheme *scheme; /* Read from a file, to be freed; or NULL. */
     lg_model_file file;
     export_options options;
     export_source source;
@@ -130,7 +130,8 @@ static int choose_scheme(job *j) {
     return APP_EXIT_OK;
 }
 
-/* The SHA-256 of the model's file; what cannot be read is told when it is loaded. */
+/* Computes the SHA-256 of the model's file. A file that cannot be read is reported later, when it is
+ * loaded. */
 static void hash_model(job *j) {
     unsigned char block[65536];
     lg_sha256 state;
@@ -153,7 +154,8 @@ static int refuse_functions(const job *j) {
     return app_usage(j->self, "--functions and --compact are for programs; %s is a %s", j->path, j->kind);
 }
 
-/* --functions: of a model that moves linearise alone. */
+/* Refuses --functions and --compact for models that cannot have them: a model that moves accepts `linearise`
+ * alone. */
 static int check_functions(const job *j) {
     const bool moves = lg_model_space(j->file.model) != NULL;
     if (given.compact || (given.functions != NULL && !moves)) return refuse_functions(j);
@@ -164,7 +166,7 @@ static int check_functions(const job *j) {
                      given.functions);
 }
 
-/* The C of the faces; *none: the model has no face. */
+/* Writes the C of the model's faces; *none: the model has no face. */
 static int build_faces(job *j, bool *none) {
     const int code = j->file.recipe != NULL ? check_functions(j) : APP_EXIT_OK;
     if (code != APP_EXIT_OK) return code;
@@ -178,13 +180,13 @@ static int build_program(job *j) {
     return given.scheme != NULL ? refuse_scheme(j) : export_program(j->self, j->path, &j->source);
 }
 
-/* What the options ask for is what faces have. */
+/* Returns whether the options can be met with faces. */
 static bool wants_faces(void) {
     return !given.compact && (given.functions == NULL || strcmp(given.functions, "linearise") == 0);
 }
 
-/* A model by its faces; a file of an unknown kind that has none, or of which something else is asked, is a
- * program. */
+/* Writes a model by its faces. A file of an unknown kind is written as a program if it has no face or if the
+ * options ask for something else. */
 static int build_model(job *j, const char *kind) {
     lg_error error = {LG_OK, ""};
     bool none = false;
@@ -202,7 +204,7 @@ static int build_model(job *j, const char *kind) {
     return none ? build_program(j) : code;
 }
 
-/* Whether the file holds functions that can be exported, whatever its kind. */
+/* Returns whether the file holds functions that can be exported, whatever its kind. */
 static bool has_functions(const job *j) {
     lg_program *program;
     if (lg_program_load(j->self->context, j->path, NULL, &program, NULL) != LG_OK) return false;
@@ -210,7 +212,7 @@ static bool has_functions(const job *j) {
     return true;
 }
 
-/* A file without such functions: the reason is that of whoever reads files of its kind. */
+/* Refuses a file without such functions, with the error of the reader for its kind. */
 static int refuse_file(const job *j, const char *kind) {
     lg_error error = {LG_OK, ""};
     lg_program *program;
@@ -221,7 +223,8 @@ static int refuse_file(const job *j, const char *kind) {
     return app_fail_file(j->self, status, &error, j->path);
 }
 
-/* For other targets than C every model is a program, and so is a scene, whose parameters an FMU can tune. */
+/* Writes a target other than C: the model, whatever its kind, is loaded as a program. A scene too becomes a
+ * program; an FMU can have the scene's parameters as tunable parameters. */
 static int build_target(job *j, const char *kind) {
     lg_program *program;
     const export_target *target = targets[given.target];
@@ -267,7 +270,8 @@ static int build(job *j) {
     return given.scheme != NULL ? refuse_scheme(j) : export_classifier(j->self, j->path, &j->source);
 }
 
-/* A shared library of the C, for programs that load it; none where the compiler has no operating system. */
+/* Rule for a shared library of the C code, for programs that load it. The library is not made if the
+ * compiler's target has no operating system. */
 static const char library[] =
     "libNAME_.so: NAME_.c NAME_weights.c NAME_.h\n"
     "\t$(CC) $(CFLAGS) -fPIC -shared NAME_.c NAME_weights.c $(LDFLAGS) -lm -o libNAME_.so\n";
@@ -336,7 +340,8 @@ static void report(const job *j) {
            j->source.depth);
 }
 
-/* A number that becomes 0 in silence is a wrong number, a guard against division by 0 included. */
+/* Warns about numbers that become 0 or lose digits in single precision: otherwise the result would be wrong
+ * without notice, for example when a guard against division by 0 becomes 0. */
 static void warn_lost(const job *j) {
     const export_source *source = &j->source;
     const size_t lost = source->lost + source->weights.lost + source->code.lost;
@@ -362,7 +367,7 @@ static int export_run(app *self) {
     if (code == APP_EXIT_OK) code = choose_scheme(&j);
     if (code == APP_EXIT_OK) hash_model(&j);
     if (code == APP_EXIT_OK) code = build_files(&j);
-    if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* what is wrong with the numbers is in the file */
+    if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* The cause is the numbers in the file. */
     if (code == APP_EXIT_OK) code = export_write(self, &j.source, given.out);
     if (code == APP_EXIT_OK) warn_lost(&j);
     if (code == APP_EXIT_OK) report(&j);

@@ -1,12 +1,13 @@
-/* Faces of models that move: field and step, states from what a log has, the linearisation. These are
- * functions of the model's program; code/hamiltonian and code/machine have the code around them. */
+/* Faces of models that move: field and step, the state from positions and velocities of a log, and the
+ * linearisation. They use functions of the model's program; code/hamiltonian and code/machine hold the code
+ * around these functions. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
 
-/* ---- what a step needs of the space ---- */
+/* ---- scheme and space of a step ---- */
 
 static const char *scheme_name(const lg_scheme *scheme) {
     return scheme->name != NULL ? scheme->name : "a scheme without a name";
@@ -28,7 +29,7 @@ int export_check_scheme(const app *self, const lg_space *space, bool separable, 
         scheme_name(scheme), separable ? ", or stormer-verlet and other splittings" : "");
 }
 
-/* Numbers of a copy, and copies; SE(3) is a rotation and three numbers. */
+/* Adds {numbers per copy, copies} of a factor; SE(3) is written as a rotation and three numbers. */
 static void add_factor(export_source *source, const lg_space_factor *factor) {
     const size_t numbers = lg_space_kind_entry(factor->kind)->state;
     if (factor->kind == LG_SPACE_TS2 || factor->kind == LG_SPACE_SO3)
@@ -70,12 +71,13 @@ static const char motion_declarations[] =
     "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
     "               NAME_real *work);\n";
 
-/* Numbers of an input of a function, in all 0 beyond. */
+/* Numbers of input `index` of a function; 0 if there is no such input. */
 static size_t numbers_of(const lg_port *ports, size_t count, size_t index) {
     return index < count ? lg_shape_count(ports[index].shape) : 0;
 }
 
-/* The step takes the state, the input of the field, and h. */
+/* Returns whether the program's `step` takes the state, the input of the field if there is one, and h, and
+ * returns a state. */
 static bool moves(const export_model *m) {
     size_t ins, outs;
     const lg_port *in = export_ports(m->program, "step", false, &ins),
@@ -86,13 +88,14 @@ static bool moves(const export_model *m) {
            (!forced || numbers_of(in, ins, 1) == m->forces);
 }
 
-/* The field has as many numbers as the state, and nothing but field and step follows from the state. */
+/* Returns whether the field has as many numbers as the state, and the model has neither the face of states
+ * nor the face of the linearisation. */
 static bool is_plain(const export_model *m) {
     return m->dim == m->algebra && !export_has(m, &export_face_states) &&
            !export_has(m, &export_face_linearise);
 }
 
-/* Of the field, or the force, in a step. */
+/* Evaluations of the field (or of the force, with splitting schemes) per step. */
 static size_t evaluations_of(const export_model *m) {
     static const char *const callees[] = {"field", "force"};
     size_t step, callee, count = 0;
@@ -176,8 +179,9 @@ static size_t linearise_extras(const export_model *m) {
     return m->tangent * (m->tangent + m->forces);
 }
 
-/* The training data's dt, halved until no golden state moves by more than its own length: a model that is too
- * fast for dt would be compared where steps multiply rounding. */
+/* The step size of the golden steps: the training data's dt, halved until no golden state moves by more than
+ * its own length. A model that is too fast for dt would otherwise be compared where a step multiplies
+ * rounding errors. */
 static double golden_step(const export_model *m, size_t at) {
     const export_golden *golden = &m->source->golden;
     const double dt = m->source->step;
@@ -193,7 +197,8 @@ static double golden_step(const export_model *m, size_t at) {
     return export_round(m->source->options, h);
 }
 
-/* By the library's integrator where the scheme is known, otherwise by the program's step. */
+/* Computes the golden steps with the library's integrator if the scheme is known, otherwise with the
+ * program's `step`. */
 static lg_status take_steps(export_model *m, size_t at) {
     const lg_scheme *scheme = m->source->options->scheme;
     const export_golden *golden = &m->source->golden;
@@ -272,7 +277,7 @@ static lg_status linearise_golden(export_model *m, size_t at) {
     return LG_OK;
 }
 
-/* ---- the rows ---- */
+/* ---- rows of the faces ---- */
 
 static bool has_states(const export_model *m) {
     return export_has(m, &export_face_motion) && m->positions > 0;
@@ -308,7 +313,7 @@ const export_face export_face_linearise = {.functions = {{"jac_velocity", "linea
                                            .golden = linearise_golden,
                                            .stack = 1024};
 
-/* ---- words ---- */
+/* ---- lines about the model ---- */
 
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words) {
     char label[32];
@@ -316,7 +321,7 @@ void export_tell_numbers(text *about, const char *what, size_t count, const char
     lg_text_add(about, "%-12s  %s\n", label, words != NULL ? words : "");
 }
 
-/* What the steps are made of, and the condition. */
+/* Describes the scheme, the evaluations per step, and the condition. */
 void export_tell_motion(const export_model *m, const char *what, const char *condition) {
     const lg_scheme *scheme = m->source->options->scheme;
     const size_t evaluations = evaluations_of(m);

@@ -7,7 +7,7 @@
 
 enum { LONGEST = 40 };
 
-/* Keywords and operators of C11 and C++14, and headers that NAME.h would hide. */
+/* Keywords and operators of C11 and C++14, and names of standard headers, which NAME.h would hide. */
 static const char reserved[] =
     " alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t char32_t class "
     "compl "
@@ -26,7 +26,7 @@ static bool is_letter(char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
 }
 
-/* Whether a word of the text begins with `name` and _. */
+/* Returns whether a word of the text begins with `name` and _. */
 static bool begins_a_word(const char *name, const char *code) {
     const size_t length = strlen(name);
     for (const char *s = code; (s = strstr(s, name)) != NULL; s++)
@@ -52,7 +52,7 @@ const char *export_name_problem(const char *name) {
     return NULL;
 }
 
-/* Letters and digits of the file's name without its ending; a _ for what lies between them. */
+/* Letters and digits of the file's name without its ending; a _ replaces the characters between them. */
 static void words_of(const char *file, char *out) {
     const char *dot = strrchr(file, '.');
     const char *end = dot != NULL && dot > file ? dot : file + strlen(file);

@@ -1,5 +1,5 @@
-/* ONNX (onnx.ai, opset 13): a function of a program as a graph of standard operators. What depends on
- * parameters alone is an initializer. */
+/* ONNX (onnx.ai, opset 13): a function of a program as a graph of standard operators. Values that depend on
+ * parameters alone are initializers. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,9 +7,10 @@
 
 enum { IR_VERSION = 8, OPSET = 13 };
 
-/* ---- the nodes ---- */
+/* ---- nodes ---- */
 
-/* A constant with a row for each row of the batch. */
+/* Adds a constant that has one row per row of the batch, all rows equal. Returns false if it has another
+ * form. */
 static bool add_row_constant(onnx_job *j, uint32_t node) {
     const lg_operation *op = &j->g->nodes[node].op;
     int64_t dims[LG_MAX_RANK];
@@ -94,7 +95,7 @@ static void write_file(onnx_job *j, const export_source *source, const char *des
     free(producer);
 }
 
-/* Results get the names of the outputs. */
+/* Adds nodes that give the results the names of the outputs. */
 static void name_outputs(onnx_job *j) {
     for (size_t o = 0; o < j->g->output_count; o++) {
         const onnx_name result = onnx_name_of(j, j->g->results[o]);
@@ -102,7 +103,8 @@ static void name_outputs(onnx_job *j) {
     }
 }
 
-/* Single precision where nothing else is asked for and onnxruntime needs it. */
+/* Chooses single precision if --dtype is not given and onnxruntime has some operation in single precision
+ * only. */
 static void choose_type(const app *self, const graph *g, export_source *source, export_options *options) {
     const char *single = options->dtype == LG_F64 ? onnx_single_only(g) : NULL;
     if (single == NULL) return;

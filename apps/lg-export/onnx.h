@@ -1,22 +1,22 @@
-/* The graph of an ONNX file under construction: tensors and nodes by name (onnx_graph.c), and the form that
- * each operation of the library has there (onnx_operations.c, onnx_matrices.c, onnx_convolutions.c). */
+/* The graph of an ONNX file under construction: tensors and nodes by name (onnx_graph.c), and the ONNX form
+ * of each operation of the library (onnx_operations.c, onnx_matrices.c, onnx_convolutions.c). */
 #ifndef LG_EXPORT_ONNX_H
 #define LG_EXPORT_ONNX_H
 
 #include "lg-export/graph.h"
 #include "lg-export/protobuf.h"
 
-enum { ONNX_FLOAT = 1, ONNX_INT64 = 7, ONNX_BOOL = 9, ONNX_DOUBLE = 11 }; /* types of tensors */
+enum { ONNX_FLOAT = 1, ONNX_INT64 = 7, ONNX_BOOL = 9, ONNX_DOUBLE = 11 }; /* Types of tensors. */
 
 typedef struct onnx_job {
     const graph *g;
     const export_options *options;
-    text graph; /* the nodes and initializers so far */
+    text graph; /* The nodes and initializers so far. */
     size_t helpers;
-    bool has_batch; /* the node "/batch" is there: the number of rows, shape (1) */
+    bool has_batch; /* The graph already has the value "/batch": the number of rows, shape (1). */
 } onnx_job;
 
-/* The name of a value; those of inputs have at most 64 bytes. */
+/* The name of a value in the graph. Names of inputs have at most 64 bytes. */
 typedef struct onnx_name {
     char text[72];
 } onnx_name;
@@ -37,34 +37,35 @@ static inline onnx_attribute onnx_axis(int64_t axis) {
 onnx_name onnx_name_of(const onnx_job *j, uint32_t node);
 onnx_name onnx_new_name(onnx_job *j);
 int onnx_real_type(const onnx_job *j);
-/* An initializer of the exported type. */
+/* Adds an initializer of the exported type. */
 void onnx_add_reals(onnx_job *j, const char *called, const int64_t *dims, size_t rank, const double *values,
                     size_t count);
 onnx_name onnx_number(onnx_job *j, double value);
 onnx_name onnx_wholes(onnx_job *j, const int64_t *values, size_t count);
 
-/* ---- nodes: these return the name of the result ---- */
+/* ---- nodes: the functions return the name of the result, except onnx_emit_to ---- */
 
-/* A node with a result of that name. */
+/* Adds a node whose result is called `out`. */
 void onnx_emit_to(onnx_job *j, const char *out, const char *type, const onnx_name *in, size_t inputs,
                   const onnx_attribute *with, size_t attributes);
-/* `with`: one attribute, or NULL. */
+/* Adds a node. `with`: one attribute, or NULL. */
 onnx_name onnx_emit(onnx_job *j, const char *type, const onnx_name *in, size_t inputs,
                     const onnx_attribute *with);
 onnx_name onnx_unary(onnx_job *j, const char *type, onnx_name x);
 onnx_name onnx_binary(onnx_job *j, const char *type, onnx_name x, onnx_name y);
 onnx_name onnx_where(onnx_job *j, onnx_name condition, onnx_name yes, onnx_name no);
 onnx_name onnx_cast(onnx_job *j, onnx_name x, int to);
-/* The axes in another order. */
+/* Permutes the axes. */
 onnx_name onnx_transpose(onnx_job *j, onnx_name x, const int64_t *order, size_t rank);
-/* -1 for a dimension with rows; false: more than one has. */
+/* Fills `out` with the dimensions, -1 for the one that depends on the number of rows. Returns false if more
+ * than one does. */
 bool onnx_shape_of(const lg_affine *dims, size_t rank, int64_t *out);
 onnx_name onnx_reshape(onnx_job *j, onnx_name x, const lg_affine *dims, size_t rank);
-/* Elements of an axis. */
+/* Takes the elements at `places` of an axis. */
 onnx_name onnx_take(onnx_job *j, onnx_name x, const int64_t *places, size_t count, int64_t axis);
-/* Tensors one behind the other along an axis. */
+/* Joins tensors one behind the other along an axis. */
 onnx_name onnx_join(onnx_job *j, const onnx_name *x, size_t count, int64_t axis);
-/* The tensor with a first dimension of rows: a copy for each row. */
+/* Copies the tensor once per row of the batch, so that it gets a first dimension of rows. */
 onnx_name onnx_for_each_row(onnx_job *j, onnx_name x, const lg_operation *op);
 
 /* ---- operations ---- */
@@ -76,18 +77,18 @@ typedef struct onnx_operation {
     const char *out;
 } onnx_operation;
 
-/* Gives the result its name; true. */
+/* Gives `result` the name of the operation's result. Returns true. */
 bool onnx_give(const onnx_operation *o, onnx_name result);
 uint32_t onnx_rank_of(const onnx_operation *o, uint32_t input);
-/* An activation of x; false: there is none of this kind. */
+/* Applies an activation to x. Returns false if `kind` is not an activation. */
 bool onnx_activated(onnx_job *j, int64_t kind, onnx_name x, onnx_name *out);
-/* Adds the nodes of an operation; false: it has no form in ONNX. */
+/* Adds the nodes of an operation. Returns false if the operation has no form in ONNX. */
 bool onnx_translate(onnx_job *j, uint32_t node);
 
-/* What onnxruntime has in single precision only: an operation of the function, or NULL. */
+/* Returns an operation of the function that onnxruntime offers in single precision only, or NULL. */
 const char *onnx_single_only(const graph *g);
 
-/* Rows of the table of operations. */
+/* Rows of the table of operations that stand in other files. */
 bool onnx_factor(const onnx_operation *o);
 bool onnx_solve(const onnx_operation *o);
 bool onnx_convolution(const onnx_operation *o);

@@ -1,4 +1,5 @@
-/* Convolutions in ONNX: (batch, length, channels) here, channels before the length there. */
+/* Convolutions in ONNX. The library's tensors are (batch, length, channels), ONNX's are (batch, channels,
+ * length). */
 #include "lg-export/onnx.h"
 
 static onnx_name channels_first(onnx_job *j, onnx_name x) {

@@ -1,4 +1,4 @@
-/* Tensors and nodes of an ONNX graph. */
+/* Adds tensors and nodes to an ONNX graph. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -146,7 +146,7 @@ onnx_name onnx_join(onnx_job *j, const onnx_name *x, size_t count, int64_t axis)
     return onnx_emit(j, "Concat", x, count, &along);
 }
 
-/* The number of rows, shape (1). */
+/* Returns the value that holds the number of rows, shape (1); adds it when it is first needed. */
 static onnx_name batch_of(onnx_job *j) {
     const onnx_name batch = {"/batch"};
     if (j->has_batch) return batch;

@@ -1,9 +1,10 @@
-/* Small symmetric matrices (..., n, n) in ONNX, written out. */
+/* Factorisation of small symmetric matrices (..., n, n) in ONNX, and systems of equations with them, written
+ * out element by element. */
 #include "lg-export/onnx.h"
 
 enum { MOST_SPD = 6 };
 
-/* Element (r, c), as (..., 1). */
+/* Element (r, c) of each matrix, as (..., 1). */
 static onnx_name element(onnx_job *j, onnx_name x, int64_t r, int64_t c) {
     const onnx_name row = onnx_take(j, x, (int64_t[]){r}, 1, -2),
                     one = onnx_take(j, row, (int64_t[]){c}, 1, -1);
@@ -22,7 +23,7 @@ static uint32_t order_of(const onnx_operation *o) {
     return (uint32_t)matrix->shape[matrix->rank - 1].base;
 }
 
-/* Cholesky's factor of (x + x^T)/2, row by row. */
+/* Cholesky factor of (x + x^T)/2, row by row. */
 bool onnx_factor(const onnx_operation *o) {
     onnx_job *j = o->j;
     const uint32_t n = order_of(o);
@@ -44,7 +45,8 @@ bool onnx_factor(const onnx_operation *o) {
     return onnx_give(o, onnx_join(j, rows_of, n, -2));
 }
 
-/* L L^T y = b, each row of b by what is known: b (..., n, m) as rows (..., m). */
+/* Solves L L^T y = b, where b is (..., n, m): forward substitution, then back substitution, on rows (..., m)
+ * of b. */
 bool onnx_solve(const onnx_operation *o) {
     onnx_job *j = o->j;
     const uint32_t n = order_of(o);

@@ -1,4 +1,4 @@
-/* The operations of the library in ONNX: a row each in the table at the end. */
+/* The operations of the library in ONNX: one row per operation in the table at the end of this file. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,14 +15,14 @@ uint32_t onnx_rank_of(const onnx_operation *o, uint32_t input) {
     return o->j->g->nodes[o->op->inputs[input]].op.rank;
 }
 
-/* ---- of each element ---- */
+/* ---- elementwise operations ---- */
 
 static bool at_least(const onnx_operation *o) {
     const onnx_name truth = onnx_binary(o->j, "GreaterOrEqual", o->x[0], o->x[1]);
     return onnx_give(o, onnx_cast(o->j, truth, onnx_real_type(o->j)));
 }
 
-/* 1 at zero, where Sign has 0. */
+/* Sign of x, but 1 at zero, where ONNX's Sign is 0. */
 static bool sign(const onnx_operation *o) {
     onnx_job *j = o->j;
     const onnx_name zero = onnx_number(j, 0), one = onnx_number(j, 1), minus = onnx_number(j, -1);
@@ -58,7 +58,7 @@ static bool combination(const onnx_operation *o) {
     return onnx_give(o, sum);
 }
 
-/* atan(y/x), moved by pi to the left of x = 0. */
+/* atan(y/x), plus or minus pi where x < 0. */
 static bool angle(const onnx_operation *o) {
     onnx_job *j = o->j;
     const onnx_name y = o->x[0], x = o->x[1], zero = onnx_number(j, 0), pi = onnx_number(j, acos(-1.0));
@@ -73,12 +73,12 @@ static bool angle(const onnx_operation *o) {
 static onnx_name swish(onnx_job *j, onnx_name x) {
     return onnx_binary(j, "Mul", x, onnx_unary(j, "Sigmoid", x));
 }
-/* LeakyRelu has no double in onnxruntime. */
+/* Not LeakyRelu, which onnxruntime does not have in double precision. */
 static onnx_name leaky_relu(onnx_job *j, onnx_name x) {
     return onnx_binary(j, "Max", x, onnx_binary(j, "Mul", x, onnx_number(j, 0.01)));
 }
 
-/* For sigma'(x): x, s = sigma(x) (of swish, the sigmoid), 1 and 1 - s. */
+/* Terms of sigma'(x): x, s = sigma(x) (for swish, s is the sigmoid of x), 1, and rest = 1 - s. */
 typedef struct slope_terms {
     onnx_name x, s, one, rest;
 } slope_terms;
@@ -97,9 +97,9 @@ static onnx_name sine_slope(onnx_job *j, const slope_terms *t) {
 }
 
 static const struct {
-    const char *type; /* NULL: `make` */
+    const char *type; /* NULL: `make` is used. */
     onnx_name (*make)(onnx_job *j, onnx_name x);
-    onnx_name (*slope)(onnx_job *j, const slope_terms *t); /* NULL: it has no form here */
+    onnx_name (*slope)(onnx_job *j, const slope_terms *t); /* NULL: the derivative has no form here. */
 } activations[LG_ACTIVATION_COUNT] = {[LG_IDENTITY] = {.type = "Identity"},
                                       [LG_TANH] = {.type = "Tanh", .slope = tanh_slope},
                                       [LG_SIGMOID] = {.type = "Sigmoid", .slope = sigmoid_slope},
@@ -129,7 +129,7 @@ static bool slope(onnx_job *j, int64_t kind, onnx_name x, onnx_name s, onnx_name
     return true;
 }
 
-/* The values and first derivatives. */
+/* The activation or its first derivative (order 0 or 1), times a third input if whole[3] is 1. */
 static bool activation_derivative(const onnx_operation *o) {
     const int64_t kind = o->op->whole[0].base, order = o->op->whole[1].base;
     onnx_job *j = o->j;
@@ -187,8 +187,8 @@ static bool crossed(const onnx_operation *o) {
 
 /* ---- shapes ---- */
 
-/* Over the middle of (i0, i1, i2); in opset 13 the axes of a sum are an input, those of a maximum an
- * attribute. */
+/* Reductions over the middle axis of x seen as (i0, i1, i2). In opset 13 the axes of a sum are an input, the
+ * axes of a maximum are an attribute. */
 static bool summed(const onnx_operation *o) {
     const onnx_name x = onnx_reshape(o->j, o->x[0], o->op->whole, 3);
     const onnx_name y = onnx_binary(o->j, "ReduceSum", x, onnx_wholes(o->j, (int64_t[]){1}, 1));
@@ -258,9 +258,10 @@ static bool gathered(const onnx_operation *o) {
 /* ---- the table ---- */
 
 static const struct {
-    const char *name, *type;                    /* type: the operator that takes the same inputs, or NULL */
-    bool (*translate)(const onnx_operation *o); /* false: this form of it has none in ONNX */
-    bool single;                                /* onnxruntime has it in single precision only */
+    const char *name, *type; /* type: the ONNX operator that takes the same inputs, or NULL. */
+    /* Returns false if this form of the operation does not exist in ONNX. */
+    bool (*translate)(const onnx_operation *o);
+    bool single; /* onnxruntime has it in single precision only. */
 } rows[] = {{"add", "Add", NULL, false},
             {"sub", "Sub", NULL, false},
             {"mul", "Mul", NULL, false},
@@ -303,7 +304,7 @@ static const struct {
             {"avg_pool1d", NULL, onnx_average_pool, false},
             {"pool_pick", NULL, onnx_max_pool, false}};
 
-/* The row of an operation; LG_COUNT(rows): there is none. */
+/* Returns the row of an operation, or LG_COUNT(rows) if there is none. */
 static size_t row_of(const lg_operation *op) {
     size_t i = 0;
     while (i < LG_COUNT(rows) && strcmp(rows[i].name, op->name) != 0) i++;

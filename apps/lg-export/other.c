@@ -1,9 +1,9 @@
-/* Models of kinds that have no row: words from the file and the program's ports. */
+/* Models of kinds that have no row in the table: words are made from the file and the program's ports. */
 #include <stdlib.h>
 
 #include "lg-export/faces.h"
 
-/* "x, u" */
+/* Adds a line for each input and output: "x of velocity, in m". */
 static void tell_ports(const export_model *m, const char *function, text *about) {
     size_t count;
     for (int outputs = 0; outputs < 2; outputs++) {

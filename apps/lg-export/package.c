@@ -1,4 +1,4 @@
-/* The C of a model as a CMake package (find_package(NAME), target NAME::NAME), which ROS 2 builds too:
+/* Writes the C of a model as a CMake package (find_package(NAME), target NAME::NAME). ROS 2 builds it too:
  * package.xml says that it is plain CMake. */
 #include <ctype.h>
 #include <stdlib.h>
@@ -49,7 +49,7 @@ static const char manifest[] =
     "  </export>\n"
     "</package>\n";
 
-/* Names of ROS packages have small letters. */
+/* The name in package.xml is in lower case, as ROS requires of package names. */
 static void add_package(export_source *source) {
     const char *name = source->options->name;
     char *small = app_format("%s", name);

@@ -1,4 +1,4 @@
-/* Programs as C: the library writes the code, golden vectors of every function are drawn here. */
+/* Programs as C: the library writes the code; the golden vectors of every function are drawn here. */
 #include "lg-export/export.h"
 
 #include <float.h>
@@ -11,14 +11,15 @@
 
 enum { GOLDEN_STREAM = 11, CONDITION_POINTS = 64 };
 
-static const double SELF_TEST_WORK = 3e8; /* operations of a run, so that all of its points take seconds */
+/* Most operations that one run of a plan may take. All points of a self-test together then take seconds. */
+static const double SELF_TEST_WORK = 3e8;
 
 typedef struct job {
     const app *self;
     export_source *source;
     lg_program *program;
     lg_c_source *c;
-    double condition; /* of the function in work */
+    double condition; /* Condition of the function that is being written. */
 } job;
 
 static int failed(const job *j, lg_status status, const lg_error *error) {
@@ -26,7 +27,7 @@ static int failed(const job *j, lg_status status, const lg_error *error) {
     return code == APP_EXIT_OK ? APP_EXIT_FILE : code;
 }
 
-/* ---- numbers that go in ---- */
+/* ---- random inputs ---- */
 
 size_t export_draw_port(const lg_port *port, lg_rng *rng, double *x) {
     const bool open = port->low == 0 && port->high == 0;
@@ -48,7 +49,7 @@ static size_t total(const lg_port *ports, size_t count) {
     return sum;
 }
 
-/* ---- the library's results ---- */
+/* ---- results of the library ---- */
 
 lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,
                                  export_evaluation *e, lg_error *error) {
@@ -99,8 +100,9 @@ void export_evaluate(const export_evaluation *e, const double *x, double *y) {
 
 /* ---- condition ---- */
 
-/* The largest error of single precision in the outputs of some points, in units of its eps times the depth.
- */
+/* Returns the largest error of single precision at the given points, in units of (eps of single precision
+ * times depth). Each output's error is relative to the larger of its norm and the root mean square of its
+ * norm over the points. */
 static double amplification(const export_evaluation *wide, const export_evaluation *narrow, const double *x,
                             size_t points, size_t depth) {
     const size_t ins = total(wide->in, wide->ins), outs = total(wide->out, wide->outs);
@@ -118,7 +120,7 @@ static double amplification(const export_evaluation *wide, const export_evaluati
             const double *want = y + p * outs + at;
             const double scale = fmax(export_norm(want, NULL, count), sqrt(mean));
             const double error = export_norm(z + p * outs + at, want, count) / (scale > 0 ? scale : 1);
-            if (!isnan(worst) && !(error <= worst)) worst = error; /* a NaN stays */
+            if (!isnan(worst) && !(error <= worst)) worst = error; /* A NaN stays. */
         }
     }
     free(z);
@@ -140,7 +142,7 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
     return status;
 }
 
-/* The condition of the function at random inputs; at least 1. */
+/* Measures the condition of the function at random inputs; at least 1, rounded up to a whole number. */
 static int find_condition(job *j, size_t function, size_t depth) {
     size_t ins;
     double found = 1;
@@ -176,7 +178,8 @@ static void add_golden(job *j, const char *name, const char *what, const double 
         if (!isfinite(export_round(j->source->options, values[i]))) to->unfit = true;
 }
 
-/* A function of one vector in and one out for the self-test. */
+/* Writes run_<function> for the self-test: it calls the function with one vector for all inputs and one for
+ * all outputs. */
 static void add_run(job *j, const export_evaluation *e, const char *name) {
     text *to = &j->source->test;
     lg_text_add(to, "static void run_%s(const real *x, real *y, int only, real *work) {\n    %s_%s%s(", name,
@@ -197,7 +200,7 @@ static void add_outputs(job *j, const export_evaluation *e, const char *name) {
     lg_text_add(to, "    {NULL, 0, 0, 0}};\n");
 }
 
-/* Golden vectors of a function of the code, and its row of the table. */
+/* Writes the golden vectors of one function, and adds its row to the table of functions. */
 static int add_function(job *j, size_t index, text *table, size_t *largest) {
     const size_t function = j->c->function[index], depth = j->c->depth[index] > 0 ? j->c->depth[index] : 1;
     const export_options *options = j->source->options;
@@ -235,7 +238,7 @@ static int add_test(job *j) {
     text table = app_text(), *to = &j->source->test;
     size_t largest = 1;
     int code = APP_EXIT_OK;
-    /* the types of the fragment stand before the tables, what uses them behind */
+    /* The fragment's types go before the tables, the code that uses them (from `fill` on) goes after them. */
     char *fragment = app_format("%s", export_fragment_text("test_program")),
          *rest = strstr(fragment, "static void fill");
     *rest = '\0';
@@ -257,7 +260,7 @@ static int add_test(job *j) {
     return code;
 }
 
-/* ---- what is told ---- */
+/* ---- lines about the program ---- */
 
 static void add_about(const job *j) {
     text *to = &j->source->about;
@@ -280,9 +283,9 @@ void export_file_provenance(const app *self, export_source *source, const char *
     lg_file_reader_destroy(reader);
 }
 
-/* ---- which functions ---- */
+/* ---- choosing functions ---- */
 
-/* Numbers of the functions in a list of names with commas; an exit code. */
+/* Fills `chosen` with the numbers of the functions in a list of names with commas. Returns an exit code. */
 static int choose(const job *j, const char *names, size_t *chosen, size_t *count) {
     char *list = app_format("%s", names);
     int code = APP_EXIT_OK;
@@ -303,7 +306,7 @@ static int choose(const job *j, const char *names, size_t *chosen, size_t *count
     return code;
 }
 
-/* Names in C, where they have a prefix: the caller frees each and the array. */
+/* Returns the functions' names in C, with the prefix. The caller frees each name and the array. */
 static char **prefixed(const job *j, const lg_c_options *how) {
     char **names = app_alloc(how->function_count, sizeof *names);
     for (size_t i = 0; i < how->function_count; i++)

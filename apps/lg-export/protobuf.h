@@ -1,4 +1,4 @@
-/* Protocol buffers, as ONNX files are written: fields one behind the other, each with its number. */
+/* Writes protocol buffers, the format of ONNX files: fields one behind the other, each with its number. */
 #ifndef LG_EXPORT_PROTOBUF_H
 #define LG_EXPORT_PROTOBUF_H
 
@@ -7,7 +7,7 @@
 void proto_whole(text *to, int field, int64_t value);
 void proto_bytes(text *to, int field, const void *data, size_t length);
 void proto_text(text *to, int field, const char *value);
-/* The message becomes a field, and is emptied. */
+/* Adds `message` as a field of `to`, then frees the message's text. */
 void proto_message(text *to, int field, text *message);
 
 #endif

@@ -1,6 +1,6 @@
-/* Safetensors (huggingface.co/docs/safetensors): 8 bytes of length, a JSON object of names, types, shapes and
- * places, then the numbers, row-major, without gaps. Parameters of a model have the names of its file with
- * points, those of a program their own. */
+/* Safetensors (huggingface.co/docs/safetensors): 8 bytes with the header's length; the header, a JSON object
+ * of names, types, shapes and offsets; then the numbers, row-major, without gaps. Parameters of a model have
+ * the names of the model's file with points instead of slashes; parameters of a program keep their names. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -50,7 +50,7 @@ static void add_program(job *j, const lg_program *program) {
     }
 }
 
-/* The header is padded with blanks, so that the numbers are aligned. */
+/* Writes the file. The header is padded with blanks so that the numbers are aligned to 8 bytes. */
 static void write_file(job *j, export_source *source) {
     text *to = export_add_file(source, "%s.safetensors");
     lg_text_add(&j->header, "}");

@@ -1,6 +1,6 @@
-/* Scenes of lg-simulate as programs: velocity (x, parameters) -> x' and step (x, parameters, h) -> next.
- * Each parameter is an input that all rows share, named as in gradients (m1, L2, g), or a number of the
- * program. */
+/* Scenes of lg-simulate as programs with the functions velocity (x, parameters) -> x' and step (x,
+ * parameters, h) -> next. Either each parameter is an input that all rows share, named as in gradients (m1,
+ * L2, g), or all parameters are constants of the program. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,12 +8,12 @@
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
 
-enum { MOST_TUNABLE = 40, LABEL = 64 }; /* more parameters than that stay numbers */
+enum { MOST_TUNABLE = 40, LABEL = 64 }; /* If a scene has more parameters, all of them stay constants. */
 
 typedef struct recording {
     const lg_system *system;
     const lg_scheme *scheme;
-    size_t tunable; /* parameters that are inputs: all or none */
+    size_t tunable; /* Number of parameters that are inputs: all or none. */
 } recording;
 
 static lg_var parameters_of(const recording *r, lg_tape *tape, const lg_var *x) {
@@ -50,7 +50,7 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     return lg_tape_status(tape);
 }
 
-/* Ports x, parameters, h; parameters are drawn near their values. */
+/* Builds the program with ports x, parameters, h. Recordings draw each parameter near its value. */
 static lg_status build(const app *self, recording *r, lg_program **out, lg_error *error) {
     const size_t n = r->tunable;
     const double *values = lg_system_parameter_values(r->system);
@@ -84,7 +84,7 @@ static int refuse(const app *self, const char *path, const lg_system *system) {
                     lg_system_name(system));
 }
 
-/* Tunable parameters begin with the scene's values, the state with its start; the end is the scene's. */
+/* Takes the initial state, the parameters' values and the end time from the scene. */
 static void take_values(const recording *r, const lg_scene *scene, export_source *source) {
     const size_t d = lg_system_dim(r->system);
     source->start = app_alloc(d + r->tunable, sizeof *source->start);

@@ -1,4 +1,5 @@
-/* Simulink: plain functions for C Function blocks, NAME_simulink.h and .c, and an S-function, NAME_sfun.c. */
+/* Simulink: plain functions for C Function blocks (NAME_simulink.h and .c) and an S-function
+ * (NAME_sfun.c). */
 #include <stdlib.h>
 #include <string.h>
 
@@ -30,7 +31,7 @@ static void add_call(const block *b, const char *function, text *to) {
     lg_text_add(to, "work);\n}\n\n");
 }
 
-/* Both files of the C Function blocks: a function each, its work memory on the stack. */
+/* Adds the two files for C Function blocks: one function per block, with its work memory on the stack. */
 static void add_functions(const block *b) {
     const char *name = b->source->options->name;
     text *header = export_add_file(b->source, "%s_simulink.h"),

@@ -1,4 +1,4 @@
-/* A model as C under construction: fragments, constants, arrays, where the model comes from. */
+/* Builds the C of a model: fragments, constants, arrays, and lines about the model's origin. */
 #include "lg-export/export.h"
 
 #include <float.h>
@@ -92,7 +92,7 @@ void export_integers(export_source *source, const char *array, const char *comme
     source->integers += count;
 }
 
-/* ---- what is told about it ---- */
+/* ---- rounding, units, provenance ---- */
 
 double export_round(const export_options *options, double value) {
     return options->dtype == LG_F32 ? (double)(float)value : value;
@@ -154,7 +154,7 @@ void export_provenance(export_source *source, const lg_provenance *provenance, c
         lg_text_add(&source->about, "%-12s  %llu\n", "seed", (unsigned long long)provenance->seed);
 }
 
-/* Where the texts lie in a source. */
+/* Offsets of all texts in an export_source. */
 static const size_t texts[] = {
     offsetof(export_source, about),  offsetof(export_source, range),    offsetof(export_source, state),
     offsetof(export_source, input),  offsetof(export_source, places),   offsetof(export_source, inputs_each),

@@ -1,4 +1,5 @@
-/* Classes: what detectors, classifications of tables and classical classifiers say of a window or a row. */
+/* Classes: what detectors, classifications of tables and classical classifiers report about a window or a
+ * row. */
 #include <math.h>
 #include <string.h>
 
@@ -94,7 +95,7 @@ void export_window_score_words(text *to, const export_window *window) {
 
 /* ---- golden vectors ---- */
 
-/* Bytes of NAME_test.c that golden vectors may take, and those of one number. */
+/* Bytes of NAME_test.c that golden vectors may take, and the bytes of one number there. */
 enum { TEST_BYTES = 1600000, NUMBER_BYTES = 25 };
 
 void export_window_golden(export_source *source, size_t extras, const char *extra_name) {
@@ -147,7 +148,7 @@ static size_t classes_extras(const export_model *m) {
     return (size_t)m->window.classes + 1;
 }
 
-/* Probabilities and class. False where rounding could give another class. */
+/* Computes probabilities and class of golden vector v. Returns false if rounding could change the class. */
 static bool draw_classes(export_model *m, size_t v, double *extra) {
     export_evaluate(&m->probability, m->source->golden.x + v * m->source->inputs, extra);
     extra[m->window.classes] = lg_class_of(extra, m->window.classes);

@@ -6,26 +6,27 @@
 
 typedef struct export_window {
     uint32_t channels, length, classes;
-    double rate;                          /* Hz; 0: unknown */
+    double rate;                          /* Samples per second; 0: unknown. */
     char (*class_name)[LG_SERIES_NAME];   /* (classes) */
     char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL */
-    double accuracy, f1;                  /* on the test part; NaN: unknown */
-    const char *scores;                   /* "probabilities" */
-    const char *score_words;              /* lines of the comment of NAME_classify on them */
+    double accuracy, f1;                  /* On the test part; NaN: unknown. */
+    const char *scores;                   /* What NAME_classify returns for each class: "probabilities" */
+    const char *score_words;              /* Lines about the scores for the comment of NAME_classify. */
 } export_window;
 
-/* Writes sizes of the window for NAME.h, NAME_classify and NAME_class_names. */
+/* Adds the sizes of the window to NAME.h, and adds NAME_classify and NAME_class_names. */
 void export_window_code(export_source *source, const export_window *window);
-/* Describes x, channel by channel, and the classes. */
+/* Describes x, channel by channel, and the units. */
 void export_window_words(export_source *source, const export_window *window);
 void export_window_score_words(text *to, const export_window *window);
-/* Allocates golden vectors; fewer than options->golden when windows are large. */
+/* Allocates the golden vectors; fewer than options->golden if windows are large. */
 void export_window_golden(export_source *source, size_t extras, const char *extra_name);
-/* A number that is exact in the exported type and in float, the type of recorded windows. */
+/* Rounds a number so that it is exact both in the exported type and in float, the type of recorded
+ * windows. */
 float export_window_number(const export_source *source, double value);
-/* Whether the best score exceeds the others by more than rounding. */
+/* Returns whether the best score exceeds all others by more than rounding (1e-3). */
 bool export_window_clear(const double *score, uint32_t classes);
-/* Refuses, with a sentence, code whose indices would exceed 2^31. Returns an exit code. */
+/* Refuses, with a message, a model whose C code would need indices of 2^31 or more. Returns an exit code. */
 int export_window_check(const app *self, const export_source *source, double largest);
 
 #endif

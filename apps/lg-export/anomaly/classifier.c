@@ -1,5 +1,5 @@
-/* Classical classifiers: constants and arrays of features, principal components and the model, words. The
- * functions themselves are those below code/classifier. */
+/* Classical classifiers: constants and arrays of the features, the principal components and the model, and
+ * the description in NAME.h. The functions themselves are the fragments below code/classifier. */
 #include "lg-export/anomaly/classifier.h"
 
 #include <math.h>
@@ -23,7 +23,7 @@ static void add_vectors(const lg_svm *svm, size_t own, size_t other, size_t firs
             weight[i * outputs + pair] += coefficient[v] * svm->vector[(first + v) * svm->inputs + i];
 }
 
-/* The sum over support vectors of a linear kernel is one vector for each pair of classes. */
+/* With a linear kernel, the sum over the support vectors of a pair of classes is one vector. */
 static void sum_vectors(const lg_svm *svm, size_t outputs, classifier_linear *out) {
     size_t pair = 0, first_i = 0;
     for (size_t i = 0; i < svm->classes; first_i += svm->vectors_of[i++]) {
@@ -73,7 +73,8 @@ static void add_standardisation(const classifier_job *j) {
     free(inverse);
 }
 
-/* Rows of `wave` are cosines and sines under the window; those of bin 1 tell the window and all angles. */
+/* Adds the tables of the spectrum. Columns of s->wave hold cosines and sines times the taper; the taper and
+ * all angles are computed from the columns of the first bin. */
 static void add_spectrum(const classifier_job *j) {
     const lg_spectrum *s = &j->c->features.spectrum;
     double *taper = app_alloc(s->segment, sizeof *taper), *cosine = app_alloc(s->segment, sizeof *cosine),
@@ -99,7 +100,7 @@ static void add_spectrum(const classifier_job *j) {
     free(sine);
 }
 
-/* Kinds that divide channels by their scale. */
+/* Returns whether features of this kind divide the channels by their scale. */
 static bool is_scaled(lg_feature_kind kind) {
     return kind != LG_FEATURES_RAW && kind != LG_FEATURES_STD;
 }
@@ -126,7 +127,8 @@ static void add_features(const classifier_job *j) {
     if (f->kind == LG_FEATURES_SPECTRUM) add_spectrum(j);
 }
 
-/* NAME_weights: principal components, then linear decisions; their layers. */
+/* Adds NAME_weights (principal components, then the weights and offsets of linear decisions) and the layers
+ * that read it. */
 static void add_layers(const classifier_job *j, const classifier_linear *w) {
     const lg_pca *pca = &j->c->pca;
     const size_t components = pca->components > 0 ? j->d * j->k : 0, rows = j->k * j->outputs;
@@ -222,8 +224,8 @@ static size_t features_work(const lg_features *f) {
     }
 }
 
-/* Where arrays begin in work, and their names in the code. REST lies first: NAME_features takes all of
- * `work` for it. */
+/* Adds the constants that say where arrays begin in `work`. REST must be first, at 0: NAME_features uses all
+ * of its `work` as REST. */
 static void add_places(const classifier_job *j) {
     const lg_classifier *c = j->c;
     const size_t kernel = c->method == LG_METHOD_SVM_RBF ? c->svm.vectors : 0;
@@ -383,7 +385,7 @@ static void add_words(const classifier_job *j, const export_window *window) {
     export_provenance(j->source, &j->file->provenance, j->file->data_sha256);
 }
 
-/* ---- all of it ---- */
+/* ---- the export ---- */
 
 static double largest_array(const classifier_job *j) {
     const double k = (double)j->k, d = (double)j->d;

@@ -1,5 +1,5 @@
-/* Golden vectors of a classifier: windows whose features are like those of the training data and whose
- * decisions are not a matter of rounding. */
+/* Golden vectors of a classifier: windows whose features resemble the training data's, and whose decisions do
+ * not depend on rounding errors. */
 #include "lg-export/anomaly/classifier.h"
 
 #include <float.h>
@@ -16,15 +16,18 @@ typedef struct drawing {
     const classifier_job *j;
     lg_rng rng;
     float *window;
-    double *feature, *work, *made; /* made (d): features that windows are drawn for; (m, m) behind it */
-    double *moved;                 /* decisions and Jacobian of a window beside */
+    /* made: the features that a window is drawn for (d numbers), followed by room for an (m, m) matrix and m
+     * numbers. */
+    double *feature, *work, *made;
+    double *moved; /* Decisions and Jacobian of a slightly moved window. */
 } drawing;
 
 static void put(const drawing *d, size_t channel, size_t sample, double value) {
     d->window[channel * d->j->c->features.length + sample] = export_window_number(d->j->source, value);
 }
 
-/* Noise mixed by the symmetric matrix whose upper triangle is `made`: its covariance has the root |made|. */
+/* Draws noise mixed by the symmetric matrix R whose upper triangle is `made`: the square root of its
+ * covariance is |R|. */
 static void draw_mixed(drawing *d) {
     const lg_features *f = &d->j->c->features;
     const size_t m = f->selected;
@@ -41,7 +44,8 @@ static void draw_mixed(drawing *d) {
     }
 }
 
-/* Noise whose size varies from part to part; the moment's is on the line. */
+/* Draws noise whose size `a` varies from part to part; the moment's size follows the line made[0] + made[1]
+ * a. */
 static void draw_parts(drawing *d) {
     const lg_features *f = &d->j->c->features;
     for (uint32_t p = 0; p < f->pairs; p++) {
@@ -58,8 +62,8 @@ static void draw_parts(drawing *d) {
     }
 }
 
-/* Waves of all frequencies of a segment with random phases, repeated: of amplitude a they have the power
- * segment a^2/4 in every band. */
+/* Draws waves of all frequencies of a segment with random phases, repeated from segment to segment. With
+ * amplitude a, their power is segment a^2/4 in every band. */
 static void draw_waves(drawing *d) {
     const lg_features *f = &d->j->c->features;
     const lg_spectrum *s = &f->spectrum;
@@ -80,7 +84,7 @@ static void draw_waves(drawing *d) {
     free(z);
 }
 
-/* A window whose features are near `made`; channels that are not used are noise. */
+/* Draws a window whose features are near `made`; unused channels are noise. */
 static void draw_window(drawing *d) {
     const lg_features *f = &d->j->c->features;
     for (size_t c = 0; c < f->channels; c++)
@@ -96,7 +100,8 @@ static void draw_window(drawing *d) {
                                                : d->made[i] * lg_rng_normal(&d->rng));
 }
 
-/* Whether the way through the tree is not a matter of rounding. */
+/* Returns whether the path through the tree is safe from rounding errors: no comparison on it is closer than
+ * a margin. */
 static bool is_decided(const classifier_job *j, const double *p) {
     const lg_tree *tree = &j->c->tree;
     double margin = 0;
@@ -112,11 +117,14 @@ static bool is_decided(const classifier_job *j, const double *p) {
     return true;
 }
 
-/* The Jacobian of features of a window whose channels nearly depend on each other amplifies rounding beyond
- * what the tolerance holds (for COV as the largest root of the covariance over the smallest). How much it
- * does is seen when the window's samples are moved by half a unit in their last place. */
+/* Returns whether the Jacobian is safe from rounding errors. If the channels of a window nearly depend on
+ * each other, the Jacobian of its features multiplies rounding errors by more than the tolerance allows (for
+ * COV by the ratio of the covariance's largest and smallest eigenvalues). This is measured: about half of the
+ * samples are moved to the next float. */
 static bool is_steady(drawing *d, const double *jacobian) {
-    enum { MOST_GROWTH = 100 }; /* of what is allowed; rounding of 1e-16 moves less than one of the window */
+    /* Largest accepted change, in units of depth * condition * FLT_EPSILON. Code in double precision rounds
+     * to 1e-16, which changes the Jacobian less than this move of the samples does. */
+    enum { MOST_GROWTH = 100 };
     const classifier_job *j = d->j;
     const size_t inputs = j->source->inputs, size = j->outputs * inputs;
     double change = 0, length = 0;
@@ -132,7 +140,7 @@ static bool is_steady(drawing *d, const double *jacobian) {
     return sqrt(change) <= allowed * (double)FLT_EPSILON * sqrt(length) || length == 0;
 }
 
-/* False: drawn again. */
+/* Draws golden vector v. Returns false if it has to be drawn again. */
 static bool draw(drawing *d, size_t v, double spread, const double *size) {
     const classifier_job *j = d->j;
     const lg_pca *pca = &j->c->pca;
@@ -155,7 +163,8 @@ static bool draw(drawing *d, size_t v, double spread, const double *size) {
     return good && (j->c->features.kind != LG_FEATURES_COV || is_steady(d, jacobian));
 }
 
-/* Features are compared in units of their own size; a window as it is needs no comparison. */
+/* Returns whether the self-test compares features, in units of their own size. RAW features are the window
+ * itself and need no comparison. */
 static bool compares_features(const classifier_job *j) {
     return j->c->features.kind != LG_FEATURES_RAW;
 }

@@ -1,5 +1,5 @@
-/* By how much features, their scaling and a classifier's weights multiply rounding: what the stated tolerance
- * of an exported classifier is multiplied by. */
+/* Estimates by how much features, their scaling and a classifier's weights multiply rounding errors. The
+ * stated tolerance of an exported classifier contains this factor. */
 #include "lg-export/anomaly/classifier.h"
 
 #include <math.h>
@@ -10,8 +10,8 @@ bool classifier_is_linear(const lg_classifier *c) {
     return c->method == LG_METHOD_LOGISTIC || c->method == LG_METHOD_SVM_LINEAR;
 }
 
-/* The logarithm of a power P of a channel whose mean power is A: amplitudes are accurate to eps A^(1/2), P to
- * 2 eps (A P)^(1/2). */
+/* Rounding error, in eps, of the logarithm of a power P in a channel whose mean power is A: amplitudes are
+ * accurate to eps A^(1/2), so P is accurate to 2 eps (A P)^(1/2). */
 static double size_of_power(const lg_features *f, const double *mean, size_t i) {
     const double *bands = mean + i / f->bands * f->bands;
     double sum = 0;
@@ -19,9 +19,10 @@ static double size_of_power(const lg_features *f, const double *mean, size_t i) 
     return fabs(mean[i]) + 2 * sqrt(sum / f->bands);
 }
 
-/* Feature i is accurate to about eps times this number, at the training mean: itself for a standard
- * deviation, the norm of the matrix for an entry of its root; the coefficients of a line cost some of those
- * of the deviations that it is drawn through. Windows themselves are exact. */
+/* Estimates the rounding error of feature i at the training mean, in eps. For a standard deviation it is the
+ * feature itself; for an entry of a matrix root, the norm of the matrix; for the coefficients of a line, a
+ * multiple of both coefficients, since the deviations that the line is fitted to are rounded. Windows
+ * themselves are exact. */
 double classifier_size_of(const classifier_job *j, size_t i) {
     const double *mean = j->c->pca.mean;
     switch (j->c->features.kind) {
@@ -38,7 +39,8 @@ double classifier_size_of(const classifier_job *j, size_t i) {
     }
 }
 
-/* Of linear decisions: norms of W with each column multiplied, and as it is with its bias. */
+/* Condition of linear decisions: the norm of W with the row of each feature multiplied by 1 + size_of/scale,
+ * divided by the norm of W and its bias. */
 static double linear_condition(const classifier_job *j, const classifier_linear *w) {
     const lg_pca *pca = &j->c->pca;
     double most = 0, plain = 0;
@@ -59,7 +61,8 @@ static double linear_condition(const classifier_job *j, const classifier_linear 
     return plain > 0 ? sqrt(most / plain) : 1;
 }
 
-/* The library adds up support vectors one by one, in double precision. */
+/* Extra condition of linear SVMs in double precision: the library adds up the support vectors one by one,
+ * while the exported code uses their sum. */
 static double vectors_condition(const classifier_job *j, const classifier_linear *w) {
     const lg_svm *svm = &j->c->svm;
     double sum = 0;
@@ -76,8 +79,8 @@ static double vectors_condition(const classifier_job *j, const classifier_linear
     return plain > 0 ? sqrt(sum) / plain : 0;
 }
 
-/* The terms of pair (own, other) at p that come from the vectors of `own`: decision, its derivative by p, the
- * squares of the terms that are added. */
+/* Terms of the pair (own, other) at p, added up over support vectors: the decision, its derivative by p, and
+ * the sum of squares of the terms. */
 typedef struct rbf_sums {
     double decision, squares;
     double *by_p; /* (k) */
@@ -99,8 +102,8 @@ static void add_class(const lg_svm *svm, size_t own, size_t other, const double 
     }
 }
 
-/* The square of what standardised features that are off by eps size_of/scale, and the terms' own rounding,
- * make of a decision, in eps. */
+/* Returns the square of a decision's rounding error, in eps: from standardised features that are off by eps
+ * (1 + size_of/scale) each, and from the rounding of the terms themselves. */
 static double grown(const classifier_job *j, const rbf_sums *sums) {
     const lg_pca *pca = &j->c->pca;
     double out = sums->squares;
@@ -116,8 +119,8 @@ static double grown(const classifier_job *j, const rbf_sums *sums) {
     return out;
 }
 
-/* At support vectors, of which at most 50 are looked at: the most that rounding grows to, beside the root
- * mean square of the decisions. */
+/* Evaluates the decisions at support vectors (at most 50 of them). Returns the largest rounding error, in
+ * eps, divided by the root mean square of the decisions. */
 static double rbf_condition(const classifier_job *j) {
     const lg_svm *svm = &j->c->svm;
     const size_t step = (svm->vectors + 49) / 50;

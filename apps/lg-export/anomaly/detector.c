@@ -1,4 +1,4 @@
-/* Detectors: golden windows like the data, and words. */
+/* Detectors: golden windows like the training data, and the description in NAME.h. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -99,8 +99,8 @@ static void draw(export_model *m, double *x, size_t v) {
     detector_draw_window(m, &m->rng, x);
 }
 
-/* Whether no kink is within rounding: a window that is a few units in the last place away has the same
- * Jacobian up to the tolerance. */
+/* Returns whether the window is far enough from every kink: two random windows that differ from it by a few
+ * units in the last place have the same Jacobian up to the tolerance. */
 static bool is_smooth(export_model *m, size_t v) {
     const export_source *source = m->source;
     const lg_detector_file *file = m->file->contents;

@@ -1,5 +1,6 @@
-/* By how much a convolutional network multiplies rounding. A logit can be small beside the terms that it is
- * the sum of, after a short training for example: then its rounding is large beside it. */
+/* Measures by how much a convolutional network multiplies rounding errors. A logit can be small compared with
+ * the terms that are added up to it, for example after a short training; then its rounding error is
+ * relatively large. */
 #include "lg-export/anomaly/detector.h"
 
 #include <float.h>
@@ -11,8 +12,8 @@
 
 enum { ROUNDING_STREAM = 0x726f756e };
 
-/* Large enough that the rounding of double precision does not matter beside it, small enough for a
- * derivative. */
+/* Relative size of a move: so large that rounding errors of double precision do not matter beside it, and so
+ * small that the change is proportional to it. */
 #define MOVE 0x1p-26
 
 static const lg_detector_file *file_of(const export_model *m) {
@@ -41,10 +42,10 @@ bool detector_has_kinks(const lg_cnn *net) {
     return kinks;
 }
 
-/* What one quantity of `size` numbers does over all windows. */
+/* Changes of one quantity (`size` numbers) over all windows. */
 typedef struct spread {
     size_t size;
-    double squares, change; /* the sum of |here|^2, and the largest |there - here| */
+    double squares, change; /* squares: sum of |here|^2. change: largest |there - here|. */
 } spread;
 
 static void note(spread *s, const double *here, const double *there) {
@@ -52,8 +53,8 @@ static void note(spread *s, const double *here, const double *there) {
     s->change = fmax(s->change, export_norm(there, here, s->size));
 }
 
-/* The largest change in units of `eps` beside the root mean square, over these windows or the golden vectors:
- * the smaller one. */
+/* Returns the largest change, in units of `eps`, divided by a root mean square: of the quantity over these
+ * windows or over the golden vectors, whichever is smaller. */
 static double growth(const spread *s, double eps, const double *golden, size_t count) {
     const double mean = fmin(s->squares / DETECTOR_WINDOWS,
                              pow(export_norm(golden, NULL, count * s->size), 2) / (double)count);
@@ -64,8 +65,9 @@ static double sign_of(lg_rng *rng) {
     return lg_rng_uniform(rng) < 0.5 ? -MOVE : MOVE;
 }
 
-/* Weights off by a relative MOVE each, and windows off by one of the scale: the growth of value and gradient.
- * A gradient with kinks may jump and is left out. */
+/* Moves each weight by a relative +-MOVE and each sample by +-MOVE times the channel's scale, and returns the
+ * larger growth of value and gradient. The gradient is left out if the network has kinks, because it could
+ * jump. */
 static double growth_of_moves(const export_model *m, lg_rng *rng) {
     const lg_detector_file *file = file_of(m);
     const export_golden *golden = &m->source->golden;
@@ -96,7 +98,7 @@ static double growth_of_moves(const export_model *m, lg_rng *rng) {
                 growth(&gradient, MOVE, golden->jacobian, golden->count));
 }
 
-/* The network alone, which reads windows that are scaled already. */
+/* Makes the program of the network without scaling and centring; it reads scaled windows. */
 static lg_status network_program(const export_model *m, lg_program **out) {
     lg_detector alone = file_of(m)->run.model;
     const size_t channels = alone.net.channels;
@@ -109,13 +111,15 @@ static lg_status network_program(const export_model *m, lg_program **out) {
     return status;
 }
 
-/* A scaled window (channels, length) of noise in single precision, drawn sample by sample. */
+/* Draws a scaled window (channels, length) of noise in single precision; the random numbers are drawn sample
+ * by sample, all channels of a sample together. */
 static void draw_scaled(const lg_cnn *net, lg_rng *rng, double *x) {
     for (size_t t = 0; t < net->length; t++)
         for (size_t c = 0; c < net->channels; c++) x[c * net->length + t] = (double)(float)lg_rng_normal(rng);
 }
 
-/* y (outputs) and the gradient (outputs, channels, length) by the window as recorded. */
+/* Computes y (outputs) and the gradient (outputs, channels, length); the gradient is by the recorded,
+ * unscaled window. */
 static void evaluate(const export_model *m, const export_evaluation *e, const double *x, double *out) {
     const size_t outputs = m->source->outputs, n = m->source->inputs;
     export_evaluate(e, x, out);
@@ -123,8 +127,8 @@ static void evaluate(const export_model *m, const export_evaluation *e, const do
         out[outputs + i] /= file_of(m)->scaler.scale[channel_of(m, i % n)];
 }
 
-/* The library in single precision against itself in double precision, on the same scaled windows: the growth
- * of value and gradient. */
+/* Compares the library in single precision with the library in double precision on the same scaled windows.
+ * *out: the larger growth of value and gradient. */
 static lg_status growth_of_sums(const export_model *m, lg_rng *rng, double *out, lg_error *error) {
     const lg_cnn *net = &file_of(m)->run.model.net;
     const export_golden *golden = &m->source->golden;
@@ -156,7 +160,8 @@ static lg_status growth_of_sums(const export_model *m, lg_rng *rng, double *out,
     return status;
 }
 
-/* Rounded up to two digits: the last ones of growth_of_sums depend on the processor. */
+/* The condition is rounded up to one decimal: the further digits of growth_of_sums depend on the
+ * processor. */
 lg_status detector_condition(export_model *m, lg_error *error) {
     lg_rng rng;
     double sums;

@@ -1,4 +1,5 @@
-/* Surrogates of the elastica: their face, which is the curve (code/surrogate), golden inputs, words. */
+/* Surrogates of the elastica: the faces of their curve (code/surrogate), golden inputs, and the description in
+ * NAME.h. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,7 +8,8 @@
 #include "liegrad/networks.h"
 #include "liegrad/surrogate.h"
 
-/* Places of the curve in a golden vector, each with q and v. */
+/* PLACES: arc lengths per golden vector at which q and v of the curve are compared. NUMBERS: boundary
+ * conditions. */
 enum { PLACES = 5, NUMBERS = 8 };
 
 static const lg_surrogate_file *file_of(const export_model *m) {
@@ -42,7 +44,8 @@ static void add_constants(export_source *source, const lg_surrogate *model) {
     }
 }
 
-/* The code fragment of the curve, and the work memory (reals) that the fragment adds to its functions. */
+/* The curve's code fragment; the reals of work memory that the fragment needs besides the functions that it
+ * calls; these functions. */
 static const struct {
     const char *fragment;
     size_t work;
@@ -67,7 +70,7 @@ static void curve_code(export_model *m) {
     }
 }
 
-/* Dense layers one after another, and what is done to the last one's numbers. */
+/* Number of dense layers applied one after another, plus the operations on the last layer's numbers. */
 static size_t depth_of(const void *contents) {
     const lg_surrogate *model = &((const lg_surrogate_file *)contents)->run.model;
     const lg_net *net = &model->net;
@@ -117,7 +120,7 @@ static void add_inputs(text *to, const lg_surrogate *model) {
                     "  its first number is the curvature, 1/unit of length.\n\n");
 }
 
-/* Least and largest of each boundary condition seen in training. */
+/* Adds the least and largest value of each boundary condition in the training data. */
 static void add_range(text *to, const lg_surrogate_file *file) {
     if (file->trained_count == 0) return;
     lg_text_add(to, "Trained on %zu boundary conditions; outside their range the curve is meaningless:\n",
@@ -206,8 +209,9 @@ static void tell(export_model *m) {
 
 /* ---- golden vectors ---- */
 
-/* Near trained ones or, where none are known, any two tangents and a gap between a third of L and L; on
- * either side of the mirror; every other one moved. */
+/* Draws boundary conditions near trained ones. If none are known, draws any two tangents and a gap between
+ * 0.3 L and L. Models with the option `mirror` get either side of the mirror; every other vector is
+ * shifted. */
 static void draw_boundary(const lg_surrogate_file *file, lg_rng *rng, size_t i, double *x) {
     const double length = file->run.model.length;
     if (file->trained_count > 0) {
@@ -235,8 +239,9 @@ static void draw(export_model *m, double *x, size_t v) {
     draw_boundary(file, &m->rng, v, x + place);
 }
 
-/* What tangents of the curve are multiplied with before they are compared: of the discrete network they are
- * differences of nodes divided by L/N, whose rounding is that of the nodes divided by L/N. */
+/* Returns the factor by which tangents of the curve are multiplied before they are compared. The discrete
+ * network's tangents are differences of nodes divided by L/N, so their rounding errors are the nodes' divided
+ * by L/N. */
 static double tangent_scale(const export_source *source, const lg_surrogate *model) {
     const double interval = model->length / model->intervals;
     return model->options.kind == LG_SURROGATE_DISCRETE && interval < 1
@@ -259,7 +264,7 @@ static size_t curve_extras(const export_model *m) {
     return 4 * (size_t)PLACES;
 }
 
-/* Both ends, a node, and places within the first and a later interval. */
+/* Compares the curve at both ends, at a node, and within the first and the last interval. */
 static lg_status curve_golden(export_model *m, size_t at) {
     export_source *source = m->source;
     const lg_surrogate *model = &file_of(m)->run.model;
@@ -286,7 +291,7 @@ static lg_status curve_golden(export_model *m, size_t at) {
     return LG_OK;
 }
 
-/* ---- the rows ---- */
+/* ---- rows of the faces ---- */
 
 static bool has_nodes(const export_model *m) {
     return is_beam(m) && !has_place(&file_of(m)->run.model);

@@ -1,13 +1,13 @@
-/* Learned Hamiltonians: the condition of their mass, and words. */
+/* Learned Hamiltonians: the condition of the mass matrix, and the description in NAME.h. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
 
-/* ---- kinetic energy ---- */
+/* ---- the mass matrix ---- */
 
-/* W = m^-1 by Cholesky's factor, NaN where m is not positive definite. */
+/* W = m^-1 by the Cholesky factor; NaN if m is not positive definite. */
 static void invert(size_t k, const double *m, double *W) {
     double *l = app_alloc(k * k, sizeof *l);
     for (size_t j = 0; j < k; j++)
@@ -30,9 +30,9 @@ static void invert(size_t k, const double *m, double *W) {
     free(l);
 }
 
-/* W = m^-1 (k, k), inside (divided by the scales). *condition = max_i m_ii W_ii >= 1, which multiplies the
- * rounding of what is solved with W: how nearly the rows of m depend on each other, whatever their scale.
- * False: the family has no mass. */
+/* Computes W = m^-1 (k, k) for the mass matrix m without the model's scales, and *condition = max_i m_ii W_ii
+ * >= 1. This number multiplies the rounding errors of systems solved with W; it says how nearly the rows of m
+ * are linearly dependent, whatever their scale. Returns false if the family has no mass matrix. */
 static bool invert_mass(const lg_hamiltonian *model, const double *theta, double *W, double *condition) {
     const size_t k = model->n;
     double *m = app_alloc(k * k, sizeof *m);
@@ -46,11 +46,11 @@ static bool invert_mass(const lg_hamiltonian *model, const double *theta, double
     return has_mass;
 }
 
-/* What the tolerance has room for without a condition. */
+/* Conditions up to this number need no factor: the 20 in the tolerance, 20 eps depth, has room for them. */
 enum { LEAST_CONDITION = 20 };
 
-/* The condition of a mass matrix, where the family has one. False: its inverse has numbers that the type
- * cannot hold. */
+/* Sets the condition of the source from the mass matrix, if the family has one. Returns false if the inverse
+ * has numbers that the exported type cannot hold. */
 static bool find_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
     const size_t k = model->n;
     double condition, *W = app_alloc(k * k, sizeof *W);
@@ -68,7 +68,8 @@ static bool find_condition(export_source *source, const lg_hamiltonian *model, c
 /* "q1 p1 q2 p2 ..., each with |q| = 1 and q.p = 0" */
 static void tell_state(export_source *source, const lg_hamiltonian *model) {
     const lg_hamiltonian_family *family = model->family;
-    const uint32_t groups = !family->numbered || model->n == 1 ? 0 : 2; /* written out */
+    /* How many copies are written out, with numbers; 0: the layout is written once, without numbers. */
+    const uint32_t groups = !family->numbered || model->n == 1 ? 0 : 2;
     text *words = &source->state;
     for (const char *const *part = family->layout; groups == 0 && *part != NULL; part++)
         lg_text_add(words, "%s%s", part > family->layout ? " " : "", *part);

@@ -1,4 +1,4 @@
-/* Learned machines: golden states like the data, and words. */
+/* Learned machines: golden states like the training data, and the description in NAME.h. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,7 +18,8 @@ static double draw_in(const lg_machine_range *range, size_t at, lg_rng *rng) {
     return known ? lg_rng_uniform_in(rng, low, high) : lg_rng_uniform_in(rng, -1.0, 1.0);
 }
 
-/* Directions and rotations anywhere: a random element acts on upright ones. */
+/* Draws directions and rotations anywhere: a random group element acts on upright ones. Overwrites the whole
+ * state. */
 static void draw_attitudes(export_model *m, double *x) {
     const lg_machine *machine = &run_of(m)->machine;
     double *element = app_alloc(m->algebra, sizeof *element), *at = x + machine->places;
@@ -30,7 +31,8 @@ static void draw_attitudes(export_model *m, double *x) {
     free(element);
 }
 
-/* A state of positions and velocities within the data, directions and rotations anywhere. */
+/* Draws a state whose positions and velocities are within the range of the training data; directions and
+ * rotations are anywhere. */
 static void draw(export_model *m, double *x, size_t v_at) {
     const lg_machine *machine = &run_of(m)->machine;
     double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];

@@ -1,4 +1,4 @@
-/* What the numbers of a machine's state and input are, whatever the target. */
+/* Describes the numbers of a machine's state and input, for every target. */
 #include <stdlib.h>
 
 #include "lg-export/faces.h"
@@ -6,7 +6,7 @@
 
 /* ---- the state ---- */
 
-/* A name in the list of the state's numbers. */
+/* Adds the name of number k of `count` to the list of the state's numbers. */
 static void add_number(text *list, const char *name, const char *part, const char *letters, uint32_t k,
                        uint32_t count) {
     lg_text_add(list, "%s%s", name, part);
@@ -77,7 +77,8 @@ static void tell_state(export_source *source, const lg_machine *machine) {
 
 /* ---- the range ---- */
 
-/* The range of the data; positions of directions and rotations are anywhere. */
+/* Describes the range of the training data. Positions of directions and rotations are left out: they may be
+ * anywhere. */
 static void tell_range(text *about, const lg_machine_model_run *run) {
     const lg_machine *machine = &run->machine;
     const lg_machine_range *range = &run->range;

@@ -1,4 +1,4 @@
-/* Table networks: golden rows like the data, and words. */
+/* Table networks: golden rows like the training data, and the description in NAME.h. */
 #include <math.h>
 
 #include "lg-export/faces.h"
@@ -11,7 +11,7 @@ static bool is_regression(const lg_table_file *file) {
 static size_t depth_of(const void *contents) {
     const lg_net *net = &((const lg_table_file *)contents)->run.model.net;
     const size_t steps = net->kind == LG_NET_RESNET || net->kind == LG_NET_MULT_AFFINE ? 2 : 1;
-    return 1 + steps * net->layers + 1 + 2; /* and the scaling on both sides */
+    return 1 + steps * net->layers + 1 + 2; /* The last two are the scaling of inputs and outputs. */
 }
 
 static void draw(export_model *m, double *x, size_t v) {
