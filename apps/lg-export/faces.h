@@ -65,7 +65,8 @@ struct export_kind {
     /* NAME_STEP_EVALUATIONS is described as the number of evaluations of the network's gradient, not of the
      * field. */
     bool gradient;
-    /* Describes the state and the input in words, and sets the range of the data, and its dt; used for every target. */
+    /* Describes the state, the input and the range of the data in words, and sets the data's dt; used for
+     * every target. */
     void (*words)(const void *contents, export_source *source);
     /* Refuses a model that cannot be exported, and adds sizes of its kind. Returns an exit code. */
     int (*begin)(export_model *m);
@@ -94,8 +95,9 @@ EXPORT_FACE_LIST(EXPORT_FACE_ROW)
 EXPORT_KIND_LIST(EXPORT_KIND_ROW)
 const export_kind *export_kind_of(const lg_recipe *recipe);
 
-/* Writes the C of a model that has at least one face, with golden vectors and a description. Sets *none if the model
- * has no face; nothing is written then. Returns an exit code; on failure a message has been printed. */
+/* Writes the C of a model that has at least one face, with golden vectors and a description. Sets *none if
+ * the model has no face; nothing is written then. Returns an exit code; on failure a message has been
+ * printed. */
 int export_faces(const app *self, const lg_model_file *file, export_source *source, bool *none);
 
 /* ---- functions for the rows ---- */

@@ -1,5 +1,5 @@
-/* Surrogates of the elastica: the faces of their curve (code/surrogate), golden inputs, and the description in
- * NAME.h. */
+/* Surrogates of the elastica: the faces of their curve (code/surrogate), golden inputs, and the description
+ * in NAME.h. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
