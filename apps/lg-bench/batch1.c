@@ -1,6 +1,6 @@
-/* One state at a time, as a controller asks: the distribution of single calls, beside that of an empty loop
- * around the same clock, and of a loop that only looks at the clock until as much time has passed: what
- * interrupts do to calls of this length. */
+/* One state at a time, as a controller evaluates a model: the distribution of the times of single calls. For
+ * comparison, two more rows: an empty loop around the same clock, and a loop that only reads the clock until
+ * the median time has passed, which shows what interrupts do to calls of this length. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -41,7 +41,7 @@ static void wait(controller *c, size_t i) {
     }
 }
 
-/* Every call is timed by itself. Tails of the distribution go into the notes. */
+/* Times every call by itself. Tails of the distribution go into the notes. */
 static void distribution(bench *b, const char *name, controller *c, void (*call)(controller *c, size_t i),
                          size_t calls) {
     if (!bench_wanted(b, name)) return;
@@ -62,7 +62,8 @@ static void distribution(bench *b, const char *name, controller *c, void (*call)
     free(us);
 }
 
-/* dH/dq = dV/dq and dH/dp = p/m, m = gamma^2 + max(0, b), in long double, at all states. */
+/* Returns the largest error of the gradient over all states, against long double: dH/dq = dV/dq and dH/dp =
+ * p/m with m = gamma^2 + max(0, b). */
 static double controller_error(controller *c) {
     const lg_mlp *net = &c->model.net;
     const double *mass = c->theta + lg_mlp_parameters(net);
@@ -86,7 +87,7 @@ static double controller_error(controller *c) {
     return worst;
 }
 
-/* q on the sphere, p tangent to it. */
+/* Draws states: q on the unit sphere, p tangent to the sphere at q. */
 static void fill_states(double *states) {
     double *u = bench_uniform(6 * STATES, 3);
     for (size_t i = 0; i < STATES; i++) {

@@ -1,5 +1,5 @@
-/* lg-bench: named cases, timed the same way. A case sets up its inputs from a fixed seed, measures one or
- * more rows and puts beside each the error of what was computed. */
+/* lg-bench: named cases, all timed in the same way. A case makes its inputs from a fixed seed, measures one
+ * or more rows, and reports for each row the error of the computed numbers. */
 #ifndef LG_APPS_BENCH_H
 #define LG_APPS_BENCH_H
 
@@ -13,30 +13,30 @@ enum { BENCH_ROWS = 96, BENCH_NOTES = 6 };
 
 typedef struct bench_options {
     uint64_t batch, width, links, repeats, epochs;
-    int dtype; /* 0: the case's own, 1: f64, 2: f32 */
+    int dtype; /* 0: the case's own type, 1: f64, 2: f32. */
     const char *only, *out, *weights;
     bool judge;
 } bench_options;
 
-/* A further number of a row, by name. */
+/* A further number of a row, with a name. */
 typedef struct bench_note {
-    const char *name; /* static */
+    const char *name; /* A string literal; not copied. */
     double value;
 } bench_note;
 
-/* One measurement. Times are of one call of the work, in microseconds. */
+/* One measurement. Times are per call of the measured work, in microseconds. */
 typedef struct bench_row {
     char name[64];
-    uint64_t batch, width;   /* 0: does not apply */
-    uint64_t samples, inner; /* timed samples, calls in each */
+    uint64_t batch, width;   /* 0: does not apply. */
+    uint64_t samples, inner; /* Number of timed samples; number of calls in each sample. */
     double median_us, min_us, p10_us, p90_us;
-    double error; /* NaN: not known */
+    double error; /* NaN: not known. */
     const char *error_is;
-    double rate; /* in `unit`; NaN: none */
+    double rate; /* In `unit`; NaN: none. */
     const char *unit;
     size_t notes;
     bench_note note[BENCH_NOTES];
-    double *series; /* (series_count), or NULL */
+    double *series; /* (series_count); NULL: none. Freed by main.c. */
     const char *series_is;
     size_t series_count;
 } bench_row;
@@ -48,67 +48,71 @@ typedef struct bench {
     const bench_case *what;
     const bench_options *given;
     lg_dtype dtype;
-    int threads, core; /* core: where the only thread is pinned, -1 for none */
+    int threads, core; /* core: the core to which the only thread is pinned; -1: not pinned. */
     size_t rows;
     bench_row row[BENCH_ROWS];
 } bench;
 
 struct bench_case {
     const char *name, *summary;
-    lg_dtype dtype;      /* when --dtype is not given */
-    uint64_t batches[4]; /* when --batch is not given; ends with 0 */
-    uint64_t width;      /* when --width is not given; 0: the case has none */
-    uint64_t epochs;     /* likewise; 0: the case has none */
+    lg_dtype dtype;      /* Default of --dtype. */
+    uint64_t batches[4]; /* Default of --batch: measured one after another; the list ends with 0. */
+    uint64_t width;      /* Default of --width; 0: the case has no width. */
+    uint64_t epochs;     /* Default of --epochs; 0: the case has no epochs. */
     void (*run)(bench *b);
 };
 
-/* ---- measuring (timing.c) ---- */
+/* ---- measurements (timing.c) ---- */
 
-/* Pins the process to one of the cores it may use; returns which, -1 when it cannot. Before any thread is
- * made. */
+/* Pins the process to one of the cores that it may use. Returns the core, or -1 on failure. Must be called
+ * before any thread is made. */
 int bench_pin(void);
-/* Warms up, then times `call`: short calls in batches of inner iterations, --repeats samples (else 101, fewer
- * when that takes long). NULL when --only asks for other rows. */
+/* Warms up, then times `call`. Short calls are timed in batches of `inner` calls. Takes --repeats samples; by
+ * default 101, or fewer (at least 5) if they would take more than 4 s. Returns NULL if --only excludes the
+ * row. */
 bench_row *bench_measure(bench *b, const char *name, void (*call)(void *user), void *user);
-/* A row from times measured elsewhere (microseconds; sorted here). */
+/* Makes a row from times measured elsewhere (microseconds). Sorts `us`. */
 bench_row *bench_from_samples(bench *b, const char *name, double *us, size_t count);
-/* True when --only does not exclude the row. */
+/* Returns whether --only allows the row. */
 bool bench_wanted(const bench *b, const char *name);
 void bench_note_add(bench_row *row, const char *name, double value);
 
-/* ---- what cases share (timing.c) ---- */
+/* ---- helpers for the cases (timing.c) ---- */
 
-/* Says what failed and exits with the status' code, unless it is LG_OK. */
+/* Unless status is LG_OK: prints what failed and exits with the exit code of this status. */
 void bench_check(const bench *b, lg_status status, const char *what);
-/* The model with these parameters; the caller destroys it. */
+/* Makes the model with these parameters; the caller destroys it. */
 lg_model *bench_model(const bench *b, const lg_hamiltonian *model, const double *theta);
-/* The same for whatever error stands on the tape. */
+/* bench_check for the error of a tape. */
 void bench_check_tape(const bench *b, const lg_tape *tape);
 lg_tape *bench_tape(const bench *b, lg_dtype dtype, int threads);
-size_t bench_size(lg_dtype dtype); /* of an element */
-/* Copies from and to doubles; the caller frees. */
+size_t bench_size(lg_dtype dtype); /* Bytes of an element. */
+/* Copy an array: bench_typed from double to `dtype`, bench_doubles from `dtype` to double. The caller frees
+ * the copy. */
 void *bench_typed(lg_dtype dtype, const double *x, size_t n);
 double *bench_doubles(lg_dtype dtype, const void *x, size_t n);
-/* n numbers of U[-1, 1) from a fixed seed and this stream. */
+/* Draws n numbers of U[-1, 1) from a fixed seed and the given stream. */
 double *bench_uniform(size_t n, uint64_t stream);
-/* Parameters of a network from a fixed seed. */
+/* Initial parameters of a network, from a fixed seed. */
 double *bench_parameters(const lg_mlp *net);
 lg_mlp bench_net(const bench *b, uint32_t inputs, uint32_t width, uint32_t hidden, uint32_t outputs,
                  bool last_bias);
-/* n doubles as the file --out.ending, for other programs. */
+/* Writes n doubles to the file PREFIX.ending (--out PREFIX), for other programs. */
 void bench_write_doubles(const bench *b, const char *ending, const double *x, size_t n);
-/* max |x - reference| / max |reference|; NaN when either holds one. */
+/* max |x - reference| / max |reference|; NaN if either array holds one. */
 double bench_difference(const double *x, const double *reference, size_t n);
-/* The values that --batch or the case's table gives: *count of them. */
+/* Batch sizes to measure: --batch, or else the case's list. *count is set. */
 const uint64_t *bench_batches(const bench *b, size_t *count);
 
 /* ---- references in long double (reference.c) ---- */
 
-extern const char bench_long_double[]; /* what such an error is relative to */
+/* Words for the error of a result that was compared with such a reference. */
+extern const char bench_long_double[];
 
-/* Rows of a network with tanh, naive loops. x (rows, in), dx (rows, in) a tangent or NULL; y, dy (rows, out)
- * or NULL. With cotangents cy, cdy (rows, out; NULL for zero): gradient (parameters) += d(cy.y + cdy.dy)
- * /dtheta when not NULL, input (rows, in) = its derivative in x when not NULL. All finite. */
+/* A network with tanh, evaluated by naive loops over rows. x (rows, in); dx (rows, in), a tangent, or NULL;
+ * y, dy (rows, out), outputs, or NULL. cy, cdy (rows, out) are cotangents of y and dy; NULL means zero.
+ * gradient (parameters), if not NULL: d(cy.y + cdy.dy)/dtheta is added to it. input (rows, in), if not NULL,
+ * is set to the derivative by x. All numbers must be finite. */
 typedef struct reference_pass {
     const lg_mlp *net;
     const double *theta;

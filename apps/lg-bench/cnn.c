@@ -1,6 +1,7 @@
-/* Detectors of a damaged well: an epoch of training a convolutional network, its parts, and its value for one
- * window. Three blocks of convolution (kernel 5), activation and average pooling by 2, 6 -> 12 -> 24 -> 48
- * channels of 300 samples; then 2 numbers and one. */
+/* Detectors of a damaged well: an epoch of training a convolutional network, the parts of the network, and
+ * its value for one window. The network has three blocks of convolution (kernel 5), activation and average
+ * pooling by 2, with 6 -> 12 -> 24 -> 48 channels and 300 samples per window; then a layer of 2 numbers and a
+ * layer of one. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,8 +31,8 @@ static double *weights_of(const bench *b, const lg_cnn *net) {
     return theta;
 }
 
-/* Multiplications of a window's value, and of its value and gradient: the first layer's input has no
- * cotangent. */
+/* Multiplications in the convolutions for one window: for its value, or for value and gradient. The first
+ * layer's input needs no cotangent. */
 static double products(const lg_cnn *net, bool gradient) {
     double sum = 0;
     size_t in = net->channels;
@@ -57,7 +58,7 @@ static void open_windows(const bench *b, learning *l) {
     double *x = bench_uniform((size_t)WINDOWS * NUMBERS, STREAM_WINDOWS);
     l->data = (lg_detector_data){.count = WINDOWS, .dtype = b->dtype};
     l->data.label = app_alloc(WINDOWS, sizeof *l->data.label);
-    for (size_t i = 0; i < WINDOWS; i++) { /* one of two classes swings more */
+    for (size_t i = 0; i < WINDOWS; i++) { /* Windows of class 1 have larger amplitudes. */
         l->data.label[i] = x[i * NUMBERS] > 0;
         for (size_t j = 0; j < NUMBERS; j++) x[i * NUMBERS + j] *= l->data.label[i] ? 1.7 : 1.3;
     }
@@ -65,7 +66,7 @@ static void open_windows(const bench *b, learning *l) {
     free(x);
 }
 
-/* The gradient of the first windows' loss at the start, in this type. */
+/* Gradient of the loss of the first windows at the initial parameters, computed in `dtype`. */
 static double *first_gradient(const bench *b, const learning *l, lg_dtype dtype) {
     const size_t n = l->fit.parameters;
     void *theta = bench_typed(dtype, l->theta, n), *gradient = app_alloc(n, bench_size(dtype));
@@ -140,9 +141,9 @@ void bench_cnn(bench *b) {
     free(l.data.x), free(l.data.label);
 }
 
-/* ---- its parts ---- */
+/* ---- parts of the network ---- */
 
-/* A block on `batch` windows, as a shard of a step sees it. */
+/* One block of the network on `batch` windows, the number that a shard of a training step has. */
 typedef struct stage {
     const lg_kernels *k;
     lg_conv conv;
@@ -173,7 +174,8 @@ static void run_bias(void *user) {
 static const struct {
     const char *name;
     void (*run)(void *user);
-    bool product, inner; /* a product of matrices; not of the first block */
+    /* product: the part is a matrix product. inner: the part does not exist for the first block. */
+    bool product, inner;
 } parts[] = {{"convolution, activation, pooling", run_apply, true, false},
              {"adjoint of pooling, slope", run_slope, false, false},
              {"cotangent of the input", run_input, true, true},
@@ -276,7 +278,7 @@ static void close_watching(watching *w) {
     free(w->windows), free(w->work);
 }
 
-/* The largest difference of a probability from that in f64. */
+/* Largest difference between a probability in this type and the one in f64. */
 static double watching_error(watching *w, watching *exact) {
     double worst = 0;
     w->next = exact->next = 0;

@@ -1,4 +1,4 @@
-/* Training steps whose cost is the parameters: dense, adam. */
+/* Training steps whose cost depends on the number of parameters: the cases dense and adam. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,7 +10,7 @@
 
 enum { IN = 8, OUT = 196, HIDDEN = 5 };
 
-/* Memory as lg_fit takes it, in large pages; x converted, or zeros. */
+/* Allocates memory in large pages, as lg_fit does; the numbers are x, converted, or zeros if x is NULL. */
 static void *placed(const bench *b, const double *x, size_t n) {
     void *out = lg_alloc(b->app->context, n, bench_size(b->dtype));
     bench_check(b, out != NULL ? LG_OK : LG_OUT_OF_MEMORY, "the parameters");
@@ -55,7 +55,7 @@ static void step_call(void *user) {
     lg_adam_step(&d->adam, d->dtype, ++d->step, 1.0, 1.0, d->gradient, d->parameters, d->m, d->v, d->theta);
 }
 
-/* The gradient at the start against long double: loss = mean (y - t)^2. */
+/* Error of the gradient at the initial parameters, against long double. The loss is mean (y - t)^2. */
 static double dense_error(const bench *b, dense *d) {
     const size_t n = d->parameters, size = d->rows * OUT;
     dense_gradient(d);
@@ -85,8 +85,8 @@ static double dense_error(const bench *b, dense *d) {
     return error;
 }
 
-/* The whole step as lg_fit makes it, in epochs of so many on the same rows: shards, order of sums, checks,
- * the best parameters kept once an epoch. */
+/* The row "fit" times whole steps of lg_fit with everything around them (shards, order of sums, checks, the
+ * best parameters kept once per epoch). An epoch has STEPS steps on the same rows. */
 enum { STEPS = 16 };
 
 static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
@@ -204,7 +204,8 @@ static void adam_call(void *user) {
         lg_thread_pool_run(a->pool, a->pieces, adam_piece, a);
 }
 
-/* Two steps from the same start against the formula in long double: the change of theta. */
+/* Makes two steps from the same initial theta and compares it with Adam's formula in long double. Returns the
+ * error of theta. */
 static double adam_error(adam *a) {
     const lg_adam_options *o = &a->options;
     double *g = bench_doubles(a->dtype, a->gradient, a->n), *start = bench_doubles(a->dtype, a->theta, a->n);

@@ -1,4 +1,4 @@
-/* Surrogates of the elastica: seconds an epoch of training. One row an architecture. */
+/* Surrogates of the elastica: seconds per epoch of training, one row per architecture. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,14 +8,14 @@
 
 enum { STREAM_WEIGHTS = 1, STREAM_CURVES = 2, STREAM_SAMPLES = 3, CURVES = 1000, TRAINING = 900 };
 
-/* Published settings, without weight decay; two architectures at most. `points`: a sample is a point of a
- * curve. */
+/* Published settings, without weight decay, with at most two architectures. points: a sample is one point of
+ * a curve, not a whole curve. */
 typedef struct experiment {
     const char *name;
     bool points;
     double lr;
     uint32_t shards;
-    lg_surrogate_options model; /* of the first architecture */
+    lg_surrogate_options model; /* Options of the first architecture. */
     lg_net_kind architectures[2];
     uint32_t count;
 } experiment;
@@ -53,7 +53,7 @@ typedef struct learning {
     const experiment *what;
     lg_elastica_curves curves;
     uint32_t training[TRAINING];
-    uint32_t *order; /* (samples): the same in every epoch */
+    uint32_t *order; /* (samples): the fixed order of the samples, the same in every epoch. */
     size_t samples;
     lg_surrogate model;
     lg_surrogate_problem problem;
@@ -83,7 +83,8 @@ static void open_curves(const bench *b, learning *l) {
     l->order = shuffled(l->samples, STREAM_SAMPLES);
 }
 
-/* The samples of a part of a batch follow each other; what they stand for is in the fixed order. */
+/* Loss of a part of a batch. lg_fit does not shuffle, so the samples are consecutive; l->order maps them to
+ * the fixed order. */
 static lg_status ordered_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                               size_t batch, lg_var *loss) {
     const learning *l = user;
@@ -163,10 +164,10 @@ static void train(bench *b, learning *l) {
     lg_fit_destroy(fit);
 }
 
-/* ---- for other programs ---- */
+/* ---- files for other programs ---- */
 
-/* PREFIX.data: the training part's boundary (900, 8), q and v (900, 51, 2); PREFIX.order: its samples in the
- * order of an epoch. */
+/* Writes two files. PREFIX.data: boundary conditions (900, 8), then q and v (900, 51, 2) of the training
+ * curves. PREFIX.order: the samples in the order of an epoch. */
 static void write_curves(const bench *b, const learning *l) {
     const lg_elastica_curves *c = &l->curves;
     const size_t nodes = 2 * ((size_t)c->intervals + 1);

@@ -1,6 +1,6 @@
 /* A curve of the elastica when it is needed: Newton's method against trained networks, each with its distance
- * from the continuous solution. The boundary conditions are those of both-ends at 32 values of x that cover
- * both halves of the period and lie on no training grid. */
+ * from the continuous solution. The boundary conditions belong to the case both-ends, at 32 values of x that
+ * cover both halves of the period and lie on no training grid. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,9 +10,10 @@
 #include "liegrad/surrogate.h"
 
 enum { PROBLEMS = 32, NODES = 51 };
-static const double pi = 3.14159265358979323846, gap = 0.012, beside = 0.01; /* of pi; radians */
+/* gap: in units of pi; beside: in radians. */
+static const double pi = 3.14159265358979323846, gap = 0.012, beside = 0.01;
 
-/* x of problem i, and of another one beside it from which a warm start comes. */
+/* Parameter x of problem i. `neighbour`: x of a nearby problem, whose solution is used as a warm start. */
 static double x_of(size_t i, bool neighbour) {
     const size_t half = PROBLEMS / 2;
     const double at = gap + (1 - 2 * gap) * ((double)(i % half) + 0.37) / half;
@@ -27,7 +28,7 @@ static lg_elastica problem_of(size_t i, uint32_t intervals, bool neighbour) {
     return problem;
 }
 
-/* What is timed: one curve a call, problem after problem. */
+/* What is timed: one curve per call, problem after problem. */
 typedef struct use {
     const bench *b;
     lg_dtype dtype;
@@ -36,9 +37,9 @@ typedef struct use {
     const lg_surrogate *model;
     lg_surrogate_curves *curves;
     double s[NODES], boundary[PROBLEMS][8];
-    double *guess;           /* (PROBLEMS, intervals + 1) */
-    double *angle, *q, *v;   /* of the problem of the last call */
-    double *true_q, *true_v; /* (PROBLEMS, intervals + 1, 2) */
+    double *guess;           /* Initial guesses for warm starts, (PROBLEMS, intervals + 1). */
+    double *angle, *q, *v;   /* The curve that the last call computed. */
+    double *true_q, *true_v; /* Continuous solutions, (PROBLEMS, intervals + 1, 2). */
     void *work;
     size_t next;
 } use;
@@ -76,7 +77,7 @@ static void tangents(size_t nodes, const double *angle, double *v) {
     }
 }
 
-/* The continuous solutions at the nodes of this many intervals. */
+/* Computes the continuous solutions at the nodes of `intervals` intervals. */
 static void open_truth(const bench *b, use *u) {
     const size_t nodes = (size_t)u->intervals + 1;
     lg_error error = {LG_OK, ""};
@@ -104,8 +105,8 @@ static void close_use(use *u) {
     free(u->true_q), free(u->true_v), free(u->angle), free(u->q), free(u->v), free(u->guess), free(u->work);
 }
 
-/* The root mean square of the differences over all problems, nodes and components; and the median over the
- * problems. */
+/* Computes the row's error: the root mean square of the differences over all problems, nodes and components.
+ * Adds a note: the median over the problems. */
 static void judge(use *u, void (*call)(void *user), bench_row *row) {
     const size_t values = 2 * ((size_t)u->intervals + 1);
     double sum = 0, each[PROBLEMS];

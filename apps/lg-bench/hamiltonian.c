@@ -1,4 +1,4 @@
-/* Learned Hamiltonians: seconds an epoch of training, and how good the result is. */
+/* Learned Hamiltonians: seconds per epoch of training, and the quality of the result. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,7 +10,8 @@
 
 enum { STREAM_WEIGHTS = 1, DATA_SEED = 1, TEST_SEED = 1001 };
 
-/* One row an experiment. Learning rate 1e-2, a tenth of it every `decay` epochs. */
+/* Each row is one experiment. The learning rate starts at 1e-2 and is multiplied by 0.1 every `decay`
+ * epochs. */
 typedef struct experiment {
     const char *name, *system;
     size_t links, trajectories, points, segments;
@@ -110,7 +111,8 @@ lg_model *bench_model(const bench *b, const lg_hamiltonian *model, const double 
     return out;
 }
 
-/* ---- E1: both flows integrated accurately, mean squared difference over all points ---- */
+/* ---- E1: the true and the learned flow are integrated accurately; mean squared difference over all points
+ * ---- */
 
 static double e1(const bench *b, const learning *l, const double *theta) {
     enum { TEST = 100 };
@@ -210,7 +212,7 @@ static void train(bench *b, learning *l) {
     lg_fit_destroy(fit);
 }
 
-/* ---- for other programs ---- */
+/* ---- parameters trained by other programs ---- */
 
 static void read_weights(const bench *b, learning *l) {
     const size_t n = lg_hamiltonian_parameters(&l->model);
@@ -220,7 +222,8 @@ static void read_weights(const bench *b, learning *l) {
     if (!whole) exit(app_fail_file(b->app, LG_FORMAT, NULL, b->given->weights));
 }
 
-/* No training: error and E1 of given parameters, and what the judging took. */
+/* Does not train: computes the error and E1 of given parameters. The row's time is the time of this
+ * judgement. */
 static void judge_weights(bench *b, learning *l) {
     read_weights(b, l);
     const double start = app_seconds();

@@ -1,4 +1,4 @@
-/* What everything else is made of: gemm, act, node. */
+/* The building blocks of all other cases: gemm, act, node. */
 #include <cblas.h>
 #include <float.h>
 #include <math.h>
@@ -14,7 +14,7 @@
 typedef enum layout { NN, NT, TN } layout;
 static const char *const layout_names[] = {"nn", "nt", "tn"};
 
-/* C (m, n) = op(A) op(B) over k. */
+/* C (m, n) = op(A) op(B), summed over k. */
 typedef struct shape {
     layout layout;
     size_t m, n, k;
@@ -37,7 +37,7 @@ typedef struct gemm {
     lg_var va, vb;
 } gemm;
 
-/* B^T is made anew each time, as in one product that stands alone. */
+/* For nt, B^T is made in every call, as for a single product. */
 static void own_call(void *user) {
     const gemm *g = user;
     const void *b = g->b;
@@ -69,7 +69,8 @@ static void tape_call(void *user) {
     g->c = (void *)(uintptr_t)lg_value(g->tape, c);
 }
 
-/* max |c - r| / sum |a| |b|, the measure in which a product of n terms is good to n ULP at worst. */
+/* Returns max |c - r| / sum |a| |b|. In this measure a sum of n products is wrong by at most n ULP. Only the
+ * first 50 rows are checked. */
 static double gemm_error(const gemm *g) {
     const shape s = g->s;
     double *a = bench_doubles(g->dtype, g->a, s.m * s.k), *b = bench_doubles(g->dtype, g->b, s.k * s.n);
@@ -156,7 +157,9 @@ static long double relul(long double x) {
 
 typedef struct elementwise {
     const char *name;
-    int act, unary, order; /* lg_k_act or lg_k_unary, the other -1 */
+    /* act: an lg_k_act, or -1; unary: an lg_k_unary, or -1. One of the two is set. order: of the
+     * derivative. */
+    int act, unary, order;
     double low, high;
     long double (*reference)(long double x);
 } elementwise;
@@ -173,7 +176,7 @@ typedef struct act {
     const elementwise *f;
     const lg_kernels *k;
     size_t n;
-    void *x, *h, *y; /* h: the stored tanh of x, from which its derivatives are made */
+    void *x, *h, *y; /* h: stored tanh of x, from which its derivatives are computed. */
 } act;
 
 static void act_call(void *user) {
@@ -184,8 +187,8 @@ static void act_call(void *user) {
         a->k->unary[a->f->unary](a->n, 0, a->x, a->y);
 }
 
-/* Largest |y - r| in units of the last place of r; of 1 for derivatives, whose tails are differences of ones.
- */
+/* Returns the largest |y - r| in ULP of r. For derivatives in ULP of 1, because their tails are differences
+ * of numbers close to 1. */
 static double ulp_error(const bench *b, const act *a) {
     double *x = bench_doubles(b->dtype, a->x, a->n), *y = bench_doubles(b->dtype, a->y, a->n), error = 0;
     const int digits = b->dtype == LG_F64 ? DBL_MANT_DIG : FLT_MANT_DIG;

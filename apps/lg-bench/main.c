@@ -1,4 +1,4 @@
-/* lg-bench: how fast, how exact, on what. */
+/* lg-bench: measures the speed and the error of computations, and reports the machine they ran on. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -162,7 +162,7 @@ static const lg_field options[] = {
     LG_OPTION(bench_options, only, STRING, "TEXT", "Only rows whose name contains TEXT"),
     LG_FIELD_END};
 
-/* ---- list ---- */
+/* ---- listing cases ---- */
 
 static int list(app *self) {
     app_json out;
@@ -189,7 +189,7 @@ static int list(app *self) {
 
 /* ---- reports ---- */
 
-/* "AMD EPYC ..." where the system tells, else "unknown". */
+/* The processor's name ("AMD EPYC ..."), or "unknown" if the system does not tell it. */
 static void processor_name(char *name, size_t size) {
     char line[512];
     (void)snprintf(name, size, "unknown");
@@ -205,7 +205,7 @@ static void processor_name(char *name, size_t size) {
     if (file != NULL) (void)fclose(file);
 }
 
-/* For people a row of the table, whose rows have the same members. */
+/* Puts the members of a row. In output for people, all rows of the table must have the same members. */
 static void put_row(app_json *out, const bench_row *row) {
     const bool all = !out->people;
     app_json_real(out, "median_us", row->median_us);
@@ -226,7 +226,8 @@ static void put_row(app_json *out, const bench_row *row) {
     if (all && row->series != NULL) app_json_reals(out, row->series_is, row->series, row->series_count);
 }
 
-/* The first row's numbers stand at the top of JSON too: a case of one row needs no search. */
+/* In JSON, the first row's numbers also stand at the top level, so that a case with one row needs no
+ * search. */
 static void report(const bench *b) {
     char processor[256], kernels[256];
     app_json out;
@@ -266,7 +267,7 @@ static const bench_case *find(const char *name) {
     return NULL;
 }
 
-static bool threads_given; /* one thread is the default here */
+static bool threads_given; /* If not given, lg-bench uses one thread, unlike the other programs. */
 
 static int check_outputs(const app *self) {
     static const char *const endings[] = {"data", "weights", "order", "mlp", "resnet", "mult", "mult-affine"};
@@ -283,7 +284,7 @@ static int check_outputs(const app *self) {
 }
 
 static int run(app *self) {
-    static bench b; /* too large for a stack */
+    static bench b; /* Static: too large for the stack. */
     b = (bench){.app = self, .what = find(self->command->name), .given = &given, .core = -1};
     b.dtype = given.dtype == 0 ? b.what->dtype : given.dtype == 1 ? LG_F64 : LG_F32;
     b.threads = threads_given ? (int)self->threads : 1;
@@ -315,7 +316,8 @@ int main(int argc, char **argv) {
                 "timed many at a time. The error of what was computed stands beside its time.",
             .settings = settings,
             .run = run};
-    for (int i = 1; i < argc; i++) /* argp takes abbreviations; no other option begins with t */
+    /* Detects --threads, also abbreviated, as argp accepts abbreviations; no other option begins with t. */
+    for (int i = 1; i < argc; i++)
         if (strncmp(argv[i], "--t", 3) == 0) threads_given = true;
     return app_main(argc, argv, "lg-bench", "Measures speed, and the error beside it", commands);
 }

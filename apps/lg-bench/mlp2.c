@@ -1,4 +1,4 @@
-/* Second order of small networks: mlp2, its parts alone, jvp. */
+/* Second derivatives of small networks: the cases mlp2, mlp2-parts and jvp. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,7 +9,8 @@
 #include "nn/fit_internal.h"
 #include "liegrad/ops.h"
 
-/* ---- what mlp2 and jvp have in common: a loss of rows, cut into shards, whatever the threads ---- */
+/* ---- shared by mlp2 and jvp: a loss over rows, cut into shards that do not depend on the number of threads
+ * ---- */
 
 typedef struct second second;
 typedef lg_var (*loss_fn)(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
@@ -47,7 +48,7 @@ static void piece_gradient(void *user, size_t index) {
     }
 }
 
-/* The gradient of the whole batch, in the first piece's memory. */
+/* Computes the gradient of the whole batch; it is in the memory of the first piece. */
 static void second_call(void *user) {
     const second *s = user;
     lg_thread_pool_run(s->pool, s->pieces, piece_gradient, user);
@@ -84,21 +85,22 @@ static void second_close(second *s) {
     free(s->x);
 }
 
-/* The gradient as doubles, computed once. */
+/* Computes the gradient once and returns it as doubles. */
 static double *second_gradient(const bench *b, second *s) {
     second_call(s);
     for (size_t i = 0; i < s->pieces; i++) bench_check_tape(b, s->piece[i].tape);
     return bench_doubles(s->dtype, s->piece[0].gradient, s->parameters);
 }
 
-/* The reference's gradient, which is of twice the loss' inner derivative: filled by the case. */
+/* Adds the gradient of the case's loss, computed in long double, to `gradient` (parameters). */
 typedef void (*reference_fn)(const lg_mlp *net, const double *theta, const double *x, size_t rows,
                              long double *gradient);
 
 static const char against_doubles[] = "max |x - r| / max |r|, r: the same computation in f64";
 
-/* f64: against long double; f32: against f64 with the same (rounded) inputs. Large batches are judged by
- * their first rows: naive long double loops take a second for some 1e8 products. */
+/* Computes the row's error: f64 against long double; f32 against f64 with the same (rounded) inputs. In f64,
+ * large batches are judged by their first rows alone, since naive long double loops take a second for some
+ * 1e8 products. */
 static void second_error(const bench *b, const lg_mlp *net, loss_fn loss, reference_fn reference,
                          const double *theta, const double *x, size_t rows, bench_row *row) {
     const size_t n = lg_mlp_parameters(net), affordable = 50000000 / n > 0 ? 50000000 / n : 1;
@@ -127,7 +129,7 @@ static void second_error(const bench *b, const lg_mlp *net, loss_fn loss, refere
     second_close(&fast);
 }
 
-/* `work`: floating point operations of one row's dominant products. */
+/* `products`: number of products of size width x width per row. */
 static void second_case(bench *b, const lg_mlp *net, loss_fn loss, reference_fn reference, double products) {
     size_t count;
     const uint64_t *batches = bench_batches(b, &count);
@@ -161,8 +163,8 @@ static lg_var squared_gradient(lg_tape *tape, const lg_mlp *net, const lg_mlp_va
     return lg_sum(tape, lg_square(tape, lg_mlp_record_gradient(tape, net, vars, x)));
 }
 
-/* With u = grad_x V held fixed, d/dtheta |grad_x V|^2 = d/dtheta (2 u . grad_x V): the reverse of a tangent.
- */
+/* With u = grad_x V held fixed, d/dtheta |grad_x V|^2 = d/dtheta (2 u . grad_x V): reverse mode applied to a
+ * tangent. */
 static void squared_gradient_reference(const lg_mlp *net, const double *theta, const double *x, size_t rows,
                                        long double *gradient) {
     const size_t size = rows * lg_mlp_inputs(net);
@@ -222,36 +224,36 @@ void bench_jvp(bench *b) {
     second_case(b, &net, squared_speed, squared_speed_reference, 12);
 }
 
-/* ---- mlp2-parts: the 12 products and the activations alone ---- */
+/* ---- mlp2-parts: the 12 products and the activations, without the rest of mlp2 ---- */
 
-/* Memory as the computation has it: values of each layer in their own places, which all chunks of rows share;
- * W^T is given, not timed. a: three layers' activations; g: gradients before, r: adjoints of those, z: where
- * values and adjoints go. */
+/* Memory is laid out as in mlp2: every layer has its own arrays, which all chunks of rows share. W^T is given
+ * and not timed. a: activations of the three layers; g: gradients with respect to the values before
+ * activation; r: adjoints of g; z: results. */
 typedef struct parts {
     const lg_kernels *k;
-    size_t batch, rows, width; /* rows of the chunk at work */
+    size_t batch, rows, width; /* rows: rows of the chunk that is being computed. */
     bool first;
     void *weight[2], *transposed[2], *dw[2], *a[3], *g[3], *r[3], *z[3];
 } parts;
 
-/* c = a w (nn; nt with the transposed weight), the products of rows by width by width. */
+/* c = a w, rows x width x width; for products with W^T, w is the transposed weight. */
 static void product(const parts *p, const void *a, const void *w, void *c) {
     p->k->gemm(p->rows, p->width, p->width, a, p->width, 1, w, p->width, c, p->width, false);
 }
 
-/* dw = a^T c, or added to it */
+/* dw = a^T c, or dw += a^T c if `accumulate`. */
 static void outer(const parts *p, const void *a, const void *c, void *dw, bool accumulate) {
     p->k->gemm(p->width, p->width, p->rows, a, 1, p->width, c, p->width, dw, p->width, accumulate);
 }
 
 static void products(const parts *p) {
-    for (int l = 0; l < 2; l++) product(p, p->a[l], p->weight[l], p->z[l + 1]);      /* forward */
-    for (int l = 1; l >= 0; l--) product(p, p->g[l + 1], p->transposed[l], p->z[l]); /* its gradient in x */
-    for (int l = 0; l < 2; l++) {                                                    /* adjoint of that */
+    for (int l = 0; l < 2; l++) product(p, p->a[l], p->weight[l], p->z[l + 1]);      /* Forward. */
+    for (int l = 1; l >= 0; l--) product(p, p->g[l + 1], p->transposed[l], p->z[l]); /* Gradient by x. */
+    for (int l = 0; l < 2; l++) { /* Adjoint of that gradient. */
         product(p, p->r[l], p->weight[l], p->z[l + 1]);
         outer(p, p->r[l], p->g[l + 1], p->dw[l], !p->first);
     }
-    for (int l = 1; l >= 0; l--) { /* adjoint of the values */
+    for (int l = 1; l >= 0; l--) { /* Adjoint of the values. */
         product(p, p->g[l + 1], p->transposed[l], p->z[l]);
         outer(p, p->a[l], p->g[l + 1], p->dw[l], true);
     }
@@ -261,7 +263,8 @@ static void activations(const parts *p) {
     for (int l = 0; l < 3; l++) p->k->act(LG_K_TANH, 0, p->rows * p->width, p->a[l], NULL, NULL, p->z[l]);
 }
 
-/* g sigma' for the gradient, r sigma' and (r g) sigma'' for its adjoint, z sigma' for that of the values. */
+/* Makes the calls of mlp2's derivatives: g sigma' for the gradient, r sigma' and (r g) sigma'' for the
+ * gradient's adjoint, z sigma' for the adjoint of the values. */
 static void derivatives(const parts *p) {
     const size_t n = p->rows * p->width;
     for (int l = 0; l < 3; l++) {
@@ -304,7 +307,7 @@ static void *parts_array(const bench *b, size_t n, uint64_t stream) {
     return typed;
 }
 
-/* Error of the first product's forward row: that what is timed does compute. */
+/* Error of the first row of the first forward product: shows that the timed code really computes. */
 static double parts_error(const bench *b, const parts *p) {
     const size_t w = p->width;
     double *a = bench_doubles(b->dtype, p->a[0], w), *m = bench_doubles(b->dtype, p->weight[0], w * w),

@@ -1,4 +1,4 @@
-/* The peak of a core: multiply-adds on registers alone, with the instruction set in use. */
+/* The peak of a core: multiply-adds on registers alone, with the instruction set that the kernels use. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,13 +11,14 @@
 #include "core/core.h"
 #include "lg-bench/bench.h"
 
-/* Independent sums: enough to hide the latency of an addition (4 cycles, two units), and with both factors in
- * 16 registers. */
+/* CHAINS independent sums: enough to hide the latency of an addition (4 cycles, two units), and few enough to
+ * fit into 16 registers together with both factors. */
 enum { CHAINS = 12, STEPS = 4096, MOST_BYTES = 64 };
 #define FACTOR   0.5
 #define FACTOR_2 0.25
 
-/* A vector of sums over all chains; chain c begins at c. All numbers on the way are exact. */
+/* Writes one vector to `sums`: the sum over all chains. Chain c begins at c. All intermediate numbers are
+ * exact. */
 #define LOOP(name, target_, type, vec, all, fma)                                                             \
     target_ static void name(void *sums) {                                                                   \
         const vec x = all((type)FACTOR), y = all((type)FACTOR_2);                                            \
@@ -51,9 +52,9 @@ LOOP(neon_f64, , double, float64x2_t, vdupq_n_f64, NEON_FMA_f64)
 LOOP(neon_f32, , float, float32x4_t, vdupq_n_f32, NEON_FMA_f32)
 #endif
 
-/* By lg_isa; bytes of a vector. */
+/* Index: lg_isa. bytes: size of a vector. */
 static const struct {
-    void (*loop[2])(void *sums); /* f64, f32 */
+    void (*loop[2])(void *sums); /* For f64 and f32. */
     size_t bytes;
 } sets[LG_ISA_COUNT] = {
     [LG_ISA_BASELINE] = {{baseline_f64, baseline_f32}, 16},
@@ -68,7 +69,7 @@ static const struct {
 void bench_peak(bench *b) {
     const lg_isa isa = lg_isa_in_use();
     const size_t lanes = sets[isa].bytes / bench_size(b->dtype);
-    double sums[MOST_BYTES / sizeof(double)]; /* a vector */
+    double sums[MOST_BYTES / sizeof(double)]; /* Room for one vector. */
     const double expected = CHAINS * (CHAINS - 1) / 2.0 + CHAINS * STEPS * FACTOR * FACTOR_2;
     bench_row *row = bench_measure(b, "multiply-adds", sets[isa].loop[b->dtype == LG_F32], sums);
     if (row == NULL) return;

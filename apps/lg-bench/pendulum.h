@@ -1,5 +1,5 @@
-/* The planar double pendulum (unit masses and lengths) written by hand: the field with its adjoint, a step of
- * the classical Runge-Kutta scheme with its adjoint.
+/* The planar double pendulum (unit masses and lengths), written by hand: the field with its adjoint, and a
+ * step of the classical Runge-Kutta scheme with its adjoint.
  *
  * y = (theta_1, theta_2, omega_1, omega_2), s, c = sin, cos(theta_1 - theta_2), D = 1/(2 - c^2):
  * r_1 = -omega_2^2 s - 2 g sin theta_1, r_2 = omega_1^2 s - g sin theta_2,
@@ -14,7 +14,7 @@ enum { STAGES = 4 };
 static const double gravity = 9.81, step = 0.01;
 static const double offset[STAGES] = {0, 0.5, 0.5, 1}, weight[STAGES] = {1, 2, 2, 1};
 
-/* What the adjoint reads again: no sine is taken twice. */
+/* Values of a stage that the adjoint needs again, so that no sine is computed twice. */
 typedef struct pendulum_stage {
     double s1, c1, s2, c2, s, c, d, r1, r2, w1, w2;
 } pendulum_stage;
@@ -50,7 +50,7 @@ static inline void pendulum_field_adjoint(const pendulum_stage *m, const double 
     y[3] = g[1] - 2 * m->w2 * m->s * r1;
 }
 
-/* y of the start becomes that of the end. */
+/* Advances y by one step, and stores the values of its stages. */
 static inline void pendulum_step(double *y, pendulum_stage *stage) {
     double k[4] = {0, 0, 0, 0}, sum[4] = {0, 0, 0, 0}, at[4];
     for (int i = 0; i < STAGES; i++) {
@@ -61,8 +61,8 @@ static inline void pendulum_step(double *y, pendulum_stage *stage) {
     for (int j = 0; j < 4; j++) y[j] += step / 6 * sum[j];
 }
 
-/* Stage i: adjoint of k_i = h b_i lambda + h a_{i+1,i} mu_{i+1}, mu_i = (df/dy)^T of it; lambda += sum mu_i.
- */
+/* Stages in reverse order: the adjoint of k_i is kbar_i = h b_i lambda + h a_{i+1,i} mu_{i+1}, and mu_i =
+ * (df/dy)^T kbar_i. At the end, lambda += sum of all mu_i. */
 static inline void pendulum_step_adjoint(const pendulum_stage *stage, double *lambda) {
     double sum[4] = {0, 0, 0, 0}, mu[4] = {0, 0, 0, 0}, kbar[4];
     for (int i = STAGES - 1; i >= 0; i--) {

@@ -1,4 +1,4 @@
-/* Networks in long double, row by row with naive loops: what the fast results are compared with. */
+/* Networks in long double, row by row with naive loops: the reference for the fast results. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -18,8 +18,8 @@ double *reference_narrow(const long double *x, size_t n) {
     return out;
 }
 
-/* Values of all layers of one row, layer l at l * stride: activations a, their tangents da, z' (the tangent
- * before the activation), adjoints of a and da. */
+/* Values of one row in all layers; layer l begins at l * stride. a: activations. da: their tangents. dz:
+ * tangents before the activation. abar, dabar: adjoints of a and da. */
 typedef struct layers {
     size_t stride;
     long double *a, *da, *dz, *abar, *dabar;
@@ -45,13 +45,14 @@ static void forward(const reference_pass *p, const layers *w) {
     }
 }
 
-/* From the adjoints of layer l + 1's outputs to those of its inputs, and the parameters' gradient. */
+/* Turns the adjoints of layer l's outputs into the adjoints of its inputs, and adds to the gradient of the
+ * parameters. */
 static void backward(const reference_pass *p, const layers *w, uint32_t l) {
     const size_t in = p->net->width[l], out = p->net->width[l + 1], at = l * w->stride, next = at + w->stride;
     const size_t place = lg_mlp_weight_offset(p->net, l);
     const double *weight = p->theta + place;
     const bool last = l + 1 == p->net->layers;
-    for (size_t j = 0; j < out && !last; j++) { /* through the activation: h' = 1 - h^2, h'' = -2 h h' */
+    for (size_t j = 0; j < out && !last; j++) { /* Backwards through tanh: h' = 1 - h^2, h'' = -2 h h'. */
         const long double h = w->a[next + j], d1 = 1 - h * h, d2 = -2 * h * d1;
         w->abar[next + j] = w->abar[next + j] * d1 + w->dabar[next + j] * d2 * w->dz[next + j];
         w->dabar[next + j] *= d1;

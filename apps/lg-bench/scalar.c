@@ -1,5 +1,5 @@
-/* Scalar code: the planar double pendulum (pendulum.h), classical Runge-Kutta, 100 steps of 0.01; J = sum of
- * the last state, dJ/d(start). */
+/* Scalar code: the planar double pendulum (pendulum.h) with the classical Runge-Kutta scheme, 100 steps of
+ * 0.01. J is the sum of the last state's numbers; the gradient is dJ/d(start). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -33,7 +33,7 @@ static lg_status custom_forward(void *user, lg_dtype dtype, const void *const *i
     return LG_OK;
 }
 
-/* The trajectory is the one of the last forward call: one run, one gradient. */
+/* Uses the stages that the last custom_forward stored: a gradient must directly follow its forward run. */
 static lg_status custom_vjp(void *user, lg_dtype dtype, const void *const *inputs, const void *y,
                             const void *g, void *const *out) {
     (void)dtype;
@@ -45,7 +45,7 @@ static lg_status custom_vjp(void *user, lg_dtype dtype, const void *const *input
 
 /* ---- plain operations ---- */
 
-/* f of four scalars, as anyone would write it. */
+/* The field of four scalars, written without tricks. */
 static void tape_field(lg_tape *t, const lg_var *y, lg_var *f) {
     const lg_var s1 = lg_sin(t, y[0]), s2 = lg_sin(t, y[1]), c1 = lg_cos(t, y[0]), c2 = lg_cos(t, y[1]);
     const lg_var s = lg_sub(t, lg_mul(t, s1, c2), lg_mul(t, c1, s2));
@@ -109,7 +109,7 @@ static void forward_call(void *user) {
     scalar *s = user;
     double y[4];
     run_forward(s->trajectory, start, y);
-    s->gradient[0] += y[0]; /* keeps the run alive */
+    s->gradient[0] += y[0]; /* Keeps the compiler from removing the run. */
 }
 
 /* ---- reference: fourth order difference quotients in long double ---- */

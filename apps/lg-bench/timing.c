@@ -1,4 +1,4 @@
-/* How everything is timed, and what all cases need. */
+/* Timing of all cases, and helpers for them. */
 #include <math.h>
 #include <sched.h>
 #include <stdlib.h>
@@ -7,8 +7,8 @@
 #include "lg-bench/bench.h"
 
 enum { SAMPLES = 101, SAMPLES_LEAST = 5, SEED = 20240229 };
-static const double sample_seconds =
-    4e-4; /* a sample is at least so long: the clock's grain does not matter */
+/* A sample takes at least this long, so that the clock's resolution does not matter. */
+static const double sample_seconds = 4e-4;
 static const double warm_seconds = 0.1, patience = 4.0;
 
 int bench_pin(void) {
@@ -27,7 +27,7 @@ bool bench_wanted(const bench *b, const char *name) {
     return b->given->only == NULL || strstr(name, b->given->only) != NULL;
 }
 
-/* The value below which a fraction f of the sorted samples lies, nearest rank. */
+/* Returns the sorted sample of nearest rank for the fraction f: about f of all samples are not larger. */
 static double quantile(const double *sorted, size_t count, double f) {
     const double rank = ceil(f * (double)count);
     const size_t i = rank < 1 ? 0 : (size_t)rank - 1;
@@ -52,7 +52,8 @@ static double time_calls(void (*call)(void *user), void *user, uint64_t calls) {
     return app_seconds() - start;
 }
 
-/* Runs until warm and says how long one call takes. `brief`: one call has to do. */
+/* Calls the function until the processor is warm, and returns the seconds of one call. `brief`: makes only
+ * one call. */
 static double warm_up(void (*call)(void *user), void *user, bool brief) {
     double one = time_calls(call, user, 1), spent = one;
     for (uint64_t calls = 1; !brief && spent < warm_seconds; calls *= 2) {
