@@ -1,4 +1,4 @@
-/* Energy balance along logs, whiteness of residuals, and what the terms of a model say at given states. */
+/* Energy balance along logs, whiteness of residuals, and values of a model's terms at given states. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,19 +7,21 @@
 #include "lg-identify/identify.h"
 #include "liegrad/ops.h"
 
-/* ---- the model's terms at rows, on a tape ---- */
+/* ---- the model's terms at given states, on a tape ---- */
 
-enum { CHUNK = 512, DAMPING = 1, POWERS = 3 }; /* as ENERGY_INPUTS and the next ones */
+/* DAMPING: index in `powered`, whose order is that of ENERGY_INPUTS and the next ones. */
+enum { CHUNK = 512, DAMPING = 1, POWERS = 3 };
 static const lg_machine_part powered[POWERS] = {LG_MACHINE_INPUT_MAP, LG_MACHINE_DAMPING,
                                                 LG_MACHINE_RESIDUAL};
 
-/* Rows in the order of logs, and what is asked of them; NULL: not. */
+/* States (in the layout of logs) and the values that are wanted there. Outputs that are NULL are not
+ * computed. */
 typedef struct asked {
     size_t count;
-    const double *q, *v, *u; /* u (count, inputs) */
+    const double *q, *v, *u; /* u (count, inputs); NULL: zeros. */
     double *energy;          /* (count) */
     double *power;           /* (count, POWERS) */
-    double *damping;         /* (count, velocities): force */
+    double *damping;         /* Force, (count, velocities). */
 } asked;
 
 static void scale_rows(const lg_machine *machine, const asked *a, size_t first, size_t count, double *q,
@@ -110,11 +112,12 @@ void identify_values(const app *self, const lg_learned_machine *model, size_t co
 
 /* ---- intervals ---- */
 
-/* Each interval as a piece of three rows: its start, its middle and its end. */
+/* Each interval of the log as a piece of three rows: its start, its middle and its end. */
 typedef struct intervals {
-    size_t count, *row; /* of the log */
+    size_t count, *row; /* Rows of the log at which the intervals begin. */
     identify_pieces pieces;
-    double *run_q, *run_v; /* (3 count, ...), the model's */
+    /* The model's run of each interval: (3 count, positions) and (3 count, velocities). */
+    double *run_q, *run_v;
 } intervals;
 
 static void intervals_begin(intervals *all, const lg_machine *machine) {
@@ -130,7 +133,7 @@ static void intervals_end(intervals *all) {
     free(all->run_v);
 }
 
-/* u_0 + s u_1 + ... of half an interval, from s = `from` on. */
+/* Coefficients of the polynomial u_0 + s u_1 + ... for half an interval, which begins at s = `from`. */
 static void halve(const double *u, size_t m, double from, double *out) {
     for (size_t k = 0; k < m; k++) {
         const double a = u[k], b = u[m + k], c = u[2 * m + k], d = u[3 * m + k];
@@ -178,7 +181,8 @@ static void add_interval(const double *energy, const double *power, double h, do
     const double change = energy[2] - energy[0];
     double left = change;
     for (int k = 0; k < POWERS; k++) {
-        const double work = h / 6 * (power[k] + 4 * power[POWERS + k] + power[2 * POWERS + k]); /* Simpson */
+        /* Simpson's rule. */
+        const double work = h / 6 * (power[k] + 4 * power[POWERS + k] + power[2 * POWERS + k]);
         out[ENERGY_INPUTS + k] += work;
         left -= work;
     }
@@ -188,7 +192,8 @@ static void add_interval(const double *energy, const double *power, double h, do
     out[ENERGY_CHANGE_SIZE] += fabs(change);
 }
 
-/* Powers along the model's run of each interval, energies at the logged states. */
+/* Takes energies at the logged states, and powers at the logged ends and at the middle of the model's run of
+ * each interval. */
 static void balance(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                     intervals *all, double *out) {
     const lg_machine *machine = model->machine;
@@ -231,7 +236,8 @@ static double chi_square_above(double x) {
     return exp(-0.5 * x) * sum;
 }
 
-/* Residuals x (n) of intervals that begin at rows `row`; only neighbours are compared. */
+/* Tests the residuals x (n) of the intervals that begin at the rows `row`. Two residuals are correlated at a
+ * lag only if their rows differ by exactly this lag. */
 static void judge_whiteness(const double *x, const size_t *row, size_t n, identify_whiteness *out) {
     double mean = 0, square = 0, variance = 0;
     *out = (identify_whiteness){(double)NAN, (double)NAN, (double)NAN, (double)NAN};

@@ -1,4 +1,4 @@
-/* How far the uncertainty of the parameters moves a prediction. */
+/* Standard deviations of a prediction that follow from the uncertainty of the parameters. */
 #include <math.h>
 #include <string.h>
 
@@ -6,7 +6,7 @@
 
 enum { SAMPLES = 40 };
 
-/* theta + W x, x of N(0, 1). */
+/* Draws parameters theta + W x, with x of N(0, 1). */
 static void draw(const double *theta, const double *W, size_t n, lg_rng *rng, double *out) {
     memcpy(out, theta, n * sizeof *out);
     for (size_t k = 0; k < n; k++) {
@@ -15,7 +15,7 @@ static void draw(const double *theta, const double *W, size_t n, lg_rng *rng, do
     }
 }
 
-/* Adds the squares of the differences of two predictions, (rows, columns of the file). */
+/* Adds the squared differences of two predictions to `out` (rows, columns of the file). */
 static void add_squares(const lg_machine_data *data, const double *q, const double *v, const double *other_q,
                         const double *other_v, double *out) {
     const lg_machine_file *file = &data->file;

@@ -1,4 +1,4 @@
-/* lg-identify check: what is in the logs. */
+/* lg-identify check: reports what is in the logs. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,7 +20,8 @@ static check_values values;
 
 enum { MOST_SEEN = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
 
-/* What an input may be a linear function of: positions, velocities, other inputs, 1. */
+/* Fills x with the features that an input may be a linear function of: positions, velocities (if
+ * `velocities`), other inputs, 1. Returns their number. */
 static size_t fill_seen(const lg_machine *machine, const lg_machine_log *log, size_t row, bool velocities,
                         uint32_t input, double *x) {
     size_t n = 0;
@@ -34,8 +35,9 @@ static size_t fill_seen(const lg_machine *machine, const lg_machine_log *log, si
     return n;
 }
 
-/* The part of an input that state and other inputs do not give, of its standard deviation; NaN: it is
- * constant. */
+/* Returns the standard deviation of the part of an input that the state and the other inputs do not explain,
+ * relative to the input's standard deviation. NaN: the input is constant, or the rows do not determine the
+ * part. */
 static double own_part(const lg_machine *machine, const lg_machine_log *log, bool velocities,
                        uint32_t input) {
     APP_FREE double *matrix = app_alloc(MOST_SEEN * MOST_SEEN, sizeof *matrix);
@@ -80,7 +82,7 @@ static void warn_of_inputs(const app *self, const lg_machine_data *data) {
 
 /* ---- positions against velocities ---- */
 
-/* Positions that belong to velocities of other rows. */
+/* Warns if the positions of a coordinate belong to velocities of other rows. */
 static void warn_of_clocks(const app *self, const lg_machine_data *data, const double *motions) {
     int lag[LG_MACHINE_COORDINATES];
     double left[LG_MACHINE_COORDINATES];
@@ -109,7 +111,7 @@ static void warn_of_stuck(const app *self, const lg_machine_data *data) {
     }
 }
 
-/* Many gaps are rows that jitter. */
+/* Many gaps suggest that the times of the rows jitter. */
 static void warn_of_gaps(const app *self, const lg_logs *logs) {
     enum { OFTEN = 50 };
     if (OFTEN * logs->gaps > logs->rows_read)
@@ -120,7 +122,7 @@ static void warn_of_gaps(const app *self, const lg_logs *logs) {
             logs->gaps, logs->rows_read, logs->max_step, logs->log.parts, logs->dt_median);
 }
 
-/* The common factor of masses, potential, damping and input map. */
+/* Warns if the common factor of masses, potential, damping and input map is not determined. */
 static void warn_of_gauge(const app *self, const lg_machine *machine) {
     if (machine->normalised)
         app_warn(self,

@@ -1,4 +1,4 @@
-/* States in the columns of a log, and how far they are from those of the training data. */
+/* States in the columns of a log, and their distance from the range of the training data. */
 #include <math.h>
 #include <string.h>
 
@@ -15,7 +15,7 @@ bool identify_is_wrapped(const lg_machine_file *file, uint32_t column) {
 
 /* ---- attitudes ---- */
 
-/* The quaternion (w, x, y, z) of R, from its largest number on. */
+/* The quaternion (w, x, y, z) of R. Its largest component is computed first, which avoids cancellation. */
 static void quaternion_of(const double *R, double out[4]) {
     const double trace = R[0] + R[4] + R[8];
     const double squares[4] = {1 + trace, 1 + 2 * R[0] - trace, 1 + 2 * R[4] - trace, 1 + 2 * R[8] - trace};
@@ -108,9 +108,10 @@ void identify_column_errors(const identify_given *given, const double *q, const 
         out[c] = count[c] > 0 ? sqrt(sum[c] / (double)count[c]) : (double)NAN;
 }
 
-/* ---- range ---- */
+/* ---- range of the training data ---- */
 
-/* The numbers of a range: positions, velocities, inputs, each with a name and whether it is an angle. */
+/* One of the numbers of a range (positions, then velocities, then inputs). angle: it is an angle. used: the
+ * model depends on it. */
 typedef struct number {
     char name[LG_LOG_NAME + 32];
     bool angle, used;
@@ -163,7 +164,7 @@ static void name_numbers(const lg_machine_file *file, number *out) {
     }
 }
 
-/* How far x is outside; an angle may be turned. */
+/* Returns how far x is outside the range. An angle is first turned by full turns towards the range. */
 static double outside(double x, double low, double high, bool angle) {
     const double turn = 6.283185307179586;
     if (angle && high - low >= 0.97 * turn) return 0;
@@ -175,8 +176,8 @@ typedef struct extent {
     double beyond[LG_MACHINE_RANGE], at[LG_MACHINE_RANGE];
 } extent;
 
-/* At rows of values (rows, stride), the first `count` of each: those of the range from `first` on. NULL:
- * none. */
+/* Looks at the first `count` values of each row of `values` (rows, stride). They belong to the numbers of the
+ * range from `first` on. Records the value that is farthest outside. `values` may be NULL. */
 static void look(const lg_machine_range *range, const number *numbers, const double *values, size_t rows,
                  size_t stride, size_t count, size_t first, extent *out) {
     for (size_t at = 0; values != NULL && at < rows * count; at++) {
@@ -189,7 +190,7 @@ static void look(const lg_machine_range *range, const number *numbers, const dou
 }
 
 void identify_warn_range(const app *self, const identify_given *given, const double *q, const double *v) {
-    static const double tolerated = 0.02; /* of the range: the noise of a log */
+    static const double tolerated = 0.02; /* Relative to the range; covers the noise of a log. */
     const lg_machine_range *range = &given->file.run.range;
     const lg_machine *machine = &given->data.file.machine;
     const lg_machine_log *log = &given->data.logs.log;

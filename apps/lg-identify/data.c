@@ -1,4 +1,4 @@
-/* A model and the logs that a command has it run on. */
+/* Reads a model and the logs that a command runs it on. */
 #include "lg-identify/identify.h"
 
 void identify_read(const app *self, const lg_machine_sources *from, lg_machine_data *out) {

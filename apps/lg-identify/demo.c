@@ -1,4 +1,4 @@
-/* lg-identify demo: a driven, damped rigid body from its log to a controller. */
+/* lg-identify demo: a driven, damped rigid body, from its log to a controller. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -59,7 +59,7 @@ static void write_text(const app *self, const char *name, const char *text) {
     APP_MUST_FILE(self, path, app_file_end(&file, &error));
 }
 
-/* ---- commands: this program again, in the folder ---- */
+/* ---- commands: run this program again, in the folder ---- */
 
 enum { WORDS = 32 };
 
@@ -108,13 +108,15 @@ static void run_commands(const app *self) {
     for (size_t i = 0; i < LG_COUNT(lines); i++) run_command(self, lines[i]);
 }
 
-/* ---- what was learned beside the truth ---- */
+/* ---- comparison with the true machine ---- */
 
 enum { BODY = 3, COMPARED = 2 * BODY };
 typedef struct comparison {
     char name[COMPARED][LG_IDENTIFIED_NAME];
     double learned[COMPARED], truth[COMPARED];
-    double potential; /* root mean square of the difference over attitudes, of that of the truth */
+    /* Root mean square of the potentials' difference over random attitudes, relative to the true
+     * potential's. */
+    double potential;
 } comparison;
 
 static const lg_machine_term *term_of(const lg_machine *machine, lg_machine_part part) {
@@ -123,7 +125,7 @@ static const lg_machine_term *term_of(const lg_machine *machine, lg_machine_part
     return term;
 }
 
-/* The diagonal masses, then damping. */
+/* Compares the diagonal masses and the damping. */
 static void compare_numbers(const demo *d, comparison *out) {
     lg_identified numbers[64];
     const lg_machine *machine = &d->model.run.machine;
@@ -169,19 +171,19 @@ static void compare_potentials(const demo *d, comparison *out) {
     out->potential = spread(a, ATTITUDES) / spread(b, ATTITUDES);
 }
 
-/* ---- the controller: the torque after which the learned body has the wanted rate ---- */
+/* ---- the controller: finds the torque after which the learned body has the wanted rate ---- */
 
-enum { STARTS = 20, STEPS = 200, TRIES = 4 }; /* no torque, and one about each axis */
+enum { STARTS = 20, STEPS = 200, TRIES = 4 }; /* TRIES: no torque, and one about each of the three axes. */
 #define STEP 0.02
 
 typedef struct control {
     double R[9 * STARTS], rate[3 * STARTS], torque[3 * STARTS];
-    double largest; /* torque */
-    double worst;   /* angle */
+    double largest; /* Largest torque so far. */
+    double worst;   /* Largest angle at the end, rad. */
     size_t arrived;
 } control;
 
-/* One step of `count` bodies with held torques. */
+/* Makes one step of `count` bodies with constant torques. */
 static void step(const demo *d, const lg_learned_machine *model, size_t count, const double *R,
                  const double *rate, const double *torque, double *next_R, double *next_rate) {
     enum { MOST = TRIES * STARTS };
@@ -203,7 +205,7 @@ static void step(const demo *d, const lg_learned_machine *model, size_t count, c
     }
 }
 
-/* x of A x = b for the 3 columns of A. */
+/* Solves x_0 a[0] + x_1 a[1] + x_2 a[2] = b for x. */
 static void solve3(double a[3][3], const double *b, double *x) {
     double cross[3];
     lg_cross3(a[1], a[2], cross);
@@ -214,7 +216,7 @@ static void solve3(double a[3][3], const double *b, double *x) {
     }
 }
 
-/* The wanted rate turns the body towards R = 1, critically damped. */
+/* Rate after the next step that turns the body towards R = 1, critically damped. */
 static void wanted_rate(const double *R, const double *rate, double *out) {
     static const double stiffness = 16, friction = 8;
     double turn[3];
@@ -264,7 +266,7 @@ static void control_all(const demo *d, control *c) {
     for (size_t i = 0; i < STARTS; i++) {
         double turn[3];
         lg_so3_log(c->R + 9 * i, turn);
-        const double angle = sqrt(lg_dot3(turn, turn)); /* from the upright attitude */
+        const double angle = sqrt(lg_dot3(turn, turn)); /* From the upright attitude. */
         c->worst = fmax(c->worst, angle);
         c->arrived += angle < 1e-2;
     }

@@ -1,4 +1,4 @@
-/* lg-identify evaluate: free runs of a model against logs. */
+/* lg-identify evaluate: compares free runs of a model with logs. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -40,11 +40,11 @@ typedef struct verdict {
     double window_loss;
     size_t horizon_count;
     lg_horizon horizons[MOST_HORIZONS], linear[MOST_HORIZONS];
-    double free_run[LG_LOG_COLUMNS]; /* root mean squares */
+    double free_run[LG_LOG_COLUMNS]; /* Root mean squares per column. */
     double energy[IDENTIFY_ENERGIES];
     identify_whiteness whiteness[LG_LOG_COLUMNS];
-    double relative, relative_worst; /* NaN: not asked for */
-    double *q, *v;                   /* of the free run, as the log's rows; owned */
+    double relative, relative_worst; /* NaN: not asked for. */
+    double *q, *v;                   /* The free run, in the rows of the log; owned. */
 } verdict;
 
 /* ---- report ---- */
@@ -72,7 +72,7 @@ static void put_horizon(app_json *json, const lg_horizon *h, const lg_horizon *l
     app_json_close(json, '}');
 }
 
-/* Without velocities there is no linear model. */
+/* Prints the table of horizons. `linear`: with the linear model, which needs velocities. */
 static void show_horizons(FILE *stream, const verdict *v, bool linear) {
     app_table table = {0};
     app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged%s", linear ? "\tlinear" : "");
@@ -145,7 +145,7 @@ static void report(const app *self, const lg_machine_file *file, const verdict *
 
 /* ---- judging ---- */
 
-/* A model that predicts no better than a simple guess has not learned the machine. */
+/* Warns if the model predicts no better than a simple guess: it has not learned the machine then. */
 static void warn_of_horizon(const app *self, const lg_horizon *h, const lg_horizon *linear) {
     const struct {
         const char *name;
@@ -159,7 +159,7 @@ static void warn_of_horizon(const app *self, const lg_horizon *h, const lg_horiz
                          guesses[g].name);
 }
 
-/* Told once, of the shortest one that is judged. */
+/* Warns once, for the shortest horizon that was judged. */
 static void warn_of_horizons(const app *self, const verdict *v) {
     size_t best = v->horizon_count;
     for (size_t i = 0; i < v->horizon_count; i++)
@@ -191,7 +191,7 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     warn_of_horizons(self, out);
 }
 
-/* |z - z'|/|z + z'| + 1e-8 of a row: the logarithm. */
+/* Adds the terms of one row to *square and *sum. Returns the logarithm of |z - z'|/|z + z'| + 1e-8. */
 static double relative_of(const double *a, const double *b, size_t n, double *square, double *sum) {
     for (size_t k = 0; k < n; k++) {
         if (isnan(a[k])) continue;
@@ -222,7 +222,8 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *log,
     out->relative_worst = count > 0 ? exp(worst) : (double)NAN;
 }
 
-/* Rows that only served to find the start of a run are not scored. */
+/* Sets to NaN the first LG_START_ROWS rows of each run: they only serve to estimate the start and are not
+ * scored. */
 static void leave_out(const lg_machine *machine, const lg_machine_log *log, const size_t *start, size_t count,
                       const verdict *v) {
     const size_t nq = machine->positions, nv = machine->velocities;
@@ -242,7 +243,8 @@ static void warn_of_runs(const app *self, const lg_machine_file *file, const ver
     }
 }
 
-/* What one step leaves of a column may be white; where the free run is not finite the model is not. */
+/* Residuals of single steps may look white even if the free run is not finite. Then the probability is set to
+ * 0. */
 static void deny_whiteness(const lg_machine_file *file, verdict *v) {
     for (uint32_t c = 0; c < file->column_count; c++)
         if (isinf(v->free_run[c])) v->whiteness[c].probability = 0;
@@ -267,11 +269,12 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     deny_whiteness(file, out);
 }
 
-/* ---- the picture ---- */
+/* ---- the plot ---- */
 
-/* Errors of horizons from a few steps up to the longest one. */
+/* Draws errors of horizons from two steps up to the longest horizon. */
 static void draw(const app *self, const identify_given *given, const verdict *v) {
-    enum { POINTS = 10, ENOUGH = 10000 }; /* a curve does not need more rows to start at */
+    /* Long logs: the starts are farther apart, since a curve needs no more rows to start at. */
+    enum { POINTS = 10, ENOUGH = 10000 };
     lg_horizon curve[POINTS];
     const lg_logs *logs = &given->data.logs;
     const size_t every = values.every * (1 + logs->log.rows / ENOUGH);

@@ -1,9 +1,9 @@
-/* lg-identify fit: learn the machine. */
+/* lg-identify fit: learns the machine. */
 #include "common/train.h"
 #include "lg-identify/identify.h"
 
 static lg_machine_state state;
-static lg_machine_model_run run; /* all that determines the result */
+static lg_machine_model_run run; /* Everything that determines the result. */
 
 static const lg_field options[] = {
     LG_OPTION(lg_machine_state, validation, STRING, "LOG,LOG,...",

@@ -1,4 +1,4 @@
-/* lg-identify generate: logs of a machine whose terms are all known. */
+/* lg-identify generate: makes logs of a machine whose terms are all known. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 typedef struct generate_values {
     const char *out, *inputs, *plot;
     lg_reals amplitude, noise, spread;
-    double t_end, dt, after_colon; /* after_colon: a number of --inputs; 0: none */
+    double t_end, dt, after_colon; /* after_colon: the number in --inputs NAME:NUMBER; 0: none. */
     uint64_t runs;
 } generate_values;
 
@@ -41,15 +41,15 @@ static const lg_field options[] = {
 
 static generate_values values = {.inputs = "multisine"};
 
-/* A log in the making: runs of `rows` rows each, inputs for `delay` further rows. */
+/* A log that is being made: runs of `rows` rows each; inputs have `delay` further rows. */
 typedef struct making {
     lg_machine_file file;
     size_t runs, rows, delay;
     double t_end;
-    double *given;          /* (runs, rows + delay, inputs) */
-    identify_pieces pieces; /* the runs: starts and inputs */
-    double *run_q, *run_v;  /* what the machine does */
-    lg_machine_data inputs; /* FILE */
+    double *given;          /* Inputs, (runs, rows + delay, inputs). */
+    identify_pieces pieces; /* The runs' initial states and inputs. */
+    double *run_q, *run_v;  /* The motion of the machine. */
+    lg_machine_data inputs; /* The inputs read from FILE.csv. */
     uint32_t substeps;
     double accuracy;
 } making;
@@ -91,7 +91,8 @@ static const struct {
     void (*fill)(const making *m, lg_rng *rng, size_t input, double *out);
 } forms[] = {{"multisine", multisine}, {"steps", steps}, {"none", NULL}};
 
-/* LG_COUNT(forms): --inputs is a file. */
+/* Finds the form of --inputs and reads the number after the colon. Returns LG_COUNT(forms) if --inputs is a
+ * file. */
 static size_t find_form(void) {
     size_t form = 0;
     for (; form < LG_COUNT(forms); form++) {
@@ -107,7 +108,8 @@ static size_t find_form(void) {
     return form;
 }
 
-/* A machine file that takes the inputs' columns for positions: FILE is read as a log. */
+/* Writes a machine file in which the columns of the inputs are positions, so that FILE.csv can be read as a
+ * log. */
 static void put_inputs(const lg_machine_file *file, lg_text *to) {
     lg_text_add(to, "columns: {time: '%s'", file->columns[file->time].name);
     if (file->run < file->column_count) lg_text_add(to, ", run: '%s'", file->columns[file->run].name);
@@ -136,7 +138,7 @@ static void read_inputs(const app *self, making *m) {
                  path, length, m->t_end);
 }
 
-/* The file's inputs at the times of the rows: held, or on the line between two rows. */
+/* Takes the file's inputs at the times of the rows: held, or interpolated linearly between two rows. */
 static void take_inputs(const making *m, size_t run) {
     const lg_machine_log *log = &m->inputs.logs.log;
     const size_t inputs = m->file.machine.input_count, end = log->first[1], all = m->rows + m->delay;
@@ -168,9 +170,9 @@ static void fill_inputs(const app *self, making *m) {
     }
 }
 
-/* ---- what acts between rows ---- */
+/* ---- inputs between rows ---- */
 
-/* Coefficients of one input of one run; `work` (3 rows). */
+/* Fills the coefficients of one input of one run over all its intervals. work (3 rows). */
 static void fill_hold(const making *m, size_t run, size_t input, double *work) {
     const size_t inputs = m->file.machine.input_count, first = run * m->rows;
     const double *y = m->given + run * (m->rows + m->delay) * inputs + input;
@@ -194,13 +196,14 @@ static void fill_log(making *m) {
 
 /* ---- starts and noise ---- */
 
-/* `by` of one or two numbers, for positions or velocities. */
+/* Returns the number of `by` for positions or for velocities; if `by` has only one number, it is used for
+ * both. */
 static double one_of(const lg_reals *by, bool velocity, double otherwise) {
     if (by->count == 0) return otherwise;
     return by->values[velocity && by->count > 1 ? 1 : 0];
 }
 
-/* Moves a state by normal numbers of the given sizes, for each coordinate. */
+/* Moves a state by normal random numbers with the given standard deviations for each coordinate. */
 static void scatter(const lg_machine *machine, lg_rng *rng, const double *position, const double *velocity,
                     double *q, double *v) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
@@ -248,7 +251,8 @@ static void fill_starts(const app *self, making *m) {
     }
 }
 
-/* Standard deviations of the coordinates: of the command line, or the largest of the machine's columns. */
+/* Finds the standard deviations of the noise per coordinate: from the command line, or the largest noise of
+ * the coordinate's columns in the machine file. */
 static void find_noise(const making *m, double *position, double *velocity) {
     const lg_machine_file *file = &m->file;
     for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
@@ -299,7 +303,7 @@ static void check_accuracy(const app *self, const making *m) {
                  m->substeps, m->accuracy);
 }
 
-/* Substeps are doubled until the motion stands. */
+/* Doubles the substeps until the motion changes by at most 1e-10 (at most 512 substeps). */
 static void integrate(const app *self, making *m) {
     enum { MOST = 512 };
     static const double wanted = 1e-10;
@@ -333,7 +337,7 @@ static void put_row(FILE *stream, const making *m, size_t run, size_t row, doubl
     columns[file->time] = values.dt * (double)row;
     if (file->run < file->column_count) columns[file->run] = (double)run;
     for (uint32_t c = 0; c < file->column_count; c++)
-        if (file->columns[c].role == LG_LOG_INPUT) /* what is logged acts `delay` rows later */
+        if (file->columns[c].role == LG_LOG_INPUT) /* The logged value acts `delay` rows later. */
             columns[c] =
                 m->given[(run * (m->rows + m->delay) + row + m->delay) * inputs + file->columns[c].index];
     identify_put_columns(stream, file, columns);
@@ -367,7 +371,7 @@ static void report(const app *self, const making *m) {
 
 /* ---- the command ---- */
 
-/* A scene is a machine of which everything is known. */
+/* Checks that the scene is a machine of which everything is known. */
 static void check_scene(const app *self, const lg_machine_file *file) {
     const char *path = self->arguments[0];
     for (uint32_t i = 0; i < file->machine.term_count; i++) {
@@ -390,7 +394,7 @@ static void check_options(const app *self, const lg_machine_file *file) {
     if (n > 1 && n != file->machine.input_count)
         app_stop_usage(self, "--amplitude: %zu numbers, but the machine has %u inputs", n,
                        file->machine.input_count);
-    (void)find_form(); /* reads the number */
+    (void)find_form(); /* Reads the number after the colon. */
     if (isnan(values.after_colon))
         app_stop_usage(self, "--inputs: '%s': a number above 0 follows the colon", values.inputs);
     if (file->machine.input_count == 0 && find_form() == LG_COUNT(forms))

@@ -1,4 +1,5 @@
-/* A linear model beside the machine: v' = A (q, v, u, 1), fitted to the logs that it is judged on. */
+/* A linear model to compare the machine with: v' = A (q, v, u, 1), fitted to the same logs on which it is
+ * judged. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,7 +33,7 @@ static void fill(const lg_machine *machine, const double *q, const double *v, co
     x[machine->input_count] = 1;
 }
 
-/* ---- the fit: changes of velocity over an interval against the mean of its ends ---- */
+/* ---- the fit: the change of velocity over an interval, from the mean of the interval's ends ---- */
 
 static void add_interval(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t n,
                          double *matrix, double *right) {
@@ -60,7 +61,8 @@ identify_linear *identify_linear_create(const lg_machine *machine, const lg_mach
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++)
             add_interval(machine, log, row, n, matrix, linear->A);
-    const bool empty = !(matrix[n * n - 1] > 0); /* the square of the feature 1 */
+    /* The last feature is 1, so this is the number of intervals. */
+    const bool empty = !(matrix[n * n - 1] > 0);
     const bool solved =
         !empty && lg_normal_equations(n, machine->velocities, 1e-10, matrix, linear->A) == LG_OK;
     for (size_t i = 0; i < n * machine->velocities && !solved; i++) linear->A[i] = (double)NAN;
@@ -107,7 +109,7 @@ static void project(const lg_machine *machine, double *q) {
     }
 }
 
-/* One step of RK4 from q, v at the row. */
+/* Makes one RK4 step from q, v over the interval that begins at `row`. */
 static void advance(const identify_linear *linear, const lg_machine_log *log, size_t row, double *q,
                     double *v) {
     static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1 / 6.0, 1 / 3.0, 1 / 3.0, 1 / 6.0};

@@ -1,4 +1,4 @@
-/* lg-identify: learn a forced, damped machine from its logs. */
+/* lg-identify: learns a forced, damped machine from its logs. */
 #include "lg-identify/identify.h"
 
 int main(int argc, char **argv) {

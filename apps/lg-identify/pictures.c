@@ -1,4 +1,4 @@
-/* Pictures of logs, predictions and what was learned: panels beside each other and below. */
+/* Pictures of logs, predictions and learned terms: panels in rows. */
 #include <math.h>
 #include <string.h>
 
@@ -8,7 +8,7 @@ enum {
     IN_ROW = 3,
     WIDTH = 430,
     HEIGHT = 290,
-    MOST_ROWS = 1000, /* of a run that are drawn */
+    MOST_ROWS = 1000, /* Rows of a run that are drawn. */
     MOST_GROUPS = 3 * LG_MACHINE_COORDINATES + 1,
     GRID = 121,
     BINS = 60
@@ -22,7 +22,7 @@ static const char *const pale[] = {"#9fc2ea", "#a6d6bd", "#d3b6e2", "#e2d39a", "
 
 typedef struct group {
     char title[LG_MACHINE_NAME + 24];
-    uint32_t first, count; /* columns of the machine file */
+    uint32_t first, count; /* Columns of the machine file. */
 } group;
 
 static void add_group(group *groups, size_t *n, const char *what, const char *name, uint32_t first,
@@ -34,7 +34,8 @@ static void add_group(group *groups, size_t *n, const char *what, const char *na
     ++*n;
 }
 
-/* Positions, attitudes, velocities of each coordinate; then inputs, one panel for all. */
+/* Makes a group for the positions, the attitude and the velocities of each coordinate; then one group for all
+ * inputs. */
 static size_t find_groups(const lg_machine_file *file, bool inputs, group *groups) {
     size_t n = 0;
     uint32_t first = file->column_count, count = 0;
@@ -74,11 +75,12 @@ static void put_row(FILE *stream, const lg_machine_file *file, const lg_machine_
     (void)fputc('\n', stream);
 }
 
-/* The first parts as one block; a blank line breaks curves at gaps. */
+/* Writes the first parts as one data block. Blank lines break the curves at gaps. */
 static void put_run(FILE *stream, const lg_machine_file *file, const lg_machine_log *log, size_t parts,
                     const double *q, const double *v, const double *bands) {
     size_t rows = 0;
-    double logged[LG_LOG_COLUMNS] = {0}; /* of the row before: signs of quaternions go on */
+    /* Holds the previous row, so that quaternions do not change their sign. */
+    double logged[LG_LOG_COLUMNS] = {0};
     for (size_t p = 0; p < parts; p++) {
         for (size_t row = log->first[p]; row < log->first[p + 1] && rows < MOST_ROWS; row++, rows++)
             put_row(stream, file, log, row, q, v, bands, logged);
@@ -87,7 +89,7 @@ static void put_run(FILE *stream, const lg_machine_file *file, const lg_machine_
     (void)fputc('\n', stream);
 }
 
-/* ---- panels ---- */
+/* ---- panels of a run ---- */
 
 static void begin(app_plot *plot, const char *picture, size_t panels, const char *title) {
     const size_t columns = panels < IN_ROW ? panels : (size_t)IN_ROW;
@@ -108,7 +110,7 @@ static void end(const app *self, app_plot *plot, const char *picture) {
     APP_MUST_FILE(self, picture, app_plot_end(self, plot, &error));
 }
 
-/* Two standard deviations to both sides. */
+/* Adds a band of two standard deviations on both sides. */
 static void put_band(FILE *script, const lg_machine_file *file, uint32_t column, const char *colour) {
     const uint32_t at = column + 2 + file->column_count, by = at + file->column_count;
     (void)fprintf(
@@ -151,14 +153,14 @@ void identify_draw_run(const app *self, const char *picture, const char *title, 
     end(self, &plot, picture);
 }
 
-/* ---- what was learned ---- */
+/* ---- panels of learned terms ---- */
 
-/* A number of velocity; of lines and angles its position too. */
+/* A velocity of the machine. For lines and angles (scalar), also their position. */
 typedef struct axis {
     char name[LG_MACHINE_NAME + 12];
-    bool scalar, angle, seen; /* seen: the potential depends on it */
+    bool scalar, angle, seen; /* seen: the potential depends on the position. */
     uint32_t position, velocity;
-    double low, high, slow, fast; /* ranges of both in the log */
+    double low, high, slow, fast; /* Ranges of position (low, high) and velocity (slow, fast) in the log. */
 } axis;
 
 static size_t find_axes(const lg_machine *machine, axis *axes) {
@@ -205,14 +207,15 @@ static double column_mean(const double *x, size_t rows, size_t stride, double *l
 typedef struct drawing {
     const identify_given *given;
     const lg_machine_log *log;
-    const double *q, *v; /* predicted, as the log's rows */
+    const double *q, *v; /* Predicted states, in the rows of the log. */
     double middle[LG_MACHINE_POSITIONS];
     app_plot plot;
-    size_t blocks;           /* of data */
-    double *at_q, *at_v, *y; /* (GRID, ...) states along an axis, and what is drawn of them */
+    size_t blocks;           /* Number of data blocks written so far. */
+    double *at_q, *at_v, *y; /* (GRID, ...): states along an axis, and the values drawn over them. */
 } drawing;
 
-/* A state to look around from: means of lines and angles, the first complete row of the rest. */
+/* Chooses the state around which the slices are drawn: the means of lines and angles; for the rest the first
+ * complete row. Also sets the ranges of the axes. */
 static void find_middle(drawing *d, axis *axes, size_t count) {
     const lg_machine *machine = d->given->model.machine;
     const lg_machine_log *log = d->log;
@@ -230,16 +233,17 @@ static void find_middle(drawing *d, axis *axes, size_t count) {
     }
 }
 
-/* What is drawn along an axis: a number of the log's rows from low to high, and what was learned of it. */
+/* A panel: a learned function over one number from low to high, with the density of this number in the
+ * log. */
 typedef struct curve {
     const char *title, *label;
-    const double *x, *y; /* of the log's rows; (GRID) learned */
+    const double *x, *y; /* x: in the rows of the log. y (GRID): learned. */
     size_t x_stride, y_stride;
     double low, high;
-    bool angle, level; /* level: from the least value on */
+    bool angle, level; /* level: drawn relative to its least value. */
 } curve;
 
-/* The share of rows in each bin, as a strip along the axis. */
+/* Writes the share of the log's rows in each bin, as a strip along the axis. */
 static void put_density(FILE *stream, const curve *c, size_t rows) {
     size_t bins[BINS] = {0}, most = 1;
     const double middle = 0.5 * (c->low + c->high);
@@ -274,7 +278,8 @@ static void put_curve(drawing *d, const curve *c) {
     d->blocks += 2;
 }
 
-/* States about the middle, at rest, in which number `index` of `x` (GRID, n) goes from low to high. */
+/* Fills the slice: GRID states at rest around the middle state, in which number `index` of x (GRID, n) runs
+ * from low to high. */
 static void fill_slice(const drawing *d, double *x, size_t n, size_t index, double low, double high) {
     const lg_machine *machine = d->given->model.machine;
     memset(d->at_v, 0, GRID * machine->velocities * sizeof *d->at_v);
@@ -318,7 +323,7 @@ static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
     }
 }
 
-/* Errors of the model and of "nothing changes" against the horizon. */
+/* Draws the errors of the model, and of the guess that nothing changes, against the horizon. */
 static void put_horizons(app_plot *plot, const lg_horizon *horizons, size_t count) {
     FILE *script = plot->script.stream;
     const char *separator = "";

@@ -30,8 +30,8 @@ static predict_values values;
 typedef struct prediction {
     identify_given given;
     size_t *start, runs, rows;
-    double *q, *v; /* as the log's rows */
-    double *bands; /* (rows, columns of the machine's file): standard deviations; NULL: not wanted */
+    double *q, *v; /* Predicted states, in the rows of the log. */
+    double *bands; /* Standard deviations, (rows, columns of the machine file); NULL: not wanted. */
     double error[LG_LOG_COLUMNS];
     bool finite;
 } prediction;
@@ -73,14 +73,14 @@ static void put_head(FILE *stream, const lg_machine_file *file) {
     (void)fputc('\n', stream);
 }
 
-/* The input that acts from a row on was logged `delay` rows before. */
+/* Returns the input that was logged at `row`: it acts `delay` rows later. NaN if that is beyond the part. */
 static double input_of(const lg_logs *logs, const lg_machine *machine, size_t row, size_t end,
                        uint32_t input) {
     const size_t from = row + logs->delay;
     return from < end ? logs->log.u[from * 4 * machine->input_count + input] : (double)NAN;
 }
 
-/* A row of a part that ends at row `end`; `before`: the columns of the row before, or NULL. */
+/* Writes a row of a part that ends before row `end`. `before`: columns of the previous row, or NULL. */
 static void put_row(FILE *stream, prediction *p, size_t row, size_t end, uint32_t run, const double *before,
                     double *columns) {
     const lg_machine_file *file = &p->given.data.file;

@@ -1,11 +1,11 @@
-/* Runs of all parts of a log, and their starts where positions alone are measured. */
+/* Runs of all parts of a log; where positions alone are measured, also the estimates of the starts. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "lg-identify/identify.h"
 
-/* ---- logs in the making ---- */
+/* ---- making logs ---- */
 
 void identify_pieces_begin(identify_pieces *p, const lg_machine *machine, size_t count, size_t rows) {
     const size_t all = count * rows;
@@ -41,12 +41,13 @@ void identify_run(const app *self, const lg_learned_machine *model, const lg_mac
 
 /* ---- runs to the ends of parts ---- */
 
-/* Rows from `row` to the end of its part. */
+/* Rows from `row` to the end of its part, `row` included. */
 static size_t rows_from(const lg_machine_log *log, size_t row) {
     return log->first[lg_machine_log_part(log, row) + 1] - row;
 }
 
-/* Piece i gets times and inputs from `row` on; what is missing at its end goes on with the last step. */
+/* Fills piece i with times and inputs of the log from `row` on, and with the state at `row`. If the piece is
+ * longer than the part, times continue with the last step. */
 static void fill_piece(identify_pieces *p, size_t i, const lg_machine *machine, const lg_machine_log *from,
                        size_t row) {
     const size_t inputs = 4 * machine->input_count, most = rows_from(from, row),
@@ -73,12 +74,12 @@ static int longer_first(const void *a, const void *b) {
                               : (x->row > y->row) - (x->row < y->row);
 }
 
-/* What is no number counts as infinite. */
+/* Copies numbers; a NaN becomes infinite, since NaN marks rows that are not predicted. */
 static void copy_run(const double *from, size_t count, double *to) {
     for (size_t i = 0; i < count; i++) to[i] = isnan(from[i]) ? INFINITY : from[i];
 }
 
-/* Runs of similar lengths go together. */
+/* Runs several starts as pieces of equal length, the longest one's. Callers group runs of similar lengths. */
 static void run_group(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const one *runs, size_t count, double *q, double *v) {
     const lg_machine *machine = model->machine;
@@ -124,7 +125,7 @@ size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log
     return count;
 }
 
-/* ---- runs of a log ---- */
+/* ---- runs over a log ---- */
 
 void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const size_t *start, size_t count, double *q, double *v) {
