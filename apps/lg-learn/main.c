@@ -1,4 +1,4 @@
-/* lg-learn: models of any recipe. Only the list of recipes knows which there are. */
+/* lg-learn: models of any recipe. Only the table of recipes knows which recipes exist. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,9 +6,9 @@
 #include "common/flow.h"
 #include "common/search.h"
 
-/* ---- the recipe, and its options ---- */
+/* ---- the recipe and its options ---- */
 
-/* Names of the recipes that can be learned. */
+/* Name of number `value` among the recipes that can be learned; NULL beyond the last one. */
 static const char *recipe_name(uint32_t value) {
     for (const lg_recipe *const *recipe = lg_recipes; *recipe != NULL; recipe++)
         if ((*recipe)->learner != NULL && value-- == 0) return (*recipe)->name;
@@ -32,7 +32,8 @@ static void add(app_settings *settings, const lg_field *rows, void *values, size
     if (rows != NULL) *settings = (app_settings){rows, values, size};
 }
 
-/* The word after --recipe, which says which options there are. */
+/* Finds the recipe named after --recipe. It must be known before the other options are parsed, because it
+ * determines which options exist. */
 static const lg_recipe *find_recipe(int argc, char **argv) {
     static const char option[] = "--recipe";
     const size_t length = sizeof option - 1;
@@ -65,7 +66,7 @@ static void choose_recipe(const lg_recipe *chosen) {
 
 /* ---- train and search ---- */
 
-/* Data from argument number `first` on. */
+/* Checks the data arguments, which begin at argument number `first`. */
 static void check_data(const app *self, const lg_recipe *chosen, int first) {
     if (chosen == NULL) app_stop_usage(self, "--recipe NAME is missing");
     const char *data = chosen->learner->data;
@@ -147,7 +148,8 @@ static const lg_field predict_options[] = {
               .file = LG_FILE_WRITTEN),
     LG_FIELD_END};
 
-/* A start typed by hand may be off the manifold; one that is off by rounding is projected. */
+/* Projects the start onto the manifold. Numbers typed by hand are off by rounding; a start that is off by
+ * more than 1e-6 is refused. */
 static void project(const app *self, const lg_space *space, double *state, size_t dim) {
     double distance = 0;
     APP_FREE double *given = app_alloc(dim, sizeof *given);
@@ -195,7 +197,7 @@ static void calculate(const lg_model *model, const double *x, app_json *out) {
     app_result_reals(out, "value", y, lg_model_outputs(model), NULL);
 }
 
-/* Options of a flow, which a model without one would ignore. */
+/* Refuses options of a flow, which a model that does not move would ignore. */
 static void refuse_flow(const app *self) {
     static const char *const of_flow[] = {"t-end", "points", "tolerance", "out"};
     for (size_t i = 0; i < LG_COUNT(of_flow); i++)
