@@ -1,4 +1,4 @@
-/* lg-gradcheck: are all derivatives right, and would the check notice if they were not? */
+/* lg-gradcheck: checks all derivatives, and checks whether wrong derivatives would be noticed. */
 #include <ctype.h>
 #include <string.h>
 
@@ -16,7 +16,7 @@ static const lg_field options[] = {
     LG_OPTION(values, plant, SWITCH, NULL, "Plant wrong derivatives; succeed only if every one is caught"),
     LG_FIELD_END};
 
-/* Whatever the case of the letters. */
+/* Ignores the case of letters. */
 static bool contains(const char *text, const char *part) {
     for (; *text != '\0'; text++) {
         size_t i = 0;
@@ -40,7 +40,7 @@ static lg_status visit_wanted(visit_fn visit, void *user, const lg_gradcheck_cas
     return app_interrupted() ? LG_CANCELLED : visit(user, row);
 }
 
-/* visit(user, row) for all rows wanted, until one does not return LG_OK. */
+/* Calls visit(user, row) for all wanted rows, until one call does not return LG_OK. */
 static lg_status each_row(visit_fn visit, void *user) {
     const lg_gradcheck_case *row;
     lg_status status = LG_OK;
@@ -49,9 +49,11 @@ static lg_status each_row(visit_fn visit, void *user) {
     return status;
 }
 
-/* What --only leaves. */
+/* What is left after --only. */
 typedef struct extent {
-    size_t rows, operations; /* functions, and the derivatives registered for which they stand */
+    /* rows: functions to check. operations: entries in their lists of operations whose derivatives can be
+     * changed. */
+    size_t rows, operations;
 } extent;
 
 static lg_status count_row(void *user, const lg_gradcheck_case *row) {
@@ -66,7 +68,7 @@ typedef struct run {
     app *app;
     lg_gradcheck_options options;
     app_json out;
-    const char *row; /* the one at work, for messages */
+    const char *row; /* Name of the row that is being checked, for messages. */
     size_t failures, checks, programs, refused, caught, excluded, missed;
 } run;
 
@@ -144,7 +146,7 @@ static lg_status check_all(run *r) {
     return status;
 }
 
-/* ---- planting ---- */
+/* ---- planting wrong derivatives ---- */
 
 static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradcheck_plant *plant,
                         lg_plant_outcome outcome, const char *reason) {
