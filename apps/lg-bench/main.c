@@ -259,7 +259,7 @@ static void report(const bench *b) {
     app_json_end(&out);
 }
 
-/* ---- running ---- */
+/* ---- running a case ---- */
 
 static const bench_case *find(const char *name) {
     for (size_t i = 0; i < LG_COUNT(cases); i++)

@@ -263,8 +263,8 @@ static void activations(const parts *p) {
     for (int l = 0; l < 3; l++) p->k->act(LG_K_TANH, 0, p->rows * p->width, p->a[l], NULL, NULL, p->z[l]);
 }
 
-/* Makes the calls of mlp2's derivatives: g sigma' for the gradient, r sigma' and (r g) sigma'' for the
- * gradient's adjoint, z sigma' for the adjoint of the values. */
+/* Calls the derivatives of tanh as often as mlp2 does: for g sigma' (the gradient), r sigma' and (r g) sigma''
+ * (the gradient's adjoint), and z sigma' (the adjoint of the values). */
 static void derivatives(const parts *p) {
     const size_t n = p->rows * p->width;
     for (int l = 0; l < 3; l++) {

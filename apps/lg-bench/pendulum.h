@@ -37,7 +37,7 @@ static inline void pendulum_field(const double *y, double *f, pendulum_stage *m)
     f[3] = m->d * (2 * m->r2 - m->c * m->r1);
 }
 
-/* y = (df/dy)^T g */
+/* Computes y = (df/dy)^T g. */
 static inline void pendulum_field_adjoint(const pendulum_stage *m, const double *g, double *y) {
     const double f1 = m->d * (m->r1 - m->c * m->r2), f2 = m->d * (2 * m->r2 - m->c * m->r1);
     const double r1 = m->d * (g[2] - m->c * g[3]), r2 = m->d * (2 * g[3] - m->c * g[2]);

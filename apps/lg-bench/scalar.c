@@ -11,7 +11,7 @@
 enum { STEPS = 100 };
 static const double start[4] = {1.0, 0.5, 0.2, -0.3};
 
-/* ---- by hand ---- */
+/* ---- gradient written by hand, as a custom operation ---- */
 
 typedef struct trajectory {
     pendulum_stage stage[STEPS][STAGES];
@@ -43,9 +43,9 @@ static lg_status custom_vjp(void *user, lg_dtype dtype, const void *const *input
     return LG_OK;
 }
 
-/* ---- plain operations ---- */
+/* ---- gradient by plain operations on the tape ---- */
 
-/* The field of four scalars, written without tricks. */
+/* The field f of the four scalars y, written as anyone would write it. */
 static void tape_field(lg_tape *t, const lg_var *y, lg_var *f) {
     const lg_var s1 = lg_sin(t, y[0]), s2 = lg_sin(t, y[1]), c1 = lg_cos(t, y[0]), c2 = lg_cos(t, y[1]);
     const lg_var s = lg_sub(t, lg_mul(t, s1, c2), lg_mul(t, c1, s2));

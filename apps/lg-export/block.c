@@ -186,7 +186,7 @@ int block_collect(block *b, bool derivatives) {
     return APP_EXIT_OK;
 }
 
-/* ---- C ---- */
+/* ---- C code ---- */
 
 static void add_call(const block *b, const char *function, text *to) {
     lg_text_add(to, "    %s_%s%s(", b->source->options->name, b->source->prefix, function);

@@ -232,7 +232,7 @@ static void write_value(job *j, char *function) {
     free_entry(&e);
 }
 
-/* (x, out_y) -> jac_y_x */
+/* Writes the Jacobian: arguments (x, out_y), results jac_y_x. */
 static void write_jacobian(job *j, char *function, char *derived) {
     const ports f = ports_of(j, function), d = ports_of(j, derived);
     entry e = {.function = derived}, value = {.function = function};
@@ -251,7 +251,8 @@ static void write_jacobian(job *j, char *function, char *derived) {
     free_entry(&e);
 }
 
-/* (x, out_y, fwd_x) -> fwd_y if `forward`, otherwise (x, out_y, adj_y) -> adj_x */
+/* Writes the forward derivative, with arguments (x, out_y, fwd_x) and results fwd_y; or, if not `forward`, the
+ * adjoint derivative, with arguments (x, out_y, adj_y) and results adj_x. */
 static void write_sensitivity(job *j, const char *begin, char *function, char *derived, bool forward) {
     const ports f = ports_of(j, function), d = ports_of(j, derived);
     const char *letters = forward ? "fwd_" : "adj_";
@@ -268,7 +269,8 @@ static void write_sensitivity(job *j, const char *begin, char *function, char *d
     free_entry(&e);
 }
 
-/* (x, out_y, adj_y, out_adj_x) -> jac_adj_x_w for each w of x, out_y, adj_y */
+/* Writes the Jacobian of the adjoint derivative: arguments (x, out_y, adj_y, out_adj_x), results jac_adj_x_w
+ * for each w of x, out_y, adj_y. */
 static void write_second(job *j, char *function, char *adjoint, char *derived) {
     const ports f = ports_of(j, function), d = ports_of(j, derived);
     entry e = {.function = derived};
@@ -347,7 +349,8 @@ static const char rules[] =
     "\t$(CC) $(CFLAGS) -fPIC -shared '-Dcasadi_int=$(CASADI_INT)' NAME_casadi.c NAME_.c NAME_weights.c "
     "$(LDFLAGS) -lm -o libNAME_.so\n";
 
-/* Writes the file. The tables are collected in `body`, because the sizes that they need stand before them. */
+/* Writes the file. The tables are first collected in `body`: the file begins with sizes (MOST_INPUTS, ...)
+ * that are known only after the tables are made. */
 static void write_file(job *j, char **functions, char *(*derived)[DERIVATIVES], size_t count) {
     const char *name = j->source->options->name;
     text body = app_text(), *to = export_add_file(j->source, "%s_casadi.c");

@@ -39,15 +39,15 @@ enum { EXPORT_UNITS = 256 };
 typedef struct export_options {
     const char *name;            /* A C identifier. */
     const char *file;            /* Name of the model's file, without its folder. */
-    char sha256[LG_SHA256_TEXT]; /* Of the model's file; "" if unknown. */
-    lg_dtype dtype;              /* Of the exported code. */
+    char sha256[LG_SHA256_TEXT]; /* SHA-256 of the model's file; "" if unknown. */
+    lg_dtype dtype;              /* Type of the exported code's numbers. */
     /* Scheme of the exported step; NULL: the target takes the model's own scheme. Never NULL when the C of a
      * Hamiltonian's faces is written. */
     const lg_scheme *scheme;
     const char *functions; /* Programs: names separated by commas; NULL: all functions. */
     bool compact;          /* Programs: loops instead of straight code. */
     uint64_t golden;       /* Number of golden vectors in the self-test, >= 1. */
-    uint64_t seed;         /* Of the random inputs of the golden vectors. */
+    uint64_t seed;         /* Seed of the golden vectors' random inputs. */
     /* From the model's file; "" if it has none. */
     char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS];
 } export_options;
@@ -68,7 +68,7 @@ typedef struct export_golden {
 
 /* A file that is going to be written. */
 typedef struct export_file {
-    char *name; /* Without folder. */
+    char *name; /* File name without folder. */
     text content;
 } export_file;
 enum { EXPORT_MOST_FILES = 16 };
@@ -83,7 +83,7 @@ typedef struct export_source {
      * vectors then stand in the texts `sizes` and `test`. */
     bool bundle;
     size_t functions; /* Number of functions of a bundle. */
-    /* Of the bundle's functions in C, between NAME_ and the function's name: "" or "c_". */
+    /* Stands between NAME_ and the names of the bundle's functions in C: "" or "c_". */
     const char *prefix;
     size_t work; /* NAME_WORK_SIZE: number of reals that is enough for every function. */
     /* NAME_STACK_SIZE in bytes: bound on the sum of the stack frames of functions that call each other, with
@@ -148,7 +148,7 @@ void export_constant(export_source *source, const char *constant, size_t value);
 void export_real(export_source *source, const char *constant, double value);
 /* One part of an array, with a comment that stands above its numbers. */
 typedef struct export_part {
-    const char *comment; /* "layer1/weight (3, 100)" */
+    const char *comment; /* For example "layer1/weight (3, 100)". */
     size_t count;
     const double *values;
 } export_part;
@@ -161,7 +161,7 @@ double export_round(const export_options *options, double value);
 double export_eps(const export_options *options); /* Machine epsilon of the exported type. */
 /* Euclidean norm of a - b (count numbers); b NULL: norm of a. */
 double export_norm(const double *a, const double *b, size_t count);
-/* NAME_TOLERANCE: 20 eps depth condition. */
+/* Value of NAME_TOLERANCE: 20 eps depth condition. */
 double export_tolerance(const export_source *source);
 /* Reads input_units and output_units from the attributes of /model in the file; "" for a missing
  * attribute. */

@@ -215,7 +215,7 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
     return status;
 }
 
-/* ---- all together ---- */
+/* ---- the export ---- */
 
 static size_t parameters_of(const lg_program *program) {
     size_t sum = 0;

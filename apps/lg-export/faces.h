@@ -100,7 +100,7 @@ const export_kind *export_kind_of(const lg_recipe *recipe);
  * printed. */
 int export_faces(const app *self, const lg_model_file *file, export_source *source, bool *none);
 
-/* ---- functions for the rows ---- */
+/* ---- functions for rows of faces and kinds ---- */
 
 void export_machine_words(const void *contents, export_source *source); /* In machine/machine_words.c. */
 bool export_has(const export_model *m, const export_face *face);
@@ -111,12 +111,12 @@ static inline double *export_extra(const export_model *m, size_t at, size_t v) {
 /* Returns the reals of work memory of a function that belongs to the model's faces, 0 for any other
  * function. */
 size_t export_work_of(const export_model *m, const char *function);
-/* Turns `y` (dim zeros) into the state at rest: places 0, directions down, rotations the identity
+/* Turns `y` (dim numbers, all 0) into the state at rest: places 0, directions down, rotations the identity
  * (load.c). */
 void export_rest(const lg_space *space, double *y);
 /* The `condition` of kinds whose condition is 1 or was set before the code is written: changes nothing. */
 lg_status export_keep_condition(export_model *m, lg_error *error);
-/* Adds a line: "state (6)     words". */
+/* Adds a line such as "state (6)     q1 p1" to `about`: what (count), words. */
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
 /* Adds lines about the scheme, about `what` (the function that a step evaluates), and about the condition if
  * it exceeds 1 (motion.c). */

@@ -12,7 +12,7 @@ typedef struct job {
     char token[64];
 } job;
 
-/* ---- C ---- */
+/* ---- C code ---- */
 
 static void add_source(job *j) {
     const char *name = j->b.source->options->name;

@@ -144,7 +144,7 @@ static void hash_model(job *j) {
     lg_sha256_finish(&state, j->options.sha256);
 }
 
-/* ---- kinds ---- */
+/* ---- kinds of models ---- */
 
 static int refuse_scheme(const job *j) {
     return app_usage(j->self, "--scheme is for Hamiltonians and machines; %s is a %s", j->path, j->kind);
@@ -154,8 +154,8 @@ static int refuse_functions(const job *j) {
     return app_usage(j->self, "--functions and --compact are for programs; %s is a %s", j->path, j->kind);
 }
 
-/* Refuses --functions and --compact for models that cannot have them: a model that moves accepts `linearise`
- * alone. */
+/* Refuses options that faces do not have: --compact, and --functions unless the model moves and the only name
+ * is `linearise`. */
 static int check_functions(const job *j) {
     const bool moves = lg_model_space(j->file.model) != NULL;
     if (given.compact || (given.functions != NULL && !moves)) return refuse_functions(j);
@@ -286,7 +286,7 @@ static int build_files(job *j) {
     return code;
 }
 
-/* ---- the result ---- */
+/* ---- report ---- */
 
 static const char *type_of(const job *j) {
     return dtypes[j->source.single ? 1 : given.dtype];

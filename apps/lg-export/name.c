@@ -1,4 +1,4 @@
-/* The name of a model in C. */
+/* Chooses and checks the name of a model in C. */
 #include "lg-export/export.h"
 
 #include <stdlib.h>
@@ -52,7 +52,8 @@ const char *export_name_problem(const char *name) {
     return NULL;
 }
 
-/* Letters and digits of the file's name without its ending; a _ replaces the characters between them. */
+/* Writes the letters and digits of the file's name, without its ending, to `out`. Other characters between
+ * them become one _. */
 static void words_of(const char *file, char *out) {
     const char *dot = strrchr(file, '.');
     const char *end = dot != NULL && dot > file ? dot : file + strlen(file);

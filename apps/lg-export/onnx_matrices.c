@@ -11,7 +11,7 @@ static onnx_name element(onnx_job *j, onnx_name x, int64_t r, int64_t c) {
     return onnx_binary(j, "Squeeze", one, onnx_wholes(j, (int64_t[]){-2}, 1));
 }
 
-/* x - sum of a[k] b[k] */
+/* Returns x minus the sum of all a[k] b[k]. */
 static onnx_name less_products(onnx_job *j, onnx_name x, const onnx_name *a, const onnx_name *b,
                                size_t count) {
     for (size_t k = 0; k < count; k++) x = onnx_binary(j, "Sub", x, onnx_binary(j, "Mul", a[k], b[k]));

@@ -285,7 +285,8 @@ void export_file_provenance(const app *self, export_source *source, const char *
 
 /* ---- choosing functions ---- */
 
-/* Fills `chosen` with the numbers of the functions in a list of names with commas. Returns an exit code. */
+/* Fills `chosen` with the indices of the functions in a list of names separated by commas. Returns an exit
+ * code. */
 static int choose(const job *j, const char *names, size_t *chosen, size_t *count) {
     char *list = app_format("%s", names);
     int code = APP_EXIT_OK;

@@ -5,7 +5,7 @@
 
 #include "lg-export/block.h"
 
-/* "void NAME_field(const double x[6], const double u[3], double f[6])" */
+/* Adds a prototype: "void NAME_field(const double x[6], const double u[3], double f[6])". */
 static void add_prototype(const block *b, const char *function, text *to) {
     const char *comma = "";
     lg_text_add(to, "void %s_%s(", b->source->options->name, function);

@@ -62,7 +62,7 @@ int export_window_check(const app *self, const export_source *source, double lar
     return APP_EXIT_FILE;
 }
 
-/* ---- words ---- */
+/* ---- description in NAME.h ---- */
 
 void export_window_words(export_source *source, const export_window *window) {
     text *to = &source->about;

@@ -1,4 +1,4 @@
-/* For detectors and classical classifiers, which map windows of sensor data to a class. */
+/* Export of models that map windows of sensor data to a class: detectors and classical classifiers. */
 #ifndef LG_EXPORT_WINDOW_H
 #define LG_EXPORT_WINDOW_H
 
@@ -10,7 +10,7 @@ typedef struct export_window {
     char (*class_name)[LG_SERIES_NAME];   /* (classes) */
     char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL */
     double accuracy, f1;                  /* On the test part; NaN: unknown. */
-    const char *scores;                   /* What NAME_classify returns for each class: "probabilities" */
+    const char *scores;                   /* What the scores of the classes are; NULL: "probabilities". */
     const char *score_words;              /* Lines about the scores for the comment of NAME_classify. */
 } export_window;
 

@@ -44,7 +44,7 @@ typedef struct verdict {
     double energy[IDENTIFY_ENERGIES];
     identify_whiteness whiteness[LG_LOG_COLUMNS];
     double relative, relative_worst; /* NaN: not asked for. */
-    double *q, *v;                   /* The free run, in the rows of the log; owned. */
+    double *q, *v;                   /* The free run at the rows of the log; owned. */
 } verdict;
 
 /* ---- report ---- */

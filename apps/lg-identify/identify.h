@@ -59,7 +59,7 @@ typedef struct identify_pieces {
     lg_machine_log log; /* Points to the arrays below. */
     size_t *first;
     double *t, *q, *v, *u;
-    size_t rows; /* Per piece. */
+    size_t rows; /* Rows per piece. */
 } identify_pieces;
 void identify_pieces_begin(identify_pieces *pieces, const lg_machine *machine, size_t count, size_t rows);
 void identify_pieces_end(identify_pieces *pieces);
@@ -127,7 +127,7 @@ void identify_balance(const app *self, const identify_given *given, double energ
 void identify_run_whiteness(const identify_given *given, const double *q, const double *v,
                             identify_whiteness *out);
 
-/* ---- forces and potential along a coordinate (balance.c) ---- */
+/* ---- values of the potential and of the damping force (balance.c) ---- */
 
 /* Computes values at `count` states in the layout of logs: potential (count) and damping force (count,
  * velocities). Either output may be NULL. */
@@ -142,7 +142,7 @@ void identify_draw_run(const app *self, const char *picture, const char *title, 
                        const lg_machine_log *log, size_t parts, const double *q, const double *v,
                        const double *bands);
 
-/* Draws the picture of evaluate --plot: a free run (q, v in the rows of the log), errors against horizons,
+/* Draws the picture of evaluate --plot: a free run (q, v at the rows of the log), errors against horizons,
  * and what was learned. */
 void identify_draw_evaluation(const app *self, const char *picture, const identify_given *given,
                               const double *q, const double *v, const lg_horizon *horizons,

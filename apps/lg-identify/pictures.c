@@ -207,7 +207,7 @@ static double column_mean(const double *x, size_t rows, size_t stride, double *l
 typedef struct drawing {
     const identify_given *given;
     const lg_machine_log *log;
-    const double *q, *v; /* Predicted states, in the rows of the log. */
+    const double *q, *v; /* Predicted states at the rows of the log. */
     double middle[LG_MACHINE_POSITIONS];
     app_plot plot;
     size_t blocks;           /* Number of data blocks written so far. */
@@ -237,7 +237,7 @@ static void find_middle(drawing *d, axis *axes, size_t count) {
  * log. */
 typedef struct curve {
     const char *title, *label;
-    const double *x, *y; /* x: in the rows of the log. y (GRID): learned. */
+    const double *x, *y; /* x: one number per row of the log. y (GRID): learned values. */
     size_t x_stride, y_stride;
     double low, high;
     bool angle, level; /* level: drawn relative to its least value. */

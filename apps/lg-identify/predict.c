@@ -30,7 +30,7 @@ static predict_values values;
 typedef struct prediction {
     identify_given given;
     size_t *start, runs, rows;
-    double *q, *v; /* Predicted states, in the rows of the log. */
+    double *q, *v; /* Predicted states at the rows of the log. */
     double *bands; /* Standard deviations, (rows, columns of the machine file); NULL: not wanted. */
     double error[LG_LOG_COLUMNS];
     bool finite;

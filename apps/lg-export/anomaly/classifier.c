@@ -317,7 +317,7 @@ static void add_code(const classifier_job *j, const classifier_linear *w) {
                       "void NAME_features(const NAME_real *window, NAME_real *features, NAME_real *work);\n");
 }
 
-/* ---- words ---- */
+/* ---- description in NAME.h ---- */
 
 static void add_outputs(const classifier_job *j, text *to) {
     const bool two = j->c->classes == 2;

@@ -28,7 +28,7 @@ static void describe(const void *contents, export_window *out) {
                            .f1 = file->f1};
 }
 
-/* ---- words ---- */
+/* ---- description in NAME.h ---- */
 
 static void add_network(text *to, const lg_detector *model) {
     const lg_cnn *net = &model->net;

@@ -44,8 +44,8 @@ static void add_constants(export_source *source, const lg_surrogate *model) {
     }
 }
 
-/* The curve's code fragment; the reals of work memory that the fragment needs besides the functions that it
- * calls; these functions. */
+/* fragment: C of the curve. functions: functions of the program that the fragment calls. work: reals of work
+ * memory that the fragment needs besides these functions. */
 static const struct {
     const char *fragment;
     size_t work;
@@ -79,7 +79,7 @@ static size_t depth_of(const void *contents) {
            (model->options.angles ? 8 : 0);
 }
 
-/* ---- words ---- */
+/* ---- description in NAME.h ---- */
 
 static void add_kind(text *to, const lg_surrogate *model) {
     static const char *const sentences[LG_SURROGATE_KIND_COUNT] = {

@@ -63,9 +63,9 @@ static bool find_condition(export_source *source, const lg_hamiltonian *model, c
     return fits;
 }
 
-/* ---- what NAME.h says ---- */
+/* ---- description in NAME.h ---- */
 
-/* "q1 p1 q2 p2 ..., each with |q| = 1 and q.p = 0" */
+/* Describes the state: "q1 p1 q2 p2 ..., each with |q| = 1 and q.p = 0". */
 static void tell_state(export_source *source, const lg_hamiltonian *model) {
     const lg_hamiltonian_family *family = model->family;
     /* How many copies are written out, with numbers; 0: the layout is written once, without numbers. */
@@ -173,7 +173,7 @@ static void tell(export_model *m) {
     export_provenance(m->source, &file->provenance, file->run.data_sha256);
 }
 
-/* ---- before the code ---- */
+/* ---- depth, and checks before the code is written ---- */
 
 static size_t depth_of(const void *contents) {
     return (size_t)((const lg_hamiltonian_file *)contents)->run.model.net.layers + 1;

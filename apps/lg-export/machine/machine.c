@@ -55,7 +55,7 @@ static double draw_input(export_model *m, size_t k) {
     return draw_in(&run_of(m)->range, machine->positions + machine->velocities + k, &m->rng);
 }
 
-/* ---- what NAME.h says ---- */
+/* ---- description in NAME.h ---- */
 
 static void tell_training(const export_model *m) {
     const lg_machine_model_run *run = run_of(m);

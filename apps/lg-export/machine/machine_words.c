@@ -66,7 +66,7 @@ static void tell_each(export_source *source, const lg_machine *machine, tell_coo
     }
 }
 
-/* "x theta rod.q (3) rod.p (3) body.R (9, rows) momenta x (1) theta (1) body (3)" */
+/* Describes the state: "x theta rod.q (3) rod.p (3) body.R (9, rows) momenta x (1) theta (1) body (3)". */
 static void tell_state(export_source *source, const lg_machine *machine) {
     tell_each(source, machine, tell_places);
     tell_each(source, machine, tell_direction);

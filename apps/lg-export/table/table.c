@@ -28,7 +28,7 @@ static void give_names(const void *contents, export_window *out) {
     out->class_name = ((const lg_table_file *)contents)->output_name;
 }
 
-/* ---- words ---- */
+/* ---- description in NAME.h ---- */
 
 static void add_columns(text *to, const lg_table_file *file) {
     const lg_net *net = &file->run.model.net;
