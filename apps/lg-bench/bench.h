@@ -83,7 +83,7 @@ void bench_note_add(bench_row *row, const char *name, double value);
 void bench_check(const bench *b, lg_status status, const char *what);
 /* Makes the model with these parameters; the caller destroys it. */
 lg_model *bench_model(const bench *b, const lg_hamiltonian *model, const double *theta);
-/* bench_check for the error of a tape. */
+/* If the tape has an error: prints it and exits with its exit code. */
 void bench_check_tape(const bench *b, const lg_tape *tape);
 lg_tape *bench_tape(const bench *b, lg_dtype dtype, int threads);
 size_t bench_size(lg_dtype dtype); /* Bytes of an element. */
@@ -112,7 +112,7 @@ extern const char bench_long_double[];
 /* A network with tanh, evaluated by naive loops over rows. x (rows, in); dx (rows, in), a tangent, or NULL;
  * y, dy (rows, out), outputs, or NULL. cy, cdy (rows, out) are cotangents of y and dy; NULL means zero.
  * gradient (parameters), if not NULL: d(cy.y + cdy.dy)/dtheta is added to it. input (rows, in), if not NULL,
- * is set to the derivative by x. All numbers must be finite. */
+ * is set to the derivative with respect to x. All numbers must be finite. */
 typedef struct reference_pass {
     const lg_mlp *net;
     const double *theta;

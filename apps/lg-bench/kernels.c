@@ -157,8 +157,8 @@ static long double relul(long double x) {
 
 typedef struct elementwise {
     const char *name;
-    /* act: an lg_k_act, or -1; unary: an lg_k_unary, or -1. One of the two is set. order: of the
-     * derivative. */
+    /* Exactly one of `act` (an lg_k_act) and `unary` (an lg_k_unary) is set, the other is -1. order: order of
+     * the derivative of `act`. */
     int act, unary, order;
     double low, high;
     long double (*reference)(long double x);

@@ -247,9 +247,10 @@ static void outer(const parts *p, const void *a, const void *c, void *dw, bool a
 }
 
 static void products(const parts *p) {
-    for (int l = 0; l < 2; l++) product(p, p->a[l], p->weight[l], p->z[l + 1]);      /* Forward. */
-    for (int l = 1; l >= 0; l--) product(p, p->g[l + 1], p->transposed[l], p->z[l]); /* Gradient by x. */
-    for (int l = 0; l < 2; l++) { /* Adjoint of that gradient. */
+    for (int l = 0; l < 2; l++) product(p, p->a[l], p->weight[l], p->z[l + 1]); /* Forward. */
+    for (int l = 1; l >= 0; l--)
+        product(p, p->g[l + 1], p->transposed[l], p->z[l]); /* Gradient with respect to x. */
+    for (int l = 0; l < 2; l++) {                           /* Adjoint of that gradient. */
         product(p, p->r[l], p->weight[l], p->z[l + 1]);
         outer(p, p->r[l], p->g[l + 1], p->dw[l], !p->first);
     }
@@ -263,8 +264,8 @@ static void activations(const parts *p) {
     for (int l = 0; l < 3; l++) p->k->act(LG_K_TANH, 0, p->rows * p->width, p->a[l], NULL, NULL, p->z[l]);
 }
 
-/* Calls the derivatives of tanh as often as mlp2 does: for g sigma' (the gradient), r sigma' and (r g) sigma''
- * (the gradient's adjoint), and z sigma' (the adjoint of the values). */
+/* Calls the derivatives of tanh as often as mlp2 does: for g sigma' (the gradient), r sigma' and (r g)
+ * sigma'' (the gradient's adjoint), and z sigma' (the adjoint of the values). */
 static void derivatives(const parts *p) {
     const size_t n = p->rows * p->width;
     for (int l = 0; l < 3; l++) {

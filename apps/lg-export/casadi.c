@@ -214,7 +214,8 @@ static ports ports_of(const job *j, const char *function) {
     return p;
 }
 
-/* Name of a derivative's symbol: the prefix of the derivative's kind stands before the model's name. */
+/* Returns the symbol of a function or derivative: `begin` ("", "jac_", ...), then the model's name, then
+ * the function's name. */
 static char *symbol_of(const job *j, const char *begin, const char *function) {
     return app_format("%s%s_%s", begin, j->source->options->name, function);
 }
@@ -251,8 +252,8 @@ static void write_jacobian(job *j, char *function, char *derived) {
     free_entry(&e);
 }
 
-/* Writes the forward derivative, with arguments (x, out_y, fwd_x) and results fwd_y; or, if not `forward`, the
- * adjoint derivative, with arguments (x, out_y, adj_y) and results adj_x. */
+/* Writes the forward derivative, with arguments (x, out_y, fwd_x) and results fwd_y; or, if not `forward`,
+ * the adjoint derivative, with arguments (x, out_y, adj_y) and results adj_x. */
 static void write_sensitivity(job *j, const char *begin, char *function, char *derived, bool forward) {
     const ports f = ports_of(j, function), d = ports_of(j, derived);
     const char *letters = forward ? "fwd_" : "adj_";

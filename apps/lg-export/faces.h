@@ -58,7 +58,7 @@ struct export_face {
     size_t stack, calls;
 };
 
-/* What is known about one kind of model; every member may be missing. */
+/* What is known about one kind of model; every member but `tell` may be missing. */
 struct export_kind {
     const lg_recipe *recipe; /* NULL in the row for all other kinds. */
     uint64_t stream;         /* Stream of the random numbers that golden vectors are drawn from. */

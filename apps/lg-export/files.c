@@ -397,8 +397,8 @@ static lg_status look_above(const place *at, lg_error *error) {
                      at->parent);
 }
 
-/* Checks what exists at `out`: nothing, an empty folder, or a folder in which every file name is free or
- * taken by a file of lg-export. */
+/* Checks that `out` can be written: it does not exist, or it is an empty folder, or a folder in which every
+ * file name is free or taken by a file that lg-export wrote for this model name. */
 static lg_status look(place *at, lg_error *error) {
     struct stat information;
     if (stat(at->out, &information) != 0)

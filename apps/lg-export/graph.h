@@ -11,7 +11,7 @@ typedef struct graph_node {
     lg_operation op; /* Its inputs are indices of nodes of this graph. */
     bool needed;     /* A result depends on it, and it is not merely an operand of a constant. */
     bool varies;     /* It depends on an input or on the number of rows. */
-    double *values;  /* All elements of a constant that is needed; NULL otherwise. */
+    double *values;  /* Elements of a needed constant; NULL for all other nodes. */
     size_t count;
 } graph_node;
 
@@ -25,7 +25,8 @@ typedef struct graph {
     size_t image_count;
 } graph;
 
-/* Errors, with a sentence: LG_UNSUPPORTED (more than 2^20 operations) and the errors of lg_plan_create. */
+/* Returns LG_UNSUPPORTED (more than 2^20 operations) or an error of lg_plan_create, with a sentence in
+ * `error`. */
 lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error *error);
 void graph_free(graph *g);
 

@@ -212,7 +212,7 @@ static bool has_functions(const job *j) {
     return true;
 }
 
-/* Refuses a file without such functions, with the error of the reader for its kind. */
+/* Refuses a file without functions that can be exported, with the error of the reader for its kind. */
 static int refuse_file(const job *j, const char *kind) {
     lg_error error = {LG_OK, ""};
     lg_program *program;

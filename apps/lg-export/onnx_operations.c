@@ -99,7 +99,7 @@ static onnx_name sine_slope(onnx_job *j, const slope_terms *t) {
 static const struct {
     const char *type; /* NULL: `make` is used. */
     onnx_name (*make)(onnx_job *j, onnx_name x);
-    onnx_name (*slope)(onnx_job *j, const slope_terms *t); /* NULL: the derivative has no form here. */
+    onnx_name (*slope)(onnx_job *j, const slope_terms *t); /* NULL: not written in ONNX. */
 } activations[LG_ACTIVATION_COUNT] = {[LG_IDENTITY] = {.type = "Identity"},
                                       [LG_TANH] = {.type = "Tanh", .slope = tanh_slope},
                                       [LG_SIGMOID] = {.type = "Sigmoid", .slope = sigmoid_slope},

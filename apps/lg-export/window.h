@@ -8,7 +8,7 @@ typedef struct export_window {
     uint32_t channels, length, classes;
     double rate;                          /* Samples per second; 0: unknown. */
     char (*class_name)[LG_SERIES_NAME];   /* (classes) */
-    char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL */
+    char (*channel_name)[LG_SERIES_NAME]; /* (channels); NULL: unknown. */
     double accuracy, f1;                  /* On the test part; NaN: unknown. */
     const char *scores;                   /* What the scores of the classes are; NULL: "probabilities". */
     const char *score_words;              /* Lines about the scores for the comment of NAME_classify. */

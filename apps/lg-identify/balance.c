@@ -133,7 +133,7 @@ static void intervals_end(intervals *all) {
     free(all->run_v);
 }
 
-/* Coefficients of the polynomial u_0 + s u_1 + ... for half an interval, which begins at s = `from`. */
+/* Rewrites the polynomial u_0 + s u_1 + ... of an interval for the half of it that begins at s = `from`. */
 static void halve(const double *u, size_t m, double from, double *out) {
     for (size_t k = 0; k < m; k++) {
         const double a = u[k], b = u[m + k], c = u[2 * m + k], d = u[3 * m + k];

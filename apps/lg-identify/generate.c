@@ -172,7 +172,8 @@ static void fill_inputs(const app *self, making *m) {
 
 /* ---- inputs between rows ---- */
 
-/* Fills the coefficients of one input of one run over all its intervals. work (3 rows). */
+/* Fills the polynomial coefficients that describe one input of one run between its rows. work: memory for
+ * 3 * rows numbers. */
 static void fill_hold(const making *m, size_t run, size_t input, double *work) {
     const size_t inputs = m->file.machine.input_count, first = run * m->rows;
     const double *y = m->given + run * (m->rows + m->delay) * inputs + input;

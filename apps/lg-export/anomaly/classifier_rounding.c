@@ -79,8 +79,8 @@ static double vectors_condition(const classifier_job *j, const classifier_linear
     return plain > 0 ? sqrt(sum) / plain : 0;
 }
 
-/* Terms of the pair (own, other) at p, added up over support vectors: the decision, its derivative by p, and
- * the sum of squares of the terms. */
+/* Terms of the pair (own, other) at p, added up over support vectors: the decision, its derivative with
+ * respect to p, and the sum of squares of the terms. */
 typedef struct rbf_sums {
     double decision, squares;
     double *by_p; /* (k) */

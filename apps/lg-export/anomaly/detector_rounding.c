@@ -118,8 +118,8 @@ static void draw_scaled(const lg_cnn *net, lg_rng *rng, double *x) {
         for (size_t c = 0; c < net->channels; c++) x[c * net->length + t] = (double)(float)lg_rng_normal(rng);
 }
 
-/* Computes y (outputs) and the gradient (outputs, channels, length); the gradient is by the recorded,
- * unscaled window. */
+/* Computes y (outputs) and the gradient (outputs, channels, length) with respect to the recorded, unscaled
+ * window. x: a scaled window, which the program reads. */
 static void evaluate(const export_model *m, const export_evaluation *e, const double *x, double *out) {
     const size_t outputs = m->source->outputs, n = m->source->inputs;
     export_evaluate(e, x, out);

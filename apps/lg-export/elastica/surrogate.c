@@ -8,8 +8,8 @@
 #include "liegrad/networks.h"
 #include "liegrad/surrogate.h"
 
-/* PLACES: arc lengths per golden vector at which q and v of the curve are compared. NUMBERS: boundary
- * conditions. */
+/* PLACES: arc lengths per golden vector at which q and v of the curve are compared. NUMBERS: number of
+ * boundary conditions. */
 enum { PLACES = 5, NUMBERS = 8 };
 
 static const lg_surrogate_file *file_of(const export_model *m) {
