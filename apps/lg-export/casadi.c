@@ -144,8 +144,8 @@ static void write_slots(job *j, const char *what, const slot *slots, size_t coun
     for (size_t i = 0; i < count; i++) {
         const slot *s = &slots[i];
         const size_t nonzeros = nonzeros_of(s);
-        /* If a pattern has no nonzeros, nothing is written to CasADi's result, but the function still
-         * computes its own. */
+        /* If a pattern has no nonzeros, nothing is copied to CasADi's result, but the exported function still
+         * computes the dense block. */
         lg_text_add(j->to, "    {\"%s\", sparsity_%zu, %d, ", s->name, first + i, s->port);
         if (nonzeros > 0)
             lg_text_add(j->to, "nonzeros_%zu, %zu},\n", first + i, nonzeros);

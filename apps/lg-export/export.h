@@ -79,8 +79,8 @@ typedef struct export_source {
     const export_options *options;
     size_t inputs, outputs;
     bool written; /* True: the library wrote the arrays and the code, with its prelude, to the texts below. */
-    /* True for a program: it has its own functions instead of NAME_eval and NAME_grad. All sizes and golden
-     * vectors then stand in the texts `sizes` and `test`. */
+    /* True for a program: its functions keep their own names, there is no NAME_eval or NAME_grad. All sizes
+     * and golden vectors then stand in the texts `sizes` and `test`. */
     bool bundle;
     size_t functions; /* Number of functions of a bundle. */
     /* Stands between NAME_ and the names of the bundle's functions in C: "" or "c_". */

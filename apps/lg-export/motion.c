@@ -40,7 +40,8 @@ static void add_factor(export_source *source, const lg_space_factor *factor) {
         lg_text_add(&source->code, "{9, 1}, {1, 3}, ");
 }
 
-/* Adds the code that ends a step. `factors`: other code needs the table of factors, too. */
+/* Adds `arrive`, the code that ends a step; on a manifold it corrects the rounding errors that leave the
+ * manifold. `factors`: other code needs the table of factors even if `arrive` does not. */
 static void add_arrival(export_source *source, const lg_space *space, bool factors) {
     bool flat = true;
     for (size_t f = 0; f < space->factors; f++)
